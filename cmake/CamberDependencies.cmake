@@ -1,0 +1,17 @@
+# Debian 12's packages. VTK's configuration asks for MPI's C bindings first.
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(fmt REQUIRED)
+find_package(spdlog REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(TBB REQUIRED)
+find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs calib3d video)
+find_package(Ceres REQUIRED)
+find_package(MPI REQUIRED COMPONENTS C)
+find_package(VTK 9.1 REQUIRED)
+find_package(PCL 1.13 REQUIRED COMPONENTS common sample_consensus segmentation)
+find_path(FLANN_INCLUDE_DIR flann/flann.hpp REQUIRED)
+find_library(FLANN_LIBRARY flann_cpp REQUIRED)
+find_library(LZ4_LIBRARY lz4 REQUIRED)  # FLANN's headers call it
+find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
+find_library(XXHASH_LIBRARY xxhash REQUIRED)

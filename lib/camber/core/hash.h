@@ -1,0 +1,12 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace camber {
+
+/// XXH3 128-bit hash of a file's bytes as 32 hexadecimal digits, for telling inputs apart (not
+/// for security). @throws InputError if the file cannot be read.
+std::string hash_file(const std::filesystem::path& path);
+
+}  // namespace camber

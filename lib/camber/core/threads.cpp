@@ -1,0 +1,32 @@
+#include "camber/core/threads.h"
+
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <cstdlib>
+#include <thread>
+
+namespace camber {
+
+int resolve_num_threads(int requested) {
+  if (requested > 0) return requested;
+  if (const char* text = std::getenv("OMP_NUM_THREADS")) {
+    const int value = std::atoi(text);
+    if (value > 0) return value;
+  }
+  const unsigned count = std::thread::hardware_concurrency();
+  return count > 0 ? static_cast<int>(count) : 1;
+}
+
+void parallel_for(std::size_t count, int num_threads,
+                  const std::function<void(std::size_t)>& body) {
+  const int threads = resolve_num_threads(num_threads);
+  if (threads == 1 || count < 2) {
+    for (std::size_t i = 0; i < count; ++i) body(i);
+    return;
+  }
+  oneapi::tbb::task_arena arena(threads);
+  arena.execute([&] { oneapi::tbb::parallel_for(std::size_t{0}, count, body); });
+}
+
+}  // namespace camber

@@ -1,0 +1,28 @@
+#include "camber/geometry/pinhole_camera.h"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+namespace camber {
+namespace {
+
+void require(bool good, const char* field, double value, const char* expected) {
+  if (good) return;
+  std::ostringstream message;
+  message << field << " = " << value << ", expected " << expected;
+  throw std::invalid_argument(message.str());
+}
+
+}  // namespace
+
+void PinholeCamera::validate() const {
+  require(width > 0, "width", width, "a positive number of pixels");
+  require(height > 0, "height", height, "a positive number of pixels");
+  require(std::isfinite(fx) && fx > 0, "fx", fx, "a positive number of pixels");
+  require(std::isfinite(fy) && fy > 0, "fy", fy, "a positive number of pixels");
+  require(std::isfinite(cx), "cx", cx, "a finite number of pixels");
+  require(std::isfinite(cy), "cy", cy, "a finite number of pixels");
+}
+
+}  // namespace camber

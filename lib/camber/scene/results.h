@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "camber/core/stopwatch.h"
+#include "camber/road/road_surface.h"
+#include "camber/vehicle/vehicle_estimate.h"
+
+namespace camber {
+
+/// Vehicles of one frame, in that frame's camera.
+struct VehicleFrame {
+  int id = 0;  ///< frame id
+  std::vector<VehicleEstimate> vehicles;
+};
+
+/// vehicles.json.
+struct VehicleDocument {
+  std::string method;             ///< "flat", "coplanar" or "joint"
+  std::string detections_source;
+  bool metric = true;
+  std::vector<VehicleFrame> frames;
+};
+
+/// run.json, as far as every command writes it.
+struct RunDocument {
+  std::uint64_t seed = 0;
+  nlohmann::json options = nlohmann::json::object();
+  Timings timings;
+  struct CameraPose {
+    int id = 0;
+    SE3 reference_from_camera;
+  };
+  std::vector<CameraPose> cameras;
+  bool metric = true;
+  double scale = 1.0;                                        ///< metres per unit of the motion
+  double scale_sigma = 0.0;                                  ///< relative standard deviation
+  std::vector<std::pair<std::string, long>> points_kept;     ///< "road": 12000, ...
+  std::vector<std::pair<std::string, long>> points_dropped;  ///< reason: count
+  std::string gl_backend;
+  std::vector<std::pair<std::string, std::string>> input_hashes;  ///< path as given, hash
+  nlohmann::json extra = nlohmann::json::object();           ///< further keys, merged at top level
+};
+
+/// JSON forms of the result files; numbers that are not finite become null.
+nlohmann::json to_json(const PlanePatch& patch);
+nlohmann::json to_json(const RoadSurface& surface);
+nlohmann::json to_json(const VehicleDocument& document);
+nlohmann::json to_json(const RunDocument& document);
+
+/// Readers; @throws InputError "file: JSON path: found, expected".
+RoadSurface read_surface(const std::filesystem::path& path);
+VehicleDocument read_vehicles(const std::filesystem::path& path);
+RunDocument read_run(const std::filesystem::path& path);
+
+/// Writes JSON with two spaces of indentation and a final newline, atomically.
+void write_json(const nlohmann::json& json, const std::filesystem::path& path);
+
+}  // namespace camber

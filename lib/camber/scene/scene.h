@@ -1,0 +1,96 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "camber/core/progress.h"
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/geometry/plane.h"
+#include "camber/geometry/se3.h"
+#include "camber/vehicle/vehicle_estimate.h"
+
+namespace camber {
+
+/// One image of a scene with what is known about it. Paths are absolute or relative to the working
+/// folder (the reader has resolved them against the manifest); empty: not given.
+struct SceneFrame {
+  int id = 0;
+  std::optional<double> time_s;
+  std::filesystem::path image;
+  std::filesystem::path segmentation;            ///< 8-bit label image
+  std::filesystem::path road_mask;               ///< non-zero is road
+  std::optional<Plane> ego_plane;                ///< given, camera frame
+  std::optional<SE3> world_from_camera;          ///< known pose
+  std::vector<VehicleDetection> vehicles;
+};
+
+/// Truth of one vehicle; read by evaluation only.
+struct TruthVehicle {
+  int id = 0;
+  std::string vehicle_class = "car";
+  Box2 box;
+  OrientedBox pose;                              ///< camera frame of its image, m
+  std::optional<Plane> plane;                    ///< ground under it, camera frame
+  std::vector<Eigen::Vector3d> keypoints;        ///< 36 or none, camera frame, m
+  bool moving = false;
+  double occlusion = 0.0;                        ///< share in [0, 1]
+  double truncation = 0.0;                       ///< share in [0, 1]
+};
+
+struct TruthFrame {
+  int id = 0;
+  std::optional<SE3> world_from_camera;
+  std::optional<Plane> ego_plane;
+  std::filesystem::path depth;
+  std::string depth_encoding;                    ///< "kitti" or "synthia"
+  std::filesystem::path label;
+  std::vector<TruthVehicle> vehicles;
+};
+
+/// Ground truth; no estimate may touch it.
+struct SceneTruth {
+  std::vector<TruthFrame> frames;
+  std::filesystem::path cloud;
+  std::optional<int> cloud_frame;                ///< frame id in whose camera the cloud is
+};
+
+/// A scene manifest (scene.json, format "camber-scene", version 1).
+struct Scene {
+  std::string name;
+  PinholeCamera camera;
+  std::optional<double> height_above_road;       ///< m; none: results are up to scale
+  std::optional<double> frame_rate;              ///< Hz
+  std::optional<int> reference_frame;            ///< frame id
+  std::string detections_source;                 ///< "network", "truth_boxes", ..., or empty
+  std::map<std::string, std::vector<int>> segmentation_classes;  ///< "road" -> label values
+  std::map<std::string, double> markings_m;      ///< "dash_length" -> m
+  std::vector<SceneFrame> frames;                ///< ids strictly ascending
+  std::optional<SceneTruth> truth;
+
+  /// Not found: nullptr.
+  const SceneFrame* find_frame(int id) const;
+};
+
+/// Reads and validates a manifest; images are not opened.
+/// @param path  the manifest or a folder that holds a scene.json.
+/// @param warn  receives a sentence for each unknown key; may be empty.
+/// @throws InputError "file: JSON path: what was found, what was expected".
+Scene read_scene(const std::filesystem::path& path, const LogSink& warn = {});
+
+/// Writes a manifest with paths relative to its folder where they lie below it. Atomic.
+/// @throws OutputError.
+void write_scene(const Scene& scene, const std::filesystem::path& path);
+
+/// Resolves a --frames list ("48,49,50", "48:52", "0:10:5"; both ends included) to frame ids of
+/// the scene, ascending; an empty list means all frames.
+/// @throws UsageError for bad syntax or an id that is not in the scene.
+std::vector<int> select_frames(const Scene& scene, const std::string& list);
+
+/// The reference frame of a selection: the manifest's if it is among the ids, else the one at index
+/// n / 2 rounded down. @param ids not empty.
+int choose_reference_frame(const Scene& scene, const std::vector<int>& ids);
+
+}  // namespace camber

@@ -1,0 +1,76 @@
+#include "command.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <list>
+#include <memory>
+
+#include "camber/core/errors.h"
+
+namespace camber::tools {
+
+std::atomic<bool> g_interrupted{false};  // set by main's SIGINT handler
+
+namespace {
+std::list<Command>& commands() {
+  static std::list<Command> all;
+  return all;
+}
+}  // namespace
+
+/// The command that was parsed, or nullptr.
+Command* parsed_command() {
+  for (Command& command : commands()) {
+    if (command.app->parsed()) return &command;
+  }
+  return nullptr;
+}
+
+Command* add_command(CLI::App& root, const std::string& name, const std::string& description,
+                     const std::string& examples) {
+  Command& command = commands().emplace_back();
+  command.app = root.add_subcommand(name, description);
+  command.app->footer("Examples:\n" + examples);
+  command.app->add_option("--seed", command.common.seed, "seed of all random numbers")
+      ->capture_default_str();
+  command.app
+      ->add_option("--threads", command.common.threads,
+                   "threads to use; default: all, or OMP_NUM_THREADS")
+      ->check(CLI::PositiveNumber);
+  command.app->add_flag("--quiet", command.common.quiet, "no progress and no warnings");
+  return &command;
+}
+
+Progress make_progress(const CommonOptions& options) {
+  const bool draw = !options.quiet && ::isatty(STDERR_FILENO) != 0;
+  auto last = std::make_shared<std::string>();
+  return [draw, last](const std::string& stage, double share) {
+    check_interrupted();
+    if (!draw) return;
+    constexpr int kWidth = 30;
+    const int filled = static_cast<int>(kWidth * std::clamp(share, 0.0, 1.0));
+    const std::string line = stage + " [" + std::string(filled, '#') +
+                             std::string(kWidth - filled, ' ') + "]";
+    if (line == *last) return;
+    *last = line;
+    std::fprintf(stderr, "\r\033[K%s", line.c_str());
+    if (share >= 1.0) std::fprintf(stderr, "\r\033[K");
+    std::fflush(stderr);
+  };
+}
+
+LogSink make_warning_sink(const CommonOptions& options) {
+  if (options.quiet) return {};
+  return [](const std::string& sentence) {
+    std::fprintf(stderr, "camber: warning: %s\n", sentence.c_str());
+  };
+}
+
+void check_interrupted() {
+  if (g_interrupted) throw InterruptedError();
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,64 @@
+// The camber program: parses first, touching no file; then runs one command.
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <new>
+
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "command.h"
+
+namespace camber::tools {
+extern std::atomic<bool> g_interrupted;
+Command* parsed_command();
+}  // namespace camber::tools
+
+namespace {
+
+int report(const char* message, int exit_code) {
+  std::fprintf(stderr, "camber: %s\n", message);
+  return exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace camber::tools;
+  std::signal(SIGINT, [](int) { g_interrupted = true; });
+  std::signal(SIGPIPE, SIG_IGN);
+
+  CLI::App root("Camber: metric road surfaces and vehicles from one moving camera", "camber");
+  root.set_version_flag("--version", std::string("camber ") + camber::kVersion);
+  root.require_subcommand(1);
+  root.failure_message([](const CLI::App*, const CLI::Error& error) {
+    return "camber: " + std::string(error.what()) + "\n";
+  });
+  register_reconstruct(root);
+  register_triangulate(root);
+  register_import(root);
+  register_info(root);
+  register_synth(root);
+
+  std::string command_line = "camber";
+  for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
+  try {
+    root.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return root.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    Command* command = parsed_command();
+    command->common.command_line = command_line;
+    return command->run();
+  } catch (const camber::Error& error) {
+    return report(error.what(), error.exit_code());
+  } catch (const std::bad_alloc&) {
+    return report("out of memory", 3);
+  } catch (const std::invalid_argument& error) {
+    return report(error.what(), 2);
+  } catch (const std::exception& error) {
+    return report(error.what(), 3);
+  }
+}
