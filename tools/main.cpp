@@ -35,11 +35,11 @@ int main(int argc, char** argv) {
   root.failure_message([](const CLI::App*, const CLI::Error& error) {
     return "camber: " + std::string(error.what()) + "\n";
   });
-  register_reconstruct(root);
-  register_triangulate(root);
-  register_import(root);
-  register_info(root);
-  register_synth(root);
+  // register_reconstruct(root);
+  // register_triangulate(root);
+  // register_import(root);
+  // register_info(root);
+  // register_synth(root);
 
   std::string command_line = "camber";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];

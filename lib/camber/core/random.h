@@ -30,7 +30,8 @@ class CounterRandom {
 
   /// Uniform integer in [0, count), count > 0 (multiply-shift; bias below count / 2^64).
   std::uint64_t below(std::uint64_t index, std::uint64_t count) const {
-    return static_cast<std::uint64_t>((static_cast<unsigned __int128>(bits(index)) * count) >> 64);
+    __extension__ using Wide = unsigned __int128;
+    return static_cast<std::uint64_t>((static_cast<Wide>(bits(index)) * count) >> 64);
   }
 
   /// Standard normal (Box and Muller); consumes the counters 2 * index and 2 * index + 1 of a
