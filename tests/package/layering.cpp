@@ -1,0 +1,153 @@
+#include "package/layering.h"
+
+#include <algorithm>
+#include <fstream>
+#include <functional>
+#include <regex>
+#include <set>
+
+namespace fs = std::filesystem;
+
+namespace camber::test {
+namespace {
+
+/// Position of a folder in the order; -1: none.
+int rank_of(const std::string& folder) {
+  const auto& order = folder_order();
+  const auto found = std::find(order.begin(), order.end(), folder);
+  return found == order.end() ? -1 : static_cast<int>(found - order.begin());
+}
+
+struct Include {
+  int line = 0;
+  std::string name;
+  bool quoted = false;
+};
+
+std::vector<Include> read_includes(const fs::path& file) {
+  static const std::regex pattern(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"])");
+  std::vector<Include> includes;
+  std::ifstream in(file);
+  std::string text;
+  for (int line = 1; std::getline(in, text); ++line) {
+    std::smatch match;
+    if (std::regex_search(text, match, pattern)) {
+      includes.push_back({line, match[2], match[1] == "\""});
+    }
+  }
+  return includes;
+}
+
+bool starts_with(const std::string& text, const std::string& prefix) {
+  return text.compare(0, prefix.size(), prefix) == 0;
+}
+
+}  // namespace
+
+const std::vector<std::string>& folder_order() {
+  static const std::vector<std::string> order{
+      "core",    "geometry", "cloud",    "plane",  "road",  "motion",    "photometric",
+      "vehicle", "scene",    "evaluate", "render", "synth", "keypoints", "pipeline"};
+  return order;
+}
+
+std::vector<std::string> include_violations(const fs::path& root) {
+  std::vector<std::string> violations;
+  std::map<std::string, std::vector<std::string>> graph;  // file -> files of ours it includes
+  std::vector<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(root / "camber")) {
+    const std::string extension = entry.path().extension().string();
+    if (entry.is_regular_file() && (extension == ".h" || extension == ".cpp")) {
+      files.push_back(entry.path().lexically_relative(root).generic_string());
+    }
+  }
+  std::sort(files.begin(), files.end());
+
+  const auto folder_of = [](const std::string& file) {  // "camber/road/x.h" -> "road"
+    const std::string below = file.substr(std::string("camber/").size());
+    return below.substr(0, below.find('/'));
+  };
+  for (const std::string& file : files) {
+    const std::string folder = folder_of(file);
+    const int rank = rank_of(folder);
+    if (rank < 0) violations.push_back(file + ": folder " + folder + " is not in the layout");
+    for (const Include& include : read_includes(root / file)) {
+      const std::string where = file + ":" + std::to_string(include.line) + ": ";
+      const bool is_header = fs::path(file).extension() == ".h";
+      if (is_header && (starts_with(include.name, "pcl/") || starts_with(include.name, "vtk"))) {
+        violations.push_back(where + include.name + " belongs into a .cpp file");
+      }
+      std::string target;
+      if (starts_with(include.name, "camber/")) {
+        target = include.name;
+        if (!fs::is_regular_file(root / target)) {
+          violations.push_back(where + "no file " + target);
+          continue;
+        }
+      } else if (include.quoted) {
+        const fs::path beside = (fs::path(file).parent_path() / include.name).lexically_normal();
+        if (!fs::is_regular_file(root / beside)) {
+          violations.push_back(where + "no file " + include.name + " beside it");
+          continue;
+        }
+        target = beside.generic_string();
+      } else {
+        continue;  // a library's header
+      }
+      graph[file].push_back(target);
+      const std::string target_folder = folder_of(target);
+      if (rank >= 0 && target_folder != folder && rank_of(target_folder) >= rank) {
+        violations.push_back(where + folder + " includes " + target + ", but " + target_folder +
+                             " stands below it in the layout");
+      }
+    }
+  }
+
+  // Cycles of files: depth first, a file met again while it is still open closes one.
+  std::map<std::string, int> state;  // 0 unseen, 1 open, 2 done
+  std::vector<std::string> path;
+  const std::function<void(const std::string&)> visit = [&](const std::string& file) {
+    state[file] = 1;
+    path.push_back(file);
+    for (const std::string& next : graph[file]) {
+      if (state[next] == 1) {
+        std::string cycle;
+        for (auto at = std::find(path.begin(), path.end(), next); at != path.end(); ++at) {
+          cycle += *at + " -> ";
+        }
+        violations.push_back("cycle: " + cycle + next);
+      } else if (state[next] == 0) {
+        visit(next);
+      }
+    }
+    path.pop_back();
+    state[file] = 2;
+  };
+  for (const std::string& file : files) {
+    if (state[file] == 0) visit(file);
+  }
+  std::sort(violations.begin(), violations.end());
+  return violations;
+}
+
+std::vector<std::string> link_violations(
+    const std::map<std::string, std::vector<std::string>>& links) {
+  std::vector<std::string> violations;
+  for (const auto& [folder, names] : links) {
+    const int rank = rank_of(folder);
+    if (rank < 0) violations.push_back("target " + folder + " is not in the layout");
+    for (const std::string& name : names) {
+      std::string other;
+      if (starts_with(name, "camber::")) other = name.substr(8);
+      if (starts_with(name, "camber_")) other = name.substr(7);
+      if (other.empty()) continue;
+      if (rank_of(other) < 0 || rank_of(other) >= rank) {
+        violations.push_back("target " + folder + " links " + other +
+                             ", which does not stand above it in the layout");
+      }
+    }
+  }
+  return violations;
+}
+
+}  // namespace camber::test

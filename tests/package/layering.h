@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace camber::test {
+
+/// The folders of lib/camber, from the bottom up: a folder may use those above it in this list
+/// (earlier ones), never itself through another nor those below.
+const std::vector<std::string>& folder_order();
+
+/// Reads every .h and .cpp file below `root`/camber and follows #include "camber/..." and
+/// <camber/...>, resolved against `root`, and quoted names beside the including file.
+/// @return one sentence per violation, sorted; empty if there is none:
+///  - a folder that is not in folder_order();
+///  - a file that includes a file of a folder that does not stand earlier in the order;
+///  - an include that names no file;
+///  - a cycle of files that include each other;
+///  - a header that includes PCL's or VTK's headers, which belong into .cpp files.
+std::vector<std::string> include_violations(const std::filesystem::path& root);
+
+/// Checks what each module's target links, folder -> names linked (camber::NAME or camber_NAME
+/// count, others do not), against folder_order(). @return one sentence per violation.
+std::vector<std::string> link_violations(
+    const std::map<std::string, std::vector<std::string>>& links);
+
+}  // namespace camber::test
