@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# From a bare Debian 12 machine to a reconstructed road: installs what is missing, builds the
+# program, runs the main job on the embedded scene and says where to look.
+set -euo pipefail
+
+usage() {
+  cat <<END
+Usage: samples/run.sh [--no-install] [--no-pictures]
+
+Installs missing packages (needs root or sudo, once), builds the program camber into build/release
+and reconstructs samples/steep_hill into out/steep_hill. A second run installs and builds nothing.
+
+  --no-install   take the packages as they are
+  --no-pictures  leave the pictures out
+END
+}
+
+install=true
+options=()
+for argument in "$@"; do
+  case "$argument" in
+    --no-install) install=false ;;
+    --no-pictures) options+=(--no-pictures) ;;
+    -h | --help) usage; exit 0 ;;
+    *) printf 'run.sh: unknown option %s\n' "$argument" >&2; usage >&2; exit 2 ;;
+  esac
+done
+
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+if $install; then samples/install_packages.sh; fi
+
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+# Runs a step and shows its output only if it fails.
+quietly() {
+  local what=$1
+  shift
+  if ! "$@" >"$log" 2>&1; then
+    cat "$log" >&2
+    printf 'run.sh: %s failed: the output is above\n' "$what" >&2
+    exit 1
+  fi
+}
+
+if [ ! -f build/release/build.ninja ]; then
+  echo "Building camber (a few minutes, once) ..."
+  quietly "configuring" cmake --preset release -DCAMBER_BUILD_TESTS=OFF \
+    -DCAMBER_BUILD_BENCHMARKS=OFF -DCAMBER_BUILD_SAMPLES=OFF
+fi
+quietly "the build" cmake --build --preset release --target camber --parallel "$(nproc)"
+
+build/release/bin/camber reconstruct samples/steep_hill --out out/steep_hill "${options[@]}"
+
+echo
+echo "Look at:"
+for file in out/steep_hill/*; do
+  case "$file" in
+    */scene.png) what="the road and the cars in 3D; truth boxes in red" ;;
+    */overlay_*.png) what="a frame with wireframes and distances" ;;
+    */bev.png) what="bird's-eye view" ;;
+    */road.ply) what="the road cloud" ;;
+    */surface.json) what="the road's planar patches" ;;
+    */vehicles.json) what="the vehicles" ;;
+    */metrics.json) what="errors against the truth" ;;
+    */run.json) what="options, cameras, scale and timings" ;;
+    *) what="" ;;
+  esac
+  printf '  %-40s %s\n' "$file" "$what"
+done

@@ -1,0 +1,111 @@
+#!/usr/bin/env bash
+# Builds everything and passes the tests, from a bare Debian 12 machine on.
+set -euo pipefail
+
+usage() {
+  cat <<END
+Usage: tests/run.sh [--no-install] [--asan] [--fuzz] [--benchmarks] [-- CTEST_OPTIONS...]
+
+Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests.
+The last lines are ctest's: how many passed, failed and were skipped.
+
+  --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
+                tests
+  --fuzz        instead, build the fuzzers with Clang and run all of them for a minute in all
+                (CAMBER_FUZZ_SECONDS changes that)
+  --benchmarks  after the tests, run the benchmarks
+  --no-install  take the packages as they are
+  -- OPTIONS    go to ctest: tests/run.sh -- -R road
+END
+}
+
+install=true
+mode=release
+benchmarks=false
+ctest_options=()
+while [ $# -gt 0 ]; do
+  case "$1" in
+    --no-install) install=false ;;
+    --asan) mode=asan ;;
+    --fuzz) mode=fuzz ;;
+    --benchmarks) benchmarks=true ;;
+    -h | --help) usage; exit 0 ;;
+    --) shift; ctest_options=("$@"); break ;;
+    *) printf 'run.sh: unknown option %s\n' "$1" >&2; usage >&2; exit 2 ;;
+  esac
+  shift
+done
+
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+if $install; then
+  packages=(--tests)
+  if [ "$mode" = fuzz ]; then packages+=(--clang); fi
+  samples/install_packages.sh "${packages[@]}"
+fi
+
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+# Runs a step and shows its output only if it fails.
+quietly() {
+  local what=$1
+  shift
+  if ! "$@" >"$log" 2>&1; then
+    cat "$log" >&2
+    printf 'run.sh: %s failed: the output is above\n' "$what" >&2
+    exit 1
+  fi
+}
+build() {
+  echo "Building the preset $1 ..."
+  quietly "configuring" cmake --preset "$@"
+  quietly "the build" cmake --build --preset "$1" --parallel "$(nproc)"
+}
+# ctest without the lines of the tests that pass.
+run_ctest() {
+  local status=0
+  ctest --test-dir "build/$1" --output-on-failure --parallel 2 "${ctest_options[@]}" "${@:2}" \
+    >"$log" 2>&1 || status=$?
+  grep -vE '^ +Start +[0-9]+: |^ *[0-9]+/[0-9]+ Test .* +Passed +[0-9.]+ sec$' "$log" || true
+  return $status
+}
+
+case "$mode" in
+  release)
+    build release -DCAMBER_BUILD_TESTS=ON -DCAMBER_BUILD_SAMPLES=ON -DCAMBER_BUILD_BENCHMARKS=ON
+    run_ctest release
+    if $benchmarks; then
+      for program in build/release/bin/bench_*; do
+        printf '\n%s\n' "${program##*/}"
+        "$program"
+      done
+    fi
+    ;;
+  asan)
+    build asan
+    run_ctest asan --label-exclude 'package|benchmark'
+    ;;
+  fuzz)
+    build fuzz
+    shopt -s nullglob
+    fuzzers=(build/fuzz/bin/fuzz_*)
+    if [ ${#fuzzers[@]} -eq 0 ]; then
+      echo "run.sh: the tree has no fuzzers" >&2
+      exit 1
+    fi
+    seconds=$((${CAMBER_FUZZ_SECONDS:-60} / ${#fuzzers[@]} + 1))
+    for program in "${fuzzers[@]}"; do
+      name=${program##*/}
+      findings=build/fuzz/findings/$name
+      mkdir -p "$findings/corpus"
+      # New inputs go to the first folder; the seeds are the small files that the project keeps.
+      folders=("$findings/corpus")
+      if [ -d "tests/fuzz/corpus/${name#fuzz_}" ]; then
+        folders+=("tests/fuzz/corpus/${name#fuzz_}")
+      fi
+      quietly "$name" "$program" -max_total_time="$seconds" -rss_limit_mb=2048 \
+        -print_final_stats=1 -artifact_prefix="$findings/" "${folders[@]}"
+      printf '%s: %s executions, nothing found\n' "$name" \
+        "$(awk '/^stat::number_of_executed_units/ { print $2 }' "$log")"
+    done
+    ;;
+esac
