@@ -1,0 +1,259 @@
+#include "camber/render/gl_context.h"
+
+// EGL before anything of X11, whose macros would break VTK's headers: X11 is used through the
+// narrow declarations at the end of this list only.
+#define EGL_NO_X11
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
+#include <vtkCallbackCommand.h>
+#include <vtkCommand.h>
+#include <vtkGenericOpenGLRenderWindow.h>
+#include <vtkNew.h>
+#include <vtkObject.h>
+#include <vtkObjectFactory.h>
+#include <vtkRenderWindow.h>
+#include <vtkSmartPointer.h>
+
+#include <X11/Xlib.h>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <stdexcept>
+
+#include "camber/core/errors.h"
+
+namespace camber {
+namespace {
+
+constexpr int kMaxSide = 16384;
+constexpr unsigned int kGlRenderer = 0x1F01;  // GL_RENDERER
+constexpr unsigned int kGlVersion = 0x1F02;   // GL_VERSION
+
+/// Switches VTK's warnings off for as long as it lives.
+class SilencedVtk {
+ public:
+  SilencedVtk() : before_(vtkObject::GetGlobalWarningDisplay()) {
+    vtkObject::SetGlobalWarningDisplay(0);
+  }
+  ~SilencedVtk() { vtkObject::SetGlobalWarningDisplay(before_); }
+  SilencedVtk(const SilencedVtk&) = delete;
+  SilencedVtk& operator=(const SilencedVtk&) = delete;
+
+ private:
+  int before_;
+};
+
+/// VTK's window for foreign contexts, with GLEW's complaint mended: on EGL glewInit() finds all
+/// functions, then reports that there is no GLX display, and VTK would try again, and print an
+/// error, at every render. The context's version has been checked before.
+class SurfacelessWindow : public vtkGenericOpenGLRenderWindow {
+ public:
+  static SurfacelessWindow* New();
+  vtkTypeMacro(SurfacelessWindow, vtkGenericOpenGLRenderWindow)
+
+      void OpenGLInitContext() override {
+    if (Initialized) return;
+    const SilencedVtk silenced;
+    Superclass::OpenGLInitContext();
+    Initialized = true;
+    GlewInitValid = true;
+  }
+};
+
+vtkStandardNewMacro(SurfacelessWindow)
+
+    std::string gl_string(unsigned int name) {
+  using GetString = const unsigned char* (*)(unsigned int);
+  const auto get = reinterpret_cast<GetString>(eglGetProcAddress("glGetString"));
+  const unsigned char* text = get ? get(name) : nullptr;
+  return text ? reinterpret_cast<const char*>(text) : "";
+}
+
+/// A desktop OpenGL 3.2 core context without any surface.
+class SurfacelessContext {
+ public:
+  /// False, with the reason, if the machine has none.
+  bool create(std::string* reason) {
+    const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
+    if (!extensions || !std::strstr(extensions, "EGL_MESA_platform_surfaceless")) {
+      *reason = "EGL has no surfaceless platform";
+      return false;
+    }
+    display_ = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
+    // The display is shared by all windows of the process and stays initialised: eglTerminate would
+    // take it away from the others.
+    if (display_ == EGL_NO_DISPLAY || !eglInitialize(display_, nullptr, nullptr)) {
+      *reason = "EGL's surfaceless display cannot be initialised";
+      return false;
+    }
+    if (!eglBindAPI(EGL_OPENGL_API)) {
+      *reason = "EGL has no desktop OpenGL";
+      return false;
+    }
+    const EGLint config_attributes[] = {EGL_SURFACE_TYPE, 0, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT,
+                                        EGL_NONE};
+    EGLConfig config = nullptr;
+    EGLint count = 0;
+    if (!eglChooseConfig(display_, config_attributes, &config, 1, &count) || count == 0) {
+      config = nullptr;  // EGL_KHR_no_config_context: contexts without a surface need none
+    }
+    const EGLint context_attributes[] = {EGL_CONTEXT_MAJOR_VERSION,
+                                         3,
+                                         EGL_CONTEXT_MINOR_VERSION,
+                                         2,
+                                         EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                         EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                                         EGL_NONE};
+    context_ = eglCreateContext(display_, config, EGL_NO_CONTEXT, context_attributes);
+    if (context_ == EGL_NO_CONTEXT || !make_current()) {
+      *reason = "EGL makes no OpenGL 3.2 core context";
+      return false;
+    }
+    int major = 0, minor = 0;
+    const std::string version = gl_string(kGlVersion);
+    if (std::sscanf(version.c_str(), "%d.%d", &major, &minor) != 2 || major * 10 + minor < 32) {
+      *reason = "OpenGL " + (version.empty() ? "of an unknown version" : version) +
+                " found, 3.2 or newer needed";
+      return false;
+    }
+    return true;
+  }
+
+  ~SurfacelessContext() {
+    if (context_ == EGL_NO_CONTEXT) return;
+    if (is_current()) {
+      eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+    }
+    eglDestroyContext(display_, context_);
+  }
+
+  bool make_current() {
+    return eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_) == EGL_TRUE;
+  }
+  bool is_current() const {
+    return context_ != EGL_NO_CONTEXT && eglGetCurrentContext() == context_;
+  }
+
+ private:
+  EGLDisplay display_ = EGL_NO_DISPLAY;
+  EGLContext context_ = EGL_NO_CONTEXT;
+};
+
+/// Whether a display answers and knows GLX. VTK's X window aborts the process where it does not.
+bool display_answers(std::string* reason) {
+  const char* name = std::getenv("DISPLAY");
+  if (!name || !*name) {
+    *reason = "DISPLAY is not set";
+    return false;
+  }
+  Display* display = XOpenDisplay(nullptr);
+  if (!display) {
+    *reason = "the display \"" + std::string(name) + "\" does not answer";
+    return false;
+  }
+  int opcode = 0, event = 0, error = 0;
+  const bool has_glx = XQueryExtension(display, "GLX", &opcode, &event, &error) == True;
+  XCloseDisplay(display);
+  if (!has_glx) *reason = "the display \"" + std::string(name) + "\" has no GLX";
+  return has_glx;
+}
+
+}  // namespace
+
+struct OffscreenWindow::Impl {
+  // Order matters: the window is destroyed while the context still lives.
+  std::unique_ptr<SurfacelessContext> context;
+  vtkSmartPointer<vtkRenderWindow> window;
+  vtkNew<vtkCallbackCommand> make_current;
+  vtkNew<vtkCallbackCommand> is_current;
+  std::string backend;
+  std::string renderer;
+
+  bool open_surfaceless(int width, int height, std::string* reason) {
+    context = std::make_unique<SurfacelessContext>();
+    if (!context->create(reason)) {
+      context.reset();
+      return false;
+    }
+    renderer = gl_string(kGlRenderer);
+    vtkNew<SurfacelessWindow> generic;
+    make_current->SetClientData(context.get());
+    make_current->SetCallback([](vtkObject*, unsigned long, void* data, void*) {
+      static_cast<SurfacelessContext*>(data)->make_current();
+    });
+    is_current->SetClientData(context.get());
+    is_current->SetCallback([](vtkObject*, unsigned long, void* data, void* answer) {
+      *static_cast<bool*>(answer) = static_cast<SurfacelessContext*>(data)->is_current();
+    });
+    generic->AddObserver(vtkCommand::WindowMakeCurrentEvent, make_current);
+    generic->AddObserver(vtkCommand::WindowIsCurrentEvent, is_current);
+    generic->SetOwnContext(0);
+    generic->SetSize(width, height);
+    generic->SetReadyForRendering(true);
+    generic->SetMultiSamples(0);
+    generic->SetFrameBlitModeToNoBlit();  // there is nothing to blit to
+    generic->OpenGLInit();
+    window = generic;
+    backend = "egl-surfaceless";
+    return true;
+  }
+
+  bool open_display(int width, int height, std::string* reason) {
+    if (!display_answers(reason)) return false;
+    window = vtkSmartPointer<vtkRenderWindow>::New();
+    if (!window) {
+      *reason = "VTK has no window for this display";
+      return false;
+    }
+    window->SetShowWindow(false);
+    window->SetUseOffScreenBuffers(true);
+    window->SetMultiSamples(0);
+    window->SetSize(width, height);
+    window->Render();
+    if (!window->SupportsOpenGL()) {
+      *reason = "the display has no OpenGL 3.2";
+      window = nullptr;
+      return false;
+    }
+    const std::string report = window->ReportCapabilities();
+    const std::string key = "OpenGL renderer string:";
+    const std::size_t at = report.find(key);
+    if (at != std::string::npos) {
+      const std::size_t begin = report.find_first_not_of(' ', at + key.size());
+      renderer = report.substr(begin, report.find('\n', begin) - begin);
+    }
+    backend = "display";
+    return true;
+  }
+
+  ~Impl() {
+    if (!window) return;
+    if (context) context->make_current();
+    window->Finalize();
+    window->RemoveObserver(make_current);
+    window->RemoveObserver(is_current);
+  }
+};
+
+OffscreenWindow::OffscreenWindow(int width, int height) : impl_(std::make_unique<Impl>()) {
+  if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
+    throw std::invalid_argument("picture size: found " + std::to_string(width) + " x " +
+                                std::to_string(height) + " pixels, expected 1 to " +
+                                std::to_string(kMaxSide) + " each");
+  }
+  std::string no_egl, no_display;
+  if (impl_->open_surfaceless(width, height, &no_egl)) return;
+  if (impl_->open_display(width, height, &no_display)) return;
+  throw MachineError("no rendering back end: " + no_egl + ", and " + no_display +
+                     "; install libegl-mesa0 and libgl1-mesa-dri, or run under an X server");
+}
+
+OffscreenWindow::~OffscreenWindow() = default;
+
+vtkRenderWindow* OffscreenWindow::window() { return impl_->window; }
+
+const std::string& OffscreenWindow::backend() const { return impl_->backend; }
+
+std::string OffscreenWindow::renderer() const { return impl_->renderer; }
+
+}  // namespace camber
