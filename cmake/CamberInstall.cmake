@@ -71,10 +71,14 @@ list(TRANSFORM camber_needed PREPEND "find_dependency(")
 list(TRANSFORM camber_needed APPEND ")")
 list(JOIN camber_needed "\n" CAMBER_FIND_DEPENDENCIES)
 
+set(CAMBER_EXPORTED_TARGETS "${modules}")
+list(TRANSFORM CAMBER_EXPORTED_TARGETS REPLACE "^camber_" "camber::")
+
 set(camber_package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/camber)
 configure_package_config_file(
   cmake/camber-config.cmake.in ${PROJECT_BINARY_DIR}/camber-config.cmake
-  INSTALL_DESTINATION ${camber_package_folder} NO_SET_AND_CHECK_MACRO)
+  INSTALL_DESTINATION ${camber_package_folder} PATH_VARS CMAKE_INSTALL_INCLUDEDIR
+  NO_SET_AND_CHECK_MACRO)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/camber-config-version.cmake
                                  COMPATIBILITY SameMinorVersion)
 install(

@@ -1,0 +1,43 @@
+# cmake -DBUILD=... -DWORK=... -DEXAMPLE=... -DSCENE=... [-DLAUNCHER=...] -P package_test.cmake
+# Installs a build into an empty prefix; then configures, builds and runs a separate project there.
+set(prefix ${WORK}/prefix)
+file(REMOVE_RECURSE ${WORK})
+function(step what)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
+  if(NOT status EQUAL 0)
+    message(FATAL_ERROR "${what} ended with ${status}:\n${out}")
+  endif()
+  set(output "${out}" PARENT_SCOPE)
+endfunction()
+
+step("cmake --install" ${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
+step("configuring the project that uses the package"
+     ${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${WORK}/build -G Ninja
+     -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix} -DEXAMPLE=${EXAMPLE}
+     -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER} --no-warn-unused-cli)
+# Found in the prefix, and nowhere else: nothing of the source tree or of its build.
+file(STRINGS ${WORK}/build/CMakeCache.txt found REGEX "^camber_DIR:")
+string(FIND "${found}" "=${prefix}/" place)
+if(place EQUAL -1)
+  message(FATAL_ERROR "the package was not found in ${prefix} but: ${found}")
+endif()
+file(GLOB_RECURSE package_files ${prefix}/*.cmake)
+foreach(file IN LISTS package_files)
+  file(STRINGS ${file} leaks REGEX "${BUILD}")
+  if(leaks)
+    message(FATAL_ERROR "${file} mentions the build folder: ${leaks}")
+  endif()
+endforeach()
+step("building the project that uses the package" ${CMAKE_COMMAND} --build ${WORK}/build)
+step("the program that includes every header" ${WORK}/build/all_headers)
+step("the installed program" ${prefix}/bin/camber --version)
+if(NOT output MATCHES "^camber [0-9]+[.][0-9]+[.][0-9]+\n$")
+  message(FATAL_ERROR "camber --version printed: ${output}")
+endif()
+if(EXAMPLE)
+  step("the library example" ${WORK}/build/example ${SCENE})
+  if(NOT output MATCHES "${EXPECTED}")
+    message(FATAL_ERROR "the library example printed nothing like ${EXPECTED}:\n${output}")
+  endif()
+endif()
+file(REMOVE_RECURSE ${WORK})
