@@ -13,6 +13,7 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr int kSideRows = 5;        // of the side panel, hem to belt line
 constexpr int kWindowRows = 5;      // of the greenhouse, belt line to roof
 constexpr int kArchPoints = 4;      // arc pieces between two neighbouring keypoints of an arch
+constexpr int kSillPieces = 12;     // between the wheel arches
 constexpr int kLateralCells = 12;   // across the car
 constexpr int kWheelSegments = 32;  // a multiple of 4: the lowest vertex is on the ground
 constexpr std::uint64_t kNumbersPerCar = 64;
@@ -121,6 +122,7 @@ class CarBuilder {
     for (int k : {0, 1}) {
       add_wheel(model_.keypoints[k], -1.0);
       add_wheel(model_.keypoints[k + 18], 1.0);
+      add_axle_box(model_.keypoints[k]);
     }
     return std::move(model_);
   }
@@ -219,8 +221,8 @@ class CarBuilder {
       arch_after.push_back(false);
     };
     add_arch(9, k[0], 6);
-    for (int j = 1; j < 4; ++j) {
-      hem.push_back(k[6] + 0.25 * j * (k[5] - k[6]));
+    for (int j = 1; j < kSillPieces; ++j) {
+      hem.push_back(k[6] + static_cast<double>(j) / kSillPieces * (k[5] - k[6]));
       arch_after.push_back(false);
     }
     add_arch(5, k[1], 2);
@@ -541,6 +543,22 @@ class CarBuilder {
         triangle(rings[q][i], rings[q + 1][j], rings[q][j], materials[q + 1]);
       }
       triangle(inner, rings[3][j], rings[3][i], CarMaterial::kTyre);
+    }
+  }
+
+  /// A dark closed box between the wheels of an axle, so that nobody sees through the arches.
+  void add_axle_box(const Eigen::Vector3d& wheel) {
+    const double arch = p_.wheel_radius + p_.arch_gap + 0.01;
+    const double xs[2] = {wheel.x() - arch, wheel.x() + arch};
+    const double ys[2] = {p_.clearance + 0.01, p_.wheel_radius + arch};
+    const double zs[2] = {wheel.z() + 0.2, -wheel.z() - 0.2};
+    const int first = static_cast<int>(model_.mesh.vertices.size());
+    for (int i = 0; i < 8; ++i) add_vertex({xs[i & 1], ys[(i >> 1) & 1], zs[i >> 2]});
+    constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                  {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+    for (const auto& f : kFaces) {
+      add_triangle(first + f[0], first + f[1], first + f[2], CarMaterial::kTrim);
+      add_triangle(first + f[0], first + f[2], first + f[3], CarMaterial::kTrim);
     }
   }
 

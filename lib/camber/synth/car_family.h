@@ -38,8 +38,8 @@ struct TriangleMesh {
 
 /// One car. Vehicle frame: x to the front, y up, z to the right; origin at the middle of the full
 /// box's bottom face, on the wheels' plane. The mesh fills the box exactly and is made of closed
-/// pieces (body, four wheels); every keypoint but the wheel centres is one of its vertices, and a
-/// wheel's centre is the middle of its outer disc.
+/// pieces (body, four wheels, axle boxes); every keypoint but the wheel centres is one of its
+/// vertices, and a wheel's centre is the middle of its outer disc.
 struct CarModel {
   CarClass car_class = CarClass::kHatchback;
   Dimensions dimensions;    ///< m, full box without mirrors
