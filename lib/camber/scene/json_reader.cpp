@@ -310,7 +310,8 @@ Eigen::Vector3d JsonCursor::unit_vector() const {
     fail_because(fmt::format("found a vector of length {:.6g}, expected a unit vector (within {})",
                              length, kUnitTolerance));
   }
-  return v / length;
+  // A vector that is unit to rounding stays as it is, so that writing and reading changes nothing.
+  return std::abs(length - 1.0) <= 1e-12 ? v : Eigen::Vector3d(v / length);
 }
 
 Eigen::Matrix3d JsonCursor::rotation() const {
@@ -418,8 +419,8 @@ Plane read_plane(const JsonCursor& cursor, bool in_camera) {
   plane.normal = normal.unit_vector();
   // The same plane for a normal that was rounded: n and d are divided by the same length.
   const double length = normal.vector3().norm();
-  plane.offset =
-      object.require("offset", "a number of metres").number("a number of metres") / length;
+  plane.offset = object.require("offset", "a number of metres").number("a number of metres");
+  if (std::abs(length - 1.0) > 1e-12) plane.offset /= length;
   if (in_camera && !(plane.normal.y() < 0.0)) {
     normal.fail_because(
         fmt::format("found a normal that points down (y = {:.4g}), expected it up, "

@@ -101,6 +101,8 @@ class JsonObject {
   std::vector<std::pair<std::string, JsonCursor>> entries();
   /// Records the keys that were not taken. Call once after the last find.
   void note_unknown_keys() const;
+  /// Whether a key was asked for.
+  bool knows(const std::string& key) const { return known_.count(key) > 0; }
   const JsonCursor& cursor() const { return cursor_; }
 
  private:
