@@ -1,0 +1,241 @@
+#include "camber/road/ego_profile.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace camber {
+namespace {
+
+/// Robust plane through points: u = c + alpha b + beta a in a road frame.
+Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noise) {
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  std::vector<double> weight(abu.size(), 1.0);
+  for (int iteration = 0; iteration < 15; ++iteration) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < abu.size(); ++i) {
+      const Eigen::Vector3d row(1.0, abu[i].y(), abu[i].x());
+      normal += weight[i] * row * row.transpose();
+      right += weight[i] * row * abu[i].z();
+    }
+    x = normal.ldlt().solve(right);
+    for (std::size_t i = 0; i < abu.size(); ++i) {
+      const double r = abu[i].z() - x.dot(Eigen::Vector3d(1.0, abu[i].y(), abu[i].x()));
+      weight[i] = 1.0 / std::pow(1.0 + r * r / (noise * noise), 2);  // Geman and McClure
+    }
+  }
+  return x;
+}
+
+}  // namespace
+
+void EgoProfileOptions::validate() const {
+  const auto require = [](bool good, const char* name, double value, const char* expected) {
+    if (!good) {
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
+                                  ", expected " + expected);
+    }
+  };
+  require(camera_height > 0, "camera_height", camera_height, "> 0");
+  require(camera_height_sigma >= 0, "camera_height_sigma", camera_height_sigma, ">= 0");
+  require(node_spacing > 0, "node_spacing", node_spacing, "> 0");
+  require(reach > 8, "reach", reach, "> 8");
+  require(half_width > 0, "half_width", half_width, "> 0");
+  require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");
+  require(curvature > 0, "curvature", curvature, "> 0");
+  require(curvature_walk > 0, "curvature_walk", curvature_walk, "> 0");
+  require(bank_walk > 0, "bank_walk", bank_walk, "> 0");
+  require(surface_sigma > 0, "surface_sigma", surface_sigma, "> 0");
+  require(correlation >= 1, "correlation", correlation, ">= 1");
+}
+
+EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
+                       const Eigen::Vector3d& up, const Eigen::MatrixXd& shared_covariance,
+                       const EgoProfileOptions& options) {
+  options.validate();
+  EgoPlane out;
+  const auto fail = [&](const std::string& reason) {
+    out.status = Status::kFailed;
+    out.reason = reason;
+    return out;
+  };
+  const std::size_t count = road.points.size();
+  if (count < 30) {
+    return fail("too few road points: " + std::to_string(count) + ", expected at least 30");
+  }
+
+  // Road frame: b along the direction of travel, u up, a to the right; origin in the camera.
+  const Eigen::Vector3d forward = travel.normalized();
+  Eigen::Vector3d upward = (up - up.dot(forward) * forward).normalized();
+  Eigen::Vector3d rightward = forward.cross(upward);  // x right, y down, z forward: z x (-y) = x
+  std::vector<Eigen::Vector3d> abu(count);
+  const auto to_road_frame = [&] {
+    for (std::size_t i = 0; i < count; ++i) {
+      const Eigen::Vector3d& p = road.points[i];
+      abu[i] = {rightward.dot(p), forward.dot(p), upward.dot(p)};
+    }
+  };
+  to_road_frame();
+
+  // A first scale and roll from the nearest points.
+  std::vector<double> ahead;
+  for (const Eigen::Vector3d& p : abu) {
+    if (p.y() > 0) ahead.push_back(p.y());
+  }
+  if (ahead.size() < 30) return fail("too few road points ahead of the camera");
+  std::sort(ahead.begin(), ahead.end());
+  const double nearest = ahead[ahead.size() / 100];
+  double metres_per_unit = 0.0;
+  for (int round = 0; round < 3; ++round) {
+    const double window = round == 0 ? 1.6 * nearest : nearest + 6.0 / metres_per_unit;
+    std::vector<Eigen::Vector3d> near;
+    for (const Eigen::Vector3d& p : abu) {
+      if (p.y() > 0 && p.y() < window && std::abs(p.x()) < 0.6 * p.y()) near.push_back(p);
+    }
+    if (near.size() < 20) return fail("too few road points near the camera");
+    const double guess = round == 0 ? 0.25 * nearest : out.near_plane_height;
+    const Eigen::Vector3d plane = robust_plane(near, (round == 0 ? 0.1 : 0.03) * guess);
+    if (!(plane.x() < 0)) return fail("the nearest points do not lie below the camera");
+    out.near_plane_height =
+        -plane.x() / std::sqrt(1.0 + plane.y() * plane.y() + plane.z() * plane.z());
+    metres_per_unit = options.camera_height / out.near_plane_height;
+    // Turn the frame about the direction of travel to the road's cross slope.
+    upward = (upward - plane.z() * rightward).normalized();
+    rightward = forward.cross(upward);
+    to_road_frame();
+  }
+
+  // Profile in metres: nodes from one step behind the camera to the reach.
+  const double step = options.node_spacing;
+  const int nodes = static_cast<int>(std::ceil(options.reach / step)) + 2;
+  const auto size = static_cast<Eigen::Index>(2 * nodes);  // heights, then cross slopes
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(size);
+  x.head(nodes).setConstant(-options.camera_height);
+  Eigen::MatrixXd covariance;
+  Eigen::MatrixXd shared;
+  std::vector<double> weight(count, 1.0);
+  int used = 0;
+  double seen_from = 0.0;
+  const Eigen::Index columns = road.shared_jacobian.cols();
+  constexpr int kRounds = 12;
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+    Eigen::MatrixXd shared_right = Eigen::MatrixXd::Zero(size, columns);
+    const bool last = round + 1 == kRounds;
+    used = 0;
+    seen_from = options.reach;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Eigen::Vector3d p = metres_per_unit * abu[i];
+      const double at = p.y() / step + 1.0;  // node 1 is under the camera
+      if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(p.x()) > options.half_width) continue;
+      const int j = static_cast<int>(at);
+      const double f = at - j;
+      const Eigen::Vector4d row(1 - f, f, (1 - f) * p.x(), f * p.x());
+      const Eigen::Index index[4] = {j, j + 1, nodes + j, nodes + j + 1};
+      double predicted = 0.0;
+      for (int k = 0; k < 4; ++k) predicted += row[k] * x[index[k]];
+      const double slope = (x[j + 1] - x[j]) / step;
+      // A change of the distance by a share e lifts the point off the profile by e (u - slope b).
+      const double lever = p.z() - slope * p.y() - x[nodes + j] * p.x();
+      const double sigma = std::sqrt(std::pow(lever * road.relative_sigma[i], 2) +
+                                     options.surface_sigma * options.surface_sigma);
+      const double residual = p.z() - predicted;
+      if (round > 0) weight[i] = 1.0 / std::pow(1.0 + residual * residual / (9 * sigma * sigma), 2);
+      const double w = weight[i] / (options.correlation * sigma * sigma);
+      for (int m = 0; m < 4; ++m) {
+        for (int k = 0; k < 4; ++k) normal(index[m], index[k]) += w * row[m] * row[k];
+        right[index[m]] += w * row[m] * p.z();
+        if (last && columns > 0) {
+          shared_right.row(index[m]) +=
+              w * row[m] * lever *
+              road.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+        }
+      }
+      if (weight[i] > 0.25) {
+        ++used;
+        seen_from = std::min(seen_from, p.y());
+      }
+    }
+    if (used < 30) {
+      return fail("too few road points within " + std::to_string(options.reach) +
+                  " m ahead: " + std::to_string(used));
+    }
+    const auto add_prior = [&](std::initializer_list<std::pair<int, double>> terms, double mean,
+                               double sigma) {
+      for (const auto& [j, cj] : terms) {
+        for (const auto& [k, ck] : terms) normal(j, k) += cj * ck / (sigma * sigma);
+        right[j] += cj * mean / (sigma * sigma);
+      }
+    };
+    add_prior({{0, -0.5 / step}, {2, 0.5 / step}}, 0.0, options.travel_sigma);
+    const double walk = options.curvature_walk * std::sqrt(step);
+    for (int j = 0; j + 2 < nodes; ++j) {
+      add_prior({{j, 1 / (step * step)}, {j + 1, -2 / (step * step)}, {j + 2, 1 / (step * step)}},
+                0.0, options.curvature * std::sqrt(nodes / 4.0));
+      if (j + 3 < nodes) {
+        const double s2 = step * step;
+        add_prior({{j, -1 / s2}, {j + 1, 3 / s2}, {j + 2, -3 / s2}, {j + 3, 1 / s2}}, 0.0, walk);
+      }
+    }
+    for (int j = 0; j + 1 < nodes; ++j) {
+      add_prior({{nodes + j, -1.0}, {nodes + j + 1, 1.0}}, 0.0,
+                options.bank_walk * std::sqrt(step));
+    }
+    normal.diagonal().array() += 1e-8;
+    const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal);
+    x = ldlt.solve(right);
+    if (last) {
+      covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
+      if (columns > 0) shared = ldlt.solve(shared_right);
+    } else if (x[1] < 0) {
+      // New scale: the profile passes camera_height below the camera along its normal.
+      const double slope = (x[2] - x[0]) / (2 * step);
+      const double height = -x[1] / std::sqrt(1.0 + slope * slope + x[nodes + 1] * x[nodes + 1]);
+      const double change = std::clamp(options.camera_height / height, 0.8, 1.25);
+      metres_per_unit *= change;
+      x *= change;
+    }
+  }
+  if (!(x[1] < 0)) return fail("the road ahead does not pass below the camera");
+  if (columns > 0 && shared_covariance.size() > 0) {
+    covariance += shared * shared_covariance * shared.transpose();
+  }
+
+  // Tangent plane under the camera.
+  const double slope = (x[2] - x[0]) / (2 * step), cross = x[nodes + 1];
+  const Eigen::Vector3d normal_vector =
+      (upward - slope * forward - cross * rightward).normalized();
+  const Eigen::Vector3d foot_on_axis = upward * (x[1] / metres_per_unit);
+  Plane plane = Plane::through(foot_on_axis, normal_vector);
+  out.height = plane.offset;
+  out.metres_per_unit = options.camera_height / out.height;
+  out.plane.plane = plane;
+  out.plane.centroid = plane.foot(Eigen::Vector3d::Zero());
+  UncertainPlane::make_axes(normal_vector, forward, &out.plane.axis1, &out.plane.axis2);
+  // axis1 is forward, axis2 = n x axis1 is to the left; a tilt about axis1 is a change of the cross
+  // slope, a tilt about axis2 one of the slope (see UncertainPlane: h + a axis2.r - b axis1.r).
+  Eigen::MatrixXd functional = Eigen::MatrixXd::Zero(3, size);
+  functional(0, nodes + 1) = -1.0;
+  functional(1, 2) = -0.5 / step;
+  functional(1, 0) = 0.5 / step;
+  functional(2, 1) = 1.0 / metres_per_unit;
+  out.plane.covariance = functional * covariance * functional.transpose();
+  const double height_share = options.camera_height_sigma / options.camera_height;
+  out.relative_sigma =
+      std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) + height_share * height_share);
+  for (int j = 1; j < nodes; ++j) {
+    out.line.push_back((forward * ((j - 1) * step) + upward * x[j]) / metres_per_unit);
+  }
+  out.points = used;
+  out.status = out.relative_sigma < 0.08 ? Status::kOk : Status::kWeak;
+  if (out.status == Status::kWeak) {
+    out.reason = "the height of the camera over the road is known to " +
+                 std::to_string(static_cast<int>(std::lround(100 * out.relative_sigma))) + " %";
+  }
+  return out;
+}
+
+}  // namespace camber

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "camber/core/status.h"
+#include "camber/geometry/plane.h"
+
+namespace camber {
+
+/// Points of the road ahead in the camera frame, any unit, arrays of equal length.
+struct RoadPoints {
+  std::vector<Eigen::Vector3d> points;
+  /// Standard deviation of the point's distance from the camera over that distance, > 0.
+  std::vector<double> relative_sigma;
+  /// d(log distance) / d(shared parameters), one row a point; no columns: nothing is shared.
+  Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> shared_jacobian;
+};
+
+struct EgoProfileOptions {
+  double camera_height = 1.65;          ///< m above the road under the camera, > 0
+  double camera_height_sigma = 0.01;    ///< m: mounting and suspension, >= 0
+  double node_spacing = 1.5;            ///< m, > 0
+  double reach = 30.0;                  ///< m ahead that is used, > 8
+  double half_width = 3.5;              ///< m to each side that is used, > 0
+  double travel_sigma = 0.009;          ///< rad, between the direction of travel and the road, > 0
+  double curvature = 0.015;             ///< 1/m, standard deviation of the vertical curvature, > 0
+  double curvature_walk = 0.003;        ///< 1/m per sqrt(m), change of curvature, > 0
+  double bank_walk = 0.01;              ///< rad per sqrt(m), change of the cross slope, > 0
+  double surface_sigma = 0.015;         ///< m, unevenness of the road, > 0
+  double correlation = 16.0;            ///< information of neighbours is divided by this, >= 1
+  void validate() const;                ///< throws std::invalid_argument
+};
+
+/// The road's tangent plane under the camera.
+struct EgoPlane {
+  Status status = Status::kNotRun;      ///< reason says why, unless kOk
+  std::string reason;
+  UncertainPlane plane;                 ///< unit of the points; centroid: the foot under the camera
+  double height = 0.0;                  ///< of the camera above the plane, unit of the points
+  double relative_sigma = 0.0;          ///< standard deviation of height over height
+  double metres_per_unit = 0.0;         ///< camera_height / height
+  double near_plane_height = 0.0;       ///< the same from one plane through the first 6 m seen
+  /// The road's centre line ahead (unit of the points): every node from the foot to the reach.
+  std::vector<Eigen::Vector3d> line;
+  int points = 0;                       ///< that were used
+};
+
+/// Estimates the tangent plane of the road under the camera, which is not seen: the road begins 5
+/// to 8 m ahead and may bend before that. A profile of heights and cross slopes along the direction
+/// of travel is fitted to the points with a random walk in curvature as prior, and carried back to
+/// the camera with the direction of travel, along which the road under the wheels lies.
+/// @param travel  unit vector, the camera's direction of travel at this moment, camera frame.
+/// @param up      rough up direction in the camera frame.
+EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
+                       const Eigen::Vector3d& up, const Eigen::MatrixXd& shared_covariance,
+                       const EgoProfileOptions& options);
+
+}  // namespace camber

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "camber/geometry/pinhole_camera.h"
+
+namespace camber {
+
+/// Inverse depths of ground pixels of one image, arrays of equal length. Units: those of the
+/// reconstruction (metres or baselines).
+struct GroundObservations {
+  std::vector<Eigen::Vector2d> pixels;
+  std::vector<double> inverse_depth;
+  std::vector<double> sigma;            ///< standard deviation of inverse_depth, > 0
+  /// d(inverse depth) / d(shared parameters), one row a point; no columns: nothing is shared.
+  Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> shared_jacobian;
+
+  std::size_t size() const { return pixels.size(); }
+};
+
+struct GroundFieldOptions {
+  double column_spacing_px = 32.0;      ///< between nodes, > 0
+  double row_spacing_px = 6.0;          ///< between nodes, > 0
+  double along_curvature = 0.012;       ///< 1/m, standard deviation of the road's vertical curvature
+  double across_curvature = 0.05;       ///< 1/m, the same across the road (crown, side streets)
+  double metres_per_unit = 1.0;         ///< rough scale of the reconstruction, > 0
+  /// Neighbouring observations share their errors: information is divided by this, >= 1.
+  double correlation = 16.0;
+  int iterations = 6;                   ///< of the reweighting, >= 1
+  void validate() const;                ///< throws std::invalid_argument
+};
+
+/// The ground as a smooth function of the pixel: a bilinear grid of inverse depths over the image.
+///
+/// A plane n . x + d = 0 has the inverse depth -(n . ray) / d, linear in the pixel, so that second
+/// differences between nodes measure curvature and vanish on planes. They are held to zero within
+/// what a road's curvature makes of them at each node's depth; observations and second differences
+/// carry a Cauchy loss (kerbs, pavements, crests). Solved by reweighted linear least squares.
+class GroundField {
+ public:
+  /// @param observations  at least 3, not all in a row; else std::invalid_argument.
+  GroundField(const PinholeCamera& camera, const GroundObservations& observations,
+              const GroundFieldOptions& options);
+  ~GroundField();
+  GroundField(GroundField&&) noexcept;
+  GroundField& operator=(GroundField&&) noexcept;
+
+  /// Inverse depth of the ground at a pixel (clamped to the grid); <= 0: the sky.
+  double inverse_depth(const Eigen::Vector2d& pixel) const;
+  /// Sum of the weights of observations around a pixel, in observations; 0: interpolated.
+  double support(const Eigen::Vector2d& pixel) const;
+  /// Topmost row of the grid, px.
+  double top() const;
+
+  /// Covariance of linear functions of the field: row k of `coefficients` weighs inverse_depth at
+  /// the pixels. @param shared_covariance of the shared parameters; may be empty.
+  Eigen::MatrixXd covariance(const std::vector<Eigen::Vector2d>& pixels,
+                             const Eigen::MatrixXd& coefficients,
+                             const Eigen::MatrixXd& shared_covariance) const;
+  /// Final weight in (0, 1] of each observation, in their order.
+  const std::vector<double>& weights() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace camber
