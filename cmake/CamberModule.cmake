@@ -14,11 +14,14 @@ function(camber_add_module name)
 endfunction()
 
 # camber_add_test(MODULE SOURCES ... [LIBRARIES targets...] [LABELS ...])
-# One GoogleTest program a module, test_MODULE; every case becomes a ctest.
+# One GoogleTest program a module, test_MODULE; every case becomes a ctest with the label (unit).
 function(camber_add_test module)
   cmake_parse_arguments(ARG "" "" "SOURCES;LIBRARIES;LABELS" ${ARGN})
   add_executable(test_${module} ${ARG_SOURCES})
   target_link_libraries(test_${module} PRIVATE camber_test_support ${ARG_LIBRARIES})
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS unit)
+  endif()
   gtest_discover_tests(test_${module} DISCOVERY_TIMEOUT 120
                        TEST_PREFIX "${module}." PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 900)
 endfunction()
