@@ -79,24 +79,37 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   };
   to_road_frame();
 
-  // A first scale and roll from the nearest points.
+  // A first scale and roll from the nearest points. The road runs along the direction of travel
+  // under the camera, so that near points lie about one camera height below the travelled line.
   std::vector<double> ahead;
   for (const Eigen::Vector3d& p : abu) {
-    if (p.y() > 0) ahead.push_back(p.y());
+    if (p.y() > 0 && p.z() < 0 && std::abs(p.x()) < p.y()) ahead.push_back(p.y());
   }
-  if (ahead.size() < 30) return fail("too few road points ahead of the camera");
+  if (ahead.size() < 30) return fail("too few road points ahead of and below the camera");
   std::sort(ahead.begin(), ahead.end());
-  const double nearest = ahead[ahead.size() / 100];
-  double metres_per_unit = 0.0;
-  for (int round = 0; round < 3; ++round) {
-    const double window = round == 0 ? 1.6 * nearest : nearest + 6.0 / metres_per_unit;
+  const double nearest = ahead[ahead.size() / 50];
+  std::vector<double> below;
+  for (const Eigen::Vector3d& p : abu) {
+    if (p.y() > 0 && p.z() < 0 && std::abs(p.x()) < p.y() && p.y() < ahead[ahead.size() / 4]) {
+      below.push_back(-p.z());
+    }
+  }
+  std::nth_element(below.begin(), below.begin() + static_cast<std::ptrdiff_t>(below.size() / 2),
+                   below.end());
+  out.near_plane_height = below[below.size() / 2];
+  double metres_per_unit = options.camera_height / out.near_plane_height;
+  for (int round = 0; round < 4; ++round) {
+    const double window = std::max(1.3 * nearest, nearest + 6.0 / metres_per_unit);
     std::vector<Eigen::Vector3d> near;
     for (const Eigen::Vector3d& p : abu) {
-      if (p.y() > 0 && p.y() < window && std::abs(p.x()) < 0.6 * p.y()) near.push_back(p);
+      if (p.y() > 0 && p.y() < window && std::abs(p.x()) < 0.6 * p.y() &&
+          std::abs(p.z() + out.near_plane_height) < 0.5 * out.near_plane_height) {
+        near.push_back(p);
+      }
     }
     if (near.size() < 20) return fail("too few road points near the camera");
-    const double guess = round == 0 ? 0.25 * nearest : out.near_plane_height;
-    const Eigen::Vector3d plane = robust_plane(near, (round == 0 ? 0.1 : 0.03) * guess);
+    const Eigen::Vector3d plane =
+        robust_plane(near, (round == 0 ? 0.1 : 0.03) * out.near_plane_height);
     if (!(plane.x() < 0)) return fail("the nearest points do not lie below the camera");
     out.near_plane_height =
         -plane.x() / std::sqrt(1.0 + plane.y() * plane.y() + plane.z() * plane.z());

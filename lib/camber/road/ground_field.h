@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "camber/geometry/pinhole_camera.h"
+#include "camber/geometry/plane.h"
 
 namespace camber {
 
@@ -40,9 +41,15 @@ struct GroundFieldOptions {
 /// carry a Cauchy loss (kerbs, pavements, crests). Solved by reweighted linear least squares.
 class GroundField {
  public:
-  /// @param observations  at least 3, not all in a row; else std::invalid_argument.
+  /// @param start  a rough plane of the near road, camera frame (the ego plane): observations far
+  ///               off it are let in by degrees, the farther away the more freely.
+  /// @throws std::invalid_argument with fewer than 3 observations or arrays that differ in length.
   GroundField(const PinholeCamera& camera, const GroundObservations& observations,
-              const GroundFieldOptions& options);
+              const Plane& start, const GroundFieldOptions& options);
+
+  /// Solves again on the same grid with other observations, starting from the field as it is and
+  /// with the loss at its final width: one Gauss-Newton step of an outer problem.
+  void update(const GroundObservations& observations, int iterations);
   ~GroundField();
   GroundField(GroundField&&) noexcept;
   GroundField& operator=(GroundField&&) noexcept;

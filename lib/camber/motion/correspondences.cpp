@@ -1,0 +1,140 @@
+#include "camber/motion/correspondences.h"
+
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "camber/core/threads.h"
+
+namespace camber {
+namespace {
+
+cv::Mat view(const GrayImage& image) {
+  return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
+}
+
+/// OpenCV splits a flow into as many stripes as it has threads, which changes the result: one flow
+/// runs on one thread, several flows side by side.
+class SingleThreadedOpenCv {
+ public:
+  SingleThreadedOpenCv() : before_(cv::getNumThreads()) { cv::setNumThreads(1); }
+  ~SingleThreadedOpenCv() { cv::setNumThreads(before_); }
+
+ private:
+  int before_;
+};
+
+cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to) {
+  const cv::Ptr<cv::DISOpticalFlow> dis =
+      cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
+  cv::Mat flow;
+  dis->calc(from, to, flow);
+  return flow;
+}
+
+cv::Point2f sample_flow(const cv::Mat& flow, float x, float y) {
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const int x1 = std::min(x0 + 1, flow.cols - 1), y1 = std::min(y0 + 1, flow.rows - 1);
+  const float ax = x - static_cast<float>(x0), ay = y - static_cast<float>(y0);
+  const auto* r0 = flow.ptr<cv::Point2f>(y0);
+  const auto* r1 = flow.ptr<cv::Point2f>(y1);
+  return (1 - ay) * ((1 - ax) * r0[x0] + ax * r0[x1]) + ay * ((1 - ax) * r1[x0] + ax * r1[x1]);
+}
+
+}  // namespace
+
+void CorrespondenceOptions::validate() const {
+  if (step < 1) {
+    throw std::invalid_argument("step = " + std::to_string(step) + ", expected at least 1 pixel");
+  }
+  if (!(forward_backward_px > 0)) {
+    throw std::invalid_argument("forward_backward_px = " + std::to_string(forward_backward_px) +
+                                ", expected a positive number of pixels");
+  }
+}
+
+Correspondences match_images(const std::vector<GrayImage>& images, int reference,
+                             const CorrespondenceOptions& options) {
+  options.validate();
+  if (reference < 0 || reference >= static_cast<int>(images.size())) {
+    throw std::invalid_argument("reference = " + std::to_string(reference) +
+                                ", expected an index into " + std::to_string(images.size()) +
+                                " images");
+  }
+  const GrayImage& base = images[static_cast<std::size_t>(reference)];
+  for (const GrayImage& image : images) {
+    if (image.width != base.width || image.height != base.height || image.empty()) {
+      throw std::invalid_argument("images differ in size or are empty");
+    }
+  }
+
+  Correspondences out;
+  out.reference = reference;
+  out.step = options.step;
+  out.columns = (base.width - 1) / options.step + 1;
+  out.rows = (base.height - 1) / options.step + 1;
+  out.pixels.reserve(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.rows));
+  for (int r = 0; r < out.rows; ++r) {
+    for (int c = 0; c < out.columns; ++c) {
+      out.pixels.emplace_back(static_cast<float>(c * options.step),
+                              static_cast<float>(r * options.step));
+    }
+  }
+
+  const SingleThreadedOpenCv guard;
+  std::vector<int> others;
+  for (int k = 0; k < static_cast<int>(images.size()); ++k) {
+    if (k != reference) others.push_back(k);
+  }
+  std::vector<cv::Mat> flows(2 * others.size() + 1);
+  cv::Mat gxx, gxy, gyy;
+  parallel_for(flows.size(), options.num_threads, [&](std::size_t task) {
+    if (task == flows.size() - 1) {
+      cv::Mat gx, gy;
+      cv::Sobel(view(base), gx, CV_32F, 1, 0, 3, 1.0 / 8);
+      cv::Sobel(view(base), gy, CV_32F, 0, 1, 3, 1.0 / 8);
+      const cv::Size window(9, 9);
+      cv::boxFilter(gx.mul(gx), gxx, -1, window);
+      cv::boxFilter(gx.mul(gy), gxy, -1, window);
+      cv::boxFilter(gy.mul(gy), gyy, -1, window);
+      return;
+    }
+    const cv::Mat a = view(base);
+    const cv::Mat b = view(images[static_cast<std::size_t>(others[task / 2])]);
+    flows[task] = task % 2 == 0 ? dense_flow(a, b) : dense_flow(b, a);
+  });
+
+  out.texture.reserve(out.pixels.size());
+  for (const Eigen::Vector2f& p : out.pixels) {
+    const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
+    out.texture.emplace_back(gxx.at<float>(y, x), gxy.at<float>(y, x), gyy.at<float>(y, x));
+  }
+  out.matches.resize(others.size());
+  parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
+    MatchedImage& match = out.matches[k];
+    match.frame = others[k];
+    match.pixels.resize(out.pixels.size());
+    match.round_trip_px.assign(out.pixels.size(), std::numeric_limits<float>::infinity());
+    const cv::Mat& forward = flows[2 * k];
+    const cv::Mat& backward = flows[2 * k + 1];
+    for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+      const float x = out.pixels[i].x(), y = out.pixels[i].y();
+      const auto f = forward.at<cv::Point2f>(static_cast<int>(y), static_cast<int>(x));
+      const float tx = x + f.x, ty = y + f.y;
+      match.pixels[i] = {tx, ty};
+      if (!(tx >= 0 && ty >= 0 && tx <= static_cast<float>(base.width - 1) &&
+            ty <= static_cast<float>(base.height - 1))) {
+        continue;
+      }
+      const cv::Point2f b = sample_flow(backward, tx, ty);
+      const float error = std::hypot(f.x + b.x, f.y + b.y);
+      if (error <= static_cast<float>(options.forward_backward_px)) match.round_trip_px[i] = error;
+    }
+  });
+  return out;
+}
+
+}  // namespace camber

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "camber/core/progress.h"
+
+namespace camber {
+
+/// 8-bit grey image, rows from the top, no padding.
+struct GrayImage {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> pixels;
+
+  bool empty() const { return pixels.empty(); }
+  const std::uint8_t* row(int y) const {
+    return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  }
+};
+
+struct CorrespondenceOptions {
+  int step = 2;                       ///< pixels between grid points, >= 1
+  double forward_backward_px = 1.0;   ///< largest round-trip error of a kept match, > 0
+  int num_threads = 0;                ///< <= 0: see resolve_num_threads
+  void validate() const;              ///< throws std::invalid_argument
+};
+
+/// Where the grid points of the reference image are seen in one other image.
+struct MatchedImage {
+  int frame = 0;                           ///< index into the images
+  std::vector<Eigen::Vector2f> pixels;     ///< one a grid point; undefined where not valid
+  std::vector<float> round_trip_px;        ///< forward-backward error; infinity: not valid
+};
+
+/// Dense correspondences from a reference image to all others on a regular grid.
+struct Correspondences {
+  int reference = 0;                       ///< index into the images
+  int step = 1;                            ///< pixels
+  int columns = 0, rows = 0;               ///< of the grid; point i is at column i % columns
+  std::vector<Eigen::Vector2f> pixels;     ///< grid points in the reference image
+  /// Structure tensor of the reference image at each grid point: mean of gx^2, gx gy, gy^2 over a
+  /// window of 9 x 9 pixels, (grey values / pixel)^2. The noise of a match along a direction e
+  /// falls with e' S e.
+  std::vector<Eigen::Vector3f> texture;
+  std::vector<MatchedImage> matches;       ///< one for every image but the reference, in order
+};
+
+/// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,
+/// Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse Search", ECCV 2016) with a
+/// forward-backward check. All images have the same size (else std::invalid_argument). The same
+/// result for any number of threads.
+Correspondences match_images(const std::vector<GrayImage>& images, int reference,
+                             const CorrespondenceOptions& options);
+
+}  // namespace camber

@@ -1,0 +1,411 @@
+#include "camber/motion/motion.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <opencv2/calib3d.hpp>
+#include <stdexcept>
+
+#include "camber/core/random.h"
+#include "camber/motion/cost_functions/inverse_depth_reprojection_error.h"
+
+namespace camber {
+namespace {
+
+double median(std::vector<double> values) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto at = values.begin() +
+                  static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+/// A spread choice of at most `count` points: the image is divided into square cells, and each
+/// gives its best-textured point (smallest eigenvalue of the structure tensor).
+std::vector<int> spread_points(const Correspondences& matches,
+                               const std::vector<std::uint8_t>& candidate, int count) {
+  const double area = static_cast<double>(matches.columns) * matches.rows;
+  const int cell = std::max(1, static_cast<int>(std::sqrt(area / count)));
+  std::vector<int> chosen;
+  for (int r0 = 0; r0 < matches.rows; r0 += cell) {
+    for (int c0 = 0; c0 < matches.columns; c0 += cell) {
+      int best = -1;
+      float best_texture = 0.5f;  // (grey values / px)^2: below this there is only noise
+      for (int r = r0; r < std::min(r0 + cell, matches.rows); ++r) {
+        for (int c = c0; c < std::min(c0 + cell, matches.columns); ++c) {
+          const int i = r * matches.columns + c;
+          if (!candidate[static_cast<std::size_t>(i)]) continue;
+          const Eigen::Vector3f& s = matches.texture[static_cast<std::size_t>(i)];
+          const float half = 0.5f * (s.x() + s.z());
+          const float smallest =
+              half - std::sqrt(std::max(0.0f, half * half - (s.x() * s.z() - s.y() * s.y())));
+          if (smallest > best_texture) {
+            best_texture = smallest;
+            best = i;
+          }
+        }
+      }
+      if (best >= 0) chosen.push_back(best);
+    }
+  }
+  return chosen;
+}
+
+/// Rotation that best explains matched rays with no translation: iteratively reweighted Kabsch.
+Eigen::Matrix3d best_rotation(const PinholeCamera& camera,
+                              const std::vector<Eigen::Vector2d>& from,
+                              const std::vector<Eigen::Vector2d>& to) {
+  std::vector<double> weights(from.size(), 1.0);
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  for (int iteration = 0; iteration < 10; ++iteration) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      sum += weights[i] * camera.ray(to[i]).normalized() *
+             camera.ray(from[i]).normalized().transpose();
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Eigen::Matrix3d sign = Eigen::Matrix3d::Identity();
+    sign(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1.0 : 1.0;
+    rotation = svd.matrixU() * sign * svd.matrixV().transpose();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      const auto p = camera.project(rotation * camera.ray(from[i]));
+      const double error = p ? (*p - to[i]).norm() : 1e3;
+      weights[i] = 1.0 / (1.0 + error * error);  // Cauchy, 1 px
+    }
+  }
+  return rotation;
+}
+
+/// Inverse depth of a reference ray from one other view, linearised least squares in the image;
+/// NaN where it does not converge in front of both cameras.
+double inverse_depth_from(const PinholeCamera& camera, const SE3& frame_from_reference,
+                          const Eigen::Vector3d& ray, const Eigen::Vector2d& pixel) {
+  const Eigen::Vector3d a = frame_from_reference.rotation() * ray;
+  const Eigen::Vector3d t = frame_from_reference.translation();
+  // (a + rho t) x (x, y, 1) = 0, two rows in normalised coordinates.
+  const Eigen::Vector3d z = camera.ray(pixel);
+  const double b0 = t.x() - z.x() * t.z(), b1 = t.y() - z.y() * t.z();
+  const double e0 = z.x() * a.z() - a.x(), e1 = z.y() * a.z() - a.y();
+  const double den = b0 * b0 + b1 * b1;
+  if (den < 1e-14) return std::numeric_limits<double>::quiet_NaN();
+  return (b0 * e0 + b1 * e1) / den;
+}
+
+}  // namespace
+
+void MotionOptions::validate() const {
+  const auto positive = [](const char* name, double value, double least) {
+    if (!(value >= least) || !(value > 0)) {
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
+                                  " is too small");
+    }
+  };
+  positive("max_essential_points", max_essential_points, 50);
+  positive("max_bundle_points", max_bundle_points, 50);
+  positive("inlier_px", inlier_px, 0);
+  positive("standing_px", standing_px, 0);
+  positive("parallax_px", parallax_px, 0);
+}
+
+MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondences& matches,
+                               const std::vector<std::uint8_t>& usable,
+                               const MotionOptions& options) {
+  options.validate();
+  if (usable.size() != matches.pixels.size()) {
+    throw std::invalid_argument("usable has " + std::to_string(usable.size()) +
+                                " entries, expected one for each of " +
+                                std::to_string(matches.pixels.size()) + " grid points");
+  }
+  MotionEstimate out;
+  const std::size_t others = matches.matches.size();
+  out.frame_from_reference.resize(others + 1);
+  const auto fail = [&](const std::string& reason) {
+    out.status = Status::kFailed;
+    out.reason = reason;
+    return out;
+  };
+  if (others == 0) return fail("one image alone has no motion");
+
+  // The image with the widest motion among points that are seen in it.
+  std::size_t widest = 0;
+  double widest_motion = -1.0;
+  for (std::size_t k = 0; k < others; ++k) {
+    const MatchedImage& match = matches.matches[k];
+    std::vector<std::uint8_t> seen(usable);
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      if (!std::isfinite(match.round_trip_px[i])) seen[i] = 0;
+    }
+    std::vector<double> lengths;
+    for (const int i : spread_points(matches, seen, 1000)) {
+      const auto at = static_cast<std::size_t>(i);
+      lengths.push_back((match.pixels[at] - matches.pixels[at]).cast<double>().norm());
+    }
+    if (lengths.size() < 40) {
+      return fail("too little texture: " + std::to_string(lengths.size()) +
+                  " matched points between two images, expected at least 40");
+    }
+    const double motion = median(lengths);
+    if (motion > widest_motion) {
+      widest_motion = motion;
+      widest = k;
+    }
+  }
+  if (widest_motion < options.standing_px) {
+    return fail("the camera stands still: median image motion " +
+                std::to_string(widest_motion) + " px");
+  }
+
+  // Robust essential matrix between the reference and that image.
+  std::vector<std::uint8_t> in_widest(usable);
+  for (std::size_t i = 0; i < in_widest.size(); ++i) {
+    if (!std::isfinite(matches.matches[widest].round_trip_px[i])) in_widest[i] = 0;
+  }
+  const std::vector<int> sample = spread_points(matches, in_widest, options.max_essential_points);
+  std::vector<Eigen::Vector2d> from, to;
+  std::vector<cv::Point2d> cv_from, cv_to;
+  for (const int i : sample) {
+    const auto at = static_cast<std::size_t>(i);
+    from.push_back(matches.pixels[at].cast<double>());
+    to.push_back(matches.matches[widest].pixels[at].cast<double>());
+    cv_from.emplace_back(from.back().x(), from.back().y());
+    cv_to.emplace_back(to.back().x(), to.back().y());
+  }
+  {
+    const Eigen::Matrix3d rotation = best_rotation(camera, from, to);
+    std::vector<double> parallax;
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      const auto p = camera.project(rotation * camera.ray(from[i]));
+      if (p) parallax.push_back((*p - to[i]).norm());
+    }
+    const double wide = quantile(parallax, 0.9);
+    if (!(wide > options.parallax_px)) {
+      return fail("no parallax: the camera only turns (90 % of the points move less than " +
+                  std::to_string(wide) + " px beyond a rotation)");
+    }
+  }
+  const cv::Matx33d k(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  cv::UsacParams usac;
+  usac.confidence = 0.9999;
+  usac.isParallel = false;
+  usac.loIterations = 10;
+  usac.loMethod = cv::LOCAL_OPTIM_SIGMA;
+  usac.loSampleSize = 50;
+  usac.maxIterations = 2000;
+  usac.neighborsSearch = cv::NEIGH_GRID;
+  usac.randomGeneratorState = static_cast<int>(CounterRandom(options.seed, 1).bits(0) >> 33);
+  usac.sampler = cv::SAMPLING_UNIFORM;
+  usac.score = cv::SCORE_METHOD_MAGSAC;
+  usac.threshold = options.inlier_px;
+  cv::Mat inlier_mask;
+  const cv::Mat no_distortion;
+  const cv::Mat essential = cv::findEssentialMat(cv_from, cv_to, k, k, no_distortion,
+                                                 no_distortion, inlier_mask, usac);
+  if (essential.rows != 3 || essential.cols != 3) {
+    return fail("no epipolar geometry explains the matches");
+  }
+  cv::Mat r, t;
+  const int in_front = cv::recoverPose(essential, cv_from, cv_to, cv::Mat(k), r, t, 1e6,
+                                       inlier_mask);
+  out.inlier_ratio = static_cast<double>(in_front) / static_cast<double>(sample.size());
+  if (in_front < 30 || out.inlier_ratio < 0.15) {
+    return fail("no motion explains the matches: " + std::to_string(in_front) + " of " +
+                std::to_string(sample.size()) + " agree on one");
+  }
+  Eigen::Matrix3d rotation;
+  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = r.at<double>(i / 3, i % 3);
+  const Eigen::Vector3d translation(t.at<double>(0), t.at<double>(1), t.at<double>(2));
+  const SE3 widest_from_reference(rotation, translation);
+  out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)] =
+      widest_from_reference;
+
+  // Points on reference rays from the first pair, then the other images by resection (PnP).
+  std::vector<double> inverse_depths(sample.size(), std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t i = 0; i < sample.size(); ++i) {
+    if (!inlier_mask.at<std::uint8_t>(static_cast<int>(i))) continue;
+    const double rho =
+        inverse_depth_from(camera, widest_from_reference, camera.ray(from[i]), to[i]);
+    if (rho > 1e-5) inverse_depths[i] = rho;
+  }
+  for (std::size_t other = 0; other < others; ++other) {
+    if (other == widest) continue;
+    const MatchedImage& match = matches.matches[other];
+    std::vector<cv::Point3d> points;
+    std::vector<cv::Point2d> pixels;
+    for (std::size_t i = 0; i < sample.size(); ++i) {
+      const auto at = static_cast<std::size_t>(sample[i]);
+      if (!std::isfinite(inverse_depths[i]) || !std::isfinite(match.round_trip_px[at])) continue;
+      const Eigen::Vector3d x = camera.ray(from[i]) / inverse_depths[i];
+      points.emplace_back(x.x(), x.y(), x.z());
+      pixels.emplace_back(match.pixels[at].x(), match.pixels[at].y());
+    }
+    if (points.size() < 20) {
+      return fail("image " + std::to_string(match.frame) + " shares " +
+                  std::to_string(points.size()) + " points with the others, expected at least 20");
+    }
+    cv::Mat rvec, tvec, pnp_mask;
+    cv::UsacParams pnp = usac;
+    pnp.threshold = 2.0 * options.inlier_px;
+    pnp.maxIterations = 500;
+    cv::Mat pnp_k(k);
+    if (!cv::solvePnPRansac(points, pixels, pnp_k, cv::noArray(), rvec, tvec, pnp_mask, pnp)) {
+      return fail("image " + std::to_string(match.frame) + " cannot be placed on the points");
+    }
+    const Eigen::Vector3d v(rvec.at<double>(0), rvec.at<double>(1), rvec.at<double>(2));
+    out.frame_from_reference[static_cast<std::size_t>(match.frame)] =
+        SE3(rotation_from_vector(v),
+            Eigen::Vector3d(tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)));
+  }
+
+  // Bundle adjustment: poses and inverse depths of a spread choice of points.
+  std::vector<std::uint8_t> candidate(usable.size(), 0);
+  std::vector<double> start(usable.size(), 0.0);
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    if (!in_widest[i]) continue;
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
+    const Eigen::Vector2d z = matches.matches[widest].pixels[i].cast<double>();
+    const double rho = inverse_depth_from(camera, widest_from_reference, ray, z);
+    if (!std::isfinite(rho)) continue;
+    // Near the focus of expansion the depth is unknown, yet the point constrains the rotation.
+    const double used = std::clamp(rho, 1e-5, 10.0);
+    const auto p = camera.project(widest_from_reference.rotation() * ray +
+                                  used * widest_from_reference.translation());
+    if (!p || (*p - z).norm() > 2.0 * options.inlier_px) continue;
+    candidate[i] = 1;
+    start[i] = used;
+  }
+  const std::vector<int> chosen = spread_points(matches, candidate, options.max_bundle_points);
+  if (chosen.size() < 30) {
+    return fail("too little texture: " + std::to_string(chosen.size()) +
+                " static points agree with the motion, expected at least 30");
+  }
+  constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
+  std::vector<double> depths(chosen.size());
+  ceres::Problem::Options problem_options;
+  problem_options.disable_all_safety_checks = true;
+  ceres::Problem problem(problem_options);
+  ceres::LossFunction* loss = new ceres::CauchyLoss(1.5);
+  auto* ordering = new ceres::ParameterBlockOrdering;
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    const auto at = static_cast<std::size_t>(chosen[i]);
+    depths[i] = start[at];
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
+    for (const MatchedImage& match : matches.matches) {
+      if (!std::isfinite(match.round_trip_px[at])) continue;
+      problem.AddResidualBlock(
+          InverseDepthReprojectionError::create(camera, ray, match.pixels[at].cast<double>(),
+                                                kStartSigma),
+          loss, out.frame_from_reference[static_cast<std::size_t>(match.frame)].data(),
+          &depths[i]);
+    }
+    ordering->AddElementToGroup(&depths[i], 0);
+  }
+  for (const MatchedImage& match : matches.matches) {
+    double* pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)].data();
+    problem.AddParameterBlock(
+        pose, 7,
+        new ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>());
+    ordering->AddElementToGroup(pose, 1);
+  }
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = ceres::DENSE_SCHUR;
+  solver.linear_solver_ordering.reset(ordering);
+  solver.max_num_iterations = 25;
+  solver.function_tolerance = 1e-5;
+  solver.num_threads = 1;  // sums of several threads would not be repeatable
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  if (!summary.IsSolutionUsable()) return fail("the bundle adjustment did not converge");
+
+  // Unit: the longest baseline.
+  std::size_t longest = 0;
+  double length = 0.0;
+  for (std::size_t m = 0; m < others; ++m) {
+    const auto f = static_cast<std::size_t>(matches.matches[m].frame);
+    const double baseline = out.frame_from_reference[f].translation().norm();
+    if (baseline > length) {
+      length = baseline;
+      longest = m;
+    }
+  }
+  if (!(length > 0)) return fail("the bundle adjustment found no baseline");
+  for (SE3& pose : out.frame_from_reference) {
+    pose.set_translation(pose.translation() / length);
+  }
+  for (double& rho : depths) rho *= length;
+
+  // Noise of a coordinate from the residuals (median absolute deviation), then the reduced camera
+  // system for the covariance.
+  const auto n = static_cast<Eigen::Index>(6 * others);
+  std::vector<double> residuals;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  struct Row {
+    Eigen::Index block;
+    Eigen::Matrix<double, 2, 6> pose;
+    Eigen::Vector2d depth, residual;
+  };
+  std::vector<std::vector<Row>> tracks(chosen.size());
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    const auto at = static_cast<std::size_t>(chosen[i]);
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
+    for (std::size_t m = 0; m < others; ++m) {
+      const MatchedImage& match = matches.matches[m];
+      if (!std::isfinite(match.round_trip_px[at])) continue;
+      const SE3& pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)];
+      const Eigen::Vector3d a = pose.rotation() * ray;
+      const Eigen::Vector3d p = a + depths[i] * pose.translation();
+      if (!(p.z() > 1e-6)) continue;
+      Eigen::Matrix<double, 2, 3> projection;
+      projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
+          camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
+      Row row;
+      row.block = static_cast<Eigen::Index>(6 * m);
+      row.pose.leftCols<3>() = -projection * skew(a);
+      row.pose.rightCols<3>() = projection * depths[i];
+      row.depth = projection * pose.translation();
+      const auto pixel = camera.project(p);
+      row.residual = *pixel - match.pixels[at].cast<double>();
+      residuals.push_back(std::abs(row.residual.x()));
+      residuals.push_back(std::abs(row.residual.y()));
+      tracks[i].push_back(row);
+    }
+  }
+  // The depths absorb one of the 2 (n - 1) coordinates of each track.
+  const double freedom = std::sqrt(2.0 * static_cast<double>(others) /
+                                   (2.0 * static_cast<double>(others) - 1.0));
+  out.pixel_sigma = std::max(0.02, 1.4826 * median(residuals) * freedom);
+  for (const std::vector<Row>& track : tracks) {
+    double depth_information = 1e-9;
+    Eigen::VectorXd cross = Eigen::VectorXd::Zero(n);
+    for (const Row& row : track) {
+      const double scaled = row.residual.squaredNorm() / (out.pixel_sigma * out.pixel_sigma);
+      const double weight = 1.0 / (out.pixel_sigma * out.pixel_sigma * (1.0 + scaled / 2.25));
+      information.block<6, 6>(row.block, row.block) += weight * row.pose.transpose() * row.pose;
+      cross.segment<6>(row.block) += weight * row.pose.transpose() * row.depth;
+      depth_information += weight * row.depth.squaredNorm();
+    }
+    information -= cross * cross.transpose() / depth_information;
+  }
+  const Eigen::Vector3d axis =
+      out.frame_from_reference[static_cast<std::size_t>(matches.matches[longest].frame)]
+          .translation();
+  const auto at_longest = static_cast<Eigen::Index>(6 * longest + 3);
+  information.block<3, 3>(at_longest, at_longest) += 1e12 * axis * axis.transpose();
+  information.diagonal().array() += 1e-6;
+  out.covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  out.points = static_cast<int>(chosen.size());
+  out.status = Status::kOk;
+  return out;
+}
+
+}  // namespace camber

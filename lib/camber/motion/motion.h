@@ -1,0 +1,49 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "camber/core/status.h"
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/geometry/se3.h"
+#include "camber/motion/correspondences.h"
+
+namespace camber {
+
+struct MotionOptions {
+  std::uint64_t seed = 0;
+  int max_essential_points = 6000;  ///< for the robust essential matrix, >= 50
+  int max_bundle_points = 1500;     ///< for the bundle adjustment, >= 50
+  double inlier_px = 1.0;           ///< epipolar and reprojection threshold, > 0
+  double standing_px = 0.35;        ///< median image motion below which the camera stands, > 0
+  double parallax_px = 0.35;        ///< parallax (90th percentile) below which it only turns, > 0
+  void validate() const;            ///< throws std::invalid_argument
+};
+
+/// Motion of one camera over a few images, up to scale: the longest baseline from the reference
+/// has length 1.
+struct MotionEstimate {
+  Status status = Status::kNotRun;  ///< kFailed: reason says why (standing, no parallax, ...)
+  std::string reason;
+  std::vector<SE3> frame_from_reference;  ///< one an image, identity for the reference
+  /// Covariance of (rotation vector applied on the left, rad; translation, baselines) of every
+  /// image but the reference, in order; 6 (n - 1) square. The longest baseline's length is exact.
+  Eigen::MatrixXd covariance;
+  double pixel_sigma = 0.0;         ///< px, robust standard deviation of a match's coordinate
+  int points = 0;                   ///< static points in the bundle adjustment
+  double inlier_ratio = 0.0;        ///< share of the sampled matches that obey the motion
+};
+
+/// Estimates the motion from dense correspondences of static points: a robust essential matrix
+/// (MAGSAC) for the image with the widest motion, the others by resection on the points
+/// triangulated so far (paper, section III-B), then a bundle adjustment of all images in inverse
+/// depth with a Cauchy loss.
+/// @param usable  one entry a grid point; 0 where the point may belong to something that moves.
+/// @throws std::invalid_argument for sizes that disagree.
+MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondences& matches,
+                               const std::vector<std::uint8_t>& usable,
+                               const MotionOptions& options);
+
+}  // namespace camber

@@ -1,0 +1,135 @@
+#include "camber/road/local_plane.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace camber {
+
+UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
+                                        const Eigen::Vector3d& centroid) {
+  // m = -n / d. Points of the plane satisfy m . x = 1.
+  UncertainPlane out;
+  const double length = m.norm();
+  Eigen::Vector3d normal = -m / length;  // a camera above the road: d > 0, n = -m d
+  double offset = 1.0 / length;
+  if (normal.y() > 0) {  // the camera is below the plane, beyond a crest or on a steep climb
+    normal = -normal;
+    offset = -offset;
+  }
+  out.plane = {normal, offset};
+  out.centroid = out.plane.foot(centroid);
+  UncertainPlane::make_axes(normal, Eigen::Vector3d(out.centroid.x(), 0.0, out.centroid.z()),
+                            &out.axis1, &out.axis2);
+  // A change dm moves the plane at x along its normal by dh: (m + dm) . (x + dh n) = 1, so
+  // dh = -dm . x / (m . n) to first order.
+  const double mn = m.dot(normal);
+  const auto height = [&](const Eigen::Vector3d& x) -> Eigen::RowVector3d {
+    return -x.transpose() / mn;
+  };
+  Eigen::Matrix3d j;
+  const Eigen::RowVector3d at_centroid = height(out.centroid);
+  j.row(0) = height(out.centroid + out.axis2) - at_centroid;   // h + a (axis2 . r)
+  j.row(1) = -(height(out.centroid + out.axis1) - at_centroid);  // - b (axis1 . r)
+  j.row(2) = at_centroid;
+  out.covariance = j * covariance * j.transpose();
+  return out;
+}
+
+LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera,
+                           const Eigen::Vector2d& contact,
+                           const Eigen::MatrixXd& shared_covariance,
+                           const LocalPlaneOptions& options) {
+  LocalPlane out;
+  const double rho0 = field.inverse_depth(contact);
+  if (!(rho0 > options.metres_per_unit / 300.0)) {
+    out.status = Status::kFailed;
+    out.reason = "the ray to the contact does not meet the ground";
+    return out;
+  }
+  const double length = options.length / options.metres_per_unit;
+  const double half_width = options.half_width / options.metres_per_unit;
+  const double overhang = options.bumper_overhang / options.metres_per_unit;
+  const double near = 1.0 / rho0 + overhang, far = near + length;
+
+  // Rows of the image from the contact upwards (and a little below) that see the footprint.
+  std::vector<Eigen::Vector2d> pixels;
+  std::vector<double> weights;
+  std::vector<Eigen::Vector3d> points;
+  double last_depth = 0.0;
+  const double step = std::clamp((contact.y() - field.top()) / 60.0, 0.5, 4.0);
+  for (double v = contact.y() + 2.0 * step; v > field.top(); v -= step) {
+    const double rho_mid = field.inverse_depth({contact.x(), v});
+    if (!(rho_mid > 0)) break;
+    const double depth = 1.0 / rho_mid;
+    if (depth < last_depth) break;  // beyond a crest: another stretch of road
+    last_depth = depth;
+    if (depth > far) break;
+    if (depth < near - 0.1 * length) continue;
+    const double half_px = half_width * camera.fx * rho_mid;
+    for (const double side : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
+      const Eigen::Vector2d pixel(contact.x() + side * half_px, v);
+      const double rho = field.inverse_depth(pixel);
+      if (!(rho > 0)) continue;
+      pixels.push_back(pixel);
+      points.push_back(camera.ray(pixel) / rho);
+      weights.push_back(1.0);
+      out.support += field.support(pixel);
+    }
+  }
+  if (points.size() < 15) {
+    // A far footprint lies within a row or two: take the field's tangent around the contact.
+    pixels.clear();
+    points.clear();
+    weights.clear();
+    const double half_px = std::max(2.0, half_width * camera.fx * rho0);
+    for (const double dv : {1.5, 0.5, -0.5, -1.5}) {
+      for (const double side : {-1.0, 0.0, 1.0}) {
+        const Eigen::Vector2d pixel(contact.x() + side * half_px, contact.y() + dv);
+        const double rho = field.inverse_depth(pixel);
+        if (!(rho > 0)) continue;
+        pixels.push_back(pixel);
+        points.push_back(camera.ray(pixel) / rho);
+        weights.push_back(1.0);
+        out.support += field.support(pixel);
+      }
+    }
+  }
+  if (points.size() < 3) {
+    out.status = Status::kFailed;
+    out.reason = "the ground under the box is not in view";
+    return out;
+  }
+  // Each row stands for the depth between its neighbours: weight by the metric step z^2 and turn
+  // inverse-depth residuals into heights (dh = drho / (rho |m|)).
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::MatrixXd left(3, static_cast<Eigen::Index>(points.size()));
+  Eigen::VectorXd rho(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double z = points[i].z();
+    const double w = weights[i] * z * z * z * z;
+    const Eigen::Vector3d ray = points[i] / z;
+    normal += w * ray * ray.transpose();
+    left.col(static_cast<Eigen::Index>(i)) = w * ray;
+    rho[static_cast<Eigen::Index>(i)] = 1.0 / z;
+  }
+  const Eigen::FullPivLU<Eigen::Matrix3d> lu(normal);
+  if (!lu.isInvertible()) {
+    out.status = Status::kFailed;
+    out.reason = "the footprint is seen edge-on";
+    return out;
+  }
+  const Eigen::MatrixXd coefficients = lu.solve(left);
+  const Eigen::Vector3d m = coefficients * rho;
+  const Eigen::Matrix3d covariance =
+      field.covariance(pixels, coefficients, shared_covariance);
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) centroid += p / static_cast<double>(points.size());
+  out.plane = plane_from_inverse_depth(m, covariance, centroid);
+  out.support /= static_cast<double>(points.size());
+  out.status = Status::kOk;
+  return out;
+}
+
+}  // namespace camber
