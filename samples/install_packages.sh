@@ -6,8 +6,8 @@ set -euo pipefail
 # To build and to run the program. Mesa's EGL and its software driver draw without a display.
 program_packages=(
   cmake g++ ninja-build
-  libceres-dev libcli11-dev libeigen3-dev libflann-dev libfmt-dev liblz4-dev libopencv-dev
-  libopenmpi-dev libpcl-dev libspdlog-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
+  libceres-dev libcli11-dev libeigen3-dev libflann-dev libfmt-dev libjpeg-dev liblz4-dev
+  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libspdlog-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
 # Besides, to build and to run the tests and the benchmarks.
