@@ -18,16 +18,16 @@ enum class CloudFrame { kUnknown, kCamera, kZUp };
 /// projected map coordinates survive): x_true = origin + points[i].
 struct RoadCloud {
   CloudFrame frame = CloudFrame::kUnknown;
-  bool metric = true;                                  ///< false: up to an unknown scale
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();    ///< m
-  std::vector<Eigen::Vector3f> points;                 ///< m, relative to origin
-  std::vector<std::array<std::uint8_t, 3>> colors;     ///< red, green, blue; or empty
-  std::vector<float> sigmas;                           ///< m, along the viewing ray; or empty
+  bool metric = true;                                ///< false: up to an unknown scale
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< m
+  std::vector<Eigen::Vector3f> points;               ///< m, relative to origin
+  std::vector<std::array<std::uint8_t, 3>> colors;   ///< red, green, blue; or empty
+  std::vector<float> sigmas;                         ///< m, along the viewing ray; or empty
   /// Full covariance of each point, upper triangle xx xy xz yy yz zz, m^2; or empty.
   std::vector<std::array<float, 6>> covariances;
-  std::vector<Eigen::Vector3f> normals;                ///< unit; or empty
-  std::map<std::string, std::vector<int>> labels;      ///< integer attributes: "patch", "ground"
-  std::map<std::string, std::vector<float>> scalars;   ///< other attributes: "intensity"
+  std::vector<Eigen::Vector3f> normals;               ///< unit; or empty
+  std::map<std::string, std::vector<int>> labels;     ///< integer attributes: "patch", "ground"
+  std::map<std::string, std::vector<float>> scalars;  ///< other attributes: "intensity"
 
   std::size_t size() const { return points.size(); }
   bool empty() const { return points.empty(); }

@@ -1,0 +1,113 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "camber/cloud/road_cloud.h"
+
+namespace camber {
+
+/// File formats of point clouds.
+enum class CloudFormat {
+  kPcd,       ///< Point Cloud Library: ASCII, binary or binary_compressed
+  kPly,       ///< Polygon files: ASCII, little or big endian; vertices are the points
+  kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance
+  kLas,       ///< LAS 1.0 to 1.4, uncompressed
+  kText,      ///< XYZ or CSV: one point a line
+};
+
+/// "pcd", "ply", "bin", "las", "text".
+std::string_view to_string(CloudFormat format);
+
+/// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, and .xyz,
+/// .txt, .csv, .asc, .pts for text; nothing for others.
+std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
+
+struct ReadOptions {
+  /// false: anything unsound is an error. true: what can be read is kept, what cannot (truncated
+  /// tails, bad lines, points that are not finite, out of range or exact duplicates) is dropped
+  /// and counted in the report.
+  bool lenient = false;
+  /// Overrides the recognition by content and extension; for text this is needed where the
+  /// extension is not one of text.
+  std::optional<CloudFormat> format;
+  /// Text only: names of the columns of a file without a header line ("x", "y", "z", "intensity",
+  /// ...; "_" skips one). Empty: the header line, or x y z and further columns by number.
+  std::vector<std::string> columns;
+  /// PLY only: keep the faces, split into triangles (fans).
+  bool triangles = false;
+};
+
+/// What a reader found out about a file beside its points.
+struct ReadReport {
+  CloudFormat format = CloudFormat::kPly;
+  std::string encoding;        ///< "ascii", "binary little endian", "binary_compressed", ...
+  std::uint64_t declared = 0;  ///< points that the header promises; 0 if it does not say
+  std::uint64_t points = 0;    ///< points handed out
+  std::uint32_t width = 0;     ///< columns of an organised PCD, else 0
+  std::uint32_t height = 0;    ///< rows of an organised PCD, else 0
+  std::uint64_t faces = 0;     ///< faces of a PLY
+  /// Points with a NaN or infinite coordinate. They are kept unless the reading is lenient.
+  std::uint64_t non_finite = 0;
+  /// Points with finite coordinates and a NaN or infinite attribute (a time stamp, say); kept.
+  std::uint64_t non_finite_attributes = 0;
+  /// Lenient reading: reason ("truncated", "not finite", ...) and number of points dropped for it.
+  std::vector<std::pair<std::string, std::uint64_t>> dropped;
+  /// Remarks a user may want to see, one sentence each.
+  std::vector<std::string> notes;
+
+  void drop(const std::string& reason, std::uint64_t count = 1);  ///< adds to `dropped`
+};
+
+/// A cloud with what came along with it.
+struct CloudFile {
+  RoadCloud cloud;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< indices of points; see ReadOptions
+  ReadReport report;
+};
+
+/// Reads a cloud. The format is recognised by the file's first bytes, then by its extension.
+///
+/// Attributes by name, in any case: x y z; red green blue (or r g b, or PCL's packed rgb); nx ny nz
+/// (or normal_x ...); sigma; cov_xx cov_xy cov_xz cov_yy cov_yz cov_zz. Other integers become
+/// labels, other numbers scalars, under the name that they have in the file. Coordinates are read
+/// in double; where they are large (map coordinates) `origin` takes the round part.
+///
+/// The file is not trusted: each count, size and type is checked against the file's real size
+/// before memory is taken. Memory is a small multiple of the file's size, time is linear in it.
+/// @throws InputError "file: line N / byte N: what was found, what was expected".
+CloudFile read_cloud_file(const std::filesystem::path& path, const ReadOptions& options = {});
+
+/// The same for a file that is in memory already.
+/// @param name stands for the path in messages and gives the extension.
+CloudFile read_cloud_memory(const void* data, std::size_t size, const std::string& name,
+                            const ReadOptions& options = {});
+
+/// The cloud alone; see read_cloud_file.
+RoadCloud read_cloud(const std::filesystem::path& path, const ReadOptions& options = {});
+
+enum class CloudEncoding { kBinary, kAscii, kBigEndian, kCompressed };
+
+struct WriteOptions {
+  /// None: by the extension.
+  std::optional<CloudFormat> format;
+  /// kBigEndian: PLY only; kCompressed: PCD only; text is always ASCII; LAS and .bin are binary.
+  CloudEncoding encoding = CloudEncoding::kBinary;
+};
+
+/// Writes a cloud, atomically, with all attributes that the format can hold (KITTI .bin: x y z and
+/// the scalar "intensity" or "reflectance", else 0). With a non-zero origin the true coordinates
+/// are written, in double where the format has it. Frame, scale and origin go into header comments
+/// of PLY, PCD and text ("comment camber frame camera", "comment camber metric false",
+/// "comment camber origin X Y Z").
+/// @throws OutputError if it cannot be written; std::invalid_argument for a cloud that does not
+///         validate(), an extension without a format, or an encoding that the format lacks.
+void write_cloud(const RoadCloud& cloud, const std::filesystem::path& path,
+                 const WriteOptions& options = {});
+
+}  // namespace camber

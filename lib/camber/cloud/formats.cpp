@@ -1,0 +1,280 @@
+#include "camber/cloud/formats.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "camber/cloud/number_text.h"
+
+namespace camber {
+
+// --- FormatSource ------------------------------------------------------------------------------
+
+void FormatSource::read_comment(std::string_view comment) {
+  if (next_word(comment) != "camber") return;
+  const std::string_view key = next_word(comment);
+  if (key == "frame") {
+    const std::string_view frame = next_word(comment);
+    if (frame == "camera") header_.frame = CloudFrame::kCamera;
+    if (frame == "z-up") header_.frame = CloudFrame::kZUp;
+  } else if (key == "metric") {
+    header_.metric = next_word(comment) != "false";
+  } else if (key == "origin") {
+    Eigen::Vector3d origin;
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::string_view word = next_word(comment);
+      const ParsedNumber number = parse_number(word.data(), word.data() + word.size());
+      if (word.empty() || number.end != word.data() + word.size() || !std::isfinite(number.value)) {
+        lines_.fail("found " + shown(word) + " in 'camber origin', expected three finite numbers");
+      }
+      origin[axis] = number.value;
+    }
+    header_.origin = origin;
+  }
+}
+
+void FormatSource::check_fields(const std::string& position) {
+  const FieldRoles roles = find_roles(header_.fields);
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    if (roles.position[axis] < 0) {
+      throw InputError(file_->name(), position,
+                       std::string("found no field '") + "xy"[axis] + "', expected x, y and z");
+    }
+  }
+  if (roles.position[2] < 0) report_.notes.push_back("there is no field 'z'; all z are 0");
+}
+
+std::uint64_t FormatSource::check_count(std::uint64_t count, std::uint64_t bytes,
+                                        std::uint64_t rest, const std::string& what) {
+  const std::uint64_t fitting = rest / bytes;
+  if (count <= fitting) return count;
+  if (!options_.lenient) {
+    file_->fail_at(file_->size(), "found the end of the file after at most " +
+                                      std::to_string(fitting) + " " + what + ", expected " +
+                                      std::to_string(count));
+  }
+  return fitting;
+}
+
+// --- RecordReader ------------------------------------------------------------------------------
+
+RecordReader::RecordReader(std::size_t record_size, std::vector<Field> fields, std::uint64_t count,
+                           bool swap)
+    : record_size_(record_size), fields_(std::move(fields)), left_(count), swap_(swap) {}
+
+bool RecordReader::next(FileReader& file, PointBatch& batch) {
+  file.consume(pending_);
+  pending_ = 0;
+  batch.count = 0;
+  if (left_ == 0) return false;
+  file.fill(record_size_);
+  const std::size_t count = static_cast<std::size_t>(std::min<std::uint64_t>(
+      std::min<std::uint64_t>(left_, kBatchSize), file.available() / record_size_));
+  const unsigned char* data = file.data();
+  pending_ = count * record_size_;
+  left_ -= count;
+  if (swap_) {
+    swapped_.assign(data, data + pending_);
+    for (const Field& field : fields_) {
+      const std::size_t size = size_of(field.type);
+      for (std::size_t i = 0; size > 1 && i < count; ++i) {
+        unsigned char* const value = swapped_.data() + i * record_size_ + field.offset;
+        std::reverse(value, value + size);
+      }
+    }
+    data = swapped_.data();
+  }
+  batch.count = count;
+  batch.fields.clear();
+  for (const Field& field : fields_) batch.fields.push_back({data + field.offset, record_size_});
+  return true;
+}
+
+// --- text rows ---------------------------------------------------------------------------------
+
+namespace {
+
+/// A value that has been checked against the range of T; the double next to the largest 64-bit
+/// integers lies just outside of it.
+template <typename T>
+T narrow(double value) {
+  if constexpr (std::is_integral_v<T> && sizeof(T) == 8) {
+    if (value >= static_cast<double>(std::numeric_limits<T>::max())) {
+      return std::numeric_limits<T>::max();
+    }
+  }
+  return static_cast<T>(value);
+}
+
+}  // namespace
+
+void RowBuffer::start(std::vector<ScalarType> types) {
+  types_ = std::move(types);
+  values_.resize(types_.size() * kRows);
+  columns_.assign(types_.size(), {});
+  rows_ = 0;
+}
+
+void RowBuffer::fill(PointBatch& batch) {
+  batch.count = rows_;
+  batch.fields.clear();
+  const std::size_t width = types_.size();
+  for (std::size_t c = 0; c < width; ++c) {
+    if (types_[c] == ScalarType::kFloat64) {
+      batch.fields.push_back(
+          {reinterpret_cast<const unsigned char*>(values_.data() + c), width * sizeof(double)});
+      continue;
+    }
+    std::vector<unsigned char>& column = columns_[c];
+    with_type(types_[c], [&](auto tag) {
+      using T = decltype(tag);
+      column.resize(rows_ * sizeof(T));
+      for (std::size_t i = 0; i < rows_; ++i) {
+        const T value = narrow<T>(values_[i * width + c]);
+        std::memcpy(column.data() + i * sizeof(T), &value, sizeof(T));
+      }
+      batch.fields.push_back({column.data(), sizeof(T)});
+    });
+  }
+}
+
+bool has_large_values(const RowBuffer& rows, int column) {
+  constexpr double kLarge = 1000.0;  // m; a float resolves 0.06 mm there
+  for (std::size_t i = 0; column >= 0 && i < rows.rows(); ++i) {
+    if (std::abs(rows.row(i)[column]) >= kLarge) return true;
+  }
+  return false;
+}
+
+namespace {
+
+/// Smallest and largest value of an integer type as doubles that are exact.
+bool in_range(ScalarType type, double value) {
+  switch (type) {
+    case ScalarType::kInt8:
+      return value >= -128.0 && value <= 127.0;
+    case ScalarType::kUint8:
+      return value >= 0.0 && value <= 255.0;
+    case ScalarType::kInt16:
+      return value >= -32768.0 && value <= 32767.0;
+    case ScalarType::kUint16:
+      return value >= 0.0 && value <= 65535.0;
+    case ScalarType::kInt32:
+      return value >= -2147483648.0 && value <= 2147483647.0;
+    case ScalarType::kUint32:
+      return value >= 0.0 && value <= 4294967295.0;
+    case ScalarType::kInt64:
+      return value >= -0x1p63 && value < 0x1p63;
+    case ScalarType::kUint64:
+      return value >= 0.0 && value < 0x1p64;
+    case ScalarType::kFloat32:
+    case ScalarType::kFloat64:
+      break;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules,
+                      bool commas_separate, double* row) {
+  const char* p = line.data();
+  const char* const end = p + line.size();
+  std::size_t found = 0;
+  while (true) {
+    while (p < end && is_blank(*p)) ++p;
+    if (commas_separate && found > 0 && p < end && *p == ',') {
+      ++p;
+      while (p < end && is_blank(*p)) ++p;
+    }
+    if (p == end) break;
+    if (found == rules.size()) {
+      return "found more than " + std::to_string(found) + " values, expected " +
+             std::to_string(found);
+    }
+    const ColumnRule& rule = rules[found];
+    const ParsedNumber number = parse_number(p, end);
+    if (number.end == nullptr ||
+        (number.end < end && !is_blank(*number.end) && !(commas_separate && *number.end == ','))) {
+      std::string_view rest(p, static_cast<std::size_t>(end - p));
+      return "found " + shown(next_word(rest)) + ", expected a number";
+    }
+    double value = number.value;
+    if (!is_float(rule.type)) {
+      const std::string_view text(p, static_cast<std::size_t>(number.end - p));
+      if (!(std::isfinite(value) && std::floor(value) == value)) {
+        return "found " + shown(text) + ", expected a whole number";
+      }
+      if (!in_range(rule.type, value)) {
+        return "found " + shown(text) + ", expected a number in the range of its integer type";
+      }
+    } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
+      const float bits = static_cast<float>(value);
+      std::uint32_t packed = 0;
+      std::memcpy(&packed, &bits, 4);
+      value = packed;
+    }
+    if (rule.column >= 0) row[rule.column] = value;
+    ++found;
+    p = number.end;
+  }
+  if (found < rules.size()) {
+    return "found " + std::to_string(found) + " values, expected " + std::to_string(rules.size());
+  }
+  return {};
+}
+
+// --- writing -----------------------------------------------------------------------------------
+
+std::vector<std::string> camber_comments(const PointStreamHeader& header) {
+  std::vector<std::string> comments;
+  if (header.frame == CloudFrame::kCamera) comments.emplace_back("camber frame camera");
+  if (header.frame == CloudFrame::kZUp) comments.emplace_back("camber frame z-up");
+  if (!header.metric) comments.emplace_back("camber metric false");
+  if (header.origin) {
+    std::string line = "camber origin";
+    for (int axis = 0; axis < 3; ++axis) {
+      line += ' ';
+      append_number(line, (*header.origin)[axis]);
+    }
+    comments.push_back(line);
+  }
+  return comments;
+}
+
+void append_value(std::string& out, const FieldView& view, ScalarType type, std::size_t i) {
+  with_type(type, [&](auto tag) {
+    using T = decltype(tag);
+    const T value = view.get<T>(i);
+    if constexpr (std::is_floating_point_v<T>) {
+      append_number(out, value);
+    } else if constexpr (std::is_signed_v<T>) {
+      append_number(out, static_cast<std::int64_t>(value));
+    } else {
+      append_number(out, static_cast<std::uint64_t>(value));
+    }
+  });
+}
+
+void pack_records(const PointBatch& batch, const std::vector<PointField>& fields, bool swap,
+                  std::string& out) {
+  std::size_t record_size = 0;
+  for (const PointField& field : fields) record_size += size_of(field.type);
+  const std::size_t old = out.size();
+  out.resize(old + batch.count * record_size);
+  char* base = out.data() + old;
+  for (std::size_t f = 0; f < fields.size(); ++f) {
+    const FieldView view = batch.fields[f];
+    with_type(fields[f].type, [&](auto tag) {
+      constexpr std::size_t kSize = sizeof(tag);
+      char* to = base;
+      for (std::size_t i = 0; i < batch.count; ++i, to += record_size) {
+        std::memcpy(to, view.data + i * view.stride, kSize);
+        if (swap) std::reverse(to, to + kSize);
+      }
+      base += kSize;
+    });
+  }
+}
+
+}  // namespace camber

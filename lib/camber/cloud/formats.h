@@ -1,0 +1,117 @@
+#pragma once
+
+#include <memory>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "camber/cloud/file_reader.h"
+#include "camber/cloud/point_stream.h"
+
+/// The readers and writers behind open_point_source and make_point_sink, one source file a format.
+namespace camber {
+
+std::unique_ptr<PointSource> open_pcd(std::unique_ptr<FileReader> file, const ReadOptions& options);
+std::unique_ptr<PointSource> open_ply(std::unique_ptr<FileReader> file, const ReadOptions& options);
+std::unique_ptr<PointSource> open_kitti_bin(std::unique_ptr<FileReader> file,
+                                            const ReadOptions& options);
+
+std::unique_ptr<PointSink> make_pcd_sink(std::ostream& out, const PointStreamHeader& header,
+                                         CloudEncoding encoding);
+std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHeader& header,
+                                         CloudEncoding encoding);
+std::unique_ptr<PointSink> make_kitti_bin_sink(std::ostream& out, const PointStreamHeader& header);
+
+/// What the readers share.
+class FormatSource : public PointSource {
+ protected:
+  FormatSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
+      : file_(std::move(file)), options_(options), lines_(*file_) {}
+
+  /// Takes "camber frame camera", "camber metric false" or "camber origin X Y Z" from a comment.
+  void read_comment(std::string_view comment);
+
+  /// Fails unless x and y are there; a missing z is noted (it reads as 0).
+  void check_fields(const std::string& position);
+
+  /// Where `count` points of at least `bytes` each cannot be in the rest of the file: fails or, if
+  /// lenient, notes how many are missing and returns the number that fits.
+  std::uint64_t check_count(std::uint64_t count, std::uint64_t bytes, std::uint64_t rest,
+                            const std::string& what);
+
+  std::unique_ptr<FileReader> file_;
+  ReadOptions options_;
+  LineReader lines_;
+};
+
+/// Binary records of one size: hands out views into the file's window.
+class RecordReader {
+ public:
+  struct Field {
+    std::size_t offset = 0;
+    ScalarType type = ScalarType::kFloat32;
+  };
+  RecordReader() = default;
+  RecordReader(std::size_t record_size, std::vector<Field> fields, std::uint64_t count, bool swap);
+
+  /// The next batch; false when all records have been read. The file must hold them.
+  bool next(FileReader& file, PointBatch& batch);
+
+ private:
+  std::size_t record_size_ = 0;
+  std::vector<Field> fields_;
+  std::uint64_t left_ = 0;
+  bool swap_ = false;
+  std::size_t pending_ = 0;  ///< bytes of the last batch, still to be consumed
+  std::vector<unsigned char> swapped_;
+};
+
+/// What is expected of one value of a text row.
+struct ColumnRule {
+  ScalarType type = ScalarType::kFloat64;  ///< integers must be whole and in the type's range
+  bool packed_color = false;  ///< the bits of a float, or a whole number; becomes a whole number
+  int column = -1;            ///< where the value goes, -1: skipped
+};
+
+/// Rows of numbers read from text, handed out as columns of the wanted types.
+class RowBuffer {
+ public:
+  void start(std::vector<ScalarType> types);
+  void set_type(std::size_t column, ScalarType type) { types_[column] = type; }
+  const double* row(std::size_t i) const { return values_.data() + i * types_.size(); }
+  double* new_row() { return values_.data() + rows_ * types_.size(); }
+  void keep_row() { ++rows_; }
+  bool full() const { return rows_ == kRows; }
+  void clear() { rows_ = 0; }
+  std::size_t rows() const { return rows_; }
+  /// Views that are valid until the next fill().
+  void fill(PointBatch& batch);
+
+ private:
+  static constexpr std::size_t kRows = 1024;
+  std::size_t rows_ = 0;
+  std::vector<ScalarType> types_;
+  std::vector<double> values_;
+  std::vector<std::vector<unsigned char>> columns_;
+};
+
+/// Reads the values of one line, one for each rule, into `row`.
+/// @return empty, or what is wrong with the line.
+std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules,
+                      bool commas_separate, double* row);
+
+/// Whether a coordinate among the buffer's rows needs more than a float holds. Coordinates in text
+/// may have all digits of a map's, whatever type the header claims.
+bool has_large_values(const RowBuffer& rows, int column);
+
+/// The header comments that carry a cloud's frame, scale and origin, without comment signs.
+std::vector<std::string> camber_comments(const PointStreamHeader& header);
+
+/// Appends a value of a batch in its shortest text form.
+void append_value(std::string& out, const FieldView& view, ScalarType type, std::size_t i);
+
+/// Copies a batch into packed records, fields in order, optionally with bytes swapped.
+void pack_records(const PointBatch& batch, const std::vector<PointField>& fields, bool swap,
+                  std::string& out);
+
+}  // namespace camber

@@ -1,0 +1,110 @@
+// KITTI's velodyne scans: little-endian float32 x, y, z, reflectance and nothing else.
+
+#include <cmath>
+
+#include "camber/cloud/formats.h"
+
+namespace camber {
+namespace {
+
+constexpr std::size_t kRecord = 16;  // bytes
+
+class KittiBinSource : public FormatSource {
+ public:
+  KittiBinSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
+      : FormatSource(std::move(file), options) {
+    report_.format = CloudFormat::kKittiBin;
+    report_.encoding = "binary little endian";
+    const std::uint64_t count = file_->size() / kRecord;
+    if (file_->size() % kRecord != 0) {
+      if (!options.lenient) {
+        throw InputError(file_->name(), "found " + std::to_string(file_->size()) +
+                                            " bytes, expected a multiple of 16 (float32 x y z "
+                                            "reflectance)");
+      }
+      report_.drop("truncated", 1);
+    }
+    header_.count = count;
+    std::vector<RecordReader::Field> places;
+    for (const char* const name : {"x", "y", "z", "intensity"}) {
+      PointField field;
+      field.name = name;
+      header_.fields.push_back(field);
+      RecordReader::Field place;
+      place.offset = 4 * places.size();
+      places.push_back(place);
+    }
+    records_ = RecordReader(kRecord, std::move(places), count, false);
+  }
+
+  bool next(PointBatch& batch) override {
+    const std::uint64_t first = report_.points;
+    const bool more = records_.next(*file_, batch);
+    report_.points += batch.count;
+    // There is no header to tell a scan from any other file, so what the values say is heeded.
+    for (std::size_t i = 0; i < batch.count && !options_.lenient; ++i) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const float value = batch.fields[axis].get<float>(i);
+        if (std::abs(value) < 1e6f) continue;
+        file_->fail_at((first + i) * kRecord + 4 * axis,
+                       "found the coordinate " + std::to_string(value) +
+                           ", expected one below 1000 km (is this a KITTI scan?)");
+      }
+    }
+    return more;
+  }
+
+ private:
+  RecordReader records_;
+};
+
+class KittiBinSink : public PointSink {
+ public:
+  KittiBinSink(std::ostream& out, const PointStreamHeader& header) : out_(out), header_(header) {
+    const FieldRoles roles = find_roles(header.fields);
+    for (std::size_t axis = 0; axis < 3; ++axis) fields_[axis] = roles.position[axis];
+    for (const char* const name : {"intensity", "reflectance", "scalar_intensity", "Intensity"}) {
+      for (const int field : roles.others) {
+        if (fields_[3] < 0 && header.fields[static_cast<std::size_t>(field)].name == name) {
+          fields_[3] = field;
+        }
+      }
+    }
+  }
+
+  void write(const PointBatch& batch) override {
+    values_.resize(4 * batch.count);
+    for (std::size_t c = 0; c < 4; ++c) {
+      const int field = fields_[c];
+      for (std::size_t i = 0; i < batch.count; ++i) {
+        values_[4 * i + c] =
+            field < 0 ? 0.0f
+                      : static_cast<float>(batch.fields[static_cast<std::size_t>(field)].number(
+                            header_.fields[static_cast<std::size_t>(field)].type, i));
+      }
+    }
+    out_.write(reinterpret_cast<const char*>(values_.data()),
+               static_cast<std::streamsize>(values_.size() * sizeof(float)));
+  }
+
+  void finish() override {}
+
+ private:
+  std::ostream& out_;
+  PointStreamHeader header_;
+  std::array<int, 4> fields_{-1, -1, -1, -1};
+  std::vector<float> values_;
+};
+
+}  // namespace
+
+std::unique_ptr<PointSource> open_kitti_bin(std::unique_ptr<FileReader> file,
+                                            const ReadOptions& options) {
+  return std::make_unique<KittiBinSource>(std::move(file), options);
+}
+
+std::unique_ptr<PointSink> make_kitti_bin_sink(std::ostream& out, const PointStreamHeader& header) {
+  return std::make_unique<KittiBinSink>(out, header);
+}
+
+}  // namespace camber

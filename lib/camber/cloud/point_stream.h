@@ -1,0 +1,171 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "camber/cloud/cloud_io.h"
+
+/// Point clouds as streams of batches: what the readers, the writers, `convert` and `filter` are
+/// made of. A file of any size passes through a few megabytes of memory.
+namespace camber {
+
+enum class ScalarType : std::uint8_t {
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat32,
+  kFloat64
+};
+
+std::size_t size_of(ScalarType type);
+inline bool is_float(ScalarType type) { return type >= ScalarType::kFloat32; }
+
+/// Calls function(T{}) for the C++ type of a ScalarType.
+template <typename Function>
+decltype(auto) with_type(ScalarType type, Function&& function) {
+  switch (type) {
+    case ScalarType::kInt8:
+      return function(std::int8_t{});
+    case ScalarType::kUint8:
+      return function(std::uint8_t{});
+    case ScalarType::kInt16:
+      return function(std::int16_t{});
+    case ScalarType::kUint16:
+      return function(std::uint16_t{});
+    case ScalarType::kInt32:
+      return function(std::int32_t{});
+    case ScalarType::kUint32:
+      return function(std::uint32_t{});
+    case ScalarType::kInt64:
+      return function(std::int64_t{});
+    case ScalarType::kUint64:
+      return function(std::uint64_t{});
+    case ScalarType::kFloat32:
+      return function(float{});
+    case ScalarType::kFloat64:
+      break;
+  }
+  return function(double{});
+}
+
+/// One attribute of a point stream.
+struct PointField {
+  std::string name;
+  ScalarType type = ScalarType::kFloat32;
+  /// From text: the values come as double, and the attribute is an integer one if all are whole.
+  bool text = false;
+};
+
+/// The values of one field in a batch, in the machine's byte order, at any alignment.
+struct FieldView {
+  const unsigned char* data = nullptr;
+  std::size_t stride = 0;  ///< bytes from one point to the next
+
+  template <typename T>
+  T get(std::size_t i) const {
+    T value;
+    std::memcpy(&value, data + i * stride, sizeof(T));
+    return value;
+  }
+  /// The value as a double, whatever the type.
+  double number(ScalarType type, std::size_t i) const {
+    return with_type(type, [&](auto tag) { return static_cast<double>(get<decltype(tag)>(i)); });
+  }
+};
+
+/// Up to kBatchSize points; views are valid until the next call of the source.
+struct PointBatch {
+  std::size_t count = 0;
+  std::vector<FieldView> fields;  ///< parallel to PointStreamHeader::fields
+};
+inline constexpr std::size_t kBatchSize = 8192;
+
+struct PointStreamHeader {
+  std::vector<PointField> fields;  ///< names are unique
+  /// Number of points. Readers have checked it against the file's size; text does not know it.
+  std::optional<std::uint64_t> count;
+  CloudFrame frame = CloudFrame::kUnknown;
+  bool metric = true;
+  std::optional<Eigen::Vector3d> origin;  ///< recorded by the writer; coordinates include it
+};
+
+/// Which fields of a stream have a meaning of their own: indices, -1 for none.
+struct FieldRoles {
+  std::array<int, 3> position{-1, -1, -1};
+  std::array<int, 3> color{-1, -1, -1};
+  int packed_color = -1;  ///< 0xRRGGBB in 4 bytes
+  std::array<int, 3> normal{-1, -1, -1};
+  int sigma = -1;
+  std::array<int, 6> covariance{-1, -1, -1, -1, -1, -1};
+  std::vector<int> others;
+};
+FieldRoles find_roles(const std::vector<PointField>& fields);
+
+/// A cloud being read.
+class PointSource {
+ public:
+  virtual ~PointSource() = default;
+  const PointStreamHeader& header() const { return header_; }
+  /// Counts so far; complete once next() has returned false.
+  const ReadReport& report() const { return report_; }
+  /// The next batch; false, after all checks of the file's tail, at the end.
+  virtual bool next(PointBatch& batch) = 0;
+  /// Triangles of a PLY read with ReadOptions::triangles, complete at the end.
+  std::vector<std::array<std::uint32_t, 3>>& triangles() { return triangles_; }
+
+ protected:
+  PointStreamHeader header_;
+  ReadReport report_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;
+};
+
+/// Opens a cloud file and reads its header. @throws InputError.
+std::unique_ptr<PointSource> open_point_source(const std::filesystem::path& path,
+                                               const ReadOptions& options = {});
+/// The same in memory; `data` must outlive the source.
+std::unique_ptr<PointSource> open_point_source(const void* data, std::size_t size,
+                                               const std::string& name,
+                                               const ReadOptions& options = {});
+
+/// A RoadCloud as a stream, true coordinates (double if it has an origin); it must outlive it.
+std::unique_ptr<PointSource> make_point_source(const RoadCloud& cloud);
+
+/// A cloud being written. Call write() for each batch, then finish().
+class PointSink {
+ public:
+  virtual ~PointSink() = default;
+  virtual void write(const PointBatch& batch) = 0;
+  virtual void finish() = 0;
+};
+
+/// @param out must be seekable unless header.count is given.
+std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamHeader& header,
+                                           CloudFormat format, CloudEncoding encoding);
+
+/// Collects batches into a RoadCloud, choosing its origin from the first one.
+class CloudBuilder {
+ public:
+  CloudBuilder(const PointStreamHeader& header, bool lenient);
+  ~CloudBuilder();
+  void add(const PointBatch& batch);
+  /// The cloud; counts what it finds (and, if lenient, drops) in the report.
+  RoadCloud finish(ReadReport& report);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace camber
