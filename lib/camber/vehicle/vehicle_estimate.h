@@ -23,21 +23,21 @@ struct KeypointObservation {
 
 /// What a detector says about one vehicle in one image.
 struct VehicleDetection {
-  int id = 0;                                   ///< unique within its frame
-  std::string vehicle_class = "car";            ///< "car", "van", "truck", ...
-  int track = -1;                               ///< joins frames; -1: unknown
-  Box2 box;                                     ///< pixels
+  int id = 0;                         ///< unique within its frame
+  std::string vehicle_class = "car";  ///< "car", "van", "truck", ...
+  int track = -1;                     ///< joins frames; -1: unknown
+  Box2 box;                           ///< pixels
   double score = 1.0;
-  std::vector<KeypointObservation> keypoints;   ///< empty, or kNumKeypoints rows
-  bool has_plane = false;                       ///< a local plane is given with the detection
-  Plane given_plane;                            ///< camera frame of this image
+  std::vector<KeypointObservation> keypoints;  ///< empty, or kNumKeypoints rows
+  bool has_plane = false;                      ///< a local plane is given with the detection
+  Plane given_plane;                           ///< camera frame of this image
 };
 
 /// The ground under a vehicle as a fit takes it.
 struct SupportPlane {
-  UncertainPlane plane;          ///< camera frame of the image, metres
-  std::string source;            ///< "patch ID", "ego", "given" or "level"
-  Status status = Status::kOk;   ///< of the patch
+  UncertainPlane plane;         ///< camera frame of the image, metres
+  std::string source;           ///< "patch ID", "ego", "given" or "level"
+  Status status = Status::kOk;  ///< of the patch
 };
 
 /// A vehicle in the camera frame of its own image, metres (or up to scale).
@@ -47,12 +47,12 @@ struct VehicleEstimate {
   Box2 box;
   Status status = Status::kNotRun;
   std::string reason;
-  OrientedBox pose;                                        ///< full box, on its plane
-  std::array<Eigen::Vector3d, kNumKeypoints> keypoints{};  ///< camera frame, m
-  Plane plane;                                             ///< the ground under it
+  OrientedBox pose;                                                      ///< full box, on its plane
+  std::array<Eigen::Vector3d, kNumKeypoints> keypoints{};                ///< camera frame, m
+  Plane plane;                                                           ///< the ground under it
   double plane_sigma_height = std::numeric_limits<double>::quiet_NaN();  ///< m, at the contact
   std::string plane_source;
-  std::vector<double> shape;                               ///< prior coefficients; empty: mean
+  std::vector<double> shape;  ///< prior coefficients; empty: mean
   /// Centre x y z (m), rotation vector in the vehicle's frame (rad), length height width (m).
   Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
   double reprojection_rmse_px = std::numeric_limits<double>::quiet_NaN();

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+
+#include "camber/vehicle/shape_prior.h"
+
+namespace camber {
+
+struct FamilyPriorOptions {
+  std::uint64_t seed = 1;
+  int samples = 4000;  ///< cars, and as many vans, > 1
+  int num_coefficients = 20;
+  void validate() const;  ///< throws std::invalid_argument
+};
+
+/// The vehicle prior of the parametric car family: a shape "car" learnt from its hatchbacks,
+/// saloons, estates and SUVs as frequent as on the road, a shape "van", and the published sizes of
+/// the other classes. Same options, same prior.
+VehiclePrior learn_family_prior(const FamilyPriorOptions& options);
+
+}  // namespace camber
