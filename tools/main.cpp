@@ -37,7 +37,7 @@ int main(int argc, char** argv) {
   });
   // register_reconstruct(root);
   // register_triangulate(root);
-  // register_import(root);
+  register_import(root);
   // register_info(root);
   // register_synth(root);
 

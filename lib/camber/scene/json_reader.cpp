@@ -149,7 +149,39 @@ class DocumentBuilder {
   std::string key_;
 };
 
+std::string scalar_text(const json& value) {
+  return value.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+void append_json(const json& value, std::size_t indent, std::string& out) {
+  const bool object = value.is_object();
+  if (!value.is_structured() || value.empty()) {
+    out += scalar_text(value);
+    return;
+  }
+  const bool plain = !object && std::none_of(value.begin(), value.end(),
+                                             [](const json& v) { return v.is_structured(); });
+  const std::string line = plain ? "" : "\n" + std::string(indent + 2, ' ');
+  out += object ? '{' : '[';
+  bool first = true;
+  for (auto at = value.begin(); at != value.end(); ++at) {
+    if (!first) out += plain ? ", " : ",";
+    first = false;
+    out += line;
+    if (object) out += scalar_text(at.key()) + ": ";
+    append_json(*at, indent + 2, out);
+  }
+  if (!plain) out += "\n" + std::string(indent, ' ');
+  out += object ? '}' : ']';
+}
+
 }  // namespace
+
+std::string format_json(const json& value) {
+  std::string out;
+  append_json(value, 0, out);
+  return out + "\n";
+}
 
 std::string read_whole_file(const std::filesystem::path& path, std::size_t max_bytes) {
   std::error_code error;

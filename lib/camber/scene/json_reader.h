@@ -114,6 +114,10 @@ class JsonObject {
 /// {"normal": unit, "offset": m}; the normal must point up (y < 0) if `in_camera`.
 Plane read_plane(const JsonCursor& cursor, bool in_camera);
 
+/// JSON text indented by two spaces, with arrays of plain values on one line; ends in a newline.
+/// Bytes that are no UTF-8 are replaced.
+std::string format_json(const nlohmann::json& value);
+
 /// Numbers that are not finite become null.
 nlohmann::json number_json(double value);
 nlohmann::json vector_json(const Eigen::Vector3d& v);

@@ -460,7 +460,7 @@ RunDocument read_run(const fs::path& path) {
 }
 
 void write_json(const json& value, const fs::path& path) {
-  write_file_atomically(path, value.dump(2, ' ', false, json::error_handler_t::replace) + "\n");
+  write_file_atomically(path, format_json(value));
 }
 
 }  // namespace camber

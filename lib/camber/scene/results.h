@@ -20,7 +20,7 @@ struct VehicleFrame {
 
 /// vehicles.json.
 struct VehicleDocument {
-  std::string method;             ///< "flat", "coplanar" or "joint"
+  std::string method;  ///< "flat", "coplanar" or "joint"
   std::string detections_source;
   bool metric = true;
   std::vector<VehicleFrame> frames;
@@ -43,7 +43,7 @@ struct RunDocument {
   std::vector<std::pair<std::string, long>> points_dropped;  ///< reason: count
   std::string gl_backend;
   std::vector<std::pair<std::string, std::string>> input_hashes;  ///< path as given, hash
-  nlohmann::json extra = nlohmann::json::object();           ///< further keys, merged at top level
+  nlohmann::json extra = nlohmann::json::object();  ///< further keys, merged at top level
 };
 
 /// JSON forms of the result files; numbers that are not finite become null.
@@ -57,7 +57,7 @@ RoadSurface read_surface(const std::filesystem::path& path);
 VehicleDocument read_vehicles(const std::filesystem::path& path);
 RunDocument read_run(const std::filesystem::path& path);
 
-/// Writes JSON with two spaces of indentation and a final newline, atomically.
+/// Writes JSON as format_json() gives it, atomically.
 void write_json(const nlohmann::json& json, const std::filesystem::path& path);
 
 }  // namespace camber

@@ -478,7 +478,7 @@ void write_scene(const Scene& scene, const fs::path& path) {
     if (scene.truth->cloud_frame) truth["cloud_frame"] = *scene.truth->cloud_frame;
     out["truth"] = std::move(truth);
   }
-  write_file_atomically(path, out.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
+  write_file_atomically(path, format_json(out));
 }
 
 std::vector<int> select_frames(const Scene& scene, const std::string& list) {

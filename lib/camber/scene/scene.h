@@ -20,10 +20,10 @@ struct SceneFrame {
   int id = 0;
   std::optional<double> time_s;
   std::filesystem::path image;
-  std::filesystem::path segmentation;            ///< 8-bit label image
-  std::filesystem::path road_mask;               ///< non-zero is road
-  std::optional<Plane> ego_plane;                ///< given, camera frame
-  std::optional<SE3> world_from_camera;          ///< known pose
+  std::filesystem::path segmentation;    ///< 8-bit label image
+  std::filesystem::path road_mask;       ///< non-zero is road
+  std::optional<Plane> ego_plane;        ///< given, camera frame
+  std::optional<SE3> world_from_camera;  ///< known pose
   std::vector<VehicleDetection> vehicles;
 };
 
@@ -32,12 +32,12 @@ struct TruthVehicle {
   int id = 0;
   std::string vehicle_class = "car";
   Box2 box;
-  OrientedBox pose;                              ///< camera frame of its image, m
-  std::optional<Plane> plane;                    ///< ground under it, camera frame
-  std::vector<Eigen::Vector3d> keypoints;        ///< 36 or none, camera frame, m
+  OrientedBox pose;                        ///< camera frame of its image, m
+  std::optional<Plane> plane;              ///< ground under it, camera frame
+  std::vector<Eigen::Vector3d> keypoints;  ///< 36 or none, camera frame, m
   bool moving = false;
-  double occlusion = 0.0;                        ///< share in [0, 1]
-  double truncation = 0.0;                       ///< share in [0, 1]
+  double occlusion = 0.0;   ///< share in [0, 1]
+  double truncation = 0.0;  ///< share in [0, 1]
 };
 
 struct TruthFrame {
@@ -45,7 +45,7 @@ struct TruthFrame {
   std::optional<SE3> world_from_camera;
   std::optional<Plane> ego_plane;
   std::filesystem::path depth;
-  std::string depth_encoding;                    ///< "kitti" or "synthia"
+  std::string depth_encoding;  ///< "kitti" or "synthia"
   std::filesystem::path label;
   std::vector<TruthVehicle> vehicles;
 };
@@ -54,20 +54,20 @@ struct TruthFrame {
 struct SceneTruth {
   std::vector<TruthFrame> frames;
   std::filesystem::path cloud;
-  std::optional<int> cloud_frame;                ///< frame id in whose camera the cloud is
+  std::optional<int> cloud_frame;  ///< frame id in whose camera the cloud is
 };
 
 /// A scene manifest (scene.json, format "camber-scene", version 1).
 struct Scene {
   std::string name;
   PinholeCamera camera;
-  std::optional<double> height_above_road;       ///< m; none: results are up to scale
-  std::optional<double> frame_rate;              ///< Hz
-  std::optional<int> reference_frame;            ///< frame id
-  std::string detections_source;                 ///< "network", "truth_boxes", ..., or empty
+  std::optional<double> height_above_road;  ///< m; none: results are up to scale
+  std::optional<double> frame_rate;         ///< Hz
+  std::optional<int> reference_frame;       ///< frame id
+  std::string detections_source;            ///< "network", "truth_boxes", ..., or empty
   std::map<std::string, std::vector<int>> segmentation_classes;  ///< "road" -> label values
-  std::map<std::string, double> markings_m;      ///< "dash_length" -> m
-  std::vector<SceneFrame> frames;                ///< ids strictly ascending
+  std::map<std::string, double> markings_m;                      ///< "dash_length" -> m
+  std::vector<SceneFrame> frames;                                ///< ids strictly ascending
   std::optional<SceneTruth> truth;
 
   /// Not found: nullptr.

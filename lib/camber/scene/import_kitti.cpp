@@ -1,0 +1,561 @@
+#include "camber/scene/import_kitti.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "camber/core/errors.h"
+#include "camber/scene/image_io.h"
+#include "camber/scene/json_reader.h"
+#include "camber/scene/kitti_labels.h"
+#include "camber/scene/text_rows.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+using Projection = KittiCalibration::Projection;
+
+std::string lower_case(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+/// The frame number that a file is named by; nothing for other names.
+std::optional<int> frame_number(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  if (stem.empty() || !std::all_of(stem.begin(), stem.end(),
+                                   [](unsigned char c) { return std::isdigit(c) != 0; })) {
+    return std::nullopt;
+  }
+  int number = 0;
+  const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
+  if (error != std::errc() || end != stem.data() + stem.size()) return std::nullopt;
+  return number;
+}
+
+/// Files of a folder by frame number.
+std::map<int, fs::path> numbered_files(const fs::path& folder,
+                                       const std::vector<std::string>& extensions,
+                                       const char* what) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    throw InputError(folder.string(),
+                     fmt::format("is not a folder, expected a folder of {}", what));
+  }
+  std::map<int, fs::path> out;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    const fs::path& file = at->path();
+    const std::string extension = lower_case(file.extension().string());
+    if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end()) continue;
+    const std::optional<int> number = frame_number(file);
+    if (!number) continue;
+    const auto [place, fresh] = out.emplace(*number, file);
+    if (!fresh) {
+      throw InputError(folder.string(),
+                       fmt::format("found both {} and {}, expected one file for frame {}",
+                                   printable(place->second.filename().string()),
+                                   printable(file.filename().string()), *number));
+    }
+  }
+  if (error) throw InputError(folder.string(), "cannot be listed: " + error.message());
+  if (out.empty()) {
+    throw InputError(folder.string(),
+                     fmt::format("found no {} named by frame number, expected files like 000048{}",
+                                 what, extensions.front()));
+  }
+  return out;
+}
+
+/// The camera that a path like .../image_02/0009 belongs to.
+std::optional<int> camera_of_folder(const fs::path& folder) {
+  const fs::path whole = fs::absolute(folder).lexically_normal();
+  std::optional<int> out;
+  for (const fs::path& part : whole) {  // the last match wins
+    const std::string name = part.string();
+    if (name.rfind("image_", 0) != 0) continue;
+    const std::string digits = name.substr(6);
+    if (digits.size() == 1 && digits[0] >= '0' && digits[0] <= '3') out = digits[0] - '0';
+    if (digits.size() == 2 && digits[0] == '0' && digits[1] >= '0' && digits[1] <= '3') {
+      out = digits[1] - '0';
+    }
+  }
+  return out;
+}
+
+// ---- calibration --------------------------------------------------------------------------------
+
+template <int Rows, int Columns>
+Eigen::Matrix<double, Rows, Columns> read_matrix(const TextRows& text, const TextRow& row,
+                                                 std::size_t first, const std::string& key) {
+  if (row.words.size() - first != Rows * Columns) {
+    text.fail(row, fmt::format("found {} numbers for {}, expected {}", row.words.size() - first,
+                               key, Rows * Columns));
+  }
+  Eigen::Matrix<double, Rows, Columns> out;
+  for (int i = 0; i < Rows * Columns; ++i) {
+    out(i / Columns, i % Columns) =
+        text.number(row, row.words[first + static_cast<std::size_t>(i)], "a number of " + key);
+  }
+  return out;
+}
+
+template <class T>
+void put_once(const TextRows& text, const TextRow& row, const std::string& key,
+              std::optional<T>& to, const T& value) {
+  if (to) text.fail(row, fmt::format("found {} a second time, expected it once", key));
+  to = value;
+}
+
+void read_calibration_file(const fs::path& path, KittiCalibration& out,
+                           std::optional<Eigen::Matrix3d>& laser_rotation,
+                           std::optional<Eigen::Vector3d>& laser_translation) {
+  const TextRows text(path);
+  std::size_t bare_rows = 0;
+  for (const TextRow& row : text.rows()) {
+    double ignored = 0.0;
+    if (parse_number(row.words[0].text, &ignored)) {
+      if (bare_rows >= out.projections.size()) {
+        text.fail(row, "found a fifth row of numbers, expected at most P0 to P3");
+      }
+      const std::string key = fmt::format("P{}", bare_rows);
+      put_once(text, row, key, out.projections[bare_rows], read_matrix<3, 4>(text, row, 0, key));
+      ++bare_rows;
+      continue;
+    }
+    // "P2: 1 2 ...", "P2:1 2 ...", and "R_rect 1 2 ..." of the tracking benchmark.
+    TextRow numbers = row;
+    std::string key(row.words[0].text);
+    std::size_t first = 1;
+    if (const auto colon = key.find(':'); colon != std::string::npos) {
+      if (colon + 1 < key.size()) {
+        numbers.words[0].text.remove_prefix(colon + 1);
+        numbers.words[0].column += static_cast<int>(colon + 1);
+        first = 0;
+      }
+      key.resize(colon);
+    }
+    const auto index_after = [&](const char* prefix, std::size_t digits) -> int {
+      const std::string start = prefix;
+      if (key.size() != start.size() + digits || key.rfind(start, 0) != 0) return -1;
+      if (digits == 2 && key[start.size()] != '0') return -1;
+      const int index = key.back() - '0';
+      return index >= 0 && index <= 3 ? index : -1;
+    };
+    const int projection = std::max(index_after("P", 1), index_after("P_rect_", 2));
+    if (projection >= 0) {
+      put_once(text, row, key, out.projections[static_cast<std::size_t>(projection)],
+               read_matrix<3, 4>(text, numbers, first, key));
+    } else if (key == "R0_rect" || key == "R_rect" || key == "R_rect_00") {
+      put_once(text, row, key, out.rectification, read_matrix<3, 3>(text, numbers, first, key));
+    } else if (key == "Tr_velo_to_cam" || key == "Tr_velo_cam") {
+      put_once(text, row, key, out.camera0_from_laser,
+               read_matrix<3, 4>(text, numbers, first, key));
+    } else if (key == "Tr") {
+      put_once(text, row, key, out.rectified_from_laser,
+               read_matrix<3, 4>(text, numbers, first, key));
+    } else if (key == "R") {
+      put_once(text, row, key, laser_rotation, read_matrix<3, 3>(text, numbers, first, key));
+    } else if (key == "T") {
+      put_once(text, row, key, laser_translation, read_matrix<3, 1>(text, numbers, first, key));
+    }
+  }
+}
+
+void check_rotation(const Eigen::Matrix3d& r, const std::string& file, const std::string& key) {
+  const double error = (r.transpose() * r - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (error <= 1e-3 && r.determinant() > 0.0) return;
+  throw InputError(file, key, "found a matrix that is no rotation, expected one");
+}
+
+// ---- labels -------------------------------------------------------------------------------------
+
+struct FrameLabels {
+  fs::path file;
+  std::vector<KittiLabel> labels;
+};
+
+/// Label rows by frame, from a tracking file or a folder of object files. Only wanted frames.
+std::map<int, FrameLabels> read_labels(const fs::path& path, const std::vector<SceneFrame>& frames,
+                                       const char* what, const LogSink& warn) {
+  std::map<int, FrameLabels> out;
+  std::set<int> wanted;
+  for (const SceneFrame& frame : frames) wanted.insert(frame.id);
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    for (const auto& [number, file] : numbered_files(path, {".txt"}, what)) {
+      if (!wanted.count(number)) continue;
+      const KittiLabelFile read = read_kitti_labels(file);
+      if (read.form == KittiLabelForm::kTracking && !read.labels.empty()) {
+        throw InputError(file.string(),
+                         "found rows of the tracking form, expected object rows (15 columns) in a "
+                         "folder of one file an image; give a tracking file by its own path");
+      }
+      out[number] = {file, read.labels};
+    }
+  } else {
+    const KittiLabelFile read = read_kitti_labels(path);
+    if (read.form == KittiLabelForm::kTracking) {
+      for (const KittiLabel& label : read.labels) {
+        if (!wanted.count(label.frame)) continue;
+        FrameLabels& frame = out[label.frame];
+        frame.file = path;
+        frame.labels.push_back(label);
+      }
+    } else if (!read.labels.empty()) {
+      const std::optional<int> number = frame_number(path);
+      if (!number || !wanted.count(*number)) {
+        throw InputError(path.string(),
+                         "found object rows (15 columns) in a file that is not named "
+                         "by one of the frames, expected a tracking file or a folder "
+                         "of object files");
+      }
+      out[*number] = {path, read.labels};
+    }
+  }
+  if (out.empty() && warn) {
+    warn(fmt::format("{}: no row for frames {} to {}", path.string(), frames.front().id,
+                     frames.back().id));
+  }
+  return out;
+}
+
+double occlusion_share(int code) {
+  switch (code) {
+    case 1:
+      return 0.3;
+    case 2:
+      return 0.8;
+    case 3:
+      return 1.0;
+    default:
+      return 0.0;
+  }
+}
+
+/// Gives each label an id that no other of its frame has: the track where all have one that
+/// differs, else the row's number.
+std::vector<int> ids_of(const std::vector<KittiLabel>& labels) {
+  std::set<int> seen;
+  std::vector<int> ids;
+  for (const KittiLabel& label : labels) {
+    if (label.track < 0 || !seen.insert(label.track).second) {
+      ids.resize(labels.size());
+      for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<int>(i);
+      return ids;
+    }
+    ids.push_back(label.track);
+  }
+  return ids;
+}
+
+std::vector<KittiLabel> vehicles_among(const std::vector<KittiLabel>& labels,
+                                       const std::set<std::string>& classes) {
+  std::vector<KittiLabel> out;
+  for (const KittiLabel& label : labels) {
+    if (!label.dont_care() && classes.count(lower_case(label.type))) out.push_back(label);
+  }
+  return out;
+}
+
+std::vector<VehicleDetection> detections_of(const std::vector<KittiLabel>& labels) {
+  const std::vector<int> ids = ids_of(labels);
+  std::vector<VehicleDetection> out;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    VehicleDetection detection;
+    detection.id = ids[i];
+    detection.vehicle_class = lower_case(labels[i].type);
+    detection.track = labels[i].track;
+    detection.box = labels[i].box;
+    if (!std::isnan(labels[i].score)) detection.score = labels[i].score;
+    out.push_back(std::move(detection));
+  }
+  return out;
+}
+
+/// @param skipped counts rows without a 3D box.
+std::vector<TruthVehicle> truth_of(const FrameLabels& frame, const std::vector<KittiLabel>& labels,
+                                   const Eigen::Vector3d& offset, int* skipped) {
+  std::set<int> tracks;
+  for (const KittiLabel& label : labels) {
+    if (label.track >= 0 && !tracks.insert(label.track).second) {
+      throw InputError(frame.file.string(), fmt::format("line {}", label.line),
+                       fmt::format("found track {} a second time in frame {}, expected it once",
+                                   label.track, label.frame));
+    }
+  }
+  const std::vector<int> ids = ids_of(labels);
+  std::vector<TruthVehicle> out;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    const KittiLabel& label = labels[i];
+    if (!label.has_box3()) {
+      ++*skipped;
+      continue;
+    }
+    TruthVehicle vehicle;
+    vehicle.id = ids[i];
+    vehicle.vehicle_class = lower_case(label.type);
+    vehicle.box = label.box;
+    vehicle.pose.camera_from_vehicle =
+        SE3(rotation_from_rotation_y(label.rotation_y), label.location + offset);
+    vehicle.pose.dimensions = {label.length, label.width, label.height};
+    vehicle.occlusion = occlusion_share(label.occluded);
+    vehicle.truncation = std::clamp(label.truncated, 0.0, 1.0);
+    out.push_back(std::move(vehicle));
+  }
+  return out;
+}
+
+TruthFrame& truth_frame(SceneTruth& truth, int id) {
+  for (TruthFrame& frame : truth.frames) {
+    if (frame.id == id) return frame;
+  }
+  truth.frames.emplace_back();
+  truth.frames.back().id = id;
+  return truth.frames.back();
+}
+
+int camera_index(const KittiImportOptions& options) {
+  if (options.camera) return *options.camera;
+  const std::optional<int> camera = camera_of_folder(options.images);
+  if (!camera) {
+    throw UsageError(
+        fmt::format("--images {}: the path names no camera, expected a folder like "
+                    "image_02 in it, or --camera 0 to 3",
+                    options.images.string()));
+  }
+  return *camera;
+}
+
+std::vector<fs::path> calibration_files(const KittiImportOptions& options) {
+  if (!options.calibration.empty()) return options.calibration;
+  fs::path folder = fs::absolute(options.images).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  const fs::path beside = folder.parent_path() / "calib.txt";
+  std::error_code error;
+  if (!fs::exists(beside, error)) {
+    throw UsageError(
+        fmt::format("no --calib is given and there is no {}, expected a KITTI "
+                    "calibration file",
+                    beside.string()));
+  }
+  return {beside};
+}
+
+}  // namespace
+
+KittiCalibration::Camera KittiCalibration::camera(int index) const {
+  const std::string key = fmt::format("P{}", index);
+  if (index < 0 || index > 3)
+    throw std::invalid_argument("camera " + std::to_string(index) + ", expected 0 to 3");
+  const std::optional<Projection>& projection = projections[static_cast<std::size_t>(index)];
+  if (!projection) {
+    std::string there;
+    for (int i = 0; i < 4; ++i) {
+      if (projections[static_cast<std::size_t>(i)])
+        there += fmt::format("{}P{}", there.empty() ? "" : ", ", i);
+    }
+    throw InputError(file, fmt::format("found {}, expected {} (camera {} of the images)",
+                                       there.empty() ? "no projection" : there, key, index));
+  }
+  const Projection& p = *projection;
+  const bool rectified = p(0, 0) > 0 && p(1, 1) > 0 && p(0, 1) == 0 && p(1, 0) == 0 &&
+                         p(2, 0) == 0 && p(2, 1) == 0 && p(2, 2) == 1;
+  if (!rectified) {
+    throw InputError(file, key,
+                     fmt::format("found the 3 x 3 part [{} {} {}; {} {} {}; {} {} {}], "
+                                 "expected [fx 0 cx; 0 fy cy; 0 0 1] of a rectified camera",
+                                 p(0, 0), p(0, 1), p(0, 2), p(1, 0), p(1, 1), p(1, 2), p(2, 0),
+                                 p(2, 1), p(2, 2)));
+  }
+  Camera out{p(0, 0), p(1, 1), p(0, 2), p(1, 2), {}};
+  out.offset.z() = p(2, 3);
+  out.offset.x() = (p(0, 3) - p(0, 2) * p(2, 3)) / p(0, 0);
+  out.offset.y() = (p(1, 3) - p(1, 2) * p(2, 3)) / p(1, 1);
+  return out;
+}
+
+Eigen::Matrix4d KittiCalibration::camera_from_laser(int index) const {
+  Eigen::Matrix4d rectified = Eigen::Matrix4d::Identity();
+  if (rectified_from_laser) {
+    rectified.topRows<3>() = *rectified_from_laser;
+    check_rotation(rectified.topLeftCorner<3, 3>(), file, "Tr");
+  } else if (camera0_from_laser && rectification) {
+    check_rotation(camera0_from_laser->leftCols<3>(), file, "Tr_velo_to_cam");
+    check_rotation(*rectification, file, "R0_rect");
+    rectified.topRows<3>() = *rectification * *camera0_from_laser;
+  } else {
+    throw InputError(file,
+                     fmt::format("found no {}, expected R0_rect and Tr_velo_to_cam (or Tr) to "
+                                 "place laser scans",
+                                 camera0_from_laser ? "R0_rect" : "Tr_velo_to_cam"));
+  }
+  rectified.topRightCorner<3, 1>() += camera(index).offset;
+  return rectified;
+}
+
+KittiCalibration read_kitti_calibration(const std::vector<fs::path>& files) {
+  if (files.empty()) throw std::invalid_argument("read_kitti_calibration: no file is given");
+  KittiCalibration out;
+  std::optional<Eigen::Matrix3d> rotation;
+  std::optional<Eigen::Vector3d> translation;
+  for (const fs::path& file : files) {
+    out.file += (out.file.empty() ? "" : ", ") + file.string();
+    read_calibration_file(file, out, rotation, translation);
+  }
+  if (rotation && translation && !out.camera0_from_laser) {
+    Projection laser;
+    laser << *rotation, *translation;
+    out.camera0_from_laser = laser;
+  }
+  return out;
+}
+
+std::vector<SE3> read_kitti_poses(const fs::path& path) {
+  const TextRows text(path);
+  std::vector<SE3> out;
+  for (const TextRow& row : text.rows()) {
+    const Projection m = read_matrix<3, 4>(text, row, 0, "a pose (3 x 4, row by row)");
+    const Eigen::Matrix3d r = m.leftCols<3>();
+    const double error = (r.transpose() * r - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    if (!(error <= 1e-3) || !(r.determinant() > 0.0)) {
+      text.fail(row, "found a matrix whose 3 x 3 part is no rotation, expected a rigid pose");
+    }
+    out.emplace_back(r, m.col(3));
+  }
+  return out;
+}
+
+void KittiImportOptions::validate() const {
+  const auto positive = [](double value, const char* what) {
+    if (!(value > 0.0) || !std::isfinite(value)) {
+      throw std::invalid_argument(fmt::format("{} {}, expected a positive number", what, value));
+    }
+  };
+  positive(camera_height, "camera_height");
+  positive(frame_rate, "frame_rate");
+  if (camera && (*camera < 0 || *camera > 3)) {
+    throw std::invalid_argument(fmt::format("camera {}, expected 0 to 3", *camera));
+  }
+  if (detections_from_labels && labels.empty()) {
+    throw std::invalid_argument("detections_from_labels without labels, expected a label file");
+  }
+  if (detections_from_labels && !detections.empty()) {
+    throw std::invalid_argument("both detections and detections_from_labels, expected one of them");
+  }
+  if (classes.empty()) throw std::invalid_argument("classes is empty, expected at least one type");
+}
+
+Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
+  options.validate();
+  const int index = camera_index(options);
+  const std::map<int, fs::path> images =
+      numbered_files(options.images, {".png", ".jpg", ".jpeg"}, "images");
+  const KittiCalibration calibration = read_kitti_calibration(calibration_files(options));
+  const KittiCalibration::Camera camera = calibration.camera(index);
+
+  Scene scene;
+  fs::path folder = fs::absolute(options.images).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  scene.name = options.name.empty() ? folder.parent_path().filename().string() : options.name;
+  scene.camera.fx = camera.fx;
+  scene.camera.fy = camera.fy;
+  scene.camera.cx = camera.cx;
+  scene.camera.cy = camera.cy;
+  scene.height_above_road = options.camera_height;
+  scene.frame_rate = options.frame_rate;
+  for (const auto& [number, file] : images) {
+    SceneFrame frame;
+    frame.id = number;
+    frame.time_s = number / options.frame_rate;
+    frame.image = file;
+    scene.frames.push_back(std::move(frame));
+  }
+  const std::vector<int> selected = select_frames(scene, options.frames);
+  const std::set<int> wanted(selected.begin(), selected.end());
+  scene.frames.erase(
+      std::remove_if(scene.frames.begin(), scene.frames.end(),
+                     [&](const SceneFrame& frame) { return !wanted.count(frame.id); }),
+      scene.frames.end());
+
+  for (const SceneFrame& frame : scene.frames) {
+    const ImageInfo info = read_image_info(frame.image);
+    if (scene.camera.width == 0) {
+      scene.camera.width = info.width;
+      scene.camera.height = info.height;
+    }
+    if (info.width != scene.camera.width || info.height != scene.camera.height) {
+      throw InputError(frame.image.string(),
+                       fmt::format("found an image of {} x {} pixels, expected {} x {} as {}",
+                                   info.width, info.height, scene.camera.width, scene.camera.height,
+                                   printable(scene.frames.front().image.filename().string())));
+    }
+  }
+  if (options.reference_frame) {
+    if (!scene.find_frame(*options.reference_frame)) {
+      throw UsageError(fmt::format("reference frame {} is not among the frames {} to {}",
+                                   *options.reference_frame, selected.front(), selected.back()));
+    }
+    scene.reference_frame = options.reference_frame;
+  }
+
+  std::set<std::string> classes;
+  for (const std::string& name : options.classes) classes.insert(lower_case(name));
+  SceneTruth truth;
+  if (!options.labels.empty()) {
+    int skipped = 0;
+    const auto labels = read_labels(options.labels, scene.frames, "label files", warn);
+    for (SceneFrame& frame : scene.frames) {
+      TruthFrame& true_frame = truth_frame(truth, frame.id);
+      const auto at = labels.find(frame.id);
+      if (at == labels.end()) continue;
+      const std::vector<KittiLabel> vehicles = vehicles_among(at->second.labels, classes);
+      true_frame.vehicles = truth_of(at->second, vehicles, camera.offset, &skipped);
+      if (options.detections_from_labels) frame.vehicles = detections_of(vehicles);
+    }
+    if (options.detections_from_labels) scene.detections_source = "truth_boxes";
+    if (skipped > 0 && warn) {
+      warn(fmt::format("{}: {} row{} without a 3D box left out of the truth",
+                       options.labels.string(), skipped, skipped == 1 ? "" : "s"));
+    }
+  }
+  if (!options.detections.empty()) {
+    const auto labels = read_labels(options.detections, scene.frames, "detection files", warn);
+    for (SceneFrame& frame : scene.frames) {
+      const auto at = labels.find(frame.id);
+      if (at != labels.end())
+        frame.vehicles = detections_of(vehicles_among(at->second.labels, classes));
+    }
+    scene.detections_source = "network";
+  }
+  if (!options.poses.empty()) {
+    const std::vector<SE3> poses = read_kitti_poses(options.poses);
+    // Row i belongs to the i-th image where there is one for each, else to frame i.
+    const bool by_order = poses.size() == images.size();
+    if (!by_order && poses.size() <= static_cast<std::size_t>(selected.back())) {
+      throw InputError(options.poses.string(),
+                       fmt::format("found {} poses, expected one for each of the {} images, or at "
+                                   "least {} so that row i is frame i",
+                                   poses.size(), images.size(), selected.back() + 1));
+    }
+    const SE3 camera0_from_camera(Eigen::Quaterniond::Identity(), -camera.offset);
+    for (const SceneFrame& frame : scene.frames) {
+      const std::size_t row =
+          by_order ? static_cast<std::size_t>(std::distance(images.begin(), images.find(frame.id)))
+                   : static_cast<std::size_t>(frame.id);
+      truth_frame(truth, frame.id).world_from_camera = poses[row] * camera0_from_camera;
+    }
+  }
+  if (!truth.frames.empty()) scene.truth = std::move(truth);
+  return scene;
+}
+
+}  // namespace camber

@@ -1,0 +1,127 @@
+// camber import kitti: native data sets to scene manifests.
+
+#include <memory>
+
+#include "camber/core/errors.h"
+#include "camber/scene/import_kitti.h"
+#include "camber/scene/scene.h"
+#include "command.h"
+
+namespace fs = std::filesystem;
+
+namespace camber::tools {
+namespace {
+
+/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
+fs::path manifest_of(const std::string& out) {
+  const fs::path path = out;
+  return path.extension() == ".json" ? path : path / "scene.json";
+}
+
+/// Creates a folder with all above it and removes what it created unless kept.
+class NewFolder {
+ public:
+  explicit NewFolder(const fs::path& folder) {
+    std::error_code error;
+    for (fs::path at = fs::absolute(folder).lexically_normal();
+         !at.empty() && !fs::exists(at, error); at = at.parent_path()) {
+      first_ = at;
+      if (at == at.parent_path()) break;
+    }
+    fs::create_directories(folder, error);
+    if (!fs::is_directory(folder)) {
+      throw OutputError(folder.string(),
+                        "cannot be created" + (error ? ": " + error.message() : std::string()));
+    }
+  }
+  ~NewFolder() {
+    std::error_code ignored;
+    if (!kept_ && !first_.empty()) fs::remove_all(first_, ignored);
+  }
+  NewFolder(const NewFolder&) = delete;
+  NewFolder& operator=(const NewFolder&) = delete;
+  void keep() { kept_ = true; }
+
+ private:
+  fs::path first_;  // the topmost folder that was not there before
+  bool kept_ = false;
+};
+
+struct KittiArguments {
+  KittiImportOptions options;
+  std::string images, labels, poses, detections, out;
+  std::vector<std::string> calibration;
+  int camera = -1;
+  int reference_frame = -1;
+};
+
+void register_kitti(CLI::App& import) {
+  Command* command = add_command(
+      import, "kitti",
+      "Writes the scene manifest of a KITTI clip (tracking, raw, odometry or object layout). "
+      "Labels "
+      "and poses become ground truth; boxes become detections only when asked for.",
+      "  camber import kitti --images image_02/0009 --calib calib/0009.txt "
+      "--labels label_02/0009.txt \\\n"
+      "      --detections-from-labels --frames 48:53 --out clip/scene.json\n"
+      "  camber import kitti --images image_0 --calib calib.txt --poses poses.txt --out drive06\n"
+      "  camber import kitti --images image_02/data --calib calib_cam_to_cam.txt "
+      "--out drive0052");
+  auto arguments = std::make_shared<KittiArguments>();
+  KittiArguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("--images", a.images, "folder of images named by frame number")->required();
+  app.add_option("--calib", a.calibration,
+                 "calibration files; default: calib.txt beside the folder of images");
+  app.add_option("--labels", a.labels,
+                 "true boxes: a tracking label file, or a folder of object label files");
+  app.add_option("--poses", a.poses, "true poses of camera 0, 12 numbers a row (odometry form)");
+  CLI::Option* detections = app.add_option(
+      "--detections", a.detections, "a detector's boxes in KITTI's label form, as for --labels");
+  app.add_flag("--detections-from-labels", a.options.detections_from_labels,
+               "take the boxes of --labels as detections and say so")
+      ->needs("--labels")
+      ->excludes(detections);
+  app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5");
+  app.add_option("--reference", a.reference_frame,
+                 "reference frame; default: left to the run (the middle one)")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--camera", a.camera,
+                 "camera of the images; default: by a folder name like image_02")
+      ->check(CLI::Range(0, 3));
+  app.add_option("--camera-height", a.options.camera_height, "metres above the road")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--classes", a.options.classes, "types that count as vehicles")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--name", a.options.name, "name of the scene; default: the clip's folder");
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  command->run = [arguments, command]() {
+    KittiArguments& given = *arguments;
+    KittiImportOptions& options = given.options;
+    options.images = given.images;
+    options.calibration.assign(given.calibration.begin(), given.calibration.end());
+    options.labels = given.labels;
+    options.poses = given.poses;
+    options.detections = given.detections;
+    if (given.camera >= 0) options.camera = given.camera;
+    if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
+    options.validate();
+    const fs::path manifest = manifest_of(given.out);
+    NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
+    write_scene(import_kitti(options, make_warning_sink(command->common)), manifest);
+    folder.keep();
+    return 0;
+  };
+}
+
+}  // namespace
+
+void register_import(CLI::App& root) {
+  CLI::App* import = root.add_subcommand("import", "Writes scene manifests for other data sets");
+  import->require_subcommand(1);
+  register_kitti(*import);
+}
+
+}  // namespace camber::tools
