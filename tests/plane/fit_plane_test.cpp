@@ -1,0 +1,211 @@
+#include "camber/plane/fit_plane.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "camber/core/random.h"
+#include "plane/road_scene_maker.h"
+
+namespace camber {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr double kDegree = M_PI / 180.0;
+
+RoadCloud cloud_of(std::initializer_list<Vector3f> points) {
+  RoadCloud cloud;
+  cloud.points = points;
+  return cloud;
+}
+
+/// n points on z = 0.1 x + 0.05 y + 2 over a square of 20 m, with normal noise along z.
+RoadCloud sheet(std::size_t n, double noise, double height = 2.0, std::uint64_t seed = 1) {
+  RoadCloud cloud;
+  const CounterRandom random(seed, 5);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double x = random.uniform(2 * i, -10, 10), y = random.uniform(2 * i + 1, -10, 10);
+    cloud.points.push_back(
+        Vector3d(x, y, 0.1 * x + 0.05 * y + height + noise * random.normal(i)).cast<float>());
+  }
+  return cloud;
+}
+
+const Vector3d kSheetNormal = Vector3d(-0.1, -0.05, 1.0).normalized();
+
+TEST(FitPlane, RecoversAPlaneAmongOutliers) {
+  test::RoadSceneOptions made;
+  made.points = 20000;
+  const test::RoadScene scene = test::make_road_scene(made);
+  const PlaneFit fit = fit_plane(scene.cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  // 0.02 degrees is about four standard deviations across a 10 m road at 14,000 road points.
+  EXPECT_LT(angle_between(fit.plane.plane.normal, scene.planes[0].normal), 0.02 * kDegree);
+  EXPECT_NEAR(scene.planes[0].signed_distance(fit.plane.centroid), 0.0, 2e-3);
+  EXPECT_GT(fit.num_inliers, 13000u);
+  EXPECT_EQ(fit.num_inliers, fit.inliers.size());
+  EXPECT_TRUE(std::is_sorted(fit.inliers.begin(), fit.inliers.end()));
+}
+
+TEST(FitPlane, SameAnswerForAnyNumberOfThreads) {
+  test::RoadSceneOptions made;
+  made.points = 200000;
+  const test::RoadScene scene = test::make_road_scene(made);
+  PlaneFitOptions options;
+  options.num_threads = 1;
+  const PlaneFit one = fit_plane(scene.cloud, options);
+  for (const int threads : {2, 4, 7}) {
+    options.num_threads = threads;
+    const PlaneFit many = fit_plane(scene.cloud, options);
+    EXPECT_EQ(one.plane.plane.normal, many.plane.plane.normal);
+    EXPECT_EQ(one.plane.plane.offset, many.plane.plane.offset);
+    EXPECT_EQ(one.plane.covariance, many.plane.covariance);
+    EXPECT_EQ(one.inliers, many.inliers);
+    EXPECT_EQ(one.rmse, many.rmse);
+  }
+}
+
+TEST(FitPlane, ArraysAndCloudAgree) {
+  const RoadCloud cloud = sheet(5000, 0.02);
+  std::vector<float> x, y, z;
+  for (const Vector3f& p : cloud.points) {
+    x.push_back(p.x());
+    y.push_back(p.y());
+    z.push_back(p.z());
+  }
+  const PlaneFit a = fit_plane(cloud, {});
+  const PlaneFit b = fit_plane(x.data(), y.data(), z.data(), nullptr, x.size(), {});
+  EXPECT_EQ(a.plane.plane.normal, b.plane.plane.normal);
+  EXPECT_EQ(a.inliers, b.inliers);
+}
+
+TEST(FitPlane, KeepsMapCoordinatesInDouble) {
+  RoadCloud cloud = sheet(5000, 0.02);
+  const PlaneFit near = fit_plane(cloud, {});
+  cloud.origin = {4.5e6, 5.1e5, 120.0};
+  const PlaneFit far = fit_plane(cloud, {});
+  EXPECT_TRUE(far.plane.centroid.isApprox(near.plane.centroid + cloud.origin, 1e-12));
+  EXPECT_NEAR(far.plane.plane.signed_distance(near.plane.centroid + cloud.origin), 0.0, 1e-8);
+}
+
+TEST(FitPlane, UsesTheCameraAsViewpoint) {
+  // A level road 1.65 m below the camera; depth noise 0.0007 z^2 along the ray.
+  RoadCloud cloud;
+  cloud.frame = CloudFrame::kCamera;
+  const CounterRandom random(3, 5);
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    const Vector3d p(random.uniform(2 * i, -5, 5), 1.65, random.uniform(2 * i + 1, 5, 40));
+    const double r = p.norm(), sigma = 0.0007 * r * r;
+    cloud.points.push_back((p * (1.0 + sigma * random.normal(i) / r)).cast<float>());
+    cloud.sigmas.push_back(static_cast<float>(sigma));
+  }
+  PlaneFitOptions options;
+  options.up = cloud.default_up();
+  const PlaneFit fit = fit_plane(cloud, options);
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  EXPECT_LT(angle_between(fit.plane.plane.normal, {0, -1, 0}), 0.02 * kDegree);
+  EXPECT_NEAR(fit.plane.plane.offset, 1.65, 1e-3);
+}
+
+TEST(FitPlane, TooFewPoints) {
+  EXPECT_EQ(fit_plane(RoadCloud{}, {}).status, Status::kFailed);
+  const PlaneFit fit = fit_plane(cloud_of({{0, 0, 0}, {1, 0, 0}}), {});
+  EXPECT_EQ(fit.status, Status::kFailed);
+  EXPECT_EQ(fit.reason, "2 usable points, at least 3 are needed");
+}
+
+TEST(FitPlane, ThreePointsGiveTheirPlaneButNoCertainty) {
+  const PlaneFit fit = fit_plane(cloud_of({{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}), {});
+  EXPECT_EQ(fit.status, Status::kWeak) << fit.reason;
+  EXPECT_NEAR(fit.plane.plane.normal.z(), 1.0, 1e-6);
+  EXPECT_NEAR(fit.plane.plane.offset, -1.0, 1e-6);
+}
+
+TEST(FitPlane, AllEqualPointsFail) {
+  RoadCloud cloud;
+  cloud.points.assign(100, Vector3f(1, 2, 3));
+  EXPECT_EQ(fit_plane(cloud, {}).status, Status::kFailed);
+}
+
+TEST(FitPlane, CollinearPointsAreNotObservable) {
+  RoadCloud cloud;
+  for (int i = 0; i < 100; ++i) cloud.points.emplace_back(0.1f * i, 0.2f * i, 0.0f);
+  const PlaneFit fit = fit_plane(cloud, {});
+  EXPECT_TRUE(fit.status == Status::kNotObservable || fit.status == Status::kFailed);
+  EXPECT_FALSE(fit.reason.empty());
+}
+
+TEST(FitPlane, FlatAndFreeOfNoise) {
+  const PlaneFit fit = fit_plane(sheet(5000, 0.0), {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  EXPECT_LT(angle_between(fit.plane.plane.normal, kSheetNormal), 1e-6);
+  EXPECT_LT(fit.rmse, 1e-6);
+  EXPECT_EQ(fit.num_inliers, 5000u);
+}
+
+TEST(FitPlane, TwoParallelSheetsGiveOneOfThem) {
+  RoadCloud cloud = sheet(5000, 0.01);
+  const RoadCloud upper = sheet(3000, 0.01, 3.0, 9);
+  cloud.points.insert(cloud.points.end(), upper.points.begin(), upper.points.end());
+  const PlaneFit fit = fit_plane(cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  EXPECT_LT(angle_between(fit.plane.plane.normal, kSheetNormal), 0.02 * kDegree);
+  EXPECT_NEAR(fit.plane.plane.signed_distance({0, 0, 2}), 0.0, 1e-3);
+}
+
+TEST(FitPlane, AllNaNFails) {
+  RoadCloud cloud;
+  cloud.points.assign(20000, Vector3f::Constant(std::numeric_limits<float>::quiet_NaN()));
+  EXPECT_EQ(fit_plane(cloud, {}).status, Status::kFailed);
+}
+
+TEST(FitPlane, NaNAndAPointABillionMetresAwayAreIgnored) {
+  RoadCloud cloud = sheet(5000, 0.02);
+  const PlaneFit clean = fit_plane(cloud, {});
+  cloud.points[17] = Vector3f::Constant(std::numeric_limits<float>::quiet_NaN());
+  cloud.points[18] = Vector3f(1e9f, 0, 0);
+  cloud.points[19] = Vector3f(std::numeric_limits<float>::infinity(), 0, 0);
+  const PlaneFit fit = fit_plane(cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  // Three of 5,000 points are gone: less than a standard deviation, 0.02 m / sqrt(5000).
+  EXPECT_NEAR(fit.plane.plane.signed_distance(clean.plane.centroid), 0.0, 2.8e-4);
+  for (const int lost : {17, 18, 19}) {
+    EXPECT_FALSE(std::binary_search(fit.inliers.begin(), fit.inliers.end(), lost));
+  }
+}
+
+TEST(FitPlane, SteepWallIsNoRoad) {
+  RoadCloud cloud;
+  const CounterRandom random(4, 5);
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    cloud.points.emplace_back(static_cast<float>(random.uniform(2 * i, 0, 10)), 0.0f,
+                              static_cast<float>(random.uniform(2 * i + 1, 0, 10)));
+  }
+  const PlaneFit fit = fit_plane(cloud, {});
+  EXPECT_EQ(fit.status, Status::kFailed);
+  EXPECT_EQ(fit.reason, "no plane within 0.7 rad of the up direction");
+}
+
+TEST(FitPlane, OptionsAreChecked) {
+  PlaneFitOptions options;
+  options.max_tilt = 0.0;
+  EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.up = Vector3d::Zero();
+  EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.confidence = 1.0;
+  EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.max_hypotheses = 0;
+  EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.inlier_threshold = -1.0;
+  EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace camber
