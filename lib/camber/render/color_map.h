@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "camber/render/canvas.h"
+
+namespace camber {
+
+/// Viridis without its last, pale tenth (readable on white; safe for the colour-blind).
+/// @param share  in [0, 1], clamped; NaN gives grey.
+/// Smith and van der Walt, "A Better Default Colormap for Matplotlib", SciPy 2015 (CC0).
+Color viridis(double share);
+
+/// Distinct colours for things that are told apart by number (after Okabe and Ito, without reddish
+/// ones: red is kept for truth). Any integer.
+Color categorical(int index);
+
+/// Round numbers in [low, high]: multiples of 1, 2 or 5 times a power of ten.
+struct Ticks {
+  double step = 1.0;
+  std::vector<double> values;
+  std::vector<std::string> labels;  ///< with as many decimals as the step needs
+};
+
+/// @param count  wanted number of steps, >= 1; the answer has about so many.
+Ticks make_ticks(double low, double high, int count);
+
+/// A number with a fixed number of decimals; never "-0.0".
+std::string format_number(double value, int decimals);
+
+/// A vertical bar of viridis with ticks and a title over it.
+/// @param bar  pixels; labels are written to its right.
+void draw_color_bar(Canvas& canvas, const Box2& bar, double low, double high,
+                    const std::vector<std::string>& title, double text_size, const Color& ink);
+
+}  // namespace camber

@@ -1,0 +1,328 @@
+#include "camber/render/overlay.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "camber/render/canvas.h"
+#include "camber/render/color_map.h"
+#include "camber/render/label_layout.h"
+#include "camber/render/picture_file.h"
+#include "camber/render/wireframe.h"
+
+namespace camber {
+namespace {
+
+constexpr double kNear = 0.2;  // m, drawing starts here before the camera
+
+const Color kDark{16, 18, 22, 1.0};
+const Color kUntrusted{190, 190, 190, 1.0};
+
+void check_range(const char* name, double value, double low, double high) {
+  if (!(value >= low && value <= high)) {
+    throw std::invalid_argument("overlay option " + std::string(name) + ": found " +
+                                std::to_string(value) + ", expected " + std::to_string(low) +
+                                " to " + std::to_string(high));
+  }
+}
+
+Color brighter(const Color& color) {
+  const auto mix = [](int c) { return static_cast<std::uint8_t>(c + (255 - c) / 4); };
+  return {mix(color.red), mix(color.green), mix(color.blue), color.alpha};
+}
+
+/// Projects the part of a 3D segment that lies before the camera.
+bool project_segment(const PinholeCamera& camera, Eigen::Vector3d a, Eigen::Vector3d b,
+                     Segment2* out) {
+  if (!a.allFinite() || !b.allFinite()) return false;
+  if (a.z() < kNear && b.z() < kNear) return false;
+  if (a.z() < kNear) a += (b - a) * ((kNear - a.z()) / (b.z() - a.z()));
+  if (b.z() < kNear) b += (a - b) * ((kNear - b.z()) / (a.z() - b.z()));
+  *out = {*camera.project(a), *camera.project(b)};
+  return true;
+}
+
+/// Cuts 3D segments into pieces and sorts them by whether a body hides their middles.
+struct SplitLines {
+  std::vector<Segment2> visible, hidden;
+
+  void add(const PinholeCamera& camera, const Occluders& occluders, const Eigen::Vector3d& a,
+           const Eigen::Vector3d& b, int pieces, double tolerance) {
+    bool last_hidden = false;
+    for (int i = 0; i < pieces; ++i) {
+      const Eigen::Vector3d from = a + (b - a) * (static_cast<double>(i) / pieces);
+      const Eigen::Vector3d to = a + (b - a) * (static_cast<double>(i + 1) / pieces);
+      Segment2 line;
+      if (!project_segment(camera, from, to, &line)) continue;
+      const bool hide = occluders.hides(0.5 * (from + to), tolerance);
+      auto& list = hide ? hidden : visible;
+      // Pieces in a row become one line, so that joints do not show.
+      if (i > 0 && hide == last_hidden && !list.empty() && list.back().second == line.first) {
+        list.back().second = line.second;
+      } else {
+        list.push_back(line);
+      }
+      last_hidden = hide;
+    }
+  }
+};
+
+struct Drawn {
+  const VehicleEstimate* vehicle = nullptr;
+  bool box = false, wireframe = false;
+  double range = 0.0;         // m
+  double pixel_height = 0.0;  // of the drawing
+  Color color;
+  Box2 reach;  // pixels that the drawing covers
+};
+
+Box2 united(const Box2& a, const Eigen::Vector2d& p) {
+  return {std::min(a.x1, p.x()), std::min(a.y1, p.y()), std::max(a.x2, p.x()),
+          std::max(a.y2, p.y())};
+}
+
+/// The plane under a vehicle: lines every metre, from one metre outside the footprint.
+void draw_plane_grid(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                     const Drawn& drawn, double unit) {
+  const VehicleEstimate& v = *drawn.vehicle;
+  const Eigen::Vector3d n = v.plane.normal;
+  if (!n.allFinite() || std::abs(n.norm() - 1.0) > 1e-3 || !std::isfinite(v.plane.offset)) return;
+  const Eigen::Vector3d front = v.pose.camera_from_vehicle.rotation_matrix().col(0);
+  Eigen::Vector3d along = front - n * n.dot(front);
+  if (along.norm() < 1e-6) return;
+  along.normalize();
+  const Eigen::Vector3d across = along.cross(n);
+  const Eigen::Vector3d origin = v.plane.foot(v.pose.bottom_center());
+  const double half_length = std::ceil(0.5 * v.pose.dimensions.length + 0.7);
+  const double half_width = std::ceil(0.5 * v.pose.dimensions.width + 0.7);
+  SplitLines inner, rim;
+  const auto add = [&](SplitLines& lines, double l1, double w1, double l2, double w2) {
+    const int pieces = std::max(4, static_cast<int>(std::hypot(l2 - l1, w2 - w1) * 4.0));
+    lines.add(camera, occluders, origin + l1 * along + w1 * across,
+              origin + l2 * along + w2 * across, pieces, 0.02);
+  };
+  for (double l = -half_length; l <= half_length + 1e-9; l += 1.0) {
+    add(std::abs(l) > half_length - 1e-6 ? rim : inner, l, -half_width, l, half_width);
+  }
+  for (double w = -half_width; w <= half_width + 1e-9; w += 1.0) {
+    add(std::abs(w) > half_width - 1e-6 ? rim : inner, -half_length, w, half_length, w);
+  }
+  const double size = std::clamp(drawn.pixel_height / (60.0 * unit), 0.45, 1.0);
+  canvas.segments(inner.visible, 1.0 * unit * size, drawn.color.with_alpha(0.45));
+  canvas.segments(rim.visible, 1.4 * unit * size, drawn.color.with_alpha(0.8));
+}
+
+void draw_wireframe(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                    const Drawn& drawn, double unit) {
+  const VehicleEstimate& v = *drawn.vehicle;
+  SplitLines lines;
+  constexpr int kPieces = 8;
+  constexpr double kTolerance = 0.06;  // m; an edge does not hide itself
+  for (const auto& [a, b] : wireframe_edges()) {
+    lines.add(camera, occluders, v.keypoints[a], v.keypoints[b], kPieces, kTolerance);
+  }
+  // Wheels: circles about their centres that touch the ground.
+  SplitLines wheels;
+  const Eigen::Matrix3d r = v.pose.camera_from_vehicle.rotation_matrix();
+  for (const int wheel : {0, 1, 18, 19}) {
+    const Eigen::Vector3d& center = v.keypoints[wheel];
+    const double radius = std::abs(r.col(1).dot(center - v.pose.bottom_center()));
+    if (!(radius > 0.15 && radius < 0.7)) continue;
+    constexpr int kSteps = 24;
+    const auto rim = [&](int step) {
+      const double angle = 2.0 * M_PI * step / kSteps;
+      return Eigen::Vector3d(center +
+                             radius * (std::cos(angle) * r.col(0) + std::sin(angle) * r.col(1)));
+    };
+    for (int step = 0; step < kSteps; ++step) {
+      wheels.add(camera, occluders, rim(step), rim(step + 1), 1, 0.10);
+    }
+  }
+  const double size = std::clamp(drawn.pixel_height / (70.0 * unit), 0.4, 1.0);
+  const double thin = 0.8 * unit * size, solid = 2.0 * unit * size;
+  canvas.segments(lines.hidden, thin, drawn.color.with_alpha(0.45));
+  std::vector<Segment2> visible = lines.visible;
+  canvas.segments(visible, solid + 1.6 * unit * size, kDark.with_alpha(0.55));
+  canvas.segments(wheels.visible, std::max(1.0, 0.6 * solid), drawn.color.with_alpha(0.9));
+  canvas.segments(visible, solid, drawn.color);
+}
+
+void draw_box_3d(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                 const Drawn& drawn, double unit) {
+  const auto corners = drawn.vehicle->pose.corners();
+  SplitLines lines;
+  for (const auto& [a, b] : box_edges()) {
+    lines.add(camera, occluders, corners.col(a), corners.col(b), 16, 0.02);
+  }
+  const double size = std::clamp(drawn.pixel_height / (60.0 * unit), 0.5, 1.0);
+  canvas.segments(lines.hidden, 0.6 * unit * size, Color{255, 255, 255, 0.25});
+  canvas.segments(lines.visible, 0.9 * unit * size, Color{255, 255, 255, 0.75});
+}
+
+std::string distance_text(const Drawn& drawn, bool metric) {
+  if (!drawn.box) return "no answer";
+  std::string text = format_number(drawn.range, 1);
+  if (metric) text += " m";
+  if (drawn.vehicle->status == Status::kNotObservable) text += " ?";
+  return text;
+}
+
+/// Labels: a badge with the id in the vehicle's colour and the distance on a dark plate.
+void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, bool metric) {
+  std::vector<Box2> drawings;
+  for (const Drawn& drawn : all) drawings.push_back(drawn.reach);
+  std::vector<const Drawn*> order;
+  for (const Drawn& drawn : all) order.push_back(&drawn);
+  std::stable_sort(order.begin(), order.end(),
+                   [](const Drawn* a, const Drawn* b) { return a->range < b->range; });
+
+  // The text shrinks until every label has a place; an image of some dozen pixels has none.
+  for (double size = 20.0 * unit; size >= 7.0; size *= 0.85) {
+    const double pad = 0.3 * size;
+    std::vector<LabelRequest> requests;
+    std::vector<double> badge_widths;
+    for (const Drawn* drawn : order) {
+      const Eigen::Vector2d id = Canvas::text_size(std::to_string(drawn->vehicle->id), size, true);
+      const Eigen::Vector2d text = Canvas::text_size(distance_text(*drawn, metric), size, true);
+      badge_widths.push_back(id.x() + 2.0 * pad);
+      const double height = std::ceil(std::max(id.y(), text.y()) + 0.3 * pad);
+      requests.push_back({{badge_widths.back() + text.x() + 2.0 * pad, height}, drawn->reach});
+    }
+    LabelLayoutOptions layout;
+    layout.area = {2.0, 2.0, canvas.width() - 3.0, canvas.height() - 3.0};
+    layout.gap = 0.25 * size;
+    layout.avoid = drawings;
+    const std::vector<LabelPlace> places = place_labels(requests, layout);
+    const bool complete = std::all_of(places.begin(), places.end(),
+                                      [](const LabelPlace& place) { return place.found; });
+    if (!complete && size * 0.85 >= 7.0) continue;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      if (!places[i].found || !places[i].leader) continue;
+      const Box2& target = order[i]->reach;
+      const Eigen::Vector2d from = places[i].box.center();
+      const Eigen::Vector2d to(std::clamp(from.x(), target.x1, target.x2),
+                               std::clamp(from.y(), target.y1, target.y2));
+      canvas.segments({{from, to}}, 2.5 * unit, kDark.with_alpha(0.6));
+      canvas.segments({{from, to}}, 1.2 * unit, order[i]->color);
+    }
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      if (!places[i].found) continue;
+      const Box2& box = places[i].box;
+      const double middle = box.center().y();
+      canvas.rectangle(box, kDark.with_alpha(0.8), 0.2 * size);
+      const Box2 badge{box.x1, box.y1, box.x1 + badge_widths[i], box.y2};
+      canvas.rectangle(badge, order[i]->color, 0.2 * size);
+      canvas.text({badge.center().x(), middle}, std::to_string(order[i]->vehicle->id), size, kDark,
+                  TextAnchor::kCenter, true);
+      canvas.text({badge.x2 + pad, middle}, distance_text(*order[i], metric), size,
+                  {255, 255, 255, 1.0}, TextAnchor::kLeft, true);
+    }
+    return;
+  }
+}
+
+}  // namespace
+
+void OverlayOptions::validate() const {
+  check_range("upscale", upscale, 0.1, 16.0);
+  check_range("line_scale", line_scale, 0.2, 5.0);
+}
+
+Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
+                   const VehicleFrame& frame, const OverlayOptions& options) {
+  options.validate();
+  require_picture(photo, "overlay: image");
+  original_camera.validate();
+  if (photo.width != original_camera.width || photo.height != original_camera.height) {
+    throw std::invalid_argument(
+        "overlay: found an image of " + std::to_string(photo.width) + " x " +
+        std::to_string(photo.height) + " pixels, expected the camera's " +
+        std::to_string(original_camera.width) + " x " + std::to_string(original_camera.height));
+  }
+
+  Image image = photo;
+  PinholeCamera camera = original_camera;
+  if (options.upscale != 1.0) {
+    const double s = options.upscale;
+    image = make_picture(std::max(1, static_cast<int>(std::lround(photo.width * s))),
+                         std::max(1, static_cast<int>(std::lround(photo.height * s))), 0);
+    const cv::Mat from(photo.height, photo.width, CV_8UC3,
+                       const_cast<std::uint8_t*>(photo.data.data()));
+    cv::Mat to(image.height, image.width, CV_8UC3, image.data.data());
+    cv::resize(from, to, to.size(), 0, 0, s > 1.0 ? cv::INTER_CUBIC : cv::INTER_AREA);
+    const double sx = static_cast<double>(image.width) / photo.width;
+    const double sy = static_cast<double>(image.height) / photo.height;
+    camera = {image.width,
+              image.height,
+              original_camera.fx * sx,
+              original_camera.fy * sy,
+              (original_camera.cx + 0.5) * sx - 0.5,
+              (original_camera.cy + 0.5) * sy - 0.5};
+  }
+  const double sx = static_cast<double>(image.width) / photo.width;
+  const double sy = static_cast<double>(image.height) / photo.height;
+  const auto scaled = [&](const Box2& b) {
+    return Box2{(b.x1 + 0.5) * sx - 0.5, (b.y1 + 0.5) * sy - 0.5, (b.x2 + 0.5) * sx - 0.5,
+                (b.y2 + 0.5) * sy - 0.5};
+  };
+  const double unit = options.line_scale * std::max(0.6, image.width / 1242.0);
+
+  Canvas canvas(image);
+  Occluders occluders;
+  std::vector<Drawn> all;
+  for (const VehicleEstimate& vehicle : frame.vehicles) {
+    Drawn drawn;
+    drawn.vehicle = &vehicle;
+    const auto corners = vehicle.pose.corners();
+    drawn.box = has_box(vehicle) && corners.row(2).minCoeff() > kNear;
+    drawn.wireframe = drawn.box && has_wireframe(vehicle);
+    drawn.range = drawn.box ? vehicle.pose.bottom_center().norm() : 1e9;
+    drawn.color = drawn.box && vehicle.status != Status::kNotObservable
+                      ? brighter(categorical(vehicle.id))
+                      : kUntrusted;
+    drawn.reach = scaled(vehicle.box);
+    if (drawn.box) {
+      Box2 reach{1e30, 1e30, -1e30, -1e30};
+      for (int i = 0; i < 8; ++i) reach = united(reach, *camera.project(corners.col(i)));
+      drawn.reach = reach;
+    }
+    if (!std::isfinite(drawn.reach.area())) continue;
+    drawn.reach = drawn.reach.clipped(image.width, image.height);
+    drawn.pixel_height = drawn.reach.height();
+    if (drawn.wireframe) occluders.add(vehicle.keypoints);
+    all.push_back(drawn);
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Drawn& a, const Drawn& b) { return a.range > b.range; });
+
+  if (options.show_planes) {
+    for (const Drawn& drawn : all) {
+      if (drawn.box) draw_plane_grid(canvas, camera, occluders, drawn, unit);
+    }
+  }
+  if (options.show_boxes_2d) {
+    for (const Drawn& drawn : all) {
+      const Box2 b = scaled(drawn.vehicle->box).clipped(image.width, image.height);
+      const Eigen::Vector2d c[4] = {{b.x1, b.y1}, {b.x2, b.y1}, {b.x2, b.y2}, {b.x1, b.y2}};
+      const std::vector<Segment2> rim = {{c[0], c[1]}, {c[1], c[2]}, {c[2], c[3]}, {c[3], c[0]}};
+      if (drawn.box) {
+        canvas.segments(rim, 1.0 * unit, drawn.color.with_alpha(0.6));
+      } else {
+        canvas.dashed(rim, 5.0 * unit, 4.0 * unit, 1.5 * unit, drawn.color);
+      }
+    }
+  }
+  for (const Drawn& drawn : all) {
+    if (drawn.box && options.show_boxes_3d) {
+      draw_box_3d(canvas, camera, occluders, drawn, unit);
+    }
+    if (drawn.wireframe) draw_wireframe(canvas, camera, occluders, drawn, unit);
+  }
+  if (options.show_labels) draw_labels(canvas, all, unit, options.metric);
+  return image;
+}
+
+}  // namespace camber

@@ -1,0 +1,32 @@
+#pragma once
+
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/scene/image_io.h"
+#include "camber/scene/results.h"
+
+namespace camber {
+
+struct OverlayOptions {
+  double upscale = 1.0;     ///< the picture is enlarged before drawing, [0.1, 16]
+  double line_scale = 1.0;  ///< factor on line widths and text beyond what the size asks, [0.2, 5]
+  bool metric = true;       ///< false: distances are labelled without a unit
+  bool show_boxes_2d = true;  ///< detection boxes
+  bool show_boxes_3d = true;
+  bool show_planes = true;  ///< a metre grid on the plane under each vehicle
+  bool show_labels = true;  ///< id and distance
+
+  void validate() const;  ///< throws std::invalid_argument naming field, value and bound
+};
+
+/// Draws the vehicles of one frame onto its image: wireframe of the 36 estimated keypoints (visible
+/// edges solid, those behind a body thin), 3D box, detection box, the plane under the vehicle as a
+/// perspective grid of one metre, and a label with the id and the distance of the bottom centre.
+/// Labels are never cut off and never cover each other; a vehicle without an answer gets its dashed
+/// box and says so. Same input, same pixels.
+/// @param photo   the frame's image, size of the camera's.
+/// @param camera  pixels of `photo`.
+/// @throws std::invalid_argument for an empty photo, a size that is not the camera's, bad options.
+Image draw_overlay(const Image& photo, const PinholeCamera& camera, const VehicleFrame& frame,
+                   const OverlayOptions& options = {});
+
+}  // namespace camber

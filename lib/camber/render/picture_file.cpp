@@ -1,0 +1,66 @@
+#include "camber/render/picture_file.h"
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+
+namespace camber {
+namespace {
+
+std::string size_text(int width, int height) {
+  return std::to_string(width) + " x " + std::to_string(height) + " pixels";
+}
+
+}  // namespace
+
+Image make_picture(int width, int height, std::uint8_t grey) {
+  if (width < 1 || height < 1 || width > 65535 || height > 65535) {
+    throw std::invalid_argument("picture size: found " + size_text(width, height) +
+                                ", expected 1 to 65535 each");
+  }
+  Image picture;
+  picture.width = width;
+  picture.height = height;
+  picture.channels = 3;
+  picture.data.assign(3 * static_cast<std::size_t>(width) * height, grey);
+  return picture;
+}
+
+void require_picture(const Image& picture, const char* name) {
+  if (picture.width < 1 || picture.height < 1) {
+    throw std::invalid_argument(std::string(name) + ": found " +
+                                size_text(picture.width, picture.height) +
+                                ", expected at least 1 x 1");
+  }
+  const std::size_t expected = 3 * static_cast<std::size_t>(picture.width) * picture.height;
+  if (picture.channels != 3 || picture.data.size() != expected) {
+    throw std::invalid_argument(
+        std::string(name) + " of " + size_text(picture.width, picture.height) + ": found " +
+        std::to_string(picture.channels) + " channels and " + std::to_string(picture.data.size()) +
+        " bytes, expected 3 channels and " + std::to_string(expected));
+  }
+}
+
+std::vector<std::uint8_t> encode_png(const Image& picture) {
+  require_picture(picture, "picture");
+  const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
+                    const_cast<std::uint8_t*>(picture.data.data()));
+  cv::Mat bgr;
+  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(".png", bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, 4})) {
+    throw MachineError("the PNG encoder failed");
+  }
+  return bytes;
+}
+
+void write_png(const Image& picture, const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> bytes = encode_png(picture);
+  write_file_atomically(path, std::string(bytes.begin(), bytes.end()));
+}
+
+}  // namespace camber

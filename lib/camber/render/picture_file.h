@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "camber/scene/image_io.h"
+
+namespace camber {
+
+/// A colour picture of one grey value. @throws std::invalid_argument if a side is not 1 to 65535.
+Image make_picture(int width, int height, std::uint8_t grey);
+
+/// Throws std::invalid_argument unless the picture has sides of at least 1, 3 channels and as many
+/// bytes as that needs. @param name how the sentence calls it.
+void require_picture(const Image& picture, const char* name);
+
+/// A PNG of a colour picture; the same pixels give the same bytes.
+/// @throws std::invalid_argument as require_picture().
+std::vector<std::uint8_t> encode_png(const Image& picture);
+
+/// Writes that PNG, atomically. @throws OutputError if it cannot be written.
+void write_png(const Image& picture, const std::filesystem::path& path);
+
+}  // namespace camber
