@@ -42,6 +42,32 @@ bool starts_with(const std::string& text, const std::string& prefix) {
   return text.compare(0, prefix.size(), prefix) == 0;
 }
 
+/// The sources below `root`/camber, as paths relative to `root`, sorted.
+std::vector<std::string> source_files(const fs::path& root) {
+  std::vector<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(root / "camber")) {
+    const std::string extension = entry.path().extension().string();
+    if (entry.is_regular_file() && (extension == ".h" || extension == ".cpp")) {
+      files.push_back(entry.path().lexically_relative(root).generic_string());
+    }
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+/// "camber/road/x.h" -> "road"
+std::string folder_of(const std::string& file) {
+  const std::string below = file.substr(std::string("camber/").size());
+  return below.substr(0, below.find('/'));
+}
+
+/// "camber::road" or "camber_road" -> "road"; empty for others.
+std::string module_of(const std::string& target) {
+  return starts_with(target, "camber::") || starts_with(target, "camber_")
+             ? target.substr(target[6] == ':' ? 8 : 7)
+             : "";
+}
+
 }  // namespace
 
 const std::vector<std::string>& folder_order() {
@@ -54,19 +80,7 @@ const std::vector<std::string>& folder_order() {
 std::vector<std::string> include_violations(const fs::path& root) {
   std::vector<std::string> violations;
   std::map<std::string, std::vector<std::string>> graph;  // file -> files of ours it includes
-  std::vector<std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(root / "camber")) {
-    const std::string extension = entry.path().extension().string();
-    if (entry.is_regular_file() && (extension == ".h" || extension == ".cpp")) {
-      files.push_back(entry.path().lexically_relative(root).generic_string());
-    }
-  }
-  std::sort(files.begin(), files.end());
-
-  const auto folder_of = [](const std::string& file) {  // "camber/road/x.h" -> "road"
-    const std::string below = file.substr(std::string("camber/").size());
-    return below.substr(0, below.find('/'));
-  };
+  const std::vector<std::string> files = source_files(root);
   for (const std::string& file : files) {
     const std::string folder = folder_of(file);
     const int rank = rank_of(folder);
@@ -137,9 +151,7 @@ std::vector<std::string> link_violations(
     const int rank = rank_of(folder);
     if (rank < 0) violations.push_back("target " + folder + " is not in the layout");
     for (const std::string& name : names) {
-      std::string other;
-      if (starts_with(name, "camber::")) other = name.substr(8);
-      if (starts_with(name, "camber_")) other = name.substr(7);
+      const std::string other = module_of(name);
       if (other.empty()) continue;
       if (rank_of(other) < 0 || rank_of(other) >= rank) {
         violations.push_back("target " + folder + " links " + other +
@@ -148,6 +160,36 @@ std::vector<std::string> link_violations(
     }
   }
   return violations;
+}
+
+std::vector<std::string> unlinked_includes(
+    const fs::path& root, const std::map<std::string, std::vector<std::string>>& links) {
+  std::map<std::string, std::set<std::string>> reached;  // folder -> folders that its target links
+  const std::function<void(const std::string&, const std::string&)> reach =
+      [&](const std::string& from, const std::string& folder) {
+        const auto found = links.find(folder);
+        if (found == links.end()) return;
+        for (const std::string& name : found->second) {
+          const std::string next = module_of(name);
+          if (!next.empty() && reached[from].insert(next).second) reach(from, next);
+        }
+      };
+  for (const auto& [folder, names] : links) reach(folder, folder);
+
+  std::set<std::string> violations;
+  for (const std::string& file : source_files(root)) {
+    const std::string folder = folder_of(file);
+    if (links.count(folder) == 0) continue;
+    for (const Include& include : read_includes(root / file)) {
+      if (!starts_with(include.name, "camber/")) continue;
+      const std::string used = folder_of(include.name);
+      if (used != folder && reached[folder].count(used) == 0) {
+        violations.insert("target " + folder + " includes files of " + used +
+                          " but does not link it");
+      }
+    }
+  }
+  return {violations.begin(), violations.end()};
 }
 
 }  // namespace camber::test

@@ -26,4 +26,11 @@ std::vector<std::string> include_violations(const std::filesystem::path& root);
 std::vector<std::string> link_violations(
     const std::map<std::string, std::vector<std::string>>& links);
 
+/// Checks that the target of each folder links, itself or through others, the targets of the
+/// folders whose files it includes. Folders below `root`/camber without an entry in `links` are not
+/// built and not checked. @return one sentence per violation.
+std::vector<std::string> unlinked_includes(
+    const std::filesystem::path& root,
+    const std::map<std::string, std::vector<std::string>>& links);
+
 }  // namespace camber::test

@@ -1,0 +1,181 @@
+// What every command of the program has in common: help with examples to paste, the common options,
+// exit codes for bad usage, and a row in the README's table.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "camber/core/version.h"
+#include "support/test_data.h"
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::StartsWith;
+
+namespace {
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out, err;
+};
+
+std::string read_text(const fs::path& path) {
+  std::ifstream in(path);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// Runs the program in an empty folder with arguments for the shell.
+Outcome run_camber(const std::string& arguments) {
+  const camber::test::TemporaryFolder folder;
+  const fs::path out = folder.path() / "out", err = folder.path() / "err";
+  const fs::path work = folder.path() / "work";
+  fs::create_directory(work);
+  const std::string command = "cd '" + work.string() + "' && '" CAMBER_PROGRAM "' " + arguments +
+                              " >'" + out.string() + "' 2>'" + err.string() + "' </dev/null";
+  const int status = std::system(command.c_str());
+  EXPECT_TRUE(WIFEXITED(status)) << arguments << " was killed";
+  EXPECT_TRUE(fs::is_empty(work)) << arguments << " left files behind";
+  return {WEXITSTATUS(status), read_text(out), read_text(err)};
+}
+
+/// The names below "Subcommands:" in a help text.
+std::vector<std::string> subcommands_of(const std::string& help) {
+  std::vector<std::string> names;
+  std::istringstream lines(help);
+  std::string line;
+  bool inside = false;
+  while (std::getline(lines, line)) {
+    if (line == "Subcommands:") {
+      inside = true;
+    } else if (inside) {
+      static const std::regex entry("^  ([a-z][a-z0-9-]*)( .*)?$");
+      std::smatch match;
+      if (std::regex_match(line, match, entry)) {
+        names.push_back(match[1]);
+      } else if (line.empty() || line[0] != ' ') {
+        break;
+      }
+    }
+  }
+  return names;
+}
+
+/// Every command, with its own subcommands: "info", "import kitti".
+std::vector<std::string> all_commands(const std::string& above = "") {
+  std::vector<std::string> commands;
+  for (const std::string& name : subcommands_of(run_camber(above + "--help").out)) {
+    const std::vector<std::string> below = all_commands(above + name + " ");
+    if (below.empty()) {
+      commands.push_back(above + name);
+    } else {
+      commands.insert(commands.end(), below.begin(), below.end());
+    }
+  }
+  return commands;
+}
+
+TEST(Program, SaysItsVersion) {
+  const Outcome outcome = run_camber("--version");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_EQ(outcome.out, std::string("camber ") + camber::kVersion + "\n");
+  EXPECT_EQ(outcome.err, "");
+}
+
+TEST(Program, ExplainsItself) {
+  const Outcome outcome = run_camber("--help");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.out, HasSubstr("Subcommands:"));
+  EXPECT_EQ(outcome.err, "");
+}
+
+TEST(Program, NeedsACommandThatExists) {
+  for (const char* arguments : {"", "no-such-command", "--no-such-option"}) {
+    const Outcome outcome = run_camber(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments;
+    EXPECT_EQ(outcome.out, "") << arguments;
+    EXPECT_THAT(outcome.err, StartsWith("camber: ")) << arguments;
+  }
+}
+
+TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {
+  const std::vector<std::string> commands = all_commands();
+  ASSERT_FALSE(commands.empty());
+  for (const std::string& command : commands) {
+    SCOPED_TRACE(command);
+    const Outcome outcome = run_camber(command + " --help");
+    EXPECT_EQ(outcome.exit_code, 0);
+    EXPECT_EQ(outcome.err, "");
+    const auto examples = outcome.out.find("Examples:\n");
+    ASSERT_NE(examples, std::string::npos);
+    const std::string options = outcome.out.substr(0, examples);
+    EXPECT_THAT(outcome.out.substr(examples), HasSubstr("camber " + command + " "));
+    const std::string text = outcome.out.substr(examples);
+    static const std::regex option("--[a-z][a-z0-9-]*");
+    for (std::sregex_iterator at(text.begin(), text.end(), option), end; at != end; ++at) {
+      EXPECT_THAT(options, HasSubstr(at->str())) << "the examples use an option that is not there";
+    }
+  }
+}
+
+TEST(EveryCommand, TakesTheCommonOptions) {
+  for (const std::string& command : all_commands()) {
+    SCOPED_TRACE(command);
+    const std::string help = run_camber(command + " --help").out;
+    for (const char* option : {"--seed", "--threads", "--quiet"}) {
+      EXPECT_THAT(help, HasSubstr(option));
+    }
+  }
+}
+
+TEST(EveryCommand, RefusesAnUnknownOptionAndABadValueWithExitCodeTwo) {
+  for (const std::string& command : all_commands()) {
+    for (const char* arguments : {" --no-such-option", " --threads some", " --seed x"}) {
+      SCOPED_TRACE(command + arguments);
+      const Outcome outcome = run_camber(command + arguments);
+      EXPECT_EQ(outcome.exit_code, 2);
+      EXPECT_EQ(outcome.out, "");
+      EXPECT_THAT(outcome.err, StartsWith("camber: "));
+      EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    }
+  }
+}
+
+TEST(EveryCommand, RefusesAMissingInputWithExitCodeTwoAndItsName) {
+  for (const std::string& command : all_commands()) {
+    if (command == "synth") continue;  // makes its own input
+    SCOPED_TRACE(command);
+    const std::string help = run_camber(command + " --help").out;
+    if (help.find("\nPositionals:") == std::string::npos) continue;
+    const bool has_out = help.find("--out") != std::string::npos;
+    const Outcome outcome = run_camber(command + " no_such_input" + (has_out ? " --out x" : ""));
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_THAT(outcome.err, StartsWith("camber: "));
+    EXPECT_THAT(outcome.err, HasSubstr("no_such_input"));
+  }
+}
+
+TEST(Readme, ListsTheCommandsThatExistAndNoOther) {
+  std::ifstream in(camber::test::source_dir() / "README.md");
+  ASSERT_TRUE(in);
+  std::vector<std::string> listed;
+  std::string line;
+  static const std::regex row(R"(^\| `camber ([a-z-]+)[^|]*\|.*)");
+  while (std::getline(in, line)) {
+    std::smatch match;
+    if (std::regex_match(line, match, row)) listed.push_back(match[1]);
+  }
+  EXPECT_THAT(listed, testing::UnorderedElementsAreArray(subcommands_of(run_camber("--help").out)));
+}
+
+}  // namespace
