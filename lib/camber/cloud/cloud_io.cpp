@@ -35,7 +35,7 @@ const char* refusal_by_extension(const std::string& extension) {
 }
 
 [[noreturn]] void refuse(const std::string& path, const std::string& format) {
-  throw InputError(path, "found a " + format +
+  throw InputError(path, std::string("found ") + (format[0] == 'E' ? "an " : "a ") + format +
                              " file, which is not supported; expected PCD, PLY, KITTI .bin, "
                              "uncompressed LAS or text (other programs convert it)");
 }

@@ -164,9 +164,9 @@ bool in_range(ScalarType type, double value) {
     case ScalarType::kUint32:
       return value >= 0.0 && value <= 4294967295.0;
     case ScalarType::kInt64:
-      return value >= -0x1p63 && value < 0x1p63;
+      return value >= -0x1p63 && value <= 0x1p63;
     case ScalarType::kUint64:
-      return value >= 0.0 && value < 0x1p64;
+      return value >= 0.0 && value <= 0x1p64;
     case ScalarType::kFloat32:
     case ScalarType::kFloat64:
       break;
