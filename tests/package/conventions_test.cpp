@@ -178,4 +178,23 @@ TEST(Readme, ListsTheCommandsThatExistAndNoOther) {
   EXPECT_THAT(listed, testing::UnorderedElementsAreArray(subcommands_of(run_camber("--help").out)));
 }
 
+TEST(Readme, ShowsTheExampleThatIsCompiledAndRun) {
+  const fs::path root = camber::test::source_dir();
+  const std::string sample = read_text(root / "samples/01_reconstruct.cpp");
+  const auto code = sample.find("#include");
+  ASSERT_NE(code, std::string::npos);
+  EXPECT_THAT(read_text(root / "README.md"), HasSubstr("```cpp\n" + sample.substr(code) + "```\n"));
+}
+
+TEST(Readme, LinksToFilesThatExist) {
+  const fs::path root = camber::test::source_dir();
+  const std::string text = read_text(root / "README.md");
+  static const std::regex link(R"(\]\(([^):#]+)\))");
+  int links = 0;
+  for (std::sregex_iterator at(text.begin(), text.end(), link), end; at != end; ++at, ++links) {
+    EXPECT_TRUE(fs::exists(root / (*at)[1].str())) << (*at)[1];
+  }
+  EXPECT_GT(links, 0);
+}
+
 }  // namespace
