@@ -4,7 +4,6 @@
 
 #include "camber/core/errors.h"
 #include "camber/scene/import_kitti.h"
-#include "camber/scene/scene.h"
 #include "command.h"
 
 namespace fs = std::filesystem;
@@ -49,7 +48,7 @@ class NewFolder {
 
 struct KittiArguments {
   KittiImportOptions options;
-  std::string images, labels, poses, detections, out;
+  std::string images, labels, poses, velodyne, detections, out;
   std::vector<std::string> calibration;
   int camera = -1;
   int reference_frame = -1;
@@ -59,14 +58,15 @@ void register_kitti(CLI::App& import) {
   Command* command = add_command(
       import, "kitti",
       "Writes the scene manifest of a KITTI clip (tracking, raw, odometry or object layout). "
-      "Labels "
-      "and poses become ground truth; boxes become detections only when asked for.",
+      "Labels, poses and laser scans become ground truth; boxes become detections only when asked "
+      "for.",
       "  camber import kitti --images image_02/0009 --calib calib/0009.txt "
       "--labels label_02/0009.txt \\\n"
       "      --detections-from-labels --frames 48:53 --out clip/scene.json\n"
       "  camber import kitti --images image_0 --calib calib.txt --poses poses.txt --out drive06\n"
       "  camber import kitti --images image_02/data --calib calib_cam_to_cam.txt "
-      "--out drive0052");
+      "calib_velo_to_cam.txt \\\n"
+      "      --velodyne velodyne_points/data --out drive0052");
   auto arguments = std::make_shared<KittiArguments>();
   KittiArguments& a = *arguments;
   CLI::App& app = *command->app;
@@ -76,6 +76,8 @@ void register_kitti(CLI::App& import) {
   app.add_option("--labels", a.labels,
                  "true boxes: a tracking label file, or a folder of object label files");
   app.add_option("--poses", a.poses, "true poses of camera 0, 12 numbers a row (odometry form)");
+  app.add_option("--velodyne", a.velodyne,
+                 "folder of laser scans; the reference frame's becomes the true cloud");
   CLI::Option* detections = app.add_option(
       "--detections", a.detections, "a detector's boxes in KITTI's label form, as for --labels");
   app.add_flag("--detections-from-labels", a.options.detections_from_labels,
@@ -104,13 +106,14 @@ void register_kitti(CLI::App& import) {
     options.calibration.assign(given.calibration.begin(), given.calibration.end());
     options.labels = given.labels;
     options.poses = given.poses;
+    options.velodyne = given.velodyne;
     options.detections = given.detections;
     if (given.camera >= 0) options.camera = given.camera;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
     options.validate();
     const fs::path manifest = manifest_of(given.out);
     NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
-    write_scene(import_kitti(options, make_warning_sink(command->common)), manifest);
+    import_kitti_to(options, manifest, make_warning_sink(command->common));
     folder.keep();
     return 0;
   };

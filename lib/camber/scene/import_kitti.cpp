@@ -11,6 +11,7 @@
 #include <map>
 #include <set>
 
+#include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
 #include "camber/scene/image_io.h"
 #include "camber/scene/json_reader.h"
@@ -555,6 +556,61 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
     }
   }
   if (!truth.frames.empty()) scene.truth = std::move(truth);
+  return scene;
+}
+
+Scene import_kitti_to(const KittiImportOptions& options, const fs::path& manifest,
+                      const LogSink& warn) {
+  Scene scene = import_kitti(options, warn);
+  if (options.velodyne.empty()) {
+    write_scene(scene, manifest);
+    return scene;
+  }
+  const auto scans = numbered_files(options.velodyne, {".bin", ".pcd"}, "laser scans");
+  std::vector<int> ids;
+  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
+  const int reference = choose_reference_frame(scene, ids);
+  const auto scan = scans.find(reference);
+  if (scan == scans.end()) {
+    throw InputError(options.velodyne.string(),
+                     fmt::format("found no scan of frame {}, expected one (or another reference "
+                                 "frame)",
+                                 reference));
+  }
+  const KittiCalibration calibration = read_kitti_calibration(calibration_files(options));
+  const Eigen::Matrix4d camera_from_laser = calibration.camera_from_laser(camera_index(options));
+  const RoadCloud laser = read_cloud(scan->second);
+  std::vector<int> finite;
+  for (std::size_t i = 0; i < laser.size(); ++i) {
+    if (laser.points[i].allFinite()) finite.push_back(static_cast<int>(i));
+  }
+  RoadCloud cloud = laser.select(finite);
+  for (Eigen::Vector3f& point : cloud.points) {
+    const Eigen::Vector3d x = cloud.origin + point.cast<double>();
+    point = (camera_from_laser.topLeftCorner<3, 3>() * x + camera_from_laser.topRightCorner<3, 1>())
+                .cast<float>();
+  }
+  cloud.origin.setZero();
+  cloud.frame = CloudFrame::kCamera;
+  cloud.metric = true;
+
+  if (!scene.truth) scene.truth.emplace();
+  scene.reference_frame = reference;
+  scene.truth->cloud_frame = reference;
+  const fs::path folder =
+      (manifest.has_parent_path() ? manifest.parent_path() : fs::path(".")) / "truth";
+  scene.truth->cloud = folder / fmt::format("scan_{:06}.ply", reference);
+  std::error_code error;
+  const bool new_folder = fs::create_directory(folder, error);
+  const bool new_file = !fs::exists(scene.truth->cloud, error);
+  try {
+    write_cloud(cloud, scene.truth->cloud);
+    write_scene(scene, manifest);
+  } catch (...) {
+    if (new_file) fs::remove(scene.truth->cloud, error);
+    if (new_folder) fs::remove(folder, error);
+    throw;
+  }
   return scene;
 }
 

@@ -52,6 +52,7 @@ struct KittiImportOptions {
   /// Truth: a tracking file (17 columns), or a folder of object files (15 columns, one an image).
   std::filesystem::path labels;
   std::filesystem::path poses;          ///< truth: one row a frame, or one an image, of camera 0
+  std::filesystem::path velodyne;       ///< truth: folder of scans named by frame number
   std::filesystem::path detections;     ///< as labels, any detector's; detections_source "network"
   bool detections_from_labels = false;  ///< boxes of the labels as detections, "truth_boxes"
   std::string frames;                   ///< list as in select_frames; empty: all
@@ -66,7 +67,7 @@ struct KittiImportOptions {
   void validate() const;  ///< throws std::invalid_argument
 };
 
-/// A KITTI clip as a scene.
+/// A KITTI clip as a scene, all but the laser scan (options.velodyne).
 ///
 /// Everything is moved from the rectified reference camera to the camera of the images: x_in_camera
 /// = x_in_camera0 + K^-1 * (fourth column of its projection). KITTI's occlusion codes 0, 1, 2, 3
@@ -76,5 +77,15 @@ struct KittiImportOptions {
 /// @param warn receives remarks, one sentence each; may be empty.
 /// @throws InputError, UsageError.
 Scene import_kitti(const KittiImportOptions& options, const LogSink& warn = {});
+
+/// import_kitti, then the manifest and, where options.velodyne is given, the laser scan of one
+/// frame (the named reference frame, else the middle one, which then becomes the reference frame)
+/// in the frame of that camera, beside the manifest as truth/scan_ID.ply. Non-finite points are
+/// left out.
+/// @param manifest path of the scene.json to write; its folder must exist.
+/// @return the scene as written.
+/// @throws OutputError besides; then nothing new is left behind.
+Scene import_kitti_to(const KittiImportOptions& options, const std::filesystem::path& manifest,
+                      const LogSink& warn = {});
 
 }  // namespace camber
