@@ -56,12 +56,17 @@ Ticks make_ticks(double low, double high, int count) {
       best = factor * power;
     }
   }
-  ticks.step = best;
-  const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(best) - 1e-9)), 0, 12);
-  const auto first = static_cast<long long>(std::ceil(low / best - 1e-6));
-  const auto last = static_cast<long long>(std::floor(high / best + 1e-6));
+  return multiples_of(best, low, high);
+}
+
+Ticks multiples_of(double step, double low, double high) {
+  Ticks ticks;
+  ticks.step = step;
+  const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 12);
+  const auto first = static_cast<long long>(std::ceil(low / step - 1e-6));
+  const auto last = static_cast<long long>(std::floor(high / step + 1e-6));
   for (long long i = first; i <= last; ++i) {
-    ticks.values.push_back(static_cast<double>(i) * best);
+    ticks.values.push_back(static_cast<double>(i) * step);
     ticks.labels.push_back(format_number(ticks.values.back(), decimals));
   }
   return ticks;

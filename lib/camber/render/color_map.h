@@ -26,6 +26,9 @@ struct Ticks {
 /// @param count  wanted number of steps, >= 1; the answer has about so many.
 Ticks make_ticks(double low, double high, int count);
 
+/// The same for a given step > 0.
+Ticks multiples_of(double step, double low, double high);
+
 /// A number with a fixed number of decimals; never "-0.0".
 std::string format_number(double value, int decimals);
 

@@ -1,0 +1,342 @@
+#include "camber/render/picture_space.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "camber/core/errors.h"
+#include "camber/render/color_map.h"
+#include "camber/render/wireframe.h"
+
+namespace camber {
+namespace {
+
+const PlanePatch* find_patch(const RoadSurface& surface, int id) {
+  for (const PlanePatch& patch : surface.patches) {
+    if (patch.id == id) return &patch;
+  }
+  return nullptr;
+}
+
+/// Rotation of the picture's axes: rows right, ahead, up in the reference frame.
+Eigen::Matrix3d picture_axes(const Eigen::Vector3d& up_hint, bool camera_frame) {
+  const Eigen::Vector3d up = up_hint.normalized();
+  Eigen::Vector3d ahead = camera_frame ? Eigen::Vector3d(0, 0, 1) : Eigen::Vector3d(0, 1, 0);
+  ahead -= up * up.dot(ahead);
+  if (ahead.norm() < 1e-6) ahead = up.unitOrthogonal();
+  ahead.normalize();
+  Eigen::Matrix3d axes;
+  axes.row(0) = ahead.cross(up);
+  axes.row(1) = ahead;
+  axes.row(2) = up;
+  return axes;
+}
+
+SE3 moved(const SE3& pose, const SE3& picture_from_camera) { return picture_from_camera * pose; }
+
+void widen(RobustRange* range, double value) {
+  range->low = std::min(range->low, value);
+  range->high = std::max(range->high, value);
+}
+
+const SceneTruth* truth_of(const PictureContent& content, bool show_truth) {
+  return show_truth ? content.truth : nullptr;
+}
+
+std::string with_thousands(std::size_t count) {
+  std::string digits = std::to_string(count);
+  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) {
+    digits.insert(static_cast<std::size_t>(at), ",");
+  }
+  return digits;
+}
+
+std::string plural(std::size_t count, const char* one, const char* many) {
+  return with_thousands(count) + " " + (count == 1 ? one : many);
+}
+
+}  // namespace
+
+RobustRange robust_range(std::vector<float>& values, double low_quantile, double high_quantile) {
+  const auto at = [&](double quantile) {
+    const auto index =
+        static_cast<std::ptrdiff_t>(std::lround(quantile * static_cast<double>(values.size() - 1)));
+    std::nth_element(values.begin(), values.begin() + index, values.end());
+    return static_cast<double>(values[static_cast<std::size_t>(index)]);
+  };
+  const double low = at(low_quantile);
+  return {low, at(high_quantile)};
+}
+
+PictureSpace make_picture_space(const PictureContent& content, bool show_truth) {
+  PictureSpace space;
+  const bool camera_frame = content.surface ? content.surface->frame == "camera"
+                            : content.cloud ? content.cloud->frame == CloudFrame::kCamera
+                                            : true;
+  const Eigen::Vector3d up = content.surface ? content.surface->up
+                             : content.cloud ? content.cloud->default_up()
+                                             : Eigen::Vector3d(0, -1, 0);
+  if (!up.allFinite() || up.norm() < 1e-9) {
+    throw std::invalid_argument("the surface's up direction is not a direction");
+  }
+  const Eigen::Matrix3d axes = picture_axes(up, camera_frame);
+
+  bool metric = true;
+  if (content.run)
+    metric = content.run->metric;
+  else if (content.surface)
+    metric = content.surface->metric;
+  else if (content.cloud)
+    metric = content.cloud->metric;
+  space.unit = metric ? "m" : "units";
+
+  // Heights count from the road below the reference camera, along up.
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  space.height_name = camera_frame ? "height above the camera" : "height";
+  if (camera_frame && content.surface && content.surface->ego_patch >= 0) {
+    if (const PlanePatch* ego = find_patch(*content.surface, content.surface->ego_patch)) {
+      const double slope = ego->plane.plane.normal.dot(axes.row(2).transpose());
+      const double below = ego->plane.plane.offset / slope;
+      if (slope > 0.1 && std::isfinite(below)) {
+        shift.z() = below;
+        space.height_name = "height above the road at the camera";
+      }
+    }
+  }
+  space.picture_from_reference = SE3(axes, shift);
+
+  std::size_t given = 0;
+  if (content.cloud) {
+    given = content.cloud->size();
+    const Eigen::Vector3d origin = content.cloud->origin;
+    // A map cloud far from its frame's origin is shown about its own origin.
+    const Eigen::Vector3d start = camera_frame ? origin : Eigen::Vector3d::Zero();
+    const Eigen::Matrix3f rotation = axes.cast<float>();
+    const Eigen::Vector3f translation = (axes * start + shift).cast<float>();
+    space.points.reserve(given);
+    for (const Eigen::Vector3f& p : content.cloud->points) {
+      if (p.allFinite()) space.points.emplace_back(rotation * p + translation);
+    }
+  }
+
+  // Cameras.
+  SE3 picture_from_current = space.picture_from_reference;
+  if (content.run) {
+    for (const RunDocument::CameraPose& pose : content.run->cameras) {
+      const SE3 placed = space.picture_from_reference * pose.reference_from_camera;
+      if (!placed.translation().allFinite() || !placed.rotation().coeffs().allFinite()) continue;
+      if (pose.id == content.frame) {
+        space.current_camera = static_cast<int>(space.cameras.size());
+        picture_from_current = placed;
+      }
+      space.cameras.push_back(placed);
+    }
+  }
+
+  // Vehicles of the shown frame.
+  if (content.vehicles) {
+    for (const VehicleFrame& frame : content.vehicles->frames) {
+      if (frame.id != content.frame) continue;
+      for (const VehicleEstimate& vehicle : frame.vehicles) {
+        if (!has_box(vehicle)) continue;
+        PlacedVehicle placed;
+        placed.id = vehicle.id;
+        placed.name = (vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class) + " " +
+                      std::to_string(vehicle.id);
+        placed.status = vehicle.status;
+        placed.box = vehicle.pose;
+        placed.box.camera_from_vehicle =
+            moved(vehicle.pose.camera_from_vehicle, picture_from_current);
+        placed.range = vehicle.pose.bottom_center().norm();
+        placed.wireframe = has_wireframe(vehicle);
+        for (int i = 0; i < kNumKeypoints && placed.wireframe; ++i) {
+          placed.keypoints[i] = picture_from_current * vehicle.keypoints[i];
+        }
+        const Eigen::Matrix3d rotation = picture_from_current.rotation_matrix();
+        const Eigen::Matrix3d covariance = vehicle.covariance.topLeftCorner<3, 3>();
+        if (covariance.allFinite()) {
+          placed.center_covariance = rotation * covariance * rotation.transpose();
+        }
+        space.vehicles.push_back(placed);
+      }
+    }
+  }
+  if (const SceneTruth* truth = truth_of(content, show_truth)) {
+    for (const TruthFrame& frame : truth->frames) {
+      if (frame.id != content.frame) continue;
+      for (const TruthVehicle& vehicle : frame.vehicles) {
+        const Dimensions& d = vehicle.pose.dimensions;
+        if (!vehicle.pose.bottom_center().allFinite() || !(d.length > 0.0) || !(d.width > 0.0) ||
+            !(d.height > 0.0)) {
+          continue;
+        }
+        PlacedVehicle placed;
+        placed.id = vehicle.id;
+        placed.box = vehicle.pose;
+        placed.box.camera_from_vehicle =
+            moved(vehicle.pose.camera_from_vehicle, picture_from_current);
+        placed.range = vehicle.pose.bottom_center().norm();
+        space.truth.push_back(placed);
+      }
+    }
+  }
+  if (content.surface) {
+    for (const PlanePatch& patch : content.surface->patches) {
+      PlacedPatch placed{patch.id, patch.kind, patch.status, {}};
+      for (const Eigen::Vector3d& corner : patch.boundary) {
+        if (corner.allFinite()) placed.boundary.push_back(space.picture_from_reference * corner);
+      }
+      if (placed.boundary.size() >= 3) space.patches.push_back(std::move(placed));
+    }
+  }
+
+  // Extents: the bulk of the points decides; vehicles, patches and cameras join where they are not
+  // far outside of it.
+  std::vector<Eigen::Vector3d> things;
+  for (const SE3& camera : space.cameras) things.push_back(camera.translation());
+  for (const PlacedVehicle& vehicle : space.vehicles) things.push_back(vehicle.box.center());
+  for (const PlacedVehicle& vehicle : space.truth) things.push_back(vehicle.box.center());
+  for (const PlacedPatch& patch : space.patches) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& corner : patch.boundary) mean += corner;
+    things.push_back(mean / static_cast<double>(patch.boundary.size()));
+  }
+  if (space.points.empty() && things.empty()) {
+    if (given > 0) {
+      throw NoAnswerError("nothing to draw: none of the " + std::to_string(given) +
+                          " points has finite coordinates");
+    }
+    throw NoAnswerError("nothing to draw: no points, no patches, no vehicles, no cameras");
+  }
+  std::vector<float> values[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    if (space.points.size() >= 8) {
+      for (const Eigen::Vector3f& p : space.points) values[axis].push_back(p[axis]);
+    } else {
+      for (const Eigen::Vector3f& p : space.points) things.push_back(p.cast<double>());
+    }
+    if (values[axis].empty()) {
+      for (const Eigen::Vector3d& x : things) values[axis].push_back(static_cast<float>(x[axis]));
+    }
+  }
+  const bool from_points = space.points.size() >= 8;
+  const double q = from_points ? 0.01 : 0.0;
+  space.right = robust_range(values[0], q, 1.0 - q);
+  space.ahead = robust_range(values[1], q, 1.0 - q);
+  space.up = robust_range(values[2], q, 1.0 - q);
+  space.heights = from_points ? robust_range(values[2], 0.02, 0.98) : space.up;
+  const double reach_right = 10.0 + 0.5 * space.right.span();
+  const double reach_ahead = 10.0 + 0.5 * space.ahead.span();
+  const double reach_up = 5.0 + 0.5 * space.up.span();
+  const RobustRange right = space.right, ahead = space.ahead, upward = space.up;
+  for (const Eigen::Vector3d& x : things) {
+    if (x.x() < right.low - reach_right || x.x() > right.high + reach_right ||
+        x.y() < ahead.low - reach_ahead || x.y() > ahead.high + reach_ahead ||
+        x.z() < upward.low - reach_up || x.z() > upward.high + reach_up) {
+      continue;
+    }
+    widen(&space.right, x.x());
+    widen(&space.ahead, x.y());
+    widen(&space.up, x.z());
+  }
+  // Stray points would only speckle the margins.
+  const auto stray = [&](const Eigen::Vector3f& p) {
+    const RobustRange* ranges[3] = {&space.right, &space.ahead, &space.up};
+    for (int axis = 0; axis < 3; ++axis) {
+      const double margin = std::max(1.0, 0.15 * ranges[axis]->span());
+      if (p[axis] < ranges[axis]->low - margin || p[axis] > ranges[axis]->high + margin) {
+        return true;
+      }
+    }
+    return false;
+  };
+  const std::size_t finite = space.points.size();
+  space.points.erase(std::remove_if(space.points.begin(), space.points.end(), stray),
+                     space.points.end());
+  space.stray_points = finite - space.points.size();
+  for (RobustRange* range : {&space.right, &space.ahead}) {
+    const double margin = std::max(0.5, 0.02 * range->span());
+    range->low -= margin;
+    range->high += margin;
+  }
+  if (space.heights.span() < 0.1) {
+    const double middle = 0.5 * (space.heights.low + space.heights.high);
+    space.heights = {middle - 0.05, middle + 0.05};
+  }
+  return space;
+}
+
+std::array<Eigen::Vector3d, 4> frustum_corners(const PinholeCamera& camera, double depth) {
+  const double right = camera.width - 0.5, bottom = camera.height - 0.5;
+  return {camera.ray({-0.5, -0.5}) * depth, camera.ray({right, -0.5}) * depth,
+          camera.ray({right, bottom}) * depth, camera.ray({-0.5, bottom}) * depth};
+}
+
+std::string content_summary(const PictureContent& content, const PictureSpace& space) {
+  std::string text;
+  const auto add = [&](const std::string& part) {
+    if (!text.empty()) text += ", ";
+    text += part;
+  };
+  if (content.cloud) {
+    add(plural(space.points.size(), "road point", "road points"));
+    if (space.stray_points > 0) {
+      text += " (" + with_thousands(space.stray_points) + " stray ones left out)";
+    }
+  }
+  if (content.surface) add(plural(space.patches.size(), "patch", "patches"));
+  if (content.vehicles) add(plural(space.vehicles.size(), "vehicle", "vehicles"));
+  if (content.vehicles || content.run) {
+    text = "frame " + std::to_string(content.frame) + (text.empty() ? "" : ": ") + text;
+  }
+  return text;
+}
+
+void draw_legend(Canvas& canvas, const Eigen::Vector2d& at, double right_limit,
+                 const std::vector<LegendEntry>& entries, double text_size) {
+  Eigen::Vector2d cursor = at;
+  const double mark = 1.6 * text_size, gap = 1.1 * text_size;
+  for (const LegendEntry& entry : entries) {
+    const double width = mark + 0.4 * text_size + Canvas::text_size(entry.text, text_size).x();
+    if (cursor.x() > at.x() && cursor.x() + width > right_limit) {
+      cursor = {at.x(), cursor.y() + 1.3 * text_size};
+    }
+    const Eigen::Vector2d end = cursor + Eigen::Vector2d(mark, 0.0);
+    const Eigen::Vector2d middle = 0.5 * (cursor + end);
+    const double thick = std::max(1.5, text_size / 8.0);
+    switch (entry.mark) {
+      case LegendEntry::Mark::kLine:
+        canvas.segments({{cursor, end}}, thick, entry.color);
+        break;
+      case LegendEntry::Mark::kDashedLine:
+        canvas.dashed({{cursor, end}}, 0.35 * text_size, 0.25 * text_size, thick, entry.color);
+        break;
+      case LegendEntry::Mark::kFill: {
+        const Box2 box{cursor.x(), cursor.y() - 0.4 * text_size, end.x(),
+                       cursor.y() + 0.4 * text_size};
+        canvas.rectangle(box, entry.color.with_alpha(0.35 * entry.color.alpha));
+        canvas.polyline({{box.x1, box.y1}, {box.x2, box.y1}, {box.x2, box.y2}, {box.x1, box.y2}},
+                        true, 0.7 * thick, entry.color);
+        break;
+      }
+      case LegendEntry::Mark::kDot:
+        canvas.disc(middle, 0.28 * text_size, entry.color);
+        break;
+      case LegendEntry::Mark::kEllipse: {
+        std::vector<Eigen::Vector2d> rim;
+        for (int i = 0; i < 32; ++i) {
+          const double angle = 2.0 * M_PI * i / 32.0;
+          rim.push_back(middle + Eigen::Vector2d(0.5 * mark * std::cos(angle),
+                                                 0.4 * text_size * std::sin(angle)));
+        }
+        canvas.polyline(rim, true, 0.8 * thick, entry.color);
+        break;
+      }
+    }
+    canvas.text({end.x() + 0.4 * text_size, cursor.y()}, entry.text, text_size, kInk);
+    cursor.x() += width + gap;
+  }
+}
+
+}  // namespace camber

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "camber/geometry/se3.h"
+#include "camber/render/canvas.h"
+#include "camber/render/pictures.h"
+
+namespace camber {
+
+/// Colours that all pictures share.
+inline constexpr Color kInk{38, 42, 48, 1.0};
+inline constexpr Color kFaintInk{110, 116, 124, 1.0};
+inline constexpr Color kTruthRed{214, 24, 30, 1.0};
+inline constexpr Color kPaper{255, 255, 255, 1.0};
+
+/// A vehicle as pictures draw it, picture frame.
+struct PlacedVehicle {
+  int id = 0;
+  std::string name;  ///< "car 3"
+  Status status = Status::kOk;
+  OrientedBox box;
+  bool wireframe = false;
+  std::array<Eigen::Vector3d, kNumKeypoints> keypoints{};
+  Eigen::Matrix3d center_covariance = Eigen::Matrix3d::Zero();  ///< m^2; zero: not stated
+  double range = 0.0;  ///< m from its camera to the bottom centre
+};
+
+struct PlacedPatch {
+  int id = 0;
+  PatchKind kind = PatchKind::kRoad;
+  Status status = Status::kOk;
+  std::vector<Eigen::Vector3d> boundary;
+};
+
+/// A range of values without the stray ones at both ends.
+struct RobustRange {
+  double low = 0.0, high = 0.0;
+  double span() const { return high - low; }
+};
+
+/// The values between two quantiles. @param values not empty, finite; is reordered.
+RobustRange robust_range(std::vector<float>& values, double low_quantile, double high_quantile);
+
+/// The content in the picture's frame: x right, y ahead, z up, m (or units of the result), z = 0 on
+/// the road below the reference camera where that is known.
+struct PictureSpace {
+  SE3 picture_from_reference;
+  std::string height_name;              ///< what z is counted from, for the colour bar
+  std::string unit;                     ///< "m", or "units" for a result without scale
+  std::vector<Eigen::Vector3f> points;  ///< finite and not far outside of the bulk
+  std::size_t stray_points = 0;         ///< finite but left out
+  RobustRange right, ahead, up;         ///< bulk of the points, vehicles and cameras
+  RobustRange heights;                  ///< of the colours; at least 0.1 wide
+  std::vector<PlacedVehicle> vehicles;
+  std::vector<PlacedVehicle> truth;
+  std::vector<PlacedPatch> patches;
+  std::vector<SE3> cameras;  ///< picture_from_camera
+  int current_camera = -1;   ///< index of the shown frame's camera, -1: not known
+};
+
+/// @throws NoAnswerError if there is nothing finite to show.
+PictureSpace make_picture_space(const PictureContent& content, bool show_truth);
+
+/// Corners of a camera's image at a depth, camera frame, m: clockwise from the top left.
+std::array<Eigen::Vector3d, 4> frustum_corners(const PinholeCamera& camera, double depth);
+
+/// "frame 48: 12,345 road points, 5 patches, 4 vehicles".
+std::string content_summary(const PictureContent& content, const PictureSpace& space);
+
+/// What a legend explains.
+struct LegendEntry {
+  enum class Mark { kLine, kDashedLine, kFill, kDot, kEllipse } mark = Mark::kLine;
+  Color color;
+  std::string text;
+};
+
+/// A row of legend entries from `at` (left, middle of the line) to the right; entries that would
+/// leave the picture are moved to a further row below.
+void draw_legend(Canvas& canvas, const Eigen::Vector2d& at, double right_limit,
+                 const std::vector<LegendEntry>& entries, double text_size);
+
+}  // namespace camber
