@@ -44,61 +44,57 @@ SizeSpread size_spread(CarClass car_class) {
 CarProportions proportion_spread(CarClass car_class) {
   CarProportions s;
   const bool van = car_class == CarClass::kVan;
-  s.wheelbase = 0.045;
-  s.front_overhang = 0.035;
-  s.wheel_radius = 0.012;
+  s.wheelbase = 0.060;
+  s.front_overhang = 0.055;
+  s.wheel_radius = 0.014;
   s.clearance = 0.015;
-  s.arch_gap = 0.010;
-  s.bumper_depth = 0.030;
-  s.bumper_height = 0.030;
-  s.headlight_x = 0.035;
-  s.headlight_y = 0.040;
-  s.cowl_x = 0.080;
-  s.cowl_y = 0.025;
-  s.roof_front_x = 0.090;
-  s.roof_rear_x = van ? 0.06 : 0.13;
-  s.roof_crown = 0.015;
-  s.roof_drop = 0.020;
-  s.rear_window_x = van ? 0.03 : 0.07;
-  s.rear_window_y = 0.035;
+  s.arch_gap = 0.020;
+  s.arch_lift = 0.020;
+  s.bumper_depth = 0.045;
+  s.bumper_height = 0.055;
+  s.headlight_x = 0.045;
+  s.headlight_y = 0.055;
+  s.cowl_x = 0.090;
+  s.cowl_y = 0.040;
+  s.roof_front_x = 0.110;
+  s.roof_rear_x = van ? 0.07 : 0.17;
+  s.roof_crown = 0.025;
+  s.roof_drop = 0.025;
+  s.rear_window_x = van ? 0.03 : 0.09;
+  s.rear_window_y = 0.050;
   s.tail_x = 0.030;
-  s.tail_y = 0.050;
-  s.roof_width = 0.020;
-  s.cowl_width = 0.020;
-  s.rear_window_width = 0.025;
-  s.tail_width = 0.025;
-  s.headlight_width = 0.025;
-  s.bumper_width = 0.025;
-  s.arch_width = 0.006;
+  s.tail_y = 0.090;
+  s.roof_width = 0.035;
+  s.cowl_width = 0.030;
+  s.rear_window_width = 0.035;
+  s.tail_width = 0.035;
+  s.headlight_width = 0.035;
+  s.bumper_width = 0.035;
+  s.arch_width = 0.012;
+  // An arch has no corners: where its points are put varies from car to car.
+  s.arch_end_outer = 0.14;
+  s.arch_end_inner = 0.14;
+  s.arch_top_outer = 0.14;
+  s.arch_top_inner = 0.14;
   return s;
 }
 
 constexpr double CarProportions::*kFreeProportions[] = {
-    &CarProportions::front_overhang,
-    &CarProportions::wheel_radius,
-    &CarProportions::clearance,
-    &CarProportions::arch_gap,
-    &CarProportions::bumper_depth,
-    &CarProportions::bumper_height,
-    &CarProportions::headlight_x,
-    &CarProportions::headlight_y,
-    &CarProportions::cowl_x,
-    &CarProportions::cowl_y,
-    &CarProportions::roof_front_x,
-    &CarProportions::roof_rear_x,
-    &CarProportions::roof_crown,
-    &CarProportions::roof_drop,
-    &CarProportions::rear_window_x,
-    &CarProportions::rear_window_y,
-    &CarProportions::tail_x,
-    &CarProportions::tail_y,
-    &CarProportions::roof_width,
-    &CarProportions::cowl_width,
-    &CarProportions::rear_window_width,
-    &CarProportions::tail_width,
-    &CarProportions::headlight_width,
-    &CarProportions::bumper_width,
-    &CarProportions::arch_width,
+    &CarProportions::front_overhang, &CarProportions::wheel_radius,
+    &CarProportions::clearance,      &CarProportions::arch_gap,
+    &CarProportions::arch_lift,      &CarProportions::bumper_depth,
+    &CarProportions::bumper_height,  &CarProportions::headlight_x,
+    &CarProportions::headlight_y,    &CarProportions::cowl_x,
+    &CarProportions::cowl_y,         &CarProportions::roof_front_x,
+    &CarProportions::roof_rear_x,    &CarProportions::roof_crown,
+    &CarProportions::roof_drop,      &CarProportions::rear_window_x,
+    &CarProportions::rear_window_y,  &CarProportions::tail_x,
+    &CarProportions::tail_y,         &CarProportions::roof_width,
+    &CarProportions::cowl_width,     &CarProportions::rear_window_width,
+    &CarProportions::tail_width,     &CarProportions::headlight_width,
+    &CarProportions::bumper_width,   &CarProportions::arch_width,
+    &CarProportions::arch_end_outer, &CarProportions::arch_end_inner,
+    &CarProportions::arch_top_outer, &CarProportions::arch_top_inner,
 };
 
 /// Builds the mesh of the left half as indexed vertices and mirrors it.
@@ -147,20 +143,20 @@ class CarBuilder {
       model_.keypoints[i] = {x, y, -width_share * half_width_};
       model_.keypoints[i + 18] = {x, y, width_share * half_width_};
     };
-    auto set_arch = [&](int i, double axle, double degrees, double width_share) {
-      const double a = degrees * kPi / 180.0;
-      set(i, axle + arch * std::cos(a), p_.wheel_radius + arch * std::sin(a), width_share);
+    auto set_arch = [&](int i, double axle, double angle, double width_share) {
+      set(i, axle + arch * std::cos(angle), p_.wheel_radius + p_.arch_lift + arch * std::sin(angle),
+          width_share);
     };
     set(0, rear_axle, p_.wheel_radius, p_.arch_width - 0.012);
     set(1, front_axle, p_.wheel_radius, p_.arch_width - 0.012);
-    set_arch(2, front_axle, -7.0, p_.arch_width - 0.02);
-    set_arch(3, front_axle, 45.0, p_.arch_width);
-    set_arch(4, front_axle, 135.0, p_.arch_width);
-    set_arch(5, front_axle, 189.0, p_.arch_width - 0.01);
-    set_arch(6, rear_axle, -9.0, p_.arch_width - 0.01);
-    set_arch(7, rear_axle, 45.0, p_.arch_width);
-    set_arch(8, rear_axle, 135.0, p_.arch_width);
-    set_arch(9, rear_axle, 187.0, p_.arch_width - 0.02);
+    set_arch(2, front_axle, p_.arch_end_outer, p_.arch_width - 0.02);
+    set_arch(3, front_axle, p_.arch_top_outer, p_.arch_width);
+    set_arch(4, front_axle, kPi - p_.arch_top_inner, p_.arch_width);
+    set_arch(5, front_axle, kPi - p_.arch_end_inner, p_.arch_width - 0.01);
+    set_arch(6, rear_axle, p_.arch_end_inner, p_.arch_width - 0.01);
+    set_arch(7, rear_axle, p_.arch_top_inner, p_.arch_width);
+    set_arch(8, rear_axle, kPi - p_.arch_top_outer, p_.arch_width);
+    set_arch(9, rear_axle, kPi - p_.arch_end_outer, p_.arch_width - 0.02);
     set(10, rear_corner, p_.bumper_height + 0.04, p_.bumper_width);
     set(11, rear_corner + p_.tail_x, p_.tail_y, p_.tail_width);
     set(12, rear_corner + p_.rear_window_x, p_.rear_window_y, p_.rear_window_width);
@@ -593,8 +589,9 @@ CarProportions mean_proportions(CarClass car_class) {
   // What the classes share; overridden below.
   p.wheel_radius = 0.315;
   p.clearance = 0.17;
-  p.arch_gap = 0.050;
-  p.bumper_depth = 0.14;
+  p.arch_gap = 0.060;
+  p.arch_lift = 0.020;
+  p.bumper_depth = 0.13;
   p.bumper_height = 0.30;
   p.headlight_x = -0.09;
   p.roof_crown = 0.075;
@@ -605,10 +602,15 @@ CarProportions mean_proportions(CarClass car_class) {
   p.headlight_width = 0.84;
   p.bumper_width = 0.88;
   p.arch_width = 0.965;
+  p.arch_end_outer = -0.13;
+  p.arch_end_inner = -0.16;
+  p.arch_top_outer = 0.80;
+  p.arch_top_inner = 0.80;
   switch (car_class) {
-    case CarClass::kHatchback:  // between a supermini (3.97 x 1.69) and a compact (4.26 x 1.79)
-      p.length = 4.09, p.width = 1.74, p.height = 1.475;
-      p.wheelbase = 2.54, p.front_overhang = 0.84;
+    case CarClass::kHatchback:  // superminis (3.75 x 1.65 to 4.0 x 1.70), compacts (4.15 to 4.3
+                                // x 1.78)
+      p.length = 4.03, p.width = 1.72, p.height = 1.47;
+      p.wheelbase = 2.52, p.front_overhang = 0.82;
       p.wheel_radius = 0.308;
       p.headlight_y = 0.72;
       p.cowl_x = -0.42, p.cowl_y = 0.95;
@@ -617,9 +619,9 @@ CarProportions mean_proportions(CarClass car_class) {
       p.tail_x = 0.03, p.tail_y = 0.88;
       p.roof_width = 0.68;
       break;
-    case CarClass::kSaloon:  // 4.55 to 4.80 x 1.78 to 1.84 x 1.42 to 1.48
-      p.length = 4.65, p.width = 1.805, p.height = 1.45;
-      p.wheelbase = 2.75, p.front_overhang = 0.87;
+    case CarClass::kSaloon:  // 4.45 to 4.80 x 1.73 to 1.84 x 1.41 to 1.48
+      p.length = 4.61, p.width = 1.785, p.height = 1.445;
+      p.wheelbase = 2.73, p.front_overhang = 0.86;
       p.headlight_y = 0.70;
       p.cowl_x = -0.52, p.cowl_y = 0.95;
       p.roof_front_x = -1.18, p.roof_rear_x = 0.22;
@@ -627,9 +629,9 @@ CarProportions mean_proportions(CarClass car_class) {
       p.tail_x = 0.03, p.tail_y = 0.93;
       p.roof_width = 0.65;
       break;
-    case CarClass::kEstate:  // 4.50 to 4.80 x 1.76 to 1.83 x 1.45 to 1.52
-      p.length = 4.63, p.width = 1.795, p.height = 1.48;
-      p.wheelbase = 2.69, p.front_overhang = 0.89;
+    case CarClass::kEstate:  // 4.45 to 4.80 x 1.73 to 1.83 x 1.44 to 1.52
+      p.length = 4.58, p.width = 1.77, p.height = 1.475;
+      p.wheelbase = 2.67, p.front_overhang = 0.88;
       p.headlight_y = 0.71;
       p.cowl_x = -0.48, p.cowl_y = 0.95;
       p.roof_front_x = -1.12, p.roof_rear_x = -0.52;
@@ -711,11 +713,13 @@ CarModel sample_car(CarClass car_class, const CounterRandom& random, std::uint64
   for (double CarProportions::*field : kFreeProportions) p.*field += spread.*field * draw();
 
   // Keep the order of the parts whatever the draw.
+  p.bumper_depth = std::max(p.bumper_depth, 0.04);
+  p.arch_gap = std::max(p.arch_gap, 0.025);
+  p.arch_lift = std::clamp(p.arch_lift, -0.02, 0.06);
   const double rear_overhang_min = p.wheel_radius + p.arch_gap + p.bumper_depth + 0.04;
   p.front_overhang =
       std::max(p.front_overhang, p.wheel_radius + p.arch_gap + p.bumper_depth + 0.04);
   p.wheelbase = std::min(p.wheelbase, p.length - p.front_overhang - rear_overhang_min);
-  p.bumper_depth = std::max(p.bumper_depth, 0.06);
   p.headlight_x = std::min(p.headlight_x, -0.01);
   p.tail_x = std::max(p.tail_x, 0.0);
   p.rear_window_x = std::max(p.rear_window_x, p.tail_x + 0.015);

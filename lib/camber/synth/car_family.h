@@ -58,6 +58,7 @@ struct CarProportions {
   double wheel_radius = 0;                  ///< loaded
   double clearance = 0;                     ///< ground to the lowest part of the skirts
   double arch_gap = 0;                      ///< wheel arch radius beyond the wheel's
+  double arch_lift = 0;                     ///< centre of the arches above the wheel's
   double bumper_depth = 0;                  ///< bumper corners behind the foremost (rearmost) point
   double bumper_height = 0;                 ///< front bumper corner above the ground
   double headlight_x = 0, headlight_y = 0;  ///< from the front bumper corner; above the ground
@@ -70,9 +71,12 @@ struct CarProportions {
   double tail_x = 0, tail_y = 0;                ///< upper tail light corner, likewise
   double roof_width = 0, cowl_width = 0, rear_window_width = 0, tail_width = 0;
   double headlight_width = 0, bumper_width = 0, arch_width = 0;
+  /// Where along the wheel arches their keypoints sit, rad from the horizontal: a lower end and an
+  /// upper point, of the side towards the car's end and of the side towards its middle.
+  double arch_end_outer = 0, arch_end_inner = 0, arch_top_outer = 0, arch_top_inner = 0;
 };
 
-/// Class mean, from published dimensions of common European models of about 2000 to 2020: overall
+/// Class mean, from published dimensions of common European models of about 1998 to 2018: overall
 /// sizes, wheelbases, overhangs and tyre sizes as in makers' catalogues; the rest read off
 /// three-view drawings in round numbers. Nothing here is fitted to annotated shapes.
 CarProportions mean_proportions(CarClass car_class);

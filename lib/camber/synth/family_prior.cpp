@@ -21,6 +21,10 @@ ShapeSample to_sample(const CarModel& car) {
 
 void FamilyPriorOptions::validate() const {
   if (samples < 2) throw std::invalid_argument(fmt::format("samples: {}, must be > 1", samples));
+  if (!(annotation_sigma >= 0.0) || !(box_sigma >= 0.0)) {
+    throw std::invalid_argument(fmt::format("annotation_sigma, box_sigma: {}, {}, must be >= 0",
+                                            annotation_sigma, box_sigma));
+  }
   ShapeLearningOptions{num_coefficients}.validate();
 }
 
@@ -42,6 +46,14 @@ VehiclePrior learn_family_prior(const FamilyPriorOptions& options) {
   prior.shapes.push_back(learn_shape_prior("car", cars, learning));
   prior.shapes.push_back(learn_shape_prior("van", vans, learning));
   prior.sizes = published_sizes();
+  for (ShapePrior& shape : prior.shapes) {
+    shape.sigma =
+        (shape.sigma.array().square() + options.annotation_sigma * options.annotation_sigma).sqrt();
+    for (int i = 0; i < 3; ++i) {
+      const double sigma = options.box_sigma * shape.parameters_mean[i];
+      shape.parameters_covariance(i, i) += sigma * sigma;
+    }
+  }
   return prior;
 }
 

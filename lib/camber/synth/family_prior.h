@@ -10,6 +10,11 @@ struct FamilyPriorOptions {
   std::uint64_t seed = 1;
   int samples = 4000;  ///< cars, and as many vans, > 1
   int num_coefficients = 20;
+  /// m, each axis: how far apart two people (or networks) put the same keypoint of a car; >= 0.
+  double annotation_sigma = 0.03;
+  /// Relative spread of each dimension beyond the catalogues': mirrors, loads, roof rails, tyres,
+  /// and how boxes are drawn round a car; >= 0.
+  double box_sigma = 0.03;
   void validate() const;  ///< throws std::invalid_argument
 };
 

@@ -77,7 +77,11 @@ class Problem {
             ? std::min({options.num_coefficients, full.num_coefficients(), kMaxCoefficients})
             : 0;
     num_parameters_ = kPoseParameters + kSizeParameters + num_coefficients_;
-    model_sigma_ = full.residual_sigma[num_coefficients_];
+    // Shape errors that no coefficient explains, of a keypoint, m, each axis.
+    const Eigen::Matrix<double, 3, kNumSideKeypoints> left = full.residual_sigma(num_coefficients_);
+    for (int i = 0; i < kNumKeypoints; ++i) {
+      model_variance_[i] = left.col(i % kNumSideKeypoints).squaredNorm() / 3.0;
+    }
 
     const int known = kSizeParameters + num_coefficients_;
     prior_mean_ = full.parameters_mean.head(known);
@@ -199,9 +203,10 @@ class Problem {
     return std::log(total);
   }
 
-  double model_variance(double depth) const {
-    const double px = model_sigma_ * camera_.fx / depth;
-    return px * px / (cell_u_ * cell_v_);
+  /// Variance of keypoint j's pixel from its shape error, cells^2.
+  double model_variance(std::size_t j, double depth) const {
+    const double scale = camera_.fx * camera_.fy / (depth * depth * cell_u_ * cell_v_);
+    return model_variance_[used_[j]] * scale;
   }
 
   /// Minus log posterior; optionally with the normal equations of a Gauss-Newton step (a weighted
@@ -375,7 +380,7 @@ class Problem {
       double depth = 0.0;
       if (!project(body_[used_[j]], s, &pixel, &depth)) return;
       const double squared = squared_error(j, pixel);
-      const double model = model_variance(depth);
+      const double model = model_variance(j, depth);
       const double seen = noise_.seen * noise_scale_;
       double weight = 0.0;
       log_density(squared, seen_share_[j], model, &weight, nullptr);
@@ -404,7 +409,8 @@ class Problem {
       double depth = 0.0;
       if (!project(body_[used_[j]], s, &pixel, &depth)) continue;
       double kept = 0.0;
-      log_density(squared_error(j, pixel), seen_share_[j], model_variance(depth), nullptr, &kept);
+      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth), nullptr,
+                  &kept);
       out.kept += kept;
       sum += kept * (pixel - pixels_[j]).squaredNorm();
     }
@@ -525,8 +531,8 @@ class Problem {
       double depth = 0.0;
       if (!project(point, s, &pixel, &depth)) return false;
       double weight = 0.0;
-      *cost -= log_density(squared_error(j, pixel), seen_share_[j], model_variance(depth), &weight,
-                           nullptr);
+      *cost -= log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth),
+                           &weight, nullptr);
       if (!hessian) continue;
       point_jacobian(point, s, &jacobian);
       jacobian.row(0) /= cell_u_;
@@ -632,7 +638,7 @@ class Problem {
   const VehicleFitOptions& options_;
   int num_coefficients_ = 0;
   int num_parameters_ = 0;
-  double model_sigma_ = 0.0;  // m, shape error per coordinate that no coefficient explains
+  std::array<double, kNumKeypoints> model_variance_{};  // m^2
   NoiseModel noise_;
   double noise_scale_ = 1.0;
   bool use_confidence_ = false;

@@ -137,11 +137,19 @@ KeypointMatrix ShapePrior::keypoints(const Dimensions& dimensions,
   return out;
 }
 
+SideMatrix ShapePrior::residual_sigma(int count) const {
+  const Eigen::Vector3d size(parameters_mean[0], parameters_mean[2], parameters_mean[1]);
+  SideMatrix variance = sigma.cwiseAbs2();
+  for (int k = 0; k < std::min(count, num_coefficients()); ++k) {
+    variance -= (size.asDiagonal() * basis[k]).cwiseAbs2();
+  }
+  return variance.cwiseMax(0.0).cwiseSqrt();
+}
+
 ShapePrior ShapePrior::truncated(int count) const {
   const int kept = std::min(std::max(count, 0), num_coefficients());
   ShapePrior out = *this;
   out.basis.resize(kept);
-  out.residual_sigma.resize(kept + 1);
   out.parameters_mean = parameters_mean.head(3 + kept).eval();
   out.parameters_covariance = parameters_covariance.topLeftCorner(3 + kept, 3 + kept).eval();
   return out;
@@ -233,10 +241,8 @@ ShapePrior learn_shape_prior(const std::string& name, const std::vector<ShapeSam
     out.basis.push_back(Eigen::Map<const SideMatrix>(share.data()));
     parameters.row(3 + k) = direction.transpose() * centred / sigma;
   }
-  for (int k = 0; k <= kept; ++k) {
-    out.residual_sigma.push_back(
-        std::sqrt(eigenvalues.tail(kSideNumbers - k).sum() / kSideNumbers));
-  }
+  const Eigen::VectorXd sigma = scatter.diagonal().cwiseMax(0.0).cwiseSqrt();
+  out.sigma = Eigen::Map<const SideMatrix>(sigma.data());
   out.parameters_mean = Eigen::VectorXd::Zero(3 + kept);
   out.parameters_mean.head<3>() = size_mean;
   out.parameters_covariance = parameters * parameters.transpose() / (n - 1.0);
@@ -276,8 +282,7 @@ std::string vehicle_prior_text(const VehiclePrior& prior) {
     for (std::size_t k = 0; k < s.basis.size(); ++k) {
       out += (k > 0 ? ",\n        " : "\n        ") + number_list(s.basis[k].data(), kSideNumbers);
     }
-    out += "],\n      \"residual_sigma\": " +
-           number_list(s.residual_sigma.data(), s.residual_sigma.size()) + ",\n";
+    out += "],\n      \"sigma\": " + number_list(s.sigma.data(), kSideNumbers) + ",\n";
     out += "      \"dimensions\": " + number_list(s.parameters_mean.data(), 3) + ",\n";
     out += "      \"covariance\": " +
            number_list(s.parameters_covariance.data(), s.parameters_covariance.size()) + "\n    }";
@@ -314,7 +319,8 @@ VehiclePrior parse_vehicle_prior(const std::string& text, const std::string& nam
     s.mean = r.member("mean").side();
     for (const Reader& b : r.member("basis").elements()) s.basis.push_back(b.side());
     const int kept = s.num_coefficients();
-    s.residual_sigma = r.member("residual_sigma").numbers(kept + 1);
+    s.sigma = r.member("sigma").side();
+    if (!(s.sigma.minCoeff() >= 0.0)) r.member("sigma").fail("54 numbers that are not negative");
     const std::vector<double> size = r.member("dimensions").numbers(3);
     if (!(size[0] > 0.0 && size[1] > 0.0 && size[2] > 0.0)) {
       r.member("dimensions").fail("3 positive numbers");

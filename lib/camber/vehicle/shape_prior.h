@@ -25,8 +25,8 @@ struct ShapePrior {
   int samples = 0;                                   ///< vehicles that it was learnt from
   Eigen::Matrix<double, 3, kNumSideKeypoints> mean;  ///< x / length, y / height, z / width
   std::vector<Eigen::Matrix<double, 3, kNumSideKeypoints>> basis;  ///< same unit, a of variance 1
-  /// Standard deviation, m, per coordinate, that the first k coefficients leave; k = 0 .. K.
-  std::vector<double> residual_sigma;
+  /// Standard deviation of each coordinate about the mean shape, m, at the mean size.
+  Eigen::Matrix<double, 3, kNumSideKeypoints> sigma;
   Eigen::VectorXd parameters_mean;        ///< length, width, height (m), then K zeros
   Eigen::MatrixXd parameters_covariance;  ///< (3 + K) x (3 + K)
 
@@ -38,6 +38,9 @@ struct ShapePrior {
   /// Keypoints in the vehicle frame, m. @param coefficients at most num_coefficients() of them.
   KeypointMatrix keypoints(const Dimensions& dimensions,
                            const std::vector<double>& coefficients = {}) const;
+
+  /// What the first `count` coefficients leave of `sigma`, m.
+  Eigen::Matrix<double, 3, kNumSideKeypoints> residual_sigma(int count) const;
 
   /// The same prior cut to its first `count` coefficients (or all, if it has fewer).
   ShapePrior truncated(int count) const;
