@@ -129,8 +129,8 @@ TEST_F(ImageFile, MissingForeignAndEmptyFilesAreRefused) {
 }
 
 TEST_F(ImageFile, EveryCutOfAnImageIsRefused) {
-  write_png(path("whole.png"), 20, 12, 2, 8, picture(20, 12, 3));
-  write_jpeg(path("whole.jpg"), 48, 32, 3, picture(48, 32, 3));
+  write_png(path("whole.png"), 8, 5, 2, 8, picture(8, 5, 3));
+  write_jpeg(path("whole.jpg"), 16, 8, 3, picture(16, 8, 3));
   for (const char* name : {"whole.png", "whole.jpg"}) {
     const std::string bytes = test::read_bytes(path(name));
     for (std::size_t length = 0; length < bytes.size(); ++length) {
@@ -145,7 +145,7 @@ TEST_F(ImageFile, EveryCutOfAnImageIsRefused) {
 }
 
 TEST_F(ImageFile, EveryFlippedByteOfAPngIsNoticed) {
-  write_png(path("whole.png"), 20, 12, 2, 8, picture(20, 12, 3));
+  write_png(path("whole.png"), 8, 5, 2, 8, picture(8, 5, 3));
   const std::string bytes = test::read_bytes(path("whole.png"));
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     std::string damaged = bytes;
@@ -157,7 +157,7 @@ TEST_F(ImageFile, EveryFlippedByteOfAPngIsNoticed) {
 }
 
 TEST_F(ImageFile, DamagedJpegsAreReadOrRefused) {
-  write_jpeg(path("whole.jpg"), 48, 32, 3, picture(48, 32, 3));
+  write_jpeg(path("whole.jpg"), 16, 8, 3, picture(16, 8, 3));
   const std::string bytes = test::read_bytes(path("whole.jpg"));
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     std::string damaged = bytes;

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace camber::test {
+
+/// What a program said and how it ended.
+struct ProgramResult {
+  int exit_code = -1;  ///< 128 + N for signal N
+  std::string out;
+  std::string error;
+};
+
+/// Runs the camber program that was just built, with standard input empty.
+ProgramResult run_camber(const std::vector<std::string>& arguments);
+
+/// Every file below a folder with its content, folders with "/"; to see what a run left behind.
+std::map<std::string, std::string> snapshot(const std::filesystem::path& folder);
+
+}  // namespace camber::test
+
+/// The program failed with an exit code, said one sentence on stderr that starts with "camber: "
+/// and contains `part`, and nothing on stdout.
+#define EXPECT_ONE_SENTENCE(result, code, part)                               \
+  do {                                                                        \
+    const auto& camber_result = (result);                                     \
+    EXPECT_EQ(camber_result.exit_code, (code)) << camber_result.error;        \
+    EXPECT_EQ(camber_result.out, "");                                         \
+    EXPECT_THAT(camber_result.error, ::testing::StartsWith("camber: "));      \
+    EXPECT_THAT(camber_result.error, ::testing::HasSubstr(part));             \
+    EXPECT_EQ(camber_result.error.find('\n') + 1, camber_result.error.size()) \
+        << "more than one line: " << camber_result.error;                     \
+  } while (false)
