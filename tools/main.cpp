@@ -38,8 +38,8 @@ int main(int argc, char** argv) {
   // register_reconstruct(root);
   // register_triangulate(root);
   register_import(root);
-  // register_info(root);
-  // register_synth(root);
+  register_info(root);
+  register_synth(root);
 
   std::string command_line = "camber";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];

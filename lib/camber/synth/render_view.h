@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "camber/geometry/box.h"
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/synth/synth_world.h"
+
+namespace camber {
+
+struct CameraSensor {
+  std::uint64_t seed = 0;
+  int supersampling = 3;          ///< samples a pixel and direction, 1 to 6
+  double blur = 0.5;              ///< px, standard deviation of the lens's blur, 0 to 3
+  double noise = 1.2;             ///< grey levels of 255, standard deviation, 0 to 30
+  double exposure_change = 0.04;  ///< relative, from frame to frame, 0 to 0.5
+  double vignetting = 0.18;       ///< relative loss at the corners, 0 to 0.9
+};
+
+/// Colour picture of one frame as a camera gives it: 3 * width * height bytes, red green blue.
+/// Visibility by VTK's rasteriser, light and textures by shade_hit. Same inputs, same picture for
+/// any number of threads on the same OpenGL driver.
+/// @throws MachineError if no rendering back end answers.
+std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
+                                      const PinholeCamera& camera, const CameraSensor& sensor,
+                                      int num_threads);
+
+/// Truth of one frame at the pixel centres, by exact ray casting: independent of the picture.
+struct ViewTruth {
+  std::vector<WorldHit> hits;        ///< width * height; `distance` is the depth along z, m
+  std::vector<std::uint8_t> labels;  ///< TruthLabel
+  /// One a car: pixels of its whole outline inside the image, and those where it is seen.
+  std::vector<int> outline_pixels, visible_pixels;
+};
+ViewTruth trace_view(const SynthWorld& world, int frame, const PinholeCamera& camera,
+                     int num_threads);
+
+}  // namespace camber
