@@ -289,7 +289,8 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
       for (int i = 0; i < 8; ++i) reach = united(reach, *camera.project(corners.col(i)));
       drawn.reach = reach;
     }
-    if (!std::isfinite(drawn.reach.area())) continue;
+    const Eigen::Vector4d sides(drawn.reach.x1, drawn.reach.y1, drawn.reach.x2, drawn.reach.y2);
+    if (!sides.allFinite()) continue;
     drawn.reach = drawn.reach.clipped(image.width, image.height);
     drawn.pixel_height = drawn.reach.height();
     if (drawn.wireframe) occluders.add(vehicle.keypoints);

@@ -339,4 +339,68 @@ void draw_legend(Canvas& canvas, const Eigen::Vector2d& at, double right_limit,
   }
 }
 
+Color darker(const Color& color, double share) {
+  const auto mix = [&](int c) { return static_cast<std::uint8_t>(std::lround(c * share)); };
+  return {mix(color.red), mix(color.green), mix(color.blue), color.alpha};
+}
+
+Color vehicle_color(const PlacedVehicle& vehicle) {
+  if (vehicle.status == Status::kNotObservable) return {120, 120, 120, 1.0};
+  return categorical(vehicle.id);
+}
+
+Color patch_color(PatchKind kind) {
+  switch (kind) {
+    case PatchKind::kRoad:
+      return {20, 60, 130, 1.0};
+    case PatchKind::kPavement:
+      return {150, 80, 20, 1.0};
+    case PatchKind::kOther:
+      break;
+  }
+  return {120, 120, 120, 1.0};
+}
+
+void check_picture_option(const char* name, double value, double low, double high) {
+  if (!(value >= low && value <= high)) {
+    throw std::invalid_argument("picture option " + std::string(name) + ": found " +
+                                format_number(value, 3) + ", expected " + format_number(low, 3) +
+                                " to " + format_number(high, 3));
+  }
+}
+
+std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::string& cameras) {
+  std::vector<LegendEntry> entries;
+  bool road = false, pavement = false, other = false;
+  for (const PlacedPatch& patch : space.patches) {
+    road |= patch.kind == PatchKind::kRoad;
+    pavement |= patch.kind == PatchKind::kPavement;
+    other |= patch.kind == PatchKind::kOther;
+  }
+  using Mark = LegendEntry::Mark;
+  if (road) entries.push_back({Mark::kFill, patch_color(PatchKind::kRoad), "road patch"});
+  if (pavement) {
+    entries.push_back({Mark::kFill, patch_color(PatchKind::kPavement), "pavement patch"});
+  }
+  if (other) entries.push_back({Mark::kFill, patch_color(PatchKind::kOther), "other patch"});
+  if (!space.vehicles.empty()) {
+    entries.push_back({Mark::kFill, categorical(1), "estimated vehicle"});
+  }
+  if (!space.truth.empty()) entries.push_back({Mark::kLine, kTruthRed, "true box"});
+  if (!space.cameras.empty()) {
+    entries.push_back({Mark::kLine, kInk, cameras});
+  }
+  return entries;
+}
+
+std::vector<std::string> height_title(const PictureSpace& space) {
+  if (space.height_name == "height above the road at the camera") {
+    return {"height above the", "road at the camera", "(" + space.unit + ")"};
+  }
+  if (space.height_name == "height above the camera") {
+    return {"height above", "the camera (" + space.unit + ")"};
+  }
+  return {space.height_name + " (" + space.unit + ")"};
+}
+
 }  // namespace camber

@@ -70,12 +70,27 @@ std::array<Eigen::Vector3d, 4> frustum_corners(const PinholeCamera& camera, doub
 /// "frame 48: 12,345 road points, 5 patches, 4 vehicles".
 std::string content_summary(const PictureContent& content, const PictureSpace& space);
 
+/// The same hue, darker, for lines on white. @param share  of the brightness, [0, 1].
+Color darker(const Color& color, double share);
+
+Color vehicle_color(const PlacedVehicle& vehicle);
+Color patch_color(PatchKind kind);
+
+/// "height above the road (m)" in short lines for a colour bar's title.
+std::vector<std::string> height_title(const PictureSpace& space);
+
+/// Throws std::invalid_argument "picture option NAME: found, expected" outside [low, high].
+void check_picture_option(const char* name, double value, double low, double high);
+
 /// What a legend explains.
 struct LegendEntry {
   enum class Mark { kLine, kDashedLine, kFill, kDot, kEllipse } mark = Mark::kLine;
   Color color;
   std::string text;
 };
+
+/// Entries for what is there.
+std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::string& cameras);
 
 /// A row of legend entries from `at` (left, middle of the line) to the right; entries that would
 /// leave the picture are moved to a further row below.

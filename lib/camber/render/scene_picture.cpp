@@ -36,14 +36,6 @@ namespace {
 
 using Segment3 = std::pair<Eigen::Vector3d, Eigen::Vector3d>;
 
-void check(const char* name, double value, double low, double high) {
-  if (!(value >= low && value <= high)) {
-    throw std::invalid_argument("picture option " + std::string(name) + ": found " +
-                                format_number(value, 3) + ", expected " + format_number(low, 3) +
-                                " to " + format_number(high, 3));
-  }
-}
-
 /// A camera that looks at the picture frame's content; perspective or parallel.
 struct View {
   Eigen::Matrix3d axes;  // rows: right, up (of the image), along the view; picture frame
@@ -213,29 +205,6 @@ std::vector<Segment3> box_lines(const OrientedBox& box) {
 
 void append(std::vector<Segment3>* lines, const std::vector<Segment3>& more) {
   lines->insert(lines->end(), more.begin(), more.end());
-}
-
-/// A darker version of a colour, for lines on white.
-Color darker(const Color& color, double share) {
-  const auto mix = [&](int c) { return static_cast<std::uint8_t>(std::lround(c * share)); };
-  return {mix(color.red), mix(color.green), mix(color.blue), color.alpha};
-}
-
-Color vehicle_color(const PlacedVehicle& vehicle) {
-  if (vehicle.status == Status::kNotObservable) return {120, 120, 120, 1.0};
-  return categorical(vehicle.id);
-}
-
-Color patch_color(PatchKind kind) {
-  switch (kind) {
-    case PatchKind::kRoad:
-      return {20, 60, 130, 1.0};
-    case PatchKind::kPavement:
-      return {150, 80, 20, 1.0};
-    case PatchKind::kOther:
-      break;
-  }
-  return {120, 120, 120, 1.0};
 }
 
 /// A level grid below the content with a round spacing.
@@ -553,40 +522,6 @@ View side_view(int width, int height) {
   return view;
 }
 
-std::vector<LegendEntry> legend_of(const PictureSpace& space, bool has_camera) {
-  std::vector<LegendEntry> entries;
-  bool road = false, pavement = false, other = false;
-  for (const PlacedPatch& patch : space.patches) {
-    road |= patch.kind == PatchKind::kRoad;
-    pavement |= patch.kind == PatchKind::kPavement;
-    other |= patch.kind == PatchKind::kOther;
-  }
-  using Mark = LegendEntry::Mark;
-  if (road) entries.push_back({Mark::kFill, patch_color(PatchKind::kRoad), "road patch"});
-  if (pavement) {
-    entries.push_back({Mark::kFill, patch_color(PatchKind::kPavement), "pavement patch"});
-  }
-  if (other) entries.push_back({Mark::kFill, patch_color(PatchKind::kOther), "other patch"});
-  if (!space.vehicles.empty()) {
-    entries.push_back({Mark::kFill, categorical(1), "estimated vehicle"});
-  }
-  if (!space.truth.empty()) entries.push_back({Mark::kLine, kTruthRed, "true box"});
-  if (!space.cameras.empty()) {
-    entries.push_back({Mark::kLine, kInk, has_camera ? "cameras and path" : "camera path"});
-  }
-  return entries;
-}
-
-std::vector<std::string> height_title(const PictureSpace& space) {
-  if (space.height_name == "height above the road at the camera") {
-    return {"height above the", "road at the camera", "(" + space.unit + ")"};
-  }
-  if (space.height_name == "height above the camera") {
-    return {"height above", "the camera (" + space.unit + ")"};
-  }
-  return {space.height_name + " (" + space.unit + ")"};
-}
-
 Image oblique_picture(const Drawing& drawing, int width, int height) {
   const PictureSpace& space = drawing.space;
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 620.0));
@@ -619,7 +554,8 @@ Image oblique_picture(const Drawing& drawing, int width, int height) {
         {left - 0.5 * text, 0.0, static_cast<double>(width), static_cast<double>(height)});
   }
   draw_legend(canvas, {text, height - 1.2 * text}, width - text,
-              legend_of(space, drawing.content.camera != nullptr), text);
+              make_legend(space, drawing.content.camera ? "cameras and path" : "camera path"),
+              text);
   taken.push_back(
       {0.0, height - 2.0 * text, static_cast<double>(width), static_cast<double>(height)});
   draw_vehicle_labels(canvas, space, view, taken, text, true);
@@ -699,14 +635,14 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
 }  // namespace
 
 void ScenePictureOptions::validate() const {
-  check("width", width, 64, 8192);
-  check("height", height, 64, 8192);
-  check("supersampling", supersampling, 1, 4);
-  check("point_size", point_size, 0.0, 20.0);
-  check("azimuth", azimuth, -10.0, 10.0);
-  check("elevation", elevation, 0.01, 1.55);
+  check_picture_option("width", width, 64, 8192);
+  check_picture_option("height", height, 64, 8192);
+  check_picture_option("supersampling", supersampling, 1, 4);
+  check_picture_option("point_size", point_size, 0.0, 20.0);
+  check_picture_option("azimuth", azimuth, -10.0, 10.0);
+  check_picture_option("elevation", elevation, 0.01, 1.55);
   const int side = std::max(width, height) * supersampling;
-  check("supersampling times the longer side", side, 1, 16384);
+  check_picture_option("supersampling times the longer side", side, 1, 16384);
 }
 
 Image render_scene_picture(const PictureContent& content, const ScenePictureOptions& options,

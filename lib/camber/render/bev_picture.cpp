@@ -1,0 +1,301 @@
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "camber/render/color_map.h"
+#include "camber/render/label_layout.h"
+#include "camber/render/picture_file.h"
+#include "camber/render/picture_space.h"
+#include "camber/render/pictures.h"
+
+namespace camber {
+namespace {
+
+constexpr double kChiSquare95 = 5.991464547107979;  // two degrees of freedom
+
+/// From the picture frame to pixels: ahead points right, right points down.
+struct Map {
+  double scale = 1.0;          // pixels a metre
+  Eigen::Vector2d zero{0, 0};  // pixel of (right 0, ahead 0)
+
+  Eigen::Vector2d operator()(double right, double ahead) const {
+    return {zero.x() + scale * ahead, zero.y() + scale * right};
+  }
+  Eigen::Vector2d operator()(const Eigen::Vector3d& x) const { return (*this)(x.x(), x.y()); }
+};
+
+/// Points as squares of `size` pixels, the highest on top, anti-aliased by a twofold raster.
+void splat_points(Image& image, const PictureSpace& space, const Map& map, const Box2& frame,
+                  double size) {
+  constexpr int kFactor = 2;
+  const int x0 = static_cast<int>(std::floor(frame.x1)),
+            y0 = static_cast<int>(std::floor(frame.y1));
+  const int width = static_cast<int>(std::ceil(frame.x2)) - x0;
+  const int height = static_cast<int>(std::ceil(frame.y2)) - y0;
+  if (width <= 0 || height <= 0) return;
+  cv::Mat place(image.height, image.width, CV_8UC3, image.data.data());
+  cv::Mat area = place(cv::Rect(x0, y0, width, height));
+  cv::Mat large;
+  cv::resize(area, large, cv::Size(), kFactor, kFactor, cv::INTER_NEAREST);
+  std::vector<float> top(static_cast<std::size_t>(large.cols) * large.rows,
+                         -std::numeric_limits<float>::infinity());
+  const int side = std::max(1, static_cast<int>(std::lround(size * kFactor)));
+  for (const Eigen::Vector3f& p : space.points) {
+    const Eigen::Vector2d pixel = map(p.x(), p.y());
+    const double px = (pixel.x() - x0 + 0.5) * kFactor - 0.5 * side;
+    const double py = (pixel.y() - y0 + 0.5) * kFactor - 0.5 * side;
+    if (!(px > -1e6 && px < 1e6 && py > -1e6 && py < 1e6)) continue;
+    const int left = static_cast<int>(std::lround(px)), upper = static_cast<int>(std::lround(py));
+    const Color color = viridis((p.z() - space.heights.low) / space.heights.span());
+    const cv::Vec3b ink(color.red, color.green, color.blue);
+    for (int y = std::max(0, upper); y < std::min(large.rows, upper + side); ++y) {
+      for (int x = std::max(0, left); x < std::min(large.cols, left + side); ++x) {
+        float& before = top[static_cast<std::size_t>(y) * large.cols + x];
+        if (p.z() <= before) continue;
+        before = p.z();
+        large.at<cv::Vec3b>(y, x) = ink;
+      }
+    }
+  }
+  cv::resize(large, area, area.size(), 0, 0, cv::INTER_AREA);
+}
+
+std::vector<Eigen::Vector2d> footprint(const PlacedVehicle& vehicle, const Map& map) {
+  const auto corners = vehicle.box.corners();
+  std::vector<Eigen::Vector2d> out;
+  for (int i = 0; i < 4; ++i) out.push_back(map(corners.col(i)));
+  return out;
+}
+
+/// From the middle of a vehicle to its front: tells where it looks.
+Segment2 heading(const PlacedVehicle& vehicle, const Map& map) {
+  const SE3& pose = vehicle.box.camera_from_vehicle;
+  return {map(pose.translation()),
+          map(pose * Eigen::Vector3d(0.5 * vehicle.box.dimensions.length, 0.0, 0.0))};
+}
+
+/// 95 % of the position's probability; empty where no covariance is stated.
+std::vector<Eigen::Vector2d> ellipse(const PlacedVehicle& vehicle, const Map& map) {
+  const Eigen::Matrix2d covariance = vehicle.center_covariance.topLeftCorner<2, 2>();
+  if (!covariance.allFinite() || !(covariance.trace() > 0.0)) return {};
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(
+      0.5 * (covariance + covariance.transpose()));
+  if (solver.info() != Eigen::Success) return {};
+  const Eigen::Vector2d axes = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
+  const Eigen::Vector3d center = vehicle.box.center();
+  std::vector<Eigen::Vector2d> rim;
+  constexpr int kSteps = 72;
+  for (int i = 0; i < kSteps; ++i) {
+    const double angle = 2.0 * M_PI * i / kSteps;
+    const Eigen::Vector2d offset =
+        solver.eigenvectors() *
+        Eigen::Vector2d(axes.x() * std::cos(angle), axes.y() * std::sin(angle));
+    rim.push_back(map(center.x() + offset.x(), center.y() + offset.y()));
+  }
+  return rim;
+}
+
+Box2 bounds(const std::vector<Eigen::Vector2d>& points) {
+  Box2 box{1e30, 1e30, -1e30, -1e30};
+  for (const Eigen::Vector2d& p : points) {
+    box = {std::min(box.x1, p.x()), std::min(box.y1, p.y()), std::max(box.x2, p.x()),
+           std::max(box.y2, p.y())};
+  }
+  return box;
+}
+
+}  // namespace
+
+void BevPictureOptions::validate() const {
+  check_picture_option("width", width, 64, 8192);
+  check_picture_option("height", height, 64, 8192);
+  check_picture_option("point_size", point_size, 0.0, 20.0);
+}
+
+Image render_bev_picture(const PictureContent& content, const BevPictureOptions& options) {
+  options.validate();
+  const PictureSpace space = make_picture_space(content, options.show_truth);
+  const int width = options.width, height = options.height;
+  const double unit = std::max(0.4, std::min(width / 1600.0, height / 900.0));
+  const double text = 20.0 * unit;
+  Image image = make_picture(width, height, 255);
+  Canvas canvas(image);
+
+  // The plot's frame, and a map that fits the content into it without distortion.
+  const double top = content.title.empty() ? 2.2 * text : 3.8 * text;
+  const Box2 frame{4.4 * text, top, width - (space.points.empty() ? 1.5 : 10.5) * text,
+                   height - 5.2 * text};
+  const double pad = 1.2 * text;
+  Map map;
+  map.scale = std::min((frame.width() - 2.0 * pad) / std::max(space.ahead.span(), 1e-3),
+                       (frame.height() - 2.0 * pad) / std::max(space.right.span(), 1e-3));
+  map.scale = std::max(map.scale, 1e-6);
+  map.zero = {frame.center().x() - map.scale * 0.5 * (space.ahead.low + space.ahead.high),
+              frame.center().y() - map.scale * 0.5 * (space.right.low + space.right.high)};
+  const RobustRange ahead{(frame.x1 - map.zero.x()) / map.scale,
+                          (frame.x2 - map.zero.x()) / map.scale};
+  const RobustRange right{(frame.y1 - map.zero.y()) / map.scale,
+                          (frame.y2 - map.zero.y()) / map.scale};
+  // One grid spacing for both axes, so that the grid's cells are squares.
+  const double step =
+      make_ticks(ahead.low, ahead.high, std::max(2, static_cast<int>(frame.width() / (5.0 * text))))
+          .step;
+  const Ticks ahead_ticks = multiples_of(step, ahead.low, ahead.high);
+  const Ticks right_ticks = multiples_of(step, right.low, right.high);
+  const double thin = std::max(1.0, unit);
+
+  std::vector<Segment2> grid;
+  for (const double at : ahead_ticks.values) {
+    const double x = map(0.0, at).x();
+    grid.push_back({{x, frame.y1}, {x, frame.y2}});
+  }
+  for (const double at : right_ticks.values) {
+    const double y = map(at, 0.0).y();
+    grid.push_back({{frame.x1, y}, {frame.x2, y}});
+  }
+  canvas.segments(grid, thin, {222, 225, 229, 1.0});
+
+  if (!space.points.empty()) {
+    double size = options.point_size;
+    if (size <= 0.0) {
+      const double area = std::max(1e-6, space.right.span() * space.ahead.span());
+      const double spacing = std::sqrt(area / static_cast<double>(space.points.size()));
+      size = std::clamp(0.7 * spacing * map.scale / unit, 1.4, 3.0) * unit;
+    }
+    splat_points(image, space, map, frame, size);
+    canvas.segments(grid, thin, {255, 255, 255, 0.25});
+  }
+
+  // The camera's field of view: its image's left and right edges.
+  if (content.camera && space.current_camera >= 0) {
+    const SE3& camera = space.cameras[static_cast<std::size_t>(space.current_camera)];
+    const double far = 3.0 * (space.ahead.span() + space.right.span() + 10.0);
+    std::vector<Segment2> edges;
+    for (const double column : {-0.5, content.camera->width - 0.5}) {
+      const Eigen::Vector3d ray = content.camera->ray({column, content.camera->cy}) * far;
+      Segment2 edge{map(camera.translation()), map(camera * ray)};
+      if (clip_segment(frame, &edge.first, &edge.second)) edges.push_back(edge);
+    }
+    canvas.dashed(edges, 0.5 * text, 0.3 * text, 1.2 * unit, kInk.with_alpha(0.7));
+  }
+  for (const PlacedPatch& patch : space.patches) {
+    std::vector<Eigen::Vector2d> rim;
+    for (const Eigen::Vector3d& corner : patch.boundary) rim.push_back(map(corner));
+    canvas.polygon(rim, kPaper.with_alpha(0.25));
+    canvas.polyline(rim, true, 3.4 * unit, kPaper.with_alpha(0.8));
+    canvas.polyline(rim, true, 2.0 * unit, patch_color(patch.kind));
+  }
+  for (const PlacedVehicle& vehicle : space.vehicles) {
+    const Color color = vehicle_color(vehicle);
+    const std::vector<Eigen::Vector2d> rim = footprint(vehicle, map);
+    canvas.polygon(rim, color.with_alpha(0.8));
+    canvas.polyline(rim, true, 2.0 * unit, darker(color, 0.45));
+    canvas.segments({heading(vehicle, map)}, 2.0 * unit, darker(color, 0.45));
+    const std::vector<Eigen::Vector2d> region = ellipse(vehicle, map);
+    canvas.polyline(region, true, 2.6 * unit, kPaper.with_alpha(0.8));
+    canvas.polyline(region, true, 1.4 * unit, kInk);
+  }
+  for (const PlacedVehicle& vehicle : space.truth) {
+    canvas.polyline(footprint(vehicle, map), true, 2.0 * unit, kTruthRed);
+    canvas.segments({heading(vehicle, map)}, 2.0 * unit, kTruthRed);
+  }
+  std::vector<Eigen::Vector2d> path;
+  for (const SE3& camera : space.cameras) path.push_back(map(camera.translation()));
+  canvas.polyline(path, false, 3.0 * unit, kInk);
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const bool current = static_cast<int>(i) == space.current_camera;
+    canvas.disc(path[i], (current ? 6.0 : 3.5) * unit, kInk);
+    if (current) canvas.disc(path[i], 3.0 * unit, kPaper);
+  }
+
+  // What reaches outside of the frame is wiped before the axes are drawn.
+  const double w = width, h = height;
+  for (const Box2& outside : {Box2{-1, -1, w, frame.y1}, Box2{-1, frame.y2, w, h},
+                              Box2{-1, -1, frame.x1, h}, Box2{frame.x2, -1, w, h}}) {
+    canvas.rectangle(outside, kPaper);
+  }
+  canvas.polyline(
+      {{frame.x1, frame.y1}, {frame.x2, frame.y1}, {frame.x2, frame.y2}, {frame.x1, frame.y2}},
+      true, thin, kFaintInk);
+  for (std::size_t i = 0; i < ahead_ticks.values.size(); ++i) {
+    const double x = map(0.0, ahead_ticks.values[i]).x();
+    canvas.segments({{{x, frame.y2}, {x, frame.y2 + 0.3 * text}}}, thin, kInk);
+    canvas.text({x, frame.y2 + 0.95 * text}, ahead_ticks.labels[i], text, kInk,
+                TextAnchor::kCenter);
+  }
+  for (std::size_t i = 0; i < right_ticks.values.size(); ++i) {
+    const double y = map(right_ticks.values[i], 0.0).y();
+    canvas.segments({{{frame.x1 - 0.3 * text, y}, {frame.x1, y}}}, thin, kInk);
+    canvas.text({frame.x1 - 0.5 * text, y}, right_ticks.labels[i], text, kInk, TextAnchor::kRight);
+  }
+  canvas.text({frame.center().x(), frame.y2 + 2.1 * text},
+              "ahead of the camera (" + space.unit + ")", text, kInk, TextAnchor::kCenter);
+  canvas.text_upwards({1.2 * text, frame.center().y()},
+                      "left  -  right of the camera (" + space.unit + ")", text, kInk);
+
+  double line = 1.1 * text;
+  if (!content.title.empty()) {
+    canvas.text({text, line}, content.title, 1.25 * text, kInk, TextAnchor::kLeft, true);
+    line += 1.5 * text;
+  }
+  canvas.text({text, line}, content_summary(content, space), text, kFaintInk);
+  if (!space.points.empty()) {
+    const std::vector<std::string> title = height_title(space);
+    const double left = width - 9.2 * text;
+    const Box2 bar{left, frame.y1 + 1.2 * text * static_cast<double>(title.size()),
+                   left + 1.2 * text, frame.y2};
+    draw_color_bar(canvas, bar, space.heights.low, space.heights.high, title, text, kInk);
+  }
+  std::vector<LegendEntry> legend = make_legend(space, "camera path");
+  using Mark = LegendEntry::Mark;
+  const bool any_ellipse =
+      std::any_of(space.vehicles.begin(), space.vehicles.end(),
+                  [&](const PlacedVehicle& vehicle) { return !ellipse(vehicle, map).empty(); });
+  if (any_ellipse) legend.push_back({Mark::kEllipse, kInk, "95 % of its position"});
+  if (content.camera && space.current_camera >= 0) {
+    legend.push_back({Mark::kDashedLine, kInk, "field of view"});
+  }
+  draw_legend(canvas, {text, height - 1.3 * text}, width - text, legend, text);
+
+  // Labels last: they cover what they must.
+  std::vector<LabelRequest> requests;
+  std::vector<const PlacedVehicle*> named;
+  LabelLayoutOptions layout;
+  layout.area = frame.grown(-2.0);
+  layout.gap = 0.25 * text;
+  for (const PlacedVehicle& vehicle : space.vehicles) {
+    const Box2 reach = bounds(footprint(vehicle, map));
+    layout.avoid.push_back(reach);
+    if (!frame.contains(reach.center())) continue;
+    const std::string label =
+        vehicle.name + "  " + format_number(vehicle.range, 1) + " " + space.unit;
+    const Eigen::Vector2d size = Canvas::text_size(label, text, true);
+    requests.push_back({size + Eigen::Vector2d(0.9 * text, 0.15 * text), reach});
+    named.push_back(&vehicle);
+  }
+  for (const PlacedVehicle& vehicle : space.truth) {
+    layout.avoid.push_back(bounds(footprint(vehicle, map)));
+  }
+  const std::vector<LabelPlace> places = place_labels(requests, layout);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (!places[i].found || !places[i].leader) continue;
+    const Eigen::Vector2d from = places[i].box.center();
+    const Box2& t = requests[i].target;
+    canvas.segments({{from, {std::clamp(from.x(), t.x1, t.x2), std::clamp(from.y(), t.y1, t.y2)}}},
+                    1.2 * unit, kInk);
+  }
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (!places[i].found) continue;
+    const Box2& box = places[i].box;
+    canvas.rectangle(box, kPaper.with_alpha(0.85), 0.2 * text);
+    canvas.rectangle({box.x1, box.y1, box.x1 + 0.25 * text, box.y2}, vehicle_color(*named[i]));
+    canvas.text({box.x1 + 0.55 * text, box.center().y()},
+                named[i]->name + "  " + format_number(named[i]->range, 1) + " " + space.unit, text,
+                kInk, TextAnchor::kLeft, true);
+  }
+  return image;
+}
+
+}  // namespace camber
