@@ -7,12 +7,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
-#include <numeric>
 #include <stdexcept>
 
 #include "camber/core/random.h"
 #include "camber/core/threads.h"
+#include "camber/plane/noise_model.h"
 #include "camber/plane/plane_kernels.h"
 
 namespace camber {
@@ -23,14 +22,21 @@ using Eigen::Vector3d;
 namespace kernels = plane_kernels;
 
 constexpr std::size_t kSubset = 8192;       // points on which the winner is refined
-constexpr std::size_t kScored = 2048;       // of them, points that score a hypothesis
+constexpr std::size_t kOrdered = 4096;      // of them, points in order of neighbourhood
+constexpr std::size_t kScored = 2048;       // of those, points that score a hypothesis
 constexpr std::size_t kLeaf = 32;           // points of a neighbourhood that tells the noise
+constexpr std::size_t kCandidates = 8;      // distinct planes that compete at the end
+constexpr double kRival = 0.6;              // share of the best gain that makes a competitor
+constexpr std::size_t kCounted = 131072;    // points that decide between competitors
+constexpr double kCountSigmas = 4.0;        // within which they count: few that belong are left out
 constexpr std::size_t kManyPasses = 65536;  // below it all points are iterated to convergence
 constexpr double kBiweight = 4.685;         // standard deviations; 95 % efficient for normal noise
 constexpr double kInlierSigmas = 2.5;       // standard deviations
-constexpr double kGrazingFloor = 0.02;      // least share of a ray's sigma that shows
 constexpr double kWeakTilt = 0.02;          // rad
-constexpr double kMedianOfNormal = 0.6745;  // median of |N(0, 1)|
+// Noise along the viewing rays also moves points apart or together, so that what lies at a place is
+// on average a little off the surface: by about (relative range noise, 1 %) * (noise across the
+// plane), however many points there are. Without the rays it cannot be told or taken out.
+constexpr double kSystematic = 0.01;
 
 /// The input as plain arrays.
 struct PointSource {
@@ -56,199 +62,140 @@ struct LocalPlane {
 struct PlaneWindow {
   Vector3d center = Vector3d::Zero();
   Vector3d a = Vector3d::UnitX(), b = Vector3d::UnitY();
-  double half_u = 1e15, half_v = 1e15;
+  double half_u = 1e15, half_v = 1e15;  // m, beyond it nothing counts
+  double ramp_u = 1.0, ramp_v = 1.0;    // m, over which the weight grows to 1
 
   kernels::Window as_float() const {
     const auto f = [](double value) { return static_cast<float>(value); };
-    return {f(a.x()), f(a.y()), f(a.z()),          f(-a.dot(center)), f(b.x()),
-            f(b.y()), f(b.z()), f(-b.dot(center)), f(half_u),         f(half_v)};
+    return {f(a.x()), f(a.y()),          f(a.z()),  f(-a.dot(center)), f(b.x()),  f(b.y()),
+            f(b.z()), f(-b.dot(center)), f(half_u), f(half_v),         f(ramp_u), f(ramp_v)};
   }
 };
 
-/// Points in structure-of-arrays form, padded with zero weights.
+/// Puts a window's axes on a plane.
+void align(const LocalPlane& plane, PlaneWindow* window) {
+  const Vector3d along = window->a;
+  UncertainPlane::make_axes(plane.n, along, &window->a, &window->b);
+  window->center -= (plane.n.dot(window->center) + plane.d) * plane.n;
+}
+
+/// Points in structure-of-arrays form, relative to the pivot, padded with zero weights.
 struct PointArrays {
   std::vector<float> x, y, z, w, sigma, floor2;
   std::vector<std::array<float, 6>> covariance;
   std::size_t size = 0;
 
-  void resize(std::size_t n, bool with_sigma, bool with_rays, bool with_covariance) {
+  void resize(std::size_t n, bool with_sigma, bool with_covariance) {
     const std::size_t m = kernels::padded(n);
     for (std::vector<float>* array : {&x, &y, &z, &w}) array->assign(m, 0.0f);
     if (with_sigma) sigma.assign(m, 1.0f);
-    if (with_rays) floor2.assign(m, 1.0f);
     if (with_covariance) covariance.assign(m, {});
     size = n;
   }
-};
-
-enum class NoiseKind { kSame, kIsotropic, kPower, kRays, kCovariance };
-
-/// Turns what is known about each point into the variance along a plane's normal.
-struct NoiseModel {
-  NoiseKind kind = NoiseKind::kSame;
-  double scale = 1.0;     // the standard deviation itself for kSame, else a factor on the points'
-  double exponent = 1.0;  // kPower: standard deviation = scale * sigma ^ exponent
-  Vector3d viewpoint = Vector3d::Zero();  // kRays: relative to the pivot
-  std::vector<float> table;               // kPower: weight by the sigma's leading bits
-  std::uint32_t first = 0;
-
-  static std::uint32_t key(float sigma) {
-    std::uint32_t bits;
-    std::memcpy(&bits, &sigma, sizeof(bits));
-    return bits >> 16;  // sign, exponent, 7 bits of the fraction
-  }
-
-  /// Fills the table for sigmas between low and high (each > 0).
-  void tabulate(double low, double high) {
-    if (kind != NoiseKind::kPower) return;
-    first = key(static_cast<float>(std::max(low, 1e-30)));
-    const std::uint32_t last = key(static_cast<float>(std::min(high, 1e30)));
-    table.resize(last - first + 1);
-    for (std::uint32_t i = 0; i < table.size(); ++i) {
-      const std::uint32_t bits = ((first + i) << 16) | 0x8000u;
-      float sigma;
-      std::memcpy(&sigma, &bits, sizeof(sigma));
-      const double deviation = scale * std::pow(static_cast<double>(sigma), exponent);
-      table[i] = static_cast<float>(1.0 / (deviation * deviation));
+  Vector3d point(std::size_t k) const { return {x[k], y[k], z[k]}; }
+  /// Rows of another set, in a given order.
+  void take(const PointArrays& from, const std::vector<std::uint32_t>& rows) {
+    resize(rows.size(), !from.sigma.empty(), !from.covariance.empty());
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      const std::uint32_t i = rows[k];
+      x[k] = from.x[i];
+      y[k] = from.y[i];
+      z[k] = from.z[i];
+      w[k] = from.w[i];
+      if (!sigma.empty()) sigma[k] = from.sigma[i];
+      if (!covariance.empty()) covariance[k] = from.covariance[i];
     }
   }
-
-  /// Weights 1 / variance along the plane's normal; rows whose weight is 0 stay out.
-  void weigh(const LocalPlane& plane, std::size_t n, const float* x, const float* y, const float* z,
-             const float* sigma, const std::array<float, 6>* covariance, float* w) const {
-    switch (kind) {
-      case NoiseKind::kSame: {
-        const float weight = static_cast<float>(1.0 / (scale * scale));
-        for (std::size_t i = 0; i < n; ++i) w[i] = w[i] > 0.0f ? weight : 0.0f;
-        return;
-      }
-      case NoiseKind::kIsotropic: {
-        const float factor = static_cast<float>(1.0 / (scale * scale));
-        for (std::size_t i = 0; i < n; ++i) {
-          const bool good = w[i] > 0.0f && sigma[i] > 1e-12f && sigma[i] < 1e12f;
-          w[i] = good ? factor / (sigma[i] * sigma[i]) : 0.0f;
-        }
-        return;
-      }
-      case NoiseKind::kPower: {
-        const std::uint32_t last = first + static_cast<std::uint32_t>(table.size()) - 1;
-        for (std::size_t i = 0; i < n; ++i) {
-          const bool good = w[i] > 0.0f && sigma[i] > 1e-12f && sigma[i] < 1e12f;
-          w[i] = good ? table[std::clamp(key(sigma[i]), first, last) - first] : 0.0f;
-        }
-        return;
-      }
-      case NoiseKind::kRays: {
-        const float vx = static_cast<float>(viewpoint.x()), vy = static_cast<float>(viewpoint.y()),
-                    vz = static_cast<float>(viewpoint.z());
-        const double height = plane.n.dot(viewpoint) + plane.d;
-        const float view2 = static_cast<float>(height * height);
-        const float factor = static_cast<float>(1.0 / (scale * scale));
-        constexpr float kFloor2 = static_cast<float>(kGrazingFloor * kGrazingFloor);
-        for (std::size_t i = 0; i < n; ++i) {
-          const float dx = x[i] - vx, dy = y[i] - vy, dz = z[i] - vz;
-          const float s2 = dx * dx + dy * dy + dz * dz;
-          const bool good = w[i] > 0.0f && sigma[i] > 1e-12f && sigma[i] < 1e12f && s2 > 0.0f;
-          w[i] = good ? factor * s2 / (sigma[i] * sigma[i] * (view2 + kFloor2 * s2)) : 0.0f;
-        }
-        return;
-      }
-      case NoiseKind::kCovariance: {
-        const float nx = static_cast<float>(plane.n.x()), ny = static_cast<float>(plane.n.y()),
-                    nz = static_cast<float>(plane.n.z());
-        const float factor = static_cast<float>(1.0 / (scale * scale));
-        for (std::size_t i = 0; i < n; ++i) {
-          const std::array<float, 6>& c = covariance[i];
-          const float variance = nx * nx * c[0] + ny * ny * c[3] + nz * nz * c[5] +
-                                 2.0f * (nx * ny * c[1] + nx * nz * c[2] + ny * nz * c[4]);
-          const bool good = w[i] > 0.0f && variance > 1e-24f && variance < 1e24f;
-          w[i] = good ? factor / variance : 0.0f;
-        }
-        return;
-      }
-    }
+  /// Weights of all rows for a plane.
+  void weigh(const NoiseModel& noise, const LocalPlane& plane) {
+    std::fill(w.begin(), w.begin() + static_cast<long>(size), 1.0f);
+    noise.weigh(plane.n, plane.d, size, x.data(), y.data(), z.data(), sigma.data(),
+                covariance.data(), w.data());
   }
 };
 
-double quantile(std::vector<float>& values, double share) {
-  const std::size_t k = std::min(
-      values.size() - 1, static_cast<std::size_t>(share * static_cast<double>(values.size())));
-  std::nth_element(values.begin(), values.begin() + static_cast<long>(k), values.end());
-  return values[k];
+/// Sums over all rows of a set, whose weights are up to date.
+kernels::Moments sum_moments(const PointArrays& s, const LocalPlane& plane,
+                             const PlaneWindow& window, double limit, kernels::Loss loss,
+                             bool influence) {
+  kernels::Moments moments;
+  const std::size_t n = kernels::padded(s.size);
+  for (std::size_t begin = 0; begin < n; begin += kernels::kBlock) {
+    kernels::accumulate(s.x.data() + begin, s.y.data() + begin, s.z.data() + begin,
+                        s.w.data() + begin, std::min(kernels::kBlock, n - begin), plane.as_float(),
+                        window.as_float(), static_cast<float>(limit), loss, influence, &moments);
+  }
+  return moments;
 }
 
-/// Standard deviation of the normal part of |residuals| over an even background within `reach`:
-/// expectation maximisation on a histogram. Returns `start` if hardly anything is there.
-double core_deviation(const std::vector<float>& residuals, double start, double reach) {
-  constexpr int kBins = 96;
-  std::array<double, kBins> counts{};
-  const double width = reach / kBins;
-  double total = 0.0;
-  for (const float r : residuals) {
-    const double a = std::abs(static_cast<double>(r));
-    if (!(a < reach)) continue;
-    counts[static_cast<std::size_t>(a / width)] += 1.0;
-    total += 1.0;
-  }
-  if (total < 20.0) return start;
-  double deviation = start, share = 0.8;
-  for (int iteration = 0; iteration < 30; ++iteration) {
-    double in = 0.0, squares = 0.0;
-    for (int k = 0; k < kBins; ++k) {
-      const double a = (k + 0.5) * width;
-      const double normal = share * std::sqrt(2.0 / M_PI) / deviation *
-                            std::exp(-0.5 * a * a / deviation / deviation);
-      const double p = normal / (normal + (1.0 - share) / reach) * counts[k];
-      in += p;
-      squares += p * a * a;
-    }
-    if (!(in > 0.0)) return start;
-    const double next = std::sqrt(std::max(squares / in, width * width / 12.0));
-    share = std::clamp(in / total, 0.05, 0.999);
-    const bool settled = std::abs(next - deviation) < 1e-3 * deviation;
-    deviation = next;
-    if (settled) break;
-  }
-  return deviation;
+/// Solves the normal equations for (slope along a, slope along b, height), scaled to unit spread.
+/// @param step  the largest of the three in metres at the points' root mean square distance.
+/// False, with the plane as it was, where they are not positive definite.
+bool solve(const kernels::Moments& m, const PlaneWindow& window, LocalPlane* plane, double* step) {
+  if (!(m.weight > 0.0) || m.count < 2.5) return false;
+  const double mu = m.u / m.weight, mv = m.v / m.weight;
+  const double uu = m.uu / m.weight - mu * mu, uv = m.uv / m.weight - mu * mv,
+               vv = m.vv / m.weight - mv * mv;
+  const double determinant = uu * vv - uv * uv;
+  if (!(uu > 0.0 && vv > 0.0) || !(determinant > 1e-9 * uu * vv)) return false;
+  const double g = m.r / m.weight;
+  const double gu = m.ru / m.weight - mu * g, gv = m.rv / m.weight - mv * g;
+  const double alpha = (vv * gu - uv * gv) / determinant, beta = (uu * gv - uv * gu) / determinant;
+  const double gamma = g - alpha * mu - beta * mv;  // at the window's centre
+  if (!std::isfinite(alpha) || !std::isfinite(beta) || !std::isfinite(gamma)) return false;
+  const double before = plane->n.dot(window.center) + plane->d;
+  const Vector3d anchor = window.center + (gamma - before) * plane->n;
+  plane->n = (plane->n - alpha * window.a - beta * window.b).normalized();
+  plane->d = -plane->n.dot(anchor);
+  *step = std::max({std::abs(g), std::abs(alpha) * std::sqrt(uu), std::abs(beta) * std::sqrt(vv)});
+  return true;
 }
 
-/// Smallest and largest in-plane coordinates between which the points lie evenly and on the plane.
-/// Bins along one axis; the run of bins around the fullest that are at least 40 % full and whose
-/// mean residual stays below one standard deviation; from its ends inward as far as the edges are
-/// washed out.
-bool even_run(const std::vector<float>& along, const std::vector<float>& residuals,
-              const std::vector<float>& weights, double* low, double* high) {
+/// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
+/// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
+/// quantiles of the points in it, which hardly depend on single points.
+bool even_run(const std::vector<float>& along, const std::vector<float>& normalised, double* low,
+              double* high) {
   const std::size_t n = along.size();
   if (n < 200) return false;
-  std::vector<float> sorted = along;
-  const double first = quantile(sorted, 0.003), last = quantile(sorted, 0.997);
+  std::vector<float> some;
+  for (std::size_t i = 0; i < n; i += std::max<std::size_t>(1, n / 1024)) some.push_back(along[i]);
+  const double first = quantile(some, 0.003), last = quantile(some, 0.997);
   if (!(last > first)) return false;
-  const int bins = static_cast<int>(std::clamp<std::size_t>(n / 40, 8, 64));
-  const double width = (last - first) / bins;
-  std::vector<double> count(bins, 0.0), sum(bins, 0.0);
+  // Fine bins for the quantiles; `bins` coarse ones for the run.
+  constexpr std::size_t kFine = 16;
+  const std::size_t bins = std::clamp<std::size_t>(n / 40, 8, 64);
+  const double width = (last - first) / static_cast<double>(bins);
+  const double fine_width = width / kFine;
+  const float from = static_cast<float>(first), per_width = static_cast<float>(1.0 / fine_width);
+  const float end_place = static_cast<float>(bins * kFine);
+  std::vector<double> fine(bins * kFine, 0.0), count(bins, 0.0), sum(bins, 0.0);
   for (std::size_t i = 0; i < n; ++i) {
-    const int k = static_cast<int>(std::floor((along[i] - first) / width));
-    if (k < 0 || k >= bins) continue;
-    count[k] += 1.0;
-    sum[k] += static_cast<double>(residuals[i]) * std::sqrt(static_cast<double>(weights[i]));
+    const float place = (along[i] - from) * per_width;
+    if (!(place >= 0.0f && place < end_place)) continue;
+    const auto bin = static_cast<std::size_t>(place);
+    fine[bin] += 1.0;
+    sum[bin / kFine] += static_cast<double>(normalised[i]);
   }
+  for (std::size_t k = 0; k < fine.size(); ++k) count[k / kFine] += fine[k];
   std::vector<double> ordered = count;
-  std::nth_element(ordered.begin(), ordered.begin() + bins * 3 / 4, ordered.end());
-  const double plateau = ordered[bins * 3 / 4];
+  const auto upper = ordered.begin() + static_cast<long>(bins * 3 / 4);
+  std::nth_element(ordered.begin(), upper, ordered.end());
+  const double plateau = *upper;
   if (!(plateau > 0.0)) return false;
-  const auto good = [&](int k) {
+  const auto good = [&](std::size_t k) {
     return count[k] >= 0.4 * plateau &&
            std::abs(sum[k] / count[k]) < std::max(1.0, 4.0 / std::sqrt(count[k]));
   };
   // The run with the most points; a single bad bin inside does not end it.
-  int best_begin = -1, best_end = -1;
+  std::size_t best_begin = 0, best_end = 0;
   double best = 0.0;
-  for (int k = 0; k < bins;) {
+  for (std::size_t k = 0; k < bins;) {
     if (!good(k)) {
       ++k;
       continue;
     }
-    int end = k + 1, last_good = k + 1;
+    std::size_t end = k + 1, last_good = k + 1;
     double points = count[k];
     while (end < bins && (good(end) || (end + 1 < bins && good(end + 1)))) {
       points += count[end];
@@ -262,25 +209,35 @@ bool even_run(const std::vector<float>& along, const std::vector<float>& residua
     }
     k = end;
   }
-  if (best_begin < 0) return false;
-  std::vector<double> inside(count.begin() + best_begin, count.begin() + best_end);
-  std::nth_element(inside.begin(), inside.begin() + static_cast<long>(inside.size() / 2),
-                   inside.end());
-  const double level = inside[inside.size() / 2];
-  const int most = static_cast<int>(0.15 * (best_end - best_begin));
-  int begin = best_begin, end = best_end;
-  const double floor = level - std::max(2.0 * std::sqrt(level), 0.1 * level);
-  while (begin < best_begin + most && count[begin] < floor) ++begin;
-  while (end > best_end - most && count[end - 1] < floor) --end;
-  // One more bin: the last that is full may still be half washed out.
-  if (end - begin >= 10) {
-    ++begin;
-    --end;
-  }
-  *low = first + begin * width;
-  *high = first + end * width;
-  return true;
+  if (best < 100.0) return false;
+  double inside = 0.0;
+  for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) inside += fine[k];
+  const auto quantile_of_run = [&](double share) {
+    double rest = share * inside;
+    for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) {
+      if (fine[k] > 0.0 && fine[k] >= rest) {
+        return first + (static_cast<double>(k) + rest / fine[k]) * fine_width;
+      }
+      rest -= fine[k];
+    }
+    return first + static_cast<double>(best_end) * width;
+  };
+  const double tenth = quantile_of_run(0.1), ninetieth = quantile_of_run(0.9);
+  *low = std::max(first + static_cast<double>(best_begin) * width,
+                  tenth - 0.125 * (ninetieth - tenth));
+  *high = std::min(first + static_cast<double>(best_end) * width,
+                   ninetieth + 0.125 * (ninetieth - tenth));
+  return *high > *low;
 }
+
+/// One plane that competes for being the answer.
+struct Candidate {
+  LocalPlane plane;
+  PlaneWindow window;
+  NoiseModel noise;
+  double gain = 0.0;     // of the search: how much below "nothing lies on it" its cost is
+  double support = 0.0;  // points on it
+};
 
 /// Everything about one fit.
 class Fitter {
@@ -297,15 +254,15 @@ class Fitter {
   void learn_noise();
   bool search();
   double cost(const LocalPlane& plane, double bound) const;
-  bool solve(const kernels::Moments& moments, const PlaneWindow& window, bool newton,
-             LocalPlane* plane, double* step) const;
-  kernels::Moments subset_moments(const LocalPlane& plane, const PlaneWindow& window, double limit,
-                                  bool influence);
-  void refine_on_subset();
-  void set_window();
-  void rescale_noise();
-  kernels::Moments all_moments(const LocalPlane& plane, bool finish, PlaneFit* fit);
-  void describe(const kernels::Moments& full, const kernels::Moments& influence, PlaneFit* fit);
+  bool orient(LocalPlane* plane) const;
+  bool refine_on_scored(LocalPlane* plane, double* cost_of_plane);
+  void refine_on_subset(Candidate* candidate);
+  void rescale_noise(Candidate* candidate);
+  void set_window(Candidate* candidate);
+  double count_support(const Candidate& candidate) const;
+  kernels::Moments all_moments(const Candidate& candidate, bool finish, PlaneFit* fit) const;
+  void describe(const Candidate& candidate, const kernels::Moments& full,
+                const kernels::Moments& influence, PlaneFit* fit) const;
 
   PlaneFit fail(Status status, const std::string& reason) const {
     PlaneFit fit;
@@ -314,6 +271,10 @@ class Fitter {
     fit.hypotheses = hypotheses_;
     return fit;
   }
+  PlaneFit no_plane() const {
+    return fail(Status::kFailed,
+                fmt::format("no plane within {:.3g} rad of the up direction", options_.max_tilt));
+  }
 
   bool fixed_threshold() const { return options_.inlier_threshold > 0.0; }
 
@@ -321,15 +282,17 @@ class Fitter {
   const PlaneFitOptions& options_;
   Vector3d up_;
   float pivot_[3] = {0, 0, 0};
-  double spread_ = 0.0;                // m, 90 % of the subset lie within it of the pivot
-  std::vector<std::uint32_t> chosen_;  // indices of the subset's points
-  PointArrays subset_;                 // in order of neighbourhood
-  PointArrays scored_;                 // every few of it
+  double spread_ = 0.0;                      // m, 90 % of the subset lie within it of the pivot
+  std::size_t usable_ = 0;                   // points of the subset
+  PointArrays subset_;                       // in the order of the input
+  PointArrays ordered_;                      // part of it, in order of neighbourhood
+  PointArrays scored_;                       // every other of that
+  std::vector<std::array<float, 2>> level_;  // level coordinates of the subset
+  std::vector<std::uint32_t> rows_;          // of the subset, being ordered
   std::vector<std::pair<std::size_t, std::size_t>> leaves_;
   NoiseModel noise_;
   double least_noise_ = 0.0;  // what float coordinates can tell
-  LocalPlane plane_;
-  PlaneWindow window_;
+  std::vector<Candidate> candidates_;
   double inlier_share_ = 0.0;
   int hypotheses_ = 0;
 };
@@ -342,118 +305,146 @@ bool Fitter::choose_subset() {
                 z = source_.z[source_.stride * i];
     return std::abs(x) < 1e15f && std::abs(y) < 1e15f && std::abs(z) < 1e15f;
   };
-  if (n <= kSubset) {
-    for (std::size_t i = 0; i < n; ++i) {
-      if (finite(i)) chosen_.push_back(static_cast<std::uint32_t>(i));
-    }
-  } else {
-    // One from each of equal slices of the input.
+  std::vector<std::uint32_t> chosen;
+  if (n > kSubset) {
+    // One from each of equal slices of the input, fetched from memory well ahead of its use.
+    constexpr std::size_t kAhead = 24;
     const double slice = static_cast<double>(n) / static_cast<double>(kSubset);
+    const auto pick = [&](std::size_t k) {
+      return std::min(
+          n - 1, static_cast<std::size_t>((static_cast<double>(k) + random.uniform(k)) * slice));
+    };
+    std::array<std::size_t, kAhead> coming;
+    for (std::size_t k = 0; k < kAhead; ++k) coming[k] = pick(k);
+    chosen.reserve(kSubset);
     for (std::size_t k = 0; k < kSubset; ++k) {
-      const auto i = static_cast<std::size_t>((static_cast<double>(k) + random.uniform(k)) * slice);
-      if (i < n && finite(i)) chosen_.push_back(static_cast<std::uint32_t>(i));
-    }
-    if (chosen_.size() < kSubset / 2) {
-      std::vector<std::uint32_t> usable;
-      for (std::size_t i = 0; i < n; ++i) {
-        if (finite(i)) usable.push_back(static_cast<std::uint32_t>(i));
-      }
-      chosen_.clear();
-      if (usable.size() <= kSubset) {
-        chosen_ = usable;
-      } else {
-        const double part = static_cast<double>(usable.size()) / static_cast<double>(kSubset);
-        for (std::size_t k = 0; k < kSubset; ++k) {
-          const auto i =
-              static_cast<std::size_t>((static_cast<double>(k) + random.uniform(k)) * part);
-          chosen_.push_back(usable[std::min(i, usable.size() - 1)]);
+      const std::size_t i = coming[k % kAhead];
+      if (k + kAhead < kSubset) {
+        const std::size_t next = coming[k % kAhead] = pick(k + kAhead);
+        __builtin_prefetch(source_.x + source_.stride * next);
+        if (source_.stride == 1) {
+          __builtin_prefetch(source_.y + next);
+          __builtin_prefetch(source_.z + next);
         }
       }
+      if (finite(i)) chosen.push_back(static_cast<std::uint32_t>(i));
     }
   }
-  if (chosen_.size() < 3) return false;
+  if (n <= kSubset || chosen.size() < kSubset / 2) {
+    // Few points, or few usable ones among many: from all that are usable.
+    chosen.clear();
+    for (std::size_t i = 0; i < n; ++i) {
+      if (finite(i)) chosen.push_back(static_cast<std::uint32_t>(i));
+    }
+    if (chosen.size() > kSubset) {
+      const double slice = static_cast<double>(chosen.size()) / static_cast<double>(kSubset);
+      std::vector<std::uint32_t> fewer;
+      for (std::size_t k = 0; k < kSubset; ++k) {
+        const auto i =
+            static_cast<std::size_t>((static_cast<double>(k) + random.uniform(k)) * slice);
+        fewer.push_back(chosen[std::min(i, chosen.size() - 1)]);
+      }
+      chosen = fewer;
+    }
+  }
+  usable_ = chosen.size();
+  if (usable_ < 3) return false;
 
-  // The pivot: medians, which no far point can move.
-  std::vector<float> values(chosen_.size());
-  const float* coordinates[3] = {source_.x, source_.y, source_.z};
-  for (int axis = 0; axis < 3; ++axis) {
-    for (std::size_t k = 0; k < chosen_.size(); ++k) {
-      values[k] = coordinates[axis][source_.stride * chosen_[k]];
-    }
-    pivot_[axis] = static_cast<float>(quantile(values, 0.5));
+  PointArrays& s = subset_;
+  s.resize(usable_, source_.sigma != nullptr, source_.covariance != nullptr);
+  for (std::size_t k = 0; k < usable_; ++k) {
+    const std::size_t i = source_.stride * chosen[k];
+    s.x[k] = source_.x[i];
+    s.y[k] = source_.y[i];
+    s.z[k] = source_.z[i];
+    s.w[k] = 1.0f;
   }
-  for (std::size_t k = 0; k < chosen_.size(); ++k) {
-    const std::size_t i = source_.stride * chosen_[k];
-    const double dx = static_cast<double>(source_.x[i]) - pivot_[0],
-                 dy = static_cast<double>(source_.y[i]) - pivot_[1],
-                 dz = static_cast<double>(source_.z[i]) - pivot_[2];
-    values[k] = static_cast<float>(std::sqrt(dx * dx + dy * dy + dz * dz));
+  if (source_.sigma) {
+    for (std::size_t k = 0; k < usable_; ++k) s.sigma[k] = source_.sigma[chosen[k]];
+  }
+  if (source_.covariance) {
+    for (std::size_t k = 0; k < usable_; ++k) s.covariance[k] = source_.covariance[chosen[k]];
+  }
+  // The pivot: medians, which no far point can move.
+  const std::size_t step = std::max<std::size_t>(1, usable_ / 1024);
+  std::vector<float> values;
+  std::vector<float>* coordinates[3] = {&s.x, &s.y, &s.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    values.clear();
+    for (std::size_t k = 0; k < usable_; k += step) values.push_back((*coordinates[axis])[k]);
+    pivot_[axis] = static_cast<float>(quantile(values, 0.5));
+    for (std::size_t k = 0; k < usable_; ++k) (*coordinates[axis])[k] -= pivot_[axis];
+  }
+  values.clear();
+  for (std::size_t k = 0; k < usable_; k += step) {
+    values.push_back(static_cast<float>(s.point(k).norm()));
   }
   spread_ = quantile(values, 0.9);
-  if (!(spread_ > 0.0)) spread_ = *std::max_element(values.begin(), values.end());
+  if (!(spread_ > 0.0)) {
+    for (std::size_t k = 0; k < usable_; ++k) spread_ = std::max(spread_, s.point(k).norm());
+  }
   // Rounding of the input, and of the sums in float.
-  const double magnitude =
-      std::max({std::abs(pivot_[0]), std::abs(pivot_[1]), std::abs(pivot_[2])}) + spread_;
+  const double magnitude = static_cast<double>(std::max(
+                               {std::abs(pivot_[0]), std::abs(pivot_[1]), std::abs(pivot_[2])})) +
+                           spread_;
   least_noise_ = std::max(1.2e-7 * magnitude, 4e-7 * spread_);
   return true;
 }
 
+/// Halves at about the median of the wider of two level directions until about kLeaf are left.
 void Fitter::split(std::size_t begin, std::size_t end) {
-  // Halves at the median of the wider of two level directions until about kLeaf points are left.
   if (end - begin <= kLeaf * 3 / 2) {
     leaves_.emplace_back(begin, end);
     return;
   }
-  const Vector3d e1 = window_.a, e2 = window_.b;
-  const auto project = [&](std::uint32_t k, const Vector3d& e) {
-    const std::size_t i = source_.stride * k;
-    return e.x() * (static_cast<double>(source_.x[i]) - pivot_[0]) +
-           e.y() * (static_cast<double>(source_.y[i]) - pivot_[1]) +
-           e.z() * (static_cast<double>(source_.z[i]) - pivot_[2]);
-  };
-  // Width by the spread of a few points: far strays must not decide.
-  constexpr std::size_t kLook = 15;
-  std::array<float, kLook> first{}, second{};
+  // Width and middle from a few points: far strays must not decide.
+  constexpr std::size_t kLook = 21;
+  std::array<float, kLook> look[2];
   for (std::size_t j = 0; j < kLook; ++j) {
-    const std::uint32_t k = chosen_[begin + (end - begin) * (2 * j + 1) / (2 * kLook)];
-    first[j] = static_cast<float>(project(k, e1));
-    second[j] = static_cast<float>(project(k, e2));
+    const std::uint32_t k = rows_[begin + (end - begin) * (2 * j + 1) / (2 * kLook)];
+    look[0][j] = level_[k][0];
+    look[1][j] = level_[k][1];
   }
-  std::sort(first.begin(), first.end());
-  std::sort(second.begin(), second.end());
-  const Vector3d e = first[kLook - 2] - first[1] >= second[kLook - 2] - second[1] ? e1 : e2;
-  std::vector<std::pair<float, std::uint32_t>> keyed(end - begin);
+  std::sort(look[0].begin(), look[0].end());
+  std::sort(look[1].begin(), look[1].end());
+  const std::size_t axis =
+      look[0][kLook - 2] - look[0][1] >= look[1][kLook - 2] - look[1][1] ? 0 : 1;
+  const float middle = look[axis][kLook / 2];
+  std::size_t cut = begin;
   for (std::size_t k = begin; k < end; ++k) {
-    keyed[k - begin] = {static_cast<float>(project(chosen_[k], e)), chosen_[k]};
+    const std::uint32_t row = rows_[k];
+    rows_[k] = rows_[cut];
+    rows_[cut] = row;
+    cut += level_[row][axis] < middle ? 1 : 0;
   }
-  const std::size_t middle = (end - begin) / 2;
-  std::nth_element(keyed.begin(), keyed.begin() + static_cast<long>(middle), keyed.end());
-  for (std::size_t k = begin; k < end; ++k) chosen_[k] = keyed[k - begin].second;
-  split(begin, begin + middle);
-  split(begin + middle, end);
+  // Many equal coordinates leave one side empty.
+  if (cut - begin < (end - begin) / 8 || end - cut < (end - begin) / 8) {
+    cut = begin + (end - begin) / 2;
+  }
+  split(begin, cut);
+  split(cut, end);
 }
 
 void Fitter::order_by_neighbourhood() {
+  Vector3d e1, e2;
   UncertainPlane::make_axes(up_, std::abs(up_.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY(),
-                            &window_.a, &window_.b);
-  split(0, chosen_.size());
-  const bool rays = noise_.kind == NoiseKind::kRays;
-  const auto gather = [&](PointArrays& out, std::size_t begin, std::size_t step) {
-    const std::size_t count = (chosen_.size() - begin + step - 1) / step;
-    out.resize(count, source_.sigma != nullptr, rays, source_.covariance != nullptr);
-    for (std::size_t k = 0; k < count; ++k) {
-      const std::size_t i = chosen_[begin + k * step];
-      out.x[k] = source_.x[source_.stride * i] - pivot_[0];
-      out.y[k] = source_.y[source_.stride * i] - pivot_[1];
-      out.z[k] = source_.z[source_.stride * i] - pivot_[2];
-      out.w[k] = 1.0f;
-      if (source_.sigma) out.sigma[k] = source_.sigma[i];
-      if (source_.covariance) out.covariance[k] = source_.covariance[i];
-    }
-  };
-  gather(subset_, 0, 1);
-  const std::size_t step = std::max<std::size_t>(1, (chosen_.size() + kScored - 1) / kScored);
-  gather(scored_, step / 2, step);
+                            &e1, &e2);
+  level_.resize(usable_);
+  const auto f = [](double value) { return static_cast<float>(value); };
+  const float ax = f(e1.x()), ay = f(e1.y()), az = f(e1.z()), bx = f(e2.x()), by = f(e2.y()),
+              bz = f(e2.z());
+  for (std::size_t k = 0; k < usable_; ++k) {
+    level_[k] = {ax * subset_.x[k] + ay * subset_.y[k] + az * subset_.z[k],
+                 bx * subset_.x[k] + by * subset_.y[k] + bz * subset_.z[k]};
+  }
+  const std::size_t step = (usable_ + kOrdered - 1) / kOrdered;
+  for (std::size_t k = 0; k < usable_; k += step) rows_.push_back(static_cast<std::uint32_t>(k));
+  split(0, rows_.size());
+  ordered_.take(subset_, rows_);
+  const std::size_t skip = (rows_.size() + kScored - 1) / kScored;
+  std::vector<std::uint32_t> rows;
+  for (std::size_t k = skip / 2; k < rows_.size(); k += skip) rows.push_back(rows_[k]);
+  scored_.take(subset_, rows);
 }
 
 /// Noise by neighbourhoods: in each leaf the best of a few minimal samples, least quantile of
@@ -461,47 +452,44 @@ void Fitter::order_by_neighbourhood() {
 /// that leaves with kerbs, cars or creases do not count.
 void Fitter::learn_noise() {
   const CounterRandom random(options_.seed, 2);
-  constexpr std::size_t kMostLeaves = 96;
-  constexpr int kSamples = 12;
+  constexpr std::size_t kMostLeaves = 48;
+  constexpr int kSamples = 9;
   const std::size_t step = std::max<std::size_t>(1, leaves_.size() / kMostLeaves);
   std::vector<float> deviations;
   std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
   std::uint64_t counter = 0;
   std::vector<float> residuals, sorted;
   const double least_cosine = std::cos(std::min(options_.max_tilt, 1.5));
+  const PointArrays& s = ordered_;
   for (std::size_t leaf = step / 2; leaf < leaves_.size(); leaf += step) {
     const auto [begin, end] = leaves_[leaf];
     const std::size_t m = end - begin;
     if (m < 6) continue;
-    const auto point = [&](std::size_t k) {
-      return Vector3d(subset_.x[begin + k], subset_.y[begin + k], subset_.z[begin + k]);
-    };
     LocalPlane best;
     double best_quantile = std::numeric_limits<double>::infinity();
-    const auto measure = [&](const LocalPlane& plane) {
+    const auto measure = [&, first = begin](const LocalPlane& plane) {
       const kernels::FloatPlane p = plane.as_float();
       residuals.resize(m);
       for (std::size_t k = 0; k < m; ++k) {
-        residuals[k] = p.nx * subset_.x[begin + k] + p.ny * subset_.y[begin + k] +
-                       p.nz * subset_.z[begin + k] + p.d;
+        residuals[k] = p.nx * s.x[first + k] + p.ny * s.y[first + k] + p.nz * s.z[first + k] + p.d;
       }
-      sorted.resize(m);
-      for (std::size_t k = 0; k < m; ++k) sorted[k] = std::abs(residuals[k]);
-      return quantile(sorted, 0.45);
     };
-    for (int s = 0; s < kSamples; ++s) {
+    for (int sample = 0; sample < kSamples; ++sample) {
       const std::size_t i = random.below(counter, m), j = random.below(counter + 1, m),
                         k = random.below(counter + 2, m);
       counter += 3;
-      const Vector3d p = point(i);
-      const Vector3d cross = (point(j) - p).cross(point(k) - p);
+      const Vector3d p = s.point(begin + i);
+      const Vector3d cross = (s.point(begin + j) - p).cross(s.point(begin + k) - p);
       const double norm = cross.norm();
       if (!(norm > 0.0)) continue;
       LocalPlane plane;
       plane.n = cross / norm;
       if (std::abs(plane.n.dot(up_)) < least_cosine) continue;
       plane.d = -plane.n.dot(p);
-      const double q = measure(plane);
+      measure(plane);
+      sorted.resize(m);
+      for (std::size_t q = 0; q < m; ++q) sorted[q] = std::abs(residuals[q]);
+      const double q = quantile(sorted, 0.45);
       if (q < best_quantile) {
         best_quantile = q;
         best = plane;
@@ -514,75 +502,44 @@ void Fitter::learn_noise() {
     for (int round = 0; round < 2; ++round) {
       measure(best);
       Vector3d mean = Vector3d::Zero();
+      Matrix3d scatter = Matrix3d::Zero();
       used = 0;
       for (std::size_t k = 0; k < m; ++k) {
-        if (std::abs(residuals[k]) > 3.0 * deviation) continue;
-        mean += point(k);
+        if (std::abs(static_cast<double>(residuals[k])) > 3.0 * deviation) continue;
+        const Vector3d p = s.point(begin + k) - s.point(begin);
+        mean += p;
+        scatter += p * p.transpose();
         ++used;
       }
       if (used < 5) break;
       mean /= static_cast<double>(used);
-      Matrix3d scatter = Matrix3d::Zero();
-      for (std::size_t k = 0; k < m; ++k) {
-        if (std::abs(residuals[k]) > 3.0 * deviation) continue;
-        const Vector3d offset = point(k) - mean;
-        scatter += offset * offset.transpose();
-      }
+      scatter -= static_cast<double>(used) * mean * mean.transpose();
       Eigen::SelfAdjointEigenSolver<Matrix3d> solver;
       solver.computeDirect(scatter);
       best.n = solver.eigenvectors().col(0);
-      best.d = -best.n.dot(mean);
+      best.d = -best.n.dot(mean + s.point(begin));
       const double free = static_cast<double>(used) - 3.0;
       deviation = std::max(std::sqrt(std::max(solver.eigenvalues()[0], 0.0) / free), least_noise_);
     }
     if (used < 5) continue;
-    measure(best);
     deviations.push_back(static_cast<float>(deviation));
     if (noise_.kind == NoiseKind::kPower) {
+      measure(best);
       for (std::size_t k = 0; k < m; ++k) {
-        const float sigma = subset_.sigma[begin + k];
+        const float sigma = s.sigma[begin + k];
         if (sigma > 1e-12f && sigma < 1e12f) pairs.emplace_back(sigma, std::abs(residuals[k]));
       }
     }
   }
   double typical = least_noise_;
   if (!deviations.empty()) typical = std::max(quantile(deviations, 0.35), least_noise_);
-
   if (noise_.kind == NoiseKind::kSame) {
     noise_.scale = typical;
     return;
   }
-  // kPower: how the residuals grow with sigma, from groups of equal size.
   noise_.kind = NoiseKind::kIsotropic;
   noise_.scale = 1.0;
-  constexpr std::size_t kGroups = 6;
-  if (pairs.size() < kGroups * 40) return;
-  std::sort(pairs.begin(), pairs.end());
-  std::vector<Eigen::Vector2d> knots;
-  for (std::size_t g = 0; g < kGroups; ++g) {
-    const std::size_t begin = pairs.size() * g / kGroups, end = pairs.size() * (g + 1) / kGroups;
-    std::vector<float> sizes;
-    for (std::size_t k = begin; k < end; ++k) {
-      if (pairs[k].second < 8.0 * typical) sizes.push_back(pairs[k].second);
-    }
-    if (sizes.size() < 20) continue;
-    const double deviation = std::max(quantile(sizes, 0.5) / kMedianOfNormal, least_noise_);
-    knots.emplace_back(std::log(static_cast<double>(pairs[(begin + end) / 2].first)),
-                       std::log(deviation));
-  }
-  if (knots.size() < 2) return;
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const auto& knot : knots) mean += knot / static_cast<double>(knots.size());
-  double xx = 0.0, xy = 0.0;
-  for (const auto& knot : knots) {
-    xx += (knot.x() - mean.x()) * (knot.x() - mean.x());
-    xy += (knot.x() - mean.x()) * (knot.y() - mean.y());
-  }
-  noise_.kind = NoiseKind::kPower;
-  noise_.exponent = xx > 1e-4 ? std::clamp(xy / xx, 0.0, 1.5) : 1.0;
-  noise_.scale = std::exp(mean.y() - noise_.exponent * mean.x());
-  noise_.tabulate(static_cast<double>(pairs.front().first) / 8.0,
-                  static_cast<double>(pairs.back().first) * 8.0);
+  learn_power_law(pairs, typical, least_noise_, &noise_);
 }
 
 double Fitter::cost(const LocalPlane& plane, double bound) const {
@@ -599,64 +556,55 @@ double Fitter::cost(const LocalPlane& plane, double bound) const {
                             n, plane.as_float(), kLimit, most);
 }
 
-/// Solves the weighted normal equations for (slope along a, slope along b, height) and applies
-/// them.
-bool Fitter::solve(const kernels::Moments& m, const PlaneWindow& window, bool newton,
-                   LocalPlane* plane, double* step) const {
-  if (!(m.weight > 0.0) || m.count < 3.0) return false;
-  const double su = std::sqrt(std::max(m.uu / m.weight, 1e-300)),
-               sv = std::sqrt(std::max(m.vv / m.weight, 1e-300));
-  Matrix3d h;
-  h << m.uu / (su * su), m.uv / (su * sv), m.u / su, m.uv / (su * sv), m.vv / (sv * sv), m.v / sv,
-      m.u / su, m.v / sv, m.weight;
-  h /= m.weight;
-  const Vector3d g(m.ru / su / m.weight, m.rv / sv / m.weight, m.r / m.weight);
-  const Eigen::LDLT<Matrix3d> ldlt(h);
-  if (!(ldlt.vectorD().minCoeff() > 1e-9)) return false;
-  Vector3d x = ldlt.solve(g);
-  if (newton) {
-    // Reweighting shrinks the error to (1 - kappa) of itself, with kappa = sum psi' / sum omega.
-    const double kappa = std::clamp(m.slope / m.weight, 0.5, 1.2);
-    x /= kappa;
+/// Turns the normal to the up side; whether it is within the largest tilt.
+bool Fitter::orient(LocalPlane* plane) const {
+  if (plane->n.dot(up_) < 0.0) {
+    plane->n = -plane->n;
+    plane->d = -plane->d;
   }
-  const double alpha = x[0] / su, beta = x[1] / sv, gamma = x[2];
-  if (!std::isfinite(alpha + beta + gamma)) return false;
-  const double before = plane->n.dot(window.center) + plane->d;
-  const Vector3d anchor = window.center + (gamma - before) * plane->n;
-  plane->n = (plane->n - alpha * window.a - beta * window.b).normalized();
-  plane->d = -plane->n.dot(anchor);
-  if (step) *step = std::max({std::abs(x[0]), std::abs(x[1]), std::abs(x[2])});
-  return true;
+  return plane->n.dot(up_) >= std::cos(options_.max_tilt) - 1e-12;
 }
 
-/// Puts a window's axes on a plane.
-void align(const LocalPlane& plane, PlaneWindow* window) {
-  const Vector3d along = window->a;
-  UncertainPlane::make_axes(plane.n, along, &window->a, &window->b);
-  window->center -= (plane.n.dot(window->center) + plane.d) * plane.n;
+bool Fitter::refine_on_scored(LocalPlane* plane, double* cost_of_plane) {
+  constexpr double kLimit = 2.0 * kInlierSigmas * kInlierSigmas;
+  PointArrays rays;
+  PointArrays* s = &scored_;
+  if (noise_.kind == NoiseKind::kRays || noise_.kind == NoiseKind::kCovariance) {
+    rays = scored_;  // the scored points keep their weights for the cost
+    s = &rays;
+  }
+  bool improved = false;
+  for (int round = 0; round < 4; ++round) {
+    LocalPlane refined = *plane;
+    PlaneWindow window;
+    align(refined, &window);
+    if (s == &rays) rays.weigh(noise_, refined);
+    const kernels::Moments moments =
+        sum_moments(*s, refined, window, kLimit, kernels::Loss::kReweighted, false);
+    double step = 0.0;
+    if (!solve(moments, window, &refined, &step) || !orient(&refined)) break;
+    const double value = cost(refined, *cost_of_plane);
+    if (!(value < *cost_of_plane)) break;
+    *cost_of_plane = value;
+    *plane = refined;
+    improved = true;
+  }
+  return improved;
 }
 
 bool Fitter::search() {
   const CounterRandom random(options_.seed, 3);
-  const double least_cosine = std::cos(options_.max_tilt);
-  const std::size_t n = chosen_.size(), m = scored_.size;
-  constexpr double kLimit = kInlierSigmas * kInlierSigmas;
-  double best = std::numeric_limits<double>::infinity();
-  bool found = false;
+  const std::size_t n = ordered_.size;
+  const double nothing = kInlierSigmas * kInlierSigmas * static_cast<double>(scored_.size);
+  double best_gain = 0.0;
   double needed = options_.max_hypotheses;
-  const std::size_t near = std::max<std::size_t>(16, n / 16);
-  const auto orient = [&](LocalPlane& plane) {
-    if (plane.n.dot(up_) < 0.0) {
-      plane.n = -plane.n;
-      plane.d = -plane.d;
-    }
-    return plane.n.dot(up_) >= least_cosine - 1e-12;
+  const std::size_t near = std::max<std::size_t>(std::min<std::size_t>(n, 16), n / 16);
+  // Whether two planes are the same as far as the points of one of them can tell.
+  const auto same = [&](const Candidate& a, const LocalPlane& b) {
+    if (a.plane.n.dot(b.n) < std::cos(1.5 * M_PI / 180.0)) return false;
+    const double apart = b.n.dot(a.window.center) + b.d;
+    return std::abs(apart) < 6.0 * a.window.ramp_u;
   };
-  const auto point = [&](std::size_t k) {
-    return Vector3d(subset_.x[k], subset_.y[k], subset_.z[k]);
-  };
-  PointArrays& s = scored_;
-  std::vector<float> weights = s.w;
   const std::uint64_t most_draws = 20ull * static_cast<std::uint64_t>(options_.max_hypotheses);
   for (std::uint64_t draw = 0; draw < most_draws && hypotheses_ < needed; ++draw) {
     std::size_t i, j, k;
@@ -665,189 +613,245 @@ bool Fitter::search() {
       j = random.below(4 * draw + 1, n);
       k = random.below(4 * draw + 2, n);
     } else {
-      // Three of a neighbourhood: positions in the order of neighbourhoods are near each other.
-      const std::size_t begin = random.below(4 * draw + 3, n - std::min(n - 1, near) + 1);
-      const std::size_t length = std::min(near, n - begin);
-      i = begin + random.below(4 * draw, length);
-      j = begin + random.below(4 * draw + 1, length);
-      k = begin + random.below(4 * draw + 2, length);
+      // Three of a neighbourhood: rows near each other in this order are near in space.
+      const std::size_t begin = random.below(4 * draw + 3, n - near + 1);
+      i = begin + random.below(4 * draw, near);
+      j = begin + random.below(4 * draw + 1, near);
+      k = begin + random.below(4 * draw + 2, near);
     }
     if (i == j || j == k || i == k) continue;
-    const Vector3d p = point(i), a = point(j) - p, b = point(k) - p;
+    const Vector3d p = ordered_.point(i), a = ordered_.point(j) - p, b = ordered_.point(k) - p;
     const Vector3d cross = a.cross(b);
     const double norm = cross.norm();
     if (!(norm > 1e-6 * std::max(a.squaredNorm(), b.squaredNorm()))) continue;
     LocalPlane plane;
     plane.n = cross / norm;
     plane.d = -plane.n.dot(p);
-    if (!orient(plane)) continue;
+    if (!orient(&plane)) continue;
     ++hypotheses_;
-    double value = cost(plane, best);
-    if (!(value < best)) continue;
-    // Local refinement on the scored points.
-    for (int round = 0; round < 4; ++round) {
-      LocalPlane refined = plane;
-      PlaneWindow window;
-      window.a = window_.a;
-      align(refined, &window);
-      weights.assign(s.w.size(), 0.0f);
-      std::fill(weights.begin(), weights.begin() + static_cast<long>(m), 1.0f);
-      noise_.weigh(refined, m, s.x.data(), s.y.data(), s.z.data(), s.sigma.data(),
-                   s.covariance.data(), weights.data());
-      kernels::Moments moments;
-      for (std::size_t begin = 0; begin < kernels::padded(m); begin += kernels::kBlock) {
-        kernels::accumulate(
-            s.x.data() + begin, s.y.data() + begin, s.z.data() + begin, weights.data() + begin,
-            std::min(kernels::kBlock, kernels::padded(m) - begin), refined.as_float(),
-            window.as_float(), static_cast<float>(2.0 * kLimit), false, &moments);
+    // A raw sample of a plane reaches about half of what refinement makes of it.
+    const double floor = candidates_.size() > 0 ? 0.5 * kRival * best_gain : 0.0;
+    double value = cost(plane, nothing - floor);
+    if (!(nothing - value > floor)) continue;
+    // Known already, and no better: nothing to gain.
+    Candidate* known = nullptr;
+    for (Candidate& other : candidates_) {
+      if (same(other, plane)) {
+        known = &other;
+        break;
       }
-      if (!solve(moments, window, false, &refined, nullptr) || !orient(refined)) break;
-      const double improved = cost(refined, value);
-      if (!(improved < value)) break;
-      value = improved;
-      plane = refined;
     }
-    best = value;
-    plane_ = plane;
-    found = true;
-    const double share = std::clamp(1.0 - best / (kLimit * static_cast<double>(m)), 0.0, 1.0);
-    inlier_share_ = share;
-    const double hit = share * share * share;
-    if (hit > 0.999999) {
-      needed = 0.0;
-    } else if (hit > 0.0) {
-      needed = std::min<double>(options_.max_hypotheses,
-                                std::log(1.0 - options_.confidence) / std::log1p(-hit));
+    if (known && nothing - value <= known->gain) continue;
+    refine_on_scored(&plane, &value);
+    const double gain = nothing - value;
+    if (gain < kRival * best_gain) continue;
+    known = nullptr;
+    for (Candidate& other : candidates_) {
+      if (same(other, plane)) {
+        known = &other;
+        break;
+      }
     }
+    Candidate candidate;
+    candidate.plane = plane;
+    candidate.gain = gain;
+    // The middle of its points, and its noise, to tell it from others.
+    {
+      PointArrays* s = &scored_;
+      PlaneWindow window;
+      align(plane, &window);
+      const kernels::Moments m = sum_moments(*s, plane, window, kInlierSigmas * kInlierSigmas,
+                                             kernels::Loss::kReweighted, false);
+      if (!(m.weight > 0.0)) continue;
+      candidate.window = window;
+      candidate.window.center += m.u / m.weight * window.a + m.v / m.weight * window.b;
+      candidate.window.ramp_u = std::sqrt(m.count / m.weight);
+    }
+    if (known) {
+      if (gain > known->gain) *known = candidate;
+    } else {
+      candidates_.push_back(candidate);
+    }
+    if (gain > best_gain) {
+      best_gain = gain;
+      candidates_.erase(
+          std::remove_if(candidates_.begin(), candidates_.end(),
+                         [&](const Candidate& c) { return c.gain < kRival * best_gain; }),
+          candidates_.end());
+      inlier_share_ = std::clamp(gain / nothing, 0.0, 1.0);
+    }
+    std::sort(candidates_.begin(), candidates_.end(),
+              [](const Candidate& l, const Candidate& r) { return l.gain > r.gain; });
+    if (candidates_.size() > kCandidates) candidates_.resize(kCandidates);
+    // A rival as large as the best must have been hit too. Of three points of a neighbourhood that
+    // lies on the plane at least half are on it.
+    const double share = inlier_share_;
+    const double hit = 0.5 * share * share * share + 0.5 * share * std::max(share * share, 0.25);
+    needed = std::min<double>(options_.max_hypotheses, std::log(1.0 - options_.confidence) /
+                                                           std::log1p(-std::min(hit, 0.99)));
     needed = std::max(needed, std::min(24.0, static_cast<double>(options_.max_hypotheses)));
   }
-  return found;
+  return !candidates_.empty();
 }
 
-kernels::Moments Fitter::subset_moments(const LocalPlane& plane, const PlaneWindow& window,
-                                        double limit, bool influence) {
-  PointArrays& s = subset_;
-  std::fill(s.w.begin(), s.w.begin() + static_cast<long>(s.size), 1.0f);
-  noise_.weigh(plane, s.size, s.x.data(), s.y.data(), s.z.data(), s.sigma.data(),
-               s.covariance.data(), s.w.data());
-  kernels::Moments moments;
-  const std::size_t n = kernels::padded(s.size);
-  for (std::size_t begin = 0; begin < n; begin += kernels::kBlock) {
-    kernels::accumulate(s.x.data() + begin, s.y.data() + begin, s.z.data() + begin,
-                        s.w.data() + begin, std::min(kernels::kBlock, n - begin), plane.as_float(),
-                        window.as_float(), static_cast<float>(limit), influence, &moments);
-  }
-  return moments;
-}
-
-void Fitter::refine_on_subset() {
+void Fitter::refine_on_subset(Candidate* c) {
   constexpr double kLimit = kBiweight * kBiweight;
   for (int round = 0; round < 12; ++round) {
-    align(plane_, &window_);
-    const kernels::Moments moments = subset_moments(plane_, window_, kLimit, false);
-    LocalPlane next = plane_;
+    align(c->plane, &c->window);
+    subset_.weigh(c->noise, c->plane);
+    LocalPlane next = c->plane;
     double step = 0.0;
-    if (!solve(moments, window_, round > 2, &next, &step)) return;
-    plane_ = next;
+    const bool newton = round >= 2;
+    kernels::Moments moments =
+        sum_moments(subset_, c->plane, c->window, kLimit,
+                    newton ? kernels::Loss::kNewton : kernels::Loss::kReweighted, false);
     const double unit = std::sqrt(std::max(moments.count, 1.0) / std::max(moments.weight, 1e-300));
-    if (step < 1e-3 * unit / std::sqrt(std::max(moments.count, 1.0))) break;
+    bool solved = solve(moments, c->window, &next, &step);
+    if (newton && (!solved || step > unit)) {
+      next = c->plane;
+      moments =
+          sum_moments(subset_, c->plane, c->window, kLimit, kernels::Loss::kReweighted, false);
+      solved = solve(moments, c->window, &next, &step);
+    }
+    if (!solved) break;
+    c->plane = next;
+    // Newton's step over all points comes after this; its error is of second order.
+    if (step < 0.03 * unit / std::sqrt(std::max(moments.count, 1.0))) break;
   }
-  align(plane_, &window_);
+  orient(&c->plane);
+  align(c->plane, &c->window);
 }
 
 /// Re-estimates the noise from the residuals of the refined plane inside its window.
-void Fitter::rescale_noise() {
-  if (fixed_threshold() || noise_.kind == NoiseKind::kCovariance) return;
-  subset_moments(plane_, window_, 1.0, false);  // refreshes the weights
+void Fitter::rescale_noise(Candidate* c) {
+  if (fixed_threshold()) return;
   const PointArrays& s = subset_;
+  subset_.weigh(c->noise, c->plane);
   std::vector<float> normalised;
-  normalised.reserve(s.size);
-  const kernels::FloatPlane p = plane_.as_float();
-  const kernels::Window w = window_.as_float();
-  for (std::size_t k = 0; k < s.size; ++k) {
+  const std::size_t every = s.size > kSubset / 2 ? 2 : 1;
+  normalised.reserve(s.size / every);
+  const kernels::FloatPlane p = c->plane.as_float();
+  const kernels::Window w = c->window.as_float();
+  for (std::size_t k = 0; k < s.size; k += every) {
     const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
     const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
     if (std::abs(u) > w.half_u || std::abs(v) > w.half_v || !(s.w[k] > 0.0f)) continue;
     const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
     normalised.push_back(r * std::sqrt(s.w[k]));
   }
-  if (normalised.size() < 30) return;
-  const double factor = core_deviation(normalised, 1.0, 6.0);
-  if (noise_.kind == NoiseKind::kSame) {
-    noise_.scale = std::max(noise_.scale * std::clamp(factor, 0.3, 3.0), least_noise_);
-  } else if (normalised.size() >= 200) {
-    noise_.scale *= std::clamp(factor, 0.3, 4.0);
-    if (noise_.kind == NoiseKind::kPower) {
-      const double squared = factor * factor;
-      if (squared > 0.09 && squared < 16.0) {
-        for (float& weight : noise_.table) weight = static_cast<float>(weight / squared);
-      }
-    }
-  }
+  const bool same = c->noise.kind == NoiseKind::kSame;
+  if (normalised.size() < (same ? 30u : 200u)) return;
+  double factor = std::clamp(core_deviation(normalised, 1.0, 6.0), 0.3, 4.0);
+  if (same) factor = std::max(factor, least_noise_ / c->noise.scale);
+  c->noise.rescale(factor);
 }
 
-/// Finds the part of the plane that the points cover evenly.
-void Fitter::set_window() {
+/// Finds the part of the plane that the points cover evenly, and refines inside it.
+void Fitter::set_window(Candidate* c) {
   const PointArrays& s = subset_;
+  std::vector<float> u, v, normalised, along, across, across_in, normalised_in;
+  for (std::vector<float>* values : {&u, &v, &normalised, &across_in, &normalised_in}) {
+    values->reserve(s.size);
+  }
   for (int round = 0; round < 2; ++round) {
-    const PlaneWindow wide = window_;
+    subset_.weigh(c->noise, c->plane);
+    const PlaneWindow wide = c->window;
     const kernels::Window w = wide.as_float();
-    const kernels::FloatPlane p = plane_.as_float();
+    const kernels::FloatPlane p = c->plane.as_float();
+    u.clear();
+    v.clear();
+    normalised.clear();
     // Axes: the principal directions of the inliers.
-    std::vector<float> u, v, residuals, weights;
     double su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
+    const float most_u = round > 0 ? 1.3f * w.half_u : 2e15f,
+                most_v = round > 0 ? 1.3f * w.half_v : 2e15f;
     for (std::size_t k = 0; k < s.size; ++k) {
-      if (!(s.w[k] > 0.0f)) continue;
       const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-      if (!(r * r * s.w[k] < 9.0f)) continue;
+      if (!(r * r * s.w[k] < 9.0f) || !(s.w[k] > 0.0f)) continue;
       const float a = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
       const float b = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
-      if (round > 0 && (std::abs(a) > 1.3f * w.half_u || std::abs(b) > 1.3f * w.half_v)) continue;
+      if (std::abs(a) > most_u || std::abs(b) > most_v) continue;
       u.push_back(a);
       v.push_back(b);
-      residuals.push_back(r);
-      weights.push_back(s.w[k]);
-      su += a;
-      sv += b;
-      suu += static_cast<double>(a) * a;
-      suv += static_cast<double>(a) * b;
-      svv += static_cast<double>(b) * b;
+      normalised.push_back(r * std::sqrt(s.w[k]));
+      su += static_cast<double>(a);
+      sv += static_cast<double>(b);
+      suu += static_cast<double>(a) * static_cast<double>(a);
+      suv += static_cast<double>(a) * static_cast<double>(b);
+      svv += static_cast<double>(b) * static_cast<double>(b);
     }
     if (u.size() < 400) return;
     const double count = static_cast<double>(u.size());
     const double cuu = suu - su * su / count, cuv = suv - su * sv / count,
                  cvv = svv - sv * sv / count;
     const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
-    const double c = std::cos(angle), sn = std::sin(angle);
-    std::vector<float> along(u.size()), across(u.size());
+    const double cosine = std::cos(angle), sine = std::sin(angle);
+    const float fc = static_cast<float>(cosine), fs = static_cast<float>(sine);
+    along.resize(u.size());
+    across.resize(u.size());
     for (std::size_t k = 0; k < u.size(); ++k) {
-      along[k] = static_cast<float>(c * u[k] + sn * v[k]);
-      across[k] = static_cast<float>(-sn * u[k] + c * v[k]);
+      along[k] = fc * u[k] + fs * v[k];
+      across[k] = -fs * u[k] + fc * v[k];
     }
     double low, high, left, right;
-    if (!even_run(along, residuals, weights, &low, &high)) return;
+    if (!even_run(along, normalised, &low, &high)) return;
     // Across: only of the points within the run along.
-    std::vector<float> across_in, residuals_in, weights_in;
+    across_in.clear();
+    normalised_in.clear();
     for (std::size_t k = 0; k < along.size(); ++k) {
-      if (along[k] < low || along[k] > high) continue;
+      if (static_cast<double>(along[k]) < low || static_cast<double>(along[k]) > high) continue;
       across_in.push_back(across[k]);
-      residuals_in.push_back(residuals[k]);
-      weights_in.push_back(weights[k]);
+      normalised_in.push_back(normalised[k]);
     }
-    if (!even_run(across_in, residuals_in, weights_in, &left, &right)) return;
-    window_.a = c * wide.a + sn * wide.b;
-    window_.b = -sn * wide.a + c * wide.b;
-    window_.center =
-        wide.center + 0.5 * (low + high) * window_.a + 0.5 * (left + right) * window_.b;
-    window_.half_u = 0.5 * (high - low);
-    window_.half_v = 0.5 * (right - left);
-    refine_on_subset();
-    rescale_noise();
-    refine_on_subset();
+    if (!even_run(across_in, normalised_in, &left, &right)) return;
+    PlaneWindow& window = c->window;
+    window.a = cosine * wide.a + sine * wide.b;
+    window.b = -sine * wide.a + cosine * wide.b;
+    window.center = wide.center + 0.5 * (low + high) * window.a + 0.5 * (left + right) * window.b;
+    // Nothing at the very edges, full weight from 14 % inwards.
+    window.half_u = 0.48 * (high - low);
+    window.half_v = 0.48 * (right - left);
+    window.ramp_u = 0.12 * (high - low);
+    window.ramp_v = 0.12 * (right - left);
+    refine_on_subset(c);
+    rescale_noise(c);
+    refine_on_subset(c);
   }
 }
 
-kernels::Moments Fitter::all_moments(const LocalPlane& plane, bool finish, PlaneFit* fit) {
+/// Points of the cloud on a candidate inside its window, by a fixed part of the cloud.
+double Fitter::count_support(const Candidate& c) const {
+  const std::size_t blocks = (source_.size + kernels::kBlock - 1) / kernels::kBlock;
+  const std::size_t most = kCounted / kernels::kBlock;
+  const std::size_t step = std::max<std::size_t>(1, blocks / most);
+  alignas(32) float x[kernels::kBlock], y[kernels::kBlock], z[kernels::kBlock],
+      weight[kernels::kBlock];
+  kernels::Window window = c.window.as_float();
+  // Its edges, sharp.
+  window.half_u *= 0.5f / 0.48f;
+  window.half_v *= 0.5f / 0.48f;
+  window.ramp_u *= 1e-3f;
+  window.ramp_v *= 1e-3f;
+  double count = 0.0;
+  for (std::size_t block = 0; block < blocks; block += step) {
+    const std::size_t begin = block * kernels::kBlock;
+    const std::size_t m = std::min(kernels::kBlock, source_.size - begin);
+    const std::size_t first = source_.stride * begin;
+    kernels::load_points(source_.x + first, source_.y + first, source_.z + first, source_.stride, m,
+                         pivot_, 1.0f, x, y, z, weight);
+    for (std::size_t k = m; k < kernels::padded(m); ++k) x[k] = y[k] = z[k] = weight[k] = 0.0f;
+    c.noise.weigh(c.plane.n, c.plane.d, m, x, y, z, source_.sigma ? source_.sigma + begin : nullptr,
+                  source_.covariance ? source_.covariance + begin : nullptr, weight);
+    kernels::Moments moments;
+    kernels::accumulate(x, y, z, weight, kernels::padded(m), c.plane.as_float(), window,
+                        static_cast<float>(kCountSigmas * kCountSigmas), kernels::Loss::kReweighted,
+                        false, &moments);
+    count += moments.count;
+  }
+  return count;
+}
+
+kernels::Moments Fitter::all_moments(const Candidate& c, bool finish, PlaneFit* fit) const {
   const std::size_t n = source_.size;
   // Chunks of whole blocks: sums are added in chunk order, whoever computed them.
   constexpr std::size_t kChunk = 32 * kernels::kBlock;
@@ -855,69 +859,70 @@ kernels::Moments Fitter::all_moments(const LocalPlane& plane, bool finish, Plane
   struct Part {
     kernels::Moments moments;
     std::vector<int> inliers;
-    std::size_t count = 0;
-    double squares = 0.0;
   };
   std::vector<Part> parts(chunks);
-  const kernels::FloatPlane p = plane.as_float();
-  const kernels::Window w = window_.as_float();
+  const kernels::FloatPlane p = c.plane.as_float();
+  const kernels::Window w = c.window.as_float();
   constexpr float kLimit = static_cast<float>(kBiweight * kBiweight);
   constexpr float kInlier = static_cast<float>(kInlierSigmas * kInlierSigmas);
   const bool list = finish && options_.list_inliers;
-  const auto work = [&](std::size_t c) {
+  const int threads = resolve_num_threads(options_.num_threads);
+  // One thread writes the list where it belongs; several write lists of their own.
+  std::vector<int>* single = threads == 1 ? &fit->inliers : nullptr;
+  if (list && single) {
+    single->clear();
+    single->reserve(static_cast<std::size_t>(std::min(1.0, 1.1 * inlier_share_ + 0.2) *
+                                             static_cast<double>(n)));
+  }
+  const bool same = c.noise.kind == NoiseKind::kSame;
+  const float same_weight = same ? static_cast<float>(1.0 / (c.noise.scale * c.noise.scale)) : 1.0f;
+  const auto work = [&](std::size_t chunk) {
     alignas(32) float x[kernels::kBlock], y[kernels::kBlock], z[kernels::kBlock],
         weight[kernels::kBlock];
     alignas(32) std::int32_t mask[kernels::kBlock];
     int buffer[kernels::kBlock];
-    Part& part = parts[c];
-    const std::size_t chunk_end = std::min(n, (c + 1) * kChunk);
-    if (list) {
-      part.inliers.reserve(static_cast<std::size_t>(std::min(1.0, 1.1 * inlier_share_ + 0.05) *
-                                                    static_cast<double>(chunk_end - c * kChunk)));
-    }
-    for (std::size_t begin = c * kChunk; begin < chunk_end; begin += kernels::kBlock) {
+    Part& part = parts[chunk];
+    std::vector<int>& inliers = single ? *single : part.inliers;
+    const std::size_t chunk_end = std::min(n, (chunk + 1) * kChunk);
+    for (std::size_t begin = chunk * kChunk; begin < chunk_end; begin += kernels::kBlock) {
       const std::size_t m = std::min(kernels::kBlock, chunk_end - begin);
       const std::size_t first = source_.stride * begin;
       kernels::load_points(source_.x + first, source_.y + first, source_.z + first, source_.stride,
-                           m, pivot_, x, y, z, weight);
-      for (std::size_t k = m; k < kernels::padded(m); ++k) x[k] = y[k] = z[k] = weight[k] = 0.0f;
-      noise_.weigh(plane, m, x, y, z, source_.sigma ? source_.sigma + begin : nullptr,
-                   source_.covariance ? source_.covariance + begin : nullptr, weight);
+                           m, pivot_, same_weight, x, y, z, weight);
       const std::size_t rows = kernels::padded(m);
-      kernels::accumulate(x, y, z, weight, rows, p, w, kLimit, false, &part.moments);
-      if (!finish) continue;
-      const int found =
-          kernels::mark_inliers(x, y, z, weight, rows, p, kInlier, mask, &part.squares);
-      part.count += static_cast<std::size_t>(found);
+      for (std::size_t k = m; k < rows; ++k) x[k] = y[k] = z[k] = weight[k] = 0.0f;
+      if (!same) {
+        c.noise.weigh(c.plane.n, c.plane.d, m, x, y, z,
+                      source_.sigma ? source_.sigma + begin : nullptr,
+                      source_.covariance ? source_.covariance + begin : nullptr, weight);
+      }
+      if (!finish) {
+        kernels::accumulate(x, y, z, weight, rows, p, w, kLimit, kernels::Loss::kNewton, false,
+                            &part.moments);
+        continue;
+      }
+      kernels::accumulate_and_mark(x, y, z, weight, rows, p, w, kLimit, kInlier,
+                                   list ? mask : nullptr, &part.moments);
       if (!list) continue;
       int filled = 0;
       for (std::size_t k = 0; k < m; ++k) {
         buffer[filled] = static_cast<int>(begin + k);
         filled -= mask[k];
       }
-      part.inliers.insert(part.inliers.end(), buffer, buffer + filled);
+      inliers.insert(inliers.end(), buffer, buffer + filled);
     }
   };
-  parallel_for(chunks, options_.num_threads, work);
+  parallel_for(chunks, threads, work);
   kernels::Moments total;
-  std::size_t count = 0;
-  double squares = 0.0;
-  for (const Part& part : parts) {
-    total += part.moments;
-    count += part.count;
-    squares += part.squares;
-  }
+  for (const Part& part : parts) total += part.moments;
   if (finish) {
-    fit->num_inliers = count;
-    fit->rmse = count > 0 ? std::sqrt(squares / static_cast<double>(count)) : fit->rmse;
-    if (list) {
-      if (chunks == 1) {
-        fit->inliers = std::move(parts[0].inliers);
-      } else {
-        fit->inliers.reserve(count);
-        for (const Part& part : parts) {
-          fit->inliers.insert(fit->inliers.end(), part.inliers.begin(), part.inliers.end());
-        }
+    fit->num_inliers = static_cast<std::size_t>(total.inliers);
+    if (total.inliers > 0.0) fit->rmse = std::sqrt(total.squares / total.inliers);
+    if (list && !single) {
+      fit->inliers.clear();
+      fit->inliers.reserve(fit->num_inliers);
+      for (const Part& part : parts) {
+        fit->inliers.insert(fit->inliers.end(), part.inliers.begin(), part.inliers.end());
       }
     }
   }
@@ -925,7 +930,8 @@ kernels::Moments Fitter::all_moments(const LocalPlane& plane, bool finish, Plane
 }
 
 /// Covariance at the weighted centroid, condition, status.
-void Fitter::describe(const kernels::Moments& full, const kernels::Moments& s, PlaneFit* fit) {
+void Fitter::describe(const Candidate& c, const kernels::Moments& full, const kernels::Moments& s,
+                      PlaneFit* fit) const {
   // Everything about the weighted centroid (mu, mv) of the window's coordinates.
   const double mu = full.u / full.weight, mv = full.v / full.weight;
   const auto about = [&](double m1, double m_u, double m_v, double uu, double uv, double vv) {
@@ -939,17 +945,17 @@ void Fitter::describe(const kernels::Moments& full, const kernels::Moments& s, P
     return h;
   };
   const Matrix3d hessian = about(full.weight, full.u, full.v, full.uu, full.uv, full.vv);
-  const double share = full.weight / std::max(s.weight, 1e-300);  // the subset's sums to all points
+  const double share = full.count / std::max(s.count, 1e-300);  // the subset's sums to all points
   const Matrix3d spread = share * about(s.i1, s.iu, s.iv, s.iuu, s.iuv, s.ivv);
-  const double kappa = std::clamp(full.slope / full.weight, 0.2, 1.2);
 
+  const LocalPlane& plane = c.plane;
   UncertainPlane& out = fit->plane;
   const Vector3d pivot = Vector3d(pivot_[0], pivot_[1], pivot_[2]) + source_.origin;
-  Vector3d centroid = window_.center + mu * window_.a + mv * window_.b;
-  centroid -= (plane_.n.dot(centroid) + plane_.d) * plane_.n;
-  out.plane.normal = plane_.n;
+  Vector3d centroid = c.window.center + mu * c.window.a + mv * c.window.b;
+  centroid -= (plane.n.dot(centroid) + plane.d) * plane.n;
+  out.plane.normal = plane.n;
   out.centroid = centroid + pivot;
-  out.plane.offset = -plane_.n.dot(out.centroid);
+  out.plane.offset = -plane.n.dot(out.centroid);
 
   // In-plane scatter decides what is observable.
   const Eigen::Matrix2d scatter = hessian.topLeftCorner<2, 2>() / full.weight;
@@ -957,36 +963,41 @@ void Fitter::describe(const kernels::Moments& full, const kernels::Moments& s, P
   in_plane.computeDirect(scatter);
   const double thin = std::max(in_plane.eigenvalues()[0], 0.0), wide = in_plane.eigenvalues()[1];
   fit->condition = thin > 0.0 ? wide / thin : std::numeric_limits<double>::infinity();
-  out.axis1 = window_.a * in_plane.eigenvectors()(0, 1) + window_.b * in_plane.eigenvectors()(1, 1);
-  out.axis1 = (out.axis1 - out.axis1.dot(plane_.n) * plane_.n).normalized();
+  out.axis1 =
+      c.window.a * in_plane.eigenvectors()(0, 1) + c.window.b * in_plane.eigenvectors()(1, 1);
+  out.axis1 = (out.axis1 - out.axis1.dot(plane.n) * plane.n).normalized();
   // The sign of an eigenvector is free: point along the axis' largest component.
   int largest = 0;
   out.axis1.cwiseAbs().maxCoeff(&largest);
   if (out.axis1[largest] < 0.0) out.axis1 = -out.axis1;
-  out.axis2 = plane_.n.cross(out.axis1);
+  out.axis2 = plane.n.cross(out.axis1);
 
   // Covariance of (alpha, beta, gamma): sandwich, with the small-sample factor.
   const double points = std::max(full.count, 1.0);
-  const double small = points > 3.5 ? points / (points - 3.0) : 1e6;
-  const Matrix3d inverse = hessian.inverse();
-  Matrix3d covariance = inverse * spread * inverse.transpose() * small / (kappa * kappa);
+  const double one = std::sqrt(full.count / std::max(full.weight, 1e-300));
+  fit->noise = one;
+  Matrix3d covariance;
   if (points < 12.0) {
-    // Too few residuals to tell their spread: take the points' own noise.
-    covariance = covariance.cwiseMax(inverse.cwiseAbs().cwiseProduct(Matrix3d::Identity()));
+    // Too few residuals to tell their spread.
+    covariance = Vector3d(1.0, 1.0, std::max(one * one, wide)).asDiagonal();
+  } else {
+    const Matrix3d inverse = hessian.inverse();
+    covariance = inverse * spread * inverse.transpose() * (points / (points - 3.0));
+    if (c.noise.kind != NoiseKind::kRays) {
+      const double systematic = kSystematic * one;
+      covariance(2, 2) += systematic * systematic;
+    }
   }
-  // The surface n . x + d = 0 raised by alpha u + beta v + gamma has the normal n - alpha a - beta
-  // b; a turn (t1, t2) about the axes gives n + t1 axis1 x n + t2 axis2 x n = n - t1 axis2 + t2
-  // axis1.
-  Eigen::Matrix3d turn = Matrix3d::Zero();
-  turn(0, 0) = out.axis2.dot(window_.a);
-  turn(0, 1) = out.axis2.dot(window_.b);
-  turn(1, 0) = -out.axis1.dot(window_.a);
-  turn(1, 1) = -out.axis1.dot(window_.b);
+  // The surface raised by alpha u + beta v + gamma has the normal n - alpha a - beta b; a turn
+  // (t1, t2) about the axes gives n + t1 axis1 x n + t2 axis2 x n = n - t1 axis2 + t2 axis1.
+  Matrix3d turn = Matrix3d::Zero();
+  turn(0, 0) = out.axis2.dot(c.window.a);
+  turn(0, 1) = out.axis2.dot(c.window.b);
+  turn(1, 0) = -out.axis1.dot(c.window.a);
+  turn(1, 1) = -out.axis1.dot(c.window.b);
   turn(2, 2) = 1.0;
   out.covariance = turn * covariance * turn.transpose();
   out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
-  const double one = std::sqrt(full.count / std::max(full.weight, 1e-300));
-  fit->noise = one;
 
   const bool line = !(thin > 1e-8 * wide) || !out.covariance.allFinite() ||
                     std::sqrt(thin) < 3.0 * one / std::sqrt(points);
@@ -1008,7 +1019,7 @@ void Fitter::describe(const kernels::Moments& full, const kernels::Moments& s, P
   const double tilt = std::sqrt(std::max(out.covariance(0, 0), out.covariance(1, 1)));
   if (points < 12.0) {
     fit->status = Status::kWeak;
-    fit->reason = fmt::format("only {} points lie on the plane", static_cast<long>(points));
+    fit->reason = fmt::format("only {} points lie on the plane", std::lround(points));
   } else if (tilt > kWeakTilt) {
     fit->status = Status::kWeak;
     fit->reason = fmt::format("the tilt's standard deviation is {:.3g} rad", tilt);
@@ -1019,8 +1030,7 @@ void Fitter::describe(const kernels::Moments& full, const kernels::Moments& s, P
 
 PlaneFit Fitter::run() {
   if (!choose_subset()) {
-    return fail(Status::kFailed, fmt::format("{} usable points, at least 3 are needed",
-                                             static_cast<long>(chosen_.size())));
+    return fail(Status::kFailed, fmt::format("{} usable points, at least 3 are needed", usable_));
   }
   if (!(spread_ > 0.0)) return fail(Status::kFailed, "all points lie at one place");
   const std::size_t n = source_.size;
@@ -1042,67 +1052,62 @@ PlaneFit Fitter::run() {
     learn_noise();
   }
   // Weights of the scored points: with rays the plane's part is left to the kernel.
-  {
+  if (noise_.kind == NoiseKind::kRays) {
+    PointArrays& s = scored_;
+    s.floor2.assign(s.x.size(), 1.0f);
+    for (std::size_t k = 0; k < s.size; ++k) {
+      const double s2 = (s.point(k) - noise_.viewpoint).squaredNorm();
+      const double sigma = s.sigma[k];
+      const bool good = sigma > 1e-12 && sigma < 1e12 && s2 > 0.0;
+      s.w[k] = good ? static_cast<float>(s2 / (sigma * sigma)) : 0.0f;
+      s.floor2[k] = static_cast<float>(std::max(kGrazingFloor * kGrazingFloor * s2, 1e-12));
+    }
+  } else {
     LocalPlane level;
     level.n = up_;
-    PointArrays& s = scored_;
-    if (noise_.kind == NoiseKind::kRays) {
-      for (std::size_t k = 0; k < s.size; ++k) {
-        const double s2 = (Vector3d(s.x[k], s.y[k], s.z[k]) - noise_.viewpoint).squaredNorm();
-        const double sigma = s.sigma[k];
-        const bool good = sigma > 1e-12 && sigma < 1e12 && s2 > 0.0;
-        s.w[k] = good ? static_cast<float>(s2 / (sigma * sigma)) : 0.0f;
-        s.floor2[k] = static_cast<float>(std::max(kGrazingFloor * kGrazingFloor * s2, 1e-12));
-      }
-    } else {
-      noise_.weigh(level, s.size, s.x.data(), s.y.data(), s.z.data(), s.sigma.data(),
-                   s.covariance.data(), s.w.data());
-    }
+    scored_.weigh(noise_, level);
   }
-  if (!search()) {
-    return fail(Status::kFailed,
-                fmt::format("no plane within {:.3g} rad of the up direction", options_.max_tilt));
-  }
+  if (!search()) return no_plane();
 
-  window_.center = Vector3d::Zero();
-  refine_on_subset();
-  rescale_noise();
-  refine_on_subset();
-  set_window();
+  for (Candidate& c : candidates_) {
+    c.window = PlaneWindow();
+    c.noise = noise_;
+    refine_on_subset(&c);
+    rescale_noise(&c);
+    refine_on_subset(&c);
+    set_window(&c);
+    if (candidates_.size() > 1) c.support = count_support(c);
+  }
+  const auto best = std::max_element(
+      candidates_.begin(), candidates_.end(),
+      [](const Candidate& l, const Candidate& r) { return l.support < r.support; });
+  Candidate c = *best;
 
   PlaneFit fit;
   fit.hypotheses = hypotheses_;
-  LocalPlane plane = plane_;
   kernels::Moments full;
   const int passes = n <= kManyPasses ? 8 : 1;
   for (int pass = 0; pass < passes; ++pass) {
-    align(plane, &window_);
+    align(c.plane, &c.window);
     const bool last = pass + 1 == passes;
-    full = all_moments(plane, last, &fit);
-    LocalPlane next = plane;
+    full = all_moments(c, last, &fit);
+    LocalPlane next = c.plane;
     double step = 0.0;
-    if (!solve(full, window_, true, &next, &step)) {
-      if (!last) full = all_moments(plane, true, &fit);
-      break;
-    }
-    plane = next;
-    const double unit = std::sqrt(full.count / full.weight);
-    if (!last && step < 1e-3 * unit / std::sqrt(std::max(full.count, 1.0))) {
-      full = all_moments(plane, true, &fit);
-      break;
-    }
+    const double unit = std::sqrt(full.count / std::max(full.weight, 1e-300));
+    const bool solved = solve(full, c.window, &next, &step) && step < unit;
+    const bool settled = !solved || step < 1e-3 * unit / std::sqrt(std::max(full.count, 1.0));
+    if (settled && !last) full = all_moments(c, true, &fit);
+    if (solved) c.plane = next;
+    if (settled) break;
   }
-  plane_ = plane;
-  align(plane_, &window_);
-  if (!(full.weight > 0.0)) {
-    return fail(Status::kFailed, "no points lie on a common plane");
-  }
-  if (plane_.n.dot(up_) < std::cos(options_.max_tilt) - 1e-6) {
-    return fail(Status::kFailed,
-                fmt::format("no plane within {:.3g} rad of the up direction", options_.max_tilt));
-  }
-  const kernels::Moments influence = subset_moments(plane_, window_, kBiweight * kBiweight, true);
-  describe(full, influence, &fit);
+  orient(&c.plane);
+  align(c.plane, &c.window);
+  if (!(full.weight > 0.0)) return fail(Status::kFailed, "no points lie on a common plane");
+  if (c.plane.n.dot(up_) < std::cos(options_.max_tilt) - 1e-6) return no_plane();
+  subset_.weigh(c.noise, c.plane);
+  const kernels::Moments influence =
+      sum_moments(subset_, c.plane, c.window, kBiweight * kBiweight, kernels::Loss::kNewton, true);
+  describe(c, full, influence, &fit);
   return fit;
 }
 

@@ -5,7 +5,7 @@
 // One clone for machines with AVX2, one for any x86-64, chosen when the program starts. The
 // arithmetic is the same in both: ISO C++ mode forbids fusing multiplications with additions.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
-#define CAMBER_CLONES __attribute__((target_clones("arch=haswell", "default")))
+#define CAMBER_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define CAMBER_CLONES
 #endif
@@ -27,18 +27,23 @@ __attribute__((always_inline)) inline double lane_sum(const F8& lanes) {
   return sum;
 }
 
-template <bool kInfluence>
+template <Loss kLoss, bool kInfluence, bool kMark>
 __attribute__((always_inline)) inline void accumulate_block(const float* x, const float* y,
                                                             const float* z, const float* w,
                                                             std::size_t n, const FloatPlane& plane,
                                                             const Window& window, float limit,
+                                                            float inlier_limit, std::int32_t* mask,
                                                             Moments* moments) {
   const F8 zero = {};
-  const float inverse = 1.0f / limit;
-  F8 s1 = zero, su = zero, sv = zero, suu = zero, suv = zero, svv = zero, sr = zero, sru = zero,
-     srv = zero, slope = zero, count = zero;
-  F8 i1 = zero, iu = zero, iv = zero, iuu = zero, iuv = zero, ivv = zero;
   const F8 one = zero + 1.0f;
+  const float inverse = 1.0f / limit;
+  const float near = inlier_limit * inverse;
+  const float steep_u = 1.0f / window.ramp_u, steep_v = 1.0f / window.ramp_v;
+  const float end_u = window.half_u * steep_u, end_v = window.half_v * steep_v;
+  F8 s1 = zero, su = zero, sv = zero, suu = zero, suv = zero, svv = zero, sr = zero, sru = zero,
+     srv = zero, count = zero;
+  F8 i1 = zero, iu = zero, iv = zero, iuu = zero, iuv = zero, ivv = zero, squares = zero;
+  I8 inliers = {};
   for (std::size_t i = 0; i < n; i += kLanes) {
     F8 px, py, pz, pw;
     load(x + i, px);
@@ -48,26 +53,50 @@ __attribute__((always_inline)) inline void accumulate_block(const float* x, cons
     const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
     const F8 u = window.ax * px + window.ay * py + window.az * pz + window.a0;
     const F8 v = window.bx * px + window.by * py + window.bz * pz + window.b0;
-    const F8 t = r * r * pw * inverse;
-    const I8 inside = (t < 1.0f) & (u <= window.half_u) & (u >= -window.half_u) &
-                      (v <= window.half_v) & (v >= -window.half_v) & (pw > 0.0f);
-    const F8 rest = inside ? 1.0f - t : zero;
-    const F8 weighted = pw * rest;
-    const F8 omega = weighted * rest;
-    const F8 wu = omega * u, wv = omega * v, wr = omega * r;
-    s1 += omega;
+    const F8 r2 = r * r;
+    const F8 t = r2 * pw * inverse;
+    if constexpr (kMark) {
+      const I8 inlier = (t <= near) & (pw > 0.0f);
+      squares += inlier ? r2 : zero;
+      inliers -= inlier;
+      if (mask) std::memcpy(mask + i, &inlier, sizeof(inlier));
+    }
+    // The window's taper; also 0 for rows without a weight.
+    F8 taper_u = end_u - steep_u * (u < zero ? -u : u);
+    F8 taper_v = end_v - steep_v * (v < zero ? -v : v);
+    taper_u = taper_u < one ? taper_u : one;
+    taper_u = taper_u > zero ? taper_u : zero;
+    taper_v = taper_v < one ? taper_v : one;
+    taper_v = taper_v > zero ? taper_v : zero;
+    F8 taper = taper_u * taper_v;
+    taper = pw > zero ? taper : zero;
+    const F8 weight = pw * taper;
+    const I8 core = t < one;
+    const F8 rest = one - t;
+    F8 omega, matrix;
+    if constexpr (kLoss == Loss::kNewton) {
+      constexpr float kBalance = 2.0f / 27.0f;
+      const F8 lobe = t < 4.0f ? kBalance * rest * (4.0f - t) : zero;
+      omega = weight * (core ? rest * rest : lobe);
+      matrix = core ? weight * rest * (one - 5.0f * t) : zero;
+    } else {
+      omega = core ? weight * rest * rest : zero;
+      matrix = omega;
+    }
+    const F8 psi = omega == zero ? zero : omega * r;
+    const F8 wu = matrix * u, wv = matrix * v;
+    s1 += matrix;
     su += wu;
     sv += wv;
     suu += wu * u;
     suv += wu * v;
     svv += wv * v;
-    sr += wr;
-    sru += wr * u;
-    srv += wr * v;
-    slope += weighted * (1.0f - 5.0f * t);
-    count += inside ? one : zero;
+    sr += psi;
+    sru += psi * u;
+    srv += psi * v;
+    count += core ? taper : zero;
     if constexpr (kInfluence) {
-      const F8 squared = wr * wr;
+      const F8 squared = psi * psi;
       const F8 qu = squared * u, qv = squared * v;
       i1 += squared;
       iu += qu;
@@ -86,7 +115,6 @@ __attribute__((always_inline)) inline void accumulate_block(const float* x, cons
   moments->r += lane_sum(sr);
   moments->ru += lane_sum(sru);
   moments->rv += lane_sum(srv);
-  moments->slope += lane_sum(slope);
   moments->count += lane_sum(count);
   if constexpr (kInfluence) {
     moments->i1 += lane_sum(i1);
@@ -95,6 +123,10 @@ __attribute__((always_inline)) inline void accumulate_block(const float* x, cons
     moments->iuu += lane_sum(iuu);
     moments->iuv += lane_sum(iuv);
     moments->ivv += lane_sum(ivv);
+  }
+  if constexpr (kMark) {
+    moments->squares += lane_sum(squares);
+    for (std::size_t i = 0; i < kLanes; ++i) moments->inliers += inliers[i];
   }
 }
 
@@ -110,7 +142,6 @@ Moments& Moments::operator+=(const Moments& other) {
   r += other.r;
   ru += other.ru;
   rv += other.rv;
-  slope += other.slope;
   count += other.count;
   i1 += other.i1;
   iu += other.iu;
@@ -118,6 +149,8 @@ Moments& Moments::operator+=(const Moments& other) {
   iuu += other.iuu;
   iuv += other.iuv;
   ivv += other.ivv;
+  squares += other.squares;
+  inliers += other.inliers;
   return *this;
 }
 
@@ -175,65 +208,67 @@ float msac_cost_rays(const float* x, const float* y, const float* z, const float
 
 CAMBER_CLONES
 void accumulate(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                const FloatPlane& plane, const Window& window, float limit, bool influence,
-                Moments* moments) {
-  if (influence) {
-    accumulate_block<true>(x, y, z, w, n, plane, window, limit, moments);
+                const FloatPlane& plane, const Window& window, float limit, Loss loss,
+                bool influence, Moments* moments) {
+  if (loss == Loss::kReweighted) {
+    accumulate_block<Loss::kReweighted, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
+                                                      nullptr, moments);
+  } else if (influence) {
+    accumulate_block<Loss::kNewton, true, false>(x, y, z, w, n, plane, window, limit, 0.0f, nullptr,
+                                                 moments);
   } else {
-    accumulate_block<false>(x, y, z, w, n, plane, window, limit, moments);
+    accumulate_block<Loss::kNewton, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
+                                                  nullptr, moments);
   }
 }
 
 CAMBER_CLONES
-int mark_inliers(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                 const FloatPlane& plane, float limit, std::int32_t* mask, double* squares) {
-  const F8 zero = {};
-  F8 sum = zero;
-  I8 number = {};
-  for (std::size_t i = 0; i < n; i += kLanes) {
-    F8 px, py, pz, pw;
-    load(x + i, px);
-    load(y + i, py);
-    load(z + i, pz);
-    load(w + i, pw);
-    const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
-    const F8 r2 = r * r;
-    const I8 inside = (r2 * pw <= limit) & (pw > 0.0f);
-    sum += inside ? r2 : zero;
-    number -= inside;
-    std::memcpy(mask + i, &inside, sizeof(inside));
-  }
-  *squares += lane_sum(sum);
-  int total = 0;
-  for (std::size_t i = 0; i < kLanes; ++i) total += number[i];
-  return total;
+void accumulate_and_mark(const float* x, const float* y, const float* z, const float* w,
+                         std::size_t n, const FloatPlane& plane, const Window& window, float limit,
+                         float inlier_limit, std::int32_t* mask, Moments* moments) {
+  accumulate_block<Loss::kNewton, false, true>(x, y, z, w, n, plane, window, limit, inlier_limit,
+                                               mask, moments);
 }
 
 CAMBER_CLONES
 void load_points(const float* x, const float* y, const float* z, std::size_t stride, std::size_t n,
-                 const float pivot[3], float* out_x, float* out_y, float* out_z, float* out_w) {
+                 const float pivot[3], float weight, float* out_x, float* out_y, float* out_z,
+                 float* out_w) {
   const float px = pivot[0], py = pivot[1], pz = pivot[2];
+  constexpr float kFar2 = 1e30f;
+  std::size_t i = 0;
   if (stride == 3 && y == x + 1 && z == x + 2) {
-    for (std::size_t i = 0; i < n; ++i) {
-      out_x[i] = x[3 * i] - px;
-      out_y[i] = x[3 * i + 1] - py;
-      out_z[i] = x[3 * i + 2] - pz;
-    }
-  } else {
-    for (std::size_t i = 0; i < n; ++i) {
-      out_x[i] = x[stride * i] - px;
-      out_y[i] = y[stride * i] - py;
-      out_z[i] = z[stride * i] - pz;
+    // Eight points at a time: three vectors of x y z x y z ... become one each of x, y and z.
+    const F8 zero = {};
+    for (; i + kLanes <= n; i += kLanes) {
+      F8 a, b, c;
+      load(x + 3 * i, a);
+      load(x + 3 * i + 8, b);
+      load(x + 3 * i + 16, c);
+      const F8 x1 = __builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 0, 0);
+      const F8 y1 = __builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 0, 0, 0);
+      const F8 z1 = __builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 0, 0, 0);
+      F8 vx = __builtin_shufflevector(x1, c, 0, 1, 2, 3, 4, 5, 10, 13) - px;
+      F8 vy = __builtin_shufflevector(y1, c, 0, 1, 2, 3, 4, 8, 11, 14) - py;
+      F8 vz = __builtin_shufflevector(z1, c, 0, 1, 2, 3, 4, 9, 12, 15) - pz;
+      const I8 usable = (vx * vx + vy * vy + vz * vz) < kFar2;  // false for NaN
+      vx = usable ? vx : zero;
+      vy = usable ? vy : zero;
+      vz = usable ? vz : zero;
+      const F8 vw = usable ? zero + weight : zero;
+      std::memcpy(out_x + i, &vx, sizeof(vx));
+      std::memcpy(out_y + i, &vy, sizeof(vy));
+      std::memcpy(out_z + i, &vz, sizeof(vz));
+      std::memcpy(out_w + i, &vw, sizeof(vw));
     }
   }
-  constexpr float kFar2 = 1e30f;
-  for (std::size_t i = 0; i < n; ++i) {
-    const float d2 = out_x[i] * out_x[i] + out_y[i] * out_y[i] + out_z[i] * out_z[i];
-    const bool usable = d2 < kFar2;  // false for NaN
-    out_w[i] = usable ? 1.0f : 0.0f;
-    out_x[i] = usable ? out_x[i] : 0.0f;
-    out_y[i] = usable ? out_y[i] : 0.0f;
-    out_z[i] = usable ? out_z[i] : 0.0f;
+  for (; i < n; ++i) {
+    const float vx = x[stride * i] - px, vy = y[stride * i] - py, vz = z[stride * i] - pz;
+    const bool usable = vx * vx + vy * vy + vz * vz < kFar2;
+    out_x[i] = usable ? vx : 0.0f;
+    out_y[i] = usable ? vy : 0.0f;
+    out_z[i] = usable ? vz : 0.0f;
+    out_w[i] = usable ? weight : 0.0f;
   }
 }
 

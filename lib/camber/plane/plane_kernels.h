@@ -36,38 +36,50 @@ float msac_cost_rays(const float* x, const float* y, const float* z, const float
                      const float* floor2, std::size_t n, const FloatPlane& plane, float view2,
                      float limit, float bound);
 
-/// Part of a plane in the coordinates u = a . p + a0, v = b . p + b0, |u| <= half_u, |v| <= half_v.
+/// Part of a plane in the coordinates u = a . p + a0, v = b . p + b0. A point counts with
+/// min(1, (half_u - |u|) / ramp_u) times the same in v, and not at all where that is negative.
 struct Window {
   float ax, ay, az, a0;
   float bx, by, bz, b0;
-  float half_u, half_v;
+  float half_u, half_v, ramp_u, ramp_v;
 };
 
-/// Sums of the normal equations of "residual = alpha u + beta v + gamma" under Tukey's biweight
-/// omega = w (1 - r^2 w / limit)^2 inside the window. The influence sums are those of (omega r)^2.
+/// Sums of the normal equations of "residual = alpha u + beta v + gamma" inside a window, with
+/// t = r^2 w / limit:
+///   kReweighted  weights omega = w (1 - t)^2 for t < 1, Tukey's biweight;
+///   kNewton      the influence psi = omega r has also a part of the other sign, for t in (1, 4):
+///                omega = -w (2 / 27) (t - 1) (4 - t), so that the integral of psi over r > 0
+///                vanishes. An even background on one side of the plane alone (the sides of a car,
+///                a facade, the next plane behind a crease) then does not pull. The matrix is that
+///                of Newton's step, the derivative of psi (of the part t < 1).
+enum class Loss { kReweighted, kNewton };
+
 struct Moments {
-  double weight = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;
-  double r = 0, ru = 0, rv = 0;
-  double slope = 0;  ///< sum of the derivative of omega r, which Newton's step takes
-  double count = 0;  ///< points with a positive omega
-  double i1 = 0, iu = 0, iv = 0, iuu = 0, iuv = 0, ivv = 0;
+  double weight = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;   ///< matrix
+  double r = 0, ru = 0, rv = 0;                              ///< sums of psi {1, u, v}
+  double count = 0;                                          ///< window's share of points, t < 1
+  double i1 = 0, iu = 0, iv = 0, iuu = 0, iuv = 0, ivv = 0;  ///< sums of psi^2 {1, u, ...}
+  double squares = 0;                                        ///< of the inliers, m^2
+  double inliers = 0;                                        ///< w > 0 and r^2 w <= inlier_limit
 
   Moments& operator+=(const Moments& other);
 };
 
-/// Adds the sums of n <= kBlock points; the influence sums only if asked for.
+/// Adds the sums of n <= kBlock points; the psi^2 sums only if asked for.
 void accumulate(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                const FloatPlane& plane, const Window& window, float limit, bool influence,
-                Moments* moments);
+                const FloatPlane& plane, const Window& window, float limit, Loss loss,
+                bool influence, Moments* moments);
 
-/// Sets mask[i] to -1 where w > 0 and r^2 w <= limit, else 0; adds the inliers' r^2 to *squares and
-/// returns their number. n <= kBlock.
-int mark_inliers(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                 const FloatPlane& plane, float limit, std::int32_t* mask, double* squares);
+/// The same with kNewton, and the inliers of the whole plane, window or not, into the last two
+/// sums. Where mask is not null, mask[i] becomes -1 for an inlier, else 0.
+void accumulate_and_mark(const float* x, const float* y, const float* z, const float* w,
+                         std::size_t n, const FloatPlane& plane, const Window& window, float limit,
+                         float inlier_limit, std::int32_t* mask, Moments* moments);
 
 /// Copies n points with a stride (in floats), subtracting a pivot; rows that are not finite or
-/// farther than 1e15 m become 0 0 0 and get weight 0, the others weight 1.
+/// farther than 1e15 m become 0 0 0 and get weight 0, the others the given weight.
 void load_points(const float* x, const float* y, const float* z, std::size_t stride, std::size_t n,
-                 const float pivot[3], float* out_x, float* out_y, float* out_z, float* out_w);
+                 const float pivot[3], float weight, float* out_x, float* out_y, float* out_z,
+                 float* out_w);
 
 }  // namespace camber::plane_kernels
