@@ -1,0 +1,265 @@
+// camber info: what a cloud, a scene manifest or a result folder holds.
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/cloud/cloud_summary.h"
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/scene/results.h"
+#include "camber/scene/scene.h"
+#include "cloud_arguments.h"
+#include "command.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+
+json vector(const Eigen::Vector3d& v) {
+  return json::array({number(v.x()), number(v.y()), number(v.z())});
+}
+
+std::string text(const Eigen::Vector3d& v) {
+  return fmt::format("{:.3f} {:.3f} {:.3f}", v.x(), v.y(), v.z());
+}
+
+struct Printed {
+  json object;
+  std::string lines;
+
+  void line(const std::string& name, const std::string& value) {
+    lines += fmt::format("  {:<14}{}\n", name, value);
+  }
+};
+
+Printed describe_cloud(const std::string& path, const CloudSummary& summary) {
+  Printed out;
+  const ReadReport& report = summary.report;
+  json& o = out.object;
+  o["file"] = path;
+  o["kind"] = "cloud";
+  o["format"] = to_string(report.format);
+  o["encoding"] = report.encoding;
+  o["points"] = summary.points;
+  o["non_finite"] = summary.non_finite;
+  o["frame"] = to_string(summary.frame);
+  o["metric"] = summary.metric;
+  o["bounds"] = {{"min", vector(summary.minimum)}, {"max", vector(summary.maximum)}};
+  if (summary.origin) o["origin"] = vector(*summary.origin);
+  o["attributes"] = json::array();
+  for (const AttributeSummary& attribute : summary.attributes) {
+    o["attributes"].push_back({{"name", attribute.name},
+                               {"type", attribute.type},
+                               {"min", number(attribute.minimum)},
+                               {"max", number(attribute.maximum)},
+                               {"non_finite", attribute.non_finite}});
+  }
+  if (report.width > 0) o["organised"] = {{"width", report.width}, {"height", report.height}};
+  if (report.faces > 0) o["faces"] = report.faces;
+  if (std::isfinite(summary.sigma_mean)) {
+    o["sigma"] = {{"mean_m", summary.sigma_mean},
+                  {"median_m", number(summary.sigma_median)},
+                  {"quantile_95_m", number(summary.sigma_95)}};
+  }
+  o["dropped"] = json::object();
+  for (const auto& [reason, count] : report.dropped) o["dropped"][reason] = count;
+  o["notes"] = report.notes;
+
+  out.line("format", std::string(to_string(report.format)) + ", " + report.encoding);
+  out.line("points",
+           std::to_string(summary.points) +
+               (summary.non_finite > 0 ? fmt::format(" ({} not finite)", summary.non_finite)
+                                       : std::string()));
+  if (report.width > 0) out.line("organised", fmt::format("{} x {}", report.width, report.height));
+  if (report.faces > 0) out.line("faces", std::to_string(report.faces));
+  if (summary.points > summary.non_finite) {
+    out.line("min [m]", text(summary.minimum));
+    out.line("max [m]", text(summary.maximum));
+  }
+  out.line("frame",
+           std::string(to_string(summary.frame)) + (summary.metric ? "" : ", up to scale"));
+  if (summary.origin) out.line("origin [m]", text(*summary.origin));
+  if (std::isfinite(summary.sigma_mean)) {
+    out.line("sigma [m]", fmt::format("mean {:.4g}, median {:.3g}, 95 % below {:.3g}",
+                                      summary.sigma_mean, summary.sigma_median, summary.sigma_95));
+  }
+  out.line("attributes", "");
+  for (const AttributeSummary& attribute : summary.attributes) {
+    out.lines += fmt::format(
+        "    {:<22}{:<9}{:.10g} to {:.10g}{}\n", attribute.name, attribute.type, attribute.minimum,
+        attribute.maximum,
+        attribute.non_finite > 0 ? fmt::format(", {} not finite", attribute.non_finite) : "");
+  }
+  for (const auto& [reason, count] : report.dropped) {
+    out.line("dropped", fmt::format("{}: {}", reason, count));
+  }
+  for (const std::string& note : report.notes) out.line("note", note);
+  return out;
+}
+
+Printed describe_scene(const fs::path& path, const LogSink& warn) {
+  const Scene scene = read_scene(path, warn);
+  Printed out;
+  json& o = out.object;
+  std::size_t vehicles = 0, keypoints = 0;
+  json ids = json::array();
+  std::string id_list;
+  for (const SceneFrame& frame : scene.frames) {
+    ids.push_back(frame.id);
+    id_list += (id_list.empty() ? "" : " ") + std::to_string(frame.id);
+    vehicles += frame.vehicles.size();
+    for (const VehicleDetection& vehicle : frame.vehicles)
+      keypoints += vehicle.keypoints.empty() ? 0 : 1;
+  }
+  o["file"] = path.string();
+  o["kind"] = "scene";
+  o["name"] = scene.name;
+  o["frames"] = ids;
+  o["camera"] = {{"width", scene.camera.width}, {"height", scene.camera.height},
+                 {"fx", scene.camera.fx},       {"fy", scene.camera.fy},
+                 {"cx", scene.camera.cx},       {"cy", scene.camera.cy}};
+  o["height_above_road"] = scene.height_above_road ? json(*scene.height_above_road) : json(nullptr);
+  o["metric"] = scene.height_above_road.has_value();
+  o["vehicles"] = vehicles;
+  o["vehicles_with_keypoints"] = keypoints;
+  o["detections_source"] = scene.detections_source;
+  o["truth"] = scene.truth.has_value();
+  out.line("format", "scene manifest");
+  out.line("name", scene.name);
+  out.line("frames", fmt::format("{} ({})", scene.frames.size(), id_list));
+  out.line("camera", fmt::format("{} x {} px, fx {:g} fy {:g} cx {:g} cy {:g}", scene.camera.width,
+                                 scene.camera.height, scene.camera.fx, scene.camera.fy,
+                                 scene.camera.cx, scene.camera.cy));
+  out.line("height [m]", scene.height_above_road ? fmt::format("{:g}", *scene.height_above_road)
+                                                 : "not known: results are up to scale");
+  out.line("vehicles",
+           fmt::format("{}, {} with keypoints{}", vehicles, keypoints,
+                       scene.detections_source.empty() ? "" : ", from " + scene.detections_source));
+  out.line("truth", scene.truth ? "yes" : "no");
+  return out;
+}
+
+Printed describe_result(const fs::path& folder, const ReadOptions& options) {
+  Printed out;
+  json& o = out.object;
+  const RunDocument run = read_run(folder / "run.json");
+  o["file"] = folder.string();
+  o["kind"] = "result";
+  o["metric"] = run.metric;
+  o["cameras"] = run.cameras.size();
+  out.line("format", "Camber result");
+  out.line("scale",
+           run.metric ? fmt::format("metric, +- {:.2g} %", 100.0 * run.scale_sigma) : "unknown");
+  out.line("cameras", std::to_string(run.cameras.size()));
+  double total = 0.0;
+  for (const auto& [stage, milliseconds] : run.timings.stages()) total += milliseconds;
+  o["run_ms"] = number(total);
+  out.line("run", fmt::format("{:.0f} ms", total));
+  if (fs::exists(folder / "surface.json")) {
+    const RoadSurface surface = read_surface(folder / "surface.json");
+    o["patches"] = surface.patches.size();
+    out.line("patches", std::to_string(surface.patches.size()));
+  }
+  if (fs::exists(folder / "vehicles.json")) {
+    const VehicleDocument vehicles = read_vehicles(folder / "vehicles.json");
+    std::size_t count = 0;
+    for (const VehicleFrame& frame : vehicles.frames) count += frame.vehicles.size();
+    o["vehicles"] = count;
+    o["method"] = vehicles.method;
+    out.line("vehicles", fmt::format("{} in {} frames, method {}", count, vehicles.frames.size(),
+                                     vehicles.method));
+  }
+  if (fs::exists(folder / "road.ply")) {
+    const fs::path cloud = folder / "road.ply";
+    const Printed road =
+        describe_cloud(cloud.string(), summarise(*open_point_source(cloud, options)));
+    o["road"] = road.object;
+    out.lines += "road.ply\n" + road.lines;
+  }
+  return out;
+}
+
+bool looks_like_json(const fs::path& path) {
+  if (path.extension() == ".json") return true;
+  std::ifstream in(path, std::ios::binary);
+  char c = 0;
+  while (in.get(c) && (c == ' ' || c == '\n' || c == '\r' || c == '\t')) {
+  }
+  return in && c == '{';
+}
+
+Printed describe(const std::string& name, const ReadOptions& options, const LogSink& warn) {
+  const fs::path path = name;
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    if (fs::exists(path / "run.json", error)) return describe_result(path, options);
+    return describe_scene(path, warn);
+  }
+  if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_scene(path, warn);
+  return describe_cloud(name, summarise(*open_point_source(path, options)));
+}
+
+}  // namespace
+
+void register_info(CLI::App& root) {
+  Command* command =
+      add_command(root, "info", "Shows what clouds, scene manifests and result folders hold",
+                  "  camber info road.ply\n"
+                  "  camber info scan.pcd points.bin --json\n"
+                  "  camber info damaged.pcd --lenient\n"
+                  "  camber info points.txt --columns x,y,z,_,intensity\n"
+                  "  camber info results");
+  struct Arguments {
+    std::vector<std::string> files;
+    CloudArguments cloud;
+    bool as_json = false;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& app = *command->app;
+  app.add_option("files", arguments->files, "clouds, scene manifests or result folders")
+      ->required();
+  add_cloud_arguments(app, arguments->cloud);
+  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
+
+  command->run = [command, arguments] {
+    const ReadOptions options = arguments->cloud.read_options();
+    const LogSink warn = make_warning_sink(command->common);
+    json files = json::array();
+    Timings timings;
+    StageTimer load(timings, "load");
+    for (const std::string& name : arguments->files) {
+      check_interrupted();
+      const Printed printed = describe(name, options, warn);
+      if (arguments->as_json) {
+        files.push_back(printed.object);
+      } else {
+        fmt::print("{}\n{}", name, printed.lines);
+      }
+    }
+    load.stop();
+    if (arguments->as_json) {
+      const json out = {
+          {"version", kVersion},
+          {"seed", command->common.seed},
+          {"options", {{"lenient", options.lenient}, {"columns", options.columns}}},
+          {"timings_ms",
+           {{"load", timings.stages().front().second}, {"compute", 0.0}, {"write", 0.0}}},
+          {"files", files}};
+      fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
+    }
+    return 0;
+  };
+}
+
+}  // namespace camber::tools
