@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -13,6 +12,7 @@
 #include "camber/core/threads.h"
 #include "camber/plane/noise_model.h"
 #include "camber/plane/plane_kernels.h"
+#include "camber/plane/plane_solver.h"
 
 namespace camber {
 namespace {
@@ -30,14 +30,6 @@ constexpr double kRival = 0.6;              // share of the best gain that makes
 constexpr std::size_t kCounted = 131072;    // points that decide between competitors
 constexpr double kCountSigmas = 4.0;        // within which they count: few that belong are left out
 constexpr std::size_t kManyPasses = 65536;  // below it all points are iterated to convergence
-constexpr double kBiweight = 4.685;         // standard deviations; 95 % efficient for normal noise
-constexpr double kInlierSigmas = 2.5;       // standard deviations
-constexpr double kWeakTilt = 0.02;          // rad
-// Noise along the viewing rays also moves points apart or together, so that what lies at a place is
-// on average a little off the surface: by about (relative range noise, 1 %) * (noise across the
-// plane), however many points there are. Without the rays it cannot be told or taken out.
-constexpr double kSystematic = 0.01;
-
 /// The input as plain arrays.
 struct PointSource {
   const float *x = nullptr, *y = nullptr, *z = nullptr;
@@ -47,109 +39,6 @@ struct PointSource {
   std::size_t size = 0;
   Vector3d origin = Vector3d::Zero();
 };
-
-/// A plane relative to the pivot.
-struct LocalPlane {
-  Vector3d n = Vector3d::UnitZ();
-  double d = 0.0;
-  kernels::FloatPlane as_float() const {
-    return {static_cast<float>(n.x()), static_cast<float>(n.y()), static_cast<float>(n.z()),
-            static_cast<float>(d)};
-  }
-};
-
-/// Rectangle on a plane, relative to the pivot.
-struct PlaneWindow {
-  Vector3d center = Vector3d::Zero();
-  Vector3d a = Vector3d::UnitX(), b = Vector3d::UnitY();
-  double half_u = 1e15, half_v = 1e15;  // m, beyond it nothing counts
-  double ramp_u = 1.0, ramp_v = 1.0;    // m, over which the weight grows to 1
-
-  kernels::Window as_float() const {
-    const auto f = [](double value) { return static_cast<float>(value); };
-    return {f(a.x()), f(a.y()),          f(a.z()),  f(-a.dot(center)), f(b.x()),  f(b.y()),
-            f(b.z()), f(-b.dot(center)), f(half_u), f(half_v),         f(ramp_u), f(ramp_v)};
-  }
-};
-
-/// Puts a window's axes on a plane.
-void align(const LocalPlane& plane, PlaneWindow* window) {
-  const Vector3d along = window->a;
-  UncertainPlane::make_axes(plane.n, along, &window->a, &window->b);
-  window->center -= (plane.n.dot(window->center) + plane.d) * plane.n;
-}
-
-/// Points in structure-of-arrays form, relative to the pivot, padded with zero weights.
-struct PointArrays {
-  std::vector<float> x, y, z, w, sigma, floor2;
-  std::vector<std::array<float, 6>> covariance;
-  std::size_t size = 0;
-
-  void resize(std::size_t n, bool with_sigma, bool with_covariance) {
-    const std::size_t m = kernels::padded(n);
-    for (std::vector<float>* array : {&x, &y, &z, &w}) array->assign(m, 0.0f);
-    if (with_sigma) sigma.assign(m, 1.0f);
-    if (with_covariance) covariance.assign(m, {});
-    size = n;
-  }
-  Vector3d point(std::size_t k) const { return {x[k], y[k], z[k]}; }
-  /// Rows of another set, in a given order.
-  void take(const PointArrays& from, const std::vector<std::uint32_t>& rows) {
-    resize(rows.size(), !from.sigma.empty(), !from.covariance.empty());
-    for (std::size_t k = 0; k < rows.size(); ++k) {
-      const std::uint32_t i = rows[k];
-      x[k] = from.x[i];
-      y[k] = from.y[i];
-      z[k] = from.z[i];
-      w[k] = from.w[i];
-      if (!sigma.empty()) sigma[k] = from.sigma[i];
-      if (!covariance.empty()) covariance[k] = from.covariance[i];
-    }
-  }
-  /// Weights of all rows for a plane.
-  void weigh(const NoiseModel& noise, const LocalPlane& plane) {
-    std::fill(w.begin(), w.begin() + static_cast<long>(size), 1.0f);
-    noise.weigh(plane.n, plane.d, size, x.data(), y.data(), z.data(), sigma.data(),
-                covariance.data(), w.data());
-  }
-};
-
-/// Sums over all rows of a set, whose weights are up to date.
-kernels::Moments sum_moments(const PointArrays& s, const LocalPlane& plane,
-                             const PlaneWindow& window, double limit, kernels::Loss loss,
-                             bool influence) {
-  kernels::Moments moments;
-  const std::size_t n = kernels::padded(s.size);
-  for (std::size_t begin = 0; begin < n; begin += kernels::kBlock) {
-    kernels::accumulate(s.x.data() + begin, s.y.data() + begin, s.z.data() + begin,
-                        s.w.data() + begin, std::min(kernels::kBlock, n - begin), plane.as_float(),
-                        window.as_float(), static_cast<float>(limit), loss, influence, &moments);
-  }
-  return moments;
-}
-
-/// Solves the normal equations for (slope along a, slope along b, height), scaled to unit spread.
-/// @param step  the largest of the three in metres at the points' root mean square distance.
-/// False, with the plane as it was, where they are not positive definite.
-bool solve(const kernels::Moments& m, const PlaneWindow& window, LocalPlane* plane, double* step) {
-  if (!(m.weight > 0.0) || m.count < 2.5) return false;
-  const double mu = m.u / m.weight, mv = m.v / m.weight;
-  const double uu = m.uu / m.weight - mu * mu, uv = m.uv / m.weight - mu * mv,
-               vv = m.vv / m.weight - mv * mv;
-  const double determinant = uu * vv - uv * uv;
-  if (!(uu > 0.0 && vv > 0.0) || !(determinant > 1e-9 * uu * vv)) return false;
-  const double g = m.r / m.weight;
-  const double gu = m.ru / m.weight - mu * g, gv = m.rv / m.weight - mv * g;
-  const double alpha = (vv * gu - uv * gv) / determinant, beta = (uu * gv - uv * gu) / determinant;
-  const double gamma = g - alpha * mu - beta * mv;  // at the window's centre
-  if (!std::isfinite(alpha) || !std::isfinite(beta) || !std::isfinite(gamma)) return false;
-  const double before = plane->n.dot(window.center) + plane->d;
-  const Vector3d anchor = window.center + (gamma - before) * plane->n;
-  plane->n = (plane->n - alpha * window.a - beta * window.b).normalized();
-  plane->d = -plane->n.dot(anchor);
-  *step = std::max({std::abs(g), std::abs(alpha) * std::sqrt(uu), std::abs(beta) * std::sqrt(vv)});
-  return true;
-}
 
 /// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
 /// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
@@ -582,7 +471,7 @@ bool Fitter::refine_on_scored(LocalPlane* plane, double* cost_of_plane) {
     const kernels::Moments moments =
         sum_moments(*s, refined, window, kLimit, kernels::Loss::kReweighted, false);
     double step = 0.0;
-    if (!solve(moments, window, &refined, &step) || !orient(&refined)) break;
+    if (!solve_step(moments, window, &refined, &step) || !orient(&refined)) break;
     const double value = cost(refined, *cost_of_plane);
     if (!(value < *cost_of_plane)) break;
     *cost_of_plane = value;
@@ -706,12 +595,12 @@ void Fitter::refine_on_subset(Candidate* c) {
         sum_moments(subset_, c->plane, c->window, kLimit,
                     newton ? kernels::Loss::kNewton : kernels::Loss::kReweighted, false);
     const double unit = std::sqrt(std::max(moments.count, 1.0) / std::max(moments.weight, 1e-300));
-    bool solved = solve(moments, c->window, &next, &step);
+    bool solved = solve_step(moments, c->window, &next, &step);
     if (newton && (!solved || step > unit)) {
       next = c->plane;
       moments =
           sum_moments(subset_, c->plane, c->window, kLimit, kernels::Loss::kReweighted, false);
-      solved = solve(moments, c->window, &next, &step);
+      solved = solve_step(moments, c->window, &next, &step);
     }
     if (!solved) break;
     c->plane = next;
@@ -929,103 +818,19 @@ kernels::Moments Fitter::all_moments(const Candidate& c, bool finish, PlaneFit* 
   return total;
 }
 
-/// Covariance at the weighted centroid, condition, status.
+/// Covariance, condition, status.
 void Fitter::describe(const Candidate& c, const kernels::Moments& full, const kernels::Moments& s,
                       PlaneFit* fit) const {
-  // Everything about the weighted centroid (mu, mv) of the window's coordinates.
-  const double mu = full.u / full.weight, mv = full.v / full.weight;
-  const auto about = [&](double m1, double m_u, double m_v, double uu, double uv, double vv) {
-    Matrix3d h;
-    h(0, 0) = uu - 2.0 * mu * m_u + mu * mu * m1;
-    h(0, 1) = h(1, 0) = uv - mu * m_v - mv * m_u + mu * mv * m1;
-    h(1, 1) = vv - 2.0 * mv * m_v + mv * mv * m1;
-    h(0, 2) = h(2, 0) = m_u - mu * m1;
-    h(1, 2) = h(2, 1) = m_v - mv * m1;
-    h(2, 2) = m1;
-    return h;
-  };
-  const Matrix3d hessian = about(full.weight, full.u, full.v, full.uu, full.uv, full.vv);
-  const double share = full.count / std::max(s.count, 1e-300);  // the subset's sums to all points
-  const Matrix3d spread = share * about(s.i1, s.iu, s.iv, s.iuu, s.iuv, s.ivv);
-
-  const LocalPlane& plane = c.plane;
-  UncertainPlane& out = fit->plane;
+  const PlaneEstimate estimate =
+      estimate_covariance(c.plane, c.window, full, s, up_, c.noise.kind != NoiseKind::kRays);
+  fit->plane = estimate.plane;
   const Vector3d pivot = Vector3d(pivot_[0], pivot_[1], pivot_[2]) + source_.origin;
-  Vector3d centroid = c.window.center + mu * c.window.a + mv * c.window.b;
-  centroid -= (plane.n.dot(centroid) + plane.d) * plane.n;
-  out.plane.normal = plane.n;
-  out.centroid = centroid + pivot;
-  out.plane.offset = -plane.n.dot(out.centroid);
-
-  // In-plane scatter decides what is observable.
-  const Eigen::Matrix2d scatter = hessian.topLeftCorner<2, 2>() / full.weight;
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> in_plane;
-  in_plane.computeDirect(scatter);
-  const double thin = std::max(in_plane.eigenvalues()[0], 0.0), wide = in_plane.eigenvalues()[1];
-  fit->condition = thin > 0.0 ? wide / thin : std::numeric_limits<double>::infinity();
-  out.axis1 =
-      c.window.a * in_plane.eigenvectors()(0, 1) + c.window.b * in_plane.eigenvectors()(1, 1);
-  out.axis1 = (out.axis1 - out.axis1.dot(plane.n) * plane.n).normalized();
-  // The sign of an eigenvector is free: point along the axis' largest component.
-  int largest = 0;
-  out.axis1.cwiseAbs().maxCoeff(&largest);
-  if (out.axis1[largest] < 0.0) out.axis1 = -out.axis1;
-  out.axis2 = plane.n.cross(out.axis1);
-
-  // Covariance of (alpha, beta, gamma): sandwich, with the small-sample factor.
-  const double points = std::max(full.count, 1.0);
-  const double one = std::sqrt(full.count / std::max(full.weight, 1e-300));
-  fit->noise = one;
-  Matrix3d covariance;
-  if (points < 12.0) {
-    // Too few residuals to tell their spread.
-    covariance = Vector3d(1.0, 1.0, std::max(one * one, wide)).asDiagonal();
-  } else {
-    const Matrix3d inverse = hessian.inverse();
-    covariance = inverse * spread * inverse.transpose() * (points / (points - 3.0));
-    if (c.noise.kind != NoiseKind::kRays) {
-      const double systematic = kSystematic * one;
-      covariance(2, 2) += systematic * systematic;
-    }
-  }
-  // The surface raised by alpha u + beta v + gamma has the normal n - alpha a - beta b; a turn
-  // (t1, t2) about the axes gives n + t1 axis1 x n + t2 axis2 x n = n - t1 axis2 + t2 axis1.
-  Matrix3d turn = Matrix3d::Zero();
-  turn(0, 0) = out.axis2.dot(c.window.a);
-  turn(0, 1) = out.axis2.dot(c.window.b);
-  turn(1, 0) = -out.axis1.dot(c.window.a);
-  turn(1, 1) = -out.axis1.dot(c.window.b);
-  turn(2, 2) = 1.0;
-  out.covariance = turn * covariance * turn.transpose();
-  out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
-
-  const bool line = !(thin > 1e-8 * wide) || !out.covariance.allFinite() ||
-                    std::sqrt(thin) < 3.0 * one / std::sqrt(points);
-  if (line) {
-    // The plane through the line that is nearest to level.
-    const Vector3d along = out.axis1;
-    const Vector3d level = up_ - up_.dot(along) * along;
-    fit->status = Status::kNotObservable;
-    fit->reason = "the points lie on a line";
-    if (level.norm() > 1e-9) {
-      out.plane.normal = level.normalized();
-      out.plane.offset = -out.plane.normal.dot(out.centroid);
-      out.axis2 = out.plane.normal.cross(along);
-    }
-    out.covariance =
-        Vector3d(1.0, one * one / points / std::max(wide, 1e-300), one * one).asDiagonal();
-    return;
-  }
-  const double tilt = std::sqrt(std::max(out.covariance(0, 0), out.covariance(1, 1)));
-  if (points < 12.0) {
-    fit->status = Status::kWeak;
-    fit->reason = fmt::format("only {} points lie on the plane", std::lround(points));
-  } else if (tilt > kWeakTilt) {
-    fit->status = Status::kWeak;
-    fit->reason = fmt::format("the tilt's standard deviation is {:.3g} rad", tilt);
-  } else {
-    fit->status = Status::kOk;
-  }
+  fit->plane.centroid += pivot;
+  fit->plane.plane.offset = -fit->plane.plane.normal.dot(fit->plane.centroid);
+  fit->noise = estimate.noise;
+  fit->condition = estimate.condition;
+  fit->status = estimate.status;
+  fit->reason = estimate.reason;
 }
 
 PlaneFit Fitter::run() {
@@ -1094,7 +899,7 @@ PlaneFit Fitter::run() {
     LocalPlane next = c.plane;
     double step = 0.0;
     const double unit = std::sqrt(full.count / std::max(full.weight, 1e-300));
-    const bool solved = solve(full, c.window, &next, &step) && step < unit;
+    const bool solved = solve_step(full, c.window, &next, &step) && step < unit;
     const bool settled = !solved || step < 1e-3 * unit / std::sqrt(std::max(full.count, 1.0));
     if (settled && !last) full = all_moments(c, true, &fit);
     if (solved) c.plane = next;
