@@ -1,9 +1,11 @@
 #include "camber/core/threads.h"
 
+#include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
 #include <cstdlib>
+#include <optional>
 #include <thread>
 
 namespace camber {
@@ -24,6 +26,12 @@ void parallel_for(std::size_t count, int num_threads,
   if (threads == 1 || count < 2) {
     for (std::size_t i = 0; i < count; ++i) body(i);
     return;
+  }
+  // TBB prints a warning where an arena asks for more threads than the machine has.
+  using Control = oneapi::tbb::global_control;
+  std::optional<Control> more;
+  if (static_cast<std::size_t>(threads) > Control::active_value(Control::max_allowed_parallelism)) {
+    more.emplace(Control::max_allowed_parallelism, static_cast<std::size_t>(threads));
   }
   oneapi::tbb::task_arena arena(threads);
   arena.execute([&] { oneapi::tbb::parallel_for(std::size_t{0}, count, body); });

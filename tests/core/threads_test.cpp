@@ -1,0 +1,64 @@
+#include "camber/core/threads.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <numeric>
+#include <stdexcept>
+#include <vector>
+
+namespace camber {
+namespace {
+
+TEST(ResolveNumThreads, TakesTheRequestThenTheEnvironmentThenTheMachine) {
+  ::setenv("OMP_NUM_THREADS", "3", 1);
+  EXPECT_EQ(resolve_num_threads(5), 5);
+  EXPECT_EQ(resolve_num_threads(0), 3);
+  EXPECT_EQ(resolve_num_threads(-1), 3);
+  for (const char* const useless : {"", "0", "-4", "many"}) {
+    ::setenv("OMP_NUM_THREADS", useless, 1);
+    EXPECT_GE(resolve_num_threads(0), 1) << useless;
+  }
+  ::unsetenv("OMP_NUM_THREADS");
+  EXPECT_GE(resolve_num_threads(0), 1);
+}
+
+TEST(ParallelFor, CallsEveryIndexOnce) {
+  for (const int threads : {1, 2, 8}) {
+    for (const std::size_t count : {0u, 1u, 2u, 1000u}) {
+      std::vector<std::atomic<int>> calls(count);
+      parallel_for(count, threads, [&](std::size_t i) { ++calls[i]; });
+      for (const std::atomic<int>& c : calls) EXPECT_EQ(c.load(), 1);
+    }
+  }
+}
+
+TEST(ParallelFor, RethrowsWhatABodyThrows) {
+  for (const int threads : {1, 4}) {
+    EXPECT_THROW(parallel_for(100, threads,
+                              [](std::size_t i) {
+                                if (i == 57) throw std::runtime_error("body");
+                              }),
+                 std::runtime_error);
+  }
+}
+
+TEST(ParallelFor, SumsInIndexOrderAreTheSameForAnyThreads) {
+  const auto total = [](int threads) {
+    std::vector<double> parts(10000);
+    parallel_for(parts.size(), threads,
+                 [&](std::size_t i) { parts[i] = 1.0 / (1.0 + static_cast<double>(i)); });
+    return std::accumulate(parts.begin(), parts.end(), 0.0);
+  };
+  EXPECT_EQ(total(1), total(8));
+}
+
+TEST(ParallelFor, MayBeNested) {
+  std::atomic<int> calls{0};
+  parallel_for(8, 4, [&](std::size_t) { parallel_for(8, 4, [&](std::size_t) { ++calls; }); });
+  EXPECT_EQ(calls.load(), 64);
+}
+
+}  // namespace
+}  // namespace camber
