@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -40,94 +39,6 @@ struct PointSource {
   Vector3d origin = Vector3d::Zero();
 };
 
-/// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
-/// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
-/// quantiles of the points in it, which hardly depend on single points.
-bool even_run(const std::vector<float>& along, const std::vector<float>& normalised, double* low,
-              double* high) {
-  const std::size_t n = along.size();
-  if (n < 200) return false;
-  std::vector<float> some;
-  for (std::size_t i = 0; i < n; i += std::max<std::size_t>(1, n / 1024)) some.push_back(along[i]);
-  const double first = quantile(some, 0.003), last = quantile(some, 0.997);
-  if (!(last > first)) return false;
-  // Fine bins for the quantiles; `bins` coarse ones for the run.
-  constexpr std::size_t kFine = 16;
-  const std::size_t bins = std::clamp<std::size_t>(n / 40, 8, 64);
-  const double width = (last - first) / static_cast<double>(bins);
-  const double fine_width = width / kFine;
-  const float from = static_cast<float>(first), per_width = static_cast<float>(1.0 / fine_width);
-  const float end_place = static_cast<float>(bins * kFine);
-  std::vector<double> fine(bins * kFine, 0.0), count(bins, 0.0), sum(bins, 0.0);
-  for (std::size_t i = 0; i < n; ++i) {
-    const float place = (along[i] - from) * per_width;
-    if (!(place >= 0.0f && place < end_place)) continue;
-    const auto bin = static_cast<std::size_t>(place);
-    fine[bin] += 1.0;
-    sum[bin / kFine] += static_cast<double>(normalised[i]);
-  }
-  for (std::size_t k = 0; k < fine.size(); ++k) count[k / kFine] += fine[k];
-  std::vector<double> ordered = count;
-  const auto upper = ordered.begin() + static_cast<long>(bins * 3 / 4);
-  std::nth_element(ordered.begin(), upper, ordered.end());
-  const double plateau = *upper;
-  if (!(plateau > 0.0)) return false;
-  const auto good = [&](std::size_t k) {
-    return count[k] >= 0.4 * plateau &&
-           std::abs(sum[k] / count[k]) < std::max(1.0, 4.0 / std::sqrt(count[k]));
-  };
-  // The run with the most points; a single bad bin inside does not end it.
-  std::size_t best_begin = 0, best_end = 0;
-  double best = 0.0;
-  for (std::size_t k = 0; k < bins;) {
-    if (!good(k)) {
-      ++k;
-      continue;
-    }
-    std::size_t end = k + 1, last_good = k + 1;
-    double points = count[k];
-    while (end < bins && (good(end) || (end + 1 < bins && good(end + 1)))) {
-      points += count[end];
-      if (good(end)) last_good = end + 1;
-      ++end;
-    }
-    if (points > best) {
-      best = points;
-      best_begin = k;
-      best_end = last_good;
-    }
-    k = end;
-  }
-  if (best < 100.0) return false;
-  double inside = 0.0;
-  for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) inside += fine[k];
-  const auto quantile_of_run = [&](double share) {
-    double rest = share * inside;
-    for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) {
-      if (fine[k] > 0.0 && fine[k] >= rest) {
-        return first + (static_cast<double>(k) + rest / fine[k]) * fine_width;
-      }
-      rest -= fine[k];
-    }
-    return first + static_cast<double>(best_end) * width;
-  };
-  const double tenth = quantile_of_run(0.1), ninetieth = quantile_of_run(0.9);
-  *low = std::max(first + static_cast<double>(best_begin) * width,
-                  tenth - 0.125 * (ninetieth - tenth));
-  *high = std::min(first + static_cast<double>(best_end) * width,
-                   ninetieth + 0.125 * (ninetieth - tenth));
-  return *high > *low;
-}
-
-/// One plane that competes for being the answer.
-struct Candidate {
-  LocalPlane plane;
-  PlaneWindow window;
-  NoiseModel noise;
-  double gain = 0.0;     // of the search: how much below "nothing lies on it" its cost is
-  double support = 0.0;  // points on it
-};
-
 /// Everything about one fit.
 class Fitter {
  public:
@@ -140,17 +51,13 @@ class Fitter {
   bool choose_subset();
   void order_by_neighbourhood();
   void split(std::size_t begin, std::size_t end);
-  void learn_noise();
   bool search();
-  double cost(const LocalPlane& plane, double bound) const;
-  bool orient(LocalPlane* plane) const;
-  bool refine_on_scored(LocalPlane* plane, double* cost_of_plane);
-  void refine_on_subset(Candidate* candidate);
-  void rescale_noise(Candidate* candidate);
-  void set_window(Candidate* candidate);
-  double count_support(const Candidate& candidate) const;
-  kernels::Moments all_moments(const Candidate& candidate, bool finish, PlaneFit* fit) const;
-  void describe(const Candidate& candidate, const kernels::Moments& full,
+  double cost(const PivotPlane& plane, double bound) const;
+  bool orient(PivotPlane* plane) const;
+  bool refine_on_scored(PivotPlane* plane, double* cost_of_plane);
+  double count_support(const PlaneCandidate& candidate) const;
+  kernels::Moments all_moments(const PlaneCandidate& candidate, bool finish, PlaneFit* fit) const;
+  void describe(const PlaneCandidate& candidate, const kernels::Moments& full,
                 const kernels::Moments& influence, PlaneFit* fit) const;
 
   PlaneFit fail(Status status, const std::string& reason) const {
@@ -181,7 +88,7 @@ class Fitter {
   std::vector<std::pair<std::size_t, std::size_t>> leaves_;
   NoiseModel noise_;
   double least_noise_ = 0.0;  // what float coordinates can tell
-  std::vector<Candidate> candidates_;
+  std::vector<PlaneCandidate> candidates_;
   double inlier_share_ = 0.0;
   int hypotheses_ = 0;
 };
@@ -336,102 +243,7 @@ void Fitter::order_by_neighbourhood() {
   scored_.take(subset_, rows);
 }
 
-/// Noise by neighbourhoods: in each leaf the best of a few minimal samples, least quantile of
-/// squares, then the residuals of a refit; the noise of the cloud is a low quantile over leaves, so
-/// that leaves with kerbs, cars or creases do not count.
-void Fitter::learn_noise() {
-  const CounterRandom random(options_.seed, 2);
-  constexpr std::size_t kMostLeaves = 48;
-  constexpr int kSamples = 9;
-  const std::size_t step = std::max<std::size_t>(1, leaves_.size() / kMostLeaves);
-  std::vector<float> deviations;
-  std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
-  std::uint64_t counter = 0;
-  std::vector<float> residuals, sorted;
-  const double least_cosine = std::cos(std::min(options_.max_tilt, 1.5));
-  const PointArrays& s = ordered_;
-  for (std::size_t leaf = step / 2; leaf < leaves_.size(); leaf += step) {
-    const auto [begin, end] = leaves_[leaf];
-    const std::size_t m = end - begin;
-    if (m < 6) continue;
-    LocalPlane best;
-    double best_quantile = std::numeric_limits<double>::infinity();
-    const auto measure = [&, first = begin](const LocalPlane& plane) {
-      const kernels::FloatPlane p = plane.as_float();
-      residuals.resize(m);
-      for (std::size_t k = 0; k < m; ++k) {
-        residuals[k] = p.nx * s.x[first + k] + p.ny * s.y[first + k] + p.nz * s.z[first + k] + p.d;
-      }
-    };
-    for (int sample = 0; sample < kSamples; ++sample) {
-      const std::size_t i = random.below(counter, m), j = random.below(counter + 1, m),
-                        k = random.below(counter + 2, m);
-      counter += 3;
-      const Vector3d p = s.point(begin + i);
-      const Vector3d cross = (s.point(begin + j) - p).cross(s.point(begin + k) - p);
-      const double norm = cross.norm();
-      if (!(norm > 0.0)) continue;
-      LocalPlane plane;
-      plane.n = cross / norm;
-      if (std::abs(plane.n.dot(up_)) < least_cosine) continue;
-      plane.d = -plane.n.dot(p);
-      measure(plane);
-      sorted.resize(m);
-      for (std::size_t q = 0; q < m; ++q) sorted[q] = std::abs(residuals[q]);
-      const double q = quantile(sorted, 0.45);
-      if (q < best_quantile) {
-        best_quantile = q;
-        best = plane;
-      }
-    }
-    if (!std::isfinite(best_quantile)) continue;
-    // Refit on the points near it; twice, for the first scale comes from a lucky sample.
-    double deviation = std::max(best_quantile / 0.5978, least_noise_);  // 45 % of |N(0, 1)|
-    std::size_t used = 0;
-    for (int round = 0; round < 2; ++round) {
-      measure(best);
-      Vector3d mean = Vector3d::Zero();
-      Matrix3d scatter = Matrix3d::Zero();
-      used = 0;
-      for (std::size_t k = 0; k < m; ++k) {
-        if (std::abs(static_cast<double>(residuals[k])) > 3.0 * deviation) continue;
-        const Vector3d p = s.point(begin + k) - s.point(begin);
-        mean += p;
-        scatter += p * p.transpose();
-        ++used;
-      }
-      if (used < 5) break;
-      mean /= static_cast<double>(used);
-      scatter -= static_cast<double>(used) * mean * mean.transpose();
-      Eigen::SelfAdjointEigenSolver<Matrix3d> solver;
-      solver.computeDirect(scatter);
-      best.n = solver.eigenvectors().col(0);
-      best.d = -best.n.dot(mean + s.point(begin));
-      const double free = static_cast<double>(used) - 3.0;
-      deviation = std::max(std::sqrt(std::max(solver.eigenvalues()[0], 0.0) / free), least_noise_);
-    }
-    if (used < 5) continue;
-    deviations.push_back(static_cast<float>(deviation));
-    if (noise_.kind == NoiseKind::kPower) {
-      measure(best);
-      for (std::size_t k = 0; k < m; ++k) {
-        const float sigma = s.sigma[begin + k];
-        if (sigma > 1e-12f && sigma < 1e12f) pairs.emplace_back(sigma, std::abs(residuals[k]));
-      }
-    }
-  }
-  double typical = least_noise_;
-  if (!deviations.empty()) typical = std::max(quantile(deviations, 0.35), least_noise_);
-  if (noise_.kind == NoiseKind::kSame) {
-    noise_.scale = typical;
-    return;
-  }
-  noise_.kind = NoiseKind::kIsotropic;
-  noise_.scale = 1.0;
-  learn_power_law(pairs, typical, least_noise_, &noise_);
-}
-
-double Fitter::cost(const LocalPlane& plane, double bound) const {
+double Fitter::cost(const PivotPlane& plane, double bound) const {
   constexpr float kLimit = static_cast<float>(kInlierSigmas * kInlierSigmas);
   const std::size_t n = kernels::padded(scored_.size);
   const float most = static_cast<float>(std::min(bound, 1e30));
@@ -446,7 +258,7 @@ double Fitter::cost(const LocalPlane& plane, double bound) const {
 }
 
 /// Turns the normal to the up side; whether it is within the largest tilt.
-bool Fitter::orient(LocalPlane* plane) const {
+bool Fitter::orient(PivotPlane* plane) const {
   if (plane->n.dot(up_) < 0.0) {
     plane->n = -plane->n;
     plane->d = -plane->d;
@@ -454,7 +266,7 @@ bool Fitter::orient(LocalPlane* plane) const {
   return plane->n.dot(up_) >= std::cos(options_.max_tilt) - 1e-12;
 }
 
-bool Fitter::refine_on_scored(LocalPlane* plane, double* cost_of_plane) {
+bool Fitter::refine_on_scored(PivotPlane* plane, double* cost_of_plane) {
   constexpr double kLimit = 2.0 * kInlierSigmas * kInlierSigmas;
   PointArrays rays;
   PointArrays* s = &scored_;
@@ -464,7 +276,7 @@ bool Fitter::refine_on_scored(LocalPlane* plane, double* cost_of_plane) {
   }
   bool improved = false;
   for (int round = 0; round < 4; ++round) {
-    LocalPlane refined = *plane;
+    PivotPlane refined = *plane;
     PlaneWindow window;
     align(refined, &window);
     if (s == &rays) rays.weigh(noise_, refined);
@@ -489,7 +301,7 @@ bool Fitter::search() {
   double needed = options_.max_hypotheses;
   const std::size_t near = std::max<std::size_t>(std::min<std::size_t>(n, 16), n / 16);
   // Whether two planes are the same as far as the points of one of them can tell.
-  const auto same = [&](const Candidate& a, const LocalPlane& b) {
+  const auto same = [&](const PlaneCandidate& a, const PivotPlane& b) {
     if (a.plane.n.dot(b.n) < std::cos(1.5 * M_PI / 180.0)) return false;
     const double apart = b.n.dot(a.window.center) + b.d;
     return std::abs(apart) < 6.0 * a.window.ramp_u;
@@ -513,7 +325,7 @@ bool Fitter::search() {
     const Vector3d cross = a.cross(b);
     const double norm = cross.norm();
     if (!(norm > 1e-6 * std::max(a.squaredNorm(), b.squaredNorm()))) continue;
-    LocalPlane plane;
+    PivotPlane plane;
     plane.n = cross / norm;
     plane.d = -plane.n.dot(p);
     if (!orient(&plane)) continue;
@@ -523,8 +335,8 @@ bool Fitter::search() {
     double value = cost(plane, nothing - floor);
     if (!(nothing - value > floor)) continue;
     // Known already, and no better: nothing to gain.
-    Candidate* known = nullptr;
-    for (Candidate& other : candidates_) {
+    PlaneCandidate* known = nullptr;
+    for (PlaneCandidate& other : candidates_) {
       if (same(other, plane)) {
         known = &other;
         break;
@@ -535,18 +347,24 @@ bool Fitter::search() {
     const double gain = nothing - value;
     if (gain < kRival * best_gain) continue;
     known = nullptr;
-    for (Candidate& other : candidates_) {
+    for (PlaneCandidate& other : candidates_) {
       if (same(other, plane)) {
         known = &other;
         break;
       }
     }
-    Candidate candidate;
+    PlaneCandidate candidate;
     candidate.plane = plane;
     candidate.gain = gain;
     // The middle of its points, and its noise, to tell it from others.
     {
+      PointArrays rays;
       PointArrays* s = &scored_;
+      if (noise_.kind == NoiseKind::kRays) {
+        rays = scored_;
+        rays.weigh(noise_, plane);
+        s = &rays;
+      }
       PlaneWindow window;
       align(plane, &window);
       const kernels::Moments m = sum_moments(*s, plane, window, kInlierSigmas * kInlierSigmas,
@@ -565,12 +383,12 @@ bool Fitter::search() {
       best_gain = gain;
       candidates_.erase(
           std::remove_if(candidates_.begin(), candidates_.end(),
-                         [&](const Candidate& c) { return c.gain < kRival * best_gain; }),
+                         [&](const PlaneCandidate& c) { return c.gain < kRival * best_gain; }),
           candidates_.end());
       inlier_share_ = std::clamp(gain / nothing, 0.0, 1.0);
     }
     std::sort(candidates_.begin(), candidates_.end(),
-              [](const Candidate& l, const Candidate& r) { return l.gain > r.gain; });
+              [](const PlaneCandidate& l, const PlaneCandidate& r) { return l.gain > r.gain; });
     if (candidates_.size() > kCandidates) candidates_.resize(kCandidates);
     // A rival as large as the best must have been hit too. Of three points of a neighbourhood that
     // lies on the plane at least half are on it.
@@ -583,133 +401,8 @@ bool Fitter::search() {
   return !candidates_.empty();
 }
 
-void Fitter::refine_on_subset(Candidate* c) {
-  constexpr double kLimit = kBiweight * kBiweight;
-  for (int round = 0; round < 12; ++round) {
-    align(c->plane, &c->window);
-    subset_.weigh(c->noise, c->plane);
-    LocalPlane next = c->plane;
-    double step = 0.0;
-    const bool newton = round >= 2;
-    kernels::Moments moments =
-        sum_moments(subset_, c->plane, c->window, kLimit,
-                    newton ? kernels::Loss::kNewton : kernels::Loss::kReweighted, false);
-    const double unit = std::sqrt(std::max(moments.count, 1.0) / std::max(moments.weight, 1e-300));
-    bool solved = solve_step(moments, c->window, &next, &step);
-    if (newton && (!solved || step > unit)) {
-      next = c->plane;
-      moments =
-          sum_moments(subset_, c->plane, c->window, kLimit, kernels::Loss::kReweighted, false);
-      solved = solve_step(moments, c->window, &next, &step);
-    }
-    if (!solved) break;
-    c->plane = next;
-    // Newton's step over all points comes after this; its error is of second order.
-    if (step < 0.03 * unit / std::sqrt(std::max(moments.count, 1.0))) break;
-  }
-  orient(&c->plane);
-  align(c->plane, &c->window);
-}
-
-/// Re-estimates the noise from the residuals of the refined plane inside its window.
-void Fitter::rescale_noise(Candidate* c) {
-  if (fixed_threshold()) return;
-  const PointArrays& s = subset_;
-  subset_.weigh(c->noise, c->plane);
-  std::vector<float> normalised;
-  const std::size_t every = s.size > kSubset / 2 ? 2 : 1;
-  normalised.reserve(s.size / every);
-  const kernels::FloatPlane p = c->plane.as_float();
-  const kernels::Window w = c->window.as_float();
-  for (std::size_t k = 0; k < s.size; k += every) {
-    const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
-    const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
-    if (std::abs(u) > w.half_u || std::abs(v) > w.half_v || !(s.w[k] > 0.0f)) continue;
-    const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-    normalised.push_back(r * std::sqrt(s.w[k]));
-  }
-  const bool same = c->noise.kind == NoiseKind::kSame;
-  if (normalised.size() < (same ? 30u : 200u)) return;
-  double factor = std::clamp(core_deviation(normalised, 1.0, 6.0), 0.3, 4.0);
-  if (same) factor = std::max(factor, least_noise_ / c->noise.scale);
-  c->noise.rescale(factor);
-}
-
-/// Finds the part of the plane that the points cover evenly, and refines inside it.
-void Fitter::set_window(Candidate* c) {
-  const PointArrays& s = subset_;
-  std::vector<float> u, v, normalised, along, across, across_in, normalised_in;
-  for (std::vector<float>* values : {&u, &v, &normalised, &across_in, &normalised_in}) {
-    values->reserve(s.size);
-  }
-  for (int round = 0; round < 2; ++round) {
-    subset_.weigh(c->noise, c->plane);
-    const PlaneWindow wide = c->window;
-    const kernels::Window w = wide.as_float();
-    const kernels::FloatPlane p = c->plane.as_float();
-    u.clear();
-    v.clear();
-    normalised.clear();
-    // Axes: the principal directions of the inliers.
-    double su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
-    const float most_u = round > 0 ? 1.3f * w.half_u : 2e15f,
-                most_v = round > 0 ? 1.3f * w.half_v : 2e15f;
-    for (std::size_t k = 0; k < s.size; ++k) {
-      const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-      if (!(r * r * s.w[k] < 9.0f) || !(s.w[k] > 0.0f)) continue;
-      const float a = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
-      const float b = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
-      if (std::abs(a) > most_u || std::abs(b) > most_v) continue;
-      u.push_back(a);
-      v.push_back(b);
-      normalised.push_back(r * std::sqrt(s.w[k]));
-      su += static_cast<double>(a);
-      sv += static_cast<double>(b);
-      suu += static_cast<double>(a) * static_cast<double>(a);
-      suv += static_cast<double>(a) * static_cast<double>(b);
-      svv += static_cast<double>(b) * static_cast<double>(b);
-    }
-    if (u.size() < 400) return;
-    const double count = static_cast<double>(u.size());
-    const double cuu = suu - su * su / count, cuv = suv - su * sv / count,
-                 cvv = svv - sv * sv / count;
-    const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
-    const double cosine = std::cos(angle), sine = std::sin(angle);
-    const float fc = static_cast<float>(cosine), fs = static_cast<float>(sine);
-    along.resize(u.size());
-    across.resize(u.size());
-    for (std::size_t k = 0; k < u.size(); ++k) {
-      along[k] = fc * u[k] + fs * v[k];
-      across[k] = -fs * u[k] + fc * v[k];
-    }
-    double low, high, left, right;
-    if (!even_run(along, normalised, &low, &high)) return;
-    // Across: only of the points within the run along.
-    across_in.clear();
-    normalised_in.clear();
-    for (std::size_t k = 0; k < along.size(); ++k) {
-      if (static_cast<double>(along[k]) < low || static_cast<double>(along[k]) > high) continue;
-      across_in.push_back(across[k]);
-      normalised_in.push_back(normalised[k]);
-    }
-    if (!even_run(across_in, normalised_in, &left, &right)) return;
-    PlaneWindow& window = c->window;
-    window.a = cosine * wide.a + sine * wide.b;
-    window.b = -sine * wide.a + cosine * wide.b;
-    window.center = wide.center + 0.5 * (low + high) * window.a + 0.5 * (left + right) * window.b;
-    // Nothing at the very edges, full weight from 14 % inwards.
-    window.half_u = 0.48 * (high - low);
-    window.half_v = 0.48 * (right - left);
-    window.ramp_u = 0.12 * (high - low);
-    window.ramp_v = 0.12 * (right - left);
-    refine_on_subset(c);
-    rescale_noise(c);
-    refine_on_subset(c);
-  }
-}
-
 /// Points of the cloud on a candidate inside its window, by a fixed part of the cloud.
-double Fitter::count_support(const Candidate& c) const {
+double Fitter::count_support(const PlaneCandidate& c) const {
   const std::size_t blocks = (source_.size + kernels::kBlock - 1) / kernels::kBlock;
   const std::size_t most = kCounted / kernels::kBlock;
   const std::size_t step = std::max<std::size_t>(1, blocks / most);
@@ -740,7 +433,7 @@ double Fitter::count_support(const Candidate& c) const {
   return count;
 }
 
-kernels::Moments Fitter::all_moments(const Candidate& c, bool finish, PlaneFit* fit) const {
+kernels::Moments Fitter::all_moments(const PlaneCandidate& c, bool finish, PlaneFit* fit) const {
   const std::size_t n = source_.size;
   // Chunks of whole blocks: sums are added in chunk order, whoever computed them.
   constexpr std::size_t kChunk = 32 * kernels::kBlock;
@@ -819,8 +512,8 @@ kernels::Moments Fitter::all_moments(const Candidate& c, bool finish, PlaneFit* 
 }
 
 /// Covariance, condition, status.
-void Fitter::describe(const Candidate& c, const kernels::Moments& full, const kernels::Moments& s,
-                      PlaneFit* fit) const {
+void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full,
+                      const kernels::Moments& s, PlaneFit* fit) const {
   const PlaneEstimate estimate =
       estimate_covariance(c.plane, c.window, full, s, up_, c.noise.kind != NoiseKind::kRays);
   fit->plane = estimate.plane;
@@ -854,7 +547,8 @@ PlaneFit Fitter::run() {
   }
   order_by_neighbourhood();
   if (!fixed_threshold() && (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower)) {
-    learn_noise();
+    learn_local_noise(ordered_, leaves_, up_, options_.max_tilt, least_noise_, options_.seed,
+                      &noise_);
   }
   // Weights of the scored points: with rays the plane's part is left to the kernel.
   if (noise_.kind == NoiseKind::kRays) {
@@ -868,25 +562,22 @@ PlaneFit Fitter::run() {
       s.floor2[k] = static_cast<float>(std::max(kGrazingFloor * kGrazingFloor * s2, 1e-12));
     }
   } else {
-    LocalPlane level;
+    PivotPlane level;
     level.n = up_;
     scored_.weigh(noise_, level);
   }
   if (!search()) return no_plane();
 
-  for (Candidate& c : candidates_) {
+  for (PlaneCandidate& c : candidates_) {
     c.window = PlaneWindow();
     c.noise = noise_;
-    refine_on_subset(&c);
-    rescale_noise(&c);
-    refine_on_subset(&c);
-    set_window(&c);
+    refine_and_window(&subset_, up_, least_noise_, fixed_threshold(), &c);
     if (candidates_.size() > 1) c.support = count_support(c);
   }
   const auto best = std::max_element(
       candidates_.begin(), candidates_.end(),
-      [](const Candidate& l, const Candidate& r) { return l.support < r.support; });
-  Candidate c = *best;
+      [](const PlaneCandidate& l, const PlaneCandidate& r) { return l.support < r.support; });
+  PlaneCandidate c = *best;
 
   PlaneFit fit;
   fit.hypotheses = hypotheses_;
@@ -896,7 +587,7 @@ PlaneFit Fitter::run() {
     align(c.plane, &c.window);
     const bool last = pass + 1 == passes;
     full = all_moments(c, last, &fit);
-    LocalPlane next = c.plane;
+    PivotPlane next = c.plane;
     double step = 0.0;
     const double unit = std::sqrt(full.count / std::max(full.weight, 1e-300));
     const bool solved = solve_step(full, c.window, &next, &step) && step < unit;

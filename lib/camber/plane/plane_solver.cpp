@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/core/random.h"
+
 namespace camber {
 
 using Eigen::Matrix3d;
@@ -18,9 +20,111 @@ namespace {
 constexpr double kWeakTilt = 0.02;    // rad
 constexpr double kSystematic = 0.01;  // relative range noise
 
+/// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
+/// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
+/// quantiles of the points in it, which hardly depend on single points.
+bool even_run(const std::vector<float>& along, const std::vector<float>& normalised, double* low,
+              double* high) {
+  const std::size_t n = along.size();
+  if (n < 200) return false;
+  std::vector<float> some;
+  for (std::size_t i = 0; i < n; i += std::max<std::size_t>(1, n / 1024)) some.push_back(along[i]);
+  const double first = quantile(some, 0.003), last = quantile(some, 0.997);
+  if (!(last > first)) return false;
+  // Fine bins for the quantiles; `bins` coarse ones for the run.
+  constexpr std::size_t kFine = 16;
+  const std::size_t bins = std::clamp<std::size_t>(n / 40, 8, 64);
+  const double width = (last - first) / static_cast<double>(bins);
+  const double fine_width = width / kFine;
+  const float from = static_cast<float>(first), per_width = static_cast<float>(1.0 / fine_width);
+  const float end_place = static_cast<float>(bins * kFine);
+  std::vector<double> fine(bins * kFine, 0.0), count(bins, 0.0), sum(bins, 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    const float place = (along[i] - from) * per_width;
+    if (!(place >= 0.0f && place < end_place)) continue;
+    const auto bin = static_cast<std::size_t>(place);
+    fine[bin] += 1.0;
+    sum[bin / kFine] += static_cast<double>(normalised[i]);
+  }
+  for (std::size_t k = 0; k < fine.size(); ++k) count[k / kFine] += fine[k];
+  std::vector<double> ordered = count;
+  const auto upper = ordered.begin() + static_cast<long>(bins * 3 / 4);
+  std::nth_element(ordered.begin(), upper, ordered.end());
+  const double plateau = *upper;
+  if (!(plateau > 0.0)) return false;
+  const auto good = [&](std::size_t k) {
+    return count[k] >= 0.4 * plateau &&
+           std::abs(sum[k] / count[k]) < std::max(1.0, 4.0 / std::sqrt(count[k]));
+  };
+  // The run with the most points; a single bad bin inside does not end it.
+  std::size_t best_begin = 0, best_end = 0;
+  double best = 0.0;
+  for (std::size_t k = 0; k < bins;) {
+    if (!good(k)) {
+      ++k;
+      continue;
+    }
+    std::size_t end = k + 1, last_good = k + 1;
+    double points = count[k];
+    while (end < bins && (good(end) || (end + 1 < bins && good(end + 1)))) {
+      points += count[end];
+      if (good(end)) last_good = end + 1;
+      ++end;
+    }
+    if (points > best) {
+      best = points;
+      best_begin = k;
+      best_end = last_good;
+    }
+    k = end;
+  }
+  if (best < 100.0) return false;
+  double inside = 0.0;
+  for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) inside += fine[k];
+  const auto quantile_of_run = [&](double share) {
+    double rest = share * inside;
+    for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) {
+      if (fine[k] > 0.0 && fine[k] >= rest) {
+        return first + (static_cast<double>(k) + rest / fine[k]) * fine_width;
+      }
+      rest -= fine[k];
+    }
+    return first + static_cast<double>(best_end) * width;
+  };
+  const double tenth = quantile_of_run(0.1), ninetieth = quantile_of_run(0.9);
+  *low = std::max(first + static_cast<double>(best_begin) * width,
+                  tenth - 0.125 * (ninetieth - tenth));
+  *high = std::min(first + static_cast<double>(best_end) * width,
+                   ninetieth + 0.125 * (ninetieth - tenth));
+  return *high > *low;
+}
+
+/// Re-estimates the noise from the residuals of the refined plane inside its window.
+void rescale_noise(PointArrays* points, double least_noise, PlaneCandidate* c) {
+  const PointArrays& s = *points;
+  points->weigh(c->noise, c->plane);
+  std::vector<float> normalised;
+  const std::size_t every = s.size > 4096 ? 2 : 1;
+  normalised.reserve(s.size / every);
+  const kernels::FloatPlane p = c->plane.as_float();
+  const kernels::Window w = c->window.as_float();
+  for (std::size_t k = 0; k < s.size; k += every) {
+    const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
+    const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
+    if (std::abs(u) > w.half_u || std::abs(v) > w.half_v || !(s.w[k] > 0.0f)) continue;
+    const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
+    normalised.push_back(r * std::sqrt(s.w[k]));
+  }
+  const bool same = c->noise.kind == NoiseKind::kSame;
+  if (normalised.size() < (same ? 30u : 200u)) return;
+  double factor = std::clamp(core_deviation(normalised, 1.0, 6.0), 0.3, 4.0);
+  if (same) factor = std::max(factor, least_noise / c->noise.scale);
+  c->noise.rescale(factor);
+}
+
 }  // namespace
 
-plane_kernels::FloatPlane LocalPlane::as_float() const {
+plane_kernels::FloatPlane PivotPlane::as_float() const {
   return {static_cast<float>(n.x()), static_cast<float>(n.y()), static_cast<float>(n.z()),
           static_cast<float>(d)};
 }
@@ -31,7 +135,7 @@ plane_kernels::Window PlaneWindow::as_float() const {
           f(b.z()), f(-b.dot(center)), f(half_u), f(half_v),         f(ramp_u), f(ramp_v)};
 }
 
-void align(const LocalPlane& plane, PlaneWindow* window) {
+void align(const PivotPlane& plane, PlaneWindow* window) {
   const Vector3d along = window->a;
   UncertainPlane::make_axes(plane.n, along, &window->a, &window->b);
   window->center -= plane.distance(window->center) * plane.n;
@@ -58,13 +162,13 @@ void PointArrays::take(const PointArrays& from, const std::vector<std::uint32_t>
   }
 }
 
-void PointArrays::weigh(const NoiseModel& noise, const LocalPlane& plane) {
+void PointArrays::weigh(const NoiseModel& noise, const PivotPlane& plane) {
   std::fill(w.begin(), w.begin() + static_cast<long>(size), 1.0f);
   noise.weigh(plane.n, plane.d, size, x.data(), y.data(), z.data(), sigma.data(), covariance.data(),
               w.data());
 }
 
-kernels::Moments sum_moments(const PointArrays& s, const LocalPlane& plane,
+kernels::Moments sum_moments(const PointArrays& s, const PivotPlane& plane,
                              const PlaneWindow& window, double limit, kernels::Loss loss,
                              bool influence) {
   kernels::Moments moments;
@@ -77,7 +181,7 @@ kernels::Moments sum_moments(const PointArrays& s, const LocalPlane& plane,
   return moments;
 }
 
-bool solve_step(const kernels::Moments& m, const PlaneWindow& window, LocalPlane* plane,
+bool solve_step(const kernels::Moments& m, const PlaneWindow& window, PivotPlane* plane,
                 double* step) {
   if (!(m.weight > 0.0) || m.count < 2.5) return false;
   const double mu = m.u / m.weight, mv = m.v / m.weight;
@@ -98,7 +202,7 @@ bool solve_step(const kernels::Moments& m, const PlaneWindow& window, LocalPlane
   return true;
 }
 
-PlaneEstimate estimate_covariance(const LocalPlane& plane, const PlaneWindow& window,
+PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const kernels::Moments& full, const kernels::Moments& s,
                                   const Vector3d& up, bool systematic) {
   PlaneEstimate result;
@@ -191,6 +295,210 @@ PlaneEstimate estimate_covariance(const LocalPlane& plane, const PlaneWindow& wi
     result.status = Status::kOk;
   }
   return result;
+}
+
+void learn_local_noise(const PointArrays& s,
+                       const std::vector<std::pair<std::size_t, std::size_t>>& leaves,
+                       const Vector3d& up, double max_tilt, double least, std::uint64_t seed,
+                       NoiseModel* model) {
+  const CounterRandom random(seed, 2);
+  constexpr std::size_t kMostLeaves = 48;
+  constexpr int kSamples = 9;
+  const std::size_t step = std::max<std::size_t>(1, leaves.size() / kMostLeaves);
+  std::vector<float> deviations;
+  std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
+  std::uint64_t counter = 0;
+  std::vector<float> residuals, sorted;
+  const double least_cosine = std::cos(std::min(max_tilt, 1.5));
+  for (std::size_t leaf = step / 2; leaf < leaves.size(); leaf += step) {
+    const auto [begin, end] = leaves[leaf];
+    const std::size_t m = end - begin;
+    if (m < 6) continue;
+    PivotPlane best;
+    double best_quantile = std::numeric_limits<double>::infinity();
+    const auto measure = [&, first = begin](const PivotPlane& plane) {
+      const kernels::FloatPlane p = plane.as_float();
+      residuals.resize(m);
+      for (std::size_t k = 0; k < m; ++k) {
+        residuals[k] = p.nx * s.x[first + k] + p.ny * s.y[first + k] + p.nz * s.z[first + k] + p.d;
+      }
+    };
+    for (int sample = 0; sample < kSamples; ++sample) {
+      const std::size_t i = random.below(counter, m), j = random.below(counter + 1, m),
+                        k = random.below(counter + 2, m);
+      counter += 3;
+      const Vector3d p = s.point(begin + i);
+      const Vector3d cross = (s.point(begin + j) - p).cross(s.point(begin + k) - p);
+      const double norm = cross.norm();
+      if (!(norm > 0.0)) continue;
+      PivotPlane plane;
+      plane.n = cross / norm;
+      if (std::abs(plane.n.dot(up)) < least_cosine) continue;
+      plane.d = -plane.n.dot(p);
+      measure(plane);
+      sorted.resize(m);
+      for (std::size_t q = 0; q < m; ++q) sorted[q] = std::abs(residuals[q]);
+      const double q = quantile(sorted, 0.45);
+      if (q < best_quantile) {
+        best_quantile = q;
+        best = plane;
+      }
+    }
+    if (!std::isfinite(best_quantile)) continue;
+    // Refit on the points near it; twice, for the first scale comes from a lucky sample.
+    double deviation = std::max(best_quantile / 0.5978, least);  // 45 % of |N(0, 1)|
+    std::size_t used = 0;
+    for (int round = 0; round < 2; ++round) {
+      measure(best);
+      Vector3d mean = Vector3d::Zero();
+      Matrix3d scatter = Matrix3d::Zero();
+      used = 0;
+      for (std::size_t k = 0; k < m; ++k) {
+        if (std::abs(static_cast<double>(residuals[k])) > 3.0 * deviation) continue;
+        const Vector3d p = s.point(begin + k) - s.point(begin);
+        mean += p;
+        scatter += p * p.transpose();
+        ++used;
+      }
+      if (used < 5) break;
+      mean /= static_cast<double>(used);
+      scatter -= static_cast<double>(used) * mean * mean.transpose();
+      Eigen::SelfAdjointEigenSolver<Matrix3d> solver;
+      solver.computeDirect(scatter);
+      best.n = solver.eigenvectors().col(0);
+      best.d = -best.n.dot(mean + s.point(begin));
+      const double free = static_cast<double>(used) - 3.0;
+      deviation = std::max(std::sqrt(std::max(solver.eigenvalues()[0], 0.0) / free), least);
+    }
+    if (used < 5) continue;
+    deviations.push_back(static_cast<float>(deviation));
+    if (model->kind == NoiseKind::kPower) {
+      measure(best);
+      for (std::size_t k = 0; k < m; ++k) {
+        const float sigma = s.sigma[begin + k];
+        if (sigma > 1e-12f && sigma < 1e12f) pairs.emplace_back(sigma, std::abs(residuals[k]));
+      }
+    }
+  }
+  double typical = least;
+  if (!deviations.empty()) typical = std::max(quantile(deviations, 0.35), least);
+  if (model->kind == NoiseKind::kSame) {
+    model->scale = typical;
+    return;
+  }
+  model->kind = NoiseKind::kIsotropic;
+  model->scale = 1.0;
+  learn_power_law(pairs, typical, least, model);
+}
+
+void refine_candidate(PointArrays* points, const Vector3d& up, PlaneCandidate* c) {
+  constexpr double kLimit = kBiweight * kBiweight;
+  for (int round = 0; round < 12; ++round) {
+    align(c->plane, &c->window);
+    points->weigh(c->noise, c->plane);
+    PivotPlane next = c->plane;
+    double step = 0.0;
+    const bool newton = round >= 2;
+    kernels::Moments moments =
+        sum_moments(*points, c->plane, c->window, kLimit,
+                    newton ? kernels::Loss::kNewton : kernels::Loss::kReweighted, false);
+    const double unit = std::sqrt(std::max(moments.count, 1.0) / std::max(moments.weight, 1e-300));
+    bool solved = solve_step(moments, c->window, &next, &step);
+    if (newton && (!solved || step > unit)) {
+      next = c->plane;
+      moments =
+          sum_moments(*points, c->plane, c->window, kLimit, kernels::Loss::kReweighted, false);
+      solved = solve_step(moments, c->window, &next, &step);
+    }
+    if (!solved) break;
+    c->plane = next;
+    // Newton's step over all points comes after this; its error is of second order.
+    if (step < 0.03 * unit / std::sqrt(std::max(moments.count, 1.0))) break;
+  }
+  if (c->plane.n.dot(up) < 0.0) {
+    c->plane.n = -c->plane.n;
+    c->plane.d = -c->plane.d;
+  }
+  align(c->plane, &c->window);
+}
+
+void refine_and_window(PointArrays* points, const Vector3d& up, double least_noise,
+                       bool fixed_noise, PlaneCandidate* c) {
+  const PointArrays& s = *points;
+  refine_candidate(points, up, c);
+  if (!fixed_noise) {
+    rescale_noise(points, least_noise, c);
+    refine_candidate(points, up, c);
+  }
+  std::vector<float> u, v, normalised, along, across, across_in, normalised_in;
+  for (std::vector<float>* values : {&u, &v, &normalised, &across_in, &normalised_in}) {
+    values->reserve(s.size);
+  }
+  for (int round = 0; round < 2; ++round) {
+    points->weigh(c->noise, c->plane);
+    const PlaneWindow wide = c->window;
+    const kernels::Window w = wide.as_float();
+    const kernels::FloatPlane p = c->plane.as_float();
+    u.clear();
+    v.clear();
+    normalised.clear();
+    // Axes: the principal directions of the inliers.
+    double su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
+    const float most_u = round > 0 ? 1.3f * w.half_u : 2e15f,
+                most_v = round > 0 ? 1.3f * w.half_v : 2e15f;
+    for (std::size_t k = 0; k < s.size; ++k) {
+      const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
+      if (!(r * r * s.w[k] < 9.0f) || !(s.w[k] > 0.0f)) continue;
+      const float a = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
+      const float b = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
+      if (std::abs(a) > most_u || std::abs(b) > most_v) continue;
+      u.push_back(a);
+      v.push_back(b);
+      normalised.push_back(r * std::sqrt(s.w[k]));
+      su += static_cast<double>(a);
+      sv += static_cast<double>(b);
+      suu += static_cast<double>(a) * static_cast<double>(a);
+      suv += static_cast<double>(a) * static_cast<double>(b);
+      svv += static_cast<double>(b) * static_cast<double>(b);
+    }
+    if (u.size() < 400) return;
+    const double count = static_cast<double>(u.size());
+    const double cuu = suu - su * su / count, cuv = suv - su * sv / count,
+                 cvv = svv - sv * sv / count;
+    const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
+    const double cosine = std::cos(angle), sine = std::sin(angle);
+    const float fc = static_cast<float>(cosine), fs = static_cast<float>(sine);
+    along.resize(u.size());
+    across.resize(u.size());
+    for (std::size_t k = 0; k < u.size(); ++k) {
+      along[k] = fc * u[k] + fs * v[k];
+      across[k] = -fs * u[k] + fc * v[k];
+    }
+    double low, high, left, right;
+    if (!even_run(along, normalised, &low, &high)) return;
+    // Across: only of the points within the run along.
+    across_in.clear();
+    normalised_in.clear();
+    for (std::size_t k = 0; k < along.size(); ++k) {
+      if (static_cast<double>(along[k]) < low || static_cast<double>(along[k]) > high) continue;
+      across_in.push_back(across[k]);
+      normalised_in.push_back(normalised[k]);
+    }
+    if (!even_run(across_in, normalised_in, &left, &right)) return;
+    PlaneWindow& window = c->window;
+    window.a = cosine * wide.a + sine * wide.b;
+    window.b = -sine * wide.a + cosine * wide.b;
+    window.center = wide.center + 0.5 * (low + high) * window.a + 0.5 * (left + right) * window.b;
+    // Nothing at the very edges, full weight from 14 % inwards.
+    window.half_u = 0.48 * (high - low);
+    window.half_v = 0.48 * (right - left);
+    window.ramp_u = 0.12 * (high - low);
+    window.ramp_v = 0.12 * (right - left);
+    refine_candidate(points, up, c);
+    if (fixed_noise) continue;
+    rescale_noise(points, least_noise, c);
+    refine_candidate(points, up, c);
+  }
 }
 
 }  // namespace camber

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "camber/core/status.h"
@@ -21,7 +22,7 @@ inline constexpr double kBiweight = 4.685;    ///< standard deviations; 95 % eff
 inline constexpr double kInlierSigmas = 2.5;  ///< standard deviations
 
 /// A plane relative to the pivot: n . p + d = 0, |n| = 1.
-struct LocalPlane {
+struct PivotPlane {
   Eigen::Vector3d n = Eigen::Vector3d::UnitZ();
   double d = 0.0;
   plane_kernels::FloatPlane as_float() const;
@@ -38,7 +39,7 @@ struct PlaneWindow {
 };
 
 /// Puts a window's axes and centre on a plane.
-void align(const LocalPlane& plane, PlaneWindow* window);
+void align(const PivotPlane& plane, PlaneWindow* window);
 
 /// Points relative to a pivot, padded with rows of weight 0 to a multiple of kLanes.
 struct PointArrays {
@@ -51,18 +52,18 @@ struct PointArrays {
   /// Rows of another set, in a given order.
   void take(const PointArrays& from, const std::vector<std::uint32_t>& rows);
   /// Weights of all rows for a plane.
-  void weigh(const NoiseModel& noise, const LocalPlane& plane);
+  void weigh(const NoiseModel& noise, const PivotPlane& plane);
 };
 
 /// Sums over all rows of a set, whose weights are up to date.
-plane_kernels::Moments sum_moments(const PointArrays& points, const LocalPlane& plane,
+plane_kernels::Moments sum_moments(const PointArrays& points, const PivotPlane& plane,
                                    const PlaneWindow& window, double limit,
                                    plane_kernels::Loss loss, bool influence);
 
 /// Solves the normal equations for (slope along a, slope along b, height) and applies them.
 /// @param step  the largest of the three in metres at the points' root mean square distance.
 /// False, with the plane as it was, where they are not positive definite.
-bool solve_step(const plane_kernels::Moments& moments, const PlaneWindow& window, LocalPlane* plane,
+bool solve_step(const plane_kernels::Moments& moments, const PlaneWindow& window, PivotPlane* plane,
                 double* step);
 
 /// A fitted plane with its uncertainty, relative to the pivot.
@@ -82,9 +83,40 @@ struct PlaneEstimate {
 ///                    points apart or together, so that what lies at a place is on average off the
 ///                    surface by about the relative range noise (1 %) times the noise across it,
 ///                    however many points there are
-PlaneEstimate estimate_covariance(const LocalPlane& plane, const PlaneWindow& window,
+PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const plane_kernels::Moments& full,
                                   const plane_kernels::Moments& influence,
                                   const Eigen::Vector3d& up, bool systematic);
+
+/// One plane of several that may be the answer.
+struct PlaneCandidate {
+  PivotPlane plane;
+  PlaneWindow window;
+  NoiseModel noise;
+  double gain = 0.0;     ///< of a search: how much below "nothing lies on it" its cost is
+  double support = 0.0;  ///< points on it
+};
+
+/// Noise by neighbourhoods of points that lie in rows [first, second): in each the best of a few
+/// minimal samples (least quantile of squares), then the residuals of a refit; the noise of the
+/// cloud is a low quantile over neighbourhoods, so that those with kerbs, cars or creases do not
+/// count. Sets model->scale for kSame; for kPower the law, or kIsotropic if it cannot be learnt.
+/// @param least  m, the smallest deviation to answer, > 0
+void learn_local_noise(const PointArrays& points,
+                       const std::vector<std::pair<std::size_t, std::size_t>>& neighbourhoods,
+                       const Eigen::Vector3d& up, double max_tilt, double least, std::uint64_t seed,
+                       NoiseModel* model);
+
+/// Refines a candidate on its points: reweighted, then by Newton's steps, to convergence. Points'
+/// weights are those of the candidate's plane afterwards.
+void refine_candidate(PointArrays* points, const Eigen::Vector3d& up, PlaneCandidate* candidate);
+
+/// Refines a candidate, re-estimates its noise (unless `fixed_noise`), finds the part of the plane
+/// that the points cover evenly, and refines inside it. Outside it and towards its edges points
+/// count less: noise along viewing rays carries points out over an edge on one side only, and
+/// beyond a crease the next plane begins. Both would tilt the fit. With fewer than 400 inliers the
+/// window stays open.
+void refine_and_window(PointArrays* points, const Eigen::Vector3d& up, double least_noise,
+                       bool fixed_noise, PlaneCandidate* candidate);
 
 }  // namespace camber
