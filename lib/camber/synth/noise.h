@@ -30,7 +30,7 @@ inline float hash_unit(std::int32_t x, std::int32_t y, std::uint32_t seed) {
 }
 
 /// Gradient noise (Perlin, "Improving Noise", SIGGRAPH 2002) with one feature a unit of length:
-/// zero mean, within about [-1, 1], standard deviation about 0.35, next to no power above
+/// zero mean, within about [-1, 1], standard deviation about 0.27, next to no power above
 /// frequency 1.
 inline float gradient_noise(Texel p, std::uint32_t seed) {
   const float fu = std::floor(p.u), fv = std::floor(p.v);

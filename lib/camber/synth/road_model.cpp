@@ -13,7 +13,7 @@ namespace camber {
 namespace {
 
 constexpr double kPadRamp = 1.5;   // m over which a pad's own slope along the road fades in
-constexpr double kPadBlend = 1.0;  // m over which the ground beside a pad meets it
+constexpr double kPadBlend = 1.4;  // m over which the ground beside a pad meets it
 
 void check(bool good, const char* name, double value, const char* expected) {
   if (!good) {
@@ -102,7 +102,7 @@ double RoadModel::side_height(double station, double offset) const {
     const double along = std::max({0.0, pad.begin - station, station - pad.end});
     const double across = std::max(0.0, beyond - pad.depth);
     const double weight = (1.0 - smooth_step(0.0f, kPadBlend, static_cast<float>(along))) *
-                          (1.0 - smooth_step(0.0f, 2.5f * kPadBlend, static_cast<float>(across)));
+                          (1.0 - smooth_step(0.0f, 1.8f * kPadBlend, static_cast<float>(across)));
     if (weight <= 0.0) continue;
     const double own = pad.slope_out * beyond + std::min(1.0, beyond / kPadRamp) * pad.slope_along *
                                                     (station - 0.5 * (pad.begin + pad.end));
