@@ -1,9 +1,10 @@
-// camber import kitti: native data sets to scene manifests.
+// camber import kitti|synthia-sf: native data sets to scene manifests.
 
 #include <memory>
 
 #include "camber/core/errors.h"
 #include "camber/scene/import_kitti.h"
+#include "camber/scene/import_synthia.h"
 #include "command.h"
 
 namespace fs = std::filesystem;
@@ -119,12 +120,69 @@ void register_kitti(CLI::App& import) {
   };
 }
 
+struct SynthiaSfArguments {
+  SynthiaSfImportOptions options;
+  std::string sequence, detections, out;
+  double camera_height = 0.0;
+  double frame_rate = 0.0;
+  int reference_frame = -1;
+};
+
+void register_synthia_sf(CLI::App& import) {
+  Command* command = add_command(
+      import, "synthia-sf",
+      "Writes the scene manifest of a SYNTHIA-SF sequence (RGBLeft, DepthLeft, GTLeft). Depth and "
+      "labels become ground truth; labels become the run's segmentation only when asked for.",
+      "  camber import synthia-sf --sequence SYNTHIA-SF/SEQ4 --frames 67:69 "
+      "--segmentation-from-labels \\\n"
+      "      --detections boxes.txt --out seq4/scene.json");
+  auto arguments = std::make_shared<SynthiaSfArguments>();
+  SynthiaSfArguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("--sequence", a.sequence, "folder of the sequence, with RGBLeft in it")
+      ->required();
+  app.add_option("--frames", a.options.frames, "frame ids: 67,68,69 or 67:69 or 0:100:5");
+  app.add_option("--reference", a.reference_frame,
+                 "reference frame; default: left to the run (the middle one)")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--detections", a.detections,
+                 "a detector's boxes in KITTI's label form: a tracking file, or a folder of object "
+                 "files");
+  app.add_flag("--segmentation-from-labels", a.options.segmentation_from_labels,
+               "take the true labels as segmentation and say so");
+  app.add_option("--camera-height", a.camera_height,
+                 "metres above the road; without it results are up to scale")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--frame-rate", a.frame_rate, "frames a second")->check(CLI::PositiveNumber);
+  app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder");
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  command->run = [arguments, command]() {
+    SynthiaSfArguments& given = *arguments;
+    SynthiaSfImportOptions& options = given.options;
+    options.sequence = given.sequence;
+    options.detections = given.detections;
+    if (given.camera_height > 0.0) options.camera_height = given.camera_height;
+    if (given.frame_rate > 0.0) options.frame_rate = given.frame_rate;
+    if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
+    options.validate();
+    const fs::path manifest = manifest_of(given.out);
+    NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
+    import_synthia_sf_to(options, manifest, make_warning_sink(command->common));
+    folder.keep();
+    return 0;
+  };
+}
+
 }  // namespace
 
 void register_import(CLI::App& root) {
   CLI::App* import = root.add_subcommand("import", "Writes scene manifests for other data sets");
   import->require_subcommand(1);
   register_kitti(*import);
+  register_synthia_sf(*import);
 }
 
 }  // namespace camber::tools

@@ -212,6 +212,18 @@ TEST_F(ImageFile, LabelsKeepTheirValues) {
   EXPECT_THROW(read_label_channel(path("grey.png"), 1), InputError);
 }
 
+TEST_F(ImageFile, WritesPng) {
+  const Image color{20, 12, 3, picture(20, 12, 3)}, grey{20, 12, 1, picture(20, 12, 1)};
+  write_png(color, path("color.png"));
+  write_png(grey, path("grey.png"));
+  EXPECT_EQ(read_color_image(path("color.png")).data, color.data);
+  EXPECT_EQ(read_label_image(path("grey.png"), camera_).data, grey.data);
+  EXPECT_THROW(write_png(Image{20, 12, 2, picture(20, 12, 2)}, path("a.png")),
+               std::invalid_argument);
+  EXPECT_THROW(write_png(Image{20, 12, 3, grey.data}, path("a.png")), std::invalid_argument);
+  EXPECT_THROW(write_png(grey, path("no_folder/a.png")), OutputError);
+}
+
 TEST_F(ImageFile, KittiDepthAndDisparity) {
   std::vector<std::uint8_t> samples;
   for (int i = 0; i < 20 * 12; ++i) {

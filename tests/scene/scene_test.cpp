@@ -42,6 +42,7 @@ json full_manifest() {
                    {"reference_frame", 4},
                    {"detections_source", "network"},
                    {"segmentation_classes", {{"road", {1, 7}}, {"pavement", {2}}}},
+                   {"segmentation_source", "network"},
                    {"markings_m", {{"dash_length", 3.0}}},
                    {"frames",
                     {{{"id", 4},
@@ -148,6 +149,7 @@ TEST_F(SceneFile, ReadsEveryKey) {
   EXPECT_EQ(scene.reference_frame, 4);
   EXPECT_EQ(scene.detections_source, "network");
   EXPECT_THAT(scene.segmentation_classes.at("road"), ::testing::ElementsAre(1, 7));
+  EXPECT_EQ(scene.segmentation_source, "network");
   EXPECT_EQ(scene.markings_m.at("dash_length"), 3.0);
 
   ASSERT_EQ(scene.frames.size(), 2u);

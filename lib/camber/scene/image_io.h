@@ -82,4 +82,8 @@ DepthImage read_depth_image(const std::filesystem::path& path, const std::string
 DepthImage read_disparity_image(const std::filesystem::path& path, const PinholeCamera& camera,
                                 double baseline);
 
+/// Writes an 8-bit PNG of 1 or 3 channels, atomically.
+/// @throws OutputError; std::invalid_argument for an image that is empty or not as Image says.
+void write_png(const Image& image, const std::filesystem::path& path);
+
 }  // namespace camber

@@ -6,14 +6,13 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <set>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
-#include "camber/scene/image_io.h"
+#include "camber/scene/import_common.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/kitti_labels.h"
 #include "camber/scene/text_rows.h"
@@ -24,57 +23,6 @@ namespace camber {
 namespace {
 
 using Projection = KittiCalibration::Projection;
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
-/// The frame number that a file is named by; nothing for other names.
-std::optional<int> frame_number(const fs::path& file) {
-  const std::string stem = file.stem().string();
-  if (stem.empty() || !std::all_of(stem.begin(), stem.end(),
-                                   [](unsigned char c) { return std::isdigit(c) != 0; })) {
-    return std::nullopt;
-  }
-  int number = 0;
-  const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
-  if (error != std::errc() || end != stem.data() + stem.size()) return std::nullopt;
-  return number;
-}
-
-/// Files of a folder by frame number.
-std::map<int, fs::path> numbered_files(const fs::path& folder,
-                                       const std::vector<std::string>& extensions,
-                                       const char* what) {
-  std::error_code error;
-  if (!fs::is_directory(folder, error)) {
-    throw InputError(folder.string(),
-                     fmt::format("is not a folder, expected a folder of {}", what));
-  }
-  std::map<int, fs::path> out;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    const fs::path& file = at->path();
-    const std::string extension = lower_case(file.extension().string());
-    if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end()) continue;
-    const std::optional<int> number = frame_number(file);
-    if (!number) continue;
-    const auto [place, fresh] = out.emplace(*number, file);
-    if (!fresh) {
-      throw InputError(folder.string(),
-                       fmt::format("found both {} and {}, expected one file for frame {}",
-                                   printable(place->second.filename().string()),
-                                   printable(file.filename().string()), *number));
-    }
-  }
-  if (error) throw InputError(folder.string(), "cannot be listed: " + error.message());
-  if (out.empty()) {
-    throw InputError(folder.string(),
-                     fmt::format("found no {} named by frame number, expected files like 000048{}",
-                                 what, extensions.front()));
-  }
-  return out;
-}
 
 /// The camera that a path like .../image_02/0009 belongs to.
 std::optional<int> camera_of_folder(const fs::path& folder) {
@@ -179,56 +127,6 @@ void check_rotation(const Eigen::Matrix3d& r, const std::string& file, const std
 
 // ---- labels -------------------------------------------------------------------------------------
 
-struct FrameLabels {
-  fs::path file;
-  std::vector<KittiLabel> labels;
-};
-
-/// Label rows by frame, from a tracking file or a folder of object files. Only wanted frames.
-std::map<int, FrameLabels> read_labels(const fs::path& path, const std::vector<SceneFrame>& frames,
-                                       const char* what, const LogSink& warn) {
-  std::map<int, FrameLabels> out;
-  std::set<int> wanted;
-  for (const SceneFrame& frame : frames) wanted.insert(frame.id);
-  std::error_code error;
-  if (fs::is_directory(path, error)) {
-    for (const auto& [number, file] : numbered_files(path, {".txt"}, what)) {
-      if (!wanted.count(number)) continue;
-      const KittiLabelFile read = read_kitti_labels(file);
-      if (read.form == KittiLabelForm::kTracking && !read.labels.empty()) {
-        throw InputError(file.string(),
-                         "found rows of the tracking form, expected object rows (15 columns) in a "
-                         "folder of one file an image; give a tracking file by its own path");
-      }
-      out[number] = {file, read.labels};
-    }
-  } else {
-    const KittiLabelFile read = read_kitti_labels(path);
-    if (read.form == KittiLabelForm::kTracking) {
-      for (const KittiLabel& label : read.labels) {
-        if (!wanted.count(label.frame)) continue;
-        FrameLabels& frame = out[label.frame];
-        frame.file = path;
-        frame.labels.push_back(label);
-      }
-    } else if (!read.labels.empty()) {
-      const std::optional<int> number = frame_number(path);
-      if (!number || !wanted.count(*number)) {
-        throw InputError(path.string(),
-                         "found object rows (15 columns) in a file that is not named "
-                         "by one of the frames, expected a tracking file or a folder "
-                         "of object files");
-      }
-      out[*number] = {path, read.labels};
-    }
-  }
-  if (out.empty() && warn) {
-    warn(fmt::format("{}: no row for frames {} to {}", path.string(), frames.front().id,
-                     frames.back().id));
-  }
-  return out;
-}
-
 double occlusion_share(int code) {
   switch (code) {
     case 1:
@@ -240,46 +138,6 @@ double occlusion_share(int code) {
     default:
       return 0.0;
   }
-}
-
-/// Gives each label an id that no other of its frame has: the track where all have one that
-/// differs, else the row's number.
-std::vector<int> ids_of(const std::vector<KittiLabel>& labels) {
-  std::set<int> seen;
-  std::vector<int> ids;
-  for (const KittiLabel& label : labels) {
-    if (label.track < 0 || !seen.insert(label.track).second) {
-      ids.resize(labels.size());
-      for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<int>(i);
-      return ids;
-    }
-    ids.push_back(label.track);
-  }
-  return ids;
-}
-
-std::vector<KittiLabel> vehicles_among(const std::vector<KittiLabel>& labels,
-                                       const std::set<std::string>& classes) {
-  std::vector<KittiLabel> out;
-  for (const KittiLabel& label : labels) {
-    if (!label.dont_care() && classes.count(lower_case(label.type))) out.push_back(label);
-  }
-  return out;
-}
-
-std::vector<VehicleDetection> detections_of(const std::vector<KittiLabel>& labels) {
-  const std::vector<int> ids = ids_of(labels);
-  std::vector<VehicleDetection> out;
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    VehicleDetection detection;
-    detection.id = ids[i];
-    detection.vehicle_class = lower_case(labels[i].type);
-    detection.track = labels[i].track;
-    detection.box = labels[i].box;
-    if (!std::isnan(labels[i].score)) detection.score = labels[i].score;
-    out.push_back(std::move(detection));
-  }
-  return out;
 }
 
 /// @param skipped counts rows without a 3D box.
@@ -480,26 +338,8 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
     frame.image = file;
     scene.frames.push_back(std::move(frame));
   }
-  const std::vector<int> selected = select_frames(scene, options.frames);
-  const std::set<int> wanted(selected.begin(), selected.end());
-  scene.frames.erase(
-      std::remove_if(scene.frames.begin(), scene.frames.end(),
-                     [&](const SceneFrame& frame) { return !wanted.count(frame.id); }),
-      scene.frames.end());
-
-  for (const SceneFrame& frame : scene.frames) {
-    const ImageInfo info = read_image_info(frame.image);
-    if (scene.camera.width == 0) {
-      scene.camera.width = info.width;
-      scene.camera.height = info.height;
-    }
-    if (info.width != scene.camera.width || info.height != scene.camera.height) {
-      throw InputError(frame.image.string(),
-                       fmt::format("found an image of {} x {} pixels, expected {} x {} as {}",
-                                   info.width, info.height, scene.camera.width, scene.camera.height,
-                                   printable(scene.frames.front().image.filename().string())));
-    }
-  }
+  const std::vector<int> selected = keep_frames(scene, options.frames);
+  measure_images(scene);
   if (options.reference_frame) {
     if (!scene.find_frame(*options.reference_frame)) {
       throw UsageError(fmt::format("reference frame {} is not among the frames {} to {}",
@@ -513,7 +353,7 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
   SceneTruth truth;
   if (!options.labels.empty()) {
     int skipped = 0;
-    const auto labels = read_labels(options.labels, scene.frames, "label files", warn);
+    const auto labels = read_frame_labels(options.labels, scene.frames, "label files", warn);
     for (SceneFrame& frame : scene.frames) {
       TruthFrame& true_frame = truth_frame(truth, frame.id);
       const auto at = labels.find(frame.id);
@@ -529,13 +369,7 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
     }
   }
   if (!options.detections.empty()) {
-    const auto labels = read_labels(options.detections, scene.frames, "detection files", warn);
-    for (SceneFrame& frame : scene.frames) {
-      const auto at = labels.find(frame.id);
-      if (at != labels.end())
-        frame.vehicles = detections_of(vehicles_among(at->second.labels, classes));
-    }
-    scene.detections_source = "network";
+    put_detections(scene, options.detections, classes, warn);
   }
   if (!options.poses.empty()) {
     const std::vector<SE3> poses = read_kitti_poses(options.poses);

@@ -175,6 +175,7 @@ class ManifestReader {
     }
     if (auto v = root.find("detections_source")) scene.detections_source = v->text();
     if (auto v = root.find("segmentation_classes")) read_classes(*v, scene);
+    if (auto v = root.find("segmentation_source")) scene.segmentation_source = v->text();
     if (auto v = root.find("markings_m")) {
       JsonObject markings(*v, "an object of lengths in metres");
       for (const auto& [key, value] : markings.entries()) {
@@ -431,6 +432,7 @@ void write_scene(const Scene& scene, const fs::path& path) {
   if (scene.reference_frame) out["reference_frame"] = *scene.reference_frame;
   if (!scene.detections_source.empty()) out["detections_source"] = scene.detections_source;
   if (!scene.segmentation_classes.empty()) out["segmentation_classes"] = scene.segmentation_classes;
+  if (!scene.segmentation_source.empty()) out["segmentation_source"] = scene.segmentation_source;
   if (!scene.markings_m.empty()) out["markings_m"] = scene.markings_m;
 
   json frames = json::array();

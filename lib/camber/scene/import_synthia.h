@@ -1,0 +1,57 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "camber/core/progress.h"
+#include "camber/scene/scene.h"
+
+namespace camber {
+
+/// The camera of SYNTHIA-SF: 1920 x 1080, f = 847.630211643 px, principal point (960, 540), given
+/// for images of any size of that shape.
+/// @throws std::invalid_argument for sizes of another shape.
+PinholeCamera synthia_sf_camera(int width, int height);
+
+/// Class ids in the red channel of SYNTHIA-SF's GTLeft images.
+enum SynthiaSfClass {
+  kSynthiaRoad = 1,
+  kSynthiaSidewalk = 2,
+  kSynthiaCar = 14,
+  kSynthiaTruck = 15,
+  kSynthiaBus = 16,
+  kSynthiaRoadLines = 20,
+};
+
+struct SynthiaSfImportOptions {
+  std::filesystem::path
+      sequence;        ///< folder like SEQ1 with RGBLeft, and DepthLeft, GTLeft if there
+  std::string frames;  ///< list as in select_frames; empty: all
+  /// Boxes in KITTI's form: a tracking file, or a folder of object files; "network".
+  std::filesystem::path detections;
+  /// Take the true labels for the road, pavement and vehicle masks of the run, as the paper does;
+  /// the manifest says so (segmentation_source "truth").
+  bool segmentation_from_labels = false;
+  std::optional<double> camera_height;  ///< m above the road, > 0; none: results up to scale
+  std::optional<double> frame_rate;     ///< Hz, > 0; the data set does not say
+  std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
+  std::vector<std::string> classes = {"car", "van", "truck", "bus"};  ///< of the detections
+  std::string name;                                                   ///< empty: the folder's name
+
+  void validate() const;  ///< throws std::invalid_argument
+};
+
+/// A SYNTHIA-SF sequence (Hernandez-Juarez et al., "Slanted Stixels", BMVC 2017) as a scene.
+///
+/// Depth images (24-bit) become truth as they are. Labels, whose class is in the red channel of a
+/// colour image, are written beside the manifest as one-channel images label/ID.png and become
+/// truth. Frames without a depth or label image have none.
+/// @param manifest path of the scene.json to write; its folder must exist.
+/// @return the scene as written.
+/// @throws InputError, UsageError, OutputError; then nothing new is left behind.
+Scene import_synthia_sf_to(const SynthiaSfImportOptions& options,
+                           const std::filesystem::path& manifest, const LogSink& warn = {});
+
+}  // namespace camber
