@@ -79,9 +79,10 @@ TEST(RoadModel, GroundHasNoStepsButTheKerb) {
   for (double s = 5.0; s < 40.0; s += 0.1) {
     for (double t = layout.half_width + 0.03; t < 20.0; t += 0.2) {
       for (const double offset : {t, -t}) {
-        // Nothing is steeper than 45 degrees: over 2 cm no more than 2 cm.
-        EXPECT_LT(std::abs(road.height(s, offset + 0.02) - road.height(s, offset)), 0.02);
-        EXPECT_LT(std::abs(road.height(s + 0.02, offset) - road.height(s, offset)), 0.02);
+        // The banks beside a parking place are the steepest, about 45 degrees: over 2 cm no more
+        // than 3 cm, where a step would be 15.
+        EXPECT_LT(std::abs(road.height(s, offset + 0.02) - road.height(s, offset)), 0.03);
+        EXPECT_LT(std::abs(road.height(s + 0.02, offset) - road.height(s, offset)), 0.03);
       }
     }
   }
