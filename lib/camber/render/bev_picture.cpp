@@ -15,12 +15,15 @@ namespace {
 
 constexpr double kChiSquare95 = 5.991464547107979;  // two degrees of freedom
 
-/// From the picture frame to pixels: ahead points right, right points down.
+/// From the picture frame to pixels: ahead points right, right points down; of a map, x points
+/// right and y up.
 struct Map {
+  bool north_up = false;
   double scale = 1.0;          // pixels a metre
   Eigen::Vector2d zero{0, 0};  // pixel of (right 0, ahead 0)
 
   Eigen::Vector2d operator()(double right, double ahead) const {
+    if (north_up) return {zero.x() + scale * right, zero.y() - scale * ahead};
     return {zero.x() + scale * ahead, zero.y() + scale * right};
   }
   Eigen::Vector2d operator()(const Eigen::Vector3d& x) const { return (*this)(x.x(), x.y()); }
@@ -129,30 +132,37 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
                    height - 5.2 * text};
   const double pad = 1.2 * text;
   Map map;
-  map.scale = std::min((frame.width() - 2.0 * pad) / std::max(space.ahead.span(), 1e-3),
-                       (frame.height() - 2.0 * pad) / std::max(space.right.span(), 1e-3));
+  map.north_up = space.map;
+  // What runs along the picture's columns and rows.
+  const RobustRange& across = space.map ? space.right : space.ahead;
+  const RobustRange& down = space.map ? space.ahead : space.right;
+  const double down_sign = space.map ? -1.0 : 1.0;
+  map.scale = std::min((frame.width() - 2.0 * pad) / std::max(across.span(), 1e-3),
+                       (frame.height() - 2.0 * pad) / std::max(down.span(), 1e-3));
   map.scale = std::max(map.scale, 1e-6);
-  map.zero = {frame.center().x() - map.scale * 0.5 * (space.ahead.low + space.ahead.high),
-              frame.center().y() - map.scale * 0.5 * (space.right.low + space.right.high)};
-  const RobustRange ahead{(frame.x1 - map.zero.x()) / map.scale,
-                          (frame.x2 - map.zero.x()) / map.scale};
-  const RobustRange right{(frame.y1 - map.zero.y()) / map.scale,
-                          (frame.y2 - map.zero.y()) / map.scale};
+  map.zero = {frame.center().x() - map.scale * 0.5 * (across.low + across.high),
+              frame.center().y() - down_sign * map.scale * 0.5 * (down.low + down.high)};
+  const auto column = [&](double value) { return map.zero.x() + map.scale * value; };
+  const auto row = [&](double value) { return map.zero.y() + down_sign * map.scale * value; };
+  const RobustRange shown_across{(frame.x1 - map.zero.x()) / map.scale,
+                                 (frame.x2 - map.zero.x()) / map.scale};
+  const double edge1 = down_sign * (frame.y1 - map.zero.y()) / map.scale;
+  const double edge2 = down_sign * (frame.y2 - map.zero.y()) / map.scale;
   // One grid spacing for both axes, so that the grid's cells are squares.
-  const double step =
-      make_ticks(ahead.low, ahead.high, std::max(2, static_cast<int>(frame.width() / (5.0 * text))))
-          .step;
-  const Ticks ahead_ticks = multiples_of(step, ahead.low, ahead.high);
-  const Ticks right_ticks = multiples_of(step, right.low, right.high);
+  const double step = make_ticks(shown_across.low, shown_across.high,
+                                 std::max(2, static_cast<int>(frame.width() / (5.0 * text))))
+                          .step;
+  const Ticks column_ticks = multiples_of(step, shown_across.low, shown_across.high);
+  const Ticks row_ticks = multiples_of(step, std::min(edge1, edge2), std::max(edge1, edge2));
   const double thin = std::max(1.0, unit);
 
   std::vector<Segment2> grid;
-  for (const double at : ahead_ticks.values) {
-    const double x = map(0.0, at).x();
+  for (const double at : column_ticks.values) {
+    const double x = column(at);
     grid.push_back({{x, frame.y1}, {x, frame.y2}});
   }
-  for (const double at : right_ticks.values) {
-    const double y = map(at, 0.0).y();
+  for (const double at : row_ticks.values) {
+    const double y = row(at);
     grid.push_back({{frame.x1, y}, {frame.x2, y}});
   }
   canvas.segments(grid, thin, {222, 225, 229, 1.0});
@@ -173,8 +183,8 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
     const SE3& camera = space.cameras[static_cast<std::size_t>(space.current_camera)];
     const double far = 3.0 * (space.ahead.span() + space.right.span() + 10.0);
     std::vector<Segment2> edges;
-    for (const double column : {-0.5, content.camera->width - 0.5}) {
-      const Eigen::Vector3d ray = content.camera->ray({column, content.camera->cy}) * far;
+    for (const double u : {-0.5, content.camera->width - 0.5}) {
+      const Eigen::Vector3d ray = content.camera->ray({u, content.camera->cy}) * far;
       Segment2 edge{map(camera.translation()), map(camera * ray)};
       if (clip_segment(frame, &edge.first, &edge.second)) edges.push_back(edge);
     }
@@ -219,21 +229,24 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
   canvas.polyline(
       {{frame.x1, frame.y1}, {frame.x2, frame.y1}, {frame.x2, frame.y2}, {frame.x1, frame.y2}},
       true, thin, kFaintInk);
-  for (std::size_t i = 0; i < ahead_ticks.values.size(); ++i) {
-    const double x = map(0.0, ahead_ticks.values[i]).x();
+  for (std::size_t i = 0; i < column_ticks.values.size(); ++i) {
+    const double x = column(column_ticks.values[i]);
     canvas.segments({{{x, frame.y2}, {x, frame.y2 + 0.3 * text}}}, thin, kInk);
-    canvas.text({x, frame.y2 + 0.95 * text}, ahead_ticks.labels[i], text, kInk,
+    canvas.text({x, frame.y2 + 0.95 * text}, column_ticks.labels[i], text, kInk,
                 TextAnchor::kCenter);
   }
-  for (std::size_t i = 0; i < right_ticks.values.size(); ++i) {
-    const double y = map(right_ticks.values[i], 0.0).y();
+  for (std::size_t i = 0; i < row_ticks.values.size(); ++i) {
+    const double y = row(row_ticks.values[i]);
     canvas.segments({{{frame.x1 - 0.3 * text, y}, {frame.x1, y}}}, thin, kInk);
-    canvas.text({frame.x1 - 0.5 * text, y}, right_ticks.labels[i], text, kInk, TextAnchor::kRight);
+    canvas.text({frame.x1 - 0.5 * text, y}, row_ticks.labels[i], text, kInk, TextAnchor::kRight);
   }
   canvas.text({frame.center().x(), frame.y2 + 2.1 * text},
-              "ahead of the camera (" + space.unit + ")", text, kInk, TextAnchor::kCenter);
-  canvas.text_upwards({1.2 * text, frame.center().y()},
-                      "left  -  right of the camera (" + space.unit + ")", text, kInk);
+              (space.map ? space.right_name : space.ahead_name) + " (" + space.unit + ")", text,
+              kInk, TextAnchor::kCenter);
+  canvas.text_upwards(
+      {1.2 * text, frame.center().y()},
+      (space.map ? space.ahead_name : "left  -  " + space.right_name) + " (" + space.unit + ")",
+      text, kInk);
 
   double line = 1.1 * text;
   if (!content.title.empty()) {

@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 
 namespace camber {
@@ -56,11 +55,6 @@ std::vector<std::uint8_t> encode_png(const Image& picture) {
     throw MachineError("the PNG encoder failed");
   }
   return bytes;
-}
-
-void write_png(const Image& picture, const std::filesystem::path& path) {
-  const std::vector<std::uint8_t> bytes = encode_png(picture);
-  write_file_atomically(path, std::string(bytes.begin(), bytes.end()));
 }
 
 }  // namespace camber

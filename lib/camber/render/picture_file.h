@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <vector>
 
 #include "camber/scene/image_io.h"
@@ -15,11 +14,9 @@ Image make_picture(int width, int height, std::uint8_t grey);
 /// bytes as that needs. @param name how the sentence calls it.
 void require_picture(const Image& picture, const char* name);
 
-/// A PNG of a colour picture; the same pixels give the same bytes.
+/// A PNG of a colour picture in memory; the same pixels give the same bytes. Into a file:
+/// write_png() of camber/scene/image_io.h.
 /// @throws std::invalid_argument as require_picture().
 std::vector<std::uint8_t> encode_png(const Image& picture);
-
-/// Writes that PNG, atomically. @throws OutputError if it cannot be written.
-void write_png(const Image& picture, const std::filesystem::path& path);
 
 }  // namespace camber

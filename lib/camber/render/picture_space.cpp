@@ -93,7 +93,20 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
 
   // Heights count from the road below the reference camera, along up.
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
-  space.height_name = camera_frame ? "height above the camera" : "height";
+  space.map = !camera_frame;
+  space.right_name = "right of the camera";
+  space.ahead_name = "ahead of the camera";
+  space.height_name = "height above the camera";
+  if (space.map) {
+    // A map cloud may lie far from its frame's origin: it is drawn about its own, which is named.
+    const Eigen::Vector3d origin = content.cloud ? content.cloud->origin : Eigen::Vector3d::Zero();
+    const auto name = [](const char* axis, double from) {
+      return from == 0.0 ? std::string(axis) : axis + (" from " + format_number(from, 0));
+    };
+    space.right_name = name("x", origin.x());
+    space.ahead_name = name("y", origin.y());
+    space.height_name = name("height", origin.z());
+  }
   if (camera_frame && content.surface && content.surface->ego_patch >= 0) {
     if (const PlanePatch* ego = find_patch(*content.surface, content.surface->ego_patch)) {
       const double slope = ego->plane.plane.normal.dot(axes.row(2).transpose());
@@ -110,7 +123,6 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
   if (content.cloud) {
     given = content.cloud->size();
     const Eigen::Vector3d origin = content.cloud->origin;
-    // A map cloud far from its frame's origin is shown about its own origin.
     const Eigen::Vector3d start = camera_frame ? origin : Eigen::Vector3d::Zero();
     const Eigen::Matrix3f rotation = axes.cast<float>();
     const Eigen::Vector3f translation = (axes * start + shift).cast<float>();
@@ -400,7 +412,8 @@ std::vector<std::string> height_title(const PictureSpace& space) {
   if (space.height_name == "height above the camera") {
     return {"height above", "the camera (" + space.unit + ")"};
   }
-  return {space.height_name + " (" + space.unit + ")"};
+  if (space.height_name.size() < 10) return {space.height_name + " (" + space.unit + ")"};
+  return {space.height_name, "(" + space.unit + ")"};
 }
 
 }  // namespace camber

@@ -48,6 +48,8 @@ RobustRange robust_range(std::vector<float>& values, double low_quantile, double
 /// the road below the reference camera where that is known.
 struct PictureSpace {
   SE3 picture_from_reference;
+  bool map = false;                     ///< x, y of a map rather than right and ahead of a camera
+  std::string right_name, ahead_name;   ///< axis titles without unit
   std::string height_name;              ///< what z is counted from, for the colour bar
   std::string unit;                     ///< "m", or "units" for a result without scale
   std::vector<Eigen::Vector3f> points;  ///< finite and not far outside of the bulk

@@ -489,10 +489,10 @@ std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space, c
   const double far_x = 2.6 * text_size,
                per_m_x = view.pixels_per_metre({x, 0.5 * (grid.y1 + grid.y2), grid.z});
   write(Eigen::Vector3d(x, 0.5 * (grid.y1 + grid.y2), grid.z) + out_x * (far_x / per_m_x), out_x,
-        "ahead (" + space.unit + ")");
+        (space.map ? space.ahead_name : "ahead") + " (" + space.unit + ")");
   const double per_m_y = view.pixels_per_metre({0.5 * (grid.x1 + grid.x2), y, grid.z});
   write(Eigen::Vector3d(0.5 * (grid.x1 + grid.x2), y, grid.z) + out_y * (far_x / per_m_y), out_y,
-        "right (" + space.unit + ")");
+        (space.map ? space.right_name : "right") + " (" + space.unit + ")");
   return taken;
 }
 
@@ -548,7 +548,7 @@ Image oblique_picture(const Drawing& drawing, int width, int height) {
     const std::vector<std::string> title = height_title(space);
     const double left = width - 9.2 * text;
     const Box2 bar{left, top + 1.2 * text * static_cast<double>(title.size()), left + 1.2 * text,
-                   height - 4.6 * text};
+                   std::min(height - 4.6 * text, top + 0.35 * width)};
     draw_color_bar(canvas, bar, space.heights.low, space.heights.high, title, text, kInk);
     taken.push_back(
         {left - 0.5 * text, 0.0, static_cast<double>(width), static_cast<double>(height)});
@@ -612,7 +612,7 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
       {{frame.x1, frame.y1}, {frame.x2, frame.y1}, {frame.x2, frame.y2}, {frame.x1, frame.y2}},
       true, thin, kFaintInk);
   canvas.text({frame.center().x(), frame.y2 + 1.9 * text},
-              "ahead of the camera (" + space.unit + ")", 0.85 * text, kInk, TextAnchor::kCenter);
+              space.ahead_name + " (" + space.unit + ")", 0.85 * text, kInk, TextAnchor::kCenter);
   canvas.text_upwards({frame.x1 - 3.2 * text, frame.center().y()}, "height (" + space.unit + ")",
                       0.85 * text, kInk);
   double line = 0.9 * text;
@@ -656,7 +656,8 @@ Image render_scene_picture(const PictureContent& content, const ScenePictureOpti
   if (options.view == SceneView::kSide) {
     return side_picture(drawing, options.width, options.height, true);
   }
-  const int side_height = std::max(1, static_cast<int>(std::lround(0.3 * options.height)));
+  const int side_height = std::max(
+      1, static_cast<int>(std::lround(std::min(0.3 * options.height, 0.3 * options.width))));
   const Image upper = oblique_picture(drawing, options.width, options.height - side_height);
   const Image lower = side_picture(drawing, options.width, side_height, false);
   Image both = make_picture(options.width, options.height, 255);
