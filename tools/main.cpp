@@ -35,8 +35,8 @@ int main(int argc, char** argv) {
   root.failure_message([](const CLI::App*, const CLI::Error& error) {
     return "camber: " + std::string(error.what()) + "\n";
   });
-  // register_reconstruct(root);
-  // register_triangulate(root);
+  register_reconstruct(root);
+  register_triangulate(root);
   register_import(root);
   register_info(root);
   register_synth(root);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
 #include "camber/road/road_surface.h"
@@ -14,7 +15,9 @@ struct VehicleError {
   int frame = 0, truth_id = 0, estimate_id = 0;
   double distance = 0.0;          ///< m, true bottom centre from the camera
   double center_error = 0.0;      ///< m, between true and estimated box centres
-  double height_error = 0.0;      ///< m, signed: estimated minus true ground under the vehicle
+  /// m, signed: estimated minus true ground under the vehicle; against labels without a plane the
+  /// difference along the camera's y at the label's bottom centre.
+  double height_error = 0.0;
   double height_sigma = 0.0;      ///< m, stated
   double normal_error = 0.0;      ///< rad, NaN without a true plane
   double yaw_error = 0.0;         ///< rad, in [-pi, pi]
@@ -40,5 +43,8 @@ SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
 
 /// metrics.json.
 nlohmann::json to_json(const SceneMetrics& metrics);
+
+/// A few lines for a person: motion, scale, ego plane, height and position errors by distance.
+std::string describe(const SceneMetrics& metrics);
 
 }  // namespace camber

@@ -137,4 +137,82 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
   return out;
 }
 
+Correspondences refine_matches(const std::vector<GrayImage>& images, const Correspondences& before,
+                               const std::vector<PredictedImage>& predictions, int top,
+                               const CorrespondenceOptions& options) {
+  options.validate();
+  Correspondences out = before;
+  const GrayImage& base = images.at(static_cast<std::size_t>(before.reference));
+  const int first = std::clamp(top, 0, base.height - 16);
+  const int height = base.height - first;
+  const auto width = static_cast<std::size_t>(base.width);
+  const cv::Mat reference = view(base).rowRange(first, base.height);
+  const SingleThreadedOpenCv guard;
+  parallel_for(out.matches.size(), options.num_threads, [&](std::size_t k) {
+    MatchedImage& match = out.matches[k];
+    const PredictedImage& prediction = predictions.at(k);
+    if (prediction.frame != match.frame || prediction.pixels.size() != base.pixels.size() ||
+        prediction.ignored.size() != base.pixels.size()) {
+      throw std::invalid_argument("prediction " + std::to_string(k) +
+                                  " does not fit the images it is for");
+    }
+    constexpr float kNoPrediction = -1000.0f;
+    cv::Mat map(height, base.width, CV_32FC2);
+    for (int y = 0; y < height; ++y) {
+      auto* row = map.ptr<cv::Point2f>(y);
+      const Eigen::Vector2f* from =
+          prediction.pixels.data() + static_cast<std::size_t>(y + first) * width;
+      for (int x = 0; x < base.width; ++x) {
+        row[x] = std::isfinite(from[x].x()) ? cv::Point2f(from[x].x(), from[x].y())
+                                            : cv::Point2f(kNoPrediction, kNoPrediction);
+      }
+    }
+    cv::Mat carried;
+    const cv::Mat other = view(images[static_cast<std::size_t>(match.frame)]);
+    cv::remap(other, carried, map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    const auto usable = [&](int x, int y) {
+      const cv::Point2f p = map.at<cv::Point2f>(y, x);
+      return p.x >= 0 && p.y >= 0 && p.x <= static_cast<float>(base.width - 1) &&
+             p.y <= static_cast<float>(base.height - 1) &&
+             !prediction.ignored[static_cast<std::size_t>(y + first) * width +
+                                 static_cast<std::size_t>(x)];
+    };
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < base.width; ++x) {
+        if (!usable(x, y)) carried.at<std::uint8_t>(y, x) = reference.at<std::uint8_t>(y, x);
+      }
+    }
+    const cv::Mat flow = dense_flow(reference, carried);
+    for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+      const int x = static_cast<int>(out.pixels[i].x());
+      const int y = static_cast<int>(out.pixels[i].y()) - first;
+      if (y < 0 || map.at<cv::Point2f>(y, x).x == kNoPrediction) continue;
+      match.round_trip_px[i] = std::numeric_limits<float>::infinity();
+      if (!usable(x, y)) continue;
+      const auto f = flow.at<cv::Point2f>(y, x);
+      const float tx = static_cast<float>(x) + f.x, ty = static_cast<float>(y) + f.y;
+      if (!(tx >= 0 && ty >= 0 && tx < static_cast<float>(base.width - 1) &&
+            ty < static_cast<float>(height - 1)) ||
+          !usable(static_cast<int>(tx), static_cast<int>(ty))) {
+        continue;
+      }
+      const cv::Point2f p = sample_flow(map, tx, ty);
+      match.pixels[i] = {p.x, p.y};
+      // Where the flow varies quickly it crosses a border or has lost its way.
+      const int step = 4;
+      const auto fx = flow.at<cv::Point2f>(y, std::min(x + step, base.width - 1)) -
+                      flow.at<cv::Point2f>(y, std::max(x - step, 0));
+      const auto fy = flow.at<cv::Point2f>(std::min(y + step, height - 1), x) -
+                      flow.at<cv::Point2f>(std::max(y - step, 0), x);
+      const float variation =
+          0.5f * std::sqrt(fx.x * fx.x + fx.y * fx.y + fy.x * fy.x + fy.y * fy.y);
+      if (variation <= static_cast<float>(options.forward_backward_px) &&
+          std::hypot(f.x, f.y) < 6.0f) {
+        match.round_trip_px[i] = variation;
+      }
+    }
+  });
+  return out;
+}
+
 }  // namespace camber

@@ -53,4 +53,24 @@ struct Correspondences {
 Correspondences match_images(const std::vector<GrayImage>& images, int reference,
                              const CorrespondenceOptions& options);
 
+/// Where every pixel of the reference image is expected in one other image.
+struct PredictedImage {
+  int frame = 0;                          ///< index into the images
+  std::vector<Eigen::Vector2f> pixels;    ///< row-major, one a pixel; NaN: keep the match before
+  /// One byte a pixel of the reference: non-zero where the match is of no interest (something
+  /// stands there in this or the other image) and must not pull at its neighbours.
+  std::vector<std::uint8_t> ignored;
+};
+
+/// Matches again with known geometry: each image is first carried onto the reference by the
+/// prediction, so that only small differences remain for the flow, which then neither smooths the
+/// perspective growth of image motion nor loses track of fast near pixels. Ignored pixels are made
+/// equal in both images.
+/// @param top  first row of interest, px; points above it keep their match.
+/// @return correspondences on the same grid as `before`; round_trip_px holds the magnitude of the
+///         flow's local variation.
+Correspondences refine_matches(const std::vector<GrayImage>& images, const Correspondences& before,
+                               const std::vector<PredictedImage>& predictions, int top,
+                               const CorrespondenceOptions& options);
+
 }  // namespace camber

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "camber/core/random.h"
+#include "camber/motion/cost_functions/baseline_length.h"
 #include "camber/motion/cost_functions/inverse_depth_reprojection_error.h"
 
 namespace camber {
@@ -100,6 +101,164 @@ double inverse_depth_from(const PinholeCamera& camera, const SE3& frame_from_ref
   if (den < 1e-14) return std::numeric_limits<double>::quiet_NaN();
   return (b0 * e0 + b1 * e1) / den;
 }
+
+/// Bundle adjustment from the poses in `out`: poses and inverse depths of a spread choice of
+/// points; fills status, poses, covariance, pixel_sigma and points.
+void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
+                   const std::vector<std::uint8_t>& usable, std::size_t widest,
+                   const MotionOptions& options, MotionEstimate& out) {
+  const std::size_t others = matches.matches.size();
+  const auto fail = [&](const std::string& reason) {
+    out.status = Status::kFailed;
+    out.reason = reason;
+  };
+  const SE3 widest_from_reference =
+      out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)];
+  std::vector<std::uint8_t> candidate(usable.size(), 0);
+  std::vector<double> start(usable.size(), 0.0);
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    if (!usable[i] || !std::isfinite(matches.matches[widest].round_trip_px[i])) continue;
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
+    const Eigen::Vector2d z = matches.matches[widest].pixels[i].cast<double>();
+    const double rho = inverse_depth_from(camera, widest_from_reference, ray, z);
+    if (!std::isfinite(rho)) continue;
+    // Near the focus of expansion the depth is unknown, yet the point constrains the rotation.
+    const double used = std::clamp(rho, 1e-5, 10.0);
+    const auto p = camera.project(widest_from_reference.rotation() * ray +
+                                  used * widest_from_reference.translation());
+    if (!p || (*p - z).norm() > 2.0 * options.inlier_px) continue;
+    candidate[i] = 1;
+    start[i] = used;
+  }
+  const std::vector<int> chosen = spread_points(matches, candidate, options.max_bundle_points);
+  if (chosen.size() < 30) {
+    return fail("too little texture: " + std::to_string(chosen.size()) +
+                " static points agree with the motion, expected at least 30");
+  }
+  constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
+  std::vector<double> depths(chosen.size());
+  ceres::Problem::Options problem_options;
+  problem_options.disable_all_safety_checks = true;
+  ceres::Problem problem(problem_options);
+  ceres::LossFunction* loss = new ceres::CauchyLoss(1.5);
+  auto* ordering = new ceres::ParameterBlockOrdering;
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    const auto at = static_cast<std::size_t>(chosen[i]);
+    depths[i] = start[at];
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
+    for (const MatchedImage& match : matches.matches) {
+      if (!std::isfinite(match.round_trip_px[at])) continue;
+      problem.AddResidualBlock(
+          InverseDepthReprojectionError::create(camera, ray, match.pixels[at].cast<double>(),
+                                                kStartSigma),
+          loss, out.frame_from_reference[static_cast<std::size_t>(match.frame)].data(),
+          &depths[i]);
+    }
+    ordering->AddElementToGroup(&depths[i], 0);
+  }
+  for (const MatchedImage& match : matches.matches) {
+    double* pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)].data();
+    problem.AddParameterBlock(
+        pose, 7,
+        new ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>());
+    ordering->AddElementToGroup(pose, 1);
+  }
+  // Gauge: the widest baseline keeps its length.
+  problem.AddResidualBlock(
+      BaselineLength::create(widest_from_reference.translation().norm(), 1e-4), nullptr,
+      out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)].data());
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = ceres::DENSE_SCHUR;
+  solver.linear_solver_ordering.reset(ordering);
+  solver.max_num_iterations = 25;
+  solver.function_tolerance = 1e-5;
+  solver.num_threads = 1;  // sums of several threads would not be repeatable
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  if (!summary.IsSolutionUsable()) return fail("the bundle adjustment did not converge");
+
+  // Unit: the longest baseline.
+  std::size_t longest = 0;
+  double length = 0.0;
+  for (std::size_t m = 0; m < others; ++m) {
+    const auto f = static_cast<std::size_t>(matches.matches[m].frame);
+    const double baseline = out.frame_from_reference[f].translation().norm();
+    if (baseline > length) {
+      length = baseline;
+      longest = m;
+    }
+  }
+  if (!(length > 0)) return fail("the bundle adjustment found no baseline");
+  for (SE3& pose : out.frame_from_reference) {
+    pose.set_translation(pose.translation() / length);
+  }
+  for (double& rho : depths) rho *= length;
+
+  // Noise of a coordinate from the residuals (median absolute deviation), then the reduced camera
+  // system for the covariance.
+  const auto n = static_cast<Eigen::Index>(6 * others);
+  std::vector<double> residuals;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  struct Row {
+    Eigen::Index block;
+    Eigen::Matrix<double, 2, 6> pose;
+    Eigen::Vector2d depth, residual;
+  };
+  std::vector<std::vector<Row>> tracks(chosen.size());
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    const auto at = static_cast<std::size_t>(chosen[i]);
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
+    for (std::size_t m = 0; m < others; ++m) {
+      const MatchedImage& match = matches.matches[m];
+      if (!std::isfinite(match.round_trip_px[at])) continue;
+      const SE3& pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)];
+      const Eigen::Vector3d a = pose.rotation() * ray;
+      const Eigen::Vector3d p = a + depths[i] * pose.translation();
+      if (!(p.z() > 1e-6)) continue;
+      Eigen::Matrix<double, 2, 3> projection;
+      projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
+          camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
+      Row row;
+      row.block = static_cast<Eigen::Index>(6 * m);
+      row.pose.leftCols<3>() = -projection * skew(a);
+      row.pose.rightCols<3>() = projection * depths[i];
+      row.depth = projection * pose.translation();
+      const auto pixel = camera.project(p);
+      row.residual = *pixel - match.pixels[at].cast<double>();
+      residuals.push_back(std::abs(row.residual.x()));
+      residuals.push_back(std::abs(row.residual.y()));
+      tracks[i].push_back(row);
+    }
+  }
+  // The depths absorb one of the 2 (n - 1) coordinates of each track.
+  const double freedom = std::sqrt(2.0 * static_cast<double>(others) /
+                                   (2.0 * static_cast<double>(others) - 1.0));
+  out.pixel_sigma = std::max(0.02, 1.4826 * median(residuals) * freedom);
+  for (const std::vector<Row>& track : tracks) {
+    double depth_information = 1e-9;
+    Eigen::VectorXd cross = Eigen::VectorXd::Zero(n);
+    for (const Row& row : track) {
+      const double scaled = row.residual.squaredNorm() / (out.pixel_sigma * out.pixel_sigma);
+      const double weight = 1.0 / (out.pixel_sigma * out.pixel_sigma * (1.0 + scaled / 2.25));
+      information.block<6, 6>(row.block, row.block) += weight * row.pose.transpose() * row.pose;
+      cross.segment<6>(row.block) += weight * row.pose.transpose() * row.depth;
+      depth_information += weight * row.depth.squaredNorm();
+    }
+    information -= cross * cross.transpose() / depth_information;
+  }
+  const Eigen::Vector3d axis =
+      out.frame_from_reference[static_cast<std::size_t>(matches.matches[longest].frame)]
+          .translation();
+  const auto at_longest = static_cast<Eigen::Index>(6 * longest + 3);
+  information.block<3, 3>(at_longest, at_longest) += 1e12 * axis * axis.transpose();
+  information.diagonal().array() += 1e-6;
+  out.covariance =
+      options.correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  out.points = static_cast<int>(chosen.size());
+  out.status = Status::kOk;
+}
+
 
 }  // namespace
 
@@ -266,145 +425,33 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
             Eigen::Vector3d(tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)));
   }
 
-  // Bundle adjustment: poses and inverse depths of a spread choice of points.
-  std::vector<std::uint8_t> candidate(usable.size(), 0);
-  std::vector<double> start(usable.size(), 0.0);
-  for (std::size_t i = 0; i < usable.size(); ++i) {
-    if (!in_widest[i]) continue;
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
-    const Eigen::Vector2d z = matches.matches[widest].pixels[i].cast<double>();
-    const double rho = inverse_depth_from(camera, widest_from_reference, ray, z);
-    if (!std::isfinite(rho)) continue;
-    // Near the focus of expansion the depth is unknown, yet the point constrains the rotation.
-    const double used = std::clamp(rho, 1e-5, 10.0);
-    const auto p = camera.project(widest_from_reference.rotation() * ray +
-                                  used * widest_from_reference.translation());
-    if (!p || (*p - z).norm() > 2.0 * options.inlier_px) continue;
-    candidate[i] = 1;
-    start[i] = used;
-  }
-  const std::vector<int> chosen = spread_points(matches, candidate, options.max_bundle_points);
-  if (chosen.size() < 30) {
-    return fail("too little texture: " + std::to_string(chosen.size()) +
-                " static points agree with the motion, expected at least 30");
-  }
-  constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
-  std::vector<double> depths(chosen.size());
-  ceres::Problem::Options problem_options;
-  problem_options.disable_all_safety_checks = true;
-  ceres::Problem problem(problem_options);
-  ceres::LossFunction* loss = new ceres::CauchyLoss(1.5);
-  auto* ordering = new ceres::ParameterBlockOrdering;
-  for (std::size_t i = 0; i < chosen.size(); ++i) {
-    const auto at = static_cast<std::size_t>(chosen[i]);
-    depths[i] = start[at];
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
-    for (const MatchedImage& match : matches.matches) {
-      if (!std::isfinite(match.round_trip_px[at])) continue;
-      problem.AddResidualBlock(
-          InverseDepthReprojectionError::create(camera, ray, match.pixels[at].cast<double>(),
-                                                kStartSigma),
-          loss, out.frame_from_reference[static_cast<std::size_t>(match.frame)].data(),
-          &depths[i]);
-    }
-    ordering->AddElementToGroup(&depths[i], 0);
-  }
-  for (const MatchedImage& match : matches.matches) {
-    double* pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)].data();
-    problem.AddParameterBlock(
-        pose, 7,
-        new ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>());
-    ordering->AddElementToGroup(pose, 1);
-  }
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::DENSE_SCHUR;
-  solver.linear_solver_ordering.reset(ordering);
-  solver.max_num_iterations = 25;
-  solver.function_tolerance = 1e-5;
-  solver.num_threads = 1;  // sums of several threads would not be repeatable
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) return fail("the bundle adjustment did not converge");
+  bundle_adjust(camera, matches, usable, widest, options, out);
+  return out;
+}
 
-  // Unit: the longest baseline.
-  std::size_t longest = 0;
+MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences& matches,
+                             const std::vector<std::uint8_t>& usable, const MotionEstimate& start,
+                             const MotionOptions& options) {
+  options.validate();
+  if (usable.size() != matches.pixels.size() ||
+      start.frame_from_reference.size() != matches.matches.size() + 1) {
+    throw std::invalid_argument("usable or start does not fit the correspondences");
+  }
+  MotionEstimate out = start;
+  out.status = Status::kNotRun;
+  std::size_t widest = 0;
   double length = 0.0;
-  for (std::size_t m = 0; m < others; ++m) {
-    const auto f = static_cast<std::size_t>(matches.matches[m].frame);
-    const double baseline = out.frame_from_reference[f].translation().norm();
+  for (std::size_t k = 0; k < matches.matches.size(); ++k) {
+    const double baseline =
+        start.frame_from_reference[static_cast<std::size_t>(matches.matches[k].frame)]
+            .translation()
+            .norm();
     if (baseline > length) {
       length = baseline;
-      longest = m;
+      widest = k;
     }
   }
-  if (!(length > 0)) return fail("the bundle adjustment found no baseline");
-  for (SE3& pose : out.frame_from_reference) {
-    pose.set_translation(pose.translation() / length);
-  }
-  for (double& rho : depths) rho *= length;
-
-  // Noise of a coordinate from the residuals (median absolute deviation), then the reduced camera
-  // system for the covariance.
-  const auto n = static_cast<Eigen::Index>(6 * others);
-  std::vector<double> residuals;
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-  struct Row {
-    Eigen::Index block;
-    Eigen::Matrix<double, 2, 6> pose;
-    Eigen::Vector2d depth, residual;
-  };
-  std::vector<std::vector<Row>> tracks(chosen.size());
-  for (std::size_t i = 0; i < chosen.size(); ++i) {
-    const auto at = static_cast<std::size_t>(chosen[i]);
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
-    for (std::size_t m = 0; m < others; ++m) {
-      const MatchedImage& match = matches.matches[m];
-      if (!std::isfinite(match.round_trip_px[at])) continue;
-      const SE3& pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)];
-      const Eigen::Vector3d a = pose.rotation() * ray;
-      const Eigen::Vector3d p = a + depths[i] * pose.translation();
-      if (!(p.z() > 1e-6)) continue;
-      Eigen::Matrix<double, 2, 3> projection;
-      projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
-          camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
-      Row row;
-      row.block = static_cast<Eigen::Index>(6 * m);
-      row.pose.leftCols<3>() = -projection * skew(a);
-      row.pose.rightCols<3>() = projection * depths[i];
-      row.depth = projection * pose.translation();
-      const auto pixel = camera.project(p);
-      row.residual = *pixel - match.pixels[at].cast<double>();
-      residuals.push_back(std::abs(row.residual.x()));
-      residuals.push_back(std::abs(row.residual.y()));
-      tracks[i].push_back(row);
-    }
-  }
-  // The depths absorb one of the 2 (n - 1) coordinates of each track.
-  const double freedom = std::sqrt(2.0 * static_cast<double>(others) /
-                                   (2.0 * static_cast<double>(others) - 1.0));
-  out.pixel_sigma = std::max(0.02, 1.4826 * median(residuals) * freedom);
-  for (const std::vector<Row>& track : tracks) {
-    double depth_information = 1e-9;
-    Eigen::VectorXd cross = Eigen::VectorXd::Zero(n);
-    for (const Row& row : track) {
-      const double scaled = row.residual.squaredNorm() / (out.pixel_sigma * out.pixel_sigma);
-      const double weight = 1.0 / (out.pixel_sigma * out.pixel_sigma * (1.0 + scaled / 2.25));
-      information.block<6, 6>(row.block, row.block) += weight * row.pose.transpose() * row.pose;
-      cross.segment<6>(row.block) += weight * row.pose.transpose() * row.depth;
-      depth_information += weight * row.depth.squaredNorm();
-    }
-    information -= cross * cross.transpose() / depth_information;
-  }
-  const Eigen::Vector3d axis =
-      out.frame_from_reference[static_cast<std::size_t>(matches.matches[longest].frame)]
-          .translation();
-  const auto at_longest = static_cast<Eigen::Index>(6 * longest + 3);
-  information.block<3, 3>(at_longest, at_longest) += 1e12 * axis * axis.transpose();
-  information.diagonal().array() += 1e-6;
-  out.covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
-  out.points = static_cast<int>(chosen.size());
-  out.status = Status::kOk;
+  bundle_adjust(camera, matches, usable, widest, options, out);
   return out;
 }
 

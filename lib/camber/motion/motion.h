@@ -19,6 +19,9 @@ struct MotionOptions {
   double inlier_px = 1.0;           ///< epipolar and reprojection threshold, > 0
   double standing_px = 0.35;        ///< median image motion below which the camera stands, > 0
   double parallax_px = 0.35;        ///< parallax (90th percentile) below which it only turns, > 0
+  /// The errors of a smooth flow are shared by neighbours: the covariance is that of independent
+  /// matches times this, >= 1.
+  double correlation = 16.0;
   void validate() const;            ///< throws std::invalid_argument
 };
 
@@ -45,5 +48,10 @@ struct MotionEstimate {
 MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondences& matches,
                                const std::vector<std::uint8_t>& usable,
                                const MotionOptions& options);
+
+/// Bundle adjustment alone, from a motion that is nearly right: for better correspondences.
+MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences& matches,
+                             const std::vector<std::uint8_t>& usable, const MotionEstimate& start,
+                             const MotionOptions& options);
 
 }  // namespace camber

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/core/progress.h"
+#include "camber/scene/image_io.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 
@@ -14,17 +17,21 @@ struct ReconstructOptions {
   std::string method = "joint";   ///< "joint", "coplanar" or "flat"
   std::uint64_t seed = 0;
   int num_threads = 0;            ///< <= 0: see resolve_num_threads
+  int rounds = 3;                 ///< of matching again with the ground known, >= 0
+  bool with_vehicles = true;      ///< false: the road alone
+  bool use_masks = true;          ///< false: segmentation and road masks are not read
   void validate() const;          ///< throws std::invalid_argument
 };
 
 /// Everything that a run finds, in the reference camera's frame.
 struct Reconstruction {
   std::vector<int> frame_ids;
-  int reference_frame = 0;
+  int reference_frame = 0;        ///< frame id
   RoadCloud cloud;                ///< road points; labels["patch"]; colours; sigmas
   RoadSurface surface;
   VehicleDocument vehicles;
   RunDocument run;
+  std::vector<Image> images;      ///< colour, one a frame, as read
 };
 
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.
@@ -34,5 +41,19 @@ struct Reconstruction {
 ///         InputError for missing, damaged or mismatching images.
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress = {});
+
+struct WriteReconstructionOptions {
+  bool pictures = true;
+  bool overwrite = false;         ///< also replace a foreign folder that is not empty
+};
+
+/// Writes the result folder (road.ply, surface.json, vehicles.json, run.json, metrics.json where
+/// the scene has truth, overlay_*.png, scene.png, bev.png), whole or not at all.
+/// @return one-line summary of the errors against truth, empty without truth.
+/// @throws OutputError, MachineError (no rendering back end).
+std::string write_reconstruction(const Scene& scene, Reconstruction& result,
+                                 const std::filesystem::path& folder,
+                                 const WriteReconstructionOptions& options,
+                                 const Progress& progress = {});
 
 }  // namespace camber

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "camber/road/plan_polygon.h"
 
 namespace camber {
 namespace {
@@ -11,38 +12,11 @@ namespace {
 /// the sharpest that roads are built with). It sets how fast an extrapolation loses its certainty.
 constexpr double kUnseenCurvature = 1.0 / 60.0;
 
-/// Two unit directions that span the plane across `up`.
-struct GroundAxes {
-  Eigen::Vector3d e1, e2;
-  explicit GroundAxes(const Eigen::Vector3d& up) {
-    const Eigen::Vector3d along =
-        std::abs(up.z()) < 0.9 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
-    UncertainPlane::make_axes(up, along, &e1, &e2);
-  }
-  Eigen::Vector2d operator()(const Eigen::Vector3d& x) const { return {e1.dot(x), e2.dot(x)}; }
-};
-
-/// Distance in plan from a place to a polygon, m; 0 inside.
-double distance_to_polygon(const std::vector<Eigen::Vector3d>& polygon, const GroundAxes& axes,
-                           const Eigen::Vector2d& place) {
-  if (polygon.empty()) return std::numeric_limits<double>::infinity();
-  bool inside = false;
-  double nearest = std::numeric_limits<double>::infinity();
-  Eigen::Vector2d a = axes(polygon.back());
-  for (const Eigen::Vector3d& corner : polygon) {
-    const Eigen::Vector2d b = axes(corner);
-    if ((a.y() > place.y()) != (b.y() > place.y()) &&
-        place.x() < a.x() + (b.x() - a.x()) * (place.y() - a.y()) / (b.y() - a.y())) {
-      inside = !inside;
-    }
-    const Eigen::Vector2d edge = b - a;
-    const double length2 = edge.squaredNorm();
-    const double share =
-        length2 > 0.0 ? std::clamp((place - a).dot(edge) / length2, 0.0, 1.0) : 0.0;
-    nearest = std::min(nearest, (place - a - share * edge).norm());
-    a = b;
-  }
-  return inside ? 0.0 : nearest;
+PlanPolygon in_plan(const std::vector<Eigen::Vector3d>& boundary, const GroundAxes& axes) {
+  PlanPolygon polygon;
+  polygon.reserve(boundary.size());
+  for (const Eigen::Vector3d& corner : boundary) polygon.push_back(axes(corner));
+  return polygon;
 }
 
 }  // namespace
@@ -79,7 +53,7 @@ SurfaceQuery RoadSurface::query(const Eigen::Vector3d& place, double reach) cons
     }
     const double slant = patch.plane.plane.normal.dot(unit_up);
     if (!(std::abs(slant) > 1e-3)) continue;
-    const double distance = distance_to_polygon(patch.boundary, axes, flat);
+    const double distance = distance_to_polygon(in_plan(patch.boundary, axes), flat);
     const double climb = std::abs(patch.plane.plane.signed_distance(place) / slant);
     // Nearest in plan; among patches over one another the one nearest in height.
     if (distance > best_distance) continue;

@@ -1,0 +1,773 @@
+#include "camber/pipeline/reconstruct.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+
+#include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/core/threads.h"
+#include "camber/motion/correspondences.h"
+#include "camber/motion/motion.h"
+#include "camber/motion/triangulation.h"
+#include "camber/pipeline/frame_masks.h"
+#include "camber/road/ego_profile.h"
+#include "camber/road/ground_field.h"
+#include "camber/road/grow_road.h"
+#include "camber/road/local_plane.h"
+#include "camber/vehicle/fit_vehicle.h"
+
+namespace camber {
+namespace {
+
+/// Height of the camera that an up-to-scale result is fitted with; its unit is then one of these.
+constexpr double kNominalHeight = 1.65;
+
+/// State of a run between its stages.
+struct Run {
+  const Scene& scene;
+  const ReconstructOptions& options;
+  std::vector<const SceneFrame*> frames;
+  std::size_t reference = 0;  // index into frames
+  PinholeCamera camera;
+  std::vector<GrayImage> grey;
+  std::vector<FrameMasks> masks;
+  bool has_masks = false;
+
+  Correspondences matches;
+  MotionEstimate motion;
+  std::optional<double> known_unit;  // metres per unit from known poses
+  std::vector<std::uint8_t> ground;  // one a grid point: triangulated as road
+  std::vector<std::uint8_t> roadway; // one a grid point: carries the ego profile
+  TriangulatedPoints points;
+  EgoPlane ego;
+  std::optional<GroundField> field;
+  double metres_per_unit = 1.0;
+};
+
+int at(const Eigen::Vector2f& pixel, int width) {
+  return static_cast<int>(pixel.y()) * width + static_cast<int>(pixel.x());
+}
+
+/// Direction of travel at the reference image, its camera frame: derivative of the parabola through
+/// the neighbouring positions, or the way to the only neighbour.
+Eigen::Vector3d travel_direction(const Run& run) {
+  const auto position = [&](std::size_t k) -> Eigen::Vector3d {
+    return run.motion.frame_from_reference[k].inverse().translation();
+  };
+  const std::size_t r = run.reference;
+  Eigen::Vector3d direction;
+  if (r > 0 && r + 1 < run.frames.size()) {
+    const Eigen::Vector3d before = position(r - 1), after = position(r + 1);
+    const double l1 = before.norm(), l2 = after.norm();
+    direction = after * (l1 / l2) - before * (l2 / l1);
+  } else {
+    direction = r > 0 ? Eigen::Vector3d(-position(r - 1)) : position(r + 1);
+  }
+  // A camera that looks back along its way (reversing) still sees the road ahead of it.
+  if (direction.z() < 0) direction = -direction;
+  return direction.normalized();
+}
+
+MotionEstimate motion_from_known_poses(const Run& run, double* metres_per_unit) {
+  MotionEstimate out;
+  double longest = 0.0;
+  for (const SceneFrame* frame : run.frames) {
+    const SE3 pose =
+        frame->world_from_camera->inverse() * *run.frames[run.reference]->world_from_camera;
+    out.frame_from_reference.push_back(pose);
+    longest = std::max(longest, pose.translation().norm());
+  }
+  if (!(longest > 0.02)) {
+    throw NoAnswerError("the camera stands still: the given poses are less than 2 cm apart");
+  }
+  for (SE3& pose : out.frame_from_reference) pose.set_translation(pose.translation() / longest);
+  const auto n = static_cast<Eigen::Index>(6 * (run.frames.size() - 1));
+  out.covariance = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double sigma = i % 6 < 3 ? 1e-4 : 0.003 / longest;  // rad; 3 mm
+    out.covariance(i, i) = sigma * sigma;
+  }
+  out.pixel_sigma = 0.2;
+  out.status = Status::kOk;
+  *metres_per_unit = longest;
+  return out;
+}
+
+std::vector<std::uint8_t> static_points(const Run& run) {
+  std::vector<std::uint8_t> usable(run.matches.pixels.size(), 1);
+  const FrameMasks& masks = run.masks[run.reference];
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    usable[i] = !masks.vehicle_near[static_cast<std::size_t>(
+        at(run.matches.pixels[i], run.camera.width))];
+  }
+  return usable;
+}
+
+void fit_ego(Run& run) {
+  RoadPoints road;
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < run.points.size(); ++i) {
+    if (!run.roadway[static_cast<std::size_t>(run.points.grid[i])]) continue;
+    chosen.push_back(i);
+    road.points.push_back(run.points.point(i));
+    road.relative_sigma.push_back(run.points.sigma_own[i] / run.points.inverse_depth[i]);
+  }
+  road.shared_jacobian.resize(static_cast<Eigen::Index>(chosen.size()),
+                              run.points.pose_jacobian.cols());
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    road.shared_jacobian.row(static_cast<Eigen::Index>(k)) =
+        run.points.pose_jacobian.row(static_cast<Eigen::Index>(chosen[k])) /
+        static_cast<float>(-run.points.inverse_depth[chosen[k]]);
+  }
+  EgoProfileOptions options;
+  options.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
+  EgoPlane ego = fit_ego_plane(road, travel_direction(run), Eigen::Vector3d(0, -1, 0),
+                               run.motion.covariance, options);
+  if (ego.status == Status::kFailed) {
+    if (run.ego.status == Status::kOk || run.ego.status == Status::kWeak) return;  // keep the last
+    throw NoAnswerError("no road plane under the camera: " + ego.reason);
+  }
+  run.ego = std::move(ego);
+  run.metres_per_unit = run.known_unit.value_or(run.ego.metres_per_unit);
+}
+
+GroundObservations ground_observations(const Run& run) {
+  GroundObservations out;
+  out.pixels.reserve(run.points.size());
+  for (std::size_t i = 0; i < run.points.size(); ++i) {
+    out.pixels.push_back(
+        run.matches.pixels[static_cast<std::size_t>(run.points.grid[i])].cast<double>());
+  }
+  out.inverse_depth = run.points.inverse_depth;
+  out.sigma = run.points.sigma_own;
+  out.shared_jacobian = run.points.pose_jacobian;
+  return out;
+}
+
+/// Triangulates below the horizon; without masks the road is then found by growing.
+void triangulate_ground(Run& run, bool first) {
+  TriangulationOptions options;
+  options.num_threads = run.options.num_threads;
+  const FrameMasks& masks = run.masks[run.reference];
+  const std::size_t total = run.matches.pixels.size();
+  if (run.has_masks) {
+    if (first) {
+      run.ground.assign(total, 0);
+      run.roadway.assign(total, 0);
+      for (std::size_t i = 0; i < total; ++i) {
+        const auto p = static_cast<std::size_t>(at(run.matches.pixels[i], run.camera.width));
+        run.ground[i] = masks.ground[p];
+        run.roadway[i] = masks.roadway[p];
+      }
+    }
+    run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
+    return;
+  }
+  if (!first) {
+    run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
+    return;
+  }
+  std::vector<std::uint8_t> wanted(total, 0);
+  for (std::size_t i = 0; i < total; ++i) {
+    const auto p = static_cast<std::size_t>(at(run.matches.pixels[i], run.camera.width));
+    wanted[i] = !masks.vehicle[p];
+  }
+  run.points = triangulate(run.camera, run.matches, run.motion, wanted, options);
+  GrowRoadOptions grow;
+  grow.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
+  GridInverseDepth grid;
+  grid.columns = run.matches.columns;
+  grid.rows = run.matches.rows;
+  grid.step = run.matches.step;
+  grid.inverse_depth.assign(total, std::numeric_limits<double>::quiet_NaN());
+  grid.sigma.assign(total, 0.0);
+  for (std::size_t k = 0; k < run.points.size(); ++k) {
+    const auto i = static_cast<std::size_t>(run.points.grid[k]);
+    grid.inverse_depth[i] = run.points.inverse_depth[k];
+    grid.sigma[i] = run.points.sigma_own[k];
+  }
+  const GrownRoad grown = grow_road(run.camera, grid, travel_direction(run), grow);
+  if (grown.status == Status::kFailed) {
+    throw NoAnswerError("no road found in the cloud: " + grown.reason);
+  }
+  run.ground = grown.ground;
+  run.roadway = grown.ground;
+  TriangulatedPoints kept;
+  std::vector<std::size_t> rows;
+  for (std::size_t k = 0; k < run.points.size(); ++k) {
+    if (run.ground[static_cast<std::size_t>(run.points.grid[k])]) rows.push_back(k);
+  }
+  kept.dropped = run.points.dropped;
+  kept.pose_jacobian.resize(static_cast<Eigen::Index>(rows.size()),
+                            run.points.pose_jacobian.cols());
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    kept.grid.push_back(run.points.grid[rows[j]]);
+    kept.rays.push_back(run.points.rays[rows[j]]);
+    kept.inverse_depth.push_back(run.points.inverse_depth[rows[j]]);
+    kept.sigma_own.push_back(run.points.sigma_own[rows[j]]);
+    kept.pose_jacobian.row(static_cast<Eigen::Index>(j)) =
+        run.points.pose_jacobian.row(static_cast<Eigen::Index>(rows[j]));
+  }
+  run.points = std::move(kept);
+}
+
+/// Carries every ground pixel of the reference into the other images by the field.
+std::vector<PredictedImage> predict(const Run& run, int top) {
+  const auto width = static_cast<std::size_t>(run.camera.width);
+  const auto height = static_cast<std::size_t>(run.camera.height);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const double least = run.metres_per_unit / 200.0;
+  const FrameMasks& here = run.masks[run.reference];
+
+  // Where a prediction is wanted: the ground and what stands on it, with a margin for context.
+  std::vector<std::uint8_t> region;
+  if (run.has_masks) {
+    region = here.ground_near;
+  } else {
+    region.assign(width * height, 0);
+    const int reach = 3 * run.matches.step;
+    for (std::size_t i = 0; i < run.ground.size(); ++i) {
+      if (!run.ground[i]) continue;
+      const int x = static_cast<int>(run.matches.pixels[i].x());
+      const int y = static_cast<int>(run.matches.pixels[i].y());
+      for (int v = std::max(0, y - reach); v <= std::min(run.camera.height - 1, y + reach); ++v) {
+        std::fill(region.begin() + static_cast<std::ptrdiff_t>(v * run.camera.width + std::max(0, x - reach)),
+                  region.begin() + static_cast<std::ptrdiff_t>(v * run.camera.width + std::min(run.camera.width - 1, x + reach) + 1),
+                  std::uint8_t{1});
+      }
+    }
+  }
+  std::vector<PredictedImage> out(run.matches.matches.size());
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].frame = run.matches.matches[k].frame;
+    out[k].pixels.assign(width * height, Eigen::Vector2f(nan, nan));
+    out[k].ignored.assign(width * height, 0);
+  }
+  parallel_for(height - static_cast<std::size_t>(top), run.options.num_threads, [&](std::size_t r) {
+    const std::size_t v = r + static_cast<std::size_t>(top);
+    for (std::size_t u = 0; u < width; ++u) {
+      const std::size_t p = v * width + u;
+      if (!region[p]) continue;
+      const Eigen::Vector2d pixel(static_cast<double>(u), static_cast<double>(v));
+      const double rho = std::max(least, run.field->inverse_depth(pixel));
+      const Eigen::Vector3d ray = run.camera.ray(pixel);
+      for (PredictedImage& image : out) {
+        const auto f = static_cast<std::size_t>(image.frame);
+        const SE3& pose = run.motion.frame_from_reference[f];
+        const auto q = run.camera.project(pose.rotation() * ray + rho * pose.translation());
+        if (!q) continue;
+        image.pixels[p] = q->cast<float>();
+        bool ignored = here.vehicle[p] != 0;
+        if (run.camera.contains(*q, 1.0)) {
+          ignored |= run.masks[f].vehicle[static_cast<std::size_t>(std::lround(q->y())) * width +
+                                          static_cast<std::size_t>(std::lround(q->x()))] != 0;
+        }
+        image.ignored[p] = ignored;
+      }
+    }
+  });
+  return out;
+}
+
+/// Where a ray from another camera of the run meets the ground; reference frame, units.
+std::optional<Eigen::Vector3d> meet_ground(const Run& run, const SE3& reference_from_frame,
+                                           const Eigen::Vector3d& ray) {
+  const Eigen::Vector3d origin = reference_from_frame.translation();
+  const Eigen::Vector3d direction = reference_from_frame.rotation() * ray;
+  const auto meet = [&](const Plane& plane) -> std::optional<Eigen::Vector3d> {
+    const double along = plane.normal.dot(direction);
+    const double s = -plane.signed_distance(origin) / along;
+    if (!(s > 0) || !std::isfinite(s)) return std::nullopt;
+    return Eigen::Vector3d(origin + s * direction);
+  };
+  std::optional<Eigen::Vector3d> x = meet(run.ego.plane.plane);
+  if (!x) x = origin + direction * (30.0 / run.metres_per_unit);
+  for (int iteration = 0; iteration < 15; ++iteration) {
+    const auto pixel = run.camera.project(*x);
+    if (!pixel) return std::nullopt;
+    // Tangent plane of the field at that pixel, from three inverse depths (rho = m . ray).
+    Eigen::Matrix3d rays;
+    Eigen::Vector3d rho;
+    const Eigen::Vector2d corners[3] = {{-4, 3}, {4, 3}, {0, -3}};
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector2d p = *pixel + corners[k];
+      rays.row(k) = run.camera.ray(p).transpose();
+      rho[k] = run.field->inverse_depth(p);
+    }
+    const Eigen::Vector3d m = rays.inverse() * rho;
+    if (!(m.norm() > 0)) return std::nullopt;
+    const auto next = meet(Plane{-m / m.norm(), 1.0 / m.norm()});
+    if (!next) return std::nullopt;
+    const double change = (*next - *x).norm() / next->norm();
+    x = change > 0.5 ? Eigen::Vector3d(*x + 0.5 * (*next - *x)) : *next;
+    if (change < 1e-6) break;
+  }
+  return x;
+}
+
+Plane scaled(const Plane& plane, double metres_per_unit) {
+  return {plane.normal, plane.offset * metres_per_unit};
+}
+
+/// In metres, with the scale's share in the height: a scaling about the camera moves a plane by its
+/// offset.
+UncertainPlane scaled(const UncertainPlane& plane, double metres_per_unit, double scale_sigma) {
+  UncertainPlane out = plane;
+  out.plane = scaled(plane.plane, metres_per_unit);
+  out.centroid *= metres_per_unit;
+  const double m = metres_per_unit;
+  const Eigen::Vector3d unit(1.0, 1.0, m);
+  out.covariance = unit.asDiagonal() * plane.covariance * unit.asDiagonal();
+  out.covariance(2, 2) += std::pow(out.plane.offset * scale_sigma, 2);
+  return out;
+}
+
+SE3 scaled(const SE3& pose, double metres_per_unit) {
+  return {pose.rotation(), pose.translation() * metres_per_unit};
+}
+
+void set_slopes(PlanePatch& patch, const Eigen::Vector3d& up) {
+  // Rise of the plane along a direction, over its level run.
+  const auto slope = [&](const Eigen::Vector3d& along) {
+    const double rise = along.dot(up);
+    return std::atan2(rise, (along - rise * up).norm());
+  };
+  patch.grade = slope(patch.plane.axis1);
+  patch.bank = slope(patch.plane.axis2);
+}
+
+void set_rectangle(PlanePatch& patch, double ahead, double behind, double half_width) {
+  for (const auto& [a, b] : {std::pair{ahead, half_width}, std::pair{ahead, -half_width},
+                             std::pair{-behind, -half_width}, std::pair{-behind, half_width}}) {
+    patch.boundary.emplace_back(patch.plane.centroid + a * patch.plane.axis1 +
+                                b * patch.plane.axis2);
+  }
+}
+
+void set_status(PlanePatch& patch, const std::string& too_few) {
+  const double sigma = std::sqrt(patch.plane.covariance(2, 2));
+  if (!too_few.empty()) {
+    patch.status = Status::kNotObservable;
+    patch.reason = too_few + "; carried by the road around it";
+  } else if (sigma > 0.3) {
+    patch.status = Status::kWeak;
+    patch.reason = "height known to " + std::to_string(sigma).substr(0, 4) + " m";
+  } else {
+    patch.status = Status::kOk;
+  }
+}
+
+/// Road points inside a box of the reference image that agree with the field.
+int count_points(const Run& run, const Box2& box) {
+  int count = 0;
+  const std::vector<double>& weights = run.field->weights();
+  for (std::size_t i = 0; i < run.points.size(); ++i) {
+    const Eigen::Vector2d p =
+        run.matches.pixels[static_cast<std::size_t>(run.points.grid[i])].cast<double>();
+    if (box.contains(p) && i < weights.size() && weights[i] > 0.4) ++count;
+  }
+  return count;
+}
+
+PatchLink make_link(const PlanePatch& a, const PlanePatch& b) {
+  PatchLink link;
+  link.a = a.id;
+  link.b = b.id;
+  const Eigen::Vector3d between = 0.5 * (a.plane.centroid + b.plane.centroid);
+  link.distance = (a.plane.centroid - b.plane.centroid).norm();
+  link.height_step =
+      a.plane.plane.signed_distance(between) - b.plane.plane.signed_distance(between);
+  link.angle = angle_between(a.plane.plane.normal, b.plane.plane.normal);
+  const double variance =
+      a.plane.height_variance(between) + b.plane.height_variance(between) + 1e-6;
+  link.weight = 1.0 / variance;
+  // Continuity is contradicted by a step beyond both planes' uncertainty and a road's unevenness.
+  if (std::abs(link.height_step) > 0.1 + 3.0 * std::sqrt(variance)) {
+    link.valid = false;
+    link.reason = "height step of " +
+                  std::to_string(std::abs(link.height_step)).substr(0, 4) + " m";
+  }
+  return link;
+}
+
+}  // namespace
+
+void ReconstructOptions::validate() const {
+  if (method != "joint" && method != "coplanar" && method != "flat") {
+    throw std::invalid_argument("method = '" + method + "', expected joint, coplanar or flat");
+  }
+  if (rounds < 0) {
+    throw std::invalid_argument("rounds = " + std::to_string(rounds) + ", expected at least 0");
+  }
+}
+
+Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
+                           const ReconstructOptions& options, const Progress& progress) {
+  options.validate();
+  if (frame_ids.size() < 2) {
+    throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
+                        std::to_string(frame_ids.size()) + " given");
+  }
+  const auto report = [&](const std::string& stage, double share) {
+    if (progress) progress(stage, share);
+  };
+  Reconstruction out;
+  out.frame_ids = frame_ids;
+  out.reference_frame = choose_reference_frame(scene, frame_ids);
+  Timings& timings = out.run.timings;
+  Run run{scene, options, {}, 0, scene.camera, {}, {}, false, {}, {}, {}, {}, {}, {}, {}, {}, 1.0};
+  for (const int id : frame_ids) {
+    const SceneFrame* frame = scene.find_frame(id);
+    if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(id));
+    if (id == out.reference_frame) run.reference = run.frames.size();
+    run.frames.push_back(frame);
+  }
+  const std::size_t count = run.frames.size();
+
+  {
+    report("load", 0.0);
+    const StageTimer timer(timings, "load");
+    run.grey.resize(count);
+    out.images.resize(count);
+    run.masks.resize(count);
+    std::vector<std::vector<std::pair<std::string, std::string>>> hashes(count);
+    parallel_for(count, options.num_threads, [&](std::size_t k) {
+      const SceneFrame& frame = *run.frames[k];
+      if (frame.image.empty()) {
+        throw NoAnswerError("frame " + std::to_string(frame.id) +
+                            " has no image in the manifest; reconstruction needs images");
+      }
+      FrameImage image = read_frame_image(frame.image, scene.camera);
+      run.grey[k] = {image.grey.width, image.grey.height, std::move(image.grey.data)};
+      out.images[k] = std::move(image.color);
+      run.masks[k] = make_frame_masks(scene, frame, options.use_masks);
+      for (const auto& path : {frame.image, frame.segmentation, frame.road_mask}) {
+        if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
+      }
+    });
+    for (auto& list : hashes) {
+      out.run.input_hashes.insert(out.run.input_hashes.end(), list.begin(), list.end());
+    }
+    run.has_masks = run.masks[run.reference].has_mask;
+    for (std::size_t a = 0; a < count; ++a) {
+      for (std::size_t b = 0; b < a; ++b) {
+        if (run.grey[a].pixels == run.grey[b].pixels) {
+          throw NoAnswerError("frames " + std::to_string(run.frames[b]->id) + " and " +
+                              std::to_string(run.frames[a]->id) +
+                              " have the same image: no parallax between them");
+        }
+      }
+    }
+  }
+
+  CorrespondenceOptions matching;
+  matching.num_threads = options.num_threads;
+  {
+    report("correspondences", 0.1);
+    const StageTimer timer(timings, "correspondences");
+    run.matches = match_images(run.grey, static_cast<int>(run.reference), matching);
+  }
+  const std::vector<std::uint8_t> usable = static_points(run);
+  MotionOptions motion_options;
+  motion_options.seed = options.seed;
+  const bool known_poses = std::all_of(run.frames.begin(), run.frames.end(),
+                                       [](const SceneFrame* f) { return f->world_from_camera; });
+  {
+    report("motion", 0.3);
+    const StageTimer timer(timings, "motion");
+    if (known_poses) {
+      double unit = 1.0;
+      run.motion = motion_from_known_poses(run, &unit);
+      run.known_unit = unit;
+    } else {
+      run.motion = estimate_motion(scene.camera, run.matches, usable, motion_options);
+      if (run.motion.status == Status::kFailed) throw NoAnswerError(run.motion.reason);
+    }
+  }
+  {
+    report("triangulation", 0.4);
+    const StageTimer timer(timings, "triangulation");
+    triangulate_ground(run, true);
+  }
+  GroundFieldOptions field_options;
+  {
+    report("surface", 0.5);
+    const StageTimer timer(timings, "surface");
+    fit_ego(run);
+    field_options.metres_per_unit = run.metres_per_unit;
+    run.field.emplace(scene.camera, ground_observations(run), run.ego.plane.plane, field_options);
+  }
+  for (int round = 0; round < options.rounds; ++round) {
+    const double share = 0.5 + 0.3 * (round + 1.0) / options.rounds;
+    {
+      report("correspondences", share);
+      const StageTimer timer(timings, "correspondences");
+      const int top = std::max(0, static_cast<int>(run.field->top()) - 12);
+      run.matches = refine_matches(run.grey, run.matches, predict(run, top), top, matching);
+    }
+    if (!known_poses) {
+      report("motion", share);
+      const StageTimer timer(timings, "motion");
+      MotionEstimate refined =
+          refine_motion(scene.camera, run.matches, usable, run.motion, motion_options);
+      if (refined.status == Status::kOk) run.motion = std::move(refined);
+    }
+    {
+      report("triangulation", share);
+      const StageTimer timer(timings, "triangulation");
+      triangulate_ground(run, false);
+    }
+    report("surface", share);
+    const StageTimer timer(timings, "surface");
+    fit_ego(run);
+    run.field->update(ground_observations(run), 4);
+  }
+
+  // Results, in metres and in the reference camera's frame.
+  const bool metric = scene.height_above_road.has_value() || run.known_unit.has_value();
+  const double m = run.metres_per_unit;
+  const double scale_sigma = run.known_unit ? 0.003 / *run.known_unit : run.ego.relative_sigma;
+  std::vector<SE3> frame_from_reference, reference_from_frame;
+  for (const SE3& pose : run.motion.frame_from_reference) {
+    frame_from_reference.push_back(scaled(pose, m));
+    reference_from_frame.push_back(frame_from_reference.back().inverse());
+  }
+  RoadSurface& surface = out.surface;
+  {
+    report("surface", 0.85);
+    const StageTimer timer(timings, "surface");
+    surface.metric = metric;
+    surface.scale_sigma = scale_sigma;
+
+    PlanePatch ego;
+    ego.id = 0;
+    ego.plane = scaled(run.ego.plane, m, 0.0);
+    // The scale is what makes this height the camera's: only the mounting is uncertain.
+    ego.plane.covariance.row(2).setZero();
+    ego.plane.covariance.col(2).setZero();
+    ego.plane.covariance(2, 2) =
+        run.known_unit ? std::pow(run.ego.relative_sigma * run.ego.height * m, 2)
+                       : std::pow(EgoProfileOptions().camera_height_sigma, 2);
+    ego.inliers = run.ego.points;
+    ego.status = run.ego.status;
+    ego.reason = run.ego.reason;
+    set_rectangle(ego, 5.0, 2.0, 2.0);
+    set_slopes(ego, surface.up);
+    surface.ego_patch = 0;
+    surface.patches.push_back(ego);
+    for (const Eigen::Vector3d& p : run.ego.line) surface.driven_line.push_back(m * p);
+
+    // Patches of 5 m along the direction of travel while the ground is seen.
+    LocalPlaneOptions local;
+    local.metres_per_unit = m;
+    local.length = 5.0;
+    local.half_width = 2.0;
+    const Eigen::Vector3d travel = travel_direction(run);
+    for (double station = 5.0; station < 60.0; station += local.length) {
+      // The line ahead, at the height of the ground there.
+      const Eigen::Vector3d ahead = run.ego.plane.centroid + travel * (station / m);
+      const Eigen::Vector3d ray(ahead.x() / ahead.z(), 0.0, 1.0);
+      double row = -1.0;
+      for (double v = scene.camera.height - 1; v > run.field->top() + 1; v -= 1.0) {
+        const double rho = run.field->inverse_depth({scene.camera.cx + scene.camera.fx * ray.x(), v});
+        if (!(rho > 0)) break;
+        if (1.0 / rho >= ahead.z()) {
+          row = v;
+          break;
+        }
+      }
+      if (row < 0) break;
+      if (row > scene.camera.height - 2) continue;  // nearer than what is seen
+      const LocalPlane fit =
+          fit_local_plane(*run.field, scene.camera,
+                          {scene.camera.cx + scene.camera.fx * ray.x(), row},
+                          run.motion.covariance, local);
+      if (fit.status == Status::kFailed) break;
+      PlanePatch patch;
+      patch.id = static_cast<int>(surface.patches.size());
+      patch.plane = scaled(fit.plane, m, scale_sigma);
+      patch.inliers = static_cast<int>(std::lround(fit.support));
+      if (std::sqrt(patch.plane.covariance(2, 2)) > 0.5) break;
+      set_status(patch, fit.support < 0.5 ? "hardly any road point is seen there" : "");
+      set_rectangle(patch, 0.5 * local.length, 0.5 * local.length, local.half_width);
+      set_slopes(patch, surface.up);
+      surface.patches.push_back(patch);
+    }
+    for (std::size_t k = 1; k < surface.patches.size(); ++k) {
+      surface.links.push_back(make_link(surface.patches[k - 1], surface.patches[k]));
+    }
+  }
+  const std::size_t road_patches = surface.patches.size();
+
+  out.vehicles.method = options.method;
+  out.vehicles.detections_source = scene.detections_source;
+  out.vehicles.metric = metric;
+  if (options.with_vehicles) {
+    report("vehicles", 0.9);
+    const StageTimer timer(timings, "vehicles");
+    for (std::size_t k = 0; k < count; ++k) {
+      const SceneFrame& frame = *run.frames[k];
+      std::vector<SupportPlane> supports;
+      for (const VehicleDetection& detection : frame.vehicles) {
+        SupportPlane support;
+        const UncertainPlane ego_here =
+            surface.patches[0].plane.transformed(frame_from_reference[k]);
+        if (options.method == "flat") {
+          support.plane.plane = {Eigen::Vector3d(0, -1, 0),
+                                 scene.height_above_road.value_or(kNominalHeight)};
+          support.plane.centroid = Eigen::Vector3d(0, support.plane.plane.offset, 0);
+          support.plane.axis1 = Eigen::Vector3d(0, 0, 1);
+          support.plane.axis2 = Eigen::Vector3d(-1, 0, 0);
+          support.plane.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-6).asDiagonal();
+          support.source = "level";
+          supports.push_back(support);
+          continue;
+        }
+        if (detection.has_plane) {
+          support.plane.plane = detection.given_plane.oriented(Eigen::Vector3d(0, -1, 0));
+          support.plane.centroid = support.plane.plane.foot(Eigen::Vector3d::Zero());
+          UncertainPlane::make_axes(support.plane.plane.normal, Eigen::Vector3d(0, 0, 1),
+                                    &support.plane.axis1, &support.plane.axis2);
+          support.plane.covariance = Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal();
+          support.source = "given";
+          supports.push_back(support);
+          continue;
+        }
+        support.plane = ego_here;
+        support.source = "ego";
+        support.status = surface.patches[0].status;
+        if (options.method == "joint") {
+          const Eigen::Vector2d bottom(detection.box.center().x(),
+                                       std::min(detection.box.y2, scene.camera.height - 1.0));
+          std::optional<Eigen::Vector2d> contact = bottom;
+          Box2 around = detection.box.scaled(1.95);  // paper, section III-C: 1.9 to 2.0 times
+          if (k != run.reference) {
+            const auto x =
+                meet_ground(run, run.motion.frame_from_reference[k].inverse(),
+                            scene.camera.ray(bottom));
+            contact = x ? scene.camera.project(*x) : std::nullopt;
+            if (contact) {
+              const Eigen::Vector2d shift = *contact - bottom;
+              around = {around.x1 + shift.x(), around.y1 + shift.y(), around.x2 + shift.x(),
+                        around.y2 + shift.y()};
+            }
+          }
+          LocalPlaneOptions local;
+          local.metres_per_unit = m;
+          LocalPlane fit;
+          if (contact) {
+            fit = fit_local_plane(*run.field, scene.camera, *contact, run.motion.covariance, local);
+          } else {
+            fit.status = Status::kFailed;
+          }
+          if (fit.status == Status::kFailed) {
+            // The nearest road patch with a covariance grown by the distance (not observable).
+            support.status = Status::kNotObservable;
+          } else {
+            PlanePatch patch;
+            patch.id = static_cast<int>(surface.patches.size());
+            patch.plane = scaled(fit.plane, m, scale_sigma);
+            patch.inliers = count_points(run, around);
+            set_status(patch, patch.inliers < 20 ? "only " + std::to_string(patch.inliers) +
+                                                       " road points around the vehicle"
+                                                 : "");
+            set_rectangle(patch, 0.5 * local.length, 0.5 * local.length, local.half_width);
+            set_slopes(patch, surface.up);
+            const PlanePatch* nearest = &surface.patches[0];
+            for (std::size_t j = 1; j < road_patches; ++j) {
+              const PlanePatch& other = surface.patches[j];
+              if ((other.plane.centroid - patch.plane.centroid).norm() <
+                  (nearest->plane.centroid - patch.plane.centroid).norm()) {
+                nearest = &other;
+              }
+            }
+            surface.links.push_back(make_link(*nearest, patch));
+            support.plane = patch.plane.transformed(frame_from_reference[k]);
+            support.source = "patch " + std::to_string(patch.id);
+            support.status = patch.status;
+            surface.patches.push_back(std::move(patch));
+          }
+        }
+        supports.push_back(support);
+      }
+      VehicleFitOptions fit_options;
+      fit_options.seed = options.seed;
+      VehicleFrame vehicles;
+      vehicles.id = frame.id;
+      vehicles.vehicles = fit_vehicles(scene.camera, frame.vehicles, supports, fit_options,
+                                       options.num_threads);
+      out.vehicles.frames.push_back(std::move(vehicles));
+    }
+  }
+
+  // The road cloud.
+  {
+    const StageTimer timer(timings, "surface");
+    RoadCloud& cloud = out.cloud;
+    cloud.frame = CloudFrame::kCamera;
+    cloud.metric = metric;
+    const Image& image = out.images[run.reference];
+    std::vector<int>& labels = cloud.labels["patch"];
+    const std::vector<double>& weights = run.field->weights();
+    std::vector<double> total(run.points.size());
+    parallel_for((run.points.size() + 2047) / 2048, options.num_threads, [&](std::size_t chunk) {
+      for (std::size_t i = 2048 * chunk; i < std::min(run.points.size(), 2048 * (chunk + 1)); ++i) {
+        total[i] = run.points.sigma_total(i, run.motion.covariance);
+      }
+    });
+    for (std::size_t i = 0; i < run.points.size(); ++i) {
+      const Eigen::Vector3d p = m * run.points.point(i);
+      cloud.points.emplace_back(p.cast<float>());
+      const double relative = std::hypot(total[i] / run.points.inverse_depth[i], scale_sigma);
+      cloud.sigmas.push_back(static_cast<float>(p.norm() * relative));
+      const auto pixel = static_cast<std::size_t>(
+          at(run.matches.pixels[static_cast<std::size_t>(run.points.grid[i])], run.camera.width));
+      cloud.colors.push_back({image.data[3 * pixel], image.data[3 * pixel + 1],
+                              image.data[3 * pixel + 2]});
+      int label = -1;
+      if (i < weights.size() && weights[i] > 0.1) {
+        double best = 4.0;  // m along the road
+        for (std::size_t j = 0; j < road_patches; ++j) {
+          const PlanePatch& patch = surface.patches[j];
+          const double along = std::abs((p - patch.plane.centroid).dot(patch.plane.axis1));
+          if (along < best) {
+            best = along;
+            label = patch.id;
+          }
+        }
+      }
+      labels.push_back(label);
+    }
+  }
+
+  RunDocument& document = out.run;
+  document.seed = options.seed;
+  document.options = {{"method", options.method},
+                      {"frames", frame_ids},
+                      {"rounds", options.rounds},
+                      {"use_masks", options.use_masks}};
+  for (std::size_t k = 0; k < count; ++k) {
+    document.cameras.push_back({run.frames[k]->id, reference_from_frame[k]});
+  }
+  document.metric = metric;
+  document.scale = m;
+  document.scale_sigma = scale_sigma;
+  document.points_kept.emplace_back("road", static_cast<long>(run.points.size()));
+  document.points_kept.emplace_back("motion", run.motion.points);
+  for (std::size_t r = 0; r < kNumDropReasons; ++r) {
+    document.points_dropped.emplace_back(to_string(static_cast<DropReason>(r)),
+                                         run.points.dropped[r]);
+  }
+  document.extra["reference_frame"] = out.reference_frame;
+  document.extra["motion"] = {{"pixel_sigma", run.motion.pixel_sigma},
+                              {"inlier_ratio", run.motion.inlier_ratio},
+                              {"known_poses", known_poses}};
+  document.extra["road_from"] = run.has_masks ? "mask" : "geometry";
+  report("surface", 1.0);
+  return out;
+}
+
+}  // namespace camber

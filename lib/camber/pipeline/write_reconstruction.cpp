@@ -1,0 +1,81 @@
+#include <cmath>
+#include <cstdio>
+
+#include "camber/cloud/cloud_io.h"
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/evaluate/metrics.h"
+#include "camber/pipeline/reconstruct.h"
+#include "camber/render/overlay.h"
+#include "camber/render/picture_file.h"
+#include "camber/render/pictures.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+
+std::string write_reconstruction(const Scene& scene, Reconstruction& result,
+                                 const fs::path& folder, const WriteReconstructionOptions& options,
+                                 const Progress& progress) {
+  const auto report = [&](const std::string& stage, double share) {
+    if (progress) progress(stage, share);
+  };
+  AtomicFolder out(folder, options.overwrite);
+  const fs::path& staging = out.staging();
+  Timings& timings = result.run.timings;
+
+  if (options.pictures) {
+    report("render", 0.0);
+    const StageTimer timer(timings, "render");
+    for (std::size_t k = 0; k < result.frame_ids.size(); ++k) {
+      VehicleFrame none;
+      none.id = result.frame_ids[k];
+      const VehicleFrame& vehicles =
+          k < result.vehicles.frames.size() ? result.vehicles.frames[k] : none;
+      OverlayOptions overlay;
+      overlay.metric = result.vehicles.metric;
+      char name[40];
+      std::snprintf(name, sizeof name, "overlay_%06d.png", result.frame_ids[k]);
+      write_png(draw_overlay(result.images[k], scene.camera, vehicles, overlay), staging / name);
+      report("render", 0.3 * static_cast<double>(k + 1) /
+                           static_cast<double>(result.frame_ids.size()));
+    }
+    PictureContent content;
+    content.cloud = &result.cloud;
+    content.surface = &result.surface;
+    content.vehicles = &result.vehicles;
+    content.run = &result.run;
+    content.camera = &scene.camera;
+    content.truth = scene.truth ? &*scene.truth : nullptr;
+    content.frame = result.reference_frame;
+    content.title = scene.name;
+    RenderRecord record;
+    write_png(render_scene_picture(content, {}, &record), staging / "scene.png");
+    result.run.gl_backend = record.backend + ", " + record.renderer;
+    report("render", 0.8);
+    write_png(render_bev_picture(content), staging / "bev.png");
+    report("render", 1.0);
+  }
+
+  std::string summary;
+  report("write", 0.0);
+  {
+    const StageTimer timer(timings, "write");
+    write_cloud(result.cloud, staging / "road.ply");
+    write_json(to_json(result.surface), staging / "surface.json");
+    write_json(to_json(result.vehicles), staging / "vehicles.json");
+    if (scene.truth) {
+      const SceneMetrics metrics =
+          evaluate_scene(scene, result.surface, result.vehicles, result.run);
+      write_json(to_json(metrics), staging / "metrics.json");
+      summary = describe(metrics);
+    }
+  }
+  write_json(to_json(result.run), staging / "run.json");
+  out.commit();
+  report("write", 1.0);
+  return summary;
+}
+
+}  // namespace camber

@@ -1,0 +1,144 @@
+#include "camber/road/plan_polygon.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "camber/geometry/plane.h"
+
+namespace camber {
+
+using Eigen::Vector2d;
+
+namespace {
+
+double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+Vector2d nearest_on_segment(const Vector2d& a, const Vector2d& b, const Vector2d& place) {
+  const Vector2d edge = b - a;
+  const double length2 = edge.squaredNorm();
+  const double share = length2 > 0.0 ? std::clamp((place - a).dot(edge) / length2, 0.0, 1.0) : 0.0;
+  return a + share * edge;
+}
+
+bool inside(const PlanPolygon& polygon, const Vector2d& place) {
+  bool odd = false;
+  Vector2d a = polygon.back();
+  for (const Vector2d& b : polygon) {
+    if ((a.y() > place.y()) != (b.y() > place.y()) &&
+        place.x() < a.x() + (b.x() - a.x()) * (place.y() - a.y()) / (b.y() - a.y())) {
+      odd = !odd;
+    }
+    a = b;
+  }
+  return odd;
+}
+
+/// The part of a polygon inside a convex one (Sutherland and Hodgman).
+PlanPolygon clip(PlanPolygon subject, const PlanPolygon& convex) {
+  for (std::size_t i = 0; i < convex.size() && !subject.empty(); ++i) {
+    const Vector2d a = convex[i], edge = convex[(i + 1) % convex.size()] - a;
+    PlanPolygon out;
+    for (std::size_t k = 0; k < subject.size(); ++k) {
+      const Vector2d& p = subject[k];
+      const Vector2d& q = subject[(k + 1) % subject.size()];
+      const double sp = cross(edge, p - a), sq = cross(edge, q - a);
+      if (sp >= 0.0) out.push_back(p);
+      if ((sp > 0.0 && sq < 0.0) || (sp < 0.0 && sq > 0.0)) {
+        out.push_back(p + sp / (sp - sq) * (q - p));
+      }
+    }
+    subject.swap(out);
+  }
+  return subject;
+}
+
+}  // namespace
+
+GroundAxes::GroundAxes(const Eigen::Vector3d& up) {
+  const Eigen::Vector3d along =
+      std::abs(up.z()) < 0.9 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
+  UncertainPlane::make_axes(up, along, &e1, &e2);
+}
+
+PlanPolygon convex_hull(std::vector<Vector2d> points) {
+  std::sort(points.begin(), points.end(), [](const Vector2d& l, const Vector2d& r) {
+    return l.x() < r.x() || (l.x() == r.x() && l.y() < r.y());
+  });
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  if (points.size() < 3) return points;
+  PlanPolygon hull;
+  for (int turn = 0; turn < 2; ++turn) {
+    const std::size_t base = hull.size();
+    for (const Vector2d& p : points) {
+      while (hull.size() >= base + 2 &&
+             cross(hull.back() - hull[hull.size() - 2], p - hull.back()) <= 0.0) {
+        hull.pop_back();
+      }
+      hull.push_back(p);
+    }
+    hull.pop_back();
+    std::reverse(points.begin(), points.end());
+  }
+  return hull;
+}
+
+double polygon_area(const PlanPolygon& polygon) {
+  double twice = 0.0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    twice += cross(polygon[i], polygon[(i + 1) % polygon.size()]);
+  }
+  return 0.5 * std::abs(twice);
+}
+
+double distance_to_polygon(const PlanPolygon& polygon, const Vector2d& place) {
+  if (polygon.empty()) return std::numeric_limits<double>::infinity();
+  if (polygon.size() >= 3 && inside(polygon, place)) return 0.0;
+  double nearest = std::numeric_limits<double>::infinity();
+  Vector2d a = polygon.back();
+  for (const Vector2d& b : polygon) {
+    nearest = std::min(nearest, (place - nearest_on_segment(a, b, place)).norm());
+    a = b;
+  }
+  return nearest;
+}
+
+PolygonGap polygon_gap(const PlanPolygon& a, const PlanPolygon& b) {
+  PolygonGap gap;
+  gap.distance = std::numeric_limits<double>::infinity();
+  if (a.empty() || b.empty()) return gap;
+  const PlanPolygon hull_a = convex_hull(a), hull_b = convex_hull(b);
+  if (hull_a.size() >= 3 && hull_b.size() >= 3) {
+    const PlanPolygon both = clip(hull_a, hull_b);
+    gap.overlap_area = polygon_area(both);
+    if (gap.overlap_area > 0.0) {
+      Vector2d middle = Vector2d::Zero();
+      for (const Vector2d& p : both) middle += p / static_cast<double>(both.size());
+      if (distance_to_polygon(a, middle) == 0.0 && distance_to_polygon(b, middle) == 0.0) {
+        gap.on_a = gap.on_b = middle;
+        gap.distance = 0.0;
+        return gap;
+      }
+    }
+  }
+  const auto visit = [&](const PlanPolygon& corners, const PlanPolygon& edges, bool swapped) {
+    for (const Vector2d& p : corners) {
+      Vector2d from = edges.back();
+      for (const Vector2d& to : edges) {
+        const Vector2d q = nearest_on_segment(from, to, p);
+        const double distance = (p - q).norm();
+        if (distance < gap.distance) {
+          gap.distance = distance;
+          gap.on_a = swapped ? q : p;
+          gap.on_b = swapped ? p : q;
+        }
+        from = to;
+      }
+    }
+  };
+  visit(a, b, false);
+  visit(b, a, true);
+  return gap;
+}
+
+}  // namespace camber

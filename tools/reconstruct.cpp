@@ -1,0 +1,138 @@
+// camber reconstruct and camber triangulate: frames of one moving camera to a metric road.
+
+#include "camber/pipeline/reconstruct.h"
+
+#include <cstdio>
+#include <memory>
+
+#include "camber/cloud/cloud_io.h"
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "command.h"
+
+namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string scene, out, frames;
+  ReconstructOptions options;
+  bool no_pictures = false;
+  bool no_masks = false;
+  bool overwrite = false;
+  bool json = false;
+};
+
+void add_scene_options(CLI::App& app, Arguments& a) {
+  app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  app.add_option("--frames", a.frames,
+                 "frame ids: 48,49,50 or 48:52 (both ends) or 0:10:5; default: all");
+  app.add_option("--rounds", a.options.rounds,
+                 "times that images are matched again with the ground known")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_flag("--no-masks", a.no_masks,
+               "do not read segmentations and road masks: find the road by geometry");
+}
+
+Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
+  const Progress progress = make_progress(command.common);
+  scene = read_scene(a.scene, make_warning_sink(command.common));
+  a.options.seed = command.common.seed;
+  a.options.num_threads = command.common.threads;
+  a.options.use_masks = !a.no_masks;
+  Reconstruction result =
+      reconstruct(scene, select_frames(scene, a.frames), a.options, progress);
+  result.run.extra["command"] = command.common.command_line;
+  return result;
+}
+
+int print_json(const Reconstruction& result) {
+  std::printf("%s\n", to_json(result.run).dump(2).c_str());
+  return 0;
+}
+
+}  // namespace
+
+void register_reconstruct(CLI::App& root) {
+  Command* command = add_command(
+      root, "reconstruct",
+      "Turns a few frames of one moving camera into a metric road surface with vehicles on it: "
+      "road cloud, planar patches, vehicles, pictures; with ground truth in the scene also metrics.",
+      "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
+      "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  CLI::App& app = *command->app;
+  add_scene_options(app, a);
+  app.add_option("--out", a.out, "result folder; an earlier result there is replaced")->required();
+  app.add_option("--method", a.options.method,
+                 "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "
+                 "plane at the camera's height)")
+      ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
+      ->capture_default_str();
+  app.add_flag("--no-pictures", a.no_pictures, "write no PNG");
+  app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
+  app.add_flag("--json", a.json, "print run.json to stdout");
+  command->run = [command, arguments] {
+    Arguments& args = *arguments;
+    Scene scene;
+    Reconstruction result = run(*command, args, scene);
+    WriteReconstructionOptions options;
+    options.pictures = !args.no_pictures;
+    options.overwrite = args.overwrite;
+    const std::string summary =
+        write_reconstruction(scene, result, args.out, options, make_progress(command->common));
+    if (args.json) return print_json(result);
+    if (!command->common.quiet) {
+      std::size_t vehicles = 0;
+      for (const VehicleFrame& frame : result.vehicles.frames) vehicles += frame.vehicles.size();
+      std::printf("%s: %zu road points, %zu patches, %zu vehicles in %zu frames\n",
+                  args.out.c_str(), result.cloud.size(), result.surface.patches.size(), vehicles,
+                  result.vehicles.frames.size());
+      if (result.surface.metric) {
+        std::printf("scale known to %.1f %% (1 sigma)\n", 100.0 * result.surface.scale_sigma);
+      } else {
+        std::printf("no camera height in the scene: the result is up to scale\n");
+      }
+      if (!summary.empty()) std::printf("%s", summary.c_str());
+    }
+    return 0;
+  };
+}
+
+void register_triangulate(CLI::App& root) {
+  Command* command = add_command(
+      root, "triangulate",
+      "The road cloud alone: points of the road with their standard deviations along the viewing "
+      "rays, in the reference camera's frame.",
+      "  camber triangulate samples/steep_hill --out road.ply\n"
+      "  camber triangulate clip/scene.json --frames 0:10:5 --no-masks --out road.pcd --json");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  add_scene_options(*command->app, a);
+  command->app->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv or .las")
+      ->required();
+  command->app->add_flag("--json", a.json, "print what was done as JSON to stdout");
+  command->run = [command, arguments] {
+    Arguments& args = *arguments;
+    if (!format_from_extension(args.out)) {
+      throw UsageError("--out " + args.out + ": unknown extension, expected .ply, .pcd, .bin, "
+                       ".xyz, .csv or .las");
+    }
+    args.options.with_vehicles = false;
+    Scene scene;
+    Reconstruction result = run(*command, args, scene);
+    {
+      const StageTimer timer(result.run.timings, "write");
+      write_cloud(result.cloud, args.out);
+    }
+    if (args.json) return print_json(result);
+    if (!command->common.quiet) {
+      std::printf("%s: %zu road points, scale known to %.1f %% (1 sigma)\n", args.out.c_str(),
+                  result.cloud.size(), 100.0 * result.surface.scale_sigma);
+    }
+    return 0;
+  };
+}
+
+}  // namespace camber::tools
