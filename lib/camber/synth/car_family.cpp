@@ -27,11 +27,11 @@ struct SizeSpread {
 SizeSpread size_spread(CarClass car_class) {
   switch (car_class) {
     case CarClass::kHatchback:
-      return {0.22, 0.050, 0.032, 0.80, -0.10, -0.05};  // superminis (3.9) to compacts (4.35)
+      return {0.22, 0.055, 0.035, 0.70, -0.10, -0.05};  // superminis (3.9) to compacts (4.35)
     case CarClass::kSaloon:
-      return {0.19, 0.040, 0.025, 0.75, 0.05, 0.05};  // 4.4 (compact) to 4.95 (executive)
+      return {0.19, 0.045, 0.025, 0.65, 0.05, 0.05};  // 4.4 (compact) to 4.95 (executive)
     case CarClass::kEstate:
-      return {0.18, 0.038, 0.030, 0.75, 0.05, 0.05};
+      return {0.18, 0.045, 0.030, 0.65, 0.05, 0.05};
     case CarClass::kSuv:
       return {0.22, 0.050, 0.065, 0.85, 0.45, 0.45};  // 4.1 (small) to 4.85
     case CarClass::kVan:
@@ -70,7 +70,7 @@ CarProportions proportion_spread(CarClass car_class) {
   s.tail_width = 0.035;
   s.headlight_width = 0.035;
   s.bumper_width = 0.035;
-  s.arch_width = 0.012;
+  s.arch_width = 0.018;
   // An arch has no corners: where its points are put varies from car to car.
   s.arch_end_outer = 0.14;
   s.arch_end_inner = 0.14;
@@ -601,7 +601,7 @@ CarProportions mean_proportions(CarClass car_class) {
   p.tail_width = 0.82;
   p.headlight_width = 0.84;
   p.bumper_width = 0.88;
-  p.arch_width = 0.965;
+  p.arch_width = 0.955;
   p.arch_end_outer = -0.13;
   p.arch_end_inner = -0.16;
   p.arch_top_outer = 0.80;
@@ -724,7 +724,7 @@ CarModel sample_car(CarClass car_class, const CounterRandom& random, std::uint64
   p.tail_x = std::max(p.tail_x, 0.0);
   p.rear_window_x = std::max(p.rear_window_x, p.tail_x + 0.015);
   p.rear_window_y = std::max(p.rear_window_y, p.tail_y + 0.02);
-  p.arch_width = std::min(p.arch_width, 0.985);
+  p.arch_width = std::min(p.arch_width, 0.99);
   p.roof_crown = std::max(p.roof_crown, 0.03);
   p.roof_drop = std::max(p.roof_drop, 0.0);
   p.bumper_height = std::max(p.bumper_height, p.clearance + 0.05);

@@ -12,8 +12,11 @@ struct FamilyPriorOptions {
   int num_coefficients = 20;
   /// m, each axis: how far apart two people (or networks) put the same keypoint of a car; >= 0.
   double annotation_sigma = 0.03;
-  /// Relative spread of each dimension beyond the catalogues': mirrors, loads, roof rails, tyres,
-  /// and how boxes are drawn round a car; >= 0.
+  /// Relative spread of a car's length, width and height, each by itself, beyond the catalogues':
+  /// model years, trims, loads, tyres; >= 0.
+  double size_sigma = 0.03;
+  /// Relative spread of the box round the same car: roof rails, mirrors, mouldings, and how boxes
+  /// are drawn; >= 0.
   double box_sigma = 0.03;
   void validate() const;  ///< throws std::invalid_argument
 };

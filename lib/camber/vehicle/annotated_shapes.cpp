@@ -107,8 +107,9 @@ ShapeExplanation explain_shape(const ShapePrior& prior, const AnnotatedShape& sh
 
   ShapeExplanation out;
   out.coefficients.assign(solved.data() + 5, solved.data() + unknowns);
-  const Eigen::Vector3d scale = solved.head<3>(), shift(solved[3], solved[4], 0.0);
-  out.aligned = (scale.asDiagonal() * shape.keypoints).colwise() + shift;
+  const Eigen::Vector3d shift(solved[3], solved[4], 0.0);
+  out.scale = solved.head<3>();
+  out.aligned = (out.scale.asDiagonal() * shape.keypoints).colwise() + shift;
   const KeypointMatrix model = prior.keypoints(prior.mean_dimensions(), out.coefficients);
   out.residuals = (out.aligned - model).colwise().norm();
   out.mean_residual = out.residuals.mean();
@@ -133,7 +134,7 @@ AnnotatedPrior learn_annotated_prior(const std::string& name,
     for (double r : residuals) deviations.push_back(std::abs(r - median));
     const double limit = std::max(median + 3.5 * 1.4826 * median_of(deviations), 2.0 * median);
     for (std::size_t i = 0; i < shapes.size(); ++i) {
-      if (residuals[i] > limit) {
+      if (residuals[i] > limit || aligned[i].scale.minCoeff() <= 0.0) {
         out.outliers.push_back(static_cast<int>(i));
       } else {
         samples.push_back({reference.mean_dimensions(), aligned[i].aligned});

@@ -22,7 +22,8 @@ std::vector<AnnotatedShape> read_annotated_shapes(const std::filesystem::path& p
 /// How a prior explains an annotated shape.
 struct ShapeExplanation {
   KeypointMatrix aligned = KeypointMatrix::Zero();  ///< the annotation in the prior's box, m
-  std::vector<double> coefficients;                 ///< as many as asked for
+  Eigen::Vector3d scale{1.0, 1.0, 1.0};  ///< m an annotation's unit; negative: axis reversed
+  std::vector<double> coefficients;      ///< as many as asked for
   Eigen::Matrix<double, 1, kNumKeypoints> residuals =
       Eigen::Matrix<double, 1, kNumKeypoints>::Zero();  ///< m, distance of each keypoint
   double mean_residual = 0.0;                           ///< m
@@ -40,10 +41,10 @@ struct AnnotatedPrior {
   std::vector<int> outliers;  ///< indices of shapes that were left out as gross errors, ascending
 };
 
-/// Aligns every shape to `reference`, leaves out gross errors (residual beyond 3.5 robust standard
-/// deviations of the population's and twice its median), and learns mean and principal components.
-/// Annotations have no metric size: it is taken from `size`, or from the reference if that is
-/// nullptr, independent of the coefficients.
+/// Aligns every shape to `reference`, leaves out gross errors (a reversed axis, or a residual
+/// beyond 3.5 robust standard deviations of the population's and twice its median), and learns mean
+/// and principal components. Annotations have no metric size: it is taken from `size`, or from the
+/// reference if that is nullptr, independent of the coefficients.
 /// @throws std::invalid_argument with fewer than two usable shapes.
 AnnotatedPrior learn_annotated_prior(const std::string& name,
                                      const std::vector<AnnotatedShape>& shapes,

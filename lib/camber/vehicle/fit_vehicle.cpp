@@ -68,14 +68,12 @@ struct BoxEdge {
 class Problem {
  public:
   Problem(const PinholeCamera& camera, const VehicleDetection& detection,
-          const SupportPlane& support, const VehicleFitOptions& options, bool use_keypoints)
+          const SupportPlane& support, const VehicleFitOptions& options, bool use_keypoints,
+          int num_coefficients)
       : camera_(camera), support_(support), options_(options) {
     const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
     const ShapePrior& full = prior.shape(detection.vehicle_class);
-    num_coefficients_ =
-        use_keypoints
-            ? std::min({options.num_coefficients, full.num_coefficients(), kMaxCoefficients})
-            : 0;
+    num_coefficients_ = std::min({num_coefficients, full.num_coefficients(), kMaxCoefficients});
     num_parameters_ = kPoseParameters + kSizeParameters + num_coefficients_;
     // Shape errors that no coefficient explains, of a keypoint, m, each axis.
     const Eigen::Matrix<double, 3, kNumSideKeypoints> left = full.residual_sigma(num_coefficients_);
@@ -94,7 +92,7 @@ class Problem {
     }
     prior_information_ = covariance.llt().solve(Matrix::Identity(known, known));
 
-    make_body(full);
+    make_body(full, prior.has_shape(detection.vehicle_class));
     make_box(detection.box);
     cell_u_ = std::max(detection.box.width() * options.keypoint_sigma, 0.2);
     cell_v_ = std::max(detection.box.height() * options.keypoint_sigma, 0.2);
@@ -102,7 +100,7 @@ class Problem {
     if (use_keypoints) read_keypoints(detection);
   }
 
-  int num_parameters() const { return num_parameters_; }
+  int num_coefficients() const { return num_coefficients_; }
   int num_keypoints() const { return static_cast<int>(used_.size()); }
   const Vector& prior_mean() const { return prior_mean_; }
   double cell_u() const { return cell_u_; }
@@ -248,17 +246,14 @@ class Problem {
       const double turn = step.segment<3>(3).norm();
       if (turn > 0.3) step *= 0.3 / turn;
       const State candidate = moved(*state, step);
-      Matrix next_hessian;
-      Vector next_gradient;
-      const double next = evaluate(candidate, &next_hessian, &next_gradient);
+      const double next = evaluate(candidate, nullptr, nullptr);
       if (next < cost) {
         const double gain = cost - next;
         *state = candidate;
         cost = next;
-        hessian.swap(next_hessian);
-        gradient.swap(next_gradient);
         lambda = std::max(lambda * 0.2, 1e-8);
         if (gain < tolerance) break;
+        evaluate(*state, &hessian, &gradient);
       } else {
         lambda *= 8.0;
         if (lambda > 1e8) break;
@@ -441,7 +436,8 @@ class Problem {
   }
 
  private:
-  void make_body(const ShapePrior& prior) {
+  /// @param car_like  false: the vehicle fills its box (trucks, buses).
+  void make_body(const ShapePrior& prior, bool car_like) {
     const int count = num_coefficients_;
     auto keypoint = [&](int i) {
       BodyPoint out;
@@ -457,18 +453,23 @@ class Problem {
     };
     for (int i = 0; i < kNumKeypoints; ++i) body_[i] = keypoint(i);
     int next = kNumKeypoints;
-    for (int i : {0, 1, 18, 19}) {  // where the tyres touch the ground
-      BodyPoint p = body_[i];
-      p.mean.y() = 0.0;
-      p.basis.row(1).setZero();
-      body_[next++] = p;
-    }
     auto fixed = [&](double x, double y, double z) {
       BodyPoint p;
       p.mean = {x, y, z};
       p.basis.setZero(3, count);
       body_[next++] = p;
     };
+    if (!car_like) {
+      for (int i = 0; i < 8; ++i) fixed((i & 1) - 0.5, (i >> 1) & 1, (i >> 2) - 0.5);
+      while (next < kNumBodyPoints) fixed(0.0, 0.5, 0.0);
+      return;
+    }
+    for (int i : {0, 1, 18, 19}) {  // where the tyres touch the ground
+      BodyPoint p = body_[i];
+      p.mean.y() = 0.0;
+      p.basis.row(1).setZero();
+      body_[next++] = p;
+    }
     fixed(0.5, 0.33, 0.0);  // bumpers' foremost and rearmost points
     fixed(-0.5, 0.33, 0.0);
     fixed(-0.05, 1.0, 0.0);  // roof
@@ -524,8 +525,17 @@ class Problem {
   }
 
   bool add_keypoints(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
+    // Rows are weighted and stacked, then multiplied at once.
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, 2 * kNumKeypoints>
+        rows;
+    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kNumKeypoints, 1> residuals;
+    const int count = static_cast<int>(used_.size());
+    if (hessian) {
+      rows.resize(num_parameters_, 2 * count);
+      residuals.resize(2 * count);
+    }
     PointJacobian jacobian;
-    for (std::size_t j = 0; j < used_.size(); ++j) {
+    for (int j = 0; j < count; ++j) {
       const BodyPoint& point = body_[used_[j]];
       Eigen::Vector2d pixel;
       double depth = 0.0;
@@ -535,12 +545,15 @@ class Problem {
                            &weight, nullptr);
       if (!hessian) continue;
       point_jacobian(point, s, &jacobian);
-      jacobian.row(0) /= cell_u_;
-      jacobian.row(1) /= cell_v_;
-      const Eigen::Vector2d r((pixel.x() - pixels_[j].x()) / cell_u_,
-                              (pixel.y() - pixels_[j].y()) / cell_v_);
-      hessian->noalias() += weight * jacobian.transpose() * jacobian;
-      gradient->noalias() += weight * jacobian.transpose() * r;
+      const double root = std::sqrt(weight);
+      rows.col(2 * j) = (root / cell_u_) * jacobian.row(0).transpose();
+      rows.col(2 * j + 1) = (root / cell_v_) * jacobian.row(1).transpose();
+      residuals[2 * j] = root * (pixel.x() - pixels_[j].x()) / cell_u_;
+      residuals[2 * j + 1] = root * (pixel.y() - pixels_[j].y()) / cell_v_;
+    }
+    if (hessian && count > 0) {
+      hessian->noalias() += rows * rows.transpose();
+      gradient->noalias() += rows * residuals;
     }
     return true;
   }
@@ -750,6 +763,15 @@ bool fit_box(Problem& problem, const Box2& box, VehicleEstimate* out, const Vehi
   return true;
 }
 
+void keep_best(std::size_t count, std::vector<Solution>* solutions) {
+  solutions->erase(std::remove_if(solutions->begin(), solutions->end(),
+                                  [](const Solution& s) { return !std::isfinite(s.cost); }),
+                   solutions->end());
+  std::stable_sort(solutions->begin(), solutions->end(),
+                   [](const Solution& a, const Solution& b) { return a.cost < b.cost; });
+  if (solutions->size() > count) solutions->resize(count);
+}
+
 double wrapped(double angle) { return std::remainder(angle, 2.0 * kPi); }
 
 double heading(const State& s) { return std::atan2(s.rotation(0, 0), s.rotation(2, 0)); }
@@ -802,42 +824,54 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
   }
   std::string distrust;  // why the keypoints are not used
   if (prior.has_shape(detection.vehicle_class) && finite_keypoints > 0) {
-    Problem problem(camera, detection, support, options, /*use_keypoints=*/true);
-    const std::vector<Eigen::Vector3d> guesses = problem.position_guesses(box);
+    // First the mean shape, then all coefficients for the best headings.
+    Problem coarse(camera, detection, support, options, /*use_keypoints=*/true, 0);
+    Problem problem(camera, detection, support, options, /*use_keypoints=*/true,
+                    options.num_coefficients);
+    const std::vector<Eigen::Vector3d> guesses = coarse.position_guesses(box);
     std::vector<Solution> starts;
     for (int i = 0; i < options.num_yaws; ++i) {
       Solution s;
-      s.cost = problem.start_at(2.0 * kPi * i / options.num_yaws, guesses, &s.state);
+      s.cost = coarse.start_at(2.0 * kPi * i / options.num_yaws, guesses, &s.state);
       if (std::isfinite(s.cost)) starts.push_back(s);
     }
-    std::stable_sort(starts.begin(), starts.end(),
-                     [](const Solution& a, const Solution& b) { return a.cost < b.cost; });
-    if (starts.size() > 5) starts.resize(5);
-    std::vector<Solution> ends;
+    keep_best(5, &starts);
     for (Solution& s : starts) {
-      problem.update_visibility(s.state);
-      problem.refine(&s.state, 6, 1e-2);
-      problem.update_visibility(s.state);
-      s.cost = problem.refine(&s.state, 12, 1e-3);
-      ends.push_back(s);
+      for (const int iterations : {5, 8}) {
+        coarse.update_visibility(s.state);
+        s.cost = coarse.refine(&s.state, iterations, 1e-2);
+      }
     }
-    std::stable_sort(ends.begin(), ends.end(),
-                     [](const Solution& a, const Solution& b) { return a.cost < b.cost; });
-    if (ends.empty() || !std::isfinite(ends.front().cost)) {
+    // One of each heading.
+    keep_best(5, &starts);
+    std::vector<Solution> ends;
+    for (const Solution& s : starts) {
+      const bool known = std::any_of(ends.begin(), ends.end(), [&](const Solution& other) {
+        return std::abs(wrapped(heading(s.state) - heading(other.state))) < 0.35;
+      });
+      const bool hopeless = !ends.empty() && s.cost > ends.front().cost + 25.0;
+      if (!known && !hopeless && ends.size() < 3) ends.push_back(s);
+    }
+    for (Solution& s : ends) {
+      s.state.shape = Vector::Zero(problem.num_coefficients());
+      for (const int iterations : {4, 6}) {
+        problem.update_visibility(s.state);
+        s.cost = problem.refine(&s.state, iterations, 1e-2);
+      }
+    }
+    keep_best(3, &ends);
+    if (ends.empty()) {
       distrust = "no pose fits the keypoints";
     } else {
       Solution best = ends.front();
-      double rival = kInfinity;  // cost above the best of the best other heading
-      for (const Solution& s : ends) {
-        if (std::abs(wrapped(heading(s.state) - heading(best.state))) > 0.5) {
-          rival = std::min(rival, s.cost - best.cost);
-        }
-      }
+      // Cost above the best of the best other heading.
+      const double rival = ends.size() > 1 ? ends[1].cost - best.cost : kInfinity;
+      problem.update_visibility(best.state);
       problem.decide_on_confidence(best.state);
-      problem.refine(&best.state, 10, 1e-3);
+      problem.refine(&best.state, 5, 1e-2);
       problem.adapt_noise(best.state);
       problem.update_visibility(best.state);
-      best.cost = problem.refine(&best.state, 20, 1e-6);
+      best.cost = problem.refine(&best.state, 20, 1e-4);
 
       const Problem::Agreement agreement = problem.agreement(best.state);
       Box2 predicted;
@@ -876,7 +910,7 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
     }
   }
   if (out.status == Status::kNotRun) {
-    Problem problem(camera, detection, support, options, /*use_keypoints=*/false);
+    Problem problem(camera, detection, support, options, /*use_keypoints=*/false, 0);
     if (!fit_box(problem, box, &out, prior, std::max(4, options.num_yaws / 2))) {
       out.status = Status::kFailed;
       out.reason = "no place in front of the camera fits the box";

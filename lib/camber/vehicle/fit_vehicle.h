@@ -15,10 +15,10 @@ struct VehicleFitOptions {
   double keypoint_sigma = 1.0 / 64.0;
   /// Standard deviation of a box edge, as a share of the box's side, > 0; never below 1 px.
   double box_sigma = 0.025;
-  int num_coefficients = 5;           ///< of the shape prior, >= 0; 0: mean shape, size alone free
-  int num_yaws = 16;                  ///< headings tried at the start, >= 4
-  double stance_sigma_height = 0.02;  ///< m, wheels against the plane: suspension, unevenness; > 0
-  double stance_sigma_tilt = 0.01;    ///< rad, likewise; > 0
+  int num_coefficients = 15;           ///< of the shape prior, >= 0; 0: mean shape, size alone free
+  int num_yaws = 16;                   ///< headings tried at the start, >= 4
+  double stance_sigma_height = 0.015;  ///< m, wheels against the plane: suspension, unevenness; > 0
+  double stance_sigma_tilt = 0.008;    ///< rad, likewise; > 0
   const VehiclePrior* prior = nullptr;  ///< not owned; nullptr: the shipped one
   /// 36: all keypoints; 14: wheels, lights, roof corners and windscreen corners only.
   int keypoint_set = 36;

@@ -1,0 +1,287 @@
+#include "camber/vehicle/fit_vehicle.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "vehicle/simulated_vehicle.h"
+
+namespace camber {
+namespace {
+
+using test::simulate_vehicle;
+using test::SimulatedVehicle;
+using test::SimulationOptions;
+
+double center_error(const VehicleEstimate& estimate, const SimulatedVehicle& truth) {
+  return (estimate.pose.center() - truth.truth.center()).norm();
+}
+
+double yaw_error(const VehicleEstimate& estimate, const SimulatedVehicle& truth) {
+  const Eigen::Matrix3d turned = truth.truth.camera_from_vehicle.rotation_matrix().transpose() *
+                                 estimate.pose.camera_from_vehicle.rotation_matrix();
+  return std::abs(std::atan2(turned(2, 0), turned(0, 0)));
+}
+
+struct Population {
+  double mean = 0.0, median = 0.0, covered = 0.0;  ///< covered: share inside the 95 % ellipsoid
+  int flipped = 0, answered = 0;
+};
+
+Population fit_population(const SimulationOptions& simulation, int count,
+                          const VehicleFitOptions& options = {}) {
+  std::vector<double> errors;
+  Population out;
+  for (int i = 0; i < count; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(simulation, i);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, options);
+    if (e.status == Status::kFailed) continue;
+    ++out.answered;
+    errors.push_back(center_error(e, s));
+    out.mean += errors.back() / count;
+    out.flipped += yaw_error(e, s) > 1.57 ? 1 : 0;
+    const Eigen::Vector3d d = e.pose.center() - s.truth.center();
+    const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
+    out.covered += d.dot(covariance.inverse() * d) < 7.815 ? 1.0 / count : 0.0;
+  }
+  std::sort(errors.begin(), errors.end());
+  out.median = errors.empty() ? 0.0 : errors[errors.size() / 2];
+  return out;
+}
+
+TEST(FitVehicle, PlacesCarsAndSaysHowWell) {
+  const Population p = fit_population({}, 500);
+  EXPECT_EQ(p.answered, 500);
+  EXPECT_EQ(p.flipped, 0);
+  EXPECT_LT(p.mean, 0.60);    // 0.48 measured; 7 to 45 m away
+  EXPECT_LT(p.median, 0.40);  // 0.31 measured
+  EXPECT_GT(p.covered, 0.93);
+  EXPECT_LE(p.covered, 0.985);  // the prior is a little wider than the family itself
+}
+
+TEST(FitVehicle, WithoutConfidencesAsGood) {
+  SimulationOptions simulation;
+  simulation.confidences = false;
+  const Population p = fit_population(simulation, 150);
+  EXPECT_EQ(p.flipped, 0);
+  EXPECT_LT(p.mean, 0.65);
+}
+
+TEST(FitVehicle, MeaninglessConfidencesDoNoHarm) {
+  double with_noise = 0.0, without = 0.0;
+  for (int i = 0; i < 100; ++i) {
+    SimulatedVehicle s = simulate_vehicle({}, i);
+    for (KeypointObservation& k : s.detection.keypoints) k.confidence = std::nan("");
+    without += center_error(fit_vehicle(s.camera, s.detection, s.support, {}), s) / 100;
+    const CounterRandom random(7, i);
+    for (int j = 0; j < kNumKeypoints; ++j) {
+      s.detection.keypoints[j].confidence = random.uniform(j, -3.0, 5.0);
+    }
+    with_noise += center_error(fit_vehicle(s.camera, s.detection, s.support, {}), s) / 100;
+  }
+  EXPECT_LT(with_noise, 1.1 * without);
+}
+
+TEST(FitVehicle, StandsManyGrossErrors) {
+  SimulationOptions simulation;
+  simulation.gross_share = 0.30;
+  const Population p = fit_population(simulation, 150);
+  EXPECT_LE(p.flipped, 2);
+  EXPECT_LT(p.median, 0.45);
+}
+
+TEST(FitVehicle, TwentyGrossErrorsOfThirtySixAreSurvivedOrSaid) {
+  int right_or_said = 0;
+  for (int i = 0; i < 60; ++i) {
+    SimulatedVehicle s = simulate_vehicle({}, i);
+    const CounterRandom random(99, i);
+    for (int j = 0; j < 20; ++j) {
+      const int k = static_cast<int>((5 * j + i) % kNumKeypoints);
+      const Box2& b = s.detection.box;
+      s.detection.keypoints[k].pixel = {random.uniform(2 * j, b.x1, b.x2),
+                                        random.uniform(2 * j + 1, b.y1, b.y2)};
+    }
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    ASSERT_NE(e.status, Status::kFailed);
+    const bool right = center_error(e, s) < 0.1 * s.truth.center().norm() && yaw_error(e, s) < 0.35;
+    right_or_said += right || e.status != Status::kOk ? 1 : 0;
+  }
+  EXPECT_GE(right_or_said, 55);
+}
+
+TEST(FitVehicle, FourteenKeypointsMissing) {
+  for (int i = 0; i < 30; ++i) {
+    SimulatedVehicle s = simulate_vehicle({}, i);
+    for (int j = 0; j < 14; ++j) {
+      s.detection.keypoints[(j * 7 + i) % kNumKeypoints].pixel =
+          Eigen::Vector2d::Constant(std::nan(""));
+    }
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    EXPECT_LT(center_error(e, s), 0.12 * s.truth.center().norm()) << i;
+    EXPECT_LT(yaw_error(e, s), 0.3) << i;
+  }
+}
+
+TEST(FitVehicle, SmallKeypointSet) {
+  VehicleFitOptions options;
+  options.keypoint_set = 14;
+  const Population p = fit_population({}, 150, options);
+  EXPECT_LE(p.flipped, 1);
+  EXPECT_LT(p.median, 0.55);
+}
+
+TEST(FitVehicle, OneKeypointOrNoneFallsBackToTheBox) {
+  std::vector<double> relative;
+  for (int i = 0; i < 60; ++i) {
+    SimulatedVehicle s = simulate_vehicle({}, i);
+    VehicleDetection one = s.detection;
+    for (int j = 1; j < kNumKeypoints; ++j) {
+      one.keypoints[j].pixel = Eigen::Vector2d::Constant(std::nan(""));
+    }
+    const VehicleEstimate by_one = fit_vehicle(s.camera, one, s.support, {});
+    EXPECT_EQ(by_one.status, Status::kNotObservable);
+    EXPECT_FALSE(by_one.reason.empty());
+    VehicleDetection none = s.detection;
+    none.keypoints.clear();
+    const VehicleEstimate by_box = fit_vehicle(s.camera, none, s.support, {});
+    EXPECT_EQ(by_box.status, Status::kWeak);
+    EXPECT_LT((by_box.pose.center() - by_one.pose.center()).norm(), 1e-9);
+    relative.push_back(center_error(by_box, s) / s.truth.center().norm());
+    EXPECT_TRUE(by_box.covariance.allFinite());
+  }
+  std::sort(relative.begin(), relative.end());
+  EXPECT_LT(relative[30], 0.06);
+  EXPECT_LT(relative[54], 0.15);
+}
+
+TEST(FitVehicle, TrucksArePlacedByTheirBoxAndSize) {
+  SimulatedVehicle s = simulate_vehicle({}, 3);
+  OrientedBox truck;
+  truck.dimensions = {8.0, 2.5, 3.3};
+  const Eigen::Vector3d foot(-2.0, 1.6, 25.0);
+  truck.camera_from_vehicle = SE3(rotation_from_rotation_y(-1.4), foot);
+  s.support.plane.plane = {{0.0, -1.0, 0.0}, 1.6};
+  s.support.plane.centroid = foot;
+  UncertainPlane::make_axes({0.0, -1.0, 0.0}, {0.0, 0.0, 1.0}, &s.support.plane.axis1,
+                            &s.support.plane.axis2);
+  s.detection.vehicle_class = "Truck";
+  Box2 box{1e9, 1e9, -1e9, -1e9};
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector2d p = s.camera.project(truck.corners().col(i)).value();
+    box = {std::min(box.x1, p.x()), std::min(box.y1, p.y()), std::max(box.x2, p.x()),
+           std::max(box.y2, p.y())};
+  }
+  s.detection.box = box;
+  const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+  EXPECT_EQ(e.status, Status::kWeak);  // its keypoints are not a truck's
+  EXPECT_NEAR(e.pose.dimensions.height, 3.3, 0.5);
+  EXPECT_LT((e.pose.center() - truck.center()).norm(), 2.5);  // of 25 m
+}
+
+TEST(FitVehicle, ABoxOnALampPostIsNotTrusted) {
+  for (int i = 0; i < 20; ++i) {
+    SimulatedVehicle s = simulate_vehicle({}, i);
+    const Eigen::Vector2d c = s.detection.box.center();
+    const double h = std::max(s.detection.box.height(), 30.0);
+    s.detection.box = {c.x() - 0.06 * h, c.y() - h, c.x() + 0.06 * h, c.y() + 0.5 * h};
+    const CounterRandom random(5, i);
+    for (int j = 0; j < kNumKeypoints; ++j) {
+      const Box2& b = s.detection.box;
+      s.detection.keypoints[j] = {
+          {random.uniform(3 * j, b.x1, b.x2), random.uniform(3 * j + 1, b.y1, b.y2)},
+          random.uniform(3 * j + 2)};
+    }
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    EXPECT_EQ(e.status, Status::kNotObservable) << i << " " << e.reason;
+  }
+}
+
+TEST(FitVehicle, AWrongPlaneIsSaid) {
+  int right_or_said = 0;
+  for (int i = 0; i < 60; ++i) {
+    SimulationOptions simulation;
+    simulation.max_distance = 25.0;
+    SimulatedVehicle s = simulate_vehicle(simulation, i);
+    UncertainPlane& plane = s.support.plane;
+    plane.plane = plane.perturbed({0.17, 0.0, 0.3});  // 10 degrees off and a kerb's height up
+    UncertainPlane::make_axes(plane.plane.normal, {0, 0, 1}, &plane.axis1, &plane.axis2);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    const bool right = center_error(e, s) < 0.1 * s.truth.center().norm();
+    right_or_said += right || e.status != Status::kOk ? 1 : 0;
+  }
+  EXPECT_GE(right_or_said, 57);
+}
+
+TEST(FitVehicle, NearAndFar) {
+  SimulationOptions near;
+  near.min_distance = 3.5;
+  near.max_distance = 5.0;
+  for (int i = 0; i < 20; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(near, i);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    EXPECT_TRUE(center_error(e, s) < 0.6 || e.status != Status::kOk)
+        << i << " " << center_error(e, s) << " " << e.reason;
+  }
+  SimulationOptions far;
+  far.min_distance = 78.0;
+  far.max_distance = 82.0;
+  for (int i = 0; i < 20; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(far, i);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    const Eigen::Vector3d d = e.pose.center() - s.truth.center();
+    const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
+    EXPECT_LT(d.dot(covariance.inverse() * d), 25.0) << i;
+  }
+}
+
+TEST(FitVehicle, SameInputSameBitsForAnyNumberOfThreads) {
+  std::vector<VehicleDetection> detections;
+  std::vector<SupportPlane> supports;
+  PinholeCamera camera;
+  for (int i = 0; i < 12; ++i) {
+    const SimulatedVehicle s = simulate_vehicle({}, i);
+    camera = s.camera;
+    detections.push_back(s.detection);
+    supports.push_back(s.support);
+  }
+  const auto one = fit_vehicles(camera, detections, supports, {}, 1);
+  const auto four = fit_vehicles(camera, detections, supports, {}, 4);
+  ASSERT_EQ(one.size(), four.size());
+  for (std::size_t i = 0; i < one.size(); ++i) {
+    EXPECT_EQ(one[i].id, detections[i].id);
+    EXPECT_EQ(one[i].pose.bottom_center(), four[i].pose.bottom_center());
+    EXPECT_EQ(one[i].covariance, four[i].covariance);
+  }
+}
+
+TEST(FitVehicle, BadInputIsRefusedOrSaid) {
+  SimulatedVehicle s = simulate_vehicle({}, 0);
+  VehicleDetection bad = s.detection;
+  bad.keypoints.resize(12);
+  EXPECT_THROW(fit_vehicle(s.camera, bad, s.support, {}), std::invalid_argument);
+  bad = s.detection;
+  bad.box.x2 = bad.box.x1;
+  EXPECT_EQ(fit_vehicle(s.camera, bad, s.support, {}).status, Status::kFailed);
+  bad.box.x2 = std::nan("");
+  EXPECT_EQ(fit_vehicle(s.camera, bad, s.support, {}).status, Status::kFailed);
+  VehicleFitOptions options;
+  options.keypoint_set = 20;
+  EXPECT_THROW(fit_vehicle(s.camera, s.detection, s.support, options), std::invalid_argument);
+  options = {};
+  options.keypoint_sigma = 0.0;
+  EXPECT_THROW(fit_vehicle(s.camera, s.detection, s.support, options), std::invalid_argument);
+  EXPECT_THROW(fit_vehicles(s.camera, {s.detection}, {}, {}), std::invalid_argument);
+}
+
+TEST(FitVehicle, AnUnobservablePlaneIsPassedOn) {
+  SimulatedVehicle s = simulate_vehicle({}, 1);
+  s.support.status = Status::kNotObservable;
+  const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+  EXPECT_EQ(e.status, Status::kNotObservable);
+  EXPECT_FALSE(e.reason.empty());
+}
+
+}  // namespace
+}  // namespace camber
