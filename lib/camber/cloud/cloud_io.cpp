@@ -101,11 +101,11 @@ std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
     case CloudFormat::kKittiBin:
       return open_kitti_bin(std::move(file), options);
     case CloudFormat::kLas:
-      break;
+      return open_las(std::move(file), options);
     case CloudFormat::kText:
       break;
   }
-  refuse(file->name(), std::string(to_string(*format)));
+  return open_text(std::move(file), options);
 }
 
 CloudFile collect(PointSource& source, const std::string& name, const ReadOptions& options) {
@@ -200,11 +200,21 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
       }
       return make_kitti_bin_sink(out, header);
     case CloudFormat::kLas:
-      break;
+      if (encoding != CloudEncoding::kBinary) {
+        throw std::invalid_argument("LAS files have one encoding, binary");
+      }
+      return make_las_sink(out, header);
     case CloudFormat::kText:
       break;
   }
-  throw std::invalid_argument("writing " + std::string(to_string(format)) + " is not supported");
+  return make_text_sink(out, header, encoding);
+}
+
+CloudEncoding encoding_for(const std::filesystem::path& path, CloudFormat format,
+                           CloudEncoding asked) {
+  const bool commas = format == CloudFormat::kText && extension_of(path) == ".csv" &&
+                      (asked == CloudEncoding::kBinary || asked == CloudEncoding::kAscii);
+  return commas ? CloudEncoding::kCommas : asked;
 }
 
 void write_cloud(const RoadCloud& cloud, const std::filesystem::path& path,
@@ -217,9 +227,10 @@ void write_cloud(const RoadCloud& cloud, const std::filesystem::path& path,
                                 ".xyz or .csv");
   }
   const std::unique_ptr<PointSource> source = make_point_source(cloud);
+  const CloudEncoding encoding = encoding_for(path, *format, options.encoding);
   write_file_atomically(path, [&](std::ostream& out) {
     const std::unique_ptr<PointSink> sink =
-        make_point_sink(out, source->header(), *format, options.encoding);
+        make_point_sink(out, source->header(), *format, encoding);
     PointBatch batch;
     while (source->next(batch)) sink->write(batch);
     sink->finish();

@@ -91,12 +91,18 @@ CloudFile read_cloud_memory(const void* data, std::size_t size, const std::strin
 /// The cloud alone; see read_cloud_file.
 RoadCloud read_cloud(const std::filesystem::path& path, const ReadOptions& options = {});
 
-enum class CloudEncoding { kBinary, kAscii, kBigEndian, kCompressed };
+enum class CloudEncoding {
+  kBinary,  ///< little endian; for text blanks between the values
+  kAscii,
+  kBigEndian,   ///< PLY only
+  kCompressed,  ///< PCD only
+  kCommas,      ///< text only: commas and a line of names
+};
 
 struct WriteOptions {
   /// None: by the extension.
   std::optional<CloudFormat> format;
-  /// kBigEndian: PLY only; kCompressed: PCD only; text is always ASCII; LAS and .bin are binary.
+  /// Text in a file that ends in .csv gets commas.
   CloudEncoding encoding = CloudEncoding::kBinary;
 };
 

@@ -41,16 +41,26 @@ void widen(double value, double& minimum, double& maximum) {
 
 const char* to_string(ScalarType type) {
   switch (type) {
-    case ScalarType::kInt8: return "int8";
-    case ScalarType::kUint8: return "uint8";
-    case ScalarType::kInt16: return "int16";
-    case ScalarType::kUint16: return "uint16";
-    case ScalarType::kInt32: return "int32";
-    case ScalarType::kUint32: return "uint32";
-    case ScalarType::kInt64: return "int64";
-    case ScalarType::kUint64: return "uint64";
-    case ScalarType::kFloat32: return "float32";
-    case ScalarType::kFloat64: break;
+    case ScalarType::kInt8:
+      return "int8";
+    case ScalarType::kUint8:
+      return "uint8";
+    case ScalarType::kInt16:
+      return "int16";
+    case ScalarType::kUint16:
+      return "uint16";
+    case ScalarType::kInt32:
+      return "int32";
+    case ScalarType::kUint32:
+      return "uint32";
+    case ScalarType::kInt64:
+      return "int64";
+    case ScalarType::kUint64:
+      return "uint64";
+    case ScalarType::kFloat32:
+      return "float32";
+    case ScalarType::kFloat64:
+      break;
   }
   return "float64";
 }

@@ -62,6 +62,22 @@ RecordReader::RecordReader(std::size_t record_size, std::vector<Field> fields, s
                            bool swap)
     : record_size_(record_size), fields_(std::move(fields)), left_(count), swap_(swap) {}
 
+namespace {
+std::uint16_t swapped(std::uint16_t v) { return __builtin_bswap16(v); }
+std::uint32_t swapped(std::uint32_t v) { return __builtin_bswap32(v); }
+std::uint64_t swapped(std::uint64_t v) { return __builtin_bswap64(v); }
+
+template <typename T>
+void swap_column(unsigned char* value, std::size_t stride, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i, value += stride) {
+    T number;
+    std::memcpy(&number, value, sizeof number);
+    number = swapped(number);
+    std::memcpy(value, &number, sizeof number);
+  }
+}
+}  // namespace
+
 bool RecordReader::next(FileReader& file, PointBatch& batch) {
   file.consume(pending_);
   pending_ = 0;
@@ -76,10 +92,19 @@ bool RecordReader::next(FileReader& file, PointBatch& batch) {
   if (swap_) {
     swapped_.assign(data, data + pending_);
     for (const Field& field : fields_) {
-      const std::size_t size = size_of(field.type);
-      for (std::size_t i = 0; size > 1 && i < count; ++i) {
-        unsigned char* const value = swapped_.data() + i * record_size_ + field.offset;
-        std::reverse(value, value + size);
+      unsigned char* const first = swapped_.data() + field.offset;
+      switch (size_of(field.type)) {
+        case 2:
+          swap_column<std::uint16_t>(first, record_size_, count);
+          break;
+        case 4:
+          swap_column<std::uint32_t>(first, record_size_, count);
+          break;
+        case 8:
+          swap_column<std::uint64_t>(first, record_size_, count);
+          break;
+        default:
+          break;
       }
     }
     data = swapped_.data();
@@ -176,47 +201,71 @@ bool in_range(ScalarType type, double value) {
 
 }  // namespace
 
-std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules,
-                      bool commas_separate, double* row) {
+std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules, char separator,
+                      double* row, std::vector<unsigned char>* fractional) {
   const char* p = line.data();
   const char* const end = p + line.size();
-  std::size_t found = 0;
-  while (true) {
+  const auto skip_blanks = [&] {
     while (p < end && is_blank(*p)) ++p;
-    if (commas_separate && found > 0 && p < end && *p == ',') {
-      ++p;
-      while (p < end && is_blank(*p)) ++p;
-    }
-    if (p == end) break;
+  };
+  const bool separated = separator != ' ';
+  std::size_t found = 0;
+  bool open = false;  // behind a separator, where a value is missing if none follows
+  skip_blanks();
+  while (p < end || open) {
     if (found == rules.size()) {
       return "found more than " + std::to_string(found) + " values, expected " +
              std::to_string(found);
     }
     const ColumnRule& rule = rules[found];
-    const ParsedNumber number = parse_number(p, end);
-    if (number.end == nullptr ||
-        (number.end < end && !is_blank(*number.end) && !(commas_separate && *number.end == ','))) {
-      std::string_view rest(p, static_cast<std::size_t>(end - p));
-      return "found " + shown(next_word(rest)) + ", expected a number";
-    }
-    double value = number.value;
-    if (!is_float(rule.type)) {
-      const std::string_view text(p, static_cast<std::size_t>(number.end - p));
-      if (!(std::isfinite(value) && std::floor(value) == value)) {
-        return "found " + shown(text) + ", expected a whole number";
+    if (separated && (p == end || *p == separator)) {
+      if (!is_float(rule.type)) return "found no value, expected a whole number";
+      if (rule.column >= 0) row[rule.column] = std::numeric_limits<double>::quiet_NaN();
+      if (fractional != nullptr && rule.column >= 0)
+        (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
+    } else {
+      const ParsedNumber number = parse_number(p, end);
+      if (number.end == nullptr || (number.end < end && !is_blank(*number.end) &&
+                                    !(separated && *number.end == separator))) {
+        if (rule.column >= 0 || fractional == nullptr) {
+          std::string_view rest(p, static_cast<std::size_t>(end - p));
+          return "found " + shown(next_word(rest)) + ", expected a number";
+        }
+        // A column that is skipped may hold words.
+        while (p < end && (separated ? *p != separator : !is_blank(*p))) ++p;
+      } else {
+        double value = number.value;
+        if (!is_float(rule.type)) {
+          const std::string_view text(p, static_cast<std::size_t>(number.end - p));
+          if (!(std::isfinite(value) && std::floor(value) == value)) {
+            return "found " + shown(text) + ", expected a whole number";
+          }
+          if (!in_range(rule.type, value)) {
+            return "found " + shown(text) + ", expected a number in the range of its integer type";
+          }
+        } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
+          const float bits = static_cast<float>(value);
+          std::uint32_t packed = 0;
+          std::memcpy(&packed, &bits, 4);
+          value = packed;
+        }
+        if (rule.column >= 0) {
+          row[rule.column] = value;
+          if (fractional != nullptr && !number.whole) {
+            (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
+          }
+        }
+        p = number.end;
       }
-      if (!in_range(rule.type, value)) {
-        return "found " + shown(text) + ", expected a number in the range of its integer type";
-      }
-    } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
-      const float bits = static_cast<float>(value);
-      std::uint32_t packed = 0;
-      std::memcpy(&packed, &bits, 4);
-      value = packed;
     }
-    if (rule.column >= 0) row[rule.column] = value;
     ++found;
-    p = number.end;
+    skip_blanks();
+    open = false;
+    if (separated && p < end && *p == separator) {
+      ++p;
+      skip_blanks();
+      open = true;
+    }
   }
   if (found < rules.size()) {
     return "found " + std::to_string(found) + " values, expected " + std::to_string(rules.size());

@@ -13,6 +13,9 @@ namespace camber {
 
 std::unique_ptr<PointSource> open_pcd(std::unique_ptr<FileReader> file, const ReadOptions& options);
 std::unique_ptr<PointSource> open_ply(std::unique_ptr<FileReader> file, const ReadOptions& options);
+std::unique_ptr<PointSource> open_las(std::unique_ptr<FileReader> file, const ReadOptions& options);
+std::unique_ptr<PointSource> open_text(std::unique_ptr<FileReader> file,
+                                       const ReadOptions& options);
 std::unique_ptr<PointSource> open_kitti_bin(std::unique_ptr<FileReader> file,
                                             const ReadOptions& options);
 
@@ -21,6 +24,9 @@ std::unique_ptr<PointSink> make_pcd_sink(std::ostream& out, const PointStreamHea
 std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHeader& header,
                                          CloudEncoding encoding);
 std::unique_ptr<PointSink> make_kitti_bin_sink(std::ostream& out, const PointStreamHeader& header);
+std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header);
+std::unique_ptr<PointSink> make_text_sink(std::ostream& out, const PointStreamHeader& header,
+                                          CloudEncoding encoding);
 
 /// What the readers share.
 class FormatSource : public PointSource {
@@ -96,9 +102,12 @@ class RowBuffer {
 };
 
 /// Reads the values of one line, one for each rule, into `row`.
+/// @param separator   ' ' for blanks alone; ',' or ';' with or without blanks beside it (blanks
+///                    alone separate as well). Between two separators a NaN is read.
+/// @param fractional  if given, set to 1 for columns with a value that is not a whole number
 /// @return empty, or what is wrong with the line.
-std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules,
-                      bool commas_separate, double* row);
+std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules, char separator,
+                      double* row, std::vector<unsigned char>* fractional = nullptr);
 
 /// Whether a coordinate among the buffer's rows needs more than a float holds. Coordinates in text
 /// may have all digits of a map's, whatever type the header claims.

@@ -480,7 +480,7 @@ void PcdSource::read_rows() {
       commas_noted_ = true;
       report_.notes.emplace_back("the values are separated by commas, where PCD has blanks");
     }
-    const std::string wrong = parse_row(line, rules_, commas, rows_.new_row());
+    const std::string wrong = parse_row(line, rules_, commas ? ',' : ' ', rows_.new_row());
     ++rows_done_;
     if (wrong.empty()) {
       rows_.keep_row();

@@ -538,10 +538,10 @@ void PlySource::read_rows() {
           append_number(plain, value);
           plain += ' ';
         }
-        wrong = parse_row(plain, rules_, false, rows_.new_row());
+        wrong = parse_row(plain, rules_, ' ', rows_.new_row());
       }
     } else {
-      wrong = parse_row(line, rules_, false, rows_.new_row());
+      wrong = parse_row(line, rules_, ' ', rows_.new_row());
     }
     ++rows_done_;
     if (wrong.empty()) {

@@ -168,11 +168,6 @@ CloudBuilder::CloudBuilder(const PointStreamHeader& header, bool lenient)
         !is_float(s.type(field)) || header.fields[static_cast<std::size_t>(field)].text;
     s.others.push_back(std::move(other));
   }
-  for (const int field : s.roles.color) {
-    if (field < 0) continue;
-    s.float_colors = s.float_colors || (is_float(s.type(field)) &&
-                                        !header.fields[static_cast<std::size_t>(field)].text);
-  }
   if (header.count) {
     const std::size_t count = static_cast<std::size_t>(*header.count);
     reserve_large(s.cloud.points, count);
@@ -300,6 +295,8 @@ void CloudBuilder::State::add_colors(const PointBatch& batch) {
   wide_colors.resize(old + batch.count);
   for (std::size_t c = 0; c < 3; ++c) {
     const FieldView view = batch.fields[static_cast<std::size_t>(roles.color[c])];
+    const bool text = header.fields[static_cast<std::size_t>(roles.color[c])].text;
+    float_colors = float_colors || (text ? view.fractional : is_float(type(roles.color[c])));
     with_type(type(roles.color[c]), [&](auto tag) {
       for (std::size_t i = 0; i < batch.count; ++i) {
         wide_colors[old + i][c] = static_cast<float>(view.template get<decltype(tag)>(i));
@@ -331,6 +328,7 @@ void CloudBuilder::State::add_floats(const PointBatch& batch, int field, Store&&
 
 void CloudBuilder::State::add_other(const PointBatch& batch, OtherAttribute& other) {
   const FieldView view = batch.fields[static_cast<std::size_t>(other.field)];
+  if (other.as_label && view.fractional) other.become_scalar();
   if (other.as_label) {
     with_type(type(other.field), [&](auto tag) {
       using T = decltype(tag);

@@ -72,6 +72,8 @@ struct PointField {
 struct FieldView {
   const unsigned char* data = nullptr;
   std::size_t stride = 0;  ///< bytes from one point to the next
+  /// Of a text field: some value up to here was written with a decimal point or an exponent.
+  bool fractional = false;
 
   template <typename T>
   T get(std::size_t i) const {
@@ -92,6 +94,11 @@ struct PointBatch {
 };
 inline constexpr std::size_t kBatchSize = 8192;
 
+/// The grid that a file's coordinates are on: multiples of `scale` from `offset`, m.
+struct PointGrid {
+  Eigen::Vector3d scale, offset;
+};
+
 struct PointStreamHeader {
   std::vector<PointField> fields;  ///< names are unique
   /// Number of points. Readers have checked it against the file's size; text does not know it.
@@ -99,6 +106,7 @@ struct PointStreamHeader {
   CloudFrame frame = CloudFrame::kUnknown;
   bool metric = true;
   std::optional<Eigen::Vector3d> origin;  ///< recorded by the writer; coordinates include it
+  std::optional<PointGrid> grid;          ///< of a LAS file, so that another one keeps it
 };
 
 /// Which fields of a stream have a meaning of their own: indices, -1 for none.
@@ -153,6 +161,10 @@ class PointSink {
 /// @param out must be seekable unless header.count is given.
 std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamHeader& header,
                                            CloudFormat format, CloudEncoding encoding);
+
+/// The encoding to write a file with: commas for text in a file that ends in .csv.
+CloudEncoding encoding_for(const std::filesystem::path& path, CloudFormat format,
+                           CloudEncoding asked);
 
 /// Collects batches into a RoadCloud, choosing its origin from the first one.
 class CloudBuilder {

@@ -1,0 +1,110 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cloud/cloud_files.h"
+#include "cloud/memory_meter.h"
+
+namespace camber {
+namespace {
+
+using test::read_error;
+using test::read_from_memory;
+using ::testing::HasSubstr;
+
+std::vector<Eigen::Vector3f> points(const std::string& text, const ReadOptions& options = {}) {
+  return read_from_memory(text, "a.txt", options).cloud.points;
+}
+
+TEST(Text, SeparatorsAndLineEnds) {
+  const std::vector<Eigen::Vector3f> expected = {{1, 2, 3}, {4.5f, 5, -6}};
+  for (const char* const text :
+       {"1 2 3\n4.5 5 -6\n", "1,2,3\r\n4.5,5,-6", "1;2;3\n4.5;5;-6\n", "1\t2\t3\n\n  4.5\t5 -6  \n",
+        "1, 2 ,3\n4.5 , 5,-6\n",
+        "\xef\xbb\xbf"
+        "1 2 3\n4.5 5 -6\n",
+        "# remark\n1 2 3\n// more\n4.5 5 -6\n", "2\n1 2 3\n4.5 5 -6\n", "x y z\n1 2 3\n4.5 5 -6\n",
+        "X;Y;Z\n1;2;3\n4.5;5;-6\n", "\"x\",\"y\",\"z\"\n1,2,3\n4.5,5,-6\n",
+        "# x y z\n1 2 3\n4.5 5 -6\n", "//X Y Z\n1 2 3\n4.5 5 -6\n", "z y x\n3 2 1\n-6 5 4.5\n"}) {
+    EXPECT_EQ(points(text), expected) << text;
+  }
+}
+
+TEST(Text, ColumnsByNameByOptionAndByNumber) {
+  ReadOptions options;
+  options.columns = {"x", "_", "y", "z", "intensity"};
+  RoadCloud cloud = read_from_memory("1 word 2 3 0.5\n4 9 5 6 1\n", "points.pcd",
+                                     [&] {
+                                       ReadOptions o = options;
+                                       o.format = CloudFormat::kText;
+                                       return o;
+                                     }())
+                        .cloud;
+  EXPECT_EQ(cloud.points[1], Eigen::Vector3f(4, 5, 6));
+  EXPECT_EQ(cloud.scalars.at("intensity"), std::vector<float>({0.5f, 1.0f}));
+  cloud = read_from_memory("1 2 3 7 8.5\n", "a.xyz").cloud;
+  EXPECT_EQ(cloud.labels.at("column_4"), std::vector<int>({7}));
+  EXPECT_EQ(cloud.scalars.at("column_5"), std::vector<float>({8.5f}));
+  cloud = read_from_memory(
+              "x,y,z,red,green,blue,nx,ny,nz,sigma,patch\n1,2,3,10,20,30,0,0,1,0.5,-1\n", "a.csv")
+              .cloud;
+  EXPECT_EQ(cloud.colors[0], (std::array<std::uint8_t, 3>{10, 20, 30}));
+  EXPECT_EQ(cloud.normals[0], Eigen::Vector3f(0, 0, 1));
+  EXPECT_EQ(cloud.sigmas[0], 0.5f);
+  EXPECT_EQ(cloud.labels.at("patch"), std::vector<int>({-1}));
+}
+
+TEST(Text, MissingValuesAreNaN) {
+  const CloudFile file = read_from_memory("x,y,z,i\n1,2,3,\n4,,6,7\n,,,\n", "a.csv");
+  ASSERT_EQ(file.cloud.size(), 3u);
+  EXPECT_EQ(file.report.non_finite, 2u);
+  EXPECT_EQ(file.report.non_finite_attributes, 1u);
+  EXPECT_EQ(file.cloud.scalars.at("i")[1], 7.0f);
+}
+
+TEST(Text, AFractionLateInAColumnMakesItAScalar) {
+  std::string text = "x y z v w\n";
+  for (int i = 0; i < 5000; ++i) text += "1 2 3 4 5\n";
+  text += "1 2 3 4.0 5\n";
+  const RoadCloud cloud = read_from_memory(text, "a.txt").cloud;
+  EXPECT_EQ(cloud.scalars.at("v").size(), 5001u);
+  EXPECT_EQ(cloud.labels.at("w").size(), 5001u);
+}
+
+TEST(Text, BadFilesAreErrorsAtALine) {
+  const struct {
+    const char* text;
+    const char* message;
+  } cases[] = {
+      {"1 2 3\n4 5\n", "a.txt: line 2: found 2 values, expected 3"},
+      {"1 2 3\n4 5 6 7\n", "line 2: found more than 3 values, expected 3"},
+      {"1 2 3\n\n4 five 6\n", "line 3: found 'five', expected a number"},
+      {"1,2,3\n4,5,6,\n", "line 2: found more than 3 values"},
+      {"X,Y,X\n1,2,3\n", "line 1: found column 'X' twice"},
+      {"a b c\n1 2 3\n", "line 1: found 'a b c', expected numbers or the names"},
+      {"a,b,c\n1,2,3\n", "line 1: found no field 'x'"},
+      {"3\n1 2 3\n4 5 6\n", "found 2 points, expected the 3 of the first line"},
+      {"1.5\n1 2 3\n", "line 1: found one value, expected at least x and y"},
+      {"99999999999999999999 \n", "line 1: found one value"},
+      {"12345678901\n1 2 3\n", "expected no more than the file has room for"},
+  };
+  for (const auto& c : cases) {
+    test::MemoryMeter meter;
+    EXPECT_THAT(read_error(c.text, "a.txt"), HasSubstr(c.message)) << c.text;
+    EXPECT_LT(meter.peak(), 300000u);
+  }
+  EXPECT_THAT(read_error(std::string("1 2 \0 3\n", 8), "a.txt"), HasSubstr("found binary data"));
+  ReadOptions lenient;
+  lenient.lenient = true;
+  const CloudFile file = read_from_memory("1 2 3\n4 5\n7 8 9\n", "a.txt", lenient);
+  EXPECT_EQ(file.cloud.size(), 2u);
+  EXPECT_EQ(file.report.dropped[0], std::make_pair(std::string("bad line"), std::uint64_t{1}));
+}
+
+TEST(Text, EmptyFilesAreEmptyClouds) {
+  for (const char* const text : {"", "\n\n", "# nothing\n", "x,y,z\n"}) {
+    EXPECT_TRUE(points(text).empty()) << text;
+  }
+}
+
+}  // namespace
+}  // namespace camber
