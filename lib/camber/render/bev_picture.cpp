@@ -45,14 +45,14 @@ void splat_points(Image& image, const PictureSpace& space, const Map& map, const
   std::vector<float> top(static_cast<std::size_t>(large.cols) * large.rows,
                          -std::numeric_limits<float>::infinity());
   const int side = std::max(1, static_cast<int>(std::lround(size * kFactor)));
-  for (const Eigen::Vector3f& p : space.points) {
+  for (std::size_t i = 0; i < space.points.size(); ++i) {
+    const Eigen::Vector3f& p = space.points[i];
     const Eigen::Vector2d pixel = map(p.x(), p.y());
     const double px = (pixel.x() - x0 + 0.5) * kFactor - 0.5 * side;
     const double py = (pixel.y() - y0 + 0.5) * kFactor - 0.5 * side;
     if (!(px > -1e6 && px < 1e6 && py > -1e6 && py < 1e6)) continue;
     const int left = static_cast<int>(std::lround(px)), upper = static_cast<int>(std::lround(py));
-    const Color color = viridis((p.z() - space.heights.low) / space.heights.span());
-    const cv::Vec3b ink(color.red, color.green, color.blue);
+    const cv::Vec3b ink(space.colors[i][0], space.colors[i][1], space.colors[i][2]);
     for (int y = std::max(0, upper); y < std::min(large.rows, upper + side); ++y) {
       for (int x = std::max(0, left); x < std::min(large.cols, left + side); ++x) {
         float& before = top[static_cast<std::size_t>(y) * large.cols + x];
@@ -119,7 +119,7 @@ void BevPictureOptions::validate() const {
 
 Image render_bev_picture(const PictureContent& content, const BevPictureOptions& options) {
   options.validate();
-  const PictureSpace space = make_picture_space(content, options.show_truth);
+  const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
   const int width = options.width, height = options.height;
   const double unit = std::max(0.4, std::min(width / 1600.0, height / 900.0));
   const double text = 20.0 * unit;
@@ -128,7 +128,7 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
 
   // The plot's frame, and a map that fits the content into it without distortion.
   const double top = content.title.empty() ? 2.2 * text : 3.8 * text;
-  const Box2 frame{4.4 * text, top, width - (space.points.empty() ? 1.5 : 10.5) * text,
+  const Box2 frame{4.4 * text, top, width - (space.has_color_bar ? 10.5 : 1.5) * text,
                    height - 5.2 * text};
   const double pad = 1.2 * text;
   Map map;
@@ -254,12 +254,11 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
     line += 1.5 * text;
   }
   canvas.text({text, line}, content_summary(content, space), text, kFaintInk);
-  if (!space.points.empty()) {
-    const std::vector<std::string> title = height_title(space);
+  if (space.has_color_bar) {
     const double left = width - 9.2 * text;
-    const Box2 bar{left, frame.y1 + 1.2 * text * static_cast<double>(title.size()),
-                   left + 1.2 * text, frame.y2};
-    draw_color_bar(canvas, bar, space.heights.low, space.heights.high, title, text, kInk);
+    const double bar_top = frame.y1 + 1.2 * text * static_cast<double>(space.color_title.size());
+    draw_color_bar(canvas, {left, bar_top, left + 1.2 * text, frame.y2}, space.color_range.low,
+                   space.color_range.high, space.color_title, text, kInk);
   }
   std::vector<LegendEntry> legend = make_legend(space, "camera path");
   using Mark = LegendEntry::Mark;

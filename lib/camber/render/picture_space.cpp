@@ -56,6 +56,83 @@ std::string plural(std::size_t count, const char* one, const char* many) {
   return with_thousands(count) + " " + (count == 1 ? one : many);
 }
 
+std::vector<std::string> height_title(const PictureSpace& space) {
+  if (space.height_name == "height above the road at the camera") {
+    return {"height above the", "road at the camera", "(" + space.unit + ")"};
+  }
+  if (space.height_name == "height above the camera") {
+    return {"height above", "the camera (" + space.unit + ")"};
+  }
+  if (space.height_name.size() < 10) return {space.height_name + " (" + space.unit + ")"};
+  return {space.height_name, "(" + space.unit + ")"};
+}
+
+/// Colours for the points of a picture. @param kept  the points' indices in the cloud.
+void color_points(const RoadCloud& cloud, const std::vector<std::uint32_t>& kept,
+                  const PointColor& color, PictureSpace* space) {
+  const auto lacking = [&](const std::string& what) {
+    throw NoAnswerError("the points cannot be coloured: the cloud has no " + what);
+  };
+  std::vector<float> values;
+  values.reserve(kept.size());
+  switch (color.by) {
+    case PointColor::By::kImage:
+      if (cloud.colors.empty()) lacking("colours");
+      for (const std::uint32_t i : kept) space->colors.push_back(cloud.colors[i]);
+      return;
+    case PointColor::By::kPatch: {
+      const auto found = cloud.labels.find("patch");
+      if (found == cloud.labels.end()) lacking("label \"patch\"");
+      for (const std::uint32_t i : kept) {
+        const int patch = found->second[i];
+        const Color ink = patch < 0 ? Color{170, 170, 170, 1.0} : categorical(patch);
+        space->colors.push_back({ink.red, ink.green, ink.blue});
+      }
+      return;
+    }
+    case PointColor::By::kHeight:
+      for (const Eigen::Vector3f& p : space->points) values.push_back(p.z());
+      space->color_range = space->heights;
+      space->color_title = height_title(*space);
+      break;
+    case PointColor::By::kSigma:
+      if (cloud.sigmas.empty()) lacking("standard deviations");
+      for (const std::uint32_t i : kept) values.push_back(cloud.sigmas[i]);
+      space->color_title = {"standard", "deviation (" + space->unit + ")"};
+      break;
+    case PointColor::By::kScalar: {
+      const auto scalar = cloud.scalars.find(color.name);
+      const auto label = cloud.labels.find(color.name);
+      if (scalar == cloud.scalars.end() && label == cloud.labels.end()) {
+        lacking("attribute \"" + color.name + "\"");
+      }
+      for (const std::uint32_t i : kept) {
+        values.push_back(scalar != cloud.scalars.end() ? scalar->second[i]
+                                                       : static_cast<float>(label->second[i]));
+      }
+      space->color_title = {color.name};
+      break;
+    }
+  }
+  if (color.by != PointColor::By::kHeight) {
+    std::vector<float> finite;
+    for (const float value : values) {
+      if (std::isfinite(value)) finite.push_back(value);
+    }
+    if (finite.empty()) lacking("finite value of what the colours should mean");
+    space->color_range = robust_range(finite, 0.02, 0.98);
+    if (!(space->color_range.span() > 0.0)) {
+      const double half = std::max(1e-6, 1e-3 * std::abs(space->color_range.low));
+      space->color_range = {space->color_range.low - half, space->color_range.high + half};
+    }
+  }
+  space->has_color_bar = true;
+  for (const float value : values) {
+    const Color ink = viridis((value - space->color_range.low) / space->color_range.span());
+    space->colors.push_back({ink.red, ink.green, ink.blue});
+  }
+}
+
 }  // namespace
 
 RobustRange robust_range(std::vector<float>& values, double low_quantile, double high_quantile) {
@@ -69,16 +146,18 @@ RobustRange robust_range(std::vector<float>& values, double low_quantile, double
   return {low, at(high_quantile)};
 }
 
-PictureSpace make_picture_space(const PictureContent& content, bool show_truth) {
+PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
+                                const PointColor& color) {
   PictureSpace space;
   const bool camera_frame = content.surface ? content.surface->frame == "camera"
                             : content.cloud ? content.cloud->frame == CloudFrame::kCamera
                                             : true;
-  const Eigen::Vector3d up = content.surface ? content.surface->up
-                             : content.cloud ? content.cloud->default_up()
-                                             : Eigen::Vector3d(0, -1, 0);
+  const Eigen::Vector3d up = content.up        ? *content.up
+                             : content.surface ? content.surface->up
+                             : content.cloud   ? content.cloud->default_up()
+                                               : Eigen::Vector3d(0, -1, 0);
   if (!up.allFinite() || up.norm() < 1e-9) {
-    throw std::invalid_argument("the surface's up direction is not a direction");
+    throw std::invalid_argument("the up direction is not a direction");
   }
   const Eigen::Matrix3d axes = picture_axes(up, camera_frame);
 
@@ -120,6 +199,7 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
   space.picture_from_reference = SE3(axes, shift);
 
   std::size_t given = 0;
+  std::vector<std::uint32_t> kept;  // index into the cloud, one a point
   if (content.cloud) {
     given = content.cloud->size();
     const Eigen::Vector3d origin = content.cloud->origin;
@@ -127,8 +207,11 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
     const Eigen::Matrix3f rotation = axes.cast<float>();
     const Eigen::Vector3f translation = (axes * start + shift).cast<float>();
     space.points.reserve(given);
+    kept.reserve(given);
     for (const Eigen::Vector3f& p : content.cloud->points) {
-      if (p.allFinite()) space.points.emplace_back(rotation * p + translation);
+      if (!p.allFinite()) continue;
+      space.points.emplace_back(rotation * p + translation);
+      kept.push_back(static_cast<std::uint32_t>(&p - content.cloud->points.data()));
     }
   }
 
@@ -201,6 +284,13 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
       }
       if (placed.boundary.size() >= 3) space.patches.push_back(std::move(placed));
     }
+    for (const PatchLink& link : content.surface->links) {
+      const PlanePatch* a = find_patch(*content.surface, link.a);
+      const PlanePatch* b = find_patch(*content.surface, link.b);
+      if (!a || !b || !a->plane.centroid.allFinite() || !b->plane.centroid.allFinite()) continue;
+      space.links.push_back({space.picture_from_reference * a->plane.centroid,
+                             space.picture_from_reference * b->plane.centroid, link.valid});
+    }
   }
 
   // Extents: the bulk of the points decides; vehicles, patches and cameras join where they are not
@@ -263,10 +353,15 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
     }
     return false;
   };
-  const std::size_t finite = space.points.size();
-  space.points.erase(std::remove_if(space.points.begin(), space.points.end(), stray),
-                     space.points.end());
-  space.stray_points = finite - space.points.size();
+  std::size_t used = 0;
+  for (std::size_t i = 0; i < space.points.size(); ++i) {
+    if (stray(space.points[i])) continue;
+    space.points[used] = space.points[i];
+    kept[used++] = kept[i];
+  }
+  space.stray_points = space.points.size() - used;
+  space.points.resize(used);
+  kept.resize(used);
   for (RobustRange* range : {&space.right, &space.ahead}) {
     const double margin = std::max(0.5, 0.02 * range->span());
     range->low -= margin;
@@ -276,6 +371,7 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth) 
     const double middle = 0.5 * (space.heights.low + space.heights.high);
     space.heights = {middle - 0.05, middle + 0.05};
   }
+  if (!space.points.empty()) color_points(*content.cloud, kept, color, &space);
   return space;
 }
 
@@ -405,15 +501,12 @@ std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::strin
   return entries;
 }
 
-std::vector<std::string> height_title(const PictureSpace& space) {
-  if (space.height_name == "height above the road at the camera") {
-    return {"height above the", "road at the camera", "(" + space.unit + ")"};
-  }
-  if (space.height_name == "height above the camera") {
-    return {"height above", "the camera (" + space.unit + ")"};
-  }
-  if (space.height_name.size() < 10) return {space.height_name + " (" + space.unit + ")"};
-  return {space.height_name, "(" + space.unit + ")"};
+PointColor PointColor::parse(const std::string& word) {
+  if (word == "height") return {By::kHeight, {}};
+  if (word == "sigma") return {By::kSigma, {}};
+  if (word == "patch") return {By::kPatch, {}};
+  if (word == "image") return {By::kImage, {}};
+  return {By::kScalar, word};
 }
 
 }  // namespace camber

@@ -35,6 +35,12 @@ struct PlacedPatch {
   std::vector<Eigen::Vector3d> boundary;
 };
 
+/// A link of the consistency graph between the middles of two patches.
+struct PlacedLink {
+  Eigen::Vector3d a = Eigen::Vector3d::Zero(), b = Eigen::Vector3d::Zero();
+  bool valid = true;
+};
+
 /// A range of values without the stray ones at both ends.
 struct RobustRange {
   double low = 0.0, high = 0.0;
@@ -55,16 +61,22 @@ struct PictureSpace {
   std::vector<Eigen::Vector3f> points;  ///< finite and not far outside of the bulk
   std::size_t stray_points = 0;         ///< finite but left out
   RobustRange right, ahead, up;         ///< bulk of the points, vehicles and cameras
-  RobustRange heights;                  ///< of the colours; at least 0.1 wide
+  RobustRange heights;                  ///< of the bulk of the points; at least 0.1 wide
+  std::vector<std::array<std::uint8_t, 3>> colors;  ///< of the points
+  bool has_color_bar = false;
+  RobustRange color_range;               ///< of the colour bar
+  std::vector<std::string> color_title;  ///< of the colour bar, in short lines
   std::vector<PlacedVehicle> vehicles;
   std::vector<PlacedVehicle> truth;
   std::vector<PlacedPatch> patches;
+  std::vector<PlacedLink> links;
   std::vector<SE3> cameras;  ///< picture_from_camera
   int current_camera = -1;   ///< index of the shown frame's camera, -1: not known
 };
 
-/// @throws NoAnswerError if there is nothing finite to show.
-PictureSpace make_picture_space(const PictureContent& content, bool show_truth);
+/// @throws NoAnswerError if there is nothing finite to show or the cloud lacks what colours mean.
+PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
+                                const PointColor& color);
 
 /// Corners of a camera's image at a depth, camera frame, m: clockwise from the top left.
 std::array<Eigen::Vector3d, 4> frustum_corners(const PinholeCamera& camera, double depth);
@@ -77,9 +89,6 @@ Color darker(const Color& color, double share);
 
 Color vehicle_color(const PlacedVehicle& vehicle);
 Color patch_color(PatchKind kind);
-
-/// "height above the road (m)" in short lines for a colour bar's title.
-std::vector<std::string> height_title(const PictureSpace& space);
 
 /// Throws std::invalid_argument "picture option NAME: found, expected" outside [low, high].
 void check_picture_option(const char* name, double value, double low, double high);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +24,23 @@ struct PictureContent {
   const SceneTruth* truth = nullptr;          ///< true boxes, drawn in red and said so
   int frame = 0;                              ///< id of the frame whose vehicles are shown
   std::string title;                          ///< heading, one line; may be empty
+  /// Up in the frame of cloud and surface; without: the surface's, else the cloud's.
+  std::optional<Eigen::Vector3d> up;
+};
+
+/// What the colours of points mean.
+struct PointColor {
+  enum class By {
+    kHeight,
+    kSigma,   ///< the cloud's standard deviations
+    kPatch,   ///< label "patch", -1 grey
+    kImage,   ///< the points' own colours
+    kScalar,  ///< the scalar or label called `name`
+  } by = By::kHeight;
+  std::string name;
+
+  /// "height", "sigma", "patch", "image", else the name of a scalar or label.
+  static PointColor parse(const std::string& word);
 };
 
 /// How a picture was made.
@@ -34,6 +53,16 @@ enum class SceneView {
   kOblique,         ///< from behind and above, the paper's view
   kSide,            ///< from the right, without perspective: shows the grade
   kObliqueAndSide,  ///< oblique over side
+  kDriver,          ///< through the shown frame's camera
+  kFree,            ///< ScenePictureOptions::free_view
+};
+
+/// A camera set by hand, frame of the cloud and the surface.
+struct FreeView {
+  Eigen::Vector3d eye = Eigen::Vector3d::Zero();  ///< m
+  Eigen::Vector3d target{0.0, 0.0, 1.0};          ///< m, in the middle of the picture
+  Eigen::Vector3d up{0.0, -1.0, 0.0};             ///< not along eye - target
+  double field_of_view = 0.7;                     ///< rad, vertical, (0, pi)
 };
 
 struct ScenePictureOptions {
@@ -44,6 +73,9 @@ struct ScenePictureOptions {
   double point_size = 0.0;  ///< pixels, [0, 20]; 0: from the number of points
   double azimuth = -0.85;   ///< rad, of the oblique view's direction, from ahead to the right
   double elevation = 0.42;  ///< rad, of the oblique view's eye above the content, (0, pi / 2)
+  FreeView free_view;       ///< for SceneView::kFree
+  bool show_links = false;  ///< the consistency graph: valid links solid, others dashed
+  PointColor color;
   bool show_truth = true;
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
@@ -53,6 +85,7 @@ struct BevPictureOptions {
   int width = 1600;         ///< pixels, 64 to 8192
   int height = 900;         ///< pixels, 64 to 8192
   double point_size = 0.0;  ///< pixels, [0, 20]; 0: from the number of points
+  PointColor color;
   bool show_truth = true;
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
@@ -62,7 +95,8 @@ struct BevPictureOptions {
 /// their boxes, true boxes in red, cameras with their path, a level grid, scale, colour bar. The
 /// view is fitted to the bulk of the content: stray points neither shrink nor empty it.
 /// Same input and Mesa version, same pixels.
-/// @throws std::invalid_argument for bad options; NoAnswerError if there is nothing finite to show;
+/// @throws std::invalid_argument for bad options; NoAnswerError if there is nothing finite to show,
+///         the cloud lacks what its colours should mean, or the driver's camera is not known;
 ///         MachineError without a rendering back end.
 Image render_scene_picture(const PictureContent& content, const ScenePictureOptions& options = {},
                            RenderRecord* record = nullptr);

@@ -34,6 +34,8 @@
 namespace camber {
 namespace {
 
+const Color kLinkOrange{240, 120, 0, 1.0};
+
 using Segment3 = std::pair<Eigen::Vector3d, Eigen::Vector3d>;
 
 /// A camera that looks at the picture frame's content; perspective or parallel.
@@ -127,13 +129,9 @@ vtkSmartPointer<vtkActor> points_actor(const PictureSpace& space, double pixels)
   colors->SetNumberOfTuples(count);
   float* to = coordinates->GetPointer(0);
   unsigned char* ink = colors->GetPointer(0);
-  const double span = space.heights.span();
-  for (const Eigen::Vector3f& p : space.points) {
-    for (int axis = 0; axis < 3; ++axis) *to++ = p[axis];
-    const Color color = viridis((p.z() - space.heights.low) / span);
-    *ink++ = color.red;
-    *ink++ = color.green;
-    *ink++ = color.blue;
+  for (std::size_t i = 0; i < space.points.size(); ++i) {
+    for (int k = 0; k < 3; ++k) *to++ = space.points[i][k];
+    for (int k = 0; k < 3; ++k) *ink++ = space.colors[i][static_cast<std::size_t>(k)];
   }
   vtkNew<vtkPoints> points;
   points->SetData(coordinates);
@@ -269,8 +267,7 @@ std::vector<Eigen::Vector3d> fit_points(const PictureSpace& space, const Grid& g
 }
 
 /// Pixels of the 3D content without any text.
-Image render_content(const Drawing& drawing, const View& view, const Grid& grid, bool side,
-                     double unit) {
+Image render_content(const Drawing& drawing, const View& view, const Grid& grid, double unit) {
   const PictureSpace& space = drawing.space;
   const int factor = drawing.options.supersampling;
   const double px = unit * factor;  // one line width unit in rendered pixels
@@ -278,9 +275,10 @@ Image render_content(const Drawing& drawing, const View& view, const Grid& grid,
   vtkNew<vtkRenderer> renderer;
   renderer->SetBackground(1, 1, 1);
 
-  // The level grid, or in the side view lines of equal height and distance.
+  // The level grid; the side view has lines of equal height of its own.
   std::vector<Segment3> grid_lines;
-  if (!side) {
+  const bool through_camera = drawing.options.view == SceneView::kDriver;
+  if (!view.parallel && !through_camera) {
     for (const double x : grid.xs.values) {
       grid_lines.push_back({{x, grid.y1, grid.z}, {x, grid.y2, grid.z}});
     }
@@ -323,7 +321,7 @@ Image render_content(const Drawing& drawing, const View& view, const Grid& grid,
   if (!truth_lines.empty()) renderer->AddActor(lines_actor(truth_lines, 1.5 * px, kTruthRed));
 
   // Cameras: small pyramids and the path.
-  if (!space.cameras.empty()) {
+  if (!space.cameras.empty() && !through_camera) {
     std::vector<Segment3> path, pyramids;
     const double depth =
         std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
@@ -350,6 +348,27 @@ Image render_content(const Drawing& drawing, const View& view, const Grid& grid,
     panes.push_back(patch.boundary);
     for (Eigen::Vector3d& corner : panes.back()) corner.z() += lift;
     renderer->AddActor(lines_actor(outline(panes.back()), 2.0 * px, patch_color(patch.kind)));
+  }
+
+  if (drawing.options.show_links) {
+    std::vector<Segment3> valid, invalid;
+    for (const PlacedLink& link : space.links) {
+      Eigen::Vector3d a = link.a, b = link.b;
+      a.z() += 2.0 * lift;
+      b.z() += 2.0 * lift;
+      if (link.valid) {
+        valid.emplace_back(a, b);
+        continue;
+      }
+      const double length = (b - a).norm();
+      const int dashes = std::max(3, static_cast<int>(length / (8.0 * lift)));
+      for (int i = 0; i < dashes; ++i) {
+        const double from = (i + 0.2) / dashes, to = (i + 0.8) / dashes;
+        invalid.emplace_back(a + from * (b - a), a + to * (b - a));
+      }
+    }
+    if (!valid.empty()) renderer->AddActor(lines_actor(valid, 3.0 * px, kLinkOrange));
+    if (!invalid.empty()) renderer->AddActor(lines_actor(invalid, 2.0 * px, kLinkOrange));
   }
 
   // Translucent things, after the opaque ones.
@@ -511,6 +530,48 @@ View oblique_view(const ScenePictureOptions& options, int width, int height) {
   return view;
 }
 
+/// Through the shown frame's camera; the picture's narrower side sees all of the image.
+View driver_view(const Drawing& drawing, int width, int height) {
+  const PictureSpace& space = drawing.space;
+  if (space.current_camera < 0 || !drawing.content.camera) {
+    throw NoAnswerError("the driver's view needs the camera of frame " +
+                        std::to_string(drawing.content.frame) + ", which is not known");
+  }
+  const PinholeCamera& camera = *drawing.content.camera;
+  const SE3& pose = space.cameras[static_cast<std::size_t>(space.current_camera)];
+  View view;
+  view.width = width;
+  view.height = height;
+  const Eigen::Matrix3d rotation = pose.rotation_matrix();
+  view.axes.row(0) = rotation.col(0);
+  view.axes.row(1) = -rotation.col(1);
+  view.axes.row(2) = rotation.col(2);
+  view.eye = pose.translation();
+  const double by_width = 0.5 * camera.width / camera.fx * height / width;
+  const double by_height = 0.5 * camera.height / camera.fy;
+  view.half_angle = std::atan(std::max(by_width, by_height));
+  view.distance = 0.5 * std::max(1.0, space.ahead.span());
+  return view;
+}
+
+View free_view(const Drawing& drawing, int width, int height) {
+  const FreeView& given = drawing.options.free_view;
+  const SE3& placed = drawing.space.picture_from_reference;
+  const Eigen::Matrix3d rotation = placed.rotation_matrix();
+  View view;
+  view.width = width;
+  view.height = height;
+  view.eye = placed * given.eye;
+  const Eigen::Vector3d along = rotation * (given.target - given.eye);
+  const Eigen::Vector3d right = along.cross(rotation * given.up);
+  view.distance = along.norm();
+  view.axes.row(2) = along.normalized();
+  view.axes.row(0) = right.normalized();
+  view.axes.row(1) = right.cross(along).normalized();
+  view.half_angle = 0.5 * given.field_of_view;
+  return view;
+}
+
 View side_view(int width, int height) {
   View view;
   view.width = width;
@@ -522,19 +583,27 @@ View side_view(int width, int height) {
   return view;
 }
 
-Image oblique_picture(const Drawing& drawing, int width, int height) {
+/// A view with perspective: the oblique one, fitted to the content, or a given one.
+Image perspective_picture(const Drawing& drawing, int width, int height) {
   const PictureSpace& space = drawing.space;
+  const SceneView kind = drawing.options.view;
+  const bool fitted = kind == SceneView::kOblique || kind == SceneView::kObliqueAndSide;
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 620.0));
   const double text = 20.0 * unit;
   const Grid grid = make_grid(space);
-  View view = oblique_view(drawing.options, width, height);
+  View view = kind == SceneView::kDriver ? driver_view(drawing, width, height)
+              : kind == SceneView::kFree ? free_view(drawing, width, height)
+                                         : oblique_view(drawing.options, width, height);
   const double top = drawing.content.title.empty() ? 2.2 * text : 3.9 * text;
-  const double panel = space.points.empty() ? 2.0 * text : 10.5 * text;
+  const double panel = space.has_color_bar ? 10.5 * text : 2.0 * text;
   const Box2 free{2.5 * text, top, width - panel, height - 3.6 * text};
-  fit_view(fit_points(space, grid, false), free, &view);
-  Image image = render_content(drawing, view, grid, false, unit);
+  if (fitted) fit_view(fit_points(space, grid, false), free, &view);
+  Image image = render_content(drawing, view, grid, unit);
   Canvas canvas(image);
-  std::vector<Box2> taken = draw_grid_numbers(canvas, space, view, grid, 0.8 * text);
+  std::vector<Box2> taken;
+  if (kind != SceneView::kDriver) {
+    taken = draw_grid_numbers(canvas, space, view, grid, 0.8 * text);
+  }
 
   double line = 1.1 * text;
   if (!drawing.content.title.empty()) {
@@ -544,12 +613,13 @@ Image oblique_picture(const Drawing& drawing, int width, int height) {
   canvas.text_with_halo({text, line}, content_summary(drawing.content, space), text, kFaintInk,
                         kPaper);
   taken.push_back({0.0, 0.0, static_cast<double>(width), line + 0.6 * text});
-  if (!space.points.empty()) {
-    const std::vector<std::string> title = height_title(space);
+  if (space.has_color_bar) {
     const double left = width - 9.2 * text;
-    const Box2 bar{left, top + 1.2 * text * static_cast<double>(title.size()), left + 1.2 * text,
+    const double bar_top = top + 1.2 * text * static_cast<double>(space.color_title.size());
+    const Box2 bar{left, bar_top, left + 1.2 * text,
                    std::min(height - 4.6 * text, top + 0.35 * width)};
-    draw_color_bar(canvas, bar, space.heights.low, space.heights.high, title, text, kInk);
+    draw_color_bar(canvas, bar, space.color_range.low, space.color_range.high, space.color_title,
+                   text, kInk);
     taken.push_back(
         {left - 0.5 * text, 0.0, static_cast<double>(width), static_cast<double>(height)});
   }
@@ -572,7 +642,7 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
   if (alone && !drawing.content.title.empty()) top += 1.5 * text;
   const Box2 free{4.5 * text, top + 1.0 * text, width - 2.0 * text, height - 3.2 * text};
   fit_view(fit_points(space, grid, true), free, &view);
-  Image image = render_content(drawing, view, grid, true, std::min(unit, text / 20.0));
+  Image image = render_content(drawing, view, grid, std::min(unit, text / 20.0));
   Canvas canvas(image);
 
   // Axes: the frame's edges in metres, lines of equal height through the picture.
@@ -641,6 +711,13 @@ void ScenePictureOptions::validate() const {
   check_picture_option("point_size", point_size, 0.0, 20.0);
   check_picture_option("azimuth", azimuth, -10.0, 10.0);
   check_picture_option("elevation", elevation, 0.01, 1.55);
+  check_picture_option("field of view", free_view.field_of_view, 0.01, 3.1);
+  const Eigen::Vector3d along = free_view.target - free_view.eye;
+  if (view == SceneView::kFree && !(along.cross(free_view.up).norm() > 1e-9)) {
+    throw std::invalid_argument(
+        "picture option free_view: found eye, target and up on one line or not finite, expected "
+        "three directions that span a picture");
+  }
   const int side = std::max(width, height) * supersampling;
   check_picture_option("supersampling times the longer side", side, 1, 16384);
 }
@@ -648,17 +725,17 @@ void ScenePictureOptions::validate() const {
 Image render_scene_picture(const PictureContent& content, const ScenePictureOptions& options,
                            RenderRecord* record) {
   options.validate();
-  const PictureSpace space = make_picture_space(content, options.show_truth);
+  const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
   const Drawing drawing{content, space, options, record};
-  if (options.view == SceneView::kOblique) {
-    return oblique_picture(drawing, options.width, options.height);
+  if (options.view != SceneView::kSide && options.view != SceneView::kObliqueAndSide) {
+    return perspective_picture(drawing, options.width, options.height);
   }
   if (options.view == SceneView::kSide) {
     return side_picture(drawing, options.width, options.height, true);
   }
   const int side_height = std::max(
       1, static_cast<int>(std::lround(std::min(0.3 * options.height, 0.3 * options.width))));
-  const Image upper = oblique_picture(drawing, options.width, options.height - side_height);
+  const Image upper = perspective_picture(drawing, options.width, options.height - side_height);
   const Image lower = side_picture(drawing, options.width, side_height, false);
   Image both = make_picture(options.width, options.height, 255);
   std::copy(upper.data.begin(), upper.data.end(), both.data.begin());
