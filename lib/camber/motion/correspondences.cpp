@@ -187,8 +187,10 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       const int x = static_cast<int>(out.pixels[i].x());
       const int y = static_cast<int>(out.pixels[i].y()) - first;
       if (y < 0 || map.at<cv::Point2f>(y, x).x == kNoPrediction) continue;
+      const float before_px = match.round_trip_px[i];
       match.round_trip_px[i] = std::numeric_limits<float>::infinity();
       if (!usable(x, y)) continue;
+      if (options.keep_lost) match.round_trip_px[i] = before_px;
       const auto f = flow.at<cv::Point2f>(y, x);
       const float tx = static_cast<float>(x) + f.x, ty = static_cast<float>(y) + f.y;
       if (!(tx >= 0 && ty >= 0 && tx < static_cast<float>(base.width - 1) &&
@@ -197,7 +199,6 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         continue;
       }
       const cv::Point2f p = sample_flow(map, tx, ty);
-      match.pixels[i] = {p.x, p.y};
       // Where the flow varies quickly it crosses a border or has lost its way.
       const int step = 4;
       const auto fx = flow.at<cv::Point2f>(y, std::min(x + step, base.width - 1)) -
@@ -208,6 +209,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
           0.5f * std::sqrt(fx.x * fx.x + fx.y * fx.y + fy.x * fy.x + fy.y * fy.y);
       if (variation <= static_cast<float>(options.forward_backward_px) &&
           std::hypot(f.x, f.y) < 6.0f) {
+        match.pixels[i] = {p.x, p.y};
         match.round_trip_px[i] = variation;
       }
     }

@@ -22,6 +22,8 @@ struct GrayImage {
 struct CorrespondenceOptions {
   int step = 2;                       ///< pixels between grid points, >= 1
   double forward_backward_px = 1.0;   ///< largest round-trip error of a kept match, > 0
+  /// refine_matches: true keeps the match before where matching again fails, false drops it.
+  bool keep_lost = false;
   int num_threads = 0;                ///< <= 0: see resolve_num_threads
   void validate() const;              ///< throws std::invalid_argument
 };

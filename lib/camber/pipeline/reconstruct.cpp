@@ -166,10 +166,6 @@ void triangulate_ground(Run& run, bool first) {
     run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
     return;
   }
-  if (!first) {
-    run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
-    return;
-  }
   std::vector<std::uint8_t> wanted(total, 0);
   for (std::size_t i = 0; i < total; ++i) {
     const auto p = static_cast<std::size_t>(at(run.matches.pixels[i], run.camera.width));
@@ -191,6 +187,10 @@ void triangulate_ground(Run& run, bool first) {
   }
   const GrownRoad grown = grow_road(run.camera, grid, travel_direction(run), grow);
   if (grown.status == Status::kFailed) {
+    if (!first) {
+      run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
+      return;
+    }
     throw NoAnswerError("no road found in the cloud: " + grown.reason);
   }
   run.ground = grown.ground;
@@ -228,7 +228,7 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
     region = here.ground_near;
   } else {
     region.assign(width * height, 0);
-    const int reach = 3 * run.matches.step;
+    const int reach = 12 * run.matches.step;  // the road may go on where it was lost
     for (std::size_t i = 0; i < run.ground.size(); ++i) {
       if (!run.ground[i]) continue;
       const int x = static_cast<int>(run.matches.pixels[i].x());
@@ -465,6 +465,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
 
   CorrespondenceOptions matching;
   matching.num_threads = options.num_threads;
+  matching.keep_lost = !run.has_masks;
   {
     report("correspondences", 0.1);
     const StageTimer timer(timings, "correspondences");
