@@ -231,6 +231,31 @@ void accumulate_and_mark(const float* x, const float* y, const float* z, const f
 }
 
 CAMBER_CLONES
+PieceStatistics piece_statistics(const float* x, const float* y, const float* z, const float* w,
+                                 std::size_t n, const FloatPlane& plane, float limit) {
+  const F8 zero = {};
+  const F8 one = zero + 1.0f, cap = zero + limit;
+  F8 cost = zero, inliers = zero, weight = zero, pull = zero;
+  for (std::size_t i = 0; i < n; i += kLanes) {
+    F8 px, py, pz, pw;
+    load(x + i, px);
+    load(y + i, py);
+    load(z + i, pz);
+    load(w + i, pw);
+    const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
+    const F8 rw = r * pw;
+    const F8 t = r * rw;
+    const I8 inside = (t < cap) & (pw > zero);
+    cost += t < cap ? t : cap;
+    inliers += inside ? one : zero;
+    weight += inside ? pw : zero;
+    pull += inside ? rw : zero;
+  }
+  return {static_cast<float>(lane_sum(cost)), static_cast<float>(lane_sum(inliers)),
+          static_cast<float>(lane_sum(weight)), static_cast<float>(lane_sum(pull))};
+}
+
+CAMBER_CLONES
 void load_points(const float* x, const float* y, const float* z, std::size_t stride, std::size_t n,
                  const float pivot[3], float weight, float* out_x, float* out_y, float* out_z,
                  float* out_w) {

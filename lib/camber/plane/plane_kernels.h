@@ -76,6 +76,16 @@ void accumulate_and_mark(const float* x, const float* y, const float* z, const f
                          std::size_t n, const FloatPlane& plane, const Window& window, float limit,
                          float inlier_limit, std::int32_t* mask, Moments* moments);
 
+/// How a piece of a cloud lies on a plane; inliers have r^2 w < limit.
+struct PieceStatistics {
+  float cost = 0;  ///< MSAC cost, sum of min(r^2 w, limit)
+  float inliers = 0;
+  float weight = 0;  ///< sum of the inliers' w
+  float pull = 0;    ///< sum of the inliers' r w; pull / sqrt(weight) is standard normal on a plane
+};
+PieceStatistics piece_statistics(const float* x, const float* y, const float* z, const float* w,
+                                 std::size_t n, const FloatPlane& plane, float limit);
+
 /// Copies n points with a stride (in floats), subtracting a pivot; rows that are not finite or
 /// farther than 1e15 m become 0 0 0 and get weight 0, the others the given weight.
 void load_points(const float* x, const float* y, const float* z, std::size_t stride, std::size_t n,

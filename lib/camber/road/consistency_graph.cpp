@@ -1,0 +1,396 @@
+#include "camber/road/consistency_graph.h"
+
+#include <ceres/ceres.h>
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <stdexcept>
+
+#include "camber/road/cost_functions/height_continuity.h"
+#include "camber/road/cost_functions/plane_consistency.h"
+#include "camber/road/cost_functions/plane_prior.h"
+#include "camber/road/plan_polygon.h"
+
+namespace camber {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+constexpr double kBorderError = 0.3;  // m, how well the boundaries of patches are known
+
+/// A surface seen in plan.
+struct PlanView {
+  Vector3d up;
+  GroundAxes axes;
+  std::vector<PlanPolygon> polygons;
+
+  explicit PlanView(const RoadSurface& surface)
+      : up(surface.up.normalized()), axes(surface.up.normalized()) {
+    for (const PlanePatch& patch : surface.patches) {
+      PlanPolygon polygon;
+      for (const Vector3d& corner : patch.boundary) polygon.push_back(axes(corner));
+      polygons.push_back(std::move(polygon));
+    }
+  }
+
+  /// The place on a plane above or below a place in plan.
+  Vector3d on_plane(const Plane& plane, const Vector2d& place) const {
+    const Vector3d flat = place.x() * axes.e1 + place.y() * axes.e2;
+    return flat - plane.signed_distance(flat) / plane.normal.dot(up) * up;
+  }
+  double height(const Plane& plane, const Vector2d& place) const {
+    return on_plane(plane, place).dot(up);
+  }
+  /// d(height along up at a place) / d(plane parameters).
+  Eigen::RowVector3d jacobian(const UncertainPlane& plane, const Vector2d& place) const {
+    return plane.height_jacobian(on_plane(plane.plane, place)) / plane.plane.normal.dot(up);
+  }
+};
+
+void require(bool good, const char* field, double value, const char* bound) {
+  if (!good) {
+    throw std::invalid_argument(
+        fmt::format("ConsistencyOptions::{} is {}, expected {}", field, value, bound));
+  }
+}
+
+/// Whether two patches' planes meet in a crease between their middles.
+bool crosses_between(const PlanView& view, const PlanePatch& a, const PlanePatch& b) {
+  const Vector2d ca = view.axes(a.plane.centroid), cb = view.axes(b.plane.centroid);
+  const double at_a = view.height(a.plane.plane, ca) - view.height(b.plane.plane, ca);
+  const double at_b = view.height(a.plane.plane, cb) - view.height(b.plane.plane, cb);
+  return at_a * at_b < 0.0;
+}
+
+/// Sets steps, angles and validity of a link from the planes as they are.
+void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOptions& options,
+           std::size_t ia, std::size_t ib, PatchLink* link) {
+  const PlanePatch &a = surface.patches[ia], &b = surface.patches[ib];
+  const PolygonGap gap = polygon_gap(view.polygons[ia], view.polygons[ib]);
+  const Vector2d middle = 0.5 * (gap.on_a + gap.on_b);
+  link->distance = gap.distance;
+  link->angle = angle_between(a.plane.plane.normal, b.plane.plane.normal);
+  link->height_step = view.height(b.plane.plane, middle) - view.height(a.plane.plane, middle);
+  const double share = gap.distance / options.link_distance;
+  link->weight = std::exp(-2.0 * share * share);
+  const Eigen::RowVector3d ja = view.jacobian(a.plane, middle), jb = view.jacobian(b.plane, middle);
+  const double sigma = std::sqrt((ja * a.plane.covariance * ja.transpose())(0) +
+                                 (jb * b.plane.covariance * jb.transpose())(0));
+  link->valid = true;
+  link->reason.clear();
+  const double smaller = std::min(polygon_area(view.polygons[ia]), polygon_area(view.polygons[ib]));
+  if (gap.overlap_area > 0.2 * smaller && std::abs(link->height_step) > 1.0) {
+    link->valid = false;
+    link->reason = fmt::format("one lies {:.2f} m above the other", std::abs(link->height_step));
+  } else if (link->angle > options.max_angle) {
+    link->valid = false;
+    link->reason = fmt::format("the normals differ by {:.1f} deg", link->angle / kDegree);
+  } else {
+    // The ground may bend on its way across a gap; a crease between the middles is no step,
+    // wherever exactly the boundaries end.
+    const double bend = std::tan(link->angle) *
+                        (0.5 * gap.distance + (crosses_between(view, a, b) ? kBorderError : 0.0));
+    if (std::abs(link->height_step) > options.max_step + 3.0 * sigma + bend) {
+      link->valid = false;
+      link->reason = fmt::format("a step of {:.2f} m", link->height_step);
+    }
+  }
+}
+
+/// Places along the border of two patches where their heights are to agree: along the crease if
+/// there is one, else the middle of the gap.
+std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, const PlanePatch& b,
+                                    const PlanPolygon& pa, const PlanPolygon& pb) {
+  const PolygonGap gap = polygon_gap(pa, pb);
+  const Vector2d middle = 0.5 * (gap.on_a + gap.on_b);
+  if (gap.distance > 1.0 || !crosses_between(view, a, b)) return {middle};
+  // The crease in plan: through the place where the two heights agree on the way from middle to
+  // middle, across the steepest change of their difference.
+  const Vector2d ca = view.axes(a.plane.centroid), cb = view.axes(b.plane.centroid);
+  const auto difference = [&](const Vector2d& p) {
+    return view.height(a.plane.plane, p) - view.height(b.plane.plane, p);
+  };
+  const double at_a = difference(ca), at_b = difference(cb);
+  const Vector2d on_crease = ca + at_a / (at_a - at_b) * (cb - ca);
+  const Vector2d gradient(difference(on_crease + Vector2d::UnitX()) - difference(on_crease),
+                          difference(on_crease + Vector2d::UnitY()) - difference(on_crease));
+  if (!(gradient.norm() > 0.0)) return {middle};
+  const Vector2d along = Vector2d(-gradient.y(), gradient.x()).normalized();
+  // As far along it as both patches reach.
+  double low = -std::numeric_limits<double>::infinity(),
+         high = std::numeric_limits<double>::infinity();
+  for (const PlanPolygon* polygon : {&pa, &pb}) {
+    double from = std::numeric_limits<double>::infinity(), to = -from;
+    for (const Vector2d& corner : *polygon) {
+      const double s = along.dot(corner - on_crease);
+      from = std::min(from, s);
+      to = std::max(to, s);
+    }
+    low = std::max(low, from);
+    high = std::min(high, to);
+  }
+  if (!(high > low)) return {middle};
+  return {on_crease + (low + 0.15 * (high - low)) * along,
+          on_crease + (high - 0.15 * (high - low)) * along};
+}
+
+}  // namespace
+
+void ConsistencyOptions::validate() const {
+  require(link_distance > 0.0, "link_distance", link_distance, "> 0 m");
+  require(max_angle > 0.0 && max_angle < M_PI / 2, "max_angle", max_angle, "(0, pi / 2) rad");
+  require(max_step > 0.0, "max_step", max_step, "> 0 m");
+  require(continuity_sigma > 0.0, "continuity_sigma", continuity_sigma, "> 0 m");
+  require(normal_sigma > 0.0, "normal_sigma", normal_sigma, "> 0 rad");
+  require(offset_sigma > 0.0, "offset_sigma", offset_sigma, "> 0 m");
+}
+
+std::vector<PatchLink> find_links(const RoadSurface& surface, const ConsistencyOptions& options) {
+  options.validate();
+  const PlanView view(surface);
+  const std::size_t count = surface.patches.size();
+  // Boxes in plan first: most pairs are far apart.
+  std::vector<Eigen::AlignedBox2d> boxes(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const Vector2d& corner : view.polygons[i]) boxes[i].extend(corner);
+  }
+  std::vector<PatchLink> links;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (boxes[i].isEmpty()) continue;
+    for (std::size_t j = i + 1; j < count; ++j) {
+      if (boxes[j].isEmpty() || boxes[i].exteriorDistance(boxes[j]) > options.link_distance) {
+        continue;
+      }
+      PatchLink link;
+      link.a = surface.patches[i].id;
+      link.b = surface.patches[j].id;
+      judge(view, surface, options, i, j, &link);
+      if (link.distance <= options.link_distance) links.push_back(std::move(link));
+    }
+  }
+  return links;
+}
+
+ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurface* surface) {
+  options.validate();
+  ConsistencyReport report;
+  const std::size_t count = surface->patches.size();
+  const PlanView view(*surface);
+  std::map<int, std::size_t> index;
+  for (std::size_t i = 0; i < count; ++i) index[surface->patches[i].id] = i;
+  std::vector<std::size_t> moved;  // patches that a valid link holds
+  std::vector<char> linked(count, 0);
+  const auto usable = [](const PlanePatch& patch) {
+    return patch.status == Status::kOk || patch.status == Status::kWeak;
+  };
+  std::vector<const PatchLink*> used;
+  for (const PatchLink& link : surface->links) {
+    if (!link.valid) continue;
+    const std::size_t ia = index.at(link.a), ib = index.at(link.b);
+    const PlanePatch &a = surface->patches[ia], &b = surface->patches[ib];
+    if (a.kind != b.kind || a.kind == PatchKind::kOther || !usable(a) || !usable(b)) continue;
+    used.push_back(&link);
+    linked[ia] = linked[ib] = 1;
+  }
+  if (options.consistency == Consistency::kNone || used.empty()) {
+    report.converged = true;
+    return report;
+  }
+  std::vector<Vector3d> change(count, Vector3d::Zero());
+  ceres::Problem problem;
+  std::vector<double*> blocks;
+  std::vector<int> block_of(count, -1);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!linked[i]) continue;
+    const Matrix3d information = surface->patches[i].plane.covariance.inverse();
+    const Eigen::LLT<Matrix3d> llt(0.5 * (information + information.transpose()));
+    if (llt.info() != Eigen::Success) {
+      linked[i] = 0;
+      continue;
+    }
+    block_of[i] = static_cast<int>(blocks.size());
+    blocks.push_back(change[i].data());
+    problem.AddResidualBlock(PlanePrior::create(llt.matrixU()), nullptr, change[i].data());
+  }
+  for (const PatchLink* link : used) {
+    const std::size_t ia = index.at(link->a), ib = index.at(link->b);
+    if (!linked[ia] || !linked[ib]) continue;
+    const PlanePatch &a = surface->patches[ia], &b = surface->patches[ib];
+    if (options.consistency == Consistency::kPaper) {
+      const PolygonGap gap = polygon_gap(view.polygons[ia], view.polygons[ib]);
+      const Vector3d origin = view.on_plane(a.plane.plane, 0.5 * (gap.on_a + gap.on_b));
+      const double slack = 1.0 / std::sqrt(std::max(link->weight, 1e-3));
+      problem.AddResidualBlock(
+          PlaneConsistency::create(a.plane, b.plane, origin, options.normal_sigma * slack,
+                                   options.offset_sigma * slack),
+          new ceres::CauchyLoss(2.0), change[ia].data(), change[ib].data());
+      continue;
+    }
+    const std::vector<Vector2d> places =
+        border_places(view, a, b, view.polygons[ia], view.polygons[ib]);
+    for (const Vector2d& place : places) {
+      // Across a gap the ground may bend.
+      const double bend = std::tan(link->angle) * 0.5 * link->distance;
+      const double sigma =
+          std::hypot(options.continuity_sigma, bend) / std::sqrt(std::max(link->weight, 1e-3));
+      problem.AddResidualBlock(
+          HeightContinuity::create(
+              view.height(b.plane.plane, place) - view.height(a.plane.plane, place),
+              view.jacobian(a.plane, place), view.jacobian(b.plane, place), sigma),
+          new ceres::CauchyLoss(2.0), change[ia].data(), change[ib].data());
+    }
+  }
+  if (blocks.empty()) {
+    report.converged = true;
+    return report;
+  }
+  ceres::Solver::Options solver;
+  solver.linear_solver_type =
+      blocks.size() > 60 ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::DENSE_NORMAL_CHOLESKY;
+  solver.max_num_iterations = 20;
+  solver.num_threads = 1;
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &problem, &summary);
+  report.initial_cost = summary.initial_cost;
+  report.final_cost = summary.final_cost;
+  report.residuals = summary.num_residuals_reduced;
+  report.converged = summary.termination_type == ceres::CONVERGENCE;
+  if (!summary.IsSolutionUsable()) return report;
+
+  // Covariances: the inverse of the Gauss-Newton matrix at the solution.
+  ceres::Problem::EvaluateOptions evaluate;
+  evaluate.parameter_blocks = blocks;
+  ceres::CRSMatrix jacobian;
+  problem.Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian);
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
+  for (int row = 0; row < jacobian.num_rows; ++row) {
+    for (int i = jacobian.rows[row]; i < jacobian.rows[row + 1]; ++i) {
+      for (int j = jacobian.rows[row]; j < jacobian.rows[row + 1]; ++j) {
+        information(jacobian.cols[i], jacobian.cols[j]) += jacobian.values[i] * jacobian.values[j];
+      }
+    }
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
+  const Eigen::MatrixXd covariance =
+      ldlt.solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
+  for (std::size_t i = 0; i < count; ++i) {
+    if (block_of[i] < 0) continue;
+    PlanePatch& patch = surface->patches[i];
+    UncertainPlane& plane = patch.plane;
+    plane.plane = plane.perturbed(change[i]);
+    plane.centroid = plane.plane.foot(plane.centroid);
+    const Vector3d along = plane.axis1;
+    UncertainPlane::make_axes(plane.plane.normal, along, &plane.axis1, &plane.axis2);
+    const Matrix3d block = covariance.block<3, 3>(3 * block_of[i], 3 * block_of[i]);
+    if (block.allFinite()) plane.covariance = 0.5 * (block + block.transpose());
+    for (std::size_t k = 0; k < patch.boundary.size(); ++k) {
+      patch.boundary[k] = view.on_plane(plane.plane, view.polygons[i][k]);
+    }
+  }
+  for (PatchLink& link : surface->links) {
+    PatchLink fresh = link;
+    judge(view, *surface, options, index.at(link.a), index.at(link.b), &fresh);
+    link.height_step = fresh.height_step;
+    link.angle = fresh.angle;
+  }
+  align_patches_with_road(surface);
+  return report;
+}
+
+void align_patches_with_road(RoadSurface* surface) {
+  const Vector3d up = surface->up.normalized();
+  const GroundAxes axes(up);
+  std::map<int, std::size_t> index;
+  for (std::size_t i = 0; i < surface->patches.size(); ++i) index[surface->patches[i].id] = i;
+  // Overall direction: from the first to the last of the driven line; else away from a camera; else
+  // the long axis of the road.
+  Vector2d ahead = Vector2d::Zero();
+  if (surface->driven_line.size() >= 2) {
+    ahead = axes(surface->driven_line.back() - surface->driven_line.front());
+  } else if (surface->frame == "camera") {
+    ahead = axes(Vector3d::UnitZ());
+  }
+  if (ahead.norm() < 1e-9) {
+    Vector2d mean = Vector2d::Zero();
+    std::vector<Vector2d> places;
+    for (const PlanePatch& patch : surface->patches) {
+      if (patch.kind != PatchKind::kRoad) continue;
+      for (const Vector3d& corner : patch.boundary) {
+        places.push_back(axes(corner));
+        mean += places.back();
+      }
+    }
+    if (!places.empty()) {
+      mean /= static_cast<double>(places.size());
+      Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+      for (const Vector2d& p : places) scatter += (p - mean) * (p - mean).transpose();
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(scatter);
+      ahead = solver.eigenvectors().col(1);
+      // Its sign is free: along the larger component.
+      int largest = 0;
+      ahead.cwiseAbs().maxCoeff(&largest);
+      if (ahead[largest] < 0.0) ahead = -ahead;
+    } else {
+      ahead = Vector2d::UnitX();
+    }
+  }
+  for (PlanePatch& patch : surface->patches) {
+    UncertainPlane& plane = patch.plane;
+    const Vector2d here = axes(plane.centroid);
+    Vector2d direction = Vector2d::Zero();
+    // The driven line's direction at its nearest part.
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k + 1 < surface->driven_line.size(); ++k) {
+      const Vector2d from = axes(surface->driven_line[k]), to = axes(surface->driven_line[k + 1]);
+      const double distance = (0.5 * (from + to) - here).norm();
+      if (distance < nearest && (to - from).norm() > 1e-6) {
+        nearest = distance;
+        direction = to - from;
+      }
+    }
+    if (direction.norm() < 1e-9 && patch.kind != PatchKind::kOther) {
+      for (const PatchLink& link : surface->links) {
+        if (!link.valid || (link.a != patch.id && link.b != patch.id)) continue;
+        const PlanePatch& other = surface->patches[index.at(link.a == patch.id ? link.b : link.a)];
+        if (other.kind != patch.kind) continue;
+        Vector2d way = axes(other.plane.centroid) - here;
+        if (way.dot(ahead) < 0.0) way = -way;
+        direction += way;
+      }
+    }
+    Vector3d along = direction.x() * axes.e1 + direction.y() * axes.e2;
+    if (direction.norm() < 1e-9) {
+      along = plane.axis1;
+      if (axes(along).dot(ahead) < 0.0) along = -along;
+    }
+    // New axes and the covariance in them: the tilt is the vector t1 axis1 + t2 axis2.
+    const Vector3d old1 = plane.axis1, old2 = plane.axis2;
+    // The in-plane direction that lies over `along` in plan.
+    const double slant = plane.plane.normal.dot(up);
+    if (std::abs(slant) > 1e-6) {
+      along -= plane.plane.normal.dot(along) / slant * up;
+    }
+    UncertainPlane::make_axes(plane.plane.normal, along, &plane.axis1, &plane.axis2);
+    Matrix3d turn = Matrix3d::Identity();
+    turn(0, 0) = plane.axis1.dot(old1);
+    turn(0, 1) = plane.axis1.dot(old2);
+    turn(1, 0) = plane.axis2.dot(old1);
+    turn(1, 1) = plane.axis2.dot(old2);
+    plane.covariance = turn * plane.covariance * turn.transpose();
+    patch.grade = std::asin(std::clamp(plane.axis1.dot(up), -1.0, 1.0));
+    // Cross slope: of the level direction across the road, left side up.
+    patch.bank = std::asin(std::clamp(plane.axis2.dot(up), -1.0, 1.0));
+  }
+}
+
+}  // namespace camber

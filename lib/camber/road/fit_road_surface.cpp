@@ -1,0 +1,530 @@
+#include "camber/road/fit_road_surface.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <stdexcept>
+
+#include "camber/core/threads.h"
+#include "camber/road/patch_segmentation.h"
+#include "camber/road/plan_polygon.h"
+#include "camber/road/point_tree.h"
+
+namespace camber {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+namespace kernels = plane_kernels;
+
+namespace {
+
+constexpr std::size_t kMostPoints = 262144;  // that take part in finding the patches
+// A point belongs to a patch as far from its plane as points of the patch are more frequent than
+// others; at least and at most this many standard deviations.
+constexpr double kLeastLabelSigmas = 2.5, kMostLabelSigmas = 6.0;
+const Vector3d kLevelUp = Vector3d::UnitZ();
+
+/// Fits one region on the points of its leaves.
+void refine_region(const PointTree& tree, double least_noise, bool fixed_noise,
+                   PlanarRegion* region) {
+  const PointArrays& s = tree.points();
+  std::vector<std::uint32_t> rows;
+  for (const int leaf : region->leaves) {
+    const PointTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
+    for (std::size_t k = l.begin; k < l.end; ++k) rows.push_back(static_cast<std::uint32_t>(k));
+  }
+  PointArrays points;
+  points.take(s, rows);
+  PlaneCandidate& c = region->candidate;
+  refine_and_window(&points, kLevelUp, least_noise, fixed_noise, &c);
+  points.weigh(c.noise, c.plane);
+  const kernels::Moments moments =
+      sum_moments(points, c.plane, c.window, kBiweight * kBiweight, kernels::Loss::kNewton, true);
+  if (!(moments.weight > 0.0)) {
+    region->estimate.status = Status::kFailed;
+    return;
+  }
+  region->estimate = estimate_covariance(c.plane, c.window, moments, moments, kLevelUp,
+                                         c.noise.kind != NoiseKind::kRays);
+}
+
+/// How far above and below its plane a region's points reach, in standard deviations.
+struct LabelGate {
+  double below = kLeastLabelSigmas, above = kLeastLabelSigmas;
+};
+
+/// From the residuals in a region's leaves: outwards until there are no more than twice as many
+/// points as farther out.
+LabelGate measure_gate(const PointTree& tree, const PlanarRegion& region) {
+  constexpr double kBin = 0.5, kReach = 10.0;
+  constexpr std::size_t kBins = 20;
+  std::array<double, kBins> above{}, below{};
+  const PointArrays& s = tree.points();
+  const PlaneCandidate& c = region.candidate;
+  std::array<float, 64> weights;
+  for (const int leaf : region.leaves) {
+    const PointTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
+    const std::size_t b = l.begin, n = l.end - b;
+    weights.fill(1.0f);
+    c.noise.weigh(c.plane.n, c.plane.d, n, &s.x[b], &s.y[b], &s.z[b],
+                  s.sigma.empty() ? nullptr : &s.sigma[b],
+                  s.covariance.empty() ? nullptr : &s.covariance[b], weights.data());
+    const kernels::FloatPlane p = c.plane.as_float();
+    for (std::size_t k = 0; k < n; ++k) {
+      if (!(weights[k] > 0.0f)) continue;
+      const float r = p.nx * s.x[b + k] + p.ny * s.y[b + k] + p.nz * s.z[b + k] + p.d;
+      const double t = static_cast<double>(r) * std::sqrt(static_cast<double>(weights[k]));
+      if (!(std::abs(t) < kReach)) continue;
+      const auto bin = static_cast<std::size_t>(std::abs(t) / kBin);
+      (t > 0.0 ? above : below)[std::min(bin, kBins - 1)] += 1.0;
+    }
+  }
+  const auto reach = [&](const std::array<double, kBins>& counts) {
+    // Background: what lies between 7 and 10 standard deviations.
+    double background = 0.0;
+    for (std::size_t k = 14; k < kBins; ++k) background += counts[k] / 6.0;
+    auto k = static_cast<std::size_t>(kLeastLabelSigmas / kBin);
+    while (k < static_cast<std::size_t>(kMostLabelSigmas / kBin) &&
+           counts[k] > 2.0 * background + 1.0) {
+      ++k;
+    }
+    return static_cast<double>(k) * kBin;
+  };
+  return {reach(below), reach(above)};
+}
+
+/// Which side of creases a place is on.
+class CreaseCuts {
+ public:
+  explicit CreaseCuts(const std::vector<PlanarRegion>& regions) : regions_(regions) {}
+
+  /// Whether a place belongs to region a rather than b: the sign of the difference of their heights
+  /// is that at a's middle. 0 where the planes do not cross between the middles.
+  int side(int a, int b, double x, double y) const {
+    const PlanarRegion &ra = regions_[static_cast<std::size_t>(a)],
+                       &rb = regions_[static_cast<std::size_t>(b)];
+    const Vector3d &ca = ra.estimate.plane.centroid, &cb = rb.estimate.plane.centroid;
+    const double at_a = difference(ra, rb, ca.x(), ca.y());
+    const double at_b = difference(ra, rb, cb.x(), cb.y());
+    if (!(at_a * at_b < 0.0)) return 0;
+    return difference(ra, rb, x, y) * at_a >= 0.0 ? 1 : -1;
+  }
+
+ private:
+  static double height(const PlanarRegion& region, double x, double y) {
+    const PivotPlane& p = region.candidate.plane;
+    return -(p.n.x() * x + p.n.y() * y + p.d) / p.n.z();
+  }
+  static double difference(const PlanarRegion& a, const PlanarRegion& b, double x, double y) {
+    return height(a, x, y) - height(b, x, y);
+  }
+  const std::vector<PlanarRegion>& regions_;
+};
+
+/// Decides for points of one leaf which region they belong to.
+class LeafLabels {
+ public:
+  LeafLabels(const Segmentation& segmentation, const PointTree& tree, const CreaseCuts& cuts,
+             const std::vector<LabelGate>& gates)
+      : cuts_(cuts), gates_(gates) {
+    choices_.resize(tree.leaves().size());
+    for (std::size_t leaf = 0; leaf < choices_.size(); ++leaf) {
+      std::vector<int>& list = choices_[leaf];
+      const auto add = [&](int region) {
+        if (region >= 0 && std::find(list.begin(), list.end(), region) == list.end()) {
+          list.push_back(region);
+        }
+      };
+      add(segmentation.leaf_region[leaf]);
+      for (const int other : tree.neighbours()[leaf]) {
+        add(segmentation.leaf_region[static_cast<std::size_t>(other)]);
+      }
+    }
+  }
+  const std::vector<int>& choices(std::size_t leaf) const { return choices_[leaf]; }
+
+  /// @param distance  of the point above each choice's plane, in standard deviations
+  int choose(std::size_t leaf, const Vector3d& p, const std::vector<double>& distance) const {
+    const std::vector<int>& list = choices_[leaf];
+    int best = -1;
+    double best_distance = 0.0;
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      const LabelGate& gate = gates_[static_cast<std::size_t>(list[k])];
+      if (!(distance[k] > -gate.below && distance[k] < gate.above)) continue;
+      const double away = std::abs(distance[k]);
+      // On several: the crease decides if there is one, else the nearest plane.
+      const int side = best < 0 ? 1 : cuts_.side(list[k], best, p.x(), p.y());
+      if (side > 0 || (side == 0 && away < best_distance)) {
+        best = list[k];
+        best_distance = away;
+      }
+    }
+    return best;
+  }
+
+ private:
+  const CreaseCuts& cuts_;
+  const std::vector<LabelGate>& gates_;
+  std::vector<std::vector<int>> choices_;
+};
+
+/// Labels rows [begin, end) of `s`, which lie in one leaf, into out[0 ...].
+class RowLabeller {
+ public:
+  RowLabeller(const Segmentation& segmentation, const LeafLabels& chooser)
+      : segmentation_(segmentation), chooser_(chooser) {}
+
+  void label(const PointArrays& s, std::size_t begin, std::size_t end, std::size_t leaf, int* out) {
+    const std::vector<int>& list = chooser_.choices(leaf);
+    const std::size_t n = end - begin;
+    if (list.empty()) {
+      std::fill(out, out + n, -1);
+      return;
+    }
+    if (weights_.size() < list.size()) weights_.resize(list.size());
+    for (std::size_t c = 0; c < list.size(); ++c) {
+      const PlaneCandidate& candidate = region(list[c]).candidate;
+      weights_[c].assign(n, 1.0f);
+      candidate.noise.weigh(candidate.plane.n, candidate.plane.d, n, &s.x[begin], &s.y[begin],
+                            &s.z[begin], s.sigma.empty() ? nullptr : &s.sigma[begin],
+                            s.covariance.empty() ? nullptr : &s.covariance[begin],
+                            weights_[c].data());
+    }
+    distance_.resize(list.size());
+    for (std::size_t k = 0; k < n; ++k) {
+      const Vector3d p = s.point(begin + k);
+      for (std::size_t c = 0; c < list.size(); ++c) {
+        const double w = static_cast<double>(weights_[c][k]);
+        distance_[c] = w > 0.0 ? region(list[c]).candidate.plane.distance(p) * std::sqrt(w) : 1e30;
+      }
+      out[k] = chooser_.choose(leaf, p, distance_);
+    }
+  }
+
+ private:
+  const PlanarRegion& region(int index) const {
+    return segmentation_.regions[static_cast<std::size_t>(index)];
+  }
+  const Segmentation& segmentation_;
+  const LeafLabels& chooser_;
+  std::vector<std::vector<float>> weights_;
+  std::vector<double> distance_;
+};
+
+/// Region of every row of the tree, -1: none.
+std::vector<int> label_rows(const PointTree& tree, const Segmentation& segmentation,
+                            const LeafLabels& chooser, int num_threads) {
+  std::vector<int> labels(tree.cloud_index().size(), -1);
+  constexpr std::size_t kBatch = 256;
+  const std::size_t leaves = tree.leaves().size();
+  parallel_for((leaves + kBatch - 1) / kBatch, num_threads, [&](std::size_t batch) {
+    RowLabeller labeller(segmentation, chooser);
+    for (std::size_t leaf = batch * kBatch; leaf < std::min(leaves, (batch + 1) * kBatch); ++leaf) {
+      const PointTree::Leaf& l = tree.leaves()[leaf];
+      labeller.label(tree.points(), l.begin, l.end, leaf, labels.data() + l.begin);
+    }
+  });
+  return labels;
+}
+
+/// Region of every point of a cloud of which the tree holds only a part.
+std::vector<int> label_cloud(const RoadCloud& cloud, const PointTree& tree,
+                             const Segmentation& segmentation, const LeafLabels& chooser,
+                             int num_threads) {
+  std::vector<int> labels(cloud.size(), -1);
+  constexpr std::size_t kBatch = 65536;
+  const Eigen::Matrix3d turn = tree.frame().level_from_cloud;
+  const Vector3d shift = tree.frame().pivot - cloud.origin;
+  const bool sigmas = !cloud.sigmas.empty(), covariances = !cloud.covariances.empty();
+  parallel_for((cloud.size() + kBatch - 1) / kBatch, num_threads, [&](std::size_t batch) {
+    RowLabeller labeller(segmentation, chooser);
+    PointArrays one;
+    one.resize(1, sigmas, covariances);
+    const std::size_t end = std::min(cloud.size(), (batch + 1) * kBatch);
+    for (std::size_t i = batch * kBatch; i < end; ++i) {
+      const Vector3d p = turn * (cloud.points[i].cast<double>() - shift);
+      if (!(p.squaredNorm() < 1e30)) continue;
+      one.x[0] = static_cast<float>(p.x());
+      one.y[0] = static_cast<float>(p.y());
+      one.z[0] = static_cast<float>(p.z());
+      if (sigmas) one.sigma[0] = cloud.sigmas[i];
+      if (covariances) one.covariance[0] = cloud.covariances[i];
+      const int leaf = tree.locate(one.x[0], one.y[0]);
+      if (leaf >= 0) labeller.label(one, 0, 1, static_cast<std::size_t>(leaf), &labels[i]);
+    }
+  });
+  return labels;
+}
+
+/// Outline of a region in plan: the hull of its points in its own leaves, without the strays that
+/// noise has carried out at the ends.
+PlanPolygon outline(const PointTree& tree, const PlanarRegion& region, int id,
+                    const std::vector<int>& row_labels) {
+  std::vector<Vector2d> places;
+  for (const int leaf : region.leaves) {
+    const PointTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
+    for (std::size_t k = l.begin; k < l.end; ++k) {
+      if (row_labels[k] != id) continue;
+      const float x = tree.points().x[k], y = tree.points().y[k];
+      if (x < l.low[0] || x > l.high[0] || y < l.low[1] || y > l.high[1]) continue;
+      places.emplace_back(static_cast<double>(x), static_cast<double>(y));
+    }
+  }
+  return convex_hull(std::move(places));
+}
+
+/// Which patches are road: those that hang together smoothly with the largest one, or with the one
+/// under the driven line. Level patches a kerb's height beside them are pavement.
+/// @param borders  how many pairs of leaves of two patches touch, by id
+void classify(const ConsistencyOptions& options, const std::map<std::pair<int, int>, int>& borders,
+              RoadSurface* surface) {
+  const std::size_t count = surface->patches.size();
+  if (count == 0) return;
+  const GroundAxes axes(surface->up);
+  std::vector<double> areas(count);
+  std::vector<PlanPolygon> polygons(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const Vector3d& corner : surface->patches[i].boundary) {
+      polygons[i].push_back(axes(corner));
+    }
+    areas[i] = polygon_area(polygons[i]);
+  }
+  std::vector<std::vector<std::pair<std::size_t, const PatchLink*>>> around(count);
+  for (const PatchLink& link : surface->links) {
+    around[static_cast<std::size_t>(link.a)].emplace_back(link.b, &link);
+    around[static_cast<std::size_t>(link.b)].emplace_back(link.a, &link);
+  }
+  // Where two patches touch at a corner only, a valid link may be chance: a kerb that ends there.
+  std::vector<int> longest(count, 0);
+  for (const auto& [pair, number] : borders) {
+    for (const int id : {pair.first, pair.second}) {
+      longest[static_cast<std::size_t>(id)] =
+          std::max(longest[static_cast<std::size_t>(id)], number);
+    }
+  }
+  const auto side_by_side = [&](const PatchLink& link) {
+    const auto found = borders.find({std::min(link.a, link.b), std::max(link.a, link.b)});
+    const int number = found == borders.end() ? 0 : found->second;
+    const int least = std::min(longest[static_cast<std::size_t>(link.a)],
+                               longest[static_cast<std::size_t>(link.b)]);
+    return 5 * number >= least;
+  };
+  // Components over smooth links.
+  std::vector<int> component(count, -1);
+  std::vector<double> weight;
+  for (std::size_t seed = 0; seed < count; ++seed) {
+    if (component[seed] >= 0) continue;
+    const int id = static_cast<int>(weight.size());
+    weight.push_back(0.0);
+    std::vector<std::size_t> queue{seed};
+    component[seed] = id;
+    while (!queue.empty()) {
+      const std::size_t i = queue.back();
+      queue.pop_back();
+      weight.back() += areas[i];
+      for (const auto& [j, link] : around[i]) {
+        if (!link->valid || component[j] >= 0 || !side_by_side(*link)) continue;
+        component[j] = id;
+        queue.push_back(j);
+      }
+    }
+  }
+  // The driven line decides, else the area.
+  std::vector<double> votes(weight.size(), 0.0);
+  for (const Vector3d& place : surface->driven_line) {
+    const SurfaceQuery answer = surface->query(place, 1.0);
+    if (answer.patch >= 0) votes[static_cast<std::size_t>(component[answer.patch])] += 1.0;
+  }
+  const bool driven = *std::max_element(votes.begin(), votes.end()) > 0.0;
+  const std::vector<double>& score = driven ? votes : weight;
+  const int road = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
+  for (std::size_t i = 0; i < count; ++i) {
+    PlanePatch& patch = surface->patches[i];
+    patch.kind = component[i] == road ? PatchKind::kRoad : PatchKind::kOther;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    PlanePatch& patch = surface->patches[i];
+    if (patch.kind == PatchKind::kRoad) continue;
+    for (const auto& [j, link] : around[i]) {
+      if (component[j] != road || link->distance > 0.5 * options.link_distance) continue;
+      const double above = link->a == static_cast<int>(i) ? -link->height_step : link->height_step;
+      if (link->angle < 0.2 && above > 0.5 * options.max_step && above < 0.35) {
+        patch.kind = PatchKind::kPavement;
+        break;
+      }
+    }
+  }
+}
+
+void require(bool good, const char* field, double value, const char* bound) {
+  if (!good) {
+    throw std::invalid_argument(
+        fmt::format("RoadSurfaceOptions::{} is {}, expected {}", field, value, bound));
+  }
+}
+
+}  // namespace
+
+void RoadSurfaceOptions::validate() const {
+  if (up)
+    require(up->allFinite() && up->norm() > 0.0, "up (its length)", up->norm(), "a direction");
+  require(max_slope > 0.0 && max_slope <= 1.4, "max_slope", max_slope, "(0, 1.4] rad");
+  require(inlier_threshold >= 0.0 && std::isfinite(inlier_threshold), "inlier_threshold",
+          inlier_threshold, ">= 0 m");
+  require(min_patch_points >= 3, "min_patch_points", min_patch_points, ">= 3");
+  require(tolerance_sigmas > 0.0, "tolerance_sigmas", tolerance_sigmas, "> 0");
+  require(tolerance >= 0.0, "tolerance", tolerance, ">= 0 m");
+  consistency.validate();
+}
+
+RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions& options,
+                                const Progress& progress) {
+  options.validate();
+  cloud.validate();
+  const auto report = [&](double share) {
+    if (progress) progress("patches", share);
+  };
+  report(0.0);
+  RoadSurfaceFit fit;
+  RoadSurface& surface = fit.surface;
+  const Vector3d up = options.up ? options.up->normalized() : cloud.default_up();
+  surface.up = up;
+  surface.metric = cloud.metric;
+  surface.frame = cloud.frame == CloudFrame::kCamera       ? "camera"
+                  : (up - Vector3d::UnitZ()).norm() < 1e-9 ? "z-up"
+                                                           : "other";
+  surface.driven_line = options.driven_line;
+  fit.labels.assign(cloud.size(), -1);
+
+  PointTree tree(cloud, up, options.seed, kMostPoints);
+  const auto failed = [&](const std::string& reason) {
+    fit.status = Status::kFailed;
+    fit.reason = reason;
+    return fit;
+  };
+  if (tree.size() < 3) {
+    return failed(fmt::format("{} usable points, at least 3 are needed", tree.size()));
+  }
+  if (!(tree.spread() > 0.0)) return failed("all points lie at one place");
+  report(0.2);
+
+  NoiseModel noise;
+  const bool fixed_noise = options.inlier_threshold > 0.0;
+  std::optional<Vector3d> viewpoint = options.viewpoint;
+  if (!viewpoint && cloud.frame == CloudFrame::kCamera) viewpoint = Vector3d::Zero();
+  if (!fixed_noise) {
+    if (!cloud.covariances.empty()) {
+      noise.kind = NoiseKind::kCovariance;
+    } else if (!cloud.sigmas.empty() && viewpoint) {
+      noise.kind = NoiseKind::kRays;
+      noise.viewpoint = tree.frame().to_level(*viewpoint);
+    } else if (!cloud.sigmas.empty()) {
+      noise.kind = NoiseKind::kPower;
+    }
+  }
+  SegmentationOptions segmentation_options;
+  segmentation_options.seed = options.seed;
+  segmentation_options.num_threads = options.num_threads;
+  segmentation_options.max_slope = options.max_slope;
+  segmentation_options.inlier_threshold = options.inlier_threshold;
+  segmentation_options.tolerance_sigmas = options.tolerance_sigmas;
+  segmentation_options.tolerance = cloud.metric ? options.tolerance : 0.0;
+  segmentation_options.min_points = options.min_patch_points;
+  Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
+  report(0.6);
+  if (segmentation.regions.empty()) return failed("no planar ground was found");
+
+  const double least_noise = std::max(4e-7 * tree.spread(), 1e-9);
+  parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
+    refine_region(tree, least_noise, fixed_noise, &segmentation.regions[region]);
+  });
+  report(0.8);
+
+  const CreaseCuts cuts(segmentation.regions);
+  std::vector<LabelGate> gates(segmentation.regions.size());
+  parallel_for(gates.size(), options.num_threads, [&](std::size_t region) {
+    gates[region] = measure_gate(tree, segmentation.regions[region]);
+  });
+  const LeafLabels chooser(segmentation, tree, cuts, gates);
+  const std::vector<int> row_labels = label_rows(tree, segmentation, chooser, options.num_threads);
+  std::vector<int> counts(segmentation.regions.size(), 0);
+  if (cloud.size() <= kMostPoints) {
+    for (std::size_t k = 0; k < row_labels.size(); ++k) {
+      const std::uint32_t index = tree.cloud_index()[k];
+      if (index != PointTree::kPadding) fit.labels[index] = row_labels[k];
+    }
+  } else {
+    fit.labels = label_cloud(cloud, tree, segmentation, chooser, options.num_threads);
+  }
+  for (const int label : fit.labels) {
+    if (label >= 0) ++counts[static_cast<std::size_t>(label)];
+  }
+
+  // Patches in the cloud's frame.
+  const Eigen::Matrix3d back = tree.frame().level_from_cloud.transpose();
+  std::vector<float> deviations;
+  std::vector<int> id_of(segmentation.regions.size(), -1);
+  for (std::size_t r = 0; r < segmentation.regions.size(); ++r) {
+    const PlanarRegion& region = segmentation.regions[r];
+    if (region.estimate.status == Status::kFailed || counts[r] < options.min_patch_points) continue;
+    const PlanPolygon polygon = outline(tree, region, static_cast<int>(r), row_labels);
+    if (polygon.size() < 3) continue;
+    PlanePatch patch;
+    patch.id = static_cast<int>(surface.patches.size());
+    id_of[r] = patch.id;
+    patch.status = region.estimate.status;
+    patch.reason = region.estimate.reason;
+    patch.inliers = counts[r];
+    const UncertainPlane& level = region.estimate.plane;
+    patch.plane.centroid = tree.frame().to_cloud(level.centroid);
+    patch.plane.plane = Plane::through(patch.plane.centroid, back * level.plane.normal);
+    patch.plane.axis1 = back * level.axis1;
+    patch.plane.axis2 = back * level.axis2;
+    patch.plane.covariance = level.covariance;
+    const PivotPlane& p = region.candidate.plane;
+    for (const Vector2d& corner : polygon) {
+      const double z = -(p.n.x() * corner.x() + p.n.y() * corner.y() + p.d) / p.n.z();
+      patch.boundary.push_back(tree.frame().to_cloud({corner.x(), corner.y(), z}));
+    }
+    deviations.push_back(static_cast<float>(region.estimate.noise));
+    surface.patches.push_back(std::move(patch));
+  }
+  for (int& label : fit.labels) {
+    if (label >= 0) label = id_of[static_cast<std::size_t>(label)];
+  }
+  if (surface.patches.empty()) return failed("no planar ground was found");
+  fit.noise = quantile(deviations, 0.5);
+
+  surface.links = find_links(surface, options.consistency);
+  std::map<std::pair<int, int>, int> borders;
+  for (std::size_t leaf = 0; leaf < tree.leaves().size(); ++leaf) {
+    const int region = segmentation.leaf_region[leaf];
+    const int a = region < 0 ? -1 : id_of[static_cast<std::size_t>(region)];
+    if (a < 0) continue;
+    for (const int other : tree.neighbours()[leaf]) {
+      const int next = segmentation.leaf_region[static_cast<std::size_t>(other)];
+      const int b = next < 0 ? -1 : id_of[static_cast<std::size_t>(next)];
+      if (b > a) ++borders[{a, b}];
+    }
+  }
+  classify(options.consistency, borders, &surface);
+  align_patches_with_road(&surface);
+  optimise_surface(options.consistency, &surface);
+  // The ego patch: the road under the camera or at the start of the driven line.
+  std::optional<Vector3d> ego = viewpoint;
+  if (!surface.driven_line.empty()) ego = surface.driven_line.front();
+  if (ego) {
+    const SurfaceQuery answer = surface.query(*ego, 15.0);
+    const PlanePatch* patch = surface.find(answer.patch);
+    if (patch && patch->kind == PatchKind::kRoad) surface.ego_patch = patch->id;
+  }
+  fit.status = Status::kOk;
+  report(1.0);
+  return fit;
+}
+
+}  // namespace camber

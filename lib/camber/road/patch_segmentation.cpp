@@ -1,0 +1,508 @@
+#include "camber/road/patch_segmentation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "camber/core/random.h"
+#include "camber/core/threads.h"
+
+namespace camber {
+
+using Eigen::Vector3d;
+namespace kernels = plane_kernels;
+
+namespace {
+
+const Vector3d kUp = Vector3d::UnitZ();
+constexpr double kLimit = kInlierSigmas * kInlierSigmas;
+constexpr double kLeastShare = 0.3;  // of a leaf's points that a plane must hold to have it
+constexpr double kSmoothness = 4.0;  // cost of a leaf whose neighbours are all of other regions
+constexpr double kNewPlane = 40.0;   // cost that a plane of its own must save
+
+struct Proposal {
+  PivotPlane plane;
+  double gain = 0.0;
+  std::size_t block = 0;
+};
+
+class Segmenter {
+ public:
+  Segmenter(PointTree& tree, NoiseModel start, const SegmentationOptions& options)
+      : tree_(tree), options_(options), s_(tree.points()) {
+    out_.noise = std::move(start);
+  }
+
+  Segmentation run();
+
+ private:
+  void learn_noise();
+  kernels::PieceStatistics statistics(const PivotPlane& plane, std::size_t leaf) const;
+  kernels::Moments moments(const PivotPlane& plane, const PlaneWindow& window,
+                           const std::vector<int>& leaves, double limit) const;
+  bool accepts(const kernels::PieceStatistics& stats, std::size_t leaf) const;
+  bool refit(const std::vector<int>& leaves, int rounds, PivotPlane* plane) const;
+  void propose(std::size_t block, std::vector<Proposal>* proposals) const;
+  void grow(const std::vector<Proposal>& proposals);
+  std::vector<int> reach(const PivotPlane& plane, const std::vector<int>& from,
+                         const std::vector<int>& taken) const;
+  void compete();
+  bool merge();
+  bool drop();
+  void collect();
+  double cost_of(std::size_t leaf, const PivotPlane& plane) const {
+    return static_cast<double>(statistics(plane, leaf).cost);
+  }
+  double nothing(std::size_t leaf) const {
+    const PointTree::Leaf& l = tree_.leaves()[leaf];
+    return kLimit * static_cast<double>(l.end - l.begin);
+  }
+
+  PointTree& tree_;
+  const SegmentationOptions& options_;
+  PointArrays& s_;
+  Segmentation out_;
+  double tolerance_ = 0.0;  // in standard deviations
+  std::vector<PivotPlane> planes_;
+  std::vector<std::vector<int>> members_;
+};
+
+void Segmenter::learn_noise() {
+  std::vector<std::pair<std::size_t, std::size_t>> pieces;
+  for (const PointTree::Leaf& leaf : tree_.leaves()) pieces.emplace_back(leaf.begin, leaf.end);
+  const double least = std::max(4e-7 * tree_.spread(), 1e-9);
+  NoiseModel& noise = out_.noise;
+  if (options_.inlier_threshold > 0.0) {
+    noise.kind = NoiseKind::kSame;
+    noise.scale = options_.inlier_threshold / kInlierSigmas;
+  } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {
+    learn_local_noise(s_, pieces, kUp, options_.max_slope, least, options_.seed, &noise);
+  }
+  PivotPlane level;
+  // Padding rows keep weight 0.
+  for (const PointTree::Leaf& leaf : tree_.leaves()) {
+    for (std::size_t k = leaf.begin; k < leaf.end; ++k) s_.w[k] = 1.0f;
+    const std::size_t b = leaf.begin;
+    if (noise.kind == NoiseKind::kRays) continue;
+    noise.weigh(level.n, level.d, leaf.end - b, &s_.x[b], &s_.y[b], &s_.z[b],
+                s_.sigma.empty() ? nullptr : &s_.sigma[b],
+                s_.covariance.empty() ? nullptr : &s_.covariance[b], &s_.w[b]);
+  }
+  std::vector<float> weights;
+  for (std::size_t k = 0; k < s_.w.size(); k += 7) {
+    if (s_.w[k] > 0.0f) weights.push_back(s_.w[k]);
+  }
+  const double middle = weights.empty() ? 1.0 : quantile(weights, 0.5);
+  out_.typical_noise = noise.kind == NoiseKind::kRays ? 0.0 : 1.0 / std::sqrt(middle);
+  tolerance_ = options_.tolerance_sigmas;
+  if (out_.typical_noise > 0.0) {
+    tolerance_ = std::max(tolerance_, options_.tolerance / out_.typical_noise);
+  }
+}
+
+kernels::PieceStatistics Segmenter::statistics(const PivotPlane& plane, std::size_t leaf) const {
+  const PointTree::Leaf& l = tree_.leaves()[leaf];
+  const std::size_t b = l.begin, n = l.padded_end - b;
+  const float* w = &s_.w[b];
+  alignas(32) float rays[64];
+  if (out_.noise.kind == NoiseKind::kRays) {
+    std::copy(w, w + n, rays);
+    out_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr,
+                     rays);
+    w = rays;
+  }
+  return kernels::piece_statistics(&s_.x[b], &s_.y[b], &s_.z[b], w, n, plane.as_float(),
+                                   static_cast<float>(kLimit));
+}
+
+kernels::Moments Segmenter::moments(const PivotPlane& plane, const PlaneWindow& window,
+                                    const std::vector<int>& leaves, double limit) const {
+  kernels::Moments sum;
+  alignas(32) float rays[64];
+  const kernels::FloatPlane p = plane.as_float();
+  const kernels::Window f = window.as_float();
+  for (const int leaf : leaves) {
+    const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+    const std::size_t b = l.begin, n = l.padded_end - b;
+    const float* w = &s_.w[b];
+    if (out_.noise.kind == NoiseKind::kRays) {
+      std::copy(w, w + n, rays);
+      out_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr,
+                       rays);
+      w = rays;
+    }
+    kernels::accumulate(&s_.x[b], &s_.y[b], &s_.z[b], w, n, p, f, static_cast<float>(limit),
+                        kernels::Loss::kReweighted, false, &sum);
+  }
+  return sum;
+}
+
+/// A leaf is on a plane if enough of its points are, and their mean is not off by more than the
+/// tolerance and chance.
+bool Segmenter::accepts(const kernels::PieceStatistics& stats, std::size_t leaf) const {
+  const PointTree::Leaf& l = tree_.leaves()[leaf];
+  const double count = static_cast<double>(l.end - l.begin);
+  if (stats.inliers < 4.0f || static_cast<double>(stats.inliers) < kLeastShare * count)
+    return false;
+  const double z = static_cast<double>(stats.pull) / std::sqrt(static_cast<double>(stats.weight));
+  return std::abs(z) < 2.5 + tolerance_ * std::sqrt(static_cast<double>(stats.inliers));
+}
+
+bool Segmenter::refit(const std::vector<int>& leaves, int rounds, PivotPlane* plane) const {
+  for (int round = 0; round < rounds; ++round) {
+    PlaneWindow window;
+    align(*plane, &window);
+    const kernels::Moments m = moments(*plane, window, leaves, 2.0 * kLimit);
+    double step = 0.0;
+    PivotPlane next = *plane;
+    if (!solve_step(m, window, &next, &step)) return round > 0;
+    if (next.n.z() < std::cos(options_.max_slope)) return false;
+    *plane = next;
+  }
+  return true;
+}
+
+/// Planes of one block: the best of some minimal samples, then the best of what that leaves.
+void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) const {
+  constexpr int kSamples = 40;
+  const PointTree::Block& range = tree_.blocks()[block];
+  const PointTree::Leaf& head = tree_.leaves()[range.first];
+  const PointTree::Leaf& tail = tree_.leaves()[range.last - 1];
+  const std::size_t begin = head.begin, end = tail.padded_end, n = end - begin;
+  std::vector<float> weights(s_.w.begin() + static_cast<long>(begin),
+                             s_.w.begin() + static_cast<long>(end));
+  std::vector<float> scored(weights);
+  std::vector<std::size_t> rows;
+  for (std::size_t k = begin; k < end; ++k) {
+    if (tree_.cloud_index()[k] != PointTree::kPadding) rows.push_back(k);
+  }
+  const CounterRandom random(options_.seed, 100 + block);
+  const double least_cosine = std::cos(options_.max_slope);
+  std::uint64_t counter = 0;
+  std::vector<int> leaves;
+  for (std::size_t leaf = range.first; leaf < range.last; ++leaf) {
+    leaves.push_back(static_cast<int>(leaf));
+  }
+  for (int turn = 0; turn < 2 && rows.size() >= 12; ++turn) {
+    double best = std::numeric_limits<double>::infinity();
+    PivotPlane best_plane;
+    for (int sample = 0; sample < kSamples; ++sample) {
+      const std::size_t i = rows[random.below(counter, rows.size())],
+                        j = rows[random.below(counter + 1, rows.size())],
+                        k = rows[random.below(counter + 2, rows.size())];
+      counter += 3;
+      const Vector3d p = s_.point(i), a = s_.point(j) - p, b = s_.point(k) - p;
+      const Vector3d cross = a.cross(b);
+      const double norm = cross.norm();
+      if (!(norm > 1e-3 * std::max(a.squaredNorm(), b.squaredNorm()))) continue;
+      PivotPlane plane;
+      plane.n = cross.z() < 0.0 ? Vector3d(-cross / norm) : Vector3d(cross / norm);
+      if (plane.n.z() < least_cosine) continue;
+      plane.d = -plane.n.dot(p);
+      if (out_.noise.kind == NoiseKind::kRays) {
+        scored = weights;
+        out_.noise.weigh(plane.n, plane.d, n, &s_.x[begin], &s_.y[begin], &s_.z[begin],
+                         &s_.sigma[begin], nullptr, scored.data());
+      }
+      const double cost = static_cast<double>(kernels::msac_cost(
+          &s_.x[begin], &s_.y[begin], &s_.z[begin], scored.data(), n, plane.as_float(),
+          static_cast<float>(kLimit), static_cast<float>(std::min(best, 1e30))));
+      if (cost < best) {
+        best = cost;
+        best_plane = plane;
+      }
+    }
+    if (!std::isfinite(best)) return;
+    Proposal proposal;
+    proposal.plane = best_plane;
+    proposal.block = block;
+    if (!refit(leaves, 3, &proposal.plane)) proposal.plane = best_plane;
+    // Its inliers, which the next turn leaves out.
+    double inliers = 0.0;
+    std::vector<std::size_t> rest;
+    if (out_.noise.kind == NoiseKind::kRays) {
+      scored = weights;
+      out_.noise.weigh(proposal.plane.n, proposal.plane.d, n, &s_.x[begin], &s_.y[begin],
+                       &s_.z[begin], &s_.sigma[begin], nullptr, scored.data());
+    }
+    for (const std::size_t k : rows) {
+      const double r = proposal.plane.distance(s_.point(k));
+      const double t = r * r * static_cast<double>(scored[k - begin]);
+      if (t < kLimit) {
+        inliers += 1.0;
+        proposal.gain += kLimit - t;
+        weights[k - begin] = 0.0f;
+        scored[k - begin] = 0.0f;
+      } else {
+        rest.push_back(k);
+      }
+    }
+    if (inliers >= 12.0) proposals->push_back(proposal);
+    rows.swap(rest);
+  }
+}
+
+/// Leaves on a plane that hang together with the given ones; leaves with taken[leaf] >= 0 are left
+/// out.
+std::vector<int> Segmenter::reach(const PivotPlane& plane, const std::vector<int>& from,
+                                  const std::vector<int>& taken) const {
+  std::vector<int> found;
+  std::vector<char> seen(tree_.leaves().size(), 0);
+  std::vector<int> queue;
+  const auto visit = [&](int leaf) {
+    if (seen[static_cast<std::size_t>(leaf)]) return;
+    seen[static_cast<std::size_t>(leaf)] = 1;
+    if (taken[static_cast<std::size_t>(leaf)] >= 0) return;
+    const auto index = static_cast<std::size_t>(leaf);
+    if (!accepts(statistics(plane, index), index)) return;
+    queue.push_back(leaf);
+    found.push_back(leaf);
+  };
+  for (const int leaf : from) visit(leaf);
+  while (!queue.empty()) {
+    const int leaf = queue.back();
+    queue.pop_back();
+    for (const int next : tree_.neighbours()[static_cast<std::size_t>(leaf)]) visit(next);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+void Segmenter::grow(const std::vector<Proposal>& proposals) {
+  std::vector<std::size_t> order(proposals.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t l, std::size_t r) {
+    return proposals[l].gain > proposals[r].gain;
+  });
+  std::vector<int>& taken = out_.leaf_region;
+  for (const std::size_t index : order) {
+    const Proposal& proposal = proposals[index];
+    const PointTree::Block& block = tree_.blocks()[proposal.block];
+    std::vector<int> start;
+    for (std::size_t leaf = block.first; leaf < block.last; ++leaf) {
+      if (taken[leaf] < 0 && accepts(statistics(proposal.plane, leaf), leaf)) {
+        start.push_back(static_cast<int>(leaf));
+      }
+    }
+    if (start.size() * 2 < block.last - block.first || start.empty()) continue;
+    PivotPlane plane = proposal.plane;
+    std::vector<int> region = start;
+    for (int round = 0; round < 8; ++round) {
+      std::vector<int> next = reach(plane, round == 0 ? start : region, taken);
+      if (next.size() < 2) {
+        region = next;
+        break;
+      }
+      PivotPlane refined = plane;
+      if (!refit(next, 2, &refined)) break;
+      plane = refined;
+      const bool settled = next == region;
+      region.swap(next);
+      if (settled) break;
+    }
+    double points = 0.0;
+    for (const int leaf : region) {
+      points += static_cast<double>(statistics(plane, static_cast<std::size_t>(leaf)).inliers);
+    }
+    if (points < options_.min_points) continue;
+    const int id = static_cast<int>(planes_.size());
+    planes_.push_back(plane);
+    for (const int leaf : region) taken[static_cast<std::size_t>(leaf)] = id;
+  }
+}
+
+void Segmenter::collect() {
+  members_.assign(planes_.size(), {});
+  for (std::size_t leaf = 0; leaf < out_.leaf_region.size(); ++leaf) {
+    const int region = out_.leaf_region[leaf];
+    if (region >= 0) members_[static_cast<std::size_t>(region)].push_back(static_cast<int>(leaf));
+  }
+}
+
+/// Every leaf goes to the cheapest of its own and its neighbours' planes; planes are refitted.
+void Segmenter::compete() {
+  const std::size_t count = tree_.leaves().size();
+  for (int round = 0; round < 3; ++round) {
+    collect();
+    for (std::size_t region = 0; region < planes_.size(); ++region) {
+      if (members_[region].size() >= 2) refit(members_[region], 2, &planes_[region]);
+    }
+    std::size_t changes = 0;
+    std::vector<std::pair<int, int>> votes;  // region, neighbours of it
+    for (std::size_t leaf = 0; leaf < count; ++leaf) {
+      votes.clear();
+      const std::vector<int>& around = tree_.neighbours()[leaf];
+      const auto vote = [&](int region, int number) {
+        if (region < 0) return;
+        for (auto& [known, votes_of] : votes) {
+          if (known == region) {
+            votes_of += number;
+            return;
+          }
+        }
+        votes.emplace_back(region, number);
+      };
+      for (const int other : around) vote(out_.leaf_region[static_cast<std::size_t>(other)], 1);
+      vote(out_.leaf_region[leaf], 0);
+      int best_region = -1;
+      double best = std::numeric_limits<double>::infinity();
+      for (const auto& [region, number] : votes) {
+        const PivotPlane& plane = planes_[static_cast<std::size_t>(region)];
+        const kernels::PieceStatistics stats = statistics(plane, leaf);
+        if (!accepts(stats, leaf)) continue;
+        const double alone =
+            around.empty() ? 0.0
+                           : 1.0 - static_cast<double>(number) / static_cast<double>(around.size());
+        const double cost = static_cast<double>(stats.cost) + kSmoothness * alone;
+        if (cost < best) {
+          best = cost;
+          best_region = region;
+        }
+      }
+      if (best_region != out_.leaf_region[leaf]) {
+        out_.leaf_region[leaf] = best_region;
+        ++changes;
+      }
+    }
+    if (changes * 200 < count) break;
+  }
+  collect();
+}
+
+/// Joins neighbouring regions that one plane explains about as well as two.
+bool Segmenter::merge() {
+  std::map<std::pair<int, int>, int> borders;
+  for (std::size_t leaf = 0; leaf < out_.leaf_region.size(); ++leaf) {
+    const int a = out_.leaf_region[leaf];
+    if (a < 0) continue;
+    for (const int other : tree_.neighbours()[leaf]) {
+      const int b = out_.leaf_region[static_cast<std::size_t>(other)];
+      if (b > a) ++borders[{a, b}];
+    }
+  }
+  bool any = false;
+  std::vector<char> changed(planes_.size(), 0);
+  for (const auto& [pair, border] : borders) {
+    const auto a = static_cast<std::size_t>(pair.first), b = static_cast<std::size_t>(pair.second);
+    if (changed[a] || changed[b]) continue;
+    if (planes_[a].n.dot(planes_[b].n) < std::cos(0.1)) continue;
+    std::vector<int> both = members_[a];
+    both.insert(both.end(), members_[b].begin(), members_[b].end());
+    PivotPlane plane = members_[a].size() >= members_[b].size() ? planes_[a] : planes_[b];
+    if (!refit(both, 3, &plane)) continue;
+    double together = 0.0, apart = 0.0;
+    std::size_t accepted = 0;
+    for (const std::size_t region : {a, b}) {
+      for (const int leaf : members_[region]) {
+        const auto l = static_cast<std::size_t>(leaf);
+        const kernels::PieceStatistics stats = statistics(plane, l);
+        together += static_cast<double>(stats.cost);
+        apart += cost_of(l, planes_[region]);
+        accepted += accepts(stats, l) ? 1 : 0;
+      }
+    }
+    double points = 0.0;
+    for (const int leaf : both) {
+      const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+      points += static_cast<double>(l.end - l.begin);
+    }
+    // A systematic misfit of a third of the tolerance is what a plane is allowed to have.
+    const double allowed = kNewPlane + points * tolerance_ * tolerance_ / 9.0;
+    if (together - apart > allowed || accepted < both.size() * 95 / 100) continue;
+    for (const int leaf : members_[b]) {
+      out_.leaf_region[static_cast<std::size_t>(leaf)] = static_cast<int>(a);
+    }
+    planes_[a] = plane;
+    changed[a] = changed[b] = 1;
+    any = true;
+  }
+  collect();
+  return any;
+}
+
+/// Drops regions with too few points, and those whose leaves the neighbours' planes explain almost
+/// as well.
+bool Segmenter::drop() {
+  bool any = false;
+  for (std::size_t region = 0; region < planes_.size(); ++region) {
+    if (members_[region].empty()) continue;
+    double points = 0.0, saved = 0.0;
+    std::vector<int> instead;
+    for (const int leaf : members_[region]) {
+      const auto l = static_cast<std::size_t>(leaf);
+      const kernels::PieceStatistics stats = statistics(planes_[region], l);
+      points += static_cast<double>(stats.inliers);
+      double best = nothing(l);
+      int best_region = -1;
+      for (const int other : tree_.neighbours()[l]) {
+        const int candidate = out_.leaf_region[static_cast<std::size_t>(other)];
+        if (candidate < 0 || candidate == static_cast<int>(region)) continue;
+        const kernels::PieceStatistics there =
+            statistics(planes_[static_cast<std::size_t>(candidate)], l);
+        if (!accepts(there, l)) continue;
+        if (static_cast<double>(there.cost) < best) {
+          best = static_cast<double>(there.cost);
+          best_region = candidate;
+        }
+      }
+      instead.push_back(best_region);
+      saved += best - static_cast<double>(stats.cost);
+    }
+    if (points >= options_.min_points && saved > kNewPlane) continue;
+    for (std::size_t k = 0; k < members_[region].size(); ++k) {
+      out_.leaf_region[static_cast<std::size_t>(members_[region][k])] = instead[k];
+    }
+    collect();
+    any = true;
+  }
+  return any;
+}
+
+Segmentation Segmenter::run() {
+  out_.leaf_region.assign(tree_.leaves().size(), -1);
+  if (tree_.size() < 3) return std::move(out_);
+  learn_noise();
+  std::vector<std::vector<Proposal>> by_block(tree_.blocks().size());
+  parallel_for(by_block.size(), options_.num_threads,
+               [&](std::size_t block) { propose(block, &by_block[block]); });
+  std::vector<Proposal> proposals;
+  for (const std::vector<Proposal>& list : by_block) {
+    proposals.insert(proposals.end(), list.begin(), list.end());
+  }
+  grow(proposals);
+  for (int round = 0; round < 4; ++round) {
+    compete();
+    const bool dropped = drop();
+    const bool merged = merge();
+    if (!dropped && !merged) break;
+  }
+  compete();
+  for (std::size_t region = 0; region < planes_.size(); ++region) {
+    if (members_[region].empty()) continue;
+    PlanarRegion result;
+    result.candidate.plane = planes_[region];
+    result.candidate.noise = out_.noise;
+    result.leaves = members_[region];
+    for (const int leaf : members_[region]) {
+      result.points +=
+          static_cast<double>(statistics(planes_[region], static_cast<std::size_t>(leaf)).inliers);
+    }
+    if (result.points < options_.min_points) {
+      for (const int leaf : members_[region]) out_.leaf_region[static_cast<std::size_t>(leaf)] = -1;
+      continue;
+    }
+    const int id = static_cast<int>(out_.regions.size());
+    for (const int leaf : members_[region]) out_.leaf_region[static_cast<std::size_t>(leaf)] = id;
+    out_.regions.push_back(std::move(result));
+  }
+  return std::move(out_);
+}
+
+}  // namespace
+
+Segmentation segment_planes(PointTree& tree, NoiseModel start, const SegmentationOptions& options) {
+  return Segmenter(tree, std::move(start), options).run();
+}
+
+}  // namespace camber

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "camber/plane/plane_solver.h"
+#include "camber/road/point_tree.h"
+
+namespace camber {
+
+struct SegmentationOptions {
+  std::uint64_t seed = 0;
+  int num_threads = 0;
+  double max_slope = 0.6;         ///< rad from level
+  double inlier_threshold = 0.0;  ///< m; 0: from the noise
+  /// How far the road may leave a patch's plane before the patch ends, in standard deviations of a
+  /// point, and at least this many metres (0 for clouds without a scale).
+  double tolerance_sigmas = 0.7;
+  double tolerance = 0.015;
+  int min_points = 60;  ///< of a patch
+};
+
+/// A planar piece of ground in the tree's level frame.
+struct PlanarRegion {
+  PlaneCandidate candidate;  ///< plane, window, noise
+  PlaneEstimate estimate;
+  std::vector<int> leaves;  ///< ascending
+  double points = 0.0;      ///< inliers in its leaves
+};
+
+struct Segmentation {
+  std::vector<PlanarRegion> regions;
+  std::vector<int> leaf_region;  ///< index of a region, or -1
+  NoiseModel noise;              ///< of the whole cloud, before the regions' own
+  double typical_noise = 0.0;    ///< m
+};
+
+/// Finds the planar pieces of a road. The number of planes is not told.
+///
+/// Every block of a few hundred points proposes planes (MSAC). The proposals grow over neighbouring
+/// leaves as long as a leaf's points lie on the plane, being refitted on the way; then the regions
+/// compete for leaves by cost, with a preference for the neighbours' region (iterated conditional
+/// modes: Besag, JRSS B 1986), are refitted, merged where one plane does for two, and dropped where
+/// others explain their leaves as well (the label cost of PEARL: Isack and Boykov, IJCV 2012).
+Segmentation segment_planes(PointTree& tree, NoiseModel start, const SegmentationOptions& options);
+
+}  // namespace camber

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "camber/cloud/road_cloud.h"
+#include "camber/plane/plane_solver.h"
+
+namespace camber {
+
+/// Frame in which a road is taken apart: z up, origin at a pivot amid the points.
+struct LevelFrame {
+  Eigen::Matrix3d level_from_cloud = Eigen::Matrix3d::Identity();  ///< rotation
+  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< m, true coordinates, cloud origin included
+
+  Eigen::Vector3d to_level(const Eigen::Vector3d& x) const {
+    return level_from_cloud * (x - pivot);
+  }
+  Eigen::Vector3d to_cloud(const Eigen::Vector3d& x) const {
+    return level_from_cloud.transpose() * x + pivot;
+  }
+};
+
+/// Points of a cloud in a level frame, ordered so that each of many small pieces of ground
+/// ("leaves" of about 32 points, whatever the density) is a run of rows that begins at a multiple
+/// of the kernels' lane count. Built by halving in plan; far strays do not distort it.
+class PointTree {
+ public:
+  static constexpr std::uint32_t kPadding = 0xFFFFFFFFu;
+
+  struct Leaf {
+    std::size_t begin = 0, end = 0;  ///< rows that hold points
+    std::size_t padded_end = 0;      ///< rows with the padding, a multiple of kLanes from begin
+    Eigen::Array2f low, high;        ///< box in plan, m, without the outermost points
+  };
+  /// Neighbouring leaves that hold a few hundred points together.
+  struct Block {
+    std::size_t first = 0, last = 0;  ///< leaves [first, last)
+  };
+
+  /// @param most_points  clouds with more are represented by a part of their points, one from each
+  ///                     of equal slices
+  PointTree(const RoadCloud& cloud, const Eigen::Vector3d& up, std::uint64_t seed,
+            std::size_t most_points);
+
+  const LevelFrame& frame() const { return frame_; }
+  PointArrays& points() { return points_; }
+  const PointArrays& points() const { return points_; }
+  /// Index into the cloud of each row, kPadding for padding.
+  const std::vector<std::uint32_t>& cloud_index() const { return cloud_index_; }
+  const std::vector<Leaf>& leaves() const { return leaves_; }
+  const std::vector<Block>& blocks() const { return blocks_; }
+  /// Leaves whose boxes touch a leaf's, ascending, itself not included.
+  const std::vector<std::vector<int>>& neighbours() const { return neighbours_; }
+  std::size_t size() const { return size_; }  ///< points that are represented
+  double spread() const { return spread_; }   ///< m, 90 % lie within it of the pivot
+
+  /// Index of the leaf to whose part of the ground a place in plan belongs.
+  int locate(float x, float y) const;
+
+ private:
+  struct Node {
+    int axis = 0;
+    float split = 0.0f;
+    int below = -1, above = -1;  ///< nodes; -1: leaf
+    int leaf = -1;
+    Eigen::Array2f low, high;
+  };
+  int build(std::size_t begin, std::size_t end, bool in_block);
+  void find_neighbours();
+
+  LevelFrame frame_;
+  PointArrays points_;
+  std::vector<std::uint32_t> cloud_index_;
+  std::vector<Leaf> leaves_;
+  std::vector<Block> blocks_;
+  std::vector<Node> nodes_;
+  std::vector<std::vector<int>> neighbours_;
+  std::size_t size_ = 0;
+  double spread_ = 0.0;
+
+  struct Row {
+    float x, y, z;
+    std::uint32_t index;
+  };
+  std::vector<Row> rows_;  // while building
+};
+
+}  // namespace camber
