@@ -722,8 +722,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     for (std::size_t i = 0; i < run.points.size(); ++i) {
       const Eigen::Vector3d p = m * run.points.point(i);
       cloud.points.emplace_back(p.cast<float>());
-      const double relative = std::hypot(total[i] / run.points.inverse_depth[i], scale_sigma);
-      cloud.sigmas.push_back(static_cast<float>(p.norm() * relative));
+      // Without the scale's share, which all points have in common (run.json: scale_sigma).
+      cloud.sigmas.push_back(
+          static_cast<float>(p.norm() * total[i] / run.points.inverse_depth[i]));
       const auto pixel = static_cast<std::size_t>(
           at(run.matches.pixels[static_cast<std::size_t>(run.points.grid[i])], run.camera.width));
       cloud.colors.push_back({image.data[3 * pixel], image.data[3 * pixel + 1],

@@ -47,6 +47,7 @@ void EgoProfileOptions::validate() const {
   require(curvature > 0, "curvature", curvature, "> 0");
   require(curvature_walk > 0, "curvature_walk", curvature_walk, "> 0");
   require(bank_walk > 0, "bank_walk", bank_walk, "> 0");
+  require(roll_sigma > 0, "roll_sigma", roll_sigma, "> 0");
   require(surface_sigma > 0, "surface_sigma", surface_sigma, "> 0");
   require(correlation >= 1, "correlation", correlation, ">= 1");
 }
@@ -120,6 +121,10 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
     to_road_frame();
   }
 
+  // Cross slope, in this frame, of a road on which the camera stands without roll.
+  const Eigen::Vector3d level = (up - up.dot(forward) * forward).normalized();
+  const double level_cross_slope = -rightward.dot(level) / upward.dot(level);
+
   // Profile in metres: nodes from one step behind the camera to the reach.
   const double step = options.node_spacing;
   const int nodes = static_cast<int>(std::ceil(options.reach / step)) + 2;
@@ -146,7 +151,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
       if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(p.x()) > options.half_width) continue;
       const int j = static_cast<int>(at);
       const double f = at - j;
-      const Eigen::Vector4d row(1 - f, f, (1 - f) * p.x(), f * p.x());
+      const double row[4] = {1 - f, f, (1 - f) * p.x(), f * p.x()};
       const Eigen::Index index[4] = {j, j + 1, nodes + j, nodes + j + 1};
       double predicted = 0.0;
       for (int k = 0; k < 4; ++k) predicted += row[k] * x[index[k]];
@@ -197,6 +202,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
       add_prior({{nodes + j, -1.0}, {nodes + j + 1, 1.0}}, 0.0,
                 options.bank_walk * std::sqrt(step));
     }
+    add_prior({{nodes + 1, 1.0}}, level_cross_slope, options.roll_sigma);
     normal.diagonal().array() += 1e-8;
     const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal);
     x = ldlt.solve(right);

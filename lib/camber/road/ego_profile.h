@@ -24,10 +24,11 @@ struct EgoProfileOptions {
   double node_spacing = 1.5;            ///< m, > 0
   double reach = 30.0;                  ///< m ahead that is used, > 8
   double half_width = 2.5;              ///< m to each side that is used, > 0
-  double travel_sigma = 0.009;          ///< rad, between the direction of travel and the road, > 0
-  double curvature = 0.015;             ///< 1/m, standard deviation of the vertical curvature, > 0
-  double curvature_walk = 0.003;        ///< 1/m per sqrt(m), change of curvature, > 0
+  double travel_sigma = 0.006;          ///< rad, between the direction of travel and the road, > 0
+  double curvature = 0.010;             ///< 1/m, standard deviation of the vertical curvature, > 0
+  double curvature_walk = 0.002;        ///< 1/m per sqrt(m), change of curvature, > 0
   double bank_walk = 0.004;             ///< rad per sqrt(m), change of the cross slope, > 0
+  double roll_sigma = 0.006;            ///< rad, of the camera's roll against the road, > 0
   double surface_sigma = 0.015;         ///< m, unevenness of the road, > 0
   double correlation = 16.0;            ///< information of neighbours is divided by this, >= 1
   void validate() const;                ///< throws std::invalid_argument

@@ -28,7 +28,7 @@ struct GroundFieldOptions {
   double across_curvature = 0.05;       ///< 1/m, the same across the road (crown, side streets)
   double metres_per_unit = 1.0;         ///< rough scale of the reconstruction, > 0
   /// Neighbouring observations share their errors: information is divided by this, >= 1.
-  double correlation = 16.0;
+  double correlation = 32.0;
   int iterations = 6;                   ///< of the reweighting, >= 1
   void validate() const;                ///< throws std::invalid_argument
 };

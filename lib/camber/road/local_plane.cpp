@@ -123,7 +123,7 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
   const Eigen::MatrixXd coefficients = lu.solve(left);
   const Eigen::Vector3d m = coefficients * rho;
   const Eigen::Matrix3d covariance =
-      field.covariance(pixels, coefficients, shared_covariance);
+      options.inflation * field.covariance(pixels, coefficients, shared_covariance);
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) centroid += p / static_cast<double>(points.size());
   out.plane = plane_from_inverse_depth(m, covariance, centroid);

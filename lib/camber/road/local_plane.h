@@ -16,6 +16,9 @@ struct LocalPlaneOptions {
   double length = 4.3;            ///< m, of the footprint behind the contact, > 0
   double half_width = 1.2;        ///< m, of the footprint, > 0
   double bumper_overhang = 0.0;   ///< m, from the contact seen to the footprint's near end
+  /// Factor on the covariance, >= 1: errors of the matches that whole stretches of road share
+  /// (moving shadows, reflections). Calibrated on rendered scenes.
+  double inflation = 4.0;
 };
 
 struct LocalPlane {
