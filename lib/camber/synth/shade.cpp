@@ -29,12 +29,16 @@ float rectangle_cover(float u, float v, float a, float b, float pixel) {
 
 Color asphalt(const MarkingSizes& marks, float half_width, Texel p, float w, std::uint32_t seed) {
   // Grain of the aggregate, then blotches; the long ones are stretched along the road.
-  float tone = 0.30f * octave(p, 0.011f, w, seed + 1) + 0.24f * octave(p, 0.023f, w, seed + 2) +
-               0.20f * octave(p, 0.047f, w, seed + 3) + 0.16f * octave(p, 0.095f, w, seed + 4) +
-               0.13f * octave(p, 0.19f, w, seed + 5);
+  float tone = 0.30f * octave(p, 0.011f, w, seed + 1) + 0.28f * octave(p, 0.023f, w, seed + 2) +
+               0.26f * octave(p, 0.047f, w, seed + 3) + 0.26f * octave(p, 0.095f, w, seed + 4) +
+               0.22f * octave(p, 0.19f, w, seed + 5);
   const Texel longer{0.45f * p.u, p.v};
-  tone += 0.11f * octave(longer, 0.41f, w, seed + 6) + 0.10f * octave(longer, 0.9f, w, seed + 7) +
-          0.10f * octave(longer, 2.3f, w, seed + 8) + 0.10f * octave(p, 7.0f, w, seed + 9);
+  tone += 0.17f * octave(longer, 0.41f, w, seed + 6) + 0.13f * octave(longer, 0.9f, w, seed + 7) +
+          0.11f * octave(longer, 2.3f, w, seed + 8) + 0.11f * octave(p, 7.0f, w, seed + 9);
+  // Single light stones, and spots of oil and rubber.
+  tone += 0.55f * smooth_step(0.30f, 0.55f, octave(p, 0.060f, w, seed + 11)) -
+          0.45f * smooth_step(0.32f, 0.55f, octave(p, 0.13f, w, seed + 12)) -
+          0.28f * smooth_step(0.34f, 0.50f, octave(p, 0.55f, w, seed + 13));
 
   // Wheel tracks are polished and a little lighter, the middle of the lane has oil on it.
   const float lane = 0.5f * half_width;
@@ -59,7 +63,7 @@ Color asphalt(const MarkingSizes& marks, float half_width, Texel p, float w, std
       const float outer =
           rectangle_cover(p.u - cu, p.v - cv, long_half + 0.03f, wide_half + 0.03f, w);
       tone += inner * (0.34f * hash_unit(cell_u, side, seed + 25) - 0.24f);
-      seam = std::max(seam, outer - inner);
+      seam = std::max(seam, 0.7f * (outer - inner));
     }
   }
 
@@ -345,6 +349,14 @@ Surface car_surface(const SynthObject& object, const Eigen::Vector3f& at,
     case SurfaceKind::kCarTrim:
       out.albedo = Color::Constant(0.028f);
       out.mirror = 0.02f;
+      // Most cars have painted bumpers with a dark lower lip.
+      if (std::fabs(normal.x()) > 0.5f && hash_unit(5, 1, object.seed) < 0.7f) {
+        const float lip = 0.24f * height;
+        if (at.y() > lip && at.y() < 0.42f * height && std::fabs(at.x()) > 0.42f * length) {
+          out.albedo = mix(object.color, out.albedo, below_edge(at.y() - lip - 0.03f, w));
+          out.mirror = 0.05f;
+        }
+      }
       break;
     case SurfaceKind::kCarRim: {
       out.albedo = Color(0.34f, 0.34f, 0.35f);
@@ -454,8 +466,8 @@ bool in_shadow(const SynthWorld& world, int frame, const Eigen::Vector3d& from,
 Radiance shade_sky(const SynthWorld& world, const Eigen::Vector3d& direction) {
   const Eigen::Vector3f d = direction.normalized().cast<float>();
   const float cloudiness = world.light.cloudiness;
-  const Color zenith = mix(Color(0.16f, 0.30f, 0.62f), Color(0.62f, 0.66f, 0.72f), cloudiness);
-  const Color horizon = mix(Color(0.66f, 0.74f, 0.84f), Color(0.80f, 0.82f, 0.84f), cloudiness);
+  const Color zenith = mix(Color(0.13f, 0.25f, 0.52f), Color(0.42f, 0.45f, 0.50f), cloudiness);
+  const Color horizon = mix(Color(0.50f, 0.57f, 0.66f), Color(0.58f, 0.60f, 0.62f), cloudiness);
   const auto seed = static_cast<std::uint32_t>(world.road.layout().seed) + 900u;
 
   // Hills all around, one nearer and one farther range.
@@ -480,7 +492,7 @@ Radiance shade_sky(const SynthWorld& world, const Eigen::Vector3d& direction) {
                   0.16f * gradient_noise(4.3f * plane, seed + 2) +
                   0.08f * near_horizon * gradient_noise(10.0f * plane, seed + 3);
     cover = smooth_step(0.25f - 0.6f * cloudiness, 0.75f - 0.4f * cloudiness, cover + 0.15f);
-    const Color cloud = mix(Color(0.95f, 0.95f, 0.95f), Color(0.70f, 0.72f, 0.75f), cloudiness);
+    const Color cloud = mix(Color(0.80f, 0.80f, 0.80f), Color(0.52f, 0.54f, 0.57f), cloudiness);
     sky = mix(sky, cloud, 0.85f * cover * near_horizon);
   }
   const float far_ridge = ridge(0.045f, 0.05f, seed + 10),
@@ -618,7 +630,7 @@ Radiance shade_hit(const SynthWorld& world, int frame, const ViewRay& ray, const
   // Thin haze.
   const auto distance = static_cast<float>(t * ray.direction.norm());
   const float haze = 1.0f - std::exp(-distance / 1500.0f);
-  return mix(out, Color(0.68f, 0.72f, 0.76f), haze);
+  return mix(out, Color(0.50f, 0.54f, 0.58f), haze);
 }
 
 }  // namespace camber

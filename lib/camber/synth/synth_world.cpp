@@ -579,7 +579,7 @@ class Scenery {
     leaves.kind = SurfaceKind::kLeaf;
     leaves.label = TruthLabel::kVegetation;
     const float warm = hash_unit(1, 2, seed), bright = 0.7f + 0.6f * hash_unit(3, 4, seed);
-    leaves.color = bright * Eigen::Vector3f(0.045f + 0.035f * warm, 0.085f, 0.022f);
+    leaves.color = bright * Eigen::Vector3f(0.060f + 0.045f * warm, 0.110f, 0.026f);
     leaves.seed = seed;
     return builder_.add_object(leaves);
   }
@@ -600,8 +600,8 @@ class Scenery {
                   9);
     const int leaves = leaf_object(seed);
     const int blobs = 5;
-    const int share = b.station > 120.0 ? 90 : 240;
-    const double leaf = b.station > 120.0 ? 0.32 : 0.2;
+    const int share = b.station > 120.0 ? 90 : 420;
+    const double leaf = b.station > 120.0 ? 0.32 : 0.15;
     for (int i = 0; i < blobs; ++i) {
       const double spread = 0.17 * height;
       const Eigen::Vector3d middle =

@@ -92,8 +92,10 @@ std::string readme(const SynthOptions& options, const Scene& scene, const SynthW
       scene.name, to_string(options.profile), options.num_frames, options.frame_rate, options.speed,
       options.camera_height, world.cars.size());
   if (!options.command.empty()) {
-    text += "Made again, bit for bit but for the times in run.json, by\n\n```\n" + options.command +
-            "\n```\n\n";
+    text +=
+        "Made again, bit for bit but for the times in run.json (images: on the same OpenGL "
+        "driver), by\n\n```\n" +
+        options.command + "\n```\n\n";
   }
   text +=
       "| path | what |\n|---|---|\n"
