@@ -104,10 +104,29 @@ TEST_F(KittiClip, LabelsBecomeTruthInTheColourCamera) {
   EXPECT_EQ(car.occlusion, 0.8);
   EXPECT_EQ(car.truncation, 0);
   EXPECT_EQ(scene.truth->frames[1].vehicles[0].vehicle_class, "van");
-  EXPECT_EQ(scene.truth->frames[1].vehicles[0].truncation, 1);
+  // Flagged as truncated, but its box lies wholly in the image.
+  EXPECT_EQ(scene.truth->frames[1].vehicles[0].truncation, 0);
   EXPECT_TRUE(scene.truth->frames[2].vehicles.empty());
   EXPECT_TRUE(scene.frames[0].vehicles.empty());  // nothing of the truth among the inputs
   EXPECT_EQ(scene.detections_source, "");
+}
+
+TEST_F(KittiClip, TruncationIsAShare) {
+  // Cars across the view at z = 10, 4 m long: their pictures reach about 20 px either side of
+  // u = 40 + 10 x, a little less for the far side.
+  write_bytes(path("labels.txt"),
+              "5 1 Car 1 0 0.1 10 20 30 40 1.5 0.01 4 3.944 1 9.99 0\n"  // middle on the edge
+              "5 2 Car 2 0 0.1 10 20 30 40 1.5 0.01 4 0 1 9.99 0\n"      // to be ignored
+              "5 3 Car 0 0 0.1 10 20 30 40 1.5 0.01 4 3.944 1 9.99 0\n"  // not flagged
+              "5 4 Car 1 0 0.1 10 20 30 40 1.5 0.01 4 0 1 0.05 0\n");    // at the camera
+  options_.labels = path("labels.txt");
+  const Scene scene = import_kitti(options_);
+  const std::vector<TruthVehicle>& cars = scene.truth->frames[0].vehicles;
+  ASSERT_EQ(cars.size(), 4u);
+  EXPECT_NEAR(cars[0].truncation, 0.525, 0.01);  // columns 60 to 100 of 0 to 79
+  EXPECT_EQ(cars[1].truncation, 1);
+  EXPECT_EQ(cars[2].truncation, 0);
+  EXPECT_EQ(cars[3].truncation, 1);
 }
 
 TEST_F(KittiClip, BoxesAreTakenFromLabelsOnlyWhenAskedForAndSaySo) {

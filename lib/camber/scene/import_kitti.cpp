@@ -140,9 +140,26 @@ double occlusion_share(int code) {
   }
 }
 
+/// Share of a box's picture that lies outside the image: the rectangle around its projected corners
+/// against the part of it inside; 1 for a box that reaches behind the camera.
+double projected_truncation(const OrientedBox& box, const PinholeCamera& camera) {
+  const auto corners = box.corners();
+  constexpr double kHuge = 1e12;
+  Box2 whole{kHuge, kHuge, -kHuge, -kHuge};
+  for (Eigen::Index i = 0; i < corners.cols(); ++i) {
+    if (!(corners(2, i) > 0.1)) return 1.0;
+    const Eigen::Vector2d p = *camera.project(corners.col(i));
+    whole = {std::min(whole.x1, p.x()), std::min(whole.y1, p.y()), std::max(whole.x2, p.x()),
+             std::max(whole.y2, p.y())};
+  }
+  return std::clamp(1.0 - whole.clipped(camera.width, camera.height).area() / whole.area(), 0.0,
+                    1.0);
+}
+
 /// @param skipped counts rows without a 3D box.
 std::vector<TruthVehicle> truth_of(const FrameLabels& frame, const std::vector<KittiLabel>& labels,
-                                   const Eigen::Vector3d& offset, int* skipped) {
+                                   const PinholeCamera& camera, const Eigen::Vector3d& offset,
+                                   int* skipped) {
   std::set<int> tracks;
   for (const KittiLabel& label : labels) {
     if (label.track >= 0 && !tracks.insert(label.track).second) {
@@ -167,7 +184,9 @@ std::vector<TruthVehicle> truth_of(const FrameLabels& frame, const std::vector<K
         SE3(rotation_from_rotation_y(label.rotation_y), label.location + offset);
     vehicle.pose.dimensions = {label.length, label.width, label.height};
     vehicle.occlusion = occlusion_share(label.occluded);
-    vehicle.truncation = std::clamp(label.truncated, 0.0, 1.0);
+    const bool flag_alone = label.frame >= 0 && label.truncated == 1.0;
+    vehicle.truncation = flag_alone ? projected_truncation(vehicle.pose, camera)
+                                    : std::clamp(label.truncated, 0.0, 1.0);
     out.push_back(std::move(vehicle));
   }
   return out;
@@ -359,7 +378,7 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
       const auto at = labels.find(frame.id);
       if (at == labels.end()) continue;
       const std::vector<KittiLabel> vehicles = vehicles_among(at->second.labels, classes);
-      true_frame.vehicles = truth_of(at->second, vehicles, camera.offset, &skipped);
+      true_frame.vehicles = truth_of(at->second, vehicles, scene.camera, camera.offset, &skipped);
       if (options.detections_from_labels) frame.vehicles = detections_of(vehicles);
     }
     if (options.detections_from_labels) scene.detections_source = "truth_boxes";

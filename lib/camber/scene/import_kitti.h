@@ -71,9 +71,10 @@ struct KittiImportOptions {
 ///
 /// Everything is moved from the rectified reference camera to the camera of the images: x_in_camera
 /// = x_in_camera0 + K^-1 * (fourth column of its projection). KITTI's occlusion codes 0, 1, 2, 3
-/// become the shares 0, 0.3, 0.8, 1 (so that "largely" and "unknown" do not count in tables),
-/// truncation is kept, at most 1. Rows of other types and DontCare rows are left out. Poses are
-/// truth: no frame gets a known pose.
+/// become the shares 0, 0.3, 0.8, 1 (so that "largely" and "unknown" do not count in tables).
+/// Truncation is kept, at most 1, but where the tracking form only says that a vehicle is truncated
+/// (1; 2 is "ignore") the share of its projected box outside the image is taken. Rows of other
+/// types and DontCare rows are left out. Poses are truth: no frame gets a known pose.
 /// @param warn receives remarks, one sentence each; may be empty.
 /// @throws InputError, UsageError.
 Scene import_kitti(const KittiImportOptions& options, const LogSink& warn = {});
