@@ -1,5 +1,6 @@
 #include "camber/evaluate/metrics.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -11,12 +12,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kPi = 3.14159265358979323846;
-
-/// Whether a true vehicle counts (DESIGN, "How results are judged").
-bool counts(const TruthVehicle& vehicle, const PinholeCamera& camera) {
-  const double least = camera.width == 960 ? 9.0 : 14.0;  // px; half-size images of SYNTHIA-SF
-  return vehicle.occlusion <= 0.7 && vehicle.truncation <= 0.5 && vehicle.box.height() >= least;
-}
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return kNaN;
@@ -31,17 +26,15 @@ struct Bin {
   const char* name;
   double from, to;
 };
-constexpr Bin kBins[] = {{"all", 0.0, 1e9},
-                         {"to_15", 0.0, 15.0},
-                         {"15_to_30", 15.0, 30.0},
-                         {"beyond_30", 30.0, 1e9}};
+constexpr Bin kBins[] = {
+    {"all", 0.0, 1e9}, {"to_15", 0.0, 15.0}, {"15_to_30", 15.0, 30.0}, {"beyond_30", 30.0, 1e9}};
 
 std::vector<double> collect(const SceneMetrics& metrics, const Bin& bin,
                             double (*value)(const VehicleError&)) {
   std::vector<double> out;
   for (const VehicleError& error : metrics.vehicles) {
     if (error.distance <= bin.from && bin.from > 0) continue;
-    if (error.distance > bin.to || error.status == Status::kFailed) continue;
+    if (error.distance > bin.to || !error.answered) continue;
     const double v = value(error);
     if (std::isfinite(v)) out.push_back(v);
   }
@@ -50,6 +43,15 @@ std::vector<double> collect(const SceneMetrics& metrics, const Bin& bin,
 
 nlohmann::json number(double value) {
   return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
+
+// Quantile 0.95 of chi-square with three degrees of freedom.
+constexpr double kEllipsoid95 = 7.814728;
+
+double mean_of(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double v : values) sum += v;
+  return values.empty() ? kNaN : sum / static_cast<double>(values.size());
 }
 
 nlohmann::json statistics(const std::vector<double>& values) {
@@ -66,82 +68,131 @@ nlohmann::json statistics(const std::vector<double>& values) {
           {"p90", number(quantile(values, 0.9))}};
 }
 
+const TruthFrame* find_truth(const SceneTruth& truth, int id) {
+  for (const TruthFrame& frame : truth.frames) {
+    if (frame.id == id) return &frame;
+  }
+  return nullptr;
+}
+
 }  // namespace
 
-SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
-                            const VehicleDocument& vehicles, const RunDocument& run) {
+bool is_counted(const TruthVehicle& vehicle, const PinholeCamera& camera) {
+  const double least = camera.width == 960 ? 9.0 : 14.0;  // px; half-size images of SYNTHIA-SF
+  return vehicle.occlusion <= 0.7 && vehicle.truncation <= 0.5 && vehicle.box.height() >= least;
+}
+
+std::vector<Match> match_vehicles(const std::vector<TruthVehicle>& truth,
+                                  const std::vector<VehicleEstimate>& estimates,
+                                  const PinholeCamera& camera) {
+  std::vector<Match> pairs;
+  for (std::size_t t = 0; t < truth.size(); ++t) {
+    if (!is_counted(truth[t], camera)) continue;
+    const Box2 box = truth[t].box.clipped(camera.width, camera.height);
+    for (std::size_t e = 0; e < estimates.size(); ++e) {
+      const double overlap = intersection_over_union(box, estimates[e].box);
+      if (overlap >= 0.5) pairs.push_back({t, e, overlap});
+    }
+  }
+  std::stable_sort(pairs.begin(), pairs.end(),
+                   [](const Match& a, const Match& b) { return a.overlap > b.overlap; });
+  std::vector<bool> truth_used(truth.size()), used(estimates.size());
+  std::vector<Match> out;
+  for (const Match& pair : pairs) {
+    if (truth_used[pair.truth] || used[pair.estimate]) continue;
+    truth_used[pair.truth] = used[pair.estimate] = true;
+    out.push_back(pair);
+  }
+  return out;
+}
+
+VehicleError compare_vehicle(const TruthVehicle& t, const VehicleEstimate& e) {
+  VehicleError error;
+  error.truth_id = t.id;
+  error.estimate_id = e.id;
+  error.status = e.status;
+  error.answered = e.status != Status::kFailed && e.status != Status::kNotRun;
+  error.distance = t.pose.bottom_center().norm();
+  error.center_error = error.height_error = error.yaw_error = error.normal_error = kNaN;
+  error.along_error = error.center_mahalanobis = error.keypoint_error = error.dimension_error =
+      kNaN;
+  error.height_sigma = e.plane_sigma_height;
+  if (!error.answered) return error;
+
+  const Eigen::Vector3d difference = e.pose.center() - t.pose.center();
+  error.center_error = difference.norm();
+  error.along_error = difference.dot(t.pose.center().normalized());
+  const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
+  const Eigen::LDLT<Eigen::Matrix3d> factors(covariance);
+  if (covariance.allFinite() && factors.info() == Eigen::Success && factors.isPositive() &&
+      factors.vectorD().minCoeff() > 0.0) {
+    error.center_mahalanobis = difference.dot(factors.solve(difference));
+  }
+  // n . f + d > 0: the true contact point is above the plane, the estimate too low.
+  if (t.plane) {
+    const Eigen::Vector3d contact = t.plane->foot(t.pose.bottom_center());
+    error.height_error = -e.plane.signed_distance(contact);
+    error.normal_error = angle_between(e.plane.normal, t.plane->normal);
+  } else {
+    error.height_error = e.plane.signed_distance(t.pose.bottom_center()) / e.plane.normal.y();
+  }
+  error.yaw_error = std::remainder(rotation_y(e.pose.camera_from_vehicle.rotation_matrix()) -
+                                       rotation_y(t.pose.camera_from_vehicle.rotation_matrix()),
+                                   2.0 * kPi);
+  if (t.keypoints.size() == static_cast<std::size_t>(kNumKeypoints)) {
+    double sum = 0.0;
+    for (int i = 0; i < kNumKeypoints; ++i) sum += (e.keypoints[i] - t.keypoints[i]).norm();
+    error.keypoint_error = sum / kNumKeypoints;
+  }
+  const Dimensions &a = e.pose.dimensions, &b = t.pose.dimensions;
+  error.dimension_error = (std::abs(a.length - b.length) + std::abs(a.width - b.width) +
+                           std::abs(a.height - b.height)) /
+                          3.0;
+  return error;
+}
+
+SceneMetrics evaluate_vehicles(const Scene& scene, const VehicleDocument& vehicles) {
   if (!scene.truth) throw std::invalid_argument("the scene has no truth to compare with");
   SceneMetrics out;
   out.scale_error = out.rotation_error = out.direction_error = kNaN;
   out.ego_height_error = out.ego_normal_error = kNaN;
-
-  const auto truth_of = [&](int id) -> const TruthFrame* {
-    for (const TruthFrame& frame : scene.truth->frames) {
-      if (frame.id == id) return &frame;
-    }
-    return nullptr;
-  };
-
   for (const VehicleFrame& estimate : vehicles.frames) {
-    const TruthFrame* truth = truth_of(estimate.id);
+    const TruthFrame* truth = find_truth(*scene.truth, estimate.id);
     if (!truth) continue;
-    // Greedy by overlap among all pairs of counted vehicles and detections.
-    struct Pair {
-      double overlap;
-      std::size_t truth, estimate;
-    };
-    std::vector<Pair> pairs;
-    std::vector<std::size_t> counted;
-    for (std::size_t t = 0; t < truth->vehicles.size(); ++t) {
-      const TruthVehicle& vehicle = truth->vehicles[t];
-      if (!counts(vehicle, scene.camera)) continue;
-      counted.push_back(t);
-      const Box2 box = vehicle.box.clipped(scene.camera.width, scene.camera.height);
-      for (std::size_t e = 0; e < estimate.vehicles.size(); ++e) {
-        const double overlap = intersection_over_union(box, estimate.vehicles[e].box);
-        if (overlap >= 0.5) pairs.push_back({overlap, t, e});
-      }
-    }
-    out.counted += static_cast<int>(counted.size());
-    std::stable_sort(pairs.begin(), pairs.end(),
-                     [](const Pair& a, const Pair& b) { return a.overlap > b.overlap; });
-    std::vector<bool> truth_used(truth->vehicles.size()), used(estimate.vehicles.size());
-    int matched = 0;
-    for (const Pair& pair : pairs) {
-      if (truth_used[pair.truth] || used[pair.estimate]) continue;
-      truth_used[pair.truth] = used[pair.estimate] = true;
-      ++matched;
-      const TruthVehicle& t = truth->vehicles[pair.truth];
-      const VehicleEstimate& e = estimate.vehicles[pair.estimate];
-      VehicleError error;
+    int counted = 0;
+    for (const TruthVehicle& v : truth->vehicles) counted += is_counted(v, scene.camera) ? 1 : 0;
+    const std::vector<Match> matches =
+        match_vehicles(truth->vehicles, estimate.vehicles, scene.camera);
+    for (const Match& match : matches) {
+      VehicleError error =
+          compare_vehicle(truth->vehicles[match.truth], estimate.vehicles[match.estimate]);
       error.frame = estimate.id;
-      error.truth_id = t.id;
-      error.estimate_id = e.id;
-      error.status = e.status;
-      error.distance = t.pose.bottom_center().norm();
-      error.center_error = error.height_error = error.yaw_error = error.normal_error = kNaN;
-      error.height_sigma = e.plane_sigma_height;
-      if (e.status == Status::kFailed) {
-        ++out.unanswered;
-      } else {
-        error.center_error = (e.pose.center() - t.pose.center()).norm();
-        // n . f + d > 0: the true contact point is above the plane, the estimate too low.
-        if (t.plane) {
-          const Eigen::Vector3d contact = t.plane->foot(t.pose.bottom_center());
-          error.height_error = -e.plane.signed_distance(contact);
-          error.normal_error = angle_between(e.plane.normal, t.plane->normal);
-        } else {
-          const Eigen::Vector3d bottom = t.pose.bottom_center();
-          error.height_error = e.plane.signed_distance(bottom) / e.plane.normal.y();
-        }
-        const double yaw =
-            rotation_y(e.pose.camera_from_vehicle.rotation_matrix()) -
-            rotation_y(t.pose.camera_from_vehicle.rotation_matrix());
-        error.yaw_error = std::remainder(yaw, 2.0 * kPi);
-      }
+      error.overlap = match.overlap;
+      out.unanswered += error.answered ? 0 : 1;
       out.vehicles.push_back(error);
     }
-    out.missed += static_cast<int>(counted.size()) - matched;
+    out.counted += counted;
+    out.missed += counted - static_cast<int>(matches.size());
+  }
+  return out;
+}
+
+SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
+                            const VehicleDocument& vehicles, const RunDocument& run) {
+  SceneMetrics out = evaluate_vehicles(scene, vehicles);
+  const auto truth_of = [&](int id) { return find_truth(*scene.truth, id); };
+
+  // Coverage: the surface below the true vehicles, carried by the run's own motion.
+  for (const RunDocument::CameraPose& camera : run.cameras) {
+    const TruthFrame* truth = truth_of(camera.id);
+    if (!truth) continue;
+    for (const TruthVehicle& v : truth->vehicles) {
+      const Eigen::Vector3d bottom = v.pose.bottom_center();
+      if (!is_counted(v, scene.camera) || bottom.norm() > 40.0) continue;
+      ++out.within_40;
+      const SurfaceQuery query = surface.query(camera.reference_from_camera * bottom);
+      out.covered_within_40 += query.status != Status::kFailed ? 1 : 0;
+    }
   }
 
   // Motion: true poses of the frames that the run used, joined at the first of them.
@@ -159,8 +210,8 @@ SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
       const SE3 t = known[k - 1].inverse() * known[k];
       length += e.translation().norm();
       true_length += t.translation().norm();
-      rotation = std::max(
-          rotation, rotation_to_vector(e.rotation().conjugate() * t.rotation()).norm());
+      rotation =
+          std::max(rotation, rotation_to_vector(e.rotation().conjugate() * t.rotation()).norm());
     }
     const SE3 e = estimated.front().inverse() * estimated.back();
     const SE3 t = known.front().inverse() * known.back();
@@ -189,6 +240,8 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
   out["matched"] = metrics.vehicles.size();
   out["missed"] = metrics.missed;
   out["unanswered"] = metrics.unanswered;
+  out["within_40"] = metrics.within_40;
+  out["covered_within_40"] = metrics.covered_within_40;
   out["scale_error"] = number(metrics.scale_error);
   out["rotation_error_deg"] = number(metrics.rotation_error * 180.0 / kPi);
   out["direction_error_deg"] = number(metrics.direction_error * 180.0 / kPi);
@@ -200,8 +253,8 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
         statistics(collect(metrics, bin, [](const VehicleError& e) { return e.center_error; }));
     entry["height_error"] = statistics(
         collect(metrics, bin, [](const VehicleError& e) { return std::abs(e.height_error); }));
-    entry["normal_error_deg"] = statistics(collect(
-        metrics, bin, [](const VehicleError& e) { return e.normal_error * 180.0 / kPi; }));
+    entry["normal_error_deg"] = statistics(
+        collect(metrics, bin, [](const VehicleError& e) { return e.normal_error * 180.0 / kPi; }));
     entry["yaw_error_deg"] = statistics(collect(
         metrics, bin, [](const VehicleError& e) { return std::abs(e.yaw_error) * 180.0 / kPi; }));
     const std::vector<double> inside = collect(metrics, bin, [](const VehicleError& e) {
@@ -209,9 +262,17 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
     });
     double sum = 0.0;
     for (const double v : inside) sum += v;
-    entry["height_within_95"] =
-        inside.empty() ? nlohmann::json(nullptr)
-                       : nlohmann::json(sum / static_cast<double>(inside.size()));
+    entry["height_within_95"] = inside.empty()
+                                    ? nlohmann::json(nullptr)
+                                    : nlohmann::json(sum / static_cast<double>(inside.size()));
+  }
+  {
+    const std::vector<double> inside = collect(metrics, kBins[0], [](const VehicleError& e) {
+      return std::isfinite(e.center_mahalanobis)
+                 ? (e.center_mahalanobis <= kEllipsoid95 ? 1.0 : 0.0)
+                 : kNaN;
+    });
+    out["center_within_95"] = inside.empty() ? nlohmann::json(nullptr) : number(mean_of(inside));
   }
   out["vehicles"] = nlohmann::json::array();
   for (const VehicleError& e : metrics.vehicles) {
@@ -224,6 +285,10 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
                                {"height_sigma", number(e.height_sigma)},
                                {"normal_error_deg", number(e.normal_error * 180.0 / kPi)},
                                {"yaw_error_deg", number(e.yaw_error * 180.0 / kPi)},
+                               {"along_error", number(e.along_error)},
+                               {"center_mahalanobis", number(e.center_mahalanobis)},
+                               {"keypoint_error", number(e.keypoint_error)},
+                               {"dimension_error", number(e.dimension_error)},
                                {"status", std::string(to_string(e.status))}});
   }
   return out;
@@ -253,8 +318,8 @@ std::string describe(const SceneMetrics& metrics) {
     const std::vector<double> centers =
         collect(metrics, bin, [](const VehicleError& e) { return e.center_error; });
     if (heights.empty() && centers.empty()) continue;
-    const char* where = bin.to > 1e8 ? (bin.from > 0 ? "> 30 m" : "all")
-                                     : (bin.from > 0 ? "15-30 m" : "<= 15 m");
+    const char* where =
+        bin.to > 1e8 ? (bin.from > 0 ? "> 30 m" : "all") : (bin.from > 0 ? "15-30 m" : "<= 15 m");
     add("  %-8s %3zu: ground height error median %.3f m, p90 %.3f m; centre error median %.2f m\n",
         where, heights.size(), quantile(heights, 0.5), quantile(heights, 0.9),
         quantile(centers, 0.5));

@@ -614,11 +614,12 @@ class Problem {
     // Student's t with 6 degrees of freedom: a plane may be plainly wrong.
     constexpr double kFreedom = 6.0;
     const double squared = e.dot(information * e);
-    *cost += 0.5 * (kFreedom + 3.0) * std::log1p(squared / kFreedom);
+    const bool trusted = options_.trust_plane;
+    *cost += trusted ? 0.5 * squared : 0.5 * (kFreedom + 3.0) * std::log1p(squared / kFreedom);
     // An upside-down vehicle has small e as well.
     if (s.rotation.col(1).dot(support_.plane.plane.normal) < 0.0) *cost += 1e3;
     if (!hessian) return;
-    const double weight = (kFreedom + 3.0) / (kFreedom + squared);
+    const double weight = trusted ? 1.0 : (kFreedom + 3.0) / (kFreedom + squared);
     Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxParameters> jacobian;
     jacobian.setZero(3, num_parameters_);
     // up = R exp(w) e_y: d up = R (w x e_y) = -w_x ... : columns for w_x, w_z.

@@ -19,6 +19,9 @@ struct VehicleFitOptions {
   int num_yaws = 16;                   ///< headings tried at the start, >= 4
   double stance_sigma_height = 0.015;  ///< m, wheels against the plane: suspension, unevenness; > 0
   double stance_sigma_tilt = 0.008;    ///< rad, likewise; > 0
+  /// The plane is never doubted, however much the keypoints contradict it (the flat-road baseline);
+  /// otherwise a plainly wrong plane loses its weight.
+  bool trust_plane = false;
   const VehiclePrior* prior = nullptr;  ///< not owned; nullptr: the shipped one
   /// 36: all keypoints; 14: wheels, lights, roof corners and windscreen corners only.
   int keypoint_set = 36;
