@@ -1,0 +1,117 @@
+#include "camber/cloud/normals.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "camber/cloud/point_tree.h"
+
+namespace camber {
+namespace {
+
+/// Unit eigenvector of the smallest eigenvalue of a symmetric matrix with entries xx, xy, xz, yy,
+/// yz, zz; false if it is not unique (a line, a point).
+/// Eigenvalues by Smith, "Eigenvalues of a symmetric 3x3 matrix", CACM 1961; the vector as the
+/// longest cross product of two rows, which is stable as long as the two smaller eigenvalues are
+/// apart.
+bool smallest_eigenvector(const double* c, Eigen::Vector3d& out) {
+  const double trace = c[0] + c[3] + c[5];
+  if (!(trace > 0.0)) return false;
+  const double s = 1.0 / trace;
+  const double xx = c[0] * s, xy = c[1] * s, xz = c[2] * s, yy = c[3] * s, yz = c[4] * s,
+               zz = c[5] * s;
+  const double q = 1.0 / 3.0;
+  const double a = xx - q, b = yy - q, d = zz - q;
+  const double p2 = (a * a + b * b + d * d + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0;
+  const double p = std::sqrt(p2);
+  double smallest = q;
+  if (p > 1e-12) {
+    const double determinant =
+        a * (b * d - yz * yz) - xy * (xy * d - yz * xz) + xz * (xy * yz - b * xz);
+    const double r = std::clamp(determinant / (2.0 * p2 * p), -1.0, 1.0);
+    // The smallest one: 2 pi / 3 further round the circle than the largest.
+    smallest = q + 2.0 * p * std::cos(std::acos(r) / 3.0 + 2.0943951023931953);
+  }
+  const Eigen::Vector3d r0(xx - smallest, xy, xz), r1(xy, yy - smallest, yz),
+      r2(xz, yz, zz - smallest);
+  const Eigen::Vector3d v01 = r0.cross(r1), v02 = r0.cross(r2), v12 = r1.cross(r2);
+  const double n01 = v01.squaredNorm(), n02 = v02.squaredNorm(), n12 = v12.squaredNorm();
+  const double largest = std::max({n01, n02, n12});
+  if (largest < 1e-14) {
+    // Two eigenvalues next to each other: the slow way tells which.
+    Eigen::Matrix3d m;
+    m << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m);
+    const Eigen::Vector3d values = solver.eigenvalues();
+    if (values[1] - values[0] < 1e-12) return false;
+    out = solver.eigenvectors().col(0);
+    return true;
+  }
+  out = largest == n01 ? v01 : largest == n02 ? v02 : v12;
+  out /= std::sqrt(largest);
+  return true;
+}
+
+}  // namespace
+
+void NormalOptions::validate() const {
+  if (neighbors < 3) {
+    throw std::invalid_argument("neighbors = " + std::to_string(neighbors) +
+                                ", expected at least 3");
+  }
+  if (!(radius >= 0.0f)) {
+    throw std::invalid_argument("radius = " + std::to_string(radius) + ", expected 0 m or more");
+  }
+  if (!viewpoint.allFinite() && !(up.allFinite() && up.norm() > 0.0)) {
+    throw std::invalid_argument("up is zero or not finite, expected a direction");
+  }
+}
+
+void estimate_normals(RoadCloud& cloud, const NormalOptions& options) {
+  options.validate();
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  cloud.normals.assign(cloud.size(), Eigen::Vector3f(nan, nan, nan));
+  const PointTree tree(cloud.points);
+  const bool to_viewpoint = options.viewpoint.allFinite();
+  const Eigen::Vector3f viewpoint = (options.viewpoint - cloud.origin).cast<float>();
+  const Eigen::Vector3f up = options.up.cast<float>();
+  const float limit = options.radius > 0.0f ? options.radius * options.radius
+                                            : std::numeric_limits<float>::infinity();
+  const float *const x = tree.x().data(), *const y = tree.y().data(), *const z = tree.z().data();
+  tree.for_each_neighborhood(
+      options.neighbors, options.num_threads, [&](const PointTree::Neighborhood& near) {
+        int count = 0;
+        // Sums relative to the point itself: small numbers, whatever the coordinates.
+        float sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+        for (; count < near.count && near.squared_distances[count] <= limit; ++count) {
+          const int at = near.positions[count];
+          const float dx = x[at] - near.point.x(), dy = y[at] - near.point.y(),
+                      dz = z[at] - near.point.z();
+          sx += dx;
+          sy += dy;
+          sz += dz;
+          xx += dx * dx;
+          xy += dx * dy;
+          xz += dx * dz;
+          yy += dy * dy;
+          yz += dy * dz;
+          zz += dz * dz;
+        }
+        if (count < 3) return;
+        const double share = 1.0 / count;
+        const double mx = sx * share, my = sy * share, mz = sz * share;
+        const double covariance[6] = {xx * share - mx * mx, xy * share - mx * my,
+                                      xz * share - mx * mz, yy * share - my * my,
+                                      yz * share - my * mz, zz * share - mz * mz};
+        Eigen::Vector3d normal;
+        if (!smallest_eigenvector(covariance, normal)) return;
+        const Eigen::Vector3f n = normal.cast<float>();
+        const float side = n.dot(to_viewpoint ? Eigen::Vector3f(viewpoint - near.point) : up);
+        cloud.normals[static_cast<std::size_t>(near.index)] = side < 0.0f ? Eigen::Vector3f(-n) : n;
+      });
+}
+
+}  // namespace camber
