@@ -45,6 +45,9 @@ void register_reconstruct(CLI::App& root);
 void register_triangulate(CLI::App& root);
 void register_import(CLI::App& root);
 void register_info(CLI::App& root);
+void register_render(CLI::App& root);
 void register_synth(CLI::App& root);
+void register_vehicles(CLI::App& root);
+void register_evaluate(CLI::App& root);
 
 }  // namespace camber::tools

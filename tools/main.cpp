@@ -39,7 +39,10 @@ int main(int argc, char** argv) {
   register_triangulate(root);
   register_import(root);
   register_info(root);
+  register_render(root);
   register_synth(root);
+  register_vehicles(root);
+  register_evaluate(root);
 
   std::string command_line = "camber";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];

@@ -1,0 +1,69 @@
+#include "camber/render/loaded_result.h"
+
+#include <system_error>
+
+#include "camber/core/errors.h"
+
+namespace camber {
+
+int LoadedResult::reference_frame() const {
+  if (run) {
+    for (const RunDocument::CameraPose& camera : run->cameras) {
+      const SE3& pose = camera.reference_from_camera;
+      if (pose.translation().norm() < 1e-12 && rotation_to_vector(pose.rotation()).norm() < 1e-12) {
+        return camera.id;
+      }
+    }
+  }
+  if (vehicles && !vehicles->frames.empty()) {
+    return vehicles->frames[vehicles->frames.size() / 2].id;
+  }
+  return 0;
+}
+
+PictureContent LoadedResult::content() const {
+  PictureContent content;
+  if (cloud) content.cloud = &*cloud;
+  if (surface) content.surface = &*surface;
+  if (vehicles) content.vehicles = &*vehicles;
+  if (run) content.run = &*run;
+  if (scene) {
+    content.camera = &scene->camera;
+    if (scene->truth) content.truth = &*scene->truth;
+  }
+  content.frame = reference_frame();
+  return content;
+}
+
+LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& options) {
+  namespace fs = std::filesystem;
+  LoadedResult result;
+  result.path = path;
+  std::error_code error;
+  if (!fs::exists(path, error)) {
+    throw InputError(path.string(), "no such file or folder, expected a result folder or a cloud");
+  }
+  const auto load_cloud = [&](const fs::path& file) {
+    CloudFile read = read_cloud_file(file, options);
+    result.cloud = std::move(read.cloud);
+    result.cloud_report = std::move(read.report);
+  };
+  if (!fs::is_directory(path, error)) {
+    load_cloud(path);
+    return result;
+  }
+  if (!fs::exists(path / "run.json", error)) {
+    throw InputError(path.string(), "found no run.json, expected the folder of a Camber result");
+  }
+  result.run = read_run(path / "run.json");
+  if (fs::exists(path / "road.ply", error)) load_cloud(path / "road.ply");
+  if (fs::exists(path / "surface.json", error)) {
+    result.surface = read_surface(path / "surface.json");
+  }
+  if (fs::exists(path / "vehicles.json", error)) {
+    result.vehicles = read_vehicles(path / "vehicles.json");
+  }
+  return result;
+}
+
+}  // namespace camber

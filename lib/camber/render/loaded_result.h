@@ -1,0 +1,34 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "camber/cloud/cloud_io.h"
+#include "camber/render/pictures.h"
+
+namespace camber {
+
+/// What a picture, a report or a viewer shows: a result folder or a single cloud, in memory.
+struct LoadedResult {
+  std::filesystem::path path;
+  std::optional<RoadCloud> cloud;
+  std::optional<RoadSurface> surface;
+  std::optional<VehicleDocument> vehicles;
+  std::optional<RunDocument> run;
+  std::optional<Scene> scene;  ///< of the run, where it was given: camera, images, truth
+  ReadReport cloud_report;
+
+  /// The frame that is the result's reference: the camera with the identity pose, else the one in
+  /// the middle of the vehicle document, else 0.
+  int reference_frame() const;
+
+  /// Pointers into this object, which must outlive them; the reference frame is shown.
+  PictureContent content() const;
+};
+
+/// Reads a result folder (run.json must be there; road.ply, surface.json and vehicles.json where
+/// they are) or, from a file, a cloud.
+/// @throws InputError "file: position: found, expected".
+LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& options = {});
+
+}  // namespace camber

@@ -1,0 +1,213 @@
+// camber render: a picture of a result folder or of any cloud, without a display.
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/render/loaded_result.h"
+#include "camber/render/pictures.h"
+#include "cloud_arguments.h"
+#include "command.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+
+struct Arguments {
+  std::string input, out, scene, view, color = "height", size = "1600x900", title;
+  std::vector<double> camera, up;
+  double azimuth_deg = ScenePictureOptions().azimuth / kDegree;
+  double elevation_deg = ScenePictureOptions().elevation / kDegree;
+  ScenePictureOptions picture;
+  std::optional<int> frame;
+  int turntable = 0;
+  bool no_truth = false, json = false;
+  CloudArguments cloud;
+};
+
+void parse_size(const std::string& text, int* width, int* height) {
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%dx%d%c", width, height, &rest) != 2) {
+    throw UsageError("--size: found '" + text + "', expected WIDTHxHEIGHT such as 1920x1080");
+  }
+}
+
+SceneView view_of(const std::string& name) {
+  if (name == "oblique") return SceneView::kOblique;
+  if (name == "side") return SceneView::kSide;
+  if (name == "driver") return SceneView::kDriver;
+  return SceneView::kObliqueAndSide;
+}
+
+FreeView free_view_of(const std::vector<double>& numbers) {
+  FreeView view;
+  view.eye = {numbers[0], numbers[1], numbers[2]};
+  view.target = {numbers[3], numbers[4], numbers[5]};
+  view.up = {numbers[6], numbers[7], numbers[8]};
+  view.field_of_view = numbers[9] * kDegree;
+  return view;
+}
+
+/// "out.png" and 3 give "out_003.png".
+fs::path numbered(const fs::path& path, int index) {
+  return path.parent_path() /
+         fmt::format("{}_{:03d}{}", path.stem().string(), index, path.extension().string());
+}
+
+int run(const Command& command, Arguments& a) {
+  Timings timings;
+  if (fs::path(a.out).extension() != ".png") {
+    throw UsageError("--out: found '" + a.out + "', expected a name that ends in .png");
+  }
+  const bool bev = a.view == "bev";
+  if (a.turntable > 0 && (bev || !a.camera.empty() || a.view == "driver" || a.view == "side")) {
+    throw UsageError("--turntable turns the oblique view and goes with no other");
+  }
+  ScenePictureOptions& options = a.picture;
+  parse_size(a.size, &options.width, &options.height);
+  options.view = a.turntable > 0 ? SceneView::kOblique : view_of(a.view);
+  options.azimuth = a.azimuth_deg * kDegree;
+  options.elevation = a.elevation_deg * kDegree;
+  options.color = PointColor::parse(a.color);
+  options.show_truth = !a.no_truth;
+  if (!a.camera.empty()) {
+    options.view = SceneView::kFree;
+    options.free_view = free_view_of(a.camera);
+  }
+  BevPictureOptions bev_options;
+  bev_options.width = options.width;
+  bev_options.height = options.height;
+  bev_options.point_size = options.point_size;
+  bev_options.color = options.color;
+  bev_options.show_truth = options.show_truth;
+  bev ? bev_options.validate() : options.validate();
+
+  StageTimer load(timings, "load");
+  const LogSink warn = make_warning_sink(command.common);
+  LoadedResult result = load_result(a.input, a.cloud.read_options());
+  warn_about(a.input, result.cloud_report, warn);
+  if (!a.scene.empty()) result.scene = read_scene(a.scene, warn);
+  load.stop();
+
+  PictureContent content = result.content();
+  if (a.frame) content.frame = *a.frame;
+  if (!a.up.empty()) content.up = Eigen::Vector3d(a.up[0], a.up[1], a.up[2]);
+  content.title = a.title;
+  if (content.title.empty() && result.scene) content.title = result.scene->name;
+  if (content.title.empty()) content.title = fs::path(a.input).filename().string();
+
+  // All pictures first, then all files: a picture that fails leaves no part of a series behind.
+  RenderRecord record;
+  std::vector<std::pair<fs::path, Image>> pictures;
+  const Progress progress = make_progress(command.common);
+  {
+    const StageTimer compute(timings, "compute");
+    if (bev) {
+      pictures.emplace_back(a.out, render_bev_picture(content, bev_options));
+    } else if (a.turntable > 0) {
+      const double start = options.azimuth;
+      for (int i = 0; i < a.turntable; ++i) {
+        progress("render", static_cast<double>(i) / a.turntable);
+        options.azimuth = start + 2.0 * M_PI * i / a.turntable;
+        pictures.emplace_back(numbered(a.out, i), render_scene_picture(content, options, &record));
+      }
+      progress("render", 1.0);
+    } else {
+      pictures.emplace_back(a.out, render_scene_picture(content, options, &record));
+    }
+  }
+  {
+    const StageTimer write(timings, "write");
+    for (const auto& [path, image] : pictures) write_png(image, path);
+  }
+  if (a.json) {
+    json out;
+    out["version"] = kVersion;
+    out["seed"] = command.common.seed;
+    out["options"] = {{"view", a.camera.empty() ? a.view : "free"},
+                      {"color", a.color},
+                      {"width", options.width},
+                      {"height", options.height},
+                      {"supersampling", options.supersampling},
+                      {"truth", options.show_truth}};
+    out["pictures"] = json::array();
+    for (const auto& picture : pictures) out["pictures"].push_back(picture.first.string());
+    out["gl_backend"] = record.backend;
+    out["gl_renderer"] = record.renderer;
+    out["timings_ms"] = json::object();
+    for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
+    std::printf("%s\n", out.dump(2).c_str());
+  } else if (!command.common.quiet) {
+    for (const auto& picture : pictures) std::printf("%s\n", picture.first.string().c_str());
+  }
+  return 0;
+}
+
+}  // namespace
+
+void register_render(CLI::App& root) {
+  Command* command = add_command(
+      root, "render",
+      "Draws a result folder or a cloud into a PNG, without a display: the 3D scene from the "
+      "paper's oblique view, from the side, through the driver's eyes or from anywhere, or the "
+      "bird's-eye view with a metric grid.",
+      "  camber render out/steep_hill --out hill.png\n"
+      "  camber render out/steep_hill --view bev --scene samples/steep_hill --out from_above.png\n"
+      "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
+      "  camber render scan.las --camera 0,-20,15,0,30,0,0,0,1,40 --out scan.png");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("input", a.input, "result folder, or a cloud of any format")->required();
+  app.add_option("--out", a.out, "picture to write, .png")->required();
+  a.view = "both";
+  app.add_option("--view", a.view,
+                 "both (oblique over side), oblique, side, driver (needs --scene), bev")
+      ->check(CLI::IsMember({"both", "oblique", "side", "driver", "bev"}))
+      ->capture_default_str();
+  app.add_option("--camera", a.camera,
+                 "free view: eye x,y,z, target x,y,z, up x,y,z in metres of the input's frame, and "
+                 "the vertical field of view in degrees")
+      ->delimiter(',')
+      ->expected(10)
+      ->excludes("--view");
+  app.add_option("--azimuth-deg", a.azimuth_deg,
+                 "oblique view: direction of looking, from ahead to the right")
+      ->capture_default_str();
+  app.add_option("--elevation-deg", a.elevation_deg, "oblique view: height of the eye")
+      ->capture_default_str();
+  app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
+      ->check(CLI::Range(1, 3600));
+  app.add_option("--color", a.color,
+                 "of the points: height, sigma, patch, image, or the name of an attribute")
+      ->capture_default_str();
+  app.add_option("--size", a.size, "WIDTHxHEIGHT in pixels, up to 8192 each")
+      ->capture_default_str();
+  app.add_option("--supersampling", a.picture.supersampling,
+                 "the 3D scene is drawn so many times larger and averaged, 1 to 4")
+      ->capture_default_str();
+  app.add_option("--point-size", a.picture.point_size, "pixels; 0: from the number of points")
+      ->capture_default_str();
+  app.add_flag("--links", a.picture.show_links, "draw the consistency graph of the patches");
+  app.add_option("--scene", a.scene, "manifest of the run: adds the camera and the truth, in red");
+  app.add_flag("--no-truth", a.no_truth, "leave out the truth of --scene");
+  app.add_option("--frame", a.frame, "frame id whose vehicles are shown; default: the reference");
+  app.add_option("--up", a.up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
+  app.add_option("--title", a.title, "heading; default: the scene's or the input's name");
+  app.add_flag("--json", a.json, "print what was done as JSON to stdout");
+  add_cloud_arguments(app, a.cloud);
+  command->run = [command, arguments] { return run(*command, *arguments); };
+}
+
+}  // namespace camber::tools
