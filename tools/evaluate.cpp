@@ -1,0 +1,131 @@
+// camber evaluate: the paper's tables, from results and the truth of their scenes.
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "camber/evaluate/tables.h"
+#include "command.h"
+
+namespace camber::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::vector<std::string> truth, estimate;
+  std::string subset, out;
+  bool json = false, markdown = false, overwrite = false;
+};
+
+EvaluatedScene evaluate_one(const std::string& truth, const std::string& estimate,
+                            const LogSink& warn) {
+  const Scene scene = read_scene(truth, warn);
+  if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
+  const bool folder = fs::is_directory(estimate);
+  const VehicleDocument vehicles =
+      read_vehicles(folder ? fs::path(estimate) / "vehicles.json" : fs::path(estimate));
+  EvaluatedScene out;
+  out.scene = scene.name;
+  out.method = vehicles.method;
+  out.detections_source = vehicles.detections_source;
+  if (folder && fs::exists(fs::path(estimate) / "surface.json") &&
+      fs::exists(fs::path(estimate) / "run.json")) {
+    out.metrics = evaluate_scene(scene, read_surface(fs::path(estimate) / "surface.json"), vehicles,
+                                 read_run(fs::path(estimate) / "run.json"));
+  } else {
+    out.metrics = evaluate_vehicles(scene, vehicles);
+  }
+  if (!vehicles.metric && warn) warn(estimate + ": the result is up to scale");
+  return out;
+}
+
+}  // namespace
+
+void register_evaluate(CLI::App& root) {
+  Command* command = add_command(
+      root, "evaluate",
+      "The paper's tables: 3D localisation error of the vehicles by distance, recall, plane height "
+      "and normal under each vehicle, yaw, and whether the stated uncertainty holds. Estimates are "
+      "paired with truths in order; with more estimates than truths (several methods), the truths "
+      "start over.",
+      "  camber evaluate --truth samples/steep_hill --estimate out/steep_hill\n"
+      "  camber evaluate --truth a/scene.json b/scene.json --estimate a_joint b_joint a_flat "
+      "b_flat --out tables");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("--truth", a.truth, "scene manifests (or their folders) with truth")->required();
+  app.add_option("--estimate", a.estimate, "result folders, or vehicles.json files")->required();
+  app.add_option("--subset", a.subset,
+                 "file that names a subset for a row of its own, a line each: scene [frame "
+                 "[truth id]]");
+  app.add_option("--out", a.out, "folder for tables.md, tables.json and vehicles.csv");
+  app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
+  app.add_flag("--markdown", a.markdown, "print Markdown tables instead of plain text");
+  app.add_flag("--json", a.json, "print the tables as JSON");
+  command->run = [command, arguments] {
+    const Arguments& args = *arguments;
+    if (args.estimate.size() % args.truth.size() != 0) {
+      throw UsageError("--estimate: " + std::to_string(args.estimate.size()) + " given for " +
+                       std::to_string(args.truth.size()) +
+                       " truths, expected as many or a multiple");
+    }
+    Timings timings;
+    const LogSink warn = make_warning_sink(command->common);
+    std::vector<EvaluatedScene> scenes;
+    std::vector<SubsetEntry> subset;
+    {
+      const StageTimer timer(timings, "load");
+      if (!args.subset.empty()) subset = read_subset(args.subset);
+      for (std::size_t i = 0; i < args.estimate.size(); ++i) {
+        check_interrupted();
+        // The same truth is read for every method; unknown keys need one warning.
+        scenes.push_back(evaluate_one(args.truth[i % args.truth.size()], args.estimate[i],
+                                      i < args.truth.size() ? warn : LogSink{}));
+      }
+    }
+    std::vector<MethodTables> tables;
+    {
+      const StageTimer timer(timings, "compute");
+      tables = make_tables(scenes, subset);
+    }
+    int counted = 0;
+    for (const MethodTables& table : tables) counted += table.counted;
+    if (counted == 0) throw NoAnswerError("no true vehicle counts in the frames of the results");
+    nlohmann::json json = {
+        {"version", kVersion},
+        {"seed", command->common.seed},
+        {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
+        {"tables", tables_json(tables)}};
+    if (!args.out.empty()) {
+      const StageTimer timer(timings, "write");
+      AtomicFolder folder(args.out, args.overwrite);
+      write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
+      write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(scenes));
+      write_json(json, folder.staging() / "tables.json");
+      RunDocument run;
+      run.seed = command->common.seed;
+      run.options = json["options"];
+      run.timings = timings;
+      run.extra["command"] = command->common.command_line;
+      write_json(to_json(run), folder.staging() / "run.json");
+      folder.commit();
+    }
+    if (args.json) {
+      for (const auto& [stage, milliseconds] : timings.stages()) {
+        json["timings_ms"][stage] = milliseconds;
+      }
+      std::printf("%s\n", json.dump(2).c_str());
+    } else {
+      const std::string text = args.markdown ? tables_markdown(tables) : tables_text(tables);
+      std::printf("%s", text.c_str());
+    }
+    return 0;
+  };
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,114 @@
+// camber vehicles: vehicles alone, from given detections, keypoints and planes.
+
+#include <cstdio>
+#include <memory>
+
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "camber/pipeline/estimate_vehicles.h"
+#include "command.h"
+
+namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string scene, out, frames, prior;
+  EstimateVehiclesOptions options;
+  bool json = false;
+};
+
+}  // namespace
+
+void register_vehicles(CLI::App& root) {
+  Command* command = add_command(
+      root, "vehicles",
+      "Vehicles alone, from a scene's detections, keypoints and planes; no images are needed. A "
+      "vehicle without a plane of its own stands on the frame's ego plane, or on a level one at "
+      "the camera's height.",
+      "  camber vehicles samples/steep_hill --out vehicles.json\n"
+      "  camber vehicles clip/scene.json --frames 48:50 --method flat --out flat.json --json");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  app.add_option("--out", a.out, "result file (vehicles.json form)")->required();
+  app.add_option("--method", a.options.method,
+                 "joint (own planes, weighed by how well they are known), coplanar (ego plane for "
+                 "all), flat (level plane at the camera's height)")
+      ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
+      ->capture_default_str();
+  app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
+  app.add_option("--keypoint-set", a.options.fit.keypoint_set, "keypoints to use: 36 or 14")
+      ->check(CLI::IsMember({36, 14}))
+      ->capture_default_str();
+  app.add_option("--coefficients", a.options.fit.num_coefficients,
+                 "shape coefficients to estimate; 0: mean shape")
+      ->check(CLI::Range(0, 20))
+      ->capture_default_str();
+  app.add_option("--given-sigma-height", a.options.support.given_sigma_height,
+                 "m, standard deviation of a given plane's height")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--given-sigma-tilt", a.options.support.given_sigma_tilt,
+                 "rad, standard deviation of a given plane's tilt")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--prior", a.prior, "vehicle prior file; default: the shipped one");
+  app.add_flag("--json", a.json, "print the result with options and timings to stdout");
+  command->run = [command, arguments] {
+    Arguments& args = *arguments;
+    Timings timings;
+    Scene scene;
+    VehiclePrior prior;
+    std::vector<int> frames;
+    {
+      const StageTimer timer(timings, "load");
+      scene = read_scene(args.scene, make_warning_sink(command->common));
+      frames = select_frames(scene, args.frames);
+      if (!args.prior.empty()) {
+        prior = read_vehicle_prior(args.prior);
+        args.options.fit.prior = &prior;
+      }
+    }
+    args.options.fit.seed = command->common.seed;
+    args.options.num_threads = command->common.threads;
+    VehicleDocument document;
+    {
+      const StageTimer timer(timings, "compute");
+      document = estimate_vehicles(scene, frames, args.options, make_progress(command->common));
+    }
+    nlohmann::json json = to_json(document);
+    {
+      const StageTimer timer(timings, "write");
+      write_json(json, args.out);
+    }
+    if (args.json) {
+      json["version"] = kVersion;
+      json["seed"] = command->common.seed;
+      json["options"] = {{"method", args.options.method},
+                         {"frames", frames},
+                         {"keypoint_set", args.options.fit.keypoint_set},
+                         {"coefficients", args.options.fit.num_coefficients},
+                         {"given_sigma_height", args.options.support.given_sigma_height},
+                         {"given_sigma_tilt", args.options.support.given_sigma_tilt},
+                         {"prior", args.prior.empty() ? "shipped" : args.prior}};
+      for (const auto& [stage, milliseconds] : timings.stages()) {
+        json["timings_ms"][stage] = milliseconds;
+      }
+      std::printf("%s\n", json.dump(2).c_str());
+    } else if (!command->common.quiet) {
+      int count = 0, trusted = 0;
+      for (const VehicleFrame& frame : document.frames) {
+        for (const VehicleEstimate& v : frame.vehicles) {
+          ++count;
+          trusted += v.status == Status::kOk ? 1 : 0;
+        }
+      }
+      std::printf("%s: %d vehicles in %zu frames, %d of them ok\n", args.out.c_str(), count,
+                  document.frames.size(), trusted);
+    }
+    return 0;
+  };
+}
+
+}  // namespace camber::tools
