@@ -1,0 +1,145 @@
+// camber vehicles and camber evaluate on a scene of simulated detections.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "camber/scene/scene.h"
+#include "cli/run_program.h"
+#include "support/test_data.h"
+#include "vehicle/simulated_vehicle.h"
+
+namespace camber {
+namespace {
+
+using nlohmann::json;
+using test::run_camber;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class VehicleScene : public ::testing::Test {
+ protected:
+  VehicleScene() {
+    scene_.name = "made";
+    scene_.height_above_road = 1.65;
+    scene_.detections_source = "simulated";
+    scene_.truth.emplace();
+    for (int i = 0; i < 6; ++i) {
+      test::SimulationOptions options;
+      options.max_distance = 25.0;
+      const test::SimulatedVehicle s = test::simulate_vehicle(options, i);
+      scene_.camera = s.camera;
+      SceneFrame frame;
+      frame.id = i;
+      VehicleDetection detection = s.detection;
+      detection.has_plane = true;
+      detection.given_plane = s.true_plane;
+      frame.vehicles = {detection};
+      scene_.frames.push_back(frame);
+      TruthFrame truth;
+      truth.id = i;
+      TruthVehicle vehicle;
+      vehicle.id = 1;
+      vehicle.box = s.detection.box;
+      vehicle.pose = s.truth;
+      vehicle.plane = s.true_plane;
+      vehicle.keypoints.assign(s.keypoints.begin(), s.keypoints.end());
+      truth.vehicles = {vehicle};
+      scene_.truth->frames.push_back(truth);
+    }
+    write_scene(scene_, path("scene.json"));
+  }
+
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+
+  json read(const std::string& name) const { return json::parse(std::ifstream(path(name))); }
+
+  test::TemporaryFolder folder_;
+  Scene scene_;
+};
+
+TEST_F(VehicleScene, PlacesAndEvaluatesThem) {
+  const auto placed = run_camber({"vehicles", path("scene.json"), "--out", path("joint.json")});
+  ASSERT_EQ(placed.exit_code, 0) << placed.error;
+  EXPECT_THAT(placed.out, HasSubstr("6 vehicles in 6 frames"));
+  const json document = read("joint.json");
+  EXPECT_EQ(document["method"], "joint");
+  EXPECT_EQ(document["detections_source"], "simulated");
+  ASSERT_EQ(document["frames"].size(), 6u);
+  EXPECT_EQ(document["frames"][0]["vehicles"][0]["plane"]["source"], "given");
+
+  const auto flat = run_camber(
+      {"vehicles", path("scene.json"), "--out", path("flat.json"), "--method", "flat", "--quiet"});
+  ASSERT_EQ(flat.exit_code, 0) << flat.error;
+  EXPECT_EQ(flat.out, "");
+
+  const auto table = run_camber({"evaluate", "--truth", path("scene.json"), "--estimate",
+                                 path("joint.json"), path("flat.json"), "--json"});
+  ASSERT_EQ(table.exit_code, 0) << table.error;
+  const json result = json::parse(table.out);
+  ASSERT_EQ(result["tables"].size(), 2u);
+  EXPECT_EQ(result["tables"][0]["method"], "joint");
+  EXPECT_EQ(result["tables"][0]["counted"], 6);
+  EXPECT_EQ(result["tables"][0]["detections_sources"][0], "simulated");
+  EXPECT_LT(result["tables"][0]["rows"][0]["center_error"]["mean"].get<double>(), 0.8);
+  // The simulated roads slope: a level plane cannot hold them.
+  EXPECT_GT(result["tables"][1]["rows"][0]["center_error"]["mean"].get<double>(),
+            2.0 * result["tables"][0]["rows"][0]["center_error"]["mean"].get<double>());
+  EXPECT_TRUE(result.contains("version"));
+  EXPECT_TRUE(result["timings_ms"].contains("compute"));
+}
+
+TEST_F(VehicleScene, SameBytesForAnyNumberOfThreads) {
+  for (const char* threads : {"1", "4"}) {
+    const auto run = run_camber({"vehicles", path("scene.json"), "--out",
+                                 path(std::string("t") + threads + ".json"), "--threads", threads});
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+  }
+  EXPECT_EQ(read("t1.json"), read("t4.json"));
+}
+
+TEST_F(VehicleScene, WritesTables) {
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
+  std::ofstream(path("subset.txt")) << "made 2\n";
+  const auto run =
+      run_camber({"evaluate", "--truth", path("scene.json"), "--estimate", path("v.json"), "--out",
+                  path("tables"), "--subset", path("subset.txt")});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_THAT(run.out, HasSubstr("subset"));
+  for (const char* file : {"tables.md", "tables.json", "vehicles.csv", "run.json"}) {
+    EXPECT_TRUE(fs::exists(folder_.path() / "tables" / file)) << file;
+  }
+}
+
+TEST_F(VehicleScene, FailuresAreOneSentence) {
+  const json empty = {
+      {"method", "joint"}, {"detections_source", ""}, {"metric", true}, {"frames", json::array()}};
+  std::ofstream(path("empty.json")) << empty.dump();
+  EXPECT_ONE_SENTENCE(
+      run_camber({"evaluate", "--truth", path("scene.json"), "--estimate", path("empty.json")}), 1,
+      "no true vehicle counts");
+  EXPECT_ONE_SENTENCE(run_camber({"evaluate", "--truth", path("scene.json"), path("scene.json"),
+                                  "--estimate", path("empty.json")}),
+                      2, "--estimate: 1 given for 2 truths");
+  EXPECT_ONE_SENTENCE(run_camber({"vehicles", path("none.json"), "--out", path("x.json")}), 2,
+                      "none.json");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"vehicles", path("scene.json"), "--out", path("x.json"), "--frames", "99"}), 2,
+      "99");
+  std::ofstream(path("prior.json")) << "{}";
+  EXPECT_ONE_SENTENCE(run_camber({"vehicles", path("scene.json"), "--out", path("x.json"),
+                                  "--prior", path("prior.json")}),
+                      2, "found no \"format\"");
+  EXPECT_FALSE(fs::exists(folder_.path() / "x.json"));
+  Scene bare = scene_;
+  bare.truth.reset();
+  write_scene(bare, path("bare.json"));
+  EXPECT_ONE_SENTENCE(
+      run_camber({"evaluate", "--truth", path("bare.json"), "--estimate", path("empty.json")}), 1,
+      "no truth");
+}
+
+}  // namespace
+}  // namespace camber
