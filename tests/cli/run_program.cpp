@@ -5,7 +5,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <csignal>
 #include <stdexcept>
+#include <thread>
 
 #include "scene/write_image.h"
 #include "support/test_data.h"
@@ -14,7 +17,7 @@ extern char** environ;
 
 namespace camber::test {
 
-ProgramResult run_camber(const std::vector<std::string>& arguments) {
+ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms) {
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out", error = folder.path() / "error";
   std::vector<std::string> words = {CAMBER_PROGRAM};
@@ -33,6 +36,10 @@ ProgramResult run_camber(const std::vector<std::string>& arguments) {
   const int failed = ::posix_spawn(&child, argv[0], &actions, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   if (failed != 0) throw std::runtime_error("cannot start " + words[0]);
+  if (interrupt_after_ms > 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(interrupt_after_ms));
+    ::kill(child, SIGINT);
+  }
   int status = 0;
   if (::waitpid(child, &status, 0) != child) throw std::runtime_error("waitpid failed");
 

@@ -15,7 +15,8 @@ struct ProgramResult {
 };
 
 /// Runs the camber program that was just built, with standard input empty.
-ProgramResult run_camber(const std::vector<std::string>& arguments);
+/// @param interrupt_after_ms > 0: sends it SIGINT after that time, as Ctrl-C does.
+ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms = 0);
 
 /// Every file below a folder with its content, folders with "/"; to see what a run left behind.
 std::map<std::string, std::string> snapshot(const std::filesystem::path& folder);

@@ -1,0 +1,278 @@
+// camber reconstruct, triangulate and info on sound and broken scenes.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "cli/run_program.h"
+#include "scene/write_image.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using nlohmann::json;
+using test::picture;
+using test::read_bytes;
+using test::run_camber;
+using test::snapshot;
+using test::write_bytes;
+using test::write_png;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// A scene of three small pictures whose manifest each test breaks in its own way. The run comes to
+/// its inputs before anything else, so the pictures need not show a road.
+class BrokenScene : public ::testing::Test {
+ protected:
+  BrokenScene() {
+    json frames = json::array();
+    for (const int id : {0, 1, 2}) {
+      const std::string name = std::to_string(id) + ".png";
+      write_png(path(name), 320, 240, 2, 8, picture(320, 240, 3));
+      frames.push_back({{"id", id}, {"image", name}});
+    }
+    manifest_ = {{"format", "camber-scene"},
+                 {"version", 1},
+                 {"camera",
+                  {{"width", 320},
+                   {"height", 240},
+                   {"fx", 200},
+                   {"fy", 200},
+                   {"cx", 160},
+                   {"cy", 120},
+                   {"height_above_road", 1.65}}},
+                 {"frames", frames}};
+    put(manifest_.dump());
+    // Earlier results, which no failure may touch.
+    fs::create_directory(path("result"));
+    write_bytes(path("result/run.json"), "{}");
+    write_bytes(path("result/road.ply"), "old");
+    write_bytes(path("cloud.ply"), "old");
+  }
+  std::string path(const std::string& name) const { return folder_.path() / name; }
+  void put(const std::string& text) { write_bytes(path("scene.json"), text); }
+
+  /// Both commands that read images fail with the same sentence and leave everything as it was.
+  void expect_failure(int exit_code, const std::string& part,
+                      const std::vector<std::string>& more = {}) {
+    const auto before = snapshot(folder_.path());
+    for (const auto& [command, out] :
+         {std::pair{"reconstruct", "result"}, std::pair{"triangulate", "cloud.ply"}}) {
+      SCOPED_TRACE(command);
+      std::vector<std::string> arguments = {command, path("scene.json"), "--out", path(out)};
+      arguments.insert(arguments.end(), more.begin(), more.end());
+      EXPECT_ONE_SENTENCE(run_camber(arguments), exit_code, part);
+      EXPECT_EQ(snapshot(folder_.path()), before);
+    }
+  }
+
+  json manifest_;
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(BrokenScene, ManifestsThatAreNoManifests) {
+  fs::remove(path("scene.json"));
+  expect_failure(2, "scene.json: no such file");
+  put("");
+  expect_failure(2, "scene.json: line 1, column 1 (byte 1): found the end of the file");
+  put("{\"format\": \"camber-scene\",\n \"version\": 1,}");
+  expect_failure(2, "scene.json: line 2, column 15");
+  put(std::string(300000, '['));
+  expect_failure(2, "nested deeper than 64 levels");
+  put(std::string("\x00\x01\x02\xff", 4));
+  expect_failure(2, "scene.json: line 1, column 1");
+}
+
+TEST_F(BrokenScene, ManifestsWithAWrongValue) {
+  const auto with = [&](const char* pointer, const json& value) {
+    json changed = manifest_;
+    changed[json::json_pointer(pointer)] = value;
+    put(changed.dump());
+  };
+  with("/camera/fx", -200);
+  expect_failure(2, "scene.json: camera.fx: found -200, expected a positive number of pixels");
+  with("/camera/cy", "middle");
+  expect_failure(2, "scene.json: camera.cy: found \"middle\", expected");
+  with("/frames/2/id", 1);
+  expect_failure(2, "scene.json: frames[2].id: found 1 a second time");
+  with("/frames/1/vehicles", {{{"id", 0}, {"box", {1, 2, 3}}}});
+  expect_failure(2,
+                 "scene.json: frames[1].vehicles[0].box: found 3 numbers, expected 4 [x1, y1, x2, "
+                 "y2]");
+  with("/version", 2);
+  expect_failure(2, "scene.json: version: found 2, expected 1");
+  json changed = manifest_;
+  changed["camera"].erase("cx");
+  put(changed.dump());
+  expect_failure(2, "scene.json: camera.cx: missing");
+}
+
+TEST_F(BrokenScene, IntrinsicsThatAreNotFinite) {
+  std::string text = manifest_.dump();
+  const auto replace = [&](const std::string& value) {
+    std::string changed = text;
+    changed.replace(changed.find("\"fx\":200"), 8, "\"fx\":" + value);
+    put(changed);
+  };
+  for (const char* value : {"NaN", "Infinity", "-Infinity", "1e999"}) {
+    replace(value);
+    expect_failure(2, std::string("found '") + value + "', expected a finite number");
+  }
+  replace("null");
+  expect_failure(2, "camera.fx: found null, expected a positive number of pixels");
+}
+
+TEST_F(BrokenScene, ImagesThatAreMissingOrDamaged) {
+  const std::string whole = read_bytes(path("1.png"));
+  fs::remove(path("1.png"));
+  expect_failure(2, "1.png: no such file");
+  write_bytes(path("1.png"), whole.substr(0, whole.size() / 2));
+  expect_failure(2, "1.png: found a truncated PNG image");
+  write_bytes(path("1.png"), whole.substr(0, whole.size() - 8));  // IEND without its end
+  expect_failure(2, "1.png: found a truncated PNG image");
+  std::string flipped = whole;
+  flipped[whole.size() / 2] = static_cast<char>(flipped[whole.size() / 2] ^ 4);
+  write_bytes(path("1.png"), flipped);
+  expect_failure(2, "1.png: found a damaged PNG image");
+  write_bytes(path("1.png"), "P5 3 3 255 012345678");
+  expect_failure(2, "1.png: found a file that is neither PNG nor JPEG");
+  test::write_jpeg(path("1.png"), 320, 240, 3, picture(320, 240, 3));
+  const std::string jpeg = read_bytes(path("1.png"));
+  write_bytes(path("1.png"), jpeg.substr(0, jpeg.size() / 2));
+  expect_failure(2, "1.png: found a truncated JPEG image");
+}
+
+TEST_F(BrokenScene, SizesThatDisagree) {
+  write_png(path("2.png"), 320, 200, 2, 8, picture(320, 200, 3));
+  expect_failure(2, "2.png: found an image of 320 x 200 pixels, expected the camera's 320 x 240");
+  write_png(path("2.png"), 320, 240, 2, 8, picture(320, 240, 3));
+  json changed = manifest_;
+  changed["segmentation_classes"] = {{"road", {1}}};
+  for (json& frame : changed["frames"]) frame["segmentation"] = "labels.png";
+  put(changed.dump());
+  write_png(path("labels.png"), 160, 120, 0, 8, picture(160, 120, 1));
+  expect_failure(2,
+                 "labels.png: found an image of 160 x 120 pixels, expected the camera's 320 x 240");
+  write_png(path("labels.png"), 320, 240, 2, 8, picture(320, 240, 3));
+  expect_failure(2, "labels.png: found a PNG of 3 channel(s) of 8 bits");
+}
+
+TEST_F(BrokenScene, FramesThatAreNotThere) {
+  expect_failure(2, "frame 7 is not in the scene", {"--frames", "0,7"});
+  expect_failure(2, "found 'all'", {"--frames", "all"});
+}
+
+TEST_F(BrokenScene, SceneThatCannotAnswer) {
+  expect_failure(1, "one frame alone", {"--frames", "1"});
+  expect_failure(1, "");  // three times the same picture
+  for (const char* name : {"0.png", "1.png", "2.png"}) {
+    write_png(path(name), 320, 240, 0, 8, std::vector<std::uint8_t>(320 * 240, 128));
+  }
+  expect_failure(1, "");  // no texture at all
+}
+
+TEST_F(BrokenScene, FoldersOfOthersAreNotReplaced) {
+  fs::remove(path("result/run.json"));
+  const auto before = snapshot(folder_.path());
+  const auto result = run_camber({"reconstruct", path("scene.json"), "--out", path("result")});
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_EQ(snapshot(folder_.path()), before);
+}
+
+TEST_F(BrokenScene, InfoRefusesThemToo) {
+  put("{");
+  EXPECT_ONE_SENTENCE(run_camber({"info", path("scene.json")}), 2,
+                      "scene.json: line 1, column 2 (byte 2): found the end of the file");
+  fs::remove(path("scene.json"));
+  EXPECT_ONE_SENTENCE(run_camber({"info", path("scene.json")}), 2, "scene.json");
+  write_bytes(path("result/run.json"), "{\"seed\": -1}");
+  EXPECT_ONE_SENTENCE(run_camber({"info", path("result")}), 2,
+                      "run.json: seed: found -1, expected an integer of at least 0");
+}
+
+/// The scene that ships with the program.
+class SteepHill : public ::testing::Test {
+ protected:
+  static std::string scene() { return test::source_dir() / "samples" / "steep_hill"; }
+  std::string path(const std::string& name) const { return folder_.path() / name; }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(SteepHill, TwoEqualFramesHaveNoParallax) {
+  fs::copy(scene(), path("scene"), fs::copy_options::recursive);
+  fs::copy_file(path("scene/image/000000.png"), path("scene/image/000001.png"),
+                fs::copy_options::overwrite_existing);
+  for (const auto& [command, out] :
+       {std::pair{"reconstruct", "result"}, std::pair{"triangulate", "cloud.ply"}}) {
+    EXPECT_ONE_SENTENCE(run_camber({command, path("scene"), "--frames", "0,1", "--out", path(out)}),
+                        1, "");
+    EXPECT_FALSE(fs::exists(path(out)));
+  }
+}
+
+TEST_F(SteepHill, AResultHasItsFilesAndReplacesAnOlderOne) {
+  fs::create_directory(path("result"));
+  write_bytes(path("result/run.json"), "{}");
+  write_bytes(path("result/leftover.txt"), "old");
+  const auto result =
+      run_camber({"reconstruct", scene(), "--out", path("result"), "--no-pictures", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json run = json::parse(result.out);
+  for (const char* key : {"version", "seed", "options", "timings_ms"}) {
+    EXPECT_TRUE(run.contains(key)) << key;
+  }
+  for (const char* stage :
+       {"load", "correspondences", "motion", "triangulation", "surface", "vehicles"}) {
+    EXPECT_TRUE(run["timings_ms"].contains(stage)) << stage;
+  }
+  for (const char* file :
+       {"road.ply", "surface.json", "vehicles.json", "run.json", "metrics.json"}) {
+    EXPECT_TRUE(fs::exists(path("result") + "/" + file)) << file;
+  }
+  EXPECT_FALSE(fs::exists(path("result/leftover.txt")));
+  EXPECT_EQ(snapshot(folder_.path()).count("result"), 1u);
+  for (const auto& entry : fs::directory_iterator(folder_.path())) {
+    EXPECT_EQ(entry.path().filename(), "result") << "something else was left behind";
+  }
+  const auto info = run_camber({"info", path("result"), "--json"});
+  EXPECT_EQ(info.exit_code, 0) << info.error;
+  EXPECT_EQ(json::parse(info.out)["files"][0]["kind"], "result");
+}
+
+TEST_F(SteepHill, InterruptedRunsLeaveNothing) {
+  // Rounds enough for minutes; interrupted after a second and a half.
+  const auto result = run_camber(
+      {"reconstruct", scene(), "--rounds", "1000", "--no-pictures", "--out", path("result")}, 1500);
+  EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
+}
+
+TEST_F(SteepHill, PlacesThatCannotBeWrittenExitWithThree) {
+  write_bytes(path("file"), "not a folder");
+  fs::create_directory(path("foreign"));
+  write_bytes(path("foreign/thesis.txt"), "years of work");
+  const auto before = snapshot(folder_.path());
+  for (const char* out : {"file", "file/below", "foreign"}) {
+    EXPECT_ONE_SENTENCE(run_camber({"reconstruct", scene(), "--out", path(out), "--no-pictures"}),
+                        3, out);
+  }
+  EXPECT_ONE_SENTENCE(run_camber({"triangulate", scene(), "--out", path("none/cloud.ply")}), 3,
+                      "none/cloud.ply");
+  EXPECT_ONE_SENTENCE(run_camber({"triangulate", scene(), "--out", path("cloud.docx")}), 2,
+                      "cloud.docx");
+  EXPECT_EQ(snapshot(folder_.path()), before);
+}
+
+TEST_F(SteepHill, InfoShowsTheManifest) {
+  const auto info = run_camber({"info", scene() + "/scene.json", "--json"});
+  ASSERT_EQ(info.exit_code, 0) << info.error;
+  EXPECT_EQ(info.error, "");
+  const json file = json::parse(info.out)["files"][0];
+  EXPECT_EQ(file["kind"], "scene");
+  EXPECT_EQ(file["frames"].size(), 3u);
+}
+
+}  // namespace
+}  // namespace camber
