@@ -52,8 +52,8 @@ Progress make_progress(const CommonOptions& options) {
     if (!draw) return;
     constexpr int kWidth = 30;
     const int filled = static_cast<int>(kWidth * std::clamp(share, 0.0, 1.0));
-    const std::string line = stage + " [" + std::string(filled, '#') +
-                             std::string(kWidth - filled, ' ') + "]";
+    const std::string line =
+        stage + " [" + std::string(filled, '#') + std::string(kWidth - filled, ' ') + "]";
     if (line == *last) return;
     *last = line;
     std::fprintf(stderr, "\r\033[K%s", line.c_str());

@@ -12,7 +12,7 @@ namespace camber::tools {
 /// What every command takes.
 struct CommonOptions {
   std::uint64_t seed = 0;
-  int threads = 0;      ///< <= 0: all, or OMP_NUM_THREADS
+  int threads = 0;  ///< <= 0: all, or OMP_NUM_THREADS
   bool quiet = false;
   std::string command_line;  ///< as typed, for run.json
 };
@@ -46,6 +46,7 @@ void register_triangulate(CLI::App& root);
 void register_import(CLI::App& root);
 void register_info(CLI::App& root);
 void register_render(CLI::App& root);
+void register_prior(CLI::App& root);
 void register_synth(CLI::App& root);
 void register_vehicles(CLI::App& root);
 void register_evaluate(CLI::App& root);

@@ -40,8 +40,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.use_masks = !a.no_masks;
-  Reconstruction result =
-      reconstruct(scene, select_frames(scene, a.frames), a.options, progress);
+  Reconstruction result = reconstruct(scene, select_frames(scene, a.frames), a.options, progress);
   result.run.extra["command"] = command.common.command_line;
   return result;
 }
@@ -57,7 +56,8 @@ void register_reconstruct(CLI::App& root) {
   Command* command = add_command(
       root, "reconstruct",
       "Turns a few frames of one moving camera into a metric road surface with vehicles on it: "
-      "road cloud, planar patches, vehicles, pictures; with ground truth in the scene also metrics.",
+      "road cloud, planar patches, vehicles, pictures; with ground truth in the scene also "
+      "metrics.",
       "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
       "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip");
   auto arguments = std::make_shared<Arguments>();
@@ -116,7 +116,8 @@ void register_triangulate(CLI::App& root) {
   command->run = [command, arguments] {
     Arguments& args = *arguments;
     if (!format_from_extension(args.out)) {
-      throw UsageError("--out " + args.out + ": unknown extension, expected .ply, .pcd, .bin, "
+      throw UsageError("--out " + args.out +
+                       ": unknown extension, expected .ply, .pcd, .bin, "
                        ".xyz, .csv or .las");
     }
     args.options.with_vehicles = false;

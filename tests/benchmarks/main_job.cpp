@@ -100,19 +100,25 @@ void steep_scenes(const fs::path& folder, int first, int last, const char* title
   }
   const char* const names[] = {"<= 15 m", "15-30 m", "> 30 m"};
   for (int bin = 0; bin < 3; ++bin) {
-    std::printf("%-8s %3zu cars: ground height error median %.3f m, 90 %% %.3f m; centre error "
-                "mean %.2f m, median %.2f m\n",
-                names[bin], heights[bin].size(), quantile(heights[bin], 0.5),
-                quantile(heights[bin], 0.9), mean(centres[bin]), quantile(centres[bin], 0.5));
+    std::printf(
+        "%-8s %3zu cars: ground height error median %.3f m, 90 %% %.3f m; centre error "
+        "mean %.2f m, median %.2f m\n",
+        names[bin], heights[bin].size(), quantile(heights[bin], 0.5), quantile(heights[bin], 0.9),
+        mean(centres[bin]), quantile(centres[bin], 0.5));
   }
-  std::printf("normals %.2f deg in the median; stated 95 %% intervals of the heights hold for %.0f %%"
-              "\n", quantile(normals, 0.5), 100.0 * mean(inside));
-  std::printf("counted %d, found by the detections %d; covered within 40 m: %d of %d; scenes without "
-              "an ego plane: %d\n", counted, found, covered, near, no_ego);
-  std::printf("scale error %.2f %% in the median, %.2f %% at 90 %%, inside its 95 %% interval in %d "
-              "of %zu scenes; direction of travel %.3f deg in the median\n",
-              100 * quantile(scales, 0.5), 100 * quantile(scales, 0.9), scale_inside, scales.size(),
-              quantile(directions, 0.5));
+  std::printf(
+      "normals %.2f deg in the median; stated 95 %% intervals of the heights hold for %.0f %%"
+      "\n",
+      quantile(normals, 0.5), 100.0 * mean(inside));
+  std::printf(
+      "counted %d, found by the detections %d; covered within 40 m: %d of %d; scenes without "
+      "an ego plane: %d\n",
+      counted, found, covered, near, no_ego);
+  std::printf(
+      "scale error %.2f %% in the median, %.2f %% at 90 %%, inside its 95 %% interval in %d "
+      "of %zu scenes; direction of travel %.3f deg in the median\n",
+      100 * quantile(scales, 0.5), 100 * quantile(scales, 0.9), scale_inside, scales.size(),
+      quantile(directions, 0.5));
 }
 
 /// KITTI tracking 0009: speed and the ground under labelled vehicles, label boxes as detections.
@@ -128,8 +134,7 @@ void tracking_clip(const fs::path& folder) {
   std::vector<double> all;
   for (int first = 48; first + 2 <= 53; ++first) {
     const Reconstruction result = run(scene, {first, first + 1, first + 2});
-    const SceneMetrics metrics =
-        evaluate_scene(scene, result.surface, result.vehicles, result.run);
+    const SceneMetrics metrics = evaluate_scene(scene, result.surface, result.vehicles, result.run);
     std::vector<double> errors;
     for (const VehicleError& error : metrics.vehicles) {
       if (error.distance >= 25.0) continue;
@@ -138,10 +143,11 @@ void tracking_clip(const fs::path& folder) {
     }
     all.insert(all.end(), errors.begin(), errors.end());
     const auto& cameras = result.run.cameras;
-    std::printf("frames %d-%d: %.4f and %.4f m per frame; height error below 25 m mean %.3f m (%zu "
-                "vehicles)\n", first, first + 2,
-                cameras[0].reference_from_camera.translation().norm(),
-                cameras[2].reference_from_camera.translation().norm(), mean(errors), errors.size());
+    std::printf(
+        "frames %d-%d: %.4f and %.4f m per frame; height error below 25 m mean %.3f m (%zu "
+        "vehicles)\n",
+        first, first + 2, cameras[0].reference_from_camera.translation().norm(),
+        cameras[2].reference_from_camera.translation().norm(), mean(errors), errors.size());
   }
   std::printf("mean over all: %.3f m\n", mean(all));
 }
@@ -177,14 +183,16 @@ void odometry(const fs::path& folder) {
   }
   std::printf("direction: median %.3f deg, 90 %% %.3f deg\n", quantile(directions, 0.5),
               quantile(directions, 0.9));
-  std::printf("length: median %.2f %%, 90 %% %.2f %%; from the 10th to the 90th percentile %+.2f to "
-              "%+.2f %%; inside the stated 95 %% interval %d of %zu\n",
-              100 * quantile(lengths, 0.5), 100 * quantile(lengths, 0.9),
-              100 * quantile(signed_lengths, 0.1), 100 * quantile(signed_lengths, 0.9), inside,
-              lengths.size());
+  std::printf(
+      "length: median %.2f %%, 90 %% %.2f %%; from the 10th to the 90th percentile %+.2f to "
+      "%+.2f %%; inside the stated 95 %% interval %d of %zu\n",
+      100 * quantile(lengths, 0.5), 100 * quantile(lengths, 0.9),
+      100 * quantile(signed_lengths, 0.1), 100 * quantile(signed_lengths, 0.9), inside,
+      lengths.size());
 }
 
-/// KITTI raw drive 0052, crawling among moving traffic: ego plane and road points against the laser.
+/// KITTI raw drive 0052, crawling among moving traffic: ego plane and road points against the
+/// laser.
 void crawling(const fs::path& folder) {
   std::printf("\n## KITTI raw 2011_09_26 drive 0052, frames 0, 5, 10, no masks, no detections\n");
   if (!available(folder)) return;
@@ -213,10 +221,11 @@ void crawling(const fs::path& folder) {
   options.up = Eigen::Vector3d(0, -1, 0);
   const PlaneFit fit = fit_plane(ahead, options);
   const Plane& ego = result.surface.find(result.surface.ego_patch)->plane.plane;
-  std::printf("ego plane: height %+.3f m, normal %.2f deg off the laser's (its camera height %.3f m)"
-              "\n", ego.offset - fit.plane.plane.offset,
-              kDegrees * angle_between(ego.normal, fit.plane.plane.normal),
-              fit.plane.plane.offset);
+  std::printf(
+      "ego plane: height %+.3f m, normal %.2f deg off the laser's (its camera height %.3f m)"
+      "\n",
+      ego.offset - fit.plane.plane.offset,
+      kDegrees * angle_between(ego.normal, fit.plane.plane.normal), fit.plane.plane.offset);
 
   // Road points against the laser's surface: median height of the laser points within 0.75 m.
   std::map<std::pair<int, int>, std::vector<float>> grid;
@@ -224,7 +233,7 @@ void crawling(const fs::path& folder) {
     grid[{static_cast<int>(std::lround(2 * p.x())), static_cast<int>(std::lround(2 * p.z()))}]
         .push_back(p.y());
   }
-  std::vector<double> inside, with_scale, heights;
+  std::vector<double> inside, heights;
   for (std::size_t i = 0; i < result.cloud.size(); ++i) {
     const Eigen::Vector3d p = result.cloud.points[i].cast<double>();
     std::vector<float> near;
@@ -242,14 +251,13 @@ void crawling(const fs::path& folder) {
     const double error = (1.0 - surface / p.y()) * p.norm();  // along the viewing ray
     const double sigma = result.cloud.sigmas[i];
     inside.push_back(std::abs(error) <= 1.96 * sigma);
-    with_scale.push_back(std::abs(error) <=
-                         1.96 * std::hypot(sigma, p.norm() * result.surface.scale_sigma));
     heights.push_back(std::abs(p.y() - surface));
   }
-  std::printf("road points against the laser: %zu of %zu compared; height %.3f m in the median, "
-              "%.3f m at 95 %%; stated 95 %% intervals hold for %.1f %% (with the scale's share "
-              "%.1f %%)\n", inside.size(), result.cloud.size(), quantile(heights, 0.5),
-              quantile(heights, 0.95), 100 * mean(inside), 100 * mean(with_scale));
+  std::printf(
+      "road points against the laser: %zu of %zu compared; height %.3f m in the median, "
+      "%.3f m at 95 %%; stated 95 %% intervals hold for %.1f %%\n",
+      inside.size(), result.cloud.size(), quantile(heights, 0.5), quantile(heights, 0.95),
+      100 * mean(inside));
   const SceneMetrics metrics = evaluate_scene(scene, result.surface, result.vehicles, result.run);
   std::printf("motion against poses from the laser: length %+.2f %%, direction %.3f deg\n",
               100 * metrics.scale_error, metrics.direction_error * kDegrees);
@@ -292,7 +300,8 @@ int main() {
     options.use_masks = true;
     options.rounds = 0;
     steep_scenes(data / "steep-scenes", 1, 3,
-                 "Steep scenes, triplet, matched once (plain flow, as in the paper's way)", options);
+                 "Steep scenes, triplet, matched once (plain flow, as in the paper's way)",
+                 options);
   }
   tracking_clip(data / "kitti-tracking-0009-clip");
   odometry(data / "kitti-odometry-06");

@@ -81,7 +81,8 @@ struct UncertainPlane {
   /// The same in frame b: normal, axes and centroid turn with it, the covariance stays.
   UncertainPlane transformed(const SE3& b_from_a) const;
 
-  /// Axes for a normal: axis1 as near as possible to `along` (its in-plane part), axis2 = n x axis1.
+  /// Axes for a normal: axis1 as near as possible to `along` (its in-plane part), axis2 = n x
+  /// axis1.
   static void make_axes(const Eigen::Vector3d& normal, const Eigen::Vector3d& along,
                         Eigen::Vector3d* axis1, Eigen::Vector3d* axis2);
 };

@@ -141,6 +141,11 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
                                const std::vector<PredictedImage>& predictions, int top,
                                const CorrespondenceOptions& options) {
   options.validate();
+  if (predictions.size() != before.matches.size()) {
+    throw std::invalid_argument("found " + std::to_string(predictions.size()) +
+                                " predictions, expected one for each of " +
+                                std::to_string(before.matches.size()) + " matched images");
+  }
   Correspondences out = before;
   const GrayImage& base = images.at(static_cast<std::size_t>(before.reference));
   const int first = std::clamp(top, 0, base.height - 16);
@@ -150,7 +155,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   const SingleThreadedOpenCv guard;
   parallel_for(out.matches.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];
-    const PredictedImage& prediction = predictions.at(k);
+    const PredictedImage& prediction = predictions[k];
     if (prediction.frame != match.frame || prediction.pixels.size() != base.pixels.size() ||
         prediction.ignored.size() != base.pixels.size()) {
       throw std::invalid_argument("prediction " + std::to_string(k) +

@@ -20,32 +20,32 @@ struct GrayImage {
 };
 
 struct CorrespondenceOptions {
-  int step = 2;                       ///< pixels between grid points, >= 1
-  double forward_backward_px = 1.0;   ///< largest round-trip error of a kept match, > 0
+  int step = 2;                      ///< pixels between grid points, >= 1
+  double forward_backward_px = 1.0;  ///< largest round-trip error of a kept match, > 0
   /// refine_matches: true keeps the match before where matching again fails, false drops it.
   bool keep_lost = false;
-  int num_threads = 0;                ///< <= 0: see resolve_num_threads
-  void validate() const;              ///< throws std::invalid_argument
+  int num_threads = 0;    ///< <= 0: see resolve_num_threads
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 /// Where the grid points of the reference image are seen in one other image.
 struct MatchedImage {
-  int frame = 0;                           ///< index into the images
-  std::vector<Eigen::Vector2f> pixels;     ///< one a grid point; undefined where not valid
-  std::vector<float> round_trip_px;        ///< forward-backward error; infinity: not valid
+  int frame = 0;                        ///< index into the images
+  std::vector<Eigen::Vector2f> pixels;  ///< one a grid point; undefined where not valid
+  std::vector<float> round_trip_px;     ///< forward-backward error; infinity: not valid
 };
 
 /// Dense correspondences from a reference image to all others on a regular grid.
 struct Correspondences {
-  int reference = 0;                       ///< index into the images
-  int step = 1;                            ///< pixels
-  int columns = 0, rows = 0;               ///< of the grid; point i is at column i % columns
-  std::vector<Eigen::Vector2f> pixels;     ///< grid points in the reference image
+  int reference = 0;                    ///< index into the images
+  int step = 1;                         ///< pixels
+  int columns = 0, rows = 0;            ///< of the grid; point i is at column i % columns
+  std::vector<Eigen::Vector2f> pixels;  ///< grid points in the reference image
   /// Structure tensor of the reference image at each grid point: mean of gx^2, gx gy, gy^2 over a
   /// window of 9 x 9 pixels, (grey values / pixel)^2. The noise of a match along a direction e
   /// falls with e' S e.
   std::vector<Eigen::Vector3f> texture;
-  std::vector<MatchedImage> matches;       ///< one for every image but the reference, in order
+  std::vector<MatchedImage> matches;  ///< one for every image but the reference, in order
 };
 
 /// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,
@@ -57,8 +57,8 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
 
 /// Where every pixel of the reference image is expected in one other image.
 struct PredictedImage {
-  int frame = 0;                          ///< index into the images
-  std::vector<Eigen::Vector2f> pixels;    ///< row-major, one a pixel; NaN: keep the match before
+  int frame = 0;                        ///< index into the images
+  std::vector<Eigen::Vector2f> pixels;  ///< row-major, one a pixel; NaN: keep the match before
   /// One byte a pixel of the reference: non-zero where the match is of no interest (something
   /// stands there in this or the other image) and must not pull at its neighbours.
   std::vector<std::uint8_t> ignored;

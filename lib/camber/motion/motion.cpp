@@ -25,8 +25,8 @@ double median(std::vector<double> values) {
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto at = values.begin() +
-                  static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }
@@ -63,8 +63,7 @@ std::vector<int> spread_points(const Correspondences& matches,
 }
 
 /// Rotation that best explains matched rays with no translation: iteratively reweighted Kabsch.
-Eigen::Matrix3d best_rotation(const PinholeCamera& camera,
-                              const std::vector<Eigen::Vector2d>& from,
+Eigen::Matrix3d best_rotation(const PinholeCamera& camera, const std::vector<Eigen::Vector2d>& from,
                               const std::vector<Eigen::Vector2d>& to) {
   std::vector<double> weights(from.size(), 1.0);
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
@@ -151,8 +150,7 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
       problem.AddResidualBlock(
           InverseDepthReprojectionError::create(camera, ray, match.pixels[at].cast<double>(),
                                                 kStartSigma),
-          loss, out.frame_from_reference[static_cast<std::size_t>(match.frame)].data(),
-          &depths[i]);
+          loss, out.frame_from_reference[static_cast<std::size_t>(match.frame)].data(), &depths[i]);
     }
     ordering->AddElementToGroup(&depths[i], 0);
   }
@@ -232,8 +230,8 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
     }
   }
   // The depths absorb one of the 2 (n - 1) coordinates of each track.
-  const double freedom = std::sqrt(2.0 * static_cast<double>(others) /
-                                   (2.0 * static_cast<double>(others) - 1.0));
+  const double freedom =
+      std::sqrt(2.0 * static_cast<double>(others) / (2.0 * static_cast<double>(others) - 1.0));
   out.pixel_sigma = std::max(0.02, 1.4826 * median(residuals) * freedom);
   for (const std::vector<Row>& track : tracks) {
     double depth_information = 1e-9;
@@ -253,12 +251,10 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
   const auto at_longest = static_cast<Eigen::Index>(6 * longest + 3);
   information.block<3, 3>(at_longest, at_longest) += 1e12 * axis * axis.transpose();
   information.diagonal().array() += 1e-6;
-  out.covariance =
-      options.correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  out.covariance = options.correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
   out.points = static_cast<int>(chosen.size());
   out.status = Status::kOk;
 }
-
 
 }  // namespace
 
@@ -274,6 +270,7 @@ void MotionOptions::validate() const {
   positive("inlier_px", inlier_px, 0);
   positive("standing_px", standing_px, 0);
   positive("parallax_px", parallax_px, 0);
+  positive("correlation", correlation, 1);
 }
 
 MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondences& matches,
@@ -320,8 +317,8 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
     }
   }
   if (widest_motion < options.standing_px) {
-    return fail("the camera stands still: median image motion " +
-                std::to_string(widest_motion) + " px");
+    return fail("the camera stands still: median image motion " + std::to_string(widest_motion) +
+                " px");
   }
 
   // Robust essential matrix between the reference and that image.
@@ -367,14 +364,14 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
   usac.threshold = options.inlier_px;
   cv::Mat inlier_mask;
   const cv::Mat no_distortion;
-  const cv::Mat essential = cv::findEssentialMat(cv_from, cv_to, k, k, no_distortion,
-                                                 no_distortion, inlier_mask, usac);
+  const cv::Mat essential =
+      cv::findEssentialMat(cv_from, cv_to, k, k, no_distortion, no_distortion, inlier_mask, usac);
   if (essential.rows != 3 || essential.cols != 3) {
     return fail("no epipolar geometry explains the matches");
   }
   cv::Mat r, t;
-  const int in_front = cv::recoverPose(essential, cv_from, cv_to, cv::Mat(k), r, t, 1e6,
-                                       inlier_mask);
+  const int in_front =
+      cv::recoverPose(essential, cv_from, cv_to, cv::Mat(k), r, t, 1e6, inlier_mask);
   out.inlier_ratio = static_cast<double>(in_front) / static_cast<double>(sample.size());
   if (in_front < 30 || out.inlier_ratio < 0.15) {
     return fail("no motion explains the matches: " + std::to_string(in_front) + " of " +

@@ -22,7 +22,7 @@ struct MotionOptions {
   /// The errors of a smooth flow are shared by neighbours: the covariance is that of independent
   /// matches times this, >= 1.
   double correlation = 16.0;
-  void validate() const;            ///< throws std::invalid_argument
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 /// Motion of one camera over a few images, up to scale: the longest baseline from the reference
@@ -34,9 +34,9 @@ struct MotionEstimate {
   /// Covariance of (rotation vector applied on the left, rad; translation, baselines) of every
   /// image but the reference, in order; 6 (n - 1) square. The longest baseline's length is exact.
   Eigen::MatrixXd covariance;
-  double pixel_sigma = 0.0;         ///< px, robust standard deviation of a match's coordinate
-  int points = 0;                   ///< static points in the bundle adjustment
-  double inlier_ratio = 0.0;        ///< share of the sampled matches that obey the motion
+  double pixel_sigma = 0.0;   ///< px, robust standard deviation of a match's coordinate
+  int points = 0;             ///< static points in the bundle adjustment
+  double inlier_ratio = 0.0;  ///< share of the sampled matches that obey the motion
 };
 
 /// Estimates the motion from dense correspondences of static points: a robust essential matrix

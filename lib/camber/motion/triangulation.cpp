@@ -15,8 +15,8 @@ namespace {
 double match_sigma(const Eigen::Vector3f& texture, const Eigen::Vector2d& e, double round_trip,
                    double pixel_sigma) {
   constexpr double kGreyNoise = 0.6;  // grey values, after averaging over the window
-  const double energy = texture.x() * e.x() * e.x() + 2.0 * texture.y() * e.x() * e.y() +
-                        texture.z() * e.y() * e.y();
+  const double energy =
+      texture.x() * e.x() * e.x() + 2.0 * texture.y() * e.x() * e.y() + texture.z() * e.y() * e.y();
   return std::sqrt(pixel_sigma * pixel_sigma + kGreyNoise * kGreyNoise / (energy + 0.05) +
                    0.25 * round_trip * round_trip);
 }
@@ -84,17 +84,17 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
 
   struct View {
     std::size_t other;
-    Eigen::Vector3d a;        // rotated ray
-    Eigen::Vector2d pixel;    // observed
-    Eigen::Matrix2d weight;   // inverse covariance of the observation, px^-2
+    Eigen::Vector3d a;       // rotated ray
+    Eigen::Vector2d pixel;   // observed
+    Eigen::Matrix2d weight;  // inverse covariance of the observation, px^-2
   };
   // The projection of a + rho t and its derivative by rho.
   const auto linearise = [&](const View& view, double rho, Eigen::Vector2d* residual,
                              Eigen::Vector2d* by_depth, Eigen::Matrix<double, 2, 3>* projection) {
     const Eigen::Vector3d p = view.a + rho * translations[view.other];
     if (!(p.z() > 1e-4)) return false;
-    *projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
-        camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
+    *projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0, camera.fy / p.z(),
+        -camera.fy * p.y() / (p.z() * p.z());
     *residual = Eigen::Vector2d(camera.fx * p.x() / p.z() + camera.cx,
                                 camera.fy * p.y() / p.z() + camera.cy) -
                 view.pixel;
@@ -210,6 +210,7 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
     out.inverse_depth.push_back(inverse_depth[i]);
     out.sigma_own.push_back(sigma[i]);
   }
+  if (!options.with_pose_jacobian) return out;
   out.pose_jacobian.resize(static_cast<Eigen::Index>(out.size()), columns);
   constexpr std::size_t kChunk = 4096;
   parallel_for((out.size() + kChunk - 1) / kChunk, options.num_threads, [&](std::size_t chunk) {

@@ -14,10 +14,10 @@ namespace camber {
 
 /// Why a point was not triangulated, in the order in which the reasons are tested.
 enum class DropReason {
-  kNoMatch,                ///< no image passes the round-trip check
-  kNearFocusOfExpansion,   ///< depth unknown: it moves along no parallax
-  kBehindCamera,           ///< negative or infinite depth
-  kInconsistent,           ///< the images contradict each other or the motion
+  kNoMatch,               ///< no image passes the round-trip check
+  kNearFocusOfExpansion,  ///< depth unknown: it moves along no parallax
+  kBehindCamera,          ///< negative or infinite depth
+  kInconsistent,          ///< the images contradict each other or the motion
 };
 inline constexpr std::size_t kNumDropReasons = 4;
 std::string to_string(DropReason reason);  ///< "no_match", "near_focus_of_expansion", ...
@@ -25,15 +25,16 @@ std::string to_string(DropReason reason);  ///< "no_match", "near_focus_of_expan
 struct TriangulationOptions {
   double max_relative_sigma = 0.5;  ///< of the depth, > 0; larger: kNearFocusOfExpansion
   double max_residual = 3.5;        ///< standard deviations of a reprojection residual, > 0
+  bool with_pose_jacobian = true;   ///< false: leaves pose_jacobian empty, which is faster
   int num_threads = 0;              ///< <= 0: see resolve_num_threads
   void validate() const;            ///< throws std::invalid_argument
 };
 
 /// Points on the reference image's viewing rays: x = ray / inverse_depth.
 struct TriangulatedPoints {
-  std::vector<int> grid;               ///< index of the grid point in the correspondences
-  std::vector<Eigen::Vector3d> rays;   ///< z = 1, reference camera frame
-  std::vector<double> inverse_depth;   ///< 1 / unit of the motion
+  std::vector<int> grid;              ///< index of the grid point in the correspondences
+  std::vector<Eigen::Vector3d> rays;  ///< z = 1, reference camera frame
+  std::vector<double> inverse_depth;  ///< 1 / unit of the motion
   /// Standard deviation of inverse_depth from the noise of the point's own matches.
   std::vector<double> sigma_own;
   /// d(inverse depth) / d(pose), one row a point, columns as in MotionEstimate::covariance: the

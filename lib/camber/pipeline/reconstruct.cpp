@@ -38,9 +38,9 @@ struct Run {
 
   Correspondences matches;
   MotionEstimate motion;
-  std::optional<double> known_unit;  // metres per unit from known poses
-  std::vector<std::uint8_t> ground;  // one a grid point: triangulated as road
-  std::vector<std::uint8_t> roadway; // one a grid point: carries the ego profile
+  std::optional<double> known_unit;   // metres per unit from known poses
+  std::vector<std::uint8_t> ground;   // one a grid point: triangulated as road
+  std::vector<std::uint8_t> roadway;  // one a grid point: carries the ego profile
   TriangulatedPoints points;
   EgoPlane ego;
   std::optional<GroundField> field;
@@ -100,8 +100,8 @@ std::vector<std::uint8_t> static_points(const Run& run) {
   std::vector<std::uint8_t> usable(run.matches.pixels.size(), 1);
   const FrameMasks& masks = run.masks[run.reference];
   for (std::size_t i = 0; i < usable.size(); ++i) {
-    usable[i] = !masks.vehicle_near[static_cast<std::size_t>(
-        at(run.matches.pixels[i], run.camera.width))];
+    usable[i] =
+        !masks.vehicle_near[static_cast<std::size_t>(at(run.matches.pixels[i], run.camera.width))];
   }
   return usable;
 }
@@ -110,8 +110,16 @@ void fit_ego(Run& run) {
   RoadPoints road;
   std::vector<std::size_t> chosen;
   for (std::size_t i = 0; i < run.points.size(); ++i) {
-    if (!run.roadway[static_cast<std::size_t>(run.points.grid[i])]) continue;
-    chosen.push_back(i);
+    if (run.roadway[static_cast<std::size_t>(run.points.grid[i])]) chosen.push_back(i);
+  }
+  // Neighbours share their errors: one in a few says as much.
+  EgoProfileOptions options;
+  const std::size_t stride = std::max<std::size_t>(1, chosen.size() / 8000);
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < chosen.size(); k += stride) chosen[kept++] = chosen[k];
+  chosen.resize(kept);
+  options.correlation = std::max(1.0, options.correlation / static_cast<double>(stride));
+  for (const std::size_t i : chosen) {
     road.points.push_back(run.points.point(i));
     road.relative_sigma.push_back(run.points.sigma_own[i] / run.points.inverse_depth[i]);
   }
@@ -122,7 +130,6 @@ void fit_ego(Run& run) {
         run.points.pose_jacobian.row(static_cast<Eigen::Index>(chosen[k])) /
         static_cast<float>(-run.points.inverse_depth[chosen[k]]);
   }
-  EgoProfileOptions options;
   options.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
   EgoPlane ego = fit_ego_plane(road, travel_direction(run), Eigen::Vector3d(0, -1, 0),
                                run.motion.covariance, options);
@@ -166,12 +173,17 @@ void triangulate_ground(Run& run, bool first) {
     run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
     return;
   }
+  // Below the line on which level ground would vanish, with a margin for climbing roads.
+  const Eigen::Vector3d travel = travel_direction(run);
+  const double horizon =
+      run.camera.cy + run.camera.fy * travel.y() / std::max(0.1, travel.z()) - 0.2 * run.camera.fy;
   std::vector<std::uint8_t> wanted(total, 0);
   for (std::size_t i = 0; i < total; ++i) {
     const auto p = static_cast<std::size_t>(at(run.matches.pixels[i], run.camera.width));
-    wanted[i] = !masks.vehicle[p];
+    wanted[i] = !masks.vehicle[p] && run.matches.pixels[i].y() > horizon;
   }
-  run.points = triangulate(run.camera, run.matches, run.motion, wanted, options);
+  options.with_pose_jacobian = false;
+  const TriangulatedPoints all = triangulate(run.camera, run.matches, run.motion, wanted, options);
   GrowRoadOptions grow;
   grow.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
   GridInverseDepth grid;
@@ -180,38 +192,21 @@ void triangulate_ground(Run& run, bool first) {
   grid.step = run.matches.step;
   grid.inverse_depth.assign(total, std::numeric_limits<double>::quiet_NaN());
   grid.sigma.assign(total, 0.0);
-  for (std::size_t k = 0; k < run.points.size(); ++k) {
-    const auto i = static_cast<std::size_t>(run.points.grid[k]);
-    grid.inverse_depth[i] = run.points.inverse_depth[k];
-    grid.sigma[i] = run.points.sigma_own[k];
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const auto i = static_cast<std::size_t>(all.grid[k]);
+    grid.inverse_depth[i] = all.inverse_depth[k];
+    grid.sigma[i] = all.sigma_own[k];
   }
-  const GrownRoad grown = grow_road(run.camera, grid, travel_direction(run), grow);
-  if (grown.status == Status::kFailed) {
-    if (!first) {
-      run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
-      return;
-    }
+  const GrownRoad grown = grow_road(run.camera, grid, travel, grow);
+  if (grown.status != Status::kFailed) {
+    run.ground = grown.ground;
+    run.roadway = grown.ground;
+  } else if (first) {
     throw NoAnswerError("no road found in the cloud: " + grown.reason);
   }
-  run.ground = grown.ground;
-  run.roadway = grown.ground;
-  TriangulatedPoints kept;
-  std::vector<std::size_t> rows;
-  for (std::size_t k = 0; k < run.points.size(); ++k) {
-    if (run.ground[static_cast<std::size_t>(run.points.grid[k])]) rows.push_back(k);
-  }
-  kept.dropped = run.points.dropped;
-  kept.pose_jacobian.resize(static_cast<Eigen::Index>(rows.size()),
-                            run.points.pose_jacobian.cols());
-  for (std::size_t j = 0; j < rows.size(); ++j) {
-    kept.grid.push_back(run.points.grid[rows[j]]);
-    kept.rays.push_back(run.points.rays[rows[j]]);
-    kept.inverse_depth.push_back(run.points.inverse_depth[rows[j]]);
-    kept.sigma_own.push_back(run.points.sigma_own[rows[j]]);
-    kept.pose_jacobian.row(static_cast<Eigen::Index>(j)) =
-        run.points.pose_jacobian.row(static_cast<Eigen::Index>(rows[j]));
-  }
-  run.points = std::move(kept);
+  options.with_pose_jacobian = true;
+  run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
+  run.points.dropped = all.dropped;
 }
 
 /// Carries every ground pixel of the reference into the other images by the field.
@@ -234,9 +229,25 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
       const int x = static_cast<int>(run.matches.pixels[i].x());
       const int y = static_cast<int>(run.matches.pixels[i].y());
       for (int v = std::max(0, y - reach); v <= std::min(run.camera.height - 1, y + reach); ++v) {
-        std::fill(region.begin() + static_cast<std::ptrdiff_t>(v * run.camera.width + std::max(0, x - reach)),
-                  region.begin() + static_cast<std::ptrdiff_t>(v * run.camera.width + std::min(run.camera.width - 1, x + reach) + 1),
+        std::fill(region.begin() +
+                      static_cast<std::ptrdiff_t>(v * run.camera.width + std::max(0, x - reach)),
+                  region.begin() +
+                      static_cast<std::ptrdiff_t>(v * run.camera.width +
+                                                  std::min(run.camera.width - 1, x + reach) + 1),
                   std::uint8_t{1});
+      }
+    }
+  }
+  if (!run.has_masks) {
+    // The corridor ahead too: what a moving shadow cuts off is found again from there.
+    for (std::size_t v = static_cast<std::size_t>(top); v < height; ++v) {
+      for (std::size_t u = 0; u < width; ++u) {
+        const Eigen::Vector2d pixel(static_cast<double>(u), static_cast<double>(v));
+        const double depth = run.metres_per_unit / run.field->inverse_depth(pixel);
+        if (depth > 0 && depth < 15.0 && std::abs(run.camera.ray(pixel).x() * depth) < 5.0 &&
+            !here.vehicle[v * width + u]) {
+          region[v * width + u] = 1;
+        }
       }
     }
   }
@@ -387,8 +398,8 @@ PatchLink make_link(const PlanePatch& a, const PlanePatch& b) {
   // Continuity is contradicted by a step beyond both planes' uncertainty and a road's unevenness.
   if (std::abs(link.height_step) > 0.1 + 3.0 * std::sqrt(variance)) {
     link.valid = false;
-    link.reason = "height step of " +
-                  std::to_string(std::abs(link.height_step)).substr(0, 4) + " m";
+    link.reason =
+        "height step of " + std::to_string(std::abs(link.height_step)).substr(0, 4) + " m";
   }
   return link;
 }
@@ -512,6 +523,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     if (!known_poses) {
       report("motion", share);
       const StageTimer timer(timings, "motion");
+      motion_options.max_bundle_points = 1000;
       MotionEstimate refined =
           refine_motion(scene.camera, run.matches, usable, run.motion, motion_options);
       if (refined.status == Status::kOk) run.motion = std::move(refined);
@@ -549,9 +561,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     // The scale is what makes this height the camera's: only the mounting is uncertain.
     ego.plane.covariance.row(2).setZero();
     ego.plane.covariance.col(2).setZero();
-    ego.plane.covariance(2, 2) =
-        run.known_unit ? std::pow(run.ego.relative_sigma * run.ego.height * m, 2)
-                       : std::pow(EgoProfileOptions().camera_height_sigma, 2);
+    ego.plane.covariance(2, 2) = run.known_unit
+                                     ? std::pow(run.ego.relative_sigma * run.ego.height * m, 2)
+                                     : std::pow(EgoProfileOptions().camera_height_sigma, 2);
     ego.inliers = run.ego.points;
     ego.status = run.ego.status;
     ego.reason = run.ego.reason;
@@ -573,7 +585,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       const Eigen::Vector3d ray(ahead.x() / ahead.z(), 0.0, 1.0);
       double row = -1.0;
       for (double v = scene.camera.height - 1; v > run.field->top() + 1; v -= 1.0) {
-        const double rho = run.field->inverse_depth({scene.camera.cx + scene.camera.fx * ray.x(), v});
+        const double rho =
+            run.field->inverse_depth({scene.camera.cx + scene.camera.fx * ray.x(), v});
         if (!(rho > 0)) break;
         if (1.0 / rho >= ahead.z()) {
           row = v;
@@ -582,10 +595,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       }
       if (row < 0) break;
       if (row > scene.camera.height - 2) continue;  // nearer than what is seen
-      const LocalPlane fit =
-          fit_local_plane(*run.field, scene.camera,
-                          {scene.camera.cx + scene.camera.fx * ray.x(), row},
-                          run.motion.covariance, local);
+      const LocalPlane fit = fit_local_plane(*run.field, scene.camera,
+                                             {scene.camera.cx + scene.camera.fx * ray.x(), row},
+                                             run.motion.covariance, local);
       if (fit.status == Status::kFailed) break;
       PlanePatch patch;
       patch.id = static_cast<int>(surface.patches.size());
@@ -646,9 +658,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           std::optional<Eigen::Vector2d> contact = bottom;
           Box2 around = detection.box.scaled(1.95);  // paper, section III-C: 1.9 to 2.0 times
           if (k != run.reference) {
-            const auto x =
-                meet_ground(run, run.motion.frame_from_reference[k].inverse(),
-                            scene.camera.ray(bottom));
+            const auto x = meet_ground(run, run.motion.frame_from_reference[k].inverse(),
+                                       scene.camera.ray(bottom));
             contact = x ? scene.camera.project(*x) : std::nullopt;
             if (contact) {
               const Eigen::Vector2d shift = *contact - bottom;
@@ -698,8 +709,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       fit_options.seed = options.seed;
       VehicleFrame vehicles;
       vehicles.id = frame.id;
-      vehicles.vehicles = fit_vehicles(scene.camera, frame.vehicles, supports, fit_options,
-                                       options.num_threads);
+      vehicles.vehicles =
+          fit_vehicles(scene.camera, frame.vehicles, supports, fit_options, options.num_threads);
       out.vehicles.frames.push_back(std::move(vehicles));
     }
   }
@@ -722,13 +733,12 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     for (std::size_t i = 0; i < run.points.size(); ++i) {
       const Eigen::Vector3d p = m * run.points.point(i);
       cloud.points.emplace_back(p.cast<float>());
-      // Without the scale's share, which all points have in common (run.json: scale_sigma).
-      cloud.sigmas.push_back(
-          static_cast<float>(p.norm() * total[i] / run.points.inverse_depth[i]));
+      const double relative = std::hypot(total[i] / run.points.inverse_depth[i], scale_sigma);
+      cloud.sigmas.push_back(static_cast<float>(p.norm() * relative));
       const auto pixel = static_cast<std::size_t>(
           at(run.matches.pixels[static_cast<std::size_t>(run.points.grid[i])], run.camera.width));
-      cloud.colors.push_back({image.data[3 * pixel], image.data[3 * pixel + 1],
-                              image.data[3 * pixel + 2]});
+      cloud.colors.push_back(
+          {image.data[3 * pixel], image.data[3 * pixel + 1], image.data[3 * pixel + 2]});
       int label = -1;
       if (i < weights.size() && weights[i] > 0.1) {
         double best = 4.0;  // m along the road

@@ -14,24 +14,24 @@
 namespace camber {
 
 struct ReconstructOptions {
-  std::string method = "joint";   ///< "joint", "coplanar" or "flat"
+  std::string method = "joint";  ///< "joint", "coplanar" or "flat"
   std::uint64_t seed = 0;
-  int num_threads = 0;            ///< <= 0: see resolve_num_threads
-  int rounds = 3;                 ///< of matching again with the ground known, >= 0
-  bool with_vehicles = true;      ///< false: the road alone
-  bool use_masks = true;          ///< false: segmentation and road masks are not read
-  void validate() const;          ///< throws std::invalid_argument
+  int num_threads = 0;        ///< <= 0: see resolve_num_threads
+  int rounds = 3;             ///< of matching again with the ground known, >= 0
+  bool with_vehicles = true;  ///< false: the road alone
+  bool use_masks = true;      ///< false: segmentation and road masks are not read
+  void validate() const;      ///< throws std::invalid_argument
 };
 
 /// Everything that a run finds, in the reference camera's frame.
 struct Reconstruction {
   std::vector<int> frame_ids;
-  int reference_frame = 0;        ///< frame id
-  RoadCloud cloud;                ///< road points; labels["patch"]; colours; sigmas
+  int reference_frame = 0;  ///< frame id
+  RoadCloud cloud;          ///< road points; labels["patch"]; colours; sigmas
   RoadSurface surface;
   VehicleDocument vehicles;
   RunDocument run;
-  std::vector<Image> images;      ///< colour, one a frame, as read
+  std::vector<Image> images;  ///< colour, one a frame, as read
 };
 
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.
@@ -44,7 +44,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
 
 struct WriteReconstructionOptions {
   bool pictures = true;
-  bool overwrite = false;         ///< also replace a foreign folder that is not empty
+  bool overwrite = false;  ///< also replace a foreign folder that is not empty
 };
 
 /// Writes the result folder (road.ply, surface.json, vehicles.json, run.json, metrics.json where

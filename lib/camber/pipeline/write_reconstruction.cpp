@@ -15,8 +15,8 @@ namespace fs = std::filesystem;
 
 namespace camber {
 
-std::string write_reconstruction(const Scene& scene, Reconstruction& result,
-                                 const fs::path& folder, const WriteReconstructionOptions& options,
+std::string write_reconstruction(const Scene& scene, Reconstruction& result, const fs::path& folder,
+                                 const WriteReconstructionOptions& options,
                                  const Progress& progress) {
   const auto report = [&](const std::string& stage, double share) {
     if (progress) progress(stage, share);
@@ -38,8 +38,8 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result,
       char name[40];
       std::snprintf(name, sizeof name, "overlay_%06d.png", result.frame_ids[k]);
       write_png(draw_overlay(result.images[k], scene.camera, vehicles, overlay), staging / name);
-      report("render", 0.3 * static_cast<double>(k + 1) /
-                           static_cast<double>(result.frame_ids.size()));
+      report("render",
+             0.3 * static_cast<double>(k + 1) / static_cast<double>(result.frame_ids.size()));
     }
     PictureContent content;
     content.cloud = &result.cloud;

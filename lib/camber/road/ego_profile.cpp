@@ -225,8 +225,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
 
   // Tangent plane under the camera.
   const double slope = (x[2] - x[0]) / (2 * step), cross = x[nodes + 1];
-  const Eigen::Vector3d normal_vector =
-      (upward - slope * forward - cross * rightward).normalized();
+  const Eigen::Vector3d normal_vector = (upward - slope * forward - cross * rightward).normalized();
   const Eigen::Vector3d foot_on_axis = upward * (x[1] / metres_per_unit);
   Plane plane = Plane::through(foot_on_axis, normal_vector);
   out.height = plane.offset;
@@ -243,8 +242,8 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   functional(2, 1) = 1.0 / metres_per_unit;
   out.plane.covariance = functional * covariance * functional.transpose();
   const double height_share = options.camera_height_sigma / options.camera_height;
-  out.relative_sigma =
-      std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) + height_share * height_share);
+  out.relative_sigma = std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) +
+                                 height_share * height_share);
   for (int j = 1; j < nodes; ++j) {
     out.line.push_back((forward * ((j - 1) * step) + upward * x[j]) / metres_per_unit);
   }

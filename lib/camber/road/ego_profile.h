@@ -19,33 +19,33 @@ struct RoadPoints {
 };
 
 struct EgoProfileOptions {
-  double camera_height = 1.65;          ///< m above the road under the camera, > 0
-  double camera_height_sigma = 0.01;    ///< m: mounting and suspension, >= 0
-  double node_spacing = 1.5;            ///< m, > 0
-  double reach = 30.0;                  ///< m ahead that is used, > 8
-  double half_width = 2.5;              ///< m to each side that is used, > 0
-  double travel_sigma = 0.006;          ///< rad, between the direction of travel and the road, > 0
-  double curvature = 0.010;             ///< 1/m, standard deviation of the vertical curvature, > 0
-  double curvature_walk = 0.002;        ///< 1/m per sqrt(m), change of curvature, > 0
-  double bank_walk = 0.004;             ///< rad per sqrt(m), change of the cross slope, > 0
-  double roll_sigma = 0.006;            ///< rad, of the camera's roll against the road, > 0
-  double surface_sigma = 0.015;         ///< m, unevenness of the road, > 0
-  double correlation = 16.0;            ///< information of neighbours is divided by this, >= 1
-  void validate() const;                ///< throws std::invalid_argument
+  double camera_height = 1.65;        ///< m above the road under the camera, > 0
+  double camera_height_sigma = 0.01;  ///< m: mounting and suspension, >= 0
+  double node_spacing = 1.5;          ///< m, > 0
+  double reach = 30.0;                ///< m ahead that is used, > 8
+  double half_width = 2.5;            ///< m to each side that is used, > 0
+  double travel_sigma = 0.0042;       ///< rad, between the direction of travel and the road, > 0
+  double curvature = 0.007;           ///< 1/m, standard deviation of the vertical curvature, > 0
+  double curvature_walk = 0.0014;     ///< 1/m per sqrt(m), change of curvature, > 0
+  double bank_walk = 0.0028;          ///< rad per sqrt(m), change of the cross slope, > 0
+  double roll_sigma = 0.003;          ///< rad, of the camera's roll against the road, > 0
+  double surface_sigma = 0.015;       ///< m, unevenness of the road, > 0
+  double correlation = 16.0;          ///< information of neighbours is divided by this, >= 1
+  void validate() const;              ///< throws std::invalid_argument
 };
 
 /// The road's tangent plane under the camera.
 struct EgoPlane {
-  Status status = Status::kNotRun;      ///< reason says why, unless kOk
+  Status status = Status::kNotRun;  ///< reason says why, unless kOk
   std::string reason;
-  UncertainPlane plane;                 ///< unit of the points; centroid: the foot under the camera
-  double height = 0.0;                  ///< of the camera above the plane, unit of the points
-  double relative_sigma = 0.0;          ///< standard deviation of height over height
-  double metres_per_unit = 0.0;         ///< camera_height / height
-  double near_plane_height = 0.0;       ///< the same from one plane through the first 6 m seen
+  UncertainPlane plane;            ///< unit of the points; centroid: the foot under the camera
+  double height = 0.0;             ///< of the camera above the plane, unit of the points
+  double relative_sigma = 0.0;     ///< standard deviation of height over height
+  double metres_per_unit = 0.0;    ///< camera_height / height
+  double near_plane_height = 0.0;  ///< the same from one plane through the first 6 m seen
   /// The road's centre line ahead (unit of the points): every node from the foot to the reach.
   std::vector<Eigen::Vector3d> line;
-  int points = 0;                       ///< that were used
+  int points = 0;  ///< that were used
 };
 
 /// Estimates the tangent plane of the road under the camera, which is not seen: the road begins 5

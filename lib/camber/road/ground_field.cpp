@@ -57,16 +57,31 @@ struct GroundField::Impl {
       for (int c = 0; c < columns; ++c) {
         if (r + 2 < rows) {
           differences.push_back({{index(r, c), index(r + 1, c), index(r + 2, c), 0},
-                                 {1, -2, 1, 0}, 3, 0, dv, r + 1, c});
+                                 {1, -2, 1, 0},
+                                 3,
+                                 0,
+                                 dv,
+                                 r + 1,
+                                 c});
         }
         if (c + 2 < columns) {
           differences.push_back({{index(r, c), index(r, c + 1), index(r, c + 2), 0},
-                                 {1, -2, 1, 0}, 3, du, 0, r, c + 1});
+                                 {1, -2, 1, 0},
+                                 3,
+                                 du,
+                                 0,
+                                 r,
+                                 c + 1});
         }
         if (r + 1 < rows && c + 1 < columns) {
-          differences.push_back({{index(r, c), index(r, c + 1), index(r + 1, c),
-                                  index(r + 1, c + 1)},
-                                 {1, -1, -1, 1}, 4, du, dv, r, c});
+          differences.push_back(
+              {{index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1)},
+               {1, -1, -1, 1},
+               4,
+               du,
+               dv,
+               r,
+               c});
         }
       }
     }
@@ -77,7 +92,8 @@ struct GroundField::Impl {
   double spread(const Difference& d) const {
     const double along = options.along_curvature * options.metres_per_unit;
     const double across = options.across_curvature * options.metres_per_unit;
-    const double longest_step = 8.0 / options.metres_per_unit;  // roads do not bend one way for ever
+    const double longest_step =
+        8.0 / options.metres_per_unit;  // roads do not bend one way for ever
     const double least_inverse_depth = options.metres_per_unit / 150.0;
     const int r = std::clamp(d.centre_row, 1, rows - 2);
     const int c = std::clamp(d.centre_column, 1, columns - 2);
@@ -113,8 +129,8 @@ struct GroundField::Impl {
     for (std::size_t i = 0; i < count; ++i) footprints[i] = footprint(observations.pixels[i]);
     const auto reweigh = [&](double width) {
       for (std::size_t i = 0; i < count; ++i) {
-        const double r = (observations.inverse_depth[i] - value(footprints[i], nodes)) /
-                         observations.sigma[i];
+        const double r =
+            (observations.inverse_depth[i] - value(footprints[i], nodes)) / observations.sigma[i];
         weight[i] = 1.0 / (1.0 + r * r / (6.25 * width * width));
       }
     };

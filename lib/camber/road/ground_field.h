@@ -14,7 +14,7 @@ namespace camber {
 struct GroundObservations {
   std::vector<Eigen::Vector2d> pixels;
   std::vector<double> inverse_depth;
-  std::vector<double> sigma;            ///< standard deviation of inverse_depth, > 0
+  std::vector<double> sigma;  ///< standard deviation of inverse_depth, > 0
   /// d(inverse depth) / d(shared parameters), one row a point; no columns: nothing is shared.
   Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> shared_jacobian;
 
@@ -22,15 +22,15 @@ struct GroundObservations {
 };
 
 struct GroundFieldOptions {
-  double column_spacing_px = 32.0;      ///< between nodes, > 0
-  double row_spacing_px = 6.0;          ///< between nodes, > 0
-  double along_curvature = 0.012;       ///< 1/m, standard deviation of the road's vertical curvature
-  double across_curvature = 0.05;       ///< 1/m, the same across the road (crown, side streets)
-  double metres_per_unit = 1.0;         ///< rough scale of the reconstruction, > 0
+  double column_spacing_px = 32.0;  ///< between nodes, > 0
+  double row_spacing_px = 6.0;      ///< between nodes, > 0
+  double along_curvature = 0.012;   ///< 1/m, standard deviation of the road's vertical curvature
+  double across_curvature = 0.05;   ///< 1/m, the same across the road (crown, side streets)
+  double metres_per_unit = 1.0;     ///< rough scale of the reconstruction, > 0
   /// Neighbouring observations share their errors: information is divided by this, >= 1.
   double correlation = 32.0;
-  int iterations = 6;                   ///< of the reweighting, >= 1
-  void validate() const;                ///< throws std::invalid_argument
+  int iterations = 6;     ///< of the reweighting, >= 1
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 /// The ground as a smooth function of the pixel: a bilinear grid of inverse depths over the image.

@@ -67,10 +67,9 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
       std::vector<double> values, sigmas;
       for (int y = 0; y < options.cell_rows; ++y) {
         for (int x = 0; x < options.cell_columns; ++x) {
-          const std::size_t i =
-              static_cast<std::size_t>(r * options.cell_rows + y) *
-                  static_cast<std::size_t>(grid.columns) +
-              static_cast<std::size_t>(c * options.cell_columns + x);
+          const std::size_t i = static_cast<std::size_t>(r * options.cell_rows + y) *
+                                    static_cast<std::size_t>(grid.columns) +
+                                static_cast<std::size_t>(c * options.cell_columns + x);
           if (!std::isfinite(grid.inverse_depth[i])) continue;
           values.push_back(grid.inverse_depth[i]);
           sigmas.push_back(grid.sigma[i]);
@@ -91,8 +90,7 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
 
   // Ego patch: m = a e_down + b e_right with rho = m . ray contains the direction of travel.
   const Eigen::Vector3d forward = travel.normalized();
-  const Eigen::Vector3d down =
-      (Eigen::Vector3d(0, 1, 0) - forward.y() * forward).normalized();
+  const Eigen::Vector3d down = (Eigen::Vector3d(0, 1, 0) - forward.y() * forward).normalized();
   const Eigen::Vector3d right = down.cross(forward);
   std::vector<const Cell*> near;
   for (int r = rows / 2; r < rows; ++r) {
@@ -102,8 +100,9 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
     }
   }
   if (near.size() < 20) {
-    return fail(std::to_string(near.size()) + " cells are triangulated below the horizon, at "
-                                              "least 20 are needed");
+    return fail(std::to_string(near.size()) +
+                " cells are triangulated below the horizon, at "
+                "least 20 are needed");
   }
   const auto inlier = [&](const Cell& cell, const Eigen::Vector3d& m) {
     const double off = std::abs(cell.rho / m.dot(cell.ray) - 1.0);
@@ -131,7 +130,8 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
       best = m;
     }
   }
-  if (!(best_score > 0)) return fail("no plane along the direction of travel lies below the camera");
+  if (!(best_score > 0))
+    return fail("no plane along the direction of travel lies below the camera");
   // Refit, slope free.
   for (int iteration = 0; iteration < 5; ++iteration) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -207,8 +207,8 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
     cell.plane = local_plane(r, c, cell.plane);
     const double tilt = angle_between(-cell.plane, out.ego.normal);
     if (!(tilt < options.max_tilt)) continue;
-    for (const auto& [dr, dc] : {std::pair{-1, 0}, std::pair{1, 0}, std::pair{0, -1},
-                                 std::pair{0, 1}}) {
+    for (const auto& [dr, dc] :
+         {std::pair{-1, 0}, std::pair{1, 0}, std::pair{0, -1}, std::pair{0, 1}}) {
       const int nr = r + dr, nc = c + dc;
       if (nr < 0 || nc < 0 || nr >= rows || nc >= columns) continue;
       Cell& next = cell_at(nr, nc);
@@ -216,11 +216,11 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
       const double expected = cell.plane.dot(next.ray);
       if (!(expected > 0)) continue;
       const double per_rho = metres / (next.rho * cell.plane.norm());
-      const double off = (next.rho - expected) * per_rho;      // m above the local plane
+      const double off = (next.rho - expected) * per_rho;  // m above the local plane
       const double sigma = next.sigma * per_rho;
       if (sigma > options.max_sigma) continue;
-      const double apart = std::min(
-          5.0, (next.ray / next.rho - cell.ray / cell.rho).norm() * metres);
+      const double apart =
+          std::min(5.0, (next.ray / next.rho - cell.ray / cell.rho).norm() * metres);
       if (std::abs(off) > options.step_height + 1.0 * sigma + 0.015 * apart) continue;
       next.road = true;
       next.plane = cell.plane;
@@ -235,12 +235,12 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
       for (int y = 0; y < options.cell_rows; ++y) {
         for (int x = 0; x < options.cell_columns; ++x) {
           const int gx = c * options.cell_columns + x, gy = r * options.cell_rows + y;
-          const std::size_t i = static_cast<std::size_t>(gy) *
-                                    static_cast<std::size_t>(grid.columns) +
-                                static_cast<std::size_t>(gx);
+          const std::size_t i =
+              static_cast<std::size_t>(gy) * static_cast<std::size_t>(grid.columns) +
+              static_cast<std::size_t>(gx);
           if (!std::isfinite(grid.inverse_depth[i]) || !(grid.inverse_depth[i] > 0)) continue;
-          const Eigen::Vector3d ray =
-              camera.ray({static_cast<double>(gx * grid.step), static_cast<double>(gy * grid.step)});
+          const Eigen::Vector3d ray = camera.ray(
+              {static_cast<double>(gx * grid.step), static_cast<double>(gy * grid.step)});
           const double per_rho = metres / (grid.inverse_depth[i] * cell.plane.norm());
           const double off = (grid.inverse_depth[i] - cell.plane.dot(ray)) * per_rho;
           if (std::abs(off) < 1.5 * options.step_height + 3.0 * grid.sigma[i] * per_rho) {

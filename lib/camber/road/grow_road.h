@@ -20,20 +20,20 @@ struct GridInverseDepth {
 };
 
 struct GrowRoadOptions {
-  double camera_height = 1.65;   ///< m, > 0
-  int cell_columns = 6;          ///< grid points to a cell, >= 2
-  int cell_rows = 3;             ///< grid points to a cell, >= 2
-  double step_height = 0.05;     ///< m, a rise between neighbours that is no road any more, > 0
-  double max_tilt = 0.45;        ///< rad, of the road against the ego plane, > 0
-  double max_sigma = 0.25;       ///< m, of a cell's height; less certain cells end the road, > 0
-  void validate() const;         ///< throws std::invalid_argument
+  double camera_height = 1.65;  ///< m, > 0
+  int cell_columns = 6;         ///< grid points to a cell, >= 2
+  int cell_rows = 3;            ///< grid points to a cell, >= 2
+  double step_height = 0.05;    ///< m, a rise between neighbours that is no road any more, > 0
+  double max_tilt = 0.45;       ///< rad, of the road against the ego plane, > 0
+  double max_sigma = 0.25;      ///< m, of a cell's height; less certain cells end the road, > 0
+  void validate() const;        ///< throws std::invalid_argument
 };
 
 struct GrownRoad {
-  Status status = Status::kNotRun;    ///< kFailed: no ego patch; reason says why
+  Status status = Status::kNotRun;  ///< kFailed: no ego patch; reason says why
   std::string reason;
-  Plane ego;                          ///< the seed's plane, camera frame, unit of the input
-  std::vector<std::uint8_t> ground;   ///< one a grid point; non-zero: road
+  Plane ego;                         ///< the seed's plane, camera frame, unit of the input
+  std::vector<std::uint8_t> ground;  ///< one a grid point; non-zero: road
 };
 
 /// Finds the road without a mask: the plane along the direction of travel that explains most of the

@@ -30,7 +30,7 @@ UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::M
   };
   Eigen::Matrix3d j;
   const Eigen::RowVector3d at_centroid = height(out.centroid);
-  j.row(0) = height(out.centroid + out.axis2) - at_centroid;   // h + a (axis2 . r)
+  j.row(0) = height(out.centroid + out.axis2) - at_centroid;     // h + a (axis2 . r)
   j.row(1) = -(height(out.centroid + out.axis1) - at_centroid);  // - b (axis1 . r)
   j.row(2) = at_centroid;
   out.covariance = j * covariance * j.transpose();
@@ -38,8 +38,7 @@ UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::M
 }
 
 LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera,
-                           const Eigen::Vector2d& contact,
-                           const Eigen::MatrixXd& shared_covariance,
+                           const Eigen::Vector2d& contact, const Eigen::MatrixXd& shared_covariance,
                            const LocalPlaneOptions& options) {
   LocalPlane out;
   const double rho0 = field.inverse_depth(contact);

@@ -12,10 +12,10 @@
 namespace camber {
 
 struct LocalPlaneOptions {
-  double metres_per_unit = 1.0;   ///< scale of the field, > 0
-  double length = 4.3;            ///< m, of the footprint behind the contact, > 0
-  double half_width = 1.2;        ///< m, of the footprint, > 0
-  double bumper_overhang = 0.0;   ///< m, from the contact seen to the footprint's near end
+  double metres_per_unit = 1.0;  ///< scale of the field, > 0
+  double length = 4.3;           ///< m, of the footprint behind the contact, > 0
+  double half_width = 1.2;       ///< m, of the footprint, > 0
+  double bumper_overhang = 0.0;  ///< m, from the contact seen to the footprint's near end
   /// Factor on the covariance, >= 1: errors of the matches that whole stretches of road share
   /// (moving shadows, reflections). Calibrated on rendered scenes.
   double inflation = 4.0;
@@ -24,8 +24,8 @@ struct LocalPlaneOptions {
 struct LocalPlane {
   Status status = Status::kNotRun;  ///< kFailed: the ray to the contact does not meet the ground
   std::string reason;
-  UncertainPlane plane;             ///< unit of the field; axis1 points away from the camera
-  double support = 0.0;             ///< observations of the ground that carry the footprint
+  UncertainPlane plane;  ///< unit of the field; axis1 points away from the camera
+  double support = 0.0;  ///< observations of the ground that carry the footprint
 };
 
 /// The plane of the ground under a vehicle: least squares over the footprint that begins where the
@@ -33,8 +33,7 @@ struct LocalPlane {
 /// @param contact  pixel of the box's bottom edge, middle.
 /// @param shared_covariance  of the field's shared parameters; may be empty.
 LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera,
-                           const Eigen::Vector2d& contact,
-                           const Eigen::MatrixXd& shared_covariance,
+                           const Eigen::Vector2d& contact, const Eigen::MatrixXd& shared_covariance,
                            const LocalPlaneOptions& options);
 
 /// A plane from its inverse-depth form rho = m . ray (n = -m d, up is negative y) with the

@@ -14,8 +14,7 @@ class BaselineLength {
   BaselineLength(double length, double sigma) : length_(length), sigma_(sigma) {}
 
   static ceres::CostFunction* create(double length, double sigma) {
-    return new ceres::AutoDiffCostFunction<BaselineLength, 1, 7>(
-        new BaselineLength(length, sigma));
+    return new ceres::AutoDiffCostFunction<BaselineLength, 1, 7>(new BaselineLength(length, sigma));
   }
 
   template <typename T>

@@ -29,8 +29,7 @@ class InverseDepthReprojectionError {
   bool operator()(const T* pose, const T* inverse_depth, T* residual) const {
     const Eigen::Map<const Eigen::Quaternion<T>> rotation(pose);
     const Eigen::Map<const Eigen::Matrix<T, 3, 1>> translation(pose + 4);
-    const Eigen::Matrix<T, 3, 1> p =
-        rotation * ray_.cast<T>() + inverse_depth[0] * translation;
+    const Eigen::Matrix<T, 3, 1> p = rotation * ray_.cast<T>() + inverse_depth[0] * translation;
     if (!(p.z() > T(1e-6))) return false;
     residual[0] = (camera_.fx * p.x() / p.z() + camera_.cx - pixel_.x()) / sigma_px_;
     residual[1] = (camera_.fy * p.y() / p.z() + camera_.cy - pixel_.y()) / sigma_px_;
