@@ -112,6 +112,7 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
     for (std::size_t m = 0; m < others; ++m) {
       const MatchedImage& match = matches.matches[m];
       if (!std::isfinite(match.round_trip_px[i])) continue;
+      reason[i] = DropReason::kNearFocusOfExpansion;
       View view;
       view.other = m;
       view.a = rotations[m] * ray;
@@ -136,8 +137,7 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
       numerator += (b0 * e0 + b1 * e1) / (s1 * s1);
       denominator += (b0 * b0 + b1 * b1) / (s1 * s1);
     }
-    if (views.empty()) return;
-    reason[i] = DropReason::kNearFocusOfExpansion;
+    if (views.empty()) return;  // no match, or only on the very focus of expansion
     if (!(denominator > 1e-12)) return;
     double rho = numerator / denominator;
     Eigen::Vector2d residual, by_depth;

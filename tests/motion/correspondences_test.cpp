@@ -1,0 +1,228 @@
+// Dense matching of made images that are shifted by a known amount.
+
+#include "camber/motion/correspondences.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "camber/core/random.h"
+
+namespace camber {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240;
+constexpr int kMargin = 20;  // px; what the flow says of the border is left out
+
+/// Sixty plane waves of 8 to 60 px in length: band-limited, so that any shift is exact.
+GrayImage waves(const Eigen::Vector2d& shift, int width = kWidth, int height = kHeight) {
+  const CounterRandom random(5);
+  struct Wave {
+    double x, y, phase;
+  };
+  std::vector<Wave> all;
+  for (std::uint64_t k = 0; k < 60; ++k) {
+    const double length = 8.0 * std::pow(7.5, random.uniform(3 * k));
+    const double angle = random.uniform(3 * k + 1, 0.0, 2 * M_PI);
+    all.push_back({2 * M_PI / length * std::cos(angle), 2 * M_PI / length * std::sin(angle),
+                   random.uniform(3 * k + 2, 0.0, 2 * M_PI)});
+  }
+  GrayImage image;
+  image.width = width;
+  image.height = height;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      double sum = 0.0;
+      for (const Wave& w : all) {
+        sum += std::cos(w.x * (x - shift.x()) + w.y * (y - shift.y()) + w.phase);
+      }
+      image.pixels.push_back(
+          static_cast<std::uint8_t>(std::clamp(128.0 + 12.0 * sum, 0.0, 255.0) + 0.5));
+    }
+  }
+  return image;
+}
+
+bool inside(const Eigen::Vector2f& p) {
+  return p.x() >= kMargin && p.y() >= kMargin && p.x() < kWidth - kMargin &&
+         p.y() < kHeight - kMargin;
+}
+
+/// Median distance of the valid matches from the true shift.
+double median_error(const Correspondences& found, std::size_t image, const Eigen::Vector2d& shift,
+                    std::size_t at_least) {
+  std::vector<double> errors;
+  const MatchedImage& match = found.matches[image];
+  for (std::size_t i = 0; i < found.pixels.size(); ++i) {
+    if (!std::isfinite(match.round_trip_px[i]) || !inside(found.pixels[i])) continue;
+    errors.push_back(((match.pixels[i] - found.pixels[i]).cast<double>() - shift).norm());
+  }
+  EXPECT_GT(errors.size(), at_least);
+  if (errors.empty()) return std::numeric_limits<double>::infinity();
+  std::nth_element(errors.begin(), errors.begin() + static_cast<long>(errors.size() / 2),
+                   errors.end());
+  return errors[errors.size() / 2];
+}
+
+const Eigen::Vector2d kFirst(3.3, -1.6), kSecond(-2.7, 0.4);
+
+TEST(MatchImages, FindsAKnownShift) {
+  const Correspondences found = match_images({waves(kFirst), waves({0, 0}), waves(kSecond)}, 1, {});
+  EXPECT_EQ(found.reference, 1);
+  EXPECT_EQ(found.columns, kWidth / 2);
+  EXPECT_EQ(found.rows, kHeight / 2);
+  ASSERT_EQ(found.pixels.size(), static_cast<std::size_t>(found.columns * found.rows));
+  EXPECT_EQ(found.pixels[static_cast<std::size_t>(found.columns + 3)], Eigen::Vector2f(6, 2));
+  ASSERT_EQ(found.matches.size(), 2u);
+  EXPECT_EQ(found.matches[0].frame, 0);
+  EXPECT_EQ(found.matches[1].frame, 2);
+  // 140 x 100 grid points lie inside; nearly all must pass the round trip.
+  EXPECT_LT(median_error(found, 0, kFirst, 13000), 0.1);
+  EXPECT_LT(median_error(found, 1, kSecond, 13000), 0.1);
+}
+
+TEST(MatchImages, TextureIsTheMeanOfTheGradientsProducts) {
+  // A ramp of 2 grey values a pixel along x and 1 along y.
+  GrayImage ramp;
+  ramp.width = 64;
+  ramp.height = 64;
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 64; ++x) ramp.pixels.push_back(static_cast<std::uint8_t>(2 * x + y));
+  }
+  const Correspondences found = match_images({ramp, ramp}, 0, {});
+  const Eigen::Vector3f& middle = found.texture[static_cast<std::size_t>(16 * found.columns + 16)];
+  EXPECT_LT((middle - Eigen::Vector3f(4, 2, 1)).norm(), 1e-4);
+}
+
+TEST(MatchImages, IsTheSameForAnyNumberOfThreads) {
+  const std::vector<GrayImage> images = {waves(kFirst), waves({0, 0}), waves(kSecond)};
+  CorrespondenceOptions one, two;
+  one.num_threads = 1;
+  two.num_threads = 2;
+  const Correspondences a = match_images(images, 1, one);
+  const Correspondences b = match_images(images, 1, two);
+  EXPECT_EQ(a.texture, b.texture);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(a.matches[k].pixels, b.matches[k].pixels);
+    EXPECT_EQ(a.matches[k].round_trip_px, b.matches[k].round_trip_px);
+  }
+}
+
+TEST(MatchImages, SizesThatDisagreeThrow) {
+  EXPECT_THROW(match_images({waves({0, 0}), waves({0, 0}, kWidth, kHeight - 1)}, 0, {}),
+               std::invalid_argument);
+  EXPECT_THROW(match_images({GrayImage(), GrayImage()}, 0, {}), std::invalid_argument);
+  EXPECT_THROW(match_images({waves({0, 0}), waves({0, 0})}, 2, {}), std::invalid_argument);
+  EXPECT_THROW(match_images({waves({0, 0}), waves({0, 0})}, -1, {}), std::invalid_argument);
+}
+
+TEST(CorrespondenceOptions, ValidateNamesTheField) {
+  CorrespondenceOptions options;
+  EXPECT_NO_THROW(options.validate());
+  options.step = 0;
+  EXPECT_THROW(options.validate(), std::invalid_argument);
+  options = {};
+  options.forward_backward_px = std::nan("");
+  EXPECT_THROW(options.validate(), std::invalid_argument);
+}
+
+class RefineMatches : public ::testing::Test {
+ protected:
+  RefineMatches() : images_{waves({0, 0}), waves(kFirst)} {
+    before_ = match_images(images_, 0, {});
+    prediction_.frame = 1;
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        prediction_.pixels.push_back((Eigen::Vector2d(x, y) + kFirst + kBias).cast<float>());
+      }
+    }
+    prediction_.ignored.assign(prediction_.pixels.size(), 0);
+  }
+  const Eigen::Vector2d kBias{1.3, -0.8};
+  std::vector<GrayImage> images_;
+  Correspondences before_;
+  PredictedImage prediction_;
+};
+
+TEST_F(RefineMatches, CorrectsABiasedPrediction) {
+  const Correspondences found = refine_matches(images_, before_, {prediction_}, 0, {});
+  EXPECT_LT(median_error(found, 0, kFirst, 13000), 0.1);
+}
+
+TEST_F(RefineMatches, LeavesRowsAboveTheTopAndPixelsWithoutPrediction) {
+  for (int x = 0; x < kWidth / 2; ++x) {  // the left half has no prediction
+    for (int y = 0; y < kHeight; ++y) {
+      prediction_.pixels[static_cast<std::size_t>(y * kWidth + x)].setConstant(
+          std::numeric_limits<float>::quiet_NaN());
+    }
+  }
+  const int top = 100;
+  const Correspondences found = refine_matches(images_, before_, {prediction_}, top, {});
+  long kept = 0, changed = 0;
+  for (std::size_t i = 0; i < found.pixels.size(); ++i) {
+    const Eigen::Vector2f& p = found.pixels[i];
+    if (p.y() < top || p.x() < kWidth / 2) {
+      EXPECT_EQ(found.matches[0].pixels[i], before_.matches[0].pixels[i]);
+      EXPECT_EQ(found.matches[0].round_trip_px[i], before_.matches[0].round_trip_px[i]);
+      ++kept;
+    } else if (found.matches[0].pixels[i] != before_.matches[0].pixels[i]) {
+      ++changed;
+    }
+  }
+  EXPECT_GT(kept, 10000);
+  EXPECT_GT(changed, 4000);
+}
+
+TEST_F(RefineMatches, IgnoredPixelsHaveNoMatch) {
+  for (int y = 100; y < 140; ++y) {
+    for (int x = 100; x < 160; ++x) {
+      prediction_.ignored[static_cast<std::size_t>(y * kWidth + x)] = 1;
+    }
+  }
+  const Correspondences found = refine_matches(images_, before_, {prediction_}, 0, {});
+  long ignored = 0;
+  for (std::size_t i = 0; i < found.pixels.size(); ++i) {
+    const Eigen::Vector2f& p = found.pixels[i];
+    if (p.x() < 100 || p.x() >= 160 || p.y() < 100 || p.y() >= 140) continue;
+    EXPECT_FALSE(std::isfinite(found.matches[0].round_trip_px[i]));
+    ++ignored;
+  }
+  EXPECT_EQ(ignored, 30 * 20);
+  EXPECT_LT(median_error(found, 0, kFirst, 12000), 0.1);
+}
+
+TEST_F(RefineMatches, IsTheSameForAnyNumberOfThreads) {
+  images_.push_back(waves(kFirst + kBias));
+  before_ = match_images(images_, 0, {});
+  PredictedImage second = prediction_;
+  second.frame = 2;
+  CorrespondenceOptions one, two;
+  one.num_threads = 1;
+  two.num_threads = 2;
+  const Correspondences a = refine_matches(images_, before_, {prediction_, second}, 30, one);
+  const Correspondences b = refine_matches(images_, before_, {prediction_, second}, 30, two);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(a.matches[k].pixels, b.matches[k].pixels);
+    EXPECT_EQ(a.matches[k].round_trip_px, b.matches[k].round_trip_px);
+  }
+}
+
+TEST_F(RefineMatches, PredictionsThatDoNotFitThrow) {
+  PredictedImage bad = prediction_;
+  bad.frame = 0;
+  EXPECT_THROW(refine_matches(images_, before_, {bad}, 0, {}), std::invalid_argument);
+  bad = prediction_;
+  bad.pixels.pop_back();
+  EXPECT_THROW(refine_matches(images_, before_, {bad}, 0, {}), std::invalid_argument);
+  bad = prediction_;
+  bad.ignored.pop_back();
+  EXPECT_THROW(refine_matches(images_, before_, {bad}, 0, {}), std::invalid_argument);
+  EXPECT_THROW(refine_matches(images_, before_, {}, 0, {}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace camber
