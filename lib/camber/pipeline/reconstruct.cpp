@@ -579,7 +579,10 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     local.length = 5.0;
     local.half_width = 2.0;
     const Eigen::Vector3d travel = travel_direction(run);
-    for (double station = 5.0; station < 60.0; station += local.length) {
+    const double nearest =
+        run.field->inverse_depth({scene.camera.cx, static_cast<double>(scene.camera.height - 1)});
+    const double first = nearest > 0 ? std::clamp(m / nearest + 0.1, 2.0, 15.0) : 5.0;
+    for (double station = first; station < 60.0; station += local.length) {
       // The line ahead, at the height of the ground there.
       const Eigen::Vector3d ahead = run.ego.plane.centroid + travel * (station / m);
       const Eigen::Vector3d ray(ahead.x() / ahead.z(), 0.0, 1.0);
