@@ -679,7 +679,11 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
             fit.status = Status::kFailed;
           }
           if (fit.status == Status::kFailed) {
-            // The nearest road patch with a covariance grown by the distance (not observable).
+            // Beyond what is seen: the last road patch, known to a metre and a few degrees.
+            support.plane =
+                surface.patches[road_patches - 1].plane.transformed(frame_from_reference[k]);
+            support.plane.covariance.diagonal() += Eigen::Vector3d(0.05 * 0.05, 0.05 * 0.05, 1.0);
+            support.source = "patch " + std::to_string(surface.patches[road_patches - 1].id);
             support.status = Status::kNotObservable;
           } else {
             PlanePatch patch;
