@@ -84,6 +84,16 @@ std::vector<std::string> all_commands(const std::string& above = "") {
   return commands;
 }
 
+/// " --out NAME" with an extension that the help of --out names, or nothing without such an option.
+std::string out_argument(const std::string& help) {
+  static const std::regex option(R"(\n  --out .*(?:\n {20,}.*)*)");
+  static const std::regex extension(R"([.](ply|pcd|png|json|csv)\b)");
+  std::smatch text, name;
+  if (!std::regex_search(help, text, option)) return "";
+  const std::string description = text.str();
+  return std::regex_search(description, name, extension) ? " --out x" + name.str() : " --out x";
+}
+
 TEST(Program, SaysItsVersion) {
   const Outcome outcome = run_camber("--version");
   EXPECT_EQ(outcome.exit_code, 0);
@@ -156,8 +166,7 @@ TEST(EveryCommand, RefusesAMissingInputWithExitCodeTwoAndItsName) {
     SCOPED_TRACE(command);
     const std::string help = run_camber(command + " --help").out;
     if (help.find("\nPositionals:") == std::string::npos) continue;
-    const bool has_out = help.find("--out") != std::string::npos;
-    const Outcome outcome = run_camber(command + " no_such_input" + (has_out ? " --out x" : ""));
+    const Outcome outcome = run_camber(command + " no_such_input" + out_argument(help));
     EXPECT_EQ(outcome.exit_code, 2);
     EXPECT_EQ(outcome.out, "");
     EXPECT_THAT(outcome.err, StartsWith("camber: "));
