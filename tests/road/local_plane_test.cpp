@@ -1,0 +1,118 @@
+// The plane under a vehicle from the field of the ground.
+
+#include "camber/road/local_plane.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace camber {
+namespace {
+
+const PinholeCamera kCamera{640, 240, 400.0, 400.0, 320.0, 100.0};
+
+GroundField field_of(const Plane& plane) {
+  GroundObservations observations;
+  const Eigen::Vector3d m = -plane.normal / plane.offset;
+  for (int v = 100; v < kCamera.height; v += 2) {
+    for (int u = 0; u < kCamera.width; u += 4) {
+      const double rho = m.dot(kCamera.ray(Eigen::Vector2d(u, v)));
+      if (rho < 1.0 / 60.0) continue;
+      observations.pixels.emplace_back(u, v);
+      observations.inverse_depth.push_back(rho);
+      observations.sigma.push_back(0.003);
+    }
+  }
+  return GroundField(kCamera, observations, plane, {});
+}
+
+TEST(FitLocalPlane, FindsTheInclinedPlaneThatTheFieldIs) {
+  const Plane truth{Eigen::Vector3d(0.04, -1.0, -0.08).normalized(), 1.65};
+  const GroundField field = field_of(truth);
+  for (const Eigen::Vector2d& contact : {Eigen::Vector2d(320, 200), Eigen::Vector2d(150, 160),
+                                         Eigen::Vector2d(420, 130), Eigen::Vector2d(330, 100)}) {
+    const LocalPlane found = fit_local_plane(field, kCamera, contact, {}, {});
+    ASSERT_EQ(found.status, Status::kOk) << found.reason;
+    // The field is that plane to 1e-6 of each inverse depth; a footprint of 4.3 m seen from 30 m
+    // multiplies that by some hundred.
+    EXPECT_LT(angle_between(found.plane.plane.normal, truth.normal), 1e-3);
+    EXPECT_NEAR(truth.signed_distance(found.plane.centroid), 0.0, 1e-3);
+    EXPECT_NEAR(found.plane.plane.signed_distance(found.plane.centroid), 0.0, 1e-9);
+    EXPECT_GT(found.support, 0.0);
+    // The footprint lies behind the contact.
+    const double depth = 1.0 / field.inverse_depth(contact);
+    EXPECT_GT(found.plane.centroid.z(), depth);
+    EXPECT_LT(found.plane.centroid.z(), depth + 4.3);
+    EXPECT_GT(found.plane.axis1.z(), 0.9);
+    EXPECT_GT(found.plane.covariance.determinant(), 0.0);
+  }
+}
+
+TEST(FitLocalPlane, FartherPlanesAreLessCertain) {
+  const GroundField field = field_of({{0, -1, 0}, 1.65});
+  double before = 0.0;
+  for (const double v : {200.0, 160.0, 130.0, 120.0}) {
+    const LocalPlane found = fit_local_plane(field, kCamera, {320, v}, {}, {});
+    const double variance = found.plane.height_variance(found.plane.centroid);
+    EXPECT_GT(variance, before);
+    before = variance;
+  }
+}
+
+TEST(FitLocalPlane, TheSkyIsNoGround) {
+  const GroundField field = field_of({Eigen::Vector3d(0, -1, 0), 1.65});
+  const LocalPlane found = fit_local_plane(field, kCamera, {320, 20}, {}, {});
+  // Above its top the field goes on as its top row, 60 m away: the answer is that or none, and a
+  // plane there is not certain.
+  if (found.status != Status::kFailed) {
+    EXPECT_GT(found.plane.height_variance(found.plane.centroid), 0.01);
+  } else {
+    EXPECT_NE(found.reason, "");
+  }
+}
+
+TEST(PlaneFromInverseDepth, IsThePlaneAndItsCovarianceThatOfDifferences) {
+  // Above the plane, and below it (a steep climb ahead).
+  for (const double offset : {1.65, -0.8}) {
+    SCOPED_TRACE(offset);
+    const Plane truth{Eigen::Vector3d(0.05, -1.0, -0.1).normalized(), offset};
+    const Eigen::Vector3d m = -truth.normal / truth.offset;
+    const Eigen::Vector3d centroid = truth.foot({1.0, 1.0, 12.0});
+    Eigen::Matrix3d root;
+    root << 1e-4, 0, 0, 2e-5, 3e-4, 0, -1e-5, 5e-5, 1e-4;
+    const Eigen::Matrix3d covariance = root * root.transpose();
+    const UncertainPlane found = plane_from_inverse_depth(m, covariance, centroid);
+    EXPECT_LT((found.plane.normal - truth.normal).norm(), 1e-12);
+    EXPECT_NEAR(found.plane.offset, truth.offset, 1e-12);
+    EXPECT_LT((found.axis1.cross(found.axis2) - found.plane.normal).norm(), 1e-12);
+
+    // (tilt about axis1, tilt about axis2, height) of the plane of m + dm, numerically.
+    const auto parameters = [&](const Eigen::Vector3d& changed) {
+      const auto height = [&](const Eigen::Vector3d& x) {  // changed . (x + h n) = 1
+        return (1.0 - changed.dot(x)) / changed.dot(truth.normal);
+      };
+      const double h = height(found.centroid);
+      return Eigen::Vector3d(height(found.centroid + found.axis2) - h,
+                             -(height(found.centroid + found.axis1) - h), h);
+    };
+    Eigen::Matrix3d jacobian;
+    const double step = 1e-6;
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector3d d = step * Eigen::Vector3d::Unit(k);
+      jacobian.col(k) = (parameters(m + d) - parameters(m - d)) / (2 * step);
+    }
+    const Eigen::Matrix3d expected = jacobian * covariance * jacobian.transpose();
+    EXPECT_LT((found.covariance - expected).norm(), 1e-5 * expected.norm());
+
+    // The parameters mean what UncertainPlane says: the plane moved by them is that of m + dm.
+    const Eigen::Vector3d dm(2e-6, -3e-6, 1e-6);
+    const Plane moved = found.perturbed(parameters(m + dm));
+    const Plane direct = plane_from_inverse_depth(m + dm, covariance, centroid).plane;
+    EXPECT_LT((moved.normal - direct.normal).norm(), 1e-8);
+    EXPECT_NEAR(moved.offset, direct.offset, 1e-7);
+  }
+}
+
+}  // namespace
+}  // namespace camber
