@@ -20,13 +20,13 @@ using test::write_bytes;
 class Render : public ::testing::Test {
  protected:
   Render() {
-    std::string points;
+    std::string points = "x y z\n";
     for (int i = 0; i < 400; ++i) {
       points += std::to_string(0.3 * (i % 20)) + " " + std::to_string(0.5 * (i / 20)) + " " +
                 std::to_string(0.01 * (i / 20)) + "\n";
     }
     write_bytes(path("cloud.xyz"), points);
-    write_bytes(path("nan.xyz"), "nan nan nan\nnan nan nan\n");
+    write_bytes(path("nan.xyz"), "x y z\nnan nan nan\nnan nan nan\n");
     write_bytes(path("empty.ply"),
                 "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
                 "property float z\nend_header\n");

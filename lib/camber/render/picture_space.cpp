@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 
 #include "camber/core/errors.h"
@@ -226,6 +227,7 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
         picture_from_current = placed;
       }
       space.cameras.push_back(placed);
+      space.camera_ids.push_back(pose.id);
     }
   }
 
@@ -388,7 +390,9 @@ std::string content_summary(const PictureContent& content, const PictureSpace& s
     text += part;
   };
   if (content.cloud) {
-    add(plural(space.points.size(), "road point", "road points"));
+    const bool road = !space.map;
+    add(plural(space.points.size(), road ? "road point" : "point",
+               road ? "road points" : "points"));
     if (space.stray_points > 0) {
       text += " (" + with_thousands(space.stray_points) + " stray ones left out)";
     }
@@ -470,11 +474,10 @@ Color patch_color(PatchKind kind) {
 }
 
 void check_picture_option(const char* name, double value, double low, double high) {
-  if (!(value >= low && value <= high)) {
-    throw std::invalid_argument("picture option " + std::string(name) + ": found " +
-                                format_number(value, 3) + ", expected " + format_number(low, 3) +
-                                " to " + format_number(high, 3));
-  }
+  if (value >= low && value <= high) return;
+  char text[160];
+  std::snprintf(text, sizeof(text), "found %.9g, expected %.9g to %.9g", value, low, high);
+  throw std::invalid_argument("picture option " + std::string(name) + ": " + text);
 }
 
 std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::string& cameras) {

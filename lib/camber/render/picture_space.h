@@ -70,8 +70,9 @@ struct PictureSpace {
   std::vector<PlacedVehicle> truth;
   std::vector<PlacedPatch> patches;
   std::vector<PlacedLink> links;
-  std::vector<SE3> cameras;  ///< picture_from_camera
-  int current_camera = -1;   ///< index of the shown frame's camera, -1: not known
+  std::vector<SE3> cameras;     ///< picture_from_camera
+  std::vector<int> camera_ids;  ///< frame ids, one a camera
+  int current_camera = -1;      ///< index of the shown frame's camera, -1: not known
 };
 
 /// @throws NoAnswerError if there is nothing finite to show or the cloud lacks what colours mean.

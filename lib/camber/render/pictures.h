@@ -71,10 +71,14 @@ struct ScenePictureOptions {
   int supersampling = 2;  ///< rendered so many times larger and averaged, 1 to 4
   SceneView view = SceneView::kObliqueAndSide;
   double point_size = 0.0;  ///< pixels, [0, 20]; 0: from the number of points
-  double azimuth = -0.85;   ///< rad, of the oblique view's direction, from ahead to the right
-  double elevation = 0.42;  ///< rad, of the oblique view's eye above the content, (0, pi / 2)
-  FreeView free_view;       ///< for SceneView::kFree
-  bool show_links = false;  ///< the consistency graph: valid links solid, others dashed
+  double azimuth =
+      -49.0 *
+      0.017453292519943295;  ///< rad, of the oblique view's direction, from ahead to the right
+  double elevation =
+      24.0 *
+      0.017453292519943295;  ///< rad, of the oblique view's eye above the content, (0, pi / 2)
+  FreeView free_view;        ///< for SceneView::kFree
+  bool show_links = false;   ///< the consistency graph: valid links solid, others dashed
   PointColor color;
   bool show_truth = true;
 

@@ -605,6 +605,9 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
     taken = draw_grid_numbers(canvas, space, view, grid, 0.8 * text);
   }
 
+  if (!fitted) {
+    canvas.rectangle({-1.0, -1.0, 1.0 * width, top - 0.5 * text}, kPaper.with_alpha(0.85));
+  }
   double line = 1.1 * text;
   if (!drawing.content.title.empty()) {
     canvas.text({text, line}, drawing.content.title, 1.25 * text, kInk, TextAnchor::kLeft, true);
@@ -615,6 +618,10 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   taken.push_back({0.0, 0.0, static_cast<double>(width), line + 0.6 * text});
   if (space.has_color_bar) {
     const double left = width - 9.2 * text;
+    if (!fitted) {
+      canvas.rectangle({left - 0.7 * text, top - 0.5 * text, 1.0 * width, height - 2.3 * text},
+                       kPaper.with_alpha(0.85));
+    }
     const double bar_top = top + 1.2 * text * static_cast<double>(space.color_title.size());
     const Box2 bar{left, bar_top, left + 1.2 * text,
                    std::min(height - 4.6 * text, top + 0.35 * width)};
@@ -623,9 +630,17 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
     taken.push_back(
         {left - 0.5 * text, 0.0, static_cast<double>(width), static_cast<double>(height)});
   }
-  draw_legend(canvas, {text, height - 1.2 * text}, width - text,
-              make_legend(space, drawing.content.camera ? "cameras and path" : "camera path"),
-              text);
+  std::vector<LegendEntry> legend =
+      make_legend(space, drawing.content.camera ? "cameras and path" : "camera path");
+  if (drawing.options.show_links && !space.links.empty()) {
+    legend.push_back({LegendEntry::Mark::kLine, kLinkOrange, "link of patches"});
+    legend.push_back({LegendEntry::Mark::kDashedLine, kLinkOrange, "link not used"});
+  }
+  if (!fitted) {
+    canvas.rectangle({-1.0, height - 2.3 * text, 1.0 * width, 1.0 * height},
+                     kPaper.with_alpha(0.85));
+  }
+  draw_legend(canvas, {text, height - 1.2 * text}, width - text, legend, text);
   taken.push_back(
       {0.0, height - 2.0 * text, static_cast<double>(width), static_cast<double>(height)});
   draw_vehicle_labels(canvas, space, view, taken, text, true);
