@@ -48,8 +48,13 @@ EgoProfileOptions independent() {
 
 double flat(double) { return 0.0; }
 
-/// Straight for 3 m, then a bend of radius 60 m.
-double bend(double z) { return z < 3.0 ? 0.0 : 60.0 - std::sqrt(3600.0 - (z - 3.0) * (z - 3.0)); }
+/// Straight for 3 m, then a bend of some radius, m.
+double bend_of(double radius, double z) {
+  return z < 3.0 ? 0.0 : radius - std::sqrt(radius * radius - (z - 3.0) * (z - 3.0));
+}
+double bend(double z) { return bend_of(60.0, z); }
+/// As sharp as the prior of curvature (0.007 / m) expects of a road.
+double usual_bend(double z) { return bend_of(140.0, z); }
 
 TEST(FitEgoPlane, OnAFlatRoadHeightAndScaleAreExact) {
   for (const double unit : {1.0, 0.93, 4.0}) {
