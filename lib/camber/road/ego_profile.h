@@ -28,7 +28,7 @@ struct EgoProfileOptions {
   double curvature = 0.007;           ///< 1/m, standard deviation of the vertical curvature, > 0
   double curvature_walk = 0.0014;     ///< 1/m per sqrt(m), change of curvature, > 0
   double bank_walk = 0.0028;          ///< rad per sqrt(m), change of the cross slope, > 0
-  double roll_sigma = 0.003;          ///< rad, of the camera's roll against the road, > 0
+  double roll_sigma = 0.004;          ///< rad, of the camera's roll against the road, > 0
   double surface_sigma = 0.015;       ///< m, unevenness of the road, > 0
   double correlation = 16.0;          ///< information of neighbours is divided by this, >= 1
   void validate() const;              ///< throws std::invalid_argument
