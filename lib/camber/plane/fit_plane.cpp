@@ -520,6 +520,35 @@ void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full,
   const Vector3d pivot = Vector3d(pivot_[0], pivot_[1], pivot_[2]) + source_.origin;
   fit->plane.centroid += pivot;
   fit->plane.plane.offset = -fit->plane.plane.normal.dot(fit->plane.centroid);
+  // The window's edges, or the extent of the inliers where it is open.
+  const kernels::Window w = c.window.as_float();
+  double low_u = -c.window.half_u / 0.96, high_u = -low_u, low_v = -c.window.half_v / 0.96,
+         high_v = -low_v;
+  if (c.window.half_u > 1e14) {
+    low_u = low_v = std::numeric_limits<double>::infinity();
+    high_u = high_v = -low_u;
+    for (std::size_t k = 0; k < subset_.size; ++k) {
+      const double r = c.plane.distance(subset_.point(k));
+      if (!(r * r * static_cast<double>(subset_.w[k]) < kInlierSigmas * kInlierSigmas)) continue;
+      const Vector3d p = subset_.point(k);
+      const double u = static_cast<double>(w.ax) * p.x() + static_cast<double>(w.ay) * p.y() +
+                       static_cast<double>(w.az) * p.z() + static_cast<double>(w.a0);
+      const double v = static_cast<double>(w.bx) * p.x() + static_cast<double>(w.by) * p.y() +
+                       static_cast<double>(w.bz) * p.z() + static_cast<double>(w.b0);
+      low_u = std::min(low_u, u);
+      high_u = std::max(high_u, u);
+      low_v = std::min(low_v, v);
+      high_v = std::max(high_v, v);
+    }
+  }
+  if (high_u >= low_u && high_v >= low_v) {
+    const double corners[4][2] = {
+        {low_u, low_v}, {high_u, low_v}, {high_u, high_v}, {low_u, high_v}};
+    for (const auto& corner : corners) {
+      const Vector3d x = c.window.center + corner[0] * c.window.a + corner[1] * c.window.b + pivot;
+      fit->extent.push_back(fit->plane.plane.foot(x));
+    }
+  }
   fit->noise = estimate.noise;
   fit->condition = estimate.condition;
   fit->status = estimate.status;

@@ -41,6 +41,8 @@ struct PlaneFit {
   std::size_t num_inliers = 0;  ///< points within the inlier threshold of the plane
   /// m, standard deviation of an inlier along the normal: the median over points with sigmas.
   double noise = std::numeric_limits<double>::quiet_NaN();
+  /// Corners, in order, of the part of the plane that carries the fit; empty unless one was fitted.
+  std::vector<Eigen::Vector3d> extent;
   double rmse = std::numeric_limits<double>::quiet_NaN();       ///< m along the normal, inliers
   double condition = std::numeric_limits<double>::quiet_NaN();  ///< of the normal equations, >= 1
   int hypotheses = 0;  ///< minimal samples that were scored

@@ -106,32 +106,21 @@ void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOp
   }
 }
 
-/// Places along the border of two patches where their heights are to agree: along the crease if
-/// there is one, else the middle of the gap.
+/// Places along the border of two patches where their heights are to agree: the middle of the gap,
+/// and to both sides of it as far as both patches reach.
 std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, const PlanePatch& b,
                                     const PlanPolygon& pa, const PlanPolygon& pb) {
   const PolygonGap gap = polygon_gap(pa, pb);
   const Vector2d middle = 0.5 * (gap.on_a + gap.on_b);
-  if (gap.distance > 1.0 || !crosses_between(view, a, b)) return {middle};
-  // The crease in plan: through the place where the two heights agree on the way from middle to
-  // middle, across the steepest change of their difference.
-  const Vector2d ca = view.axes(a.plane.centroid), cb = view.axes(b.plane.centroid);
-  const auto difference = [&](const Vector2d& p) {
-    return view.height(a.plane.plane, p) - view.height(b.plane.plane, p);
-  };
-  const double at_a = difference(ca), at_b = difference(cb);
-  const Vector2d on_crease = ca + at_a / (at_a - at_b) * (cb - ca);
-  const Vector2d gradient(difference(on_crease + Vector2d::UnitX()) - difference(on_crease),
-                          difference(on_crease + Vector2d::UnitY()) - difference(on_crease));
-  if (!(gradient.norm() > 0.0)) return {middle};
-  const Vector2d along = Vector2d(-gradient.y(), gradient.x()).normalized();
-  // As far along it as both patches reach.
+  const Vector2d across = view.axes(b.plane.centroid) - view.axes(a.plane.centroid);
+  if (!(across.norm() > 0.0)) return {middle};
+  const Vector2d along = Vector2d(-across.y(), across.x()).normalized();
   double low = -std::numeric_limits<double>::infinity(),
          high = std::numeric_limits<double>::infinity();
   for (const PlanPolygon* polygon : {&pa, &pb}) {
     double from = std::numeric_limits<double>::infinity(), to = -from;
     for (const Vector2d& corner : *polygon) {
-      const double s = along.dot(corner - on_crease);
+      const double s = along.dot(corner - middle);
       from = std::min(from, s);
       to = std::max(to, s);
     }
@@ -139,8 +128,8 @@ std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, c
     high = std::min(high, to);
   }
   if (!(high > low)) return {middle};
-  return {on_crease + (low + 0.15 * (high - low)) * along,
-          on_crease + (high - 0.15 * (high - low)) * along};
+  return {middle + (low + 0.2 * (high - low)) * along,
+          middle + (high - 0.2 * (high - low)) * along};
 }
 
 }  // namespace
@@ -238,8 +227,8 @@ ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurfac
     const std::vector<Vector2d> places =
         border_places(view, a, b, view.polygons[ia], view.polygons[ib]);
     for (const Vector2d& place : places) {
-      // Across a gap the ground may bend.
-      const double bend = std::tan(link->angle) * 0.5 * link->distance;
+      // The ground may bend on its way across a gap, and where it bends is not known to the inch.
+      const double bend = std::tan(link->angle) * (0.5 * link->distance + kBorderError);
       const double sigma =
           std::hypot(options.continuity_sigma, bend) / std::sqrt(std::max(link->weight, 1e-3));
       problem.AddResidualBlock(

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numeric>
 #include <stdexcept>
@@ -26,6 +27,7 @@ constexpr std::size_t kMostPoints = 262144;  // that take part in finding the pa
 // A point belongs to a patch as far from its plane as points of the patch are more frequent than
 // others; at least and at most this many standard deviations.
 constexpr double kLeastLabelSigmas = 2.5, kMostLabelSigmas = 6.0;
+constexpr double kCrowded = 0.12;  // share of crowded leaves that tells another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
 
 /// Fits one region on the points of its leaves.
@@ -58,7 +60,7 @@ struct LabelGate {
 };
 
 /// From the residuals in a region's leaves: outwards until there are no more than twice as many
-/// points as farther out.
+/// points as farther out, or until there are more again (a pavement).
 LabelGate measure_gate(const PointTree& tree, const PlanarRegion& region) {
   constexpr double kBin = 0.5, kReach = 10.0;
   constexpr std::size_t kBins = 20;
@@ -89,7 +91,8 @@ LabelGate measure_gate(const PointTree& tree, const PlanarRegion& region) {
     for (std::size_t k = 14; k < kBins; ++k) background += counts[k] / 6.0;
     auto k = static_cast<std::size_t>(kLeastLabelSigmas / kBin);
     while (k < static_cast<std::size_t>(kMostLabelSigmas / kBin) &&
-           counts[k] > 2.0 * background + 1.0) {
+           counts[k] > 2.0 * background + 1.0 &&
+           counts[k] < 0.9 * counts[k - 1] + 2.0 * std::sqrt(counts[k - 1])) {
       ++k;
     }
     return static_cast<double>(k) * kBin;
@@ -293,46 +296,40 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
     }
     areas[i] = polygon_area(polygons[i]);
   }
-  std::vector<std::vector<std::pair<std::size_t, const PatchLink*>>> around(count);
-  for (const PatchLink& link : surface->links) {
-    around[static_cast<std::size_t>(link.a)].emplace_back(link.b, &link);
-    around[static_cast<std::size_t>(link.b)].emplace_back(link.a, &link);
-  }
-  // Where two patches touch at a corner only, a valid link may be chance: a kerb that ends there.
-  std::vector<int> longest(count, 0);
-  for (const auto& [pair, number] : borders) {
-    for (const int id : {pair.first, pair.second}) {
-      longest[static_cast<std::size_t>(id)] =
-          std::max(longest[static_cast<std::size_t>(id)], number);
-    }
-  }
-  const auto side_by_side = [&](const PatchLink& link) {
+  // Components: the strongest links join first, unless more of the border between the two sides is
+  // a step than is smooth. So a pavement does not join the road where its kerb ends at a crease.
+  std::vector<int> component(count);
+  std::iota(component.begin(), component.end(), 0);
+  std::vector<std::pair<double, const PatchLink*>> order;
+  const auto strength = [&](const PatchLink& link) {
     const auto found = borders.find({std::min(link.a, link.b), std::max(link.a, link.b)});
-    const int number = found == borders.end() ? 0 : found->second;
-    const int least = std::min(longest[static_cast<std::size_t>(link.a)],
-                               longest[static_cast<std::size_t>(link.b)]);
-    return 5 * number >= least;
+    return found == borders.end() ? 0.1 * link.weight : static_cast<double>(found->second);
   };
-  // Components over smooth links.
-  std::vector<int> component(count, -1);
-  std::vector<double> weight;
-  for (std::size_t seed = 0; seed < count; ++seed) {
-    if (component[seed] >= 0) continue;
-    const int id = static_cast<int>(weight.size());
-    weight.push_back(0.0);
-    std::vector<std::size_t> queue{seed};
-    component[seed] = id;
-    while (!queue.empty()) {
-      const std::size_t i = queue.back();
-      queue.pop_back();
-      weight.back() += areas[i];
-      for (const auto& [j, link] : around[i]) {
-        if (!link->valid || component[j] >= 0 || !side_by_side(*link)) continue;
-        component[j] = id;
-        queue.push_back(j);
+  for (const PatchLink& link : surface->links) {
+    if (link.valid) order.emplace_back(strength(link), &link);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [](const auto& l, const auto& r) { return l.first > r.first; });
+  for (const auto& [unused, joining] : order) {
+    const int a = component[static_cast<std::size_t>(joining->a)],
+              b = component[static_cast<std::size_t>(joining->b)];
+    if (a == b) continue;
+    double balance = 0.0;
+    for (const PatchLink& link : surface->links) {
+      const int ca = component[static_cast<std::size_t>(link.a)],
+                cb = component[static_cast<std::size_t>(link.b)];
+      if ((ca == a && cb == b) || (ca == b && cb == a)) {
+        balance += link.valid ? strength(link) : -strength(link);
       }
     }
+    if (!(balance > 0.0)) continue;
+    for (int& id : component) {
+      if (id == b) id = a;
+    }
   }
+  std::vector<double> weight(count, 0.0);
+  for (std::size_t i = 0; i < count; ++i)
+    weight[static_cast<std::size_t>(component[i])] += areas[i];
   // The driven line decides, else the area.
   std::vector<double> votes(weight.size(), 0.0);
   for (const Vector3d& place : surface->driven_line) {
@@ -349,15 +346,185 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
   for (std::size_t i = 0; i < count; ++i) {
     PlanePatch& patch = surface->patches[i];
     if (patch.kind == PatchKind::kRoad) continue;
-    for (const auto& [j, link] : around[i]) {
-      if (component[j] != road || link->distance > 0.5 * options.link_distance) continue;
-      const double above = link->a == static_cast<int>(i) ? -link->height_step : link->height_step;
-      if (link->angle < 0.2 && above > 0.5 * options.max_step && above < 0.35) {
+    for (const PatchLink& link : surface->links) {
+      const int self = static_cast<int>(i);
+      if (link.a != self && link.b != self) continue;
+      const auto other = static_cast<std::size_t>(link.a == self ? link.b : link.a);
+      if (component[other] != road || link.distance > 0.5 * options.link_distance) continue;
+      const double above = link.a == self ? -link.height_step : link.height_step;
+      if (link.angle < 0.2 && above > 0.5 * options.max_step && above < 0.35) {
         patch.kind = PatchKind::kPavement;
         break;
       }
     }
   }
+}
+
+/// Whether a good part of a leaf's points lie off its plane, but at one height above or below it.
+bool has_another_sheet(const PointTree& tree, std::size_t leaf, const PlanarRegion& region,
+                       const std::vector<int>& row_labels) {
+  const PointTree::Leaf& l = tree.leaves()[leaf];
+  std::vector<double> off;
+  for (std::size_t k = l.begin; k < l.end; ++k) {
+    if (row_labels[k] < 0) off.push_back(region.candidate.plane.distance(tree.points().point(k)));
+  }
+  const std::size_t least = (l.end - l.begin) / 4;
+  if (off.size() <= least) return false;
+  std::sort(off.begin(), off.end());
+  const double width = 5.0 * region.estimate.noise;
+  std::size_t most = 0, from = 0;
+  for (std::size_t to = 0; to < off.size(); ++to) {
+    while (off[to] - off[from] > width) ++from;
+    most = std::max(most, to - from + 1);
+  }
+  return most > least && 5 * most >= 2 * off.size();
+}
+
+/// Patches of one layer of a cloud: at each place at most one.
+struct PatchLayer {
+  std::string reason;  ///< why there are no patches, if so
+  std::vector<PlanePatch> patches;
+  std::vector<int> labels;                     ///< index of a patch, -1: none
+  std::vector<float> noise;                    ///< m, of each patch
+  std::map<std::pair<int, int>, int> borders;  ///< pairs of leaves that touch, by patch index
+  double crowded = 0.0;  ///< share of the patches' leaves that hold another sheet as well
+  NoiseModel model;      ///< of the whole cloud
+  double typical = 0.0;  ///< m
+};
+
+/// @param known  the noise, if an earlier layer has told it already
+PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
+                        const std::optional<Vector3d>& viewpoint, const RoadSurfaceOptions& options,
+                        const PatchLayer* known, const std::function<void(double)>& report) {
+  PatchLayer layer;
+  layer.labels.assign(cloud.size(), -1);
+  PointTree tree(cloud, up, options.seed, kMostPoints);
+  if (tree.size() < 3) {
+    layer.reason = fmt::format("{} usable points, at least 3 are needed", tree.size());
+    return layer;
+  }
+  if (!(tree.spread() > 0.0)) {
+    layer.reason = "all points lie at one place";
+    return layer;
+  }
+  report(0.2);
+
+  NoiseModel noise;
+  const bool fixed_noise = options.inlier_threshold > 0.0;
+  if (known) {
+    noise = known->model;
+    if (noise.kind == NoiseKind::kRays) noise.viewpoint = tree.frame().to_level(*viewpoint);
+  } else if (!fixed_noise) {
+    if (!cloud.covariances.empty()) {
+      noise.kind = NoiseKind::kCovariance;
+    } else if (!cloud.sigmas.empty() && viewpoint) {
+      noise.kind = NoiseKind::kRays;
+      noise.viewpoint = tree.frame().to_level(*viewpoint);
+    } else if (!cloud.sigmas.empty()) {
+      noise.kind = NoiseKind::kPower;
+    }
+  }
+  SegmentationOptions segmentation_options;
+  segmentation_options.seed = options.seed;
+  segmentation_options.num_threads = options.num_threads;
+  segmentation_options.max_slope = options.max_slope;
+  segmentation_options.inlier_threshold = options.inlier_threshold;
+  segmentation_options.tolerance_sigmas = options.tolerance_sigmas;
+  segmentation_options.tolerance = cloud.metric ? options.tolerance : 0.0;
+  segmentation_options.min_points = options.min_patch_points;
+  segmentation_options.noise_is_known = known != nullptr;
+  Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
+  report(0.6);
+  if (segmentation.regions.empty()) {
+    layer.reason = "no planar ground was found";
+    return layer;
+  }
+
+  const double least_noise = std::max(4e-7 * tree.spread(), 1e-9);
+  parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
+    refine_region(tree, least_noise, fixed_noise, &segmentation.regions[region]);
+  });
+  layer.model = segmentation.noise;
+  layer.typical = segmentation.typical_noise;
+  if (known && known->typical > 0.0) {
+    // What is left over by another layer may be rubbish: only what is as smooth counts.
+    for (PlanarRegion& region : segmentation.regions) {
+      if (region.estimate.noise > 2.5 * known->typical) region.estimate.status = Status::kFailed;
+    }
+  }
+  report(0.8);
+
+  const CreaseCuts cuts(segmentation.regions);
+  std::vector<LabelGate> gates(segmentation.regions.size());
+  parallel_for(gates.size(), options.num_threads, [&](std::size_t region) {
+    gates[region] = measure_gate(tree, segmentation.regions[region]);
+  });
+  const LeafLabels chooser(segmentation, tree, cuts, gates);
+  const std::vector<int> row_labels = label_rows(tree, segmentation, chooser, options.num_threads);
+  std::vector<int> counts(segmentation.regions.size(), 0);
+  if (cloud.size() <= kMostPoints) {
+    for (std::size_t k = 0; k < row_labels.size(); ++k) {
+      const std::uint32_t index = tree.cloud_index()[k];
+      if (index != PointTree::kPadding) layer.labels[index] = row_labels[k];
+    }
+  } else {
+    layer.labels = label_cloud(cloud, tree, segmentation, chooser, options.num_threads);
+  }
+  for (const int label : layer.labels) {
+    if (label >= 0) ++counts[static_cast<std::size_t>(label)];
+  }
+
+  // Patches in the cloud's frame.
+  const Eigen::Matrix3d back = tree.frame().level_from_cloud.transpose();
+  std::vector<int> id_of(segmentation.regions.size(), -1);
+  for (std::size_t r = 0; r < segmentation.regions.size(); ++r) {
+    const PlanarRegion& region = segmentation.regions[r];
+    if (region.estimate.status == Status::kFailed || counts[r] < options.min_patch_points) continue;
+    const PlanPolygon polygon = outline(tree, region, static_cast<int>(r), row_labels);
+    if (polygon.size() < 3) continue;
+    PlanePatch patch;
+    patch.id = static_cast<int>(layer.patches.size());
+    id_of[r] = patch.id;
+    patch.status = region.estimate.status;
+    patch.reason = region.estimate.reason;
+    patch.inliers = counts[r];
+    const UncertainPlane& level = region.estimate.plane;
+    patch.plane.centroid = tree.frame().to_cloud(level.centroid);
+    patch.plane.plane = Plane::through(patch.plane.centroid, back * level.plane.normal);
+    patch.plane.axis1 = back * level.axis1;
+    patch.plane.axis2 = back * level.axis2;
+    patch.plane.covariance = level.covariance;
+    const PivotPlane& p = region.candidate.plane;
+    for (const Vector2d& corner : polygon) {
+      const double z = -(p.n.x() * corner.x() + p.n.y() * corner.y() + p.d) / p.n.z();
+      patch.boundary.push_back(tree.frame().to_cloud({corner.x(), corner.y(), z}));
+    }
+    layer.noise.push_back(static_cast<float>(region.estimate.noise));
+    layer.patches.push_back(std::move(patch));
+  }
+  for (int& label : layer.labels) {
+    if (label >= 0) label = id_of[static_cast<std::size_t>(label)];
+  }
+  if (layer.patches.empty()) layer.reason = "no planar ground was found";
+
+  double leaves = 0.0, crowded = 0.0;
+  for (std::size_t leaf = 0; leaf < tree.leaves().size(); ++leaf) {
+    const int region = segmentation.leaf_region[leaf];
+    const int a = region < 0 ? -1 : id_of[static_cast<std::size_t>(region)];
+    if (a < 0) continue;
+    leaves += 1.0;
+    if (has_another_sheet(tree, leaf, segmentation.regions[static_cast<std::size_t>(region)],
+                          row_labels)) {
+      crowded += 1.0;
+    }
+    for (const int other : tree.neighbours()[leaf]) {
+      const int next = segmentation.leaf_region[static_cast<std::size_t>(other)];
+      const int b = next < 0 ? -1 : id_of[static_cast<std::size_t>(next)];
+      if (b > a) ++layer.borders[{a, b}];
+    }
+  }
+  layer.crowded = crowded / std::max(leaves, 1.0);
+  return layer;
 }
 
 void require(bool good, const char* field, double value, const char* bound) {
@@ -398,119 +565,47 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
                   : (up - Vector3d::UnitZ()).norm() < 1e-9 ? "z-up"
                                                            : "other";
   surface.driven_line = options.driven_line;
-  fit.labels.assign(cloud.size(), -1);
-
-  PointTree tree(cloud, up, options.seed, kMostPoints);
-  const auto failed = [&](const std::string& reason) {
-    fit.status = Status::kFailed;
-    fit.reason = reason;
-    return fit;
-  };
-  if (tree.size() < 3) {
-    return failed(fmt::format("{} usable points, at least 3 are needed", tree.size()));
-  }
-  if (!(tree.spread() > 0.0)) return failed("all points lie at one place");
-  report(0.2);
-
-  NoiseModel noise;
-  const bool fixed_noise = options.inlier_threshold > 0.0;
   std::optional<Vector3d> viewpoint = options.viewpoint;
   if (!viewpoint && cloud.frame == CloudFrame::kCamera) viewpoint = Vector3d::Zero();
-  if (!fixed_noise) {
-    if (!cloud.covariances.empty()) {
-      noise.kind = NoiseKind::kCovariance;
-    } else if (!cloud.sigmas.empty() && viewpoint) {
-      noise.kind = NoiseKind::kRays;
-      noise.viewpoint = tree.frame().to_level(*viewpoint);
-    } else if (!cloud.sigmas.empty()) {
-      noise.kind = NoiseKind::kPower;
-    }
-  }
-  SegmentationOptions segmentation_options;
-  segmentation_options.seed = options.seed;
-  segmentation_options.num_threads = options.num_threads;
-  segmentation_options.max_slope = options.max_slope;
-  segmentation_options.inlier_threshold = options.inlier_threshold;
-  segmentation_options.tolerance_sigmas = options.tolerance_sigmas;
-  segmentation_options.tolerance = cloud.metric ? options.tolerance : 0.0;
-  segmentation_options.min_points = options.min_patch_points;
-  Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
-  report(0.6);
-  if (segmentation.regions.empty()) return failed("no planar ground was found");
 
-  const double least_noise = std::max(4e-7 * tree.spread(), 1e-9);
-  parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
-    refine_region(tree, least_noise, fixed_noise, &segmentation.regions[region]);
-  });
-  report(0.8);
-
-  const CreaseCuts cuts(segmentation.regions);
-  std::vector<LabelGate> gates(segmentation.regions.size());
-  parallel_for(gates.size(), options.num_threads, [&](std::size_t region) {
-    gates[region] = measure_gate(tree, segmentation.regions[region]);
-  });
-  const LeafLabels chooser(segmentation, tree, cuts, gates);
-  const std::vector<int> row_labels = label_rows(tree, segmentation, chooser, options.num_threads);
-  std::vector<int> counts(segmentation.regions.size(), 0);
-  if (cloud.size() <= kMostPoints) {
-    for (std::size_t k = 0; k < row_labels.size(); ++k) {
-      const std::uint32_t index = tree.cloud_index()[k];
-      if (index != PointTree::kPadding) fit.labels[index] = row_labels[k];
+  PatchLayer first = find_patches(cloud, up, viewpoint, options, nullptr, report);
+  fit.labels = std::move(first.labels);
+  if (first.patches.empty()) {
+    fit.status = Status::kFailed;
+    fit.reason = first.reason;
+    return fit;
+  }
+  surface.patches = std::move(first.patches);
+  std::map<std::pair<int, int>, int> borders = std::move(first.borders);
+  std::vector<float> noise = std::move(first.noise);
+  // Ground above ground: where much is left over in the patches' own places, look again there.
+  double crowded = first.crowded;
+  for (int again = 0; again < 2 && crowded > kCrowded; ++again) {
+    std::vector<int> rest;
+    for (std::size_t i = 0; i < fit.labels.size(); ++i) {
+      if (fit.labels[i] < 0) rest.push_back(static_cast<int>(i));
     }
-  } else {
-    fit.labels = label_cloud(cloud, tree, segmentation, chooser, options.num_threads);
-  }
-  for (const int label : fit.labels) {
-    if (label >= 0) ++counts[static_cast<std::size_t>(label)];
-  }
-
-  // Patches in the cloud's frame.
-  const Eigen::Matrix3d back = tree.frame().level_from_cloud.transpose();
-  std::vector<float> deviations;
-  std::vector<int> id_of(segmentation.regions.size(), -1);
-  for (std::size_t r = 0; r < segmentation.regions.size(); ++r) {
-    const PlanarRegion& region = segmentation.regions[r];
-    if (region.estimate.status == Status::kFailed || counts[r] < options.min_patch_points) continue;
-    const PlanPolygon polygon = outline(tree, region, static_cast<int>(r), row_labels);
-    if (polygon.size() < 3) continue;
-    PlanePatch patch;
-    patch.id = static_cast<int>(surface.patches.size());
-    id_of[r] = patch.id;
-    patch.status = region.estimate.status;
-    patch.reason = region.estimate.reason;
-    patch.inliers = counts[r];
-    const UncertainPlane& level = region.estimate.plane;
-    patch.plane.centroid = tree.frame().to_cloud(level.centroid);
-    patch.plane.plane = Plane::through(patch.plane.centroid, back * level.plane.normal);
-    patch.plane.axis1 = back * level.axis1;
-    patch.plane.axis2 = back * level.axis2;
-    patch.plane.covariance = level.covariance;
-    const PivotPlane& p = region.candidate.plane;
-    for (const Vector2d& corner : polygon) {
-      const double z = -(p.n.x() * corner.x() + p.n.y() * corner.y() + p.d) / p.n.z();
-      patch.boundary.push_back(tree.frame().to_cloud({corner.x(), corner.y(), z}));
+    const PatchLayer next =
+        find_patches(cloud.select(rest), up, viewpoint, options, &first, [](double) {});
+    if (next.patches.empty()) break;
+    const int base = static_cast<int>(surface.patches.size());
+    for (std::size_t k = 0; k < rest.size(); ++k) {
+      if (next.labels[k] >= 0)
+        fit.labels[static_cast<std::size_t>(rest[k])] = base + next.labels[k];
     }
-    deviations.push_back(static_cast<float>(region.estimate.noise));
-    surface.patches.push_back(std::move(patch));
+    for (const PlanePatch& patch : next.patches) {
+      surface.patches.push_back(patch);
+      surface.patches.back().id += base;
+    }
+    for (const auto& [pair, number] : next.borders) {
+      borders[{pair.first + base, pair.second + base}] = number;
+    }
+    noise.insert(noise.end(), next.noise.begin(), next.noise.end());
+    crowded = next.crowded;
   }
-  for (int& label : fit.labels) {
-    if (label >= 0) label = id_of[static_cast<std::size_t>(label)];
-  }
-  if (surface.patches.empty()) return failed("no planar ground was found");
-  fit.noise = quantile(deviations, 0.5);
+  fit.noise = quantile(noise, 0.5);
 
   surface.links = find_links(surface, options.consistency);
-  std::map<std::pair<int, int>, int> borders;
-  for (std::size_t leaf = 0; leaf < tree.leaves().size(); ++leaf) {
-    const int region = segmentation.leaf_region[leaf];
-    const int a = region < 0 ? -1 : id_of[static_cast<std::size_t>(region)];
-    if (a < 0) continue;
-    for (const int other : tree.neighbours()[leaf]) {
-      const int next = segmentation.leaf_region[static_cast<std::size_t>(other)];
-      const int b = next < 0 ? -1 : id_of[static_cast<std::size_t>(next)];
-      if (b > a) ++borders[{a, b}];
-    }
-  }
   classify(options.consistency, borders, &surface);
   align_patches_with_road(&surface);
   optimise_surface(options.consistency, &surface);

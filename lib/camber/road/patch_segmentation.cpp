@@ -73,7 +73,9 @@ void Segmenter::learn_noise() {
   for (const PointTree::Leaf& leaf : tree_.leaves()) pieces.emplace_back(leaf.begin, leaf.end);
   const double least = std::max(4e-7 * tree_.spread(), 1e-9);
   NoiseModel& noise = out_.noise;
-  if (options_.inlier_threshold > 0.0) {
+  if (options_.noise_is_known) {
+    // Nothing to learn.
+  } else if (options_.inlier_threshold > 0.0) {
     noise.kind = NoiseKind::kSame;
     noise.scale = options_.inlier_threshold / kInlierSigmas;
   } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {

@@ -18,6 +18,7 @@ struct SegmentationOptions {
   double tolerance_sigmas = 0.7;
   double tolerance = 0.015;
   int min_points = 60;  ///< of a patch
+  bool noise_is_known = false;  ///< the noise given is complete and not learnt again
 };
 
 /// A planar piece of ground in the tree's level frame.

@@ -1,0 +1,112 @@
+#include "camber/plane/fit_plane_pcl.h"
+
+#include <fmt/format.h>
+#include <pcl/point_cloud.h>
+#include <pcl/point_types.h>
+#include <pcl/segmentation/sac_segmentation.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <stdexcept>
+
+#include "camber/plane/plane_solver.h"
+
+namespace camber {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
+                       double default_threshold) {
+  options.validate();
+  const double threshold =
+      options.inlier_threshold > 0.0 ? options.inlier_threshold : default_threshold;
+  if (!(threshold > 0.0)) {
+    throw std::invalid_argument(
+        fmt::format("fit_plane_pcl: default_threshold is {}, expected > 0 m", default_threshold));
+  }
+  PlaneFit fit;
+  const auto fail = [&](const std::string& reason) {
+    fit.status = Status::kFailed;
+    fit.reason = reason;
+    return fit;
+  };
+  pcl::PointCloud<pcl::PointXYZ>::Ptr input(new pcl::PointCloud<pcl::PointXYZ>);
+  std::vector<int> index;
+  input->reserve(cloud.size());
+  index.reserve(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Eigen::Vector3f& p = cloud.points[i];
+    if (!p.allFinite()) continue;
+    input->push_back(pcl::PointXYZ(p.x(), p.y(), p.z()));
+    index.push_back(static_cast<int>(i));
+  }
+  if (index.size() < 3) {
+    return fail(fmt::format("{} usable points, at least 3 are needed", index.size()));
+  }
+  const Vector3d up = options.up.normalized();
+  pcl::SACSegmentation<pcl::PointXYZ> segmentation(false);
+  segmentation.setOptimizeCoefficients(true);
+  segmentation.setModelType(pcl::SACMODEL_PERPENDICULAR_PLANE);
+  segmentation.setAxis(up.cast<float>());
+  segmentation.setEpsAngle(options.max_tilt);
+  segmentation.setMethodType(pcl::SAC_MSAC);
+  segmentation.setMaxIterations(options.max_hypotheses);
+  segmentation.setProbability(options.confidence);
+  segmentation.setDistanceThreshold(threshold);
+  segmentation.setInputCloud(input);
+  pcl::PointIndices inliers;
+  pcl::ModelCoefficients coefficients;
+  segmentation.segment(inliers, coefficients);
+  if (coefficients.values.size() != 4 || inliers.indices.size() < 3) {
+    return fail(fmt::format("no plane within {:.3g} rad of the up direction", options.max_tilt));
+  }
+  Plane plane{{coefficients.values[0], coefficients.values[1], coefficients.values[2]},
+              coefficients.values[3]};
+  const double norm = plane.normal.norm();
+  plane.normal /= norm;
+  plane.offset /= norm;
+  plane = plane.oriented(up);
+
+  // Least squares over the inliers, for the covariance.
+  Vector3d mean = Vector3d::Zero();
+  for (const int i : inliers.indices) {
+    mean += input->points[static_cast<std::size_t>(i)].getVector3fMap().cast<double>();
+  }
+  const double count = static_cast<double>(inliers.indices.size());
+  mean /= count;
+  Matrix3d scatter = Matrix3d::Zero();
+  double squares = 0.0;
+  for (const int i : inliers.indices) {
+    const Vector3d offset =
+        input->points[static_cast<std::size_t>(i)].getVector3fMap().cast<double>() - mean;
+    scatter += offset * offset.transpose();
+    const double r = plane.normal.dot(offset + mean) + plane.offset;
+    squares += r * r;
+    fit.inliers.push_back(index[static_cast<std::size_t>(i)]);
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(scatter);
+  UncertainPlane& out = fit.plane;
+  out.centroid = plane.foot(mean) + cloud.origin;
+  out.plane = Plane::through(out.centroid, plane.normal);
+  UncertainPlane::make_axes(plane.normal, solver.eigenvectors().col(2), &out.axis1, &out.axis2);
+  fit.num_inliers = fit.inliers.size();
+  fit.rmse = std::sqrt(squares / count);
+  fit.noise = std::sqrt(squares / std::max(count - 3.0, 1.0));
+  const double wide = solver.eigenvalues()[2], thin = solver.eigenvalues()[1];
+  fit.condition = wide / std::max(thin, 1e-300);
+  const double variance = fit.noise * fit.noise;
+  // A turn about axis1 raises what lies along axis2, and the other way round.
+  out.covariance = Vector3d(variance / std::max(thin, 1e-300), variance / std::max(wide, 1e-300),
+                            variance / count)
+                       .asDiagonal();
+  if (!(thin > 1e-8 * wide)) {
+    fit.status = Status::kNotObservable;
+    fit.reason = "the points lie on a line";
+  } else {
+    fit.status = Status::kOk;
+  }
+  return fit;
+}
+
+}  // namespace camber

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "camber/core/status.h"
+#include "camber/road/road_surface.h"
+
+namespace camber {
+
+struct ProfileOptions {
+  double step = 1.0;      ///< m between stations, along the line in plan, > 0
+  double length = 10.0;   ///< m of road over which grade and vertical radius are measured, > 0
+  double reach = 0.5;     ///< m that a station may lie beyond a patch's boundary, >= 0
+  void validate() const;  ///< throws std::invalid_argument naming field, value and bound
+};
+
+/// The road at one station. NaN where it is not known.
+struct ProfilePoint {
+  double station = 0.0;             ///< m along the line, in plan
+  Status status = Status::kNotRun;  ///< kFailed: not covered; nothing but the place is given then
+  std::string reason;
+  int patch = -1;
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();           ///< on the road, frame of the surface
+  double height = std::numeric_limits<double>::quiet_NaN();  ///< m along up
+  double grade = std::numeric_limits<double>::quiet_NaN();   ///< rise over run along the line
+  double cross_slope = std::numeric_limits<double>::quiet_NaN();  ///< the same across, left side up
+  /// m, of the vertical curve: positive in a sag, negative on a crest, infinite where straight.
+  double vertical_radius = std::numeric_limits<double>::quiet_NaN();
+  double sigma_height = std::numeric_limits<double>::quiet_NaN();       ///< m
+  double sigma_grade = std::numeric_limits<double>::quiet_NaN();        ///< rise over run
+  double sigma_cross_slope = std::numeric_limits<double>::quiet_NaN();  ///< rise over run
+};
+
+/// Height, grade and cross slope of a surface along a polyline, from its first point to its last.
+/// Heights and cross slopes are those of the patch at the station; the grade is the least-squares
+/// slope of the heights over `length` of road around it, and the vertical radius that of the
+/// parabola through them, both given only where most of that length is covered. The heights of the
+/// line's points only choose between patches above one another.
+/// @throws std::invalid_argument for a line of fewer than two places, or if options.validate()
+/// fails.
+std::vector<ProfilePoint> road_profile(const RoadSurface& surface,
+                                       const std::vector<Eigen::Vector3d>& line,
+                                       const ProfileOptions& options);
+
+}  // namespace camber

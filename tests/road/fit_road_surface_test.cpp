@@ -1,0 +1,249 @@
+#include "camber/road/fit_road_surface.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "camber/core/random.h"
+#include "plane/road_scene_maker.h"
+
+namespace camber {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr double kDegree = M_PI / 180.0;
+
+/// How well a fit finds the true planes of a scene.
+struct Score {
+  int found = 0;  ///< planes with an intersection over union above 0.5
+  double mean_overlap = 0.0;
+  double worst_angle = 0.0;  ///< rad, of those found
+  int road = 0;              ///< patches called road
+};
+
+Score score(const test::RoadScene& scene, const RoadSurfaceFit& fit) {
+  const std::size_t planes = scene.planes.size(), patches = fit.surface.patches.size();
+  std::vector<double> both(planes * patches), truth(planes), estimate(patches);
+  for (std::size_t i = 0; i < scene.truth.size(); ++i) {
+    const int a = scene.truth[i], b = fit.labels[i];
+    if (a >= 0) truth[a] += 1.0;
+    if (b >= 0) estimate[b] += 1.0;
+    if (a >= 0 && b >= 0) both[a * patches + b] += 1.0;
+  }
+  Score out;
+  for (std::size_t a = 0; a < planes; ++a) {
+    double best = 0.0;
+    std::size_t best_patch = 0;
+    for (std::size_t b = 0; b < patches; ++b) {
+      const double shared = both[a * patches + b];
+      const double overlap = shared / (truth[a] + estimate[b] - shared);
+      if (overlap > best) {
+        best = overlap;
+        best_patch = b;
+      }
+    }
+    out.mean_overlap += best / static_cast<double>(planes);
+    if (best <= 0.5) continue;
+    ++out.found;
+    out.worst_angle = std::max(
+        out.worst_angle,
+        angle_between(fit.surface.patches[best_patch].plane.plane.normal, scene.planes[a].normal));
+  }
+  for (const PlanePatch& patch : fit.surface.patches) {
+    out.road += patch.kind == PatchKind::kRoad ? 1 : 0;
+  }
+  return out;
+}
+
+class FindsAllPlanes : public testing::TestWithParam<std::tuple<int, double, bool>> {};
+
+TEST_P(FindsAllPlanes, OfAChain) {
+  const auto [planes, outliers, sigmas] = GetParam();
+  test::RoadSceneOptions made;
+  made.seed = 5;
+  made.planes = planes;
+  made.points = 60000;
+  made.outlier_share = outliers;
+  made.with_sigmas = sigmas;
+  const test::RoadScene scene = test::make_road_scene(made);
+  const RoadSurfaceFit fit = fit_road_surface(scene.cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  const Score result = score(scene, fit);
+  EXPECT_EQ(result.found, planes);
+  EXPECT_GT(result.mean_overlap, 0.85);
+  EXPECT_LT(result.worst_angle, 0.15 * kDegree);  // the mean is to stay below 0.10
+  EXPECT_EQ(result.road, planes);                 // pavements and roofs are not road
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    RoadClouds, FindsAllPlanes,
+    testing::Values(std::make_tuple(1, 0.3, false), std::make_tuple(3, 0.3, false),
+                    std::make_tuple(6, 0.1, false), std::make_tuple(6, 0.1, true),
+                    std::make_tuple(12, 0.5, false), std::make_tuple(12, 0.5, true)));
+
+TEST(FitRoadSurface, SameAnswerForAnyNumberOfThreads) {
+  test::RoadSceneOptions made;
+  made.planes = 6;
+  made.points = 40000;
+  const test::RoadScene scene = test::make_road_scene(made);
+  RoadSurfaceOptions options;
+  options.num_threads = 1;
+  const RoadSurfaceFit one = fit_road_surface(scene.cloud, options);
+  for (const int threads : {2, 4}) {
+    options.num_threads = threads;
+    const RoadSurfaceFit many = fit_road_surface(scene.cloud, options);
+    EXPECT_EQ(one.labels, many.labels);
+    ASSERT_EQ(one.surface.patches.size(), many.surface.patches.size());
+    for (std::size_t i = 0; i < one.surface.patches.size(); ++i) {
+      const PlanePatch &a = one.surface.patches[i], &b = many.surface.patches[i];
+      EXPECT_EQ(a.plane.plane.normal, b.plane.plane.normal);
+      EXPECT_EQ(a.plane.plane.offset, b.plane.plane.offset);
+      EXPECT_EQ(a.plane.covariance, b.plane.covariance);
+      EXPECT_EQ(a.boundary, b.boundary);
+      EXPECT_EQ(a.kind, b.kind);
+    }
+  }
+}
+
+TEST(FitRoadSurface, KeepsMapCoordinatesInDouble) {
+  test::RoadSceneOptions made;
+  made.planes = 3;
+  made.points = 20000;
+  test::RoadScene scene = test::make_road_scene(made);
+  const RoadSurfaceFit near = fit_road_surface(scene.cloud, {});
+  const Vector3d origin(4.5e6, 5.1e5, 120.0);
+  scene.cloud.origin = origin;
+  const RoadSurfaceFit far = fit_road_surface(scene.cloud, {});
+  EXPECT_EQ(near.labels, far.labels);
+  ASSERT_EQ(near.surface.patches.size(), far.surface.patches.size());
+  for (std::size_t i = 0; i < near.surface.patches.size(); ++i) {
+    // Doubles hold map coordinates to about 1e-9 m.
+    EXPECT_NEAR(far.surface.patches[i].plane.plane.signed_distance(
+                    near.surface.patches[i].plane.centroid + origin),
+                0.0, 1e-6);
+  }
+}
+
+TEST(FitRoadSurface, CameraFrameIsServedAlike) {
+  // The same road turned into a camera's frame: x right, y down, z forward.
+  test::RoadSceneOptions made;
+  made.seed = 3;
+  made.planes = 3;
+  made.points = 30000;
+  const test::RoadScene scene = test::make_road_scene(made);
+  RoadCloud cloud = scene.cloud;
+  cloud.frame = CloudFrame::kCamera;
+  Eigen::Matrix3f turn;
+  turn << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  for (Vector3f& p : cloud.points) p = turn * p;
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  EXPECT_EQ(fit.surface.frame, "camera");
+  test::RoadScene turned = scene;
+  for (Plane& plane : turned.planes) plane.normal = turn.cast<double>() * plane.normal;
+  const Score result = score(turned, fit);
+  EXPECT_EQ(result.found, 3);
+  EXPECT_LT(result.worst_angle, 0.15 * kDegree);
+  for (const PlanePatch& patch : fit.surface.patches) EXPECT_LT(patch.plane.plane.normal.y(), 0.0);
+}
+
+TEST(FitRoadSurface, TooFewPoints) {
+  EXPECT_EQ(fit_road_surface(RoadCloud{}, {}).status, Status::kFailed);
+  RoadCloud cloud;
+  cloud.points = {Vector3f(0, 0, 0), Vector3f(1, 0, 0)};
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  EXPECT_EQ(fit.status, Status::kFailed);
+  EXPECT_EQ(fit.reason, "2 usable points, at least 3 are needed");
+  EXPECT_EQ(fit.labels, std::vector<int>(2, -1));
+}
+
+TEST(FitRoadSurface, AllEqualCollinearAndNaNFail) {
+  RoadCloud equal, line, nothing;
+  equal.points.assign(500, Vector3f(1, 2, 3));
+  for (int i = 0; i < 500; ++i) line.points.emplace_back(0.1f * i, 0.2f * i, 0.0f);
+  nothing.points.assign(500, Vector3f::Constant(std::numeric_limits<float>::quiet_NaN()));
+  for (const RoadCloud* cloud : {&equal, &line, &nothing}) {
+    const RoadSurfaceFit fit = fit_road_surface(*cloud, {});
+    EXPECT_EQ(fit.status, Status::kFailed);
+    EXPECT_FALSE(fit.reason.empty());
+    EXPECT_TRUE(fit.surface.patches.empty());
+  }
+}
+
+/// n points on a level square of 20 m, at a height.
+RoadCloud sheet(std::size_t n, double height, double noise, std::uint64_t seed) {
+  RoadCloud cloud;
+  const CounterRandom random(seed, 5);
+  for (std::size_t i = 0; i < n; ++i) {
+    cloud.points.push_back(Vector3d(random.uniform(2 * i, -10, 10),
+                                    random.uniform(2 * i + 1, -10, 10),
+                                    height + noise * random.normal(i))
+                               .cast<float>());
+  }
+  return cloud;
+}
+
+TEST(FitRoadSurface, FlatAndFreeOfNoiseIsOnePatch) {
+  const RoadSurfaceFit fit = fit_road_surface(sheet(5000, 1.0, 0.0, 1), {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  ASSERT_EQ(fit.surface.patches.size(), 1u);
+  EXPECT_NEAR(fit.surface.patches[0].plane.plane.normal.z(), 1.0, 1e-9);
+  EXPECT_NEAR(fit.surface.patches[0].plane.plane.offset, -1.0, 1e-6);
+  EXPECT_EQ(std::count(fit.labels.begin(), fit.labels.end(), 0), 5000);
+}
+
+TEST(FitRoadSurface, TwoParallelSheetsAreTwoPatchesOneAboveTheOther) {
+  RoadCloud cloud = sheet(5000, 0.0, 0.01, 1);
+  const RoadCloud upper = sheet(5000, 5.0, 0.01, 2);
+  cloud.points.insert(cloud.points.end(), upper.points.begin(), upper.points.end());
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  ASSERT_EQ(fit.surface.patches.size(), 2u);
+  ASSERT_EQ(fit.surface.links.size(), 1u);
+  EXPECT_FALSE(fit.surface.links[0].valid);
+}
+
+TEST(FitRoadSurface, OnePointABillionMetresAwayChangesNothingMuch) {
+  RoadCloud cloud = sheet(5000, 1.0, 0.02, 1);
+  const RoadSurfaceFit clean = fit_road_surface(cloud, {});
+  cloud.points[7] = Vector3f(1e9f, 0.0f, 0.0f);
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  ASSERT_EQ(fit.surface.patches.size(), clean.surface.patches.size());
+  EXPECT_EQ(fit.labels[7], -1);
+  const PlanePatch &a = clean.surface.patches[0], &b = fit.surface.patches[0];
+  EXPECT_NEAR(b.plane.plane.signed_distance(a.plane.centroid), 0.0,
+              0.5 * std::sqrt(a.plane.covariance(2, 2)));
+}
+
+TEST(FitRoadSurface, CliffsAndWallsAreLeftOut) {
+  RoadCloud cloud = sheet(5000, 0.0, 0.01, 1);
+  const CounterRandom random(9, 5);
+  for (std::uint64_t i = 0; i < 3000; ++i) {
+    cloud.points.emplace_back(static_cast<float>(random.uniform(2 * i, -10, 10)), 10.0f,
+                              static_cast<float>(random.uniform(2 * i + 1, 0, 6)));
+  }
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  ASSERT_EQ(fit.surface.patches.size(), 1u);
+  const auto on_wall = std::count(fit.labels.begin() + 5000, fit.labels.end(), 0);
+  EXPECT_LT(on_wall, 60);  // the wall's foot: 3 sigma of 6 m, and a margin
+}
+
+TEST(FitRoadSurface, OptionsAreChecked) {
+  RoadSurfaceOptions options;
+  options.max_slope = 2.0;
+  EXPECT_THROW(fit_road_surface(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.min_patch_points = 1;
+  EXPECT_THROW(fit_road_surface(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.tolerance = -0.1;
+  EXPECT_THROW(fit_road_surface(RoadCloud{}, options), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace camber

@@ -1,0 +1,115 @@
+#include "camber/road/road_profile.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace camber {
+namespace {
+
+using Eigen::Vector3d;
+
+/// A strip of road along x from x0 to x1 with a slope along x and a slope across (left side up),
+/// 8 m wide; its height at (x0, 0) is z0. Slopes are rise over run.
+PlanePatch strip(int id, double x0, double x1, double z0, double along, double across = 0.0) {
+  PlanePatch patch;
+  patch.id = id;
+  patch.status = Status::kOk;
+  const Vector3d normal = Vector3d(-along, -across, 1.0).normalized();
+  patch.plane.plane = Plane::through({x0, 0, z0}, normal);
+  const auto on = [&](double x, double y) {
+    return Vector3d(x, y, z0 + (x - x0) * along + y * across);
+  };
+  patch.plane.centroid = on(0.5 * (x0 + x1), 0.0);
+  UncertainPlane::make_axes(normal, Vector3d::UnitX(), &patch.plane.axis1, &patch.plane.axis2);
+  patch.plane.covariance = Vector3d(4e-6, 1e-6, 1e-4).asDiagonal();
+  patch.boundary = {on(x0, -4), on(x1, -4), on(x1, 4), on(x0, 4)};
+  return patch;
+}
+
+RoadSurface surface_of(std::vector<PlanePatch> patches) {
+  RoadSurface surface;
+  surface.frame = "z-up";
+  surface.up = Vector3d::UnitZ();
+  surface.patches = std::move(patches);
+  return surface;
+}
+
+TEST(RoadProfile, StraightSlope) {
+  const RoadSurface surface = surface_of({strip(0, 0, 40, 2.0, 0.05, 0.02)});
+  const auto profile = road_profile(surface, {{0, 0, 0}, {40, 0, 0}}, {});
+  ASSERT_EQ(profile.size(), 41u);
+  for (std::size_t k = 5; k + 5 < profile.size(); ++k) {
+    EXPECT_DOUBLE_EQ(profile[k].station, static_cast<double>(k));
+    EXPECT_NEAR(profile[k].height, 2.0 + 0.05 * profile[k].station, 1e-9);
+    EXPECT_NEAR(profile[k].grade, 0.05, 1e-9);
+    EXPECT_NEAR(profile[k].cross_slope, 0.02, 1e-9);
+    EXPECT_TRUE(std::isinf(profile[k].vertical_radius));
+    EXPECT_EQ(profile[k].patch, 0);
+  }
+  // A tilt about axis1 (along the road) is a cross slope: 2 mrad; about axis2 a grade: 1 mrad.
+  EXPECT_NEAR(profile[20].sigma_cross_slope, 2e-3, 1e-5);
+  EXPECT_NEAR(profile[20].sigma_grade, 1e-3, 1e-5);
+  EXPECT_NEAR(profile[20].sigma_height, 0.01, 1e-4);
+}
+
+TEST(RoadProfile, SignsFollowTheDirectionOfTheLine) {
+  const RoadSurface surface = surface_of({strip(0, 0, 40, 2.0, 0.05, 0.02)});
+  const auto back = road_profile(surface, {{40, 0, 0}, {0, 0, 0}}, {});
+  EXPECT_NEAR(back[20].grade, -0.05, 1e-9);
+  EXPECT_NEAR(back[20].cross_slope, -0.02, 1e-9);
+}
+
+TEST(RoadProfile, VerticalRadiusOfASagFromShortPatches) {
+  // A parabola z = s^2 / (2 R), R = 200 m, in chords of 4 m.
+  std::vector<PlanePatch> patches;
+  const double radius = 200.0;
+  for (int k = 0; k < 10; ++k) {
+    const double a = 4.0 * k, b = a + 4.0;
+    patches.push_back(strip(k, a, b, a * a / (2 * radius), (a + b) / (2 * radius)));
+  }
+  ProfileOptions options;
+  options.length = 20.0;
+  const auto profile = road_profile(surface_of(patches), {{0, 0, 0}, {40, 0, 0}}, options);
+  EXPECT_NEAR(profile[20].grade, 20.0 / radius, 1e-3);
+  EXPECT_GT(profile[20].vertical_radius, 0.0);
+  // Chords lie on the parabola at their ends only: a few per cent.
+  EXPECT_NEAR(profile[20].vertical_radius, radius, 0.05 * radius);
+}
+
+TEST(RoadProfile, SaysNotCoveredAndDoesNotExtrapolate) {
+  const RoadSurface surface = surface_of({strip(0, 0, 20, 0.0, 0.0), strip(1, 30, 50, 0.0, 0.0)});
+  const auto profile = road_profile(surface, {{-5, 0, 0}, {55, 0, 0}}, {});
+  for (const ProfilePoint& point : profile) {
+    const double x = point.station - 5.0;
+    const bool covered = (x >= -0.5 && x <= 20.5) || (x >= 29.5 && x <= 50.5);
+    if (covered) {
+      EXPECT_NE(point.status, Status::kFailed) << x;
+      EXPECT_TRUE(std::isfinite(point.height));
+    } else {
+      EXPECT_EQ(point.status, Status::kFailed) << x;
+      EXPECT_EQ(point.reason, "not covered");
+      EXPECT_TRUE(std::isnan(point.height));
+      EXPECT_TRUE(std::isnan(point.grade));
+    }
+  }
+}
+
+TEST(RoadProfile, CornersAndRepeatedPointsOfTheLine) {
+  const RoadSurface surface = surface_of({strip(0, 0, 40, 0.0, 0.1)});
+  const auto profile = road_profile(surface, {{2, -3, 0}, {2, -3, 0}, {12, -3, 0}, {12, 3, 0}}, {});
+  EXPECT_DOUBLE_EQ(profile.back().station, 16.0);
+  EXPECT_NEAR(profile[5].grade, 0.1, 1e-9);
+  EXPECT_NEAR(profile.back().cross_slope, -0.1, 1e-9);  // driven to the left: the slope is behind
+}
+
+TEST(RoadProfile, WrongInputIsNamed) {
+  const RoadSurface surface = surface_of({strip(0, 0, 40, 0.0, 0.1)});
+  EXPECT_THROW(road_profile(surface, {{0, 0, 0}}, {}), std::invalid_argument);
+  ProfileOptions options;
+  options.step = 0.0;
+  EXPECT_THROW(road_profile(surface, {{0, 0, 0}, {1, 0, 0}}, options), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace camber
