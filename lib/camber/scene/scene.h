@@ -66,9 +66,9 @@ struct Scene {
   std::optional<int> reference_frame;       ///< frame id
   std::string detections_source;            ///< "network", "truth_boxes", ..., or empty
   std::map<std::string, std::vector<int>> segmentation_classes;  ///< "road" -> label values
-  std::string segmentation_source;               ///< "network", "truth", ..., or empty
-  std::map<std::string, double> markings_m;                      ///< "dash_length" -> m
-  std::vector<SceneFrame> frames;                                ///< ids strictly ascending
+  std::string segmentation_source;           ///< "network", "truth", ..., or empty
+  std::map<std::string, double> markings_m;  ///< "dash_length" -> m
+  std::vector<SceneFrame> frames;            ///< ids strictly ascending
   std::optional<SceneTruth> truth;
 
   /// Not found: nullptr.
