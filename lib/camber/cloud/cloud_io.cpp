@@ -102,6 +102,8 @@ std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
       return open_kitti_bin(std::move(file), options);
     case CloudFormat::kLas:
       return open_las(std::move(file), options);
+    case CloudFormat::kColmap:
+      return open_colmap_points(std::move(file), options);
     case CloudFormat::kText:
       break;
   }
@@ -141,6 +143,8 @@ std::string_view to_string(CloudFormat format) {
       return "bin";
     case CloudFormat::kLas:
       return "las";
+    case CloudFormat::kColmap:
+      return "colmap";
     case CloudFormat::kText:
       break;
   }
@@ -148,6 +152,8 @@ std::string_view to_string(CloudFormat format) {
 }
 
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path) {
+  const std::string name = path.filename().string();
+  if (name == "points3D.bin" || name == "points3D.txt") return CloudFormat::kColmap;
   const std::string extension = extension_of(path);
   if (extension == ".pcd") return CloudFormat::kPcd;
   if (extension == ".ply") return CloudFormat::kPly;
@@ -161,6 +167,14 @@ std::optional<CloudFormat> format_from_extension(const std::filesystem::path& pa
 
 std::unique_ptr<PointSource> open_point_source(const std::filesystem::path& path,
                                                const ReadOptions& options) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) {
+    for (const char* const name : {"points3D.bin", "points3D.txt"}) {
+      if (std::filesystem::exists(path / name, error)) {
+        return open_source(std::make_unique<FileReader>(path / name), options);
+      }
+    }
+  }
   return open_source(std::make_unique<FileReader>(path), options);
 }
 
@@ -204,6 +218,8 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
         throw std::invalid_argument("LAS files have one encoding, binary");
       }
       return make_las_sink(out, header);
+    case CloudFormat::kColmap:
+      throw std::invalid_argument("COLMAP models are read only, expected ply, pcd, bin, las or text");
     case CloudFormat::kText:
       break;
   }

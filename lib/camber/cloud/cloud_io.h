@@ -19,13 +19,15 @@ enum class CloudFormat {
   kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance
   kLas,       ///< LAS 1.0 to 1.4, uncompressed
   kText,      ///< XYZ or CSV: one point a line
+  kColmap,    ///< points3D.bin or points3D.txt of a COLMAP model; read only
 };
 
-/// "pcd", "ply", "bin", "las", "text".
+/// "pcd", "ply", "bin", "las", "text", "colmap".
 std::string_view to_string(CloudFormat format);
 
 /// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, and .xyz,
-/// .txt, .csv, .asc, .pts for text; nothing for others.
+/// .txt, .csv, .asc, .pts for text; files named points3D.bin and points3D.txt are COLMAP's; nothing for
+/// others.
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
 
 struct ReadOptions {
@@ -71,7 +73,8 @@ struct CloudFile {
   ReadReport report;
 };
 
-/// Reads a cloud. The format is recognised by the file's first bytes, then by its extension.
+/// Reads a cloud. The format is recognised by the file's first bytes, then by its extension. A
+/// folder with a points3D.bin or points3D.txt is a COLMAP model.
 ///
 /// Attributes by name, in any case: x y z; red green blue (or r g b, or PCL's packed rgb); nx ny nz
 /// (or normal_x ...); sigma; cov_xx cov_xy cov_xz cov_yy cov_yz cov_zz. Other integers become

@@ -19,6 +19,10 @@ std::unique_ptr<PointSource> open_text(std::unique_ptr<FileReader> file,
 std::unique_ptr<PointSource> open_kitti_bin(std::unique_ptr<FileReader> file,
                                             const ReadOptions& options);
 
+/// points3D.bin, points3D.txt
+std::unique_ptr<PointSource> open_colmap_points(std::unique_ptr<FileReader> file,
+                                                const ReadOptions& options);
+
 std::unique_ptr<PointSink> make_pcd_sink(std::ostream& out, const PointStreamHeader& header,
                                          CloudEncoding encoding);
 std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHeader& header,

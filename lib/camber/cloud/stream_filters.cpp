@@ -1,0 +1,285 @@
+#include "camber/cloud/stream_filters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "camber/core/atomic_file.h"
+
+namespace camber {
+namespace {
+
+constexpr double kLargestCoordinate = 1e9;  // m
+
+/// A source in front of another one.
+class Wrapper : public PointSource {
+ protected:
+  explicit Wrapper(std::unique_ptr<PointSource> source) : source_(std::move(source)) {
+    header_ = source_->header();
+    report_ = source_->report();
+  }
+  /// The inner report with this source's number of points; once the inner one has ended.
+  void end() {
+    const std::uint64_t points = report_.points;
+    report_ = source_->report();
+    report_.points = points;
+    triangles_ = std::move(source_->triangles());
+  }
+
+  std::unique_ptr<PointSource> source_;
+};
+
+class Selected : public Wrapper {
+ public:
+  Selected(std::unique_ptr<PointSource> source, std::function<bool(const Eigen::Vector3d&)> keep)
+      : Wrapper(std::move(source)), keep_(std::move(keep)) {
+    header_.count.reset();
+    report_.points = 0;
+    position_ = find_roles(header_.fields).position;
+    columns_.resize(header_.fields.size());
+  }
+
+  bool next(PointBatch& batch) override {
+    batch.count = 0;
+    batch.fields.clear();
+    while (true) {
+      if (!source_->next(inner_)) {
+        end();
+        finished();
+        return false;
+      }
+      rows_.clear();
+      for (std::size_t i = 0; i < inner_.count; ++i) {
+        Eigen::Vector3d x = Eigen::Vector3d::Zero();
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const int field = position_[axis];
+          if (field < 0) continue;
+          const std::size_t f = static_cast<std::size_t>(field);
+          x[static_cast<Eigen::Index>(axis)] = inner_.fields[f].number(header_.fields[f].type, i);
+        }
+        if (keep_(x)) rows_.push_back(i);
+      }
+      if (!rows_.empty()) break;
+    }
+    report_.points += rows_.size();
+    batch.count = rows_.size();
+    if (rows_.size() == inner_.count) {
+      batch.fields = inner_.fields;
+      return true;
+    }
+    for (std::size_t f = 0; f < columns_.size(); ++f) {
+      std::vector<unsigned char>& column = columns_[f];
+      const FieldView view = inner_.fields[f];
+      with_type(header_.fields[f].type, [&](auto tag) {
+        constexpr std::size_t kSize = sizeof(tag);
+        column.resize(rows_.size() * kSize);
+        for (std::size_t i = 0; i < rows_.size(); ++i) {
+          std::memcpy(column.data() + i * kSize, view.data + rows_[i] * view.stride, kSize);
+        }
+        batch.fields.push_back({column.data(), kSize, view.fractional});
+      });
+    }
+    return true;
+  }
+
+ protected:
+  virtual void finished() {}
+
+ private:
+  std::function<bool(const Eigen::Vector3d&)> keep_;
+  std::array<int, 3> position_;
+  PointBatch inner_;
+  std::vector<std::size_t> rows_;
+  std::vector<std::vector<unsigned char>> columns_;
+};
+
+class WithoutBadPoints : public Selected {
+ public:
+  explicit WithoutBadPoints(std::unique_ptr<PointSource> source)
+      : Selected(std::move(source), [this](const Eigen::Vector3d& x) {
+          if (!x.allFinite()) {
+            ++not_finite_;
+            return false;
+          }
+          if (x.cwiseAbs().maxCoeff() > kLargestCoordinate) {
+            ++out_of_range_;
+            return false;
+          }
+          return true;
+        }) {}
+
+ protected:
+  void finished() override {
+    if (counted_) return;
+    counted_ = true;
+    report_.drop("not finite", not_finite_);
+    report_.drop("out of range", out_of_range_);
+  }
+
+ private:
+  std::uint64_t not_finite_ = 0, out_of_range_ = 0;
+  bool counted_ = false;
+};
+
+class Labelled : public Wrapper {
+ public:
+  Labelled(std::unique_ptr<PointSource> source, const std::string& name,
+           const std::vector<int>& values)
+      : Wrapper(std::move(source)), values_(values) {
+    for (std::size_t f = 0; f < header_.fields.size(); ++f) {
+      if (header_.fields[f].name == name) replaced_ = f;
+    }
+    PointField field;
+    field.name = name;
+    field.type = ScalarType::kInt32;
+    if (replaced_ < header_.fields.size()) {
+      header_.fields[replaced_] = field;
+    } else {
+      header_.fields.push_back(field);
+    }
+    if (header_.count && *header_.count != values.size()) fail(*header_.count);
+  }
+
+  bool next(PointBatch& batch) override {
+    const bool more = source_->next(batch);
+    if (!more) {
+      end();
+      if (done_ != values_.size()) fail(done_);
+      return false;
+    }
+    if (batch.count > values_.size() - done_) fail(done_ + batch.count);
+    FieldView view;
+    view.data = reinterpret_cast<const unsigned char*>(values_.data() + done_);
+    view.stride = sizeof(int);
+    if (replaced_ < batch.fields.size()) {
+      batch.fields[replaced_] = view;
+    } else {
+      batch.fields.push_back(view);
+    }
+    done_ += batch.count;
+    report_.points = done_;
+    return true;
+  }
+
+ private:
+  [[noreturn]] void fail(std::uint64_t points) const {
+    throw std::invalid_argument("found " + std::to_string(values_.size()) + " labels, expected " +
+                                std::to_string(points) + ", one for each point");
+  }
+
+  const std::vector<int>& values_;
+  std::size_t replaced_ = std::numeric_limits<std::size_t>::max();
+  std::size_t done_ = 0;
+};
+
+class Retyped : public Wrapper {
+ public:
+  Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole)
+      : Wrapper(std::move(source)), whole_(whole), columns_(whole.size()) {
+    for (std::size_t f = 0; f < whole_.size(); ++f) {
+      header_.fields[f].text = false;
+      if (whole_[f]) header_.fields[f].type = ScalarType::kInt32;
+    }
+  }
+
+  bool next(PointBatch& batch) override {
+    if (!source_->next(batch)) {
+      end();
+      return false;
+    }
+    for (std::size_t f = 0; f < whole_.size(); ++f) {
+      if (!whole_[f]) continue;
+      columns_[f].resize(batch.count);
+      for (std::size_t i = 0; i < batch.count; ++i) {
+        // The first pass has found them in range; a file that changed since then gets a zero.
+        const double value = batch.fields[f].get<double>(i);
+        columns_[f][i] = std::abs(value) <= 2147483647.0 ? static_cast<std::int32_t>(value) : 0;
+      }
+      batch.fields[f].data = reinterpret_cast<const unsigned char*>(columns_[f].data());
+      batch.fields[f].stride = sizeof(std::int32_t);
+    }
+    report_.points += batch.count;
+    return true;
+  }
+
+ private:
+  std::vector<bool> whole_;
+  std::vector<std::vector<std::int32_t>> columns_;
+};
+
+}  // namespace
+
+std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source,
+                                           std::function<bool(const Eigen::Vector3d&)> keep) {
+  return std::make_unique<Selected>(std::move(source), std::move(keep));
+}
+
+std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source) {
+  return std::make_unique<WithoutBadPoints>(std::move(source));
+}
+
+std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, const std::string& name,
+                                       const std::vector<int>& values) {
+  return std::make_unique<Labelled>(std::move(source), name, values);
+}
+
+std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
+                                               const ReadOptions& options) {
+  std::unique_ptr<PointSource> source = open_point_source(path, options);
+  if (source->report().format != CloudFormat::kText) return source;
+  const PointStreamHeader& header = source->header();
+  const FieldRoles roles = find_roles(header.fields);
+  std::vector<bool> whole(header.fields.size(), true);
+  for (const int field : roles.position) {
+    if (field >= 0) whole[static_cast<std::size_t>(field)] = false;
+  }
+  PointBatch batch;
+  while (source->next(batch)) {
+    for (std::size_t f = 0; f < whole.size(); ++f) {
+      if (!whole[f]) continue;
+      bool good = !batch.fields[f].fractional;
+      for (std::size_t i = 0; good && i < batch.count; ++i) {
+        good = std::abs(batch.fields[f].get<double>(i)) <= 2147483647.0;
+      }
+      whole[f] = good;
+    }
+  }
+  return std::make_unique<Retyped>(open_point_source(path, options), whole);
+}
+
+std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,
+                           const WriteOptions& options, const Progress& progress) {
+  const std::optional<CloudFormat> format =
+      options.format ? options.format : format_from_extension(path);
+  if (!format) {
+    throw std::invalid_argument("output " + path.string() +
+                                ": found an unknown extension, expected .ply, .pcd, .bin, .las, "
+                                ".xyz or .csv");
+  }
+  const CloudEncoding encoding = encoding_for(path, *format, options.encoding);
+  std::uint64_t count = 0;
+  write_file_atomically(path, [&](std::ostream& out) {
+    const auto sink = make_point_sink(out, source.header(), *format, encoding);
+    const double total = static_cast<double>(
+        std::max<std::uint64_t>(source.header().count.value_or(source.report().declared), 1));
+    PointBatch batch;
+    while (source.next(batch)) {
+      sink->write(batch);
+      count += batch.count;
+      if (!out) break;  // a full disk; reported by the writer of the file
+      if (progress) progress("write", std::min(1.0, static_cast<double>(count) / total));
+    }
+    sink->finish();
+  });
+  return count;
+}
+
+void write_labelled_copy(const std::filesystem::path& input, const ReadOptions& read_options,
+                         const std::string& name, const std::vector<int>& values,
+                         const std::filesystem::path& output, const WriteOptions& write_options) {
+  const auto source = add_label(open_typed_source(input, read_options), name, values);
+  write_points(*source, output, write_options);
+}
+
+}  // namespace camber

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "camber/cloud/point_stream.h"
+#include "camber/core/progress.h"
+
+namespace camber {
+
+/// Passes on the points of a source for which `keep` holds. The count is not known beforehand.
+/// @param keep gets true coordinates, m, and says whether the point stays.
+std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source,
+                                           std::function<bool(const Eigen::Vector3d&)> keep);
+
+/// Leaves out points that are not finite or farther than 1e9 m from zero, as lenient reading does,
+/// and counts them in the report.
+std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source);
+
+/// Adds an integer attribute, or replaces the one of that name. The source must have as many points
+/// as there are values (std::invalid_argument at the end otherwise); `values` must outlive it.
+std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, const std::string& name,
+                                       const std::vector<int>& values);
+
+/// Opens a file like open_point_source. The columns of a text file whose values are all whole
+/// numbers of 32 bits get an integer type, which takes a first pass over the file.
+std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
+                                               const ReadOptions& options = {});
+
+/// Writes all points of a source to a file, atomically, in constant memory (but for a compressed
+/// PCD, whose format needs all at once). @return number of points. @throws as write_cloud.
+std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,
+                           const WriteOptions& options = {}, const Progress& progress = {});
+
+/// Copies a cloud file with one more integer attribute, all others unchanged: `values` are those of
+/// its points in their order. @throws InputError, OutputError, std::invalid_argument.
+void write_labelled_copy(const std::filesystem::path& input, const ReadOptions& read_options,
+                         const std::string& name, const std::vector<int>& values,
+                         const std::filesystem::path& output,
+                         const WriteOptions& write_options = {});
+
+}  // namespace camber

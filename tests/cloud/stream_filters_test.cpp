@@ -1,0 +1,172 @@
+#include "camber/cloud/stream_filters.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "camber/cloud/voxel_grid.h"
+#include "cloud/cloud_files.h"
+#include "cloud/memory_meter.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using test::make_full_cloud;
+using test::read_from_memory;
+namespace fs = std::filesystem;
+
+RoadCloud collect(PointSource& source) {
+  CloudBuilder builder(source.header(), false);
+  PointBatch batch;
+  while (source.next(batch)) builder.add(batch);
+  ReadReport report;
+  return builder.finish(report);
+}
+
+TEST(SelectPoints, KeepsWhatThePredicateSays) {
+  const RoadCloud cloud = make_full_cloud(20000);
+  std::vector<int> expected;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (cloud.points[i].x() > 40.0f) expected.push_back(static_cast<int>(i));
+  }
+  const auto source = select_points(make_point_source(cloud),
+                                    [](const Eigen::Vector3d& x) { return x.x() > 40.0; });
+  EXPECT_FALSE(source->header().count.has_value());
+  const RoadCloud selected = collect(*source);
+  const RoadCloud wanted = cloud.select(expected);
+  EXPECT_EQ(selected.points, wanted.points);
+  EXPECT_EQ(selected.labels, wanted.labels);
+  EXPECT_EQ(selected.covariances, wanted.covariances);
+  EXPECT_EQ(source->report().points, expected.size());
+  EXPECT_TRUE(collect(*select_points(make_point_source(cloud), [](const Eigen::Vector3d&) {
+                return false;
+              })).empty());
+}
+
+TEST(DropBadPoints, CountsWhatItDrops) {
+  RoadCloud cloud;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  cloud.points = {{1, 2, 3},
+                  {nan, 0, 0},
+                  {2e9f, 0, 0},
+                  {4, 5, 6},
+                  {0, -std::numeric_limits<float>::infinity(), 0}};
+  const auto source = drop_bad_points(make_point_source(cloud));
+  EXPECT_EQ(collect(*source).size(), 2u);
+  const std::vector<std::pair<std::string, std::uint64_t>> dropped = {{"not finite", 2},
+                                                                      {"out of range", 1}};
+  EXPECT_EQ(source->report().dropped, dropped);
+}
+
+TEST(LabelledCopy, KeepsAllElseAsItWas) {
+  const test::TemporaryFolder folder;
+  // A time that no float holds.
+  std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\n"
+      "property double z\nproperty double time\nproperty uchar patch\nend_header\n"
+      "1 2 3 1000000000.25 7\n4 5 6 1000000000.5 8\n";
+  std::ofstream(folder.path() / "in.ply") << text;
+  write_labelled_copy(folder.path() / "in.ply", {}, "ground", {1, 0}, folder.path() / "out.ply");
+  auto source = open_point_source(folder.path() / "out.ply");
+  PointBatch batch;
+  ASSERT_TRUE(source->next(batch));
+  ASSERT_EQ(source->header().fields.size(), 6u);
+  EXPECT_EQ(source->header().fields[3].name, "time");
+  EXPECT_EQ(batch.fields[3].get<double>(1), 1000000000.5);
+  EXPECT_EQ(source->header().fields[4].type, ScalarType::kUint8);
+  EXPECT_EQ(source->header().fields[5].name, "ground");
+  EXPECT_EQ(batch.fields[5].get<int>(0), 1);
+  // An attribute of that name is replaced.
+  write_labelled_copy(folder.path() / "in.ply", {}, "patch", {-1, 70000},
+                      folder.path() / "out.pcd");
+  EXPECT_EQ(read_cloud(folder.path() / "out.pcd").labels.at("patch"),
+            std::vector<int>({-1, 70000}));
+  for (const std::vector<int>& wrong : {std::vector<int>{1}, std::vector<int>{1, 2, 3}}) {
+    EXPECT_THROW(write_labelled_copy(folder.path() / "in.ply", {}, "ground", wrong,
+                                     folder.path() / "none.ply"),
+                 std::invalid_argument);
+  }
+  EXPECT_FALSE(fs::exists(folder.path() / "none.ply"));
+}
+
+TEST(TypedSource, ColumnsOfWholeNumbersBecomeIntegers) {
+  const test::TemporaryFolder folder;
+  std::string text = "x,y,z,class,mixed,huge\n";
+  for (int i = 0; i < 3000; ++i) text += "1,2,3,5,4,3000000000\n";
+  text += "1,2,3,6,4.5,1\n";
+  std::ofstream(folder.path() / "in.csv") << text;
+  const auto source = open_typed_source(folder.path() / "in.csv");
+  const auto& fields = source->header().fields;
+  EXPECT_EQ(fields[0].type, ScalarType::kFloat64);
+  EXPECT_EQ(fields[3].type, ScalarType::kInt32);
+  EXPECT_EQ(fields[4].type, ScalarType::kFloat64);
+  EXPECT_EQ(fields[5].type, ScalarType::kFloat64);
+  EXPECT_EQ(write_points(*source, folder.path() / "out.ply"), 3001u);
+  const RoadCloud cloud = read_cloud(folder.path() / "out.ply");
+  EXPECT_EQ(cloud.labels.at("class").back(), 6);
+  EXPECT_EQ(cloud.scalars.at("mixed").back(), 4.5f);
+  EXPECT_EQ(cloud.scalars.at("huge")[0], 3e9f);
+}
+
+/// Points that no memory holds, made as they are asked for.
+class Endless : public PointSource {
+ public:
+  explicit Endless(std::uint64_t count) : left_(count) {
+    for (const char* const name : {"x", "y", "z", "intensity"}) {
+      PointField field;
+      field.name = name;
+      header_.fields.push_back(field);
+    }
+    header_.count = count;
+    values_.resize(4 * kBatchSize);
+  }
+  bool next(PointBatch& batch) override {
+    batch.count = static_cast<std::size_t>(std::min<std::uint64_t>(left_, kBatchSize));
+    batch.fields.clear();
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const std::uint64_t n = left_ - i;
+      values_[4 * i] = static_cast<float>(n % 1000);
+      values_[4 * i + 1] = static_cast<float>(n / 1000 % 100);
+      values_[4 * i + 2] = static_cast<float>(n % 7);
+      values_[4 * i + 3] = 0.5f;
+    }
+    for (std::size_t f = 0; f < 4; ++f) {
+      batch.fields.push_back({reinterpret_cast<const unsigned char*>(values_.data() + f), 16});
+    }
+    left_ -= batch.count;
+    return batch.count > 0;
+  }
+
+ private:
+  std::uint64_t left_;
+  std::vector<float> values_;
+};
+
+TEST(Streams, ConvertAndThinInConstantMemory) {
+  const test::TemporaryFolder folder;
+  constexpr std::uint64_t kCount = 3000000;  // 48 MB
+  test::MemoryMeter meter;
+  {
+    Endless source(kCount);
+    EXPECT_EQ(write_points(source, folder.path() / "a.ply"), kCount);
+  }
+  for (const char* const name : {"b.pcd", "c.las", "d.bin", "e.xyz"}) {
+    const auto source = open_point_source(folder.path() / "a.ply");
+    EXPECT_EQ(write_points(*source, folder.path() / name), kCount);
+  }
+  EXPECT_LT(meter.peak(), 8u << 20);
+  for (const char* const name : {"b.pcd", "c.las", "d.bin", "e.xyz"}) {
+    const auto source = open_point_source(folder.path() / name);
+    VoxelGrid grid(source->header(), 10.0);
+    PointBatch batch;
+    while (source->next(batch)) grid.add(batch);
+    const auto thinned = grid.points();
+    EXPECT_EQ(*thinned->header().count, 1000u) << name;
+  }
+  EXPECT_LT(meter.peak(), 12u << 20);
+}
+
+}  // namespace
+}  // namespace camber
