@@ -153,8 +153,8 @@ class VirtualDisplay {
       ::dup2(ends[1], 3);
       const int null = ::open("/dev/null", O_WRONLY);
       ::dup2(null, 2);
-      ::execlp("Xvfb", "Xvfb", "-displayfd", "3", "-screen", "0", "640x480x24", "-nolisten", "tcp",
-               nullptr);
+      ::execlp("Xvfb", "Xvfb", "-noreset", "-displayfd", "3", "-screen", "0", "640x480x24",
+               "-nolisten", "tcp", nullptr);
       ::_exit(127);
     }
     ::close(ends[1]);
