@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
-#include <pcl/segmentation/sac_segmentation.h>
+#include <pcl/sample_consensus/msac.h>
+#include <pcl/sample_consensus/sac_model_perpendicular_plane.h>
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
@@ -45,24 +46,27 @@ PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
     return fail(fmt::format("{} usable points, at least 3 are needed", index.size()));
   }
   const Vector3d up = options.up.normalized();
-  pcl::SACSegmentation<pcl::PointXYZ> segmentation(false);
-  segmentation.setOptimizeCoefficients(true);
-  segmentation.setModelType(pcl::SACMODEL_PERPENDICULAR_PLANE);
-  segmentation.setAxis(up.cast<float>());
-  segmentation.setEpsAngle(options.max_tilt);
-  segmentation.setMethodType(pcl::SAC_MSAC);
-  segmentation.setMaxIterations(options.max_hypotheses);
-  segmentation.setProbability(options.confidence);
-  segmentation.setDistanceThreshold(threshold);
-  segmentation.setInputCloud(input);
-  pcl::PointIndices inliers;
-  pcl::ModelCoefficients coefficients;
-  segmentation.segment(inliers, coefficients);
-  if (coefficients.values.size() != 4 || inliers.indices.size() < 3) {
+  using Model = pcl::SampleConsensusModelPerpendicularPlane<pcl::PointXYZ>;
+  const Model::Ptr model(new Model(input));
+  model->setAxis(up.cast<float>());
+  model->setEpsAngle(options.max_tilt);
+  pcl::MEstimatorSampleConsensus<pcl::PointXYZ> consensus(model, threshold);
+  consensus.setMaxIterations(options.max_hypotheses);
+  consensus.setProbability(options.confidence);
+  if (!consensus.computeModel()) {
     return fail(fmt::format("no plane within {:.3g} rad of the up direction", options.max_tilt));
   }
-  Plane plane{{coefficients.values[0], coefficients.values[1], coefficients.values[2]},
-              coefficients.values[3]};
+  pcl::Indices inliers;
+  consensus.getInliers(inliers);
+  Eigen::VectorXf first, coefficients;
+  consensus.getModelCoefficients(first);
+  model->optimizeModelCoefficients(inliers, first, coefficients);
+  model->selectWithinDistance(coefficients, threshold, inliers);
+  if (coefficients.size() != 4 || inliers.size() < 3) {
+    return fail(fmt::format("no plane within {:.3g} rad of the up direction", options.max_tilt));
+  }
+  fit.hypotheses = consensus.iterations_;
+  Plane plane{{coefficients[0], coefficients[1], coefficients[2]}, coefficients[3]};
   const double norm = plane.normal.norm();
   plane.normal /= norm;
   plane.offset /= norm;
@@ -70,14 +74,14 @@ PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
 
   // Least squares over the inliers, for the covariance.
   Vector3d mean = Vector3d::Zero();
-  for (const int i : inliers.indices) {
+  for (const int i : inliers) {
     mean += input->points[static_cast<std::size_t>(i)].getVector3fMap().cast<double>();
   }
-  const double count = static_cast<double>(inliers.indices.size());
+  const double count = static_cast<double>(inliers.size());
   mean /= count;
   Matrix3d scatter = Matrix3d::Zero();
   double squares = 0.0;
-  for (const int i : inliers.indices) {
+  for (const int i : inliers) {
     const Vector3d offset =
         input->points[static_cast<std::size_t>(i)].getVector3fMap().cast<double>() - mean;
     scatter += offset * offset.transpose();

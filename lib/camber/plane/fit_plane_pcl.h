@@ -5,8 +5,8 @@
 namespace camber {
 
 /// The same question put to the Point Cloud Library, to check one engine against the other:
-/// SACSegmentation with MSAC, one threshold for all points, refined by least squares over the
-/// inliers (setOptimizeCoefficients). options.inlier_threshold 0 means `default_threshold`.
+/// MSAC over perpendicular planes, one threshold for all points, refined by least squares over the
+/// inliers. options.inlier_threshold 0 means `default_threshold`.
 /// The covariance is that of the least squares; sigmas, viewpoint and num_threads are not used.
 /// @throws std::invalid_argument if options.validate() fails or default_threshold is not positive
 ///         where it is needed.
