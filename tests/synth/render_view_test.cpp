@@ -59,14 +59,16 @@ TEST(RenderView, EdgeLinesAreDrawnWhereTheTruthHasThem) {
   // the projection of its middle, in a picture without noise.
   double sum = 0.0, worst = 0.0;
   int count = 0;
-  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
     SynthOptions options = small_options(RoadProfileKind::kSteepHill, seed);
     options.camera = {828, 250, 481.0, 481.0, 406.2, 115.1};
     options.sensor.supersampling = 3;
     options.sensor.noise = 0.0;
     options.sensor.vignetting = 0.0;
     options.num_cars = 0;
-    const SynthWorld world = make_synth_world(world_options(options));
+    WorldOptions bare = world_options(options);
+    bare.scenery = false;
+    const SynthWorld world = make_synth_world(bare);
     ASSERT_TRUE(world.markings.edge_lines);
     const std::vector<std::uint8_t> image =
         render_view(world, 0, options.camera, options.sensor, 2);
@@ -115,7 +117,7 @@ TEST(RenderView, EdgeLinesAreDrawnWhereTheTruthHasThem) {
       }
     }
   }
-  ASSERT_GT(count, 100);
+  ASSERT_GT(count, 60);
   // Wear and the texture around the line move single values, not their mean.
   EXPECT_LT(std::abs(sum / count), 0.12);
   EXPECT_LT(worst, 1.5);

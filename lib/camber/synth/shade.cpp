@@ -27,7 +27,8 @@ float rectangle_cover(float u, float v, float a, float b, float pixel) {
 // ---------------------------------------------------------------- ground textures
 // u: m along the road's centreline (in space); v: lateral offset, m.
 
-Color asphalt(const MarkingSizes& marks, float half_width, Texel p, float w, std::uint32_t seed) {
+Color asphalt(const MarkingSizes& marks, float half_width, float roughness, Texel p, float w,
+              std::uint32_t seed) {
   // Grain of the aggregate, then blotches; the long ones are stretched along the road.
   float tone = 0.30f * octave(p, 0.011f, w, seed + 1) + 0.28f * octave(p, 0.023f, w, seed + 2) +
                0.26f * octave(p, 0.047f, w, seed + 3) + 0.26f * octave(p, 0.095f, w, seed + 4) +
@@ -39,6 +40,8 @@ Color asphalt(const MarkingSizes& marks, float half_width, Texel p, float w, std
   tone += 0.55f * smooth_step(0.30f, 0.55f, octave(p, 0.060f, w, seed + 11)) -
           0.45f * smooth_step(0.32f, 0.55f, octave(p, 0.13f, w, seed + 12)) -
           0.28f * smooth_step(0.34f, 0.50f, octave(p, 0.55f, w, seed + 13));
+
+  tone *= roughness;
 
   // Wheel tracks are polished and a little lighter, the middle of the lane has oil on it.
   const float lane = 0.5f * half_width;
@@ -386,7 +389,7 @@ Surface texture_at(const SynthWorld& world, const SynthObject& object, Texel p, 
   const std::uint32_t seed = object.seed;
   switch (object.kind) {
     case SurfaceKind::kAsphalt:
-      out.albedo = asphalt(world.markings, object.extent[0], p, w, seed);
+      out.albedo = asphalt(world.markings, object.extent[0], object.extent[1], p, w, seed);
       break;
     case SurfaceKind::kKerb:
       out.albedo = kerb(p, w, seed);

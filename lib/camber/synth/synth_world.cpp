@@ -163,6 +163,7 @@ void build_ground(const RoadModel& road, std::uint32_t seed, SynthMesh* mesh) {
     object.label = label_of(kind);
     object.seed = seed;
     object.extent[0] = static_cast<float>(layout.half_width);
+    object.extent[1] = 0.6f + 0.5f * hash_unit(0, 0, seed);  // how coarse the asphalt is
     objects[kind] = builder.add_object(object);
   }
 
@@ -1035,7 +1036,7 @@ SynthWorld make_synth_world(const WorldOptions& options) {
   const auto seed = static_cast<std::uint32_t>(random.bits(3));
   build_ground(world.road, seed, &world.ground_and_things);
   const std::size_t ground_triangles = world.ground_and_things.triangles.size();
-  {
+  if (options.scenery) {
     Scenery scenery(world.road, options.seed, &world.ground_and_things);
     scenery.set_mesh(&world.ground_and_things);
     scenery.build();

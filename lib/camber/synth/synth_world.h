@@ -53,7 +53,7 @@ struct SynthObject {
   TruthLabel label = TruthLabel::kTerrain;
   Eigen::Vector3f color = Eigen::Vector3f::Constant(0.5f);  ///< linear reflectance
   std::uint32_t seed = 0;
-  std::array<float, 4> extent{};  ///< by kind: a facade's width and height, m
+  std::array<float, 4> extent{};  ///< meaning by kind, see shade.cpp
 };
 
 /// One triangle with what shading needs.
@@ -115,6 +115,7 @@ struct WorldOptions {
   int num_cars = 5;
   double nearest_car = 8.0;    ///< m of station ahead of the camera, reference frame
   double farthest_car = 45.0;  ///< m
+  bool scenery = true;         ///< houses, plants and posts; all else is the same without them
 };
 
 /// A whole scene: geometry and truth, nothing rendered. World: z up, see RoadProfile.
