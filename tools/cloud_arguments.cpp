@@ -12,6 +12,7 @@ CloudFormat format_from_name(const std::string& name) {
   if (name == "bin") return CloudFormat::kKittiBin;
   if (name == "las") return CloudFormat::kLas;
   if (name == "text" || name == "xyz" || name == "csv") return CloudFormat::kText;
+  if (name == "colmap") return CloudFormat::kColmap;
   throw UsageError("found format '" + name + "', expected pcd, ply, bin, las or text");
 }
 
@@ -32,6 +33,38 @@ void add_cloud_arguments(CLI::App& app, CloudArguments& arguments) {
   app.add_option("--columns", arguments.columns,
                  "columns of a text file without a header line: x,y,z,intensity (_ skips one)")
       ->delimiter(',');
+}
+
+WriteOptions OutputArguments::write_options() const {
+  WriteOptions options;
+  if (!format.empty()) options.format = format_from_name(format);
+  if (format == "csv") options.encoding = CloudEncoding::kCommas;
+  if (encoding == "ascii") options.encoding = CloudEncoding::kAscii;
+  if (encoding == "big-endian") options.encoding = CloudEncoding::kBigEndian;
+  if (encoding == "compressed") options.encoding = CloudEncoding::kCompressed;
+  if (encoding == "commas") options.encoding = CloudEncoding::kCommas;
+  return options;
+}
+
+void add_output_arguments(CLI::App& app, OutputArguments& arguments) {
+  app.add_option("--format", arguments.format,
+                 "of the output: pcd, ply, bin, las, text or csv; default: by its extension");
+  app.add_option("--encoding", arguments.encoding,
+                 "binary (default), ascii, big-endian (PLY), compressed (PCD) or commas (text)")
+      ->check(CLI::IsMember({"binary", "ascii", "big-endian", "compressed", "commas"}));
+}
+
+void require_known_output(const std::string& path, const WriteOptions& options) {
+  if (options.format || format_from_extension(path)) return;
+  throw UsageError("--out: found '" + path +
+                   "', expected a name that ends in .ply, .pcd, .bin, .las, .xyz or .csv, or "
+                   "--format");
+}
+
+nlohmann::json cloud_timings(const Timings& timings) {
+  nlohmann::json out = {{"load", 0.0}, {"compute", 0.0}, {"write", 0.0}};
+  for (const auto& [stage, milliseconds] : timings.stages()) out[stage] = milliseconds;
+  return out;
 }
 
 void warn_about(const std::string& path, const ReadReport& report, const LogSink& warn) {

@@ -3,7 +3,10 @@
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "camber/cloud/cloud_io.h"
+#include "camber/core/stopwatch.h"
 #include "command.h"
 
 namespace camber::tools {
@@ -19,6 +22,23 @@ struct CloudArguments {
 
 /// Adds --lenient, --input-format and --columns. `arguments` must live as long as the app.
 void add_cloud_arguments(CLI::App& app, CloudArguments& arguments);
+
+/// The options of all commands that write clouds.
+struct OutputArguments {
+  std::string format;    ///< empty: by the extension
+  std::string encoding;  ///< empty: binary
+
+  WriteOptions write_options() const;  ///< @throws UsageError
+};
+
+/// Adds --format and --encoding. `arguments` must live as long as the app.
+void add_output_arguments(CLI::App& app, OutputArguments& arguments);
+
+/// Throws a UsageError where neither an option nor the extension tells the output's format.
+void require_known_output(const std::string& path, const WriteOptions& options);
+
+/// The stages load, compute and write in milliseconds, 0 for those that did not happen.
+nlohmann::json cloud_timings(const Timings& timings);
 
 /// The format with a name as --format takes it: pcd, ply, bin, las, text (also xyz, csv).
 /// @throws UsageError for another.

@@ -45,10 +45,15 @@ void register_reconstruct(CLI::App& root);
 void register_triangulate(CLI::App& root);
 void register_import(CLI::App& root);
 void register_info(CLI::App& root);
+void register_convert(CLI::App& root);
+void register_filter(CLI::App& root);
 void register_render(CLI::App& root);
 void register_prior(CLI::App& root);
 void register_synth(CLI::App& root);
 void register_vehicles(CLI::App& root);
 void register_evaluate(CLI::App& root);
+void register_plane(CLI::App& root);
+void register_patches(CLI::App& root);
+void register_profile(CLI::App& root);
 
 }  // namespace camber::tools

@@ -204,7 +204,9 @@ Printed describe(const std::string& name, const ReadOptions& options, const LogS
   std::error_code error;
   if (fs::is_directory(path, error)) {
     if (fs::exists(path / "run.json", error)) return describe_result(path, options);
-    return describe_scene(path, warn);
+    if (!fs::exists(path / "points3D.bin", error) && !fs::exists(path / "points3D.txt", error)) {
+      return describe_scene(path, warn);
+    }
   }
   if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_scene(path, warn);
   return describe_cloud(name, summarise(*open_point_source(path, options)));
@@ -213,13 +215,13 @@ Printed describe(const std::string& name, const ReadOptions& options, const LogS
 }  // namespace
 
 void register_info(CLI::App& root) {
-  Command* command =
-      add_command(root, "info", "Shows what clouds, scene manifests and result folders hold",
-                  "  camber info road.ply\n"
-                  "  camber info scan.pcd points.bin --json\n"
-                  "  camber info damaged.pcd --lenient\n"
-                  "  camber info points.txt --columns x,y,z,_,intensity\n"
-                  "  camber info results");
+  Command* command = add_command(
+      root, "info", "Shows what clouds, COLMAP models, scene manifests and result folders hold",
+      "  camber info road.ply\n"
+      "  camber info scan.pcd points.bin --json\n"
+      "  camber info damaged.pcd --lenient\n"
+      "  camber info points.txt --columns x,y,z,_,intensity\n"
+      "  camber info results");
   struct Arguments {
     std::vector<std::string> files;
     CloudArguments cloud;

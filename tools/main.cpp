@@ -39,10 +39,16 @@ int main(int argc, char** argv) {
   register_triangulate(root);
   register_import(root);
   register_info(root);
+  register_convert(root);
+  register_filter(root);
   register_render(root);
+  register_prior(root);
   register_synth(root);
   register_vehicles(root);
   register_evaluate(root);
+  register_plane(root);
+  register_patches(root);
+  register_profile(root);
 
   std::string command_line = "camber";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];

@@ -5,14 +5,18 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/render/gltf.h"
 #include "camber/render/loaded_result.h"
 #include "camber/render/pictures.h"
+#include "camber/render/report.h"
 #include "cloud_arguments.h"
 #include "command.h"
 
@@ -65,10 +69,65 @@ fs::path numbered(const fs::path& path, int index) {
          fmt::format("{}_{:03d}{}", path.stem().string(), index, path.extension().string());
 }
 
+std::string make_glb(const PictureContent& content, const ScenePictureOptions& picture) {
+  GltfOptions options;
+  options.color = picture.color;
+  options.show_truth = picture.show_truth;
+  return encode_glb(content, options);
+}
+
+/// A report of a result folder, with the pictures and the metrics that lie in it.
+std::string make_page(const PictureContent& content, const fs::path& input) {
+  ReportContent report;
+  report.picture = content;
+  std::error_code error;
+  if (fs::is_directory(input, error)) {
+    report.picture_folder = input;
+    const fs::path metrics = input / "metrics.json";
+    if (fs::exists(metrics, error)) {
+      std::ifstream in(metrics);
+      report.metrics = json::parse(in, nullptr, false);
+      if (report.metrics.is_discarded()) {
+        throw InputError(metrics.string(), "is no JSON, expected the metrics of a run");
+      }
+    }
+  }
+  return make_report(report);
+}
+
+int report(const Command& command, const Arguments& a, const std::vector<fs::path>& written,
+           const RenderRecord& record, const Timings& timings) {
+  if (a.json) {
+    json out;
+    out["version"] = kVersion;
+    out["seed"] = command.common.seed;
+    out["options"] = {{"view", a.camera.empty() ? a.view : "free"},
+                      {"color", a.color},
+                      {"width", a.picture.width},
+                      {"height", a.picture.height},
+                      {"supersampling", a.picture.supersampling},
+                      {"truth", a.picture.show_truth}};
+    out["files"] = json::array();
+    for (const fs::path& path : written) out["files"].push_back(path.string());
+    out["gl_backend"] = record.backend;
+    out["gl_renderer"] = record.renderer;
+    out["timings_ms"] = json::object();
+    for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
+    std::printf("%s\n", out.dump(2).c_str());
+  } else if (!command.common.quiet) {
+    for (const fs::path& path : written) std::printf("%s\n", path.string().c_str());
+  }
+  return 0;
+}
+
 int run(const Command& command, Arguments& a) {
   Timings timings;
-  if (fs::path(a.out).extension() != ".png") {
-    throw UsageError("--out: found '" + a.out + "', expected a name that ends in .png");
+  const std::string kind = fs::path(a.out).extension().string();
+  if (kind != ".png" && kind != ".glb" && kind != ".html") {
+    throw UsageError("--out: found '" + a.out + "', expected a name in .png, .glb or .html");
+  }
+  if (kind != ".png" && a.turntable > 0) {
+    throw UsageError("--turntable makes pictures: --out must end in .png");
   }
   const bool bev = a.view == "bev";
   if (a.turntable > 0 && (bev || !a.camera.empty() || a.view == "driver" || a.view == "side")) {
@@ -107,6 +166,19 @@ int run(const Command& command, Arguments& a) {
   if (content.title.empty() && result.scene) content.title = result.scene->name;
   if (content.title.empty()) content.title = fs::path(a.input).filename().string();
 
+  if (kind != ".png") {
+    std::string file;
+    {
+      const StageTimer compute(timings, "compute");
+      file = kind == ".glb" ? make_glb(content, options) : make_page(content, a.input);
+    }
+    {
+      const StageTimer write(timings, "write");
+      write_file_atomically(a.out, file);
+    }
+    return report(command, a, {a.out}, {}, timings);
+  }
+
   // All pictures first, then all files: a picture that fails leaves no part of a series behind.
   RenderRecord record;
   std::vector<std::pair<fs::path, Image>> pictures;
@@ -131,27 +203,9 @@ int run(const Command& command, Arguments& a) {
     const StageTimer write(timings, "write");
     for (const auto& [path, image] : pictures) write_png(image, path);
   }
-  if (a.json) {
-    json out;
-    out["version"] = kVersion;
-    out["seed"] = command.common.seed;
-    out["options"] = {{"view", a.camera.empty() ? a.view : "free"},
-                      {"color", a.color},
-                      {"width", options.width},
-                      {"height", options.height},
-                      {"supersampling", options.supersampling},
-                      {"truth", options.show_truth}};
-    out["pictures"] = json::array();
-    for (const auto& picture : pictures) out["pictures"].push_back(picture.first.string());
-    out["gl_backend"] = record.backend;
-    out["gl_renderer"] = record.renderer;
-    out["timings_ms"] = json::object();
-    for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
-    std::printf("%s\n", out.dump(2).c_str());
-  } else if (!command.common.quiet) {
-    for (const auto& picture : pictures) std::printf("%s\n", picture.first.string().c_str());
-  }
-  return 0;
+  std::vector<fs::path> written;
+  for (const auto& picture : pictures) written.push_back(picture.first);
+  return report(command, a, written, record, timings);
 }
 
 }  // namespace
@@ -161,16 +215,20 @@ void register_render(CLI::App& root) {
       root, "render",
       "Draws a result folder or a cloud into a PNG, without a display: the 3D scene from the "
       "paper's oblique view, from the side, through the driver's eyes or from anywhere, or the "
-      "bird's-eye view with a metric grid.",
+      "bird's-eye view with a metric grid. Or writes it as glTF, or as a report to read.",
       "  camber render out/steep_hill --out hill.png\n"
       "  camber render out/steep_hill --view bev --scene samples/steep_hill --out from_above.png\n"
+      "  camber render out/steep_hill --scene samples/steep_hill --out report.html\n"
       "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
       "  camber render scan.las --camera 0,-20,15,0,30,0,0,0,1,40 --out scan.png");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   CLI::App& app = *command->app;
   app.add_option("input", a.input, "result folder, or a cloud of any format")->required();
-  app.add_option("--out", a.out, "picture to write, .png")->required();
+  app.add_option(
+         "--out", a.out,
+         "file to write: .png a picture, .glb the scene as glTF, .html a report of a result folder")
+      ->required();
   a.view = "both";
   app.add_option("--view", a.view,
                  "both (oblique over side), oblique, side, driver (needs --scene), bev")

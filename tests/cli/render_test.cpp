@@ -61,13 +61,22 @@ TEST_F(Render, TurntableAndFreeViewAndJson) {
                                   "--turntable", "3", "--size", "160x120", "--json"});
   ASSERT_EQ(series.exit_code, 0) << series.error;
   const nlohmann::json said = nlohmann::json::parse(series.out);
-  EXPECT_EQ(said["pictures"].size(), 3u);
+  EXPECT_EQ(said["files"].size(), 3u);
   EXPECT_TRUE(said["timings_ms"].contains("compute"));
   EXPECT_FALSE(said["gl_renderer"].get<std::string>().empty());
   EXPECT_NE(read_color_image(path("t_000.png")).data, read_color_image(path("t_001.png")).data);
   const auto free = run_camber({"render", path("cloud.xyz"), "--out", path("f.png"),
                                 "--camera=3,-15,8,3,5,0,0,0,1,40", "--size", "160x120"});
   EXPECT_EQ(free.exit_code, 0) << free.error;
+}
+
+TEST_F(Render, WritesGltfAndReport) {
+  for (const char* name : {"scene.glb", "report.html"}) {
+    const auto result = run_camber({"render", path("cloud.xyz"), "--out", path(name)});
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_EQ(result.out, path(name) + "\n");
+    EXPECT_GT(std::filesystem::file_size(path(name)), 4000u);
+  }
 }
 
 TEST_F(Render, SaysWhatIsWrongAndLeavesNothing) {

@@ -1,0 +1,386 @@
+#include "camber/render/gltf.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/version.h"
+#include "camber/render/color_map.h"
+#include "camber/render/picture_space.h"
+#include "camber/render/wireframe.h"
+
+namespace camber {
+namespace {
+
+using nlohmann::json;
+
+// Numbers of the glTF 2.0 specification.
+constexpr int kFloat = 5126, kUnsignedInt = 5125, kUnsignedShort = 5123;
+constexpr int kArrayBuffer = 34962, kElementArrayBuffer = 34963;
+constexpr int kPoints = 0, kLines = 1, kTriangles = 4;
+
+/// From the picture's right, ahead, up to glTF's x, y up, -z ahead.
+Eigen::Vector3f to_gltf(const Eigen::Vector3d& x) {
+  return {static_cast<float>(x.x()), static_cast<float>(x.z()), static_cast<float>(-x.y())};
+}
+
+/// Colours of files and screens are sRGB, those of glTF's factors and vertices are linear.
+double to_linear(std::uint8_t value) {
+  const double c = value / 255.0;
+  return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+}
+
+class Document {
+ public:
+  Document() {
+    root_["asset"] = {{"version", "2.0"}, {"generator", std::string("Camber ") + kVersion}};
+    root_["extensionsUsed"] = json::array({"KHR_materials_unlit"});
+    root_["scene"] = 0;
+    for (const char* list : {"nodes", "meshes", "materials", "accessors", "bufferViews"}) {
+      root_[list] = json::array();
+    }
+  }
+
+  int material(const Color& color, const std::string& name) {
+    json m = {
+        {"name", name},
+        {"pbrMetallicRoughness",
+         {{"baseColorFactor",
+           {to_linear(color.red), to_linear(color.green), to_linear(color.blue), color.alpha}},
+          {"metallicFactor", 0.0},
+          {"roughnessFactor", 1.0}}},
+        {"doubleSided", true},
+        {"extensions", {{"KHR_materials_unlit", json::object()}}}};
+    if (color.alpha < 1.0) m["alphaMode"] = "BLEND";
+    return add("materials", std::move(m));
+  }
+
+  /// Positions, glTF axes. @return accessor.
+  int positions(const std::vector<Eigen::Vector3f>& points) {
+    Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max());
+    Eigen::Vector3f high = -low;
+    std::vector<float> values;
+    values.reserve(3 * points.size());
+    for (const Eigen::Vector3f& p : points) {
+      low = low.cwiseMin(p);
+      high = high.cwiseMax(p);
+      values.insert(values.end(), {p.x(), p.y(), p.z()});
+    }
+    const int view = buffer_view(values.data(), values.size() * sizeof(float), kArrayBuffer);
+    return add("accessors", {{"bufferView", view},
+                             {"componentType", kFloat},
+                             {"count", points.size()},
+                             {"type", "VEC3"},
+                             {"min", {low.x(), low.y(), low.z()}},
+                             {"max", {high.x(), high.y(), high.z()}}});
+  }
+
+  int colors(const std::vector<std::array<std::uint8_t, 3>>& inks) {
+    std::array<std::uint16_t, 256> linear;
+    for (int i = 0; i < 256; ++i) {
+      linear[static_cast<std::size_t>(i)] = static_cast<std::uint16_t>(
+          std::lround(65535.0 * to_linear(static_cast<std::uint8_t>(i))));
+    }
+    std::vector<std::uint16_t> values;
+    values.reserve(4 * inks.size());
+    for (const auto& ink : inks) {
+      values.insert(values.end(), {linear[ink[0]], linear[ink[1]], linear[ink[2]],
+                                   static_cast<std::uint16_t>(65535)});
+    }
+    const int view =
+        buffer_view(values.data(), values.size() * sizeof(std::uint16_t), kArrayBuffer);
+    return add("accessors", {{"bufferView", view},
+                             {"componentType", kUnsignedShort},
+                             {"normalized", true},
+                             {"count", inks.size()},
+                             {"type", "VEC4"}});
+  }
+
+  int indices(const std::vector<std::uint32_t>& values) {
+    const int view =
+        buffer_view(values.data(), values.size() * sizeof(std::uint32_t), kElementArrayBuffer);
+    return add("accessors", {{"bufferView", view},
+                             {"componentType", kUnsignedInt},
+                             {"count", values.size()},
+                             {"type", "SCALAR"}});
+  }
+
+  int add(const char* list, json value) {
+    root_[list].push_back(std::move(value));
+    return static_cast<int>(root_[list].size()) - 1;
+  }
+
+  int mesh_node(const std::string& name, json primitives, json extras = {}) {
+    const int mesh = add("meshes", {{"name", name}, {"primitives", std::move(primitives)}});
+    json node = {{"name", name}, {"mesh", mesh}};
+    if (!extras.empty()) node["extras"] = std::move(extras);
+    return add("nodes", std::move(node));
+  }
+
+  int group(const std::string& name, const std::vector<int>& children) {
+    return add("nodes", {{"name", name}, {"children", children}});
+  }
+
+  std::string finish(const std::string& name, const std::vector<int>& nodes) {
+    root_["scenes"] = json::array({{{"name", name.empty() ? "scene" : name}, {"nodes", nodes}}});
+    root_["buffers"] = json::array({{{"byteLength", binary_.size()}}});
+    // Empty lists are not allowed.
+    for (const char* list : {"meshes", "materials", "accessors", "bufferViews"}) {
+      if (root_[list].empty()) root_.erase(list);
+    }
+    std::string text = root_.dump(-1, ' ', false, json::error_handler_t::replace);
+    text.append((4 - text.size() % 4) % 4, ' ');
+    std::string out;
+    const auto put = [&](std::uint32_t value) {
+      for (int i = 0; i < 4; ++i) out.push_back(static_cast<char>(value >> (8 * i) & 255));
+    };
+    const std::size_t length = 12 + 8 + text.size() + 8 + binary_.size();
+    if (length > std::numeric_limits<std::uint32_t>::max()) {
+      throw std::invalid_argument("a glTF file holds at most 4 GiB: thin the points");
+    }
+    out += "glTF";
+    put(2);
+    put(static_cast<std::uint32_t>(length));
+    put(static_cast<std::uint32_t>(text.size()));
+    out += "JSON";
+    out += text;
+    put(static_cast<std::uint32_t>(binary_.size()));
+    out.append("BIN\0", 4);
+    out += binary_;
+    return out;
+  }
+
+ private:
+  int buffer_view(const void* data, std::size_t bytes, int target) {
+    const std::size_t offset = binary_.size();
+    binary_.append(static_cast<const char*>(data), bytes);
+    binary_.append((4 - binary_.size() % 4) % 4, '\0');
+    return add("bufferViews",
+               {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes}, {"target", target}});
+  }
+
+  json root_;
+  std::string binary_;
+};
+
+json primitive(int positions, int indices, int material, int mode) {
+  return {{"attributes", {{"POSITION", positions}}},
+          {"indices", indices},
+          {"material", material},
+          {"mode", mode}};
+}
+
+int box_lines(Document& document, const OrientedBox& box, json* primitives, int material) {
+  const auto corners = box.corners();
+  std::vector<Eigen::Vector3f> points;
+  for (int i = 0; i < 8; ++i) points.push_back(to_gltf(corners.col(i)));
+  std::vector<std::uint32_t> lines;
+  for (const auto& [a, b] : box_edges()) {
+    lines.push_back(static_cast<std::uint32_t>(a));
+    lines.push_back(static_cast<std::uint32_t>(b));
+  }
+  const int positions = document.positions(points);
+  primitives->push_back(primitive(positions, document.indices(lines), material, kLines));
+  return positions;
+}
+
+json facts(const PlacedVehicle& vehicle, const std::string& unit) {
+  return {{"id", vehicle.id},
+          {"status", to_string(vehicle.status)},
+          {"range", vehicle.range},
+          {"length", vehicle.box.dimensions.length},
+          {"width", vehicle.box.dimensions.width},
+          {"height", vehicle.box.dimensions.height},
+          {"unit", unit}};
+}
+
+/// Triangles of a simple polygon that is nearly flat and seen from above: ears are cut off.
+std::vector<std::uint32_t> triangulate(const std::vector<Eigen::Vector3d>& polygon) {
+  std::vector<std::uint32_t> left, out;
+  double area = 0.0;
+  const std::size_t n = polygon.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Vector3d &a = polygon[i], &b = polygon[(i + 1) % n];
+    area += a.x() * b.y() - b.x() * a.y();
+    left.push_back(static_cast<std::uint32_t>(i));
+  }
+  const double sign = area < 0.0 ? -1.0 : 1.0;
+  const auto turn = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    const Eigen::Vector3d u = polygon[b] - polygon[a], v = polygon[c] - polygon[a];
+    return sign * (u.x() * v.y() - u.y() * v.x());
+  };
+  while (left.size() > 3) {
+    bool cut = false;
+    for (std::size_t i = 0; i < left.size() && !cut; ++i) {
+      const std::uint32_t a = left[(i + left.size() - 1) % left.size()], b = left[i],
+                          c = left[(i + 1) % left.size()];
+      if (turn(a, b, c) <= 0.0) continue;
+      const bool empty = std::none_of(left.begin(), left.end(), [&](std::uint32_t p) {
+        return p != a && p != b && p != c && turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 &&
+               turn(c, a, p) >= 0.0;
+      });
+      if (!empty) continue;
+      out.insert(out.end(), {a, b, c});
+      left.erase(left.begin() + static_cast<std::ptrdiff_t>(i));
+      cut = true;
+    }
+    if (!cut) break;  // not simple: the rest becomes a fan
+  }
+  for (std::size_t i = 1; i + 1 < left.size(); ++i) {
+    out.insert(out.end(), {left[0], left[i], left[i + 1]});
+  }
+  return out;
+}
+
+}  // namespace
+
+void GltfOptions::validate() const {
+  if (max_points > 100000000) {
+    throw std::invalid_argument("glTF option max_points: found " + std::to_string(max_points) +
+                                ", expected at most 100000000");
+  }
+}
+
+std::string encode_glb(const PictureContent& content, const GltfOptions& options) {
+  options.validate();
+  const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
+  Document document;
+  std::vector<int> top;
+
+  if (!space.points.empty()) {
+    std::size_t stride = 1;
+    if (options.max_points > 0) {
+      stride = (space.points.size() + options.max_points - 1) / options.max_points;
+    }
+    std::vector<Eigen::Vector3f> points;
+    std::vector<std::array<std::uint8_t, 3>> inks;
+    for (std::size_t i = 0; i < space.points.size(); i += stride) {
+      points.push_back(to_gltf(space.points[i].cast<double>()));
+      inks.push_back(space.colors[i]);
+    }
+    json cloud = {{"attributes",
+                   {{"POSITION", document.positions(points)}, {"COLOR_0", document.colors(inks)}}},
+                  {"material", document.material({255, 255, 255, 1.0}, "points")},
+                  {"mode", kPoints}};
+    top.push_back(document.mesh_node("road points", json::array({cloud})));
+  }
+
+  if (!space.patches.empty()) {
+    std::vector<int> nodes;
+    std::array<int, 3> panes{-1, -1, -1}, rims{-1, -1, -1};  // materials, made when first used
+    for (const PlacedPatch& patch : space.patches) {
+      std::vector<Eigen::Vector3f> points;
+      std::vector<std::uint32_t> rim;
+      const auto count = static_cast<std::uint32_t>(patch.boundary.size());
+      for (std::uint32_t i = 0; i < count; ++i) {
+        points.push_back(to_gltf(patch.boundary[i]));
+        rim.push_back(i);
+        rim.push_back((i + 1) % count);
+      }
+      const auto k = static_cast<std::size_t>(patch.kind);
+      if (panes[k] < 0) {
+        const std::string name = std::string(to_string(patch.kind)) + " patch";
+        panes[k] = document.material(patch_color(patch.kind).with_alpha(0.25), name);
+        rims[k] = document.material(patch_color(patch.kind), name + " outline");
+      }
+      const int positions = document.positions(points);
+      json primitives = json::array();
+      primitives.push_back(primitive(positions, document.indices(triangulate(patch.boundary)),
+                                     panes[k], kTriangles));
+      primitives.push_back(primitive(positions, document.indices(rim), rims[k], kLines));
+      nodes.push_back(document.mesh_node("patch " + std::to_string(patch.id), primitives,
+                                         {{"id", patch.id}, {"status", to_string(patch.status)}}));
+    }
+    top.push_back(document.group("patches", nodes));
+  }
+
+  if (!space.vehicles.empty()) {
+    std::vector<int> nodes;
+    for (const PlacedVehicle& vehicle : space.vehicles) {
+      const Color color = vehicle_color(vehicle);
+      json primitives = json::array();
+      if (vehicle.wireframe) {
+        std::vector<Eigen::Vector3f> points;
+        for (const Eigen::Vector3d& x : vehicle.keypoints) points.push_back(to_gltf(x));
+        std::vector<std::uint32_t> faces, lines;
+        for (const auto& t : wireframe_triangles()) {
+          for (const int corner : t) faces.push_back(static_cast<std::uint32_t>(corner));
+        }
+        for (const auto& [a, b] : wireframe_edges()) {
+          lines.push_back(static_cast<std::uint32_t>(a));
+          lines.push_back(static_cast<std::uint32_t>(b));
+        }
+        const int positions = document.positions(points);
+        primitives.push_back(primitive(
+            positions, document.indices(faces),
+            document.material(color.with_alpha(0.6), vehicle.name + " body"), kTriangles));
+        primitives.push_back(
+            primitive(positions, document.indices(lines),
+                      document.material(darker(color, 0.5), vehicle.name + " wireframe"), kLines));
+      }
+      box_lines(document, vehicle.box, &primitives,
+                document.material(darker(color, 0.7), vehicle.name + " box"));
+      nodes.push_back(document.mesh_node(vehicle.name, primitives, facts(vehicle, space.unit)));
+    }
+    top.push_back(document.group("vehicles", nodes));
+  }
+
+  if (!space.truth.empty()) {
+    std::vector<int> nodes;
+    const int red = document.material(kTruthRed, "truth");
+    for (const PlacedVehicle& vehicle : space.truth) {
+      json primitives = json::array();
+      box_lines(document, vehicle.box, &primitives, red);
+      nodes.push_back(document.mesh_node("true vehicle " + std::to_string(vehicle.id), primitives,
+                                         facts(vehicle, space.unit)));
+    }
+    top.push_back(document.group("truth", nodes));
+  }
+
+  if (!space.cameras.empty()) {
+    std::vector<int> nodes;
+    const int ink = document.material(kInk, "camera");
+    const double depth =
+        std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
+    std::vector<Eigen::Vector3f> path;
+    std::vector<std::uint32_t> path_lines;
+    for (std::size_t i = 0; i < space.cameras.size(); ++i) {
+      path.push_back(to_gltf(space.cameras[i].translation()));
+      if (i > 0) {
+        path_lines.push_back(static_cast<std::uint32_t>(i - 1));
+        path_lines.push_back(static_cast<std::uint32_t>(i));
+      }
+      if (!content.camera) continue;
+      std::vector<Eigen::Vector3f> points = {path.back()};
+      for (const Eigen::Vector3d& corner : frustum_corners(*content.camera, depth)) {
+        points.push_back(to_gltf(space.cameras[i] * corner));
+      }
+      const std::vector<std::uint32_t> lines = {0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1};
+      nodes.push_back(document.mesh_node(
+          "camera " + std::to_string(space.camera_ids[i]),
+          json::array(
+              {primitive(document.positions(points), document.indices(lines), ink, kLines)})));
+    }
+    if (!path_lines.empty()) {
+      nodes.push_back(document.mesh_node(
+          "path", json::array({primitive(document.positions(path), document.indices(path_lines),
+                                         ink, kLines)})));
+    }
+    if (!nodes.empty()) top.push_back(document.group("cameras", nodes));
+  }
+  return document.finish(content.title, top);
+}
+
+void write_glb(const PictureContent& content, const std::filesystem::path& path,
+               const GltfOptions& options) {
+  write_file_atomically(path, encode_glb(content, options));
+}
+
+}  // namespace camber

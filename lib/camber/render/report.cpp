@@ -1,0 +1,479 @@
+#include "camber/render/report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "camber/render/color_map.h"
+#include "camber/render/gltf.h"
+#include "camber/render/picture_space.h"
+#include "camber/render/report_viewer.h"
+#include "camber/render/wireframe.h"
+
+namespace camber {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr double kDegrees = 180.0 / M_PI;
+
+std::string escape(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+std::string base64(const std::string& bytes) {
+  static const char* kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve(4 * (bytes.size() + 2) / 3);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    unsigned value = 0;
+    const std::size_t left = std::min<std::size_t>(3, bytes.size() - i);
+    for (std::size_t k = 0; k < 3; ++k) {
+      value = value << 8 | (k < left ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+      out += k <= left ? kDigits[value >> (18 - 6 * k) & 63] : '=';
+    }
+  }
+  return out;
+}
+
+std::string read_bytes(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream out;
+  out << in.rdbuf();
+  if (!in) throw InputError(path.string(), "cannot be read");
+  return out.str();
+}
+
+std::string number(double value, int decimals) {
+  return std::isfinite(value) ? format_number(value, decimals) : "&ndash;";
+}
+
+/// "1.23 &plusmn; 0.04": a value with its 95 % margin.
+std::string with_margin(double value, double sigma, int decimals) {
+  std::string out = number(value, decimals);
+  if (std::isfinite(value) && std::isfinite(sigma) && sigma > 0.0) {
+    out += " <span class=m>&plusmn; " + number(1.96 * sigma, decimals) + "</span>";
+  }
+  return out;
+}
+
+std::string status_cell(Status status, const std::string& reason) {
+  const std::string word(to_string(status));
+  std::string out = "<td class=\"s " + word + "\">" + (status == Status::kOk ? "" : "&#9888; ");
+  out += word == "not_observable" ? "not observable" : word;
+  if (!reason.empty()) out += "<br><small>" + escape(reason) + "</small>";
+  return out + "</td>";
+}
+
+std::string row(const std::vector<std::string>& cells) {
+  std::string out = "<tr>";
+  for (const std::string& cell : cells) {
+    out += cell.rfind("<td", 0) == 0 ? cell : "<td>" + cell + "</td>";
+  }
+  return out + "</tr>\n";
+}
+
+std::string table(const std::vector<std::string>& heads, const std::string& rows) {
+  std::string out = "<div class=t><table><thead><tr>";
+  for (const std::string& head : heads) out += "<th>" + head + "</th>";
+  return out + "</tr></thead><tbody>\n" + rows + "</tbody></table></div>\n";
+}
+
+std::string figure(const fs::path& file, const std::string& caption) {
+  return "<figure><img alt=\"" + escape(caption) + "\" src=\"data:image/png;base64," +
+         base64(read_bytes(file)) + "\"><figcaption>" + escape(caption) +
+         "</figcaption></figure>\n";
+}
+
+/// One curve with a band of two standard deviations, as SVG.
+struct Curve {
+  std::vector<double> x, y, sigma;
+};
+
+std::string plot(const Curve& curve, const std::string& x_name, const std::string& y_name) {
+  constexpr double kWidth = 760.0, kHeight = 240.0, kLeft = 62.0, kRight = 14.0, kTop = 12.0,
+                   kBottom = 44.0;
+  double x1 = curve.x.front(), x2 = curve.x.back(), y1 = 1e300, y2 = -1e300;
+  for (std::size_t i = 0; i < curve.y.size(); ++i) {
+    y1 = std::min(y1, curve.y[i] - 2.0 * curve.sigma[i]);
+    y2 = std::max(y2, curve.y[i] + 2.0 * curve.sigma[i]);
+  }
+  const double pad = std::max(0.05, 0.05 * (y2 - y1));
+  y1 -= pad;
+  y2 += pad;
+  const auto px = [&](double x) {
+    return format_number(kLeft + (x - x1) / std::max(x2 - x1, 1e-9) * (kWidth - kLeft - kRight), 1);
+  };
+  const auto py = [&](double y) {
+    return format_number(kHeight - kBottom - (y - y1) / (y2 - y1) * (kHeight - kTop - kBottom), 1);
+  };
+  std::string svg =
+      "<svg viewBox=\"0 0 760 240\" role=img aria-label=\"" + escape(y_name) + "\"><g class=g>";
+  std::string labels;
+  const Ticks xs = make_ticks(x1, x2, 8), ys = make_ticks(y1, y2, 5);
+  for (std::size_t i = 0; i < xs.values.size(); ++i) {
+    const std::string x = px(xs.values[i]);
+    svg += "<path d=\"M" + x + " " + py(y1) + "V" + py(y2) + "\"/>";
+    labels += "<text x=" + x + " y=214 text-anchor=middle>" + xs.labels[i] + "</text>";
+  }
+  for (std::size_t i = 0; i < ys.values.size(); ++i) {
+    const std::string y = py(ys.values[i]);
+    svg += "<path d=\"M" + px(x1) + " " + y + "H" + px(x2) + "\"/>";
+    labels += "<text x=56 y=" + y + " dy=4 text-anchor=end>" + ys.labels[i] + "</text>";
+  }
+  svg += "</g>";
+  std::string band = "M", line = "M";
+  for (std::size_t i = 0; i < curve.x.size(); ++i) {
+    band += px(curve.x[i]) + " " + py(curve.y[i] + 2.0 * curve.sigma[i]) + " ";
+    line += px(curve.x[i]) + " " + py(curve.y[i]) + " ";
+  }
+  for (std::size_t i = curve.x.size(); i-- > 0;) {
+    band += px(curve.x[i]) + " " + py(curve.y[i] - 2.0 * curve.sigma[i]) + " ";
+  }
+  svg += "<path class=b d=\"" + band + "Z\"/><path class=l d=\"" + line + "\"/>" + labels;
+  svg += "<text x=411 y=234 text-anchor=middle>" + escape(x_name) +
+         "</text><text transform=\"translate(14 110) rotate(-90)\" text-anchor=middle>" +
+         escape(y_name) + "</text></svg>\n";
+  return svg;
+}
+
+/// Height and grade along the driven line, where it is long enough.
+std::string profile_section(const RoadSurface& surface, const std::string& unit) {
+  const auto& line = surface.driven_line;
+  if (line.size() < 3) return {};
+  Curve height, grade;
+  double along = 0.0;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    if (!line[i].allFinite()) return {};
+    if (i > 0) {
+      const Eigen::Vector3d step = line[i] - line[i - 1];
+      const double rise = step.dot(surface.up);
+      const double run = std::sqrt(std::max(0.0, step.squaredNorm() - rise * rise));
+      if (!(run > 1e-9)) return {};
+      grade.x.push_back(along + 0.5 * run);
+      grade.y.push_back(std::atan2(rise, run) * kDegrees);
+      grade.sigma.push_back(0.0);
+      along += run;
+    }
+    const SurfaceQuery query = surface.query(line[i]);
+    const bool known = query.status != Status::kFailed && query.status != Status::kNotRun;
+    height.x.push_back(along);
+    height.y.push_back((line[i] - line[0]).dot(surface.up));
+    height.sigma.push_back(known && std::isfinite(query.sigma_height) ? query.sigma_height : 0.0);
+  }
+  return "<h2>Profile along the driven line</h2>\n" +
+         plot(height, "distance (" + unit + ")", "height (" + unit + ")") +
+         "<p class=n>Height above the road at the camera; the band is two standard deviations of "
+         "the surface.</p>" +
+         plot(grade, "distance (" + unit + ")", "grade (degrees)");
+}
+
+std::string patch_section(const RoadSurface& surface, const std::string& unit) {
+  if (surface.patches.empty()) return {};
+  std::string rows;
+  for (const PlanePatch& patch : surface.patches) {
+    const Eigen::Vector3d& c = patch.plane.centroid;
+    const Eigen::Matrix3d& cov = patch.plane.covariance;
+    rows += row({std::to_string(patch.id), std::string(to_string(patch.kind)),
+                 status_cell(patch.status, patch.reason),
+                 number(c.x(), 1) + " " + number(c.y(), 1) + " " + number(c.z(), 1),
+                 with_margin(patch.grade * kDegrees, std::sqrt(cov(1, 1)) * kDegrees, 2),
+                 with_margin(patch.bank * kDegrees, std::sqrt(cov(0, 0)) * kDegrees, 2),
+                 "<span class=m>&plusmn; " + number(1.96 * std::sqrt(cov(2, 2)), 3) + "</span>",
+                 std::to_string(patch.inliers),
+                 patch.refinement.empty() ? "&ndash;" : escape(patch.refinement)});
+  }
+  return "<h2>Patches</h2>\n" +
+         table({"id", "kind", "status", "centre (" + unit + ")", "grade (&deg;)", "bank (&deg;)",
+                "height (" + unit + ")", "points", "refinement"},
+               rows);
+}
+
+std::string vehicle_section(const VehicleDocument& document, const std::string& unit) {
+  std::string out;
+  for (const VehicleFrame& frame : document.frames) {
+    std::string rows;
+    for (const VehicleEstimate& v : frame.vehicles) {
+      if (!has_box(v)) {
+        rows += row({std::to_string(v.id), escape(v.vehicle_class), status_cell(v.status, v.reason),
+                     "&ndash;", "&ndash;", "&ndash;", "&ndash;", "&ndash;", "&ndash;"});
+        continue;
+      }
+      const Eigen::Vector3d bottom = v.pose.bottom_center();
+      const Eigen::Vector3d ray = bottom.normalized();
+      const double sigma_range =
+          std::sqrt(std::max(0.0, (ray.transpose() * v.covariance.topLeftCorner<3, 3>() * ray)(0)));
+      const double sigma_yaw = std::sqrt(std::max(0.0, v.covariance(4, 4)));
+      const Dimensions& d = v.pose.dimensions;
+      rows +=
+          row({std::to_string(v.id), escape(v.vehicle_class), status_cell(v.status, v.reason),
+               with_margin(bottom.norm(), sigma_range, 2),
+               number(bottom.x(), 2) + " " + number(bottom.y(), 2) + " " + number(bottom.z(), 2),
+               with_margin(rotation_y(v.pose.camera_from_vehicle.rotation_matrix()) * kDegrees,
+                           sigma_yaw * kDegrees, 1),
+               number(d.length, 2) + " &times; " + number(d.width, 2) + " &times; " +
+                   number(d.height, 2),
+               escape(v.plane_source) + " <span class=m>&plusmn; " +
+                   number(1.96 * v.plane_sigma_height, 3) + "</span>",
+               number(v.reprojection_rmse_px, 1)});
+    }
+    if (rows.empty()) continue;
+    out +=
+        "<h3>Frame " + std::to_string(frame.id) + "</h3>\n" +
+        table({"id", "class", "status", "distance (" + unit + ")", "bottom centre (" + unit + ")",
+               "rotation_y (&deg;)", "l &times; w &times; h (" + unit + ")",
+               "ground (" + unit + ")", "reprojection (px)"},
+              rows);
+  }
+  if (out.empty()) return {};
+  std::string head = "<h2>Vehicles</h2>\n<p class=n>Method " + escape(document.method);
+  if (!document.detections_source.empty()) {
+    head += ", detections: " + escape(document.detections_source);
+  }
+  return head + ". Margins are 95 %.</p>\n" + out;
+}
+
+/// A JSON value as text for a table of options or metrics; nested objects become dotted names.
+void flatten(const json& value, const std::string& name, std::string* rows) {
+  if (value.is_object()) {
+    for (const auto& [key, inner] : value.items()) {
+      flatten(inner, name.empty() ? key : name + "." + key, rows);
+    }
+    return;
+  }
+  if (value.is_array() && value.size() > 12) return;
+  std::string text;
+  if (value.is_number_float()) {
+    char digits[40];
+    std::snprintf(digits, sizeof(digits), "%.4g", value.get<double>());
+    text = digits;
+  } else if (value.is_string()) {
+    text = value.get<std::string>();
+  } else {
+    text = value.dump(-1, ' ', false, json::error_handler_t::replace);
+  }
+  *rows += row({escape(name), escape(text)});
+}
+
+std::string metrics_section(const json& metrics) {
+  if (!metrics.is_object()) return {};
+  std::string rows;
+  json overall = metrics;
+  overall.erase("vehicles");
+  overall.erase("by_distance");
+  flatten(overall, "", &rows);
+  std::string out = "<h2>Errors against the truth</h2>\n";
+  const auto by_distance = metrics.find("by_distance");
+  if (by_distance != metrics.end() && by_distance->is_object()) {
+    std::string bins;
+    for (const auto& [name, bin] : by_distance->items()) {
+      const auto cell = [&](const char* what, const char* which) -> std::string {
+        const auto group = bin.find(what);
+        if (group == bin.end() || !group->is_object()) return "&ndash;";
+        const auto found = group->find(which);
+        if (found == group->end() || !found->is_number()) return "&ndash;";
+        return number(found->get<double>(), std::string(which) == "count" ? 0 : 3);
+      };
+      std::string title = name;
+      std::replace(title.begin(), title.end(), '_', ' ');
+      bins += row({escape(title), cell("height_error", "count"), cell("height_error", "median"),
+                   cell("height_error", "p90"), cell("center_error", "median"),
+                   cell("center_error", "p90")});
+    }
+    out += table({"distance (m)", "vehicles", "ground height, median (m)", "90 % (m)",
+                  "centre, median (m)", "90 % (m)"},
+                 bins);
+  }
+  return out + "<details><summary>All figures</summary>" + table({"name", "value"}, rows) +
+         "</details>\n";
+}
+
+std::string run_section(const RunDocument& run) {
+  std::string out = "<h2>Run</h2>\n";
+  double total = 0.0, longest = 0.0;
+  for (const auto& [stage, ms] : run.timings.stages()) {
+    total += ms;
+    longest = std::max(longest, ms);
+  }
+  if (total > 0.0) {
+    std::string rows;
+    for (const auto& [stage, ms] : run.timings.stages()) {
+      rows += row(
+          {escape(stage), number(ms, 1),
+           "<td class=bar><i style=\"width:" + number(100.0 * ms / longest, 1) + "%\"></i></td>"});
+    }
+    rows += row({"<td><b>sum</b></td>", number(total, 1), ""});
+    out += table({"stage", "ms", ""}, rows);
+  }
+  std::string facts =
+      row({"version", escape(kVersion)}) + row({"seed", std::to_string(run.seed)}) +
+      row({"scale", run.metric ? with_margin(run.scale, run.scale * run.scale_sigma, 4) +
+                                     " m per unit of the motion"
+                               : "unknown: the result is up to scale"});
+  if (!run.gl_backend.empty()) facts += row({"pictures drawn by", escape(run.gl_backend)});
+  const auto command = run.extra.find("command");
+  if (command != run.extra.end() && command->is_string()) {
+    facts += row({"command", "<code>" + escape(command->get<std::string>()) + "</code>"});
+  }
+  for (const auto& [name, count] : run.points_kept) {
+    facts += row({"points kept: " + escape(name), std::to_string(count)});
+  }
+  for (const auto& [reason, count] : run.points_dropped) {
+    facts += row({"points dropped: " + escape(reason), std::to_string(count)});
+  }
+  flatten(run.options, "option", &facts);
+  out += table({"what", "value"}, facts);
+  if (!run.input_hashes.empty()) {
+    std::string rows;
+    for (const auto& [path, hash] : run.input_hashes) {
+      rows += row({escape(path), "<code>" + escape(hash) + "</code>"});
+    }
+    out += "<details><summary>Hashes of the inputs (XXH3, 128 bits)</summary>" +
+           table({"file", "hash"}, rows) + "</details>\n";
+  }
+  return out;
+}
+
+const char* const kStyle = R"(
+:root{color-scheme:light}*{box-sizing:border-box}
+body{font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif;color:#262a30;background:#fff;margin:0 auto;max-width:1100px;padding:1rem}
+h1{font-size:1.7rem;margin:.4em 0 .1em}h2{font-size:1.25rem;margin:2em 0 .5em;border-bottom:1px solid #d5d9de}h3{font-size:1rem;margin:1.2em 0 .3em}
+figure{margin:1rem 0}img{max-width:100%;height:auto;display:block;border:1px solid #e3e6ea}figcaption,.n{color:#555c66;font-size:.9rem}
+.t{overflow-x:auto}table{border-collapse:collapse;font-size:.87rem;font-variant-numeric:tabular-nums}th,td{padding:.25em .7em;text-align:left;border-bottom:1px solid #e3e6ea;vertical-align:top;white-space:nowrap}td code,td small{white-space:normal}th{color:#555c66;font-weight:600}
+.m{color:#555c66;white-space:nowrap}code{font-size:.85em;overflow-wrap:anywhere}.s{white-space:nowrap}.s small{white-space:normal}.weak,.not_observable,.failed{color:#8a4b00}
+.bar{width:14em;min-width:6em}.bar i{display:block;height:.9em;margin-top:.25em;background:#3b6ea5;print-color-adjust:exact;-webkit-print-color-adjust:exact}
+svg{width:100%;max-width:760px;height:auto;display:block;margin:.5rem 0}svg text{font-size:13px;fill:#38404a}.g path{stroke:#dfe3e8;fill:none}.l{stroke:#1f4e8c;stroke-width:2;fill:none}.b{fill:#1f4e8c;opacity:.18}
+#view{width:100%;height:min(60vh,560px);border:1px solid #d5d9de;display:none;touch-action:none;cursor:grab}
+details{margin:.6rem 0}summary{cursor:pointer}
+@media print{body{max-width:none;padding:0;font-size:11pt}#view,#viewnote{display:none!important}figure,tr,svg{break-inside:avoid}h2{break-after:avoid}details>*{display:block}}
+)";
+
+}  // namespace
+
+void ReportOptions::validate() const {
+  if (max_points < 1) {
+    throw std::invalid_argument("report option max_points: found 0, expected at least 1");
+  }
+}
+
+std::string make_report(const ReportContent& content, const ReportOptions& options) {
+  options.validate();
+  const PictureContent& picture = content.picture;
+  const std::string title = picture.title.empty() ? "Reconstruction" : picture.title;
+  bool metric = true;
+  if (picture.run) {
+    metric = picture.run->metric;
+  } else if (picture.surface) {
+    metric = picture.surface->metric;
+  }
+  const std::string unit = metric ? "m" : "units";
+
+  std::string out =
+      "<!DOCTYPE html>\n<html lang=en><head><meta charset=utf-8>"
+      "<meta name=viewport content=\"width=device-width,initial-scale=1\"><title>" +
+      escape(title) + " - Camber</title><style>" + kStyle + "</style></head><body>\n";
+  out += "<h1>" + escape(title) + "</h1>\n";
+  const PictureSpace space = make_picture_space(picture, true, {});
+  std::string summary = content_summary(picture, space);
+  if (picture.run && metric && picture.run->scale_sigma > 0.0) {
+    summary += "; scale known to " + number(196.0 * picture.run->scale_sigma, 1) + " % (95 %)";
+  }
+  if (!metric) summary += "; up to scale: no camera height was given";
+  out += "<p class=n>" + escape(summary) + "</p>\n";
+
+  if (!content.picture_folder.empty()) {
+    std::error_code error;
+    std::vector<fs::path> overlays;
+    for (const auto& entry : fs::directory_iterator(content.picture_folder, error)) {
+      const std::string name = entry.path().filename().string();
+      if (name.rfind("overlay_", 0) == 0 && entry.path().extension() == ".png") {
+        overlays.push_back(entry.path());
+      }
+    }
+    std::sort(overlays.begin(), overlays.end());
+    char wanted[48];
+    std::snprintf(wanted, sizeof(wanted), "overlay_%06d.png", picture.frame);
+    const auto shown = std::find_if(overlays.begin(), overlays.end(), [&](const fs::path& path) {
+      return path.filename() == wanted;
+    });
+    if (shown != overlays.end()) {
+      out += figure(*shown, "Frame " + std::to_string(picture.frame) +
+                                ": wireframes, boxes and distances; a metre grid on the plane "
+                                "under each vehicle");
+    }
+    if (fs::exists(content.picture_folder / "scene.png", error)) {
+      out += figure(content.picture_folder / "scene.png",
+                    space.truth.empty() ? "The reconstruction in 3D and from the side"
+                                        : "The reconstruction in 3D and from the side; true boxes "
+                                          "in red");
+    }
+    if (fs::exists(content.picture_folder / "bev.png", error)) {
+      out += figure(content.picture_folder / "bev.png",
+                    "From above, with 95 % ellipses of the vehicles' positions");
+    }
+    std::string others;
+    for (const fs::path& overlay : overlays) {
+      if (shown == overlays.end() || overlay != *shown) {
+        others += figure(overlay, overlay.stem().string());
+      }
+    }
+    if (!others.empty()) {
+      out += "<details><summary>Overlays of the other frames</summary>\n" + others + "</details>\n";
+    }
+  }
+  if (options.embed_3d) {
+    GltfOptions gltf;
+    gltf.max_points = options.max_points;
+    out +=
+        "<canvas id=view></canvas><p class=n id=viewnote hidden>Drag to turn, with the right "
+        "button or two fingers to move, wheel or pinch to come nearer.</p>\n"
+        "<script type=\"application/octet-stream\" id=glb>" +
+        base64(encode_glb(picture, gltf)) + "</script>\n<script>" + kReportViewer + "</script>\n";
+  }
+  if (picture.surface) out += profile_section(*picture.surface, unit);
+  if (picture.vehicles) out += vehicle_section(*picture.vehicles, unit);
+  out += metrics_section(content.metrics);
+  if (picture.surface) out += patch_section(*picture.surface, unit);
+  if (picture.run) out += run_section(*picture.run);
+  out += "<p class=n>Made by Camber " + std::string(kVersion) +
+         ". Coordinates: camera of the reference frame, x right, y down, z ahead, except for "
+         "vehicles, which are in the camera of their own frame.</p>\n</body></html>\n";
+  return out;
+}
+
+void write_report(const ReportContent& content, const fs::path& path,
+                  const ReportOptions& options) {
+  write_file_atomically(path, make_report(content, options));
+}
+
+}  // namespace camber

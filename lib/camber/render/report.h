@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "camber/render/pictures.h"
+
+namespace camber {
+
+/// What a report tells about one run.
+struct ReportContent {
+  PictureContent picture;                ///< cloud, surface, vehicles, run, camera, truth, title
+  std::filesystem::path picture_folder;  ///< holds scene.png, bev.png, overlay_*.png; may be empty
+  nlohmann::json metrics;                ///< metrics.json, or null
+};
+
+struct ReportOptions {
+  bool embed_3d = true;            ///< a 3D view that works offline where the browser has WebGL
+  std::size_t max_points = 40000;  ///< of the 3D view, > 0
+
+  void validate() const;  ///< throws std::invalid_argument
+};
+
+/// One self-contained HTML page: pictures, side profile of the road with its uncertainty, tables of
+/// patches and vehicles with margins, errors to the truth where known, timings, version, seed,
+/// options, hashes of the inputs, the command. Nothing is loaded from elsewhere and no script is
+/// needed to read it. Same input, same bytes.
+/// @throws InputError for a picture that cannot be read; std::invalid_argument for bad options.
+std::string make_report(const ReportContent& content, const ReportOptions& options = {});
+
+/// Writes it, atomically. @throws OutputError also.
+void write_report(const ReportContent& content, const std::filesystem::path& path,
+                  const ReportOptions& options = {});
+
+}  // namespace camber

@@ -1,0 +1,179 @@
+#include "camber/render/report_viewer.h"
+
+namespace camber {
+
+const char* const kReportViewer = R"JS(
+(function () {
+  "use strict";
+  var canvas = document.getElementById("view");
+  var gl = canvas.getContext("webgl2", {alpha: false, antialias: true, preserveDrawingBuffer: true});
+  if (!gl) return;
+  var text = atob(document.getElementById("glb").textContent);
+  var bytes = new Uint8Array(text.length);
+  for (var i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  var head = new DataView(bytes.buffer);
+  var jsonLength = head.getUint32(12, true);
+  var doc = JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonLength)));
+  var base = 20 + jsonLength + 8;
+
+  function shader(type, source) {
+    var s = gl.createShader(type);
+    gl.shaderSource(s, source);
+    gl.compileShader(s);
+    return s;
+  }
+  var program = gl.createProgram();
+  gl.attachShader(program, shader(gl.VERTEX_SHADER,
+    "#version 300 es\nin vec3 p;in vec4 c;uniform mat4 m;uniform float s;out vec4 v;" +
+    "void main(){gl_Position=m*vec4(p,1.);gl_PointSize=s;v=c;}"));
+  gl.attachShader(program, shader(gl.FRAGMENT_SHADER,
+    "#version 300 es\nprecision mediump float;in vec4 v;uniform vec4 f;out vec4 o;" +
+    "void main(){vec4 c=v*f;vec3 l=c.rgb;" +
+    "o=vec4(mix(12.92*l,1.055*pow(l,vec3(1./2.4))-.055,step(.0031308,l)),c.a);}"));
+  gl.bindAttribLocation(program, 0, "p");
+  gl.bindAttribLocation(program, 1, "c");
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return;
+  gl.useProgram(program);
+  var at = {m: gl.getUniformLocation(program, "m"), s: gl.getUniformLocation(program, "s"),
+            f: gl.getUniformLocation(program, "f")};
+
+  function upload(target, accessor) {
+    var view = doc.bufferViews[doc.accessors[accessor].bufferView];
+    var buffer = gl.createBuffer();
+    gl.bindBuffer(target, buffer);
+    gl.bufferData(target, bytes.subarray(base + view.byteOffset,
+                                         base + view.byteOffset + view.byteLength), gl.STATIC_DRAW);
+  }
+  var low = [1e30, 1e30, 1e30], high = [-1e30, -1e30, -1e30], draws = [];
+  (doc.meshes || []).forEach(function (mesh) {
+    mesh.primitives.forEach(function (primitive) {
+      var position = doc.accessors[primitive.attributes.POSITION];
+      for (var k = 0; k < 3; k++) {
+        low[k] = Math.min(low[k], position.min[k]);
+        high[k] = Math.max(high[k], position.max[k]);
+      }
+      var array = gl.createVertexArray();
+      gl.bindVertexArray(array);
+      upload(gl.ARRAY_BUFFER, primitive.attributes.POSITION);
+      gl.enableVertexAttribArray(0);
+      gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+      if ("COLOR_0" in primitive.attributes) {
+        upload(gl.ARRAY_BUFFER, primitive.attributes.COLOR_0);
+        gl.enableVertexAttribArray(1);
+        gl.vertexAttribPointer(1, 4, gl.UNSIGNED_SHORT, true, 0, 0);
+      }
+      var count = position.count, indexed = "indices" in primitive;
+      if (indexed) {
+        upload(gl.ELEMENT_ARRAY_BUFFER, primitive.indices);
+        count = doc.accessors[primitive.indices].count;
+      }
+      var color = doc.materials[primitive.material].pbrMetallicRoughness.baseColorFactor;
+      draws.push({array: array, count: count, indexed: indexed, color: color,
+                  mode: primitive.mode});
+    });
+  });
+  gl.bindVertexArray(null);
+  draws.sort(function (a, b) { return b.color[3] - a.color[3]; });
+
+  var target = [0, 1, 2].map(function (k) { return (low[k] + high[k]) / 2; });
+  var size = Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) || 1;
+  var azimuth = 0.7, elevation = 0.4, distance = 0;
+
+  function axes() {
+    var ce = Math.cos(elevation), se = Math.sin(elevation);
+    var back = [ce * Math.sin(azimuth), se, ce * Math.cos(azimuth)];
+    var right = [Math.cos(azimuth), 0, -Math.sin(azimuth)];
+    var up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2],
+              back[0] * right[1] - back[1] * right[0]];
+    return [right, up, back];
+  }
+  function draw() {
+    var ratio = window.devicePixelRatio || 1;
+    var w = Math.max(1, Math.round(canvas.clientWidth * ratio));
+    var h = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+    if (distance === 0) distance = size * Math.max(0.95, 1.1 * h / w);
+    gl.viewport(0, 0, w, h);
+    gl.clearColor(1, 1, 1, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    var a = axes(), f = 1 / Math.tan(0.35), near = distance * 0.01, far = distance + 4 * size;
+    var eye = target.map(function (t, k) { return t + distance * a[2][k]; });
+    function dot(u) { return u[0] * eye[0] + u[1] * eye[1] + u[2] * eye[2]; }
+    var px = f * h / w, py = f, pz = (far + near) / (near - far), pw = 2 * far * near / (near - far);
+    var m = new Float32Array(16), t = [-dot(a[0]), -dot(a[1]), -dot(a[2])];
+    for (var c = 0; c < 4; c++) {
+      var x = c < 3 ? a[0][c] : t[0], y = c < 3 ? a[1][c] : t[1], z = c < 3 ? a[2][c] : t[2];
+      m[4 * c] = px * x;
+      m[4 * c + 1] = py * y;
+      m[4 * c + 2] = pz * z + (c === 3 ? pw : 0);
+      m[4 * c + 3] = -z;
+    }
+    gl.uniformMatrix4fv(at.m, false, m);
+    gl.uniform1f(at.s, 2 * ratio);
+    draws.forEach(function (d) {
+      gl.bindVertexArray(d.array);
+      gl.vertexAttrib4f(1, 1, 1, 1, 1);
+      gl.uniform4fv(at.f, d.color);
+      gl.depthMask(d.color[3] >= 1);
+      if (d.indexed) gl.drawElements(d.mode, d.count, gl.UNSIGNED_INT, 0);
+      else gl.drawArrays(d.mode, 0, d.count);
+    });
+    gl.depthMask(true);
+  }
+  var pending = false;
+  function redraw() {
+    if (pending) return;
+    pending = true;
+    requestAnimationFrame(function () { pending = false; draw(); });
+  }
+  function pan(dx, dy) {
+    var a = axes(), s = distance * 0.73 / canvas.clientHeight;
+    for (var k = 0; k < 3; k++) target[k] += s * (-dx * a[0][k] + dy * a[1][k]);
+  }
+  var fingers = new Map();
+  canvas.addEventListener("pointerdown", function (e) {
+    canvas.setPointerCapture(e.pointerId);
+    fingers.set(e.pointerId, {x: e.clientX, y: e.clientY});
+  });
+  ["pointerup", "pointercancel"].forEach(function (name) {
+    canvas.addEventListener(name, function (e) { fingers.delete(e.pointerId); });
+  });
+  canvas.addEventListener("pointermove", function (e) {
+    var last = fingers.get(e.pointerId);
+    if (!last) return;
+    var dx = e.clientX - last.x, dy = e.clientY - last.y;
+    if (fingers.size === 2) {
+      var other = null;
+      fingers.forEach(function (v, id) { if (id !== e.pointerId) other = v; });
+      var before = Math.hypot(last.x - other.x, last.y - other.y);
+      var after = Math.hypot(e.clientX - other.x, e.clientY - other.y);
+      if (before > 0 && after > 0) distance *= before / after;
+      pan(dx / 2, dy / 2);
+    } else if (e.buttons & 2 || e.shiftKey) {
+      pan(dx, dy);
+    } else {
+      azimuth -= dx * 0.008;
+      elevation = Math.min(1.55, Math.max(-1.55, elevation + dy * 0.008));
+    }
+    last.x = e.clientX;
+    last.y = e.clientY;
+    redraw();
+  });
+  canvas.addEventListener("wheel", function (e) {
+    e.preventDefault();
+    distance = Math.min(20 * size, Math.max(0.001 * size, distance * Math.exp(e.deltaY * 0.001)));
+    redraw();
+  }, {passive: false});
+  canvas.addEventListener("contextmenu", function (e) { e.preventDefault(); });
+  window.addEventListener("resize", redraw);
+  canvas.style.display = "block";
+  document.getElementById("viewnote").hidden = false;
+  draw();
+})();
+)JS";
+
+}  // namespace camber

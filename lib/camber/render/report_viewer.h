@@ -1,0 +1,9 @@
+#pragma once
+
+namespace camber {
+
+/// The script of a report's 3D view: reads the glTF binary that is embedded in the page and draws
+/// it with WebGL 2. Where the browser has none the page stays as it is.
+extern const char* const kReportViewer;
+
+}  // namespace camber

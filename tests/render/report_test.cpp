@@ -1,0 +1,179 @@
+#include "camber/render/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/render/gltf.h"
+#include "camber/render/picture_file.h"
+#include "picture_content.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using nlohmann::json;
+using test::PictureScene;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::uint32_t number_at(const std::string& bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  for (int i = 3; i >= 0; --i) {
+    value = value << 8 | static_cast<std::uint8_t>(bytes[at + static_cast<std::size_t>(i)]);
+  }
+  return value;
+}
+
+struct Glb {
+  json document;
+  std::string binary;
+
+  explicit Glb(const std::string& bytes) {
+    EXPECT_EQ(bytes.substr(0, 4), "glTF");
+    EXPECT_EQ(number_at(bytes, 4), 2u);
+    EXPECT_EQ(number_at(bytes, 8), bytes.size());
+    const std::size_t length = number_at(bytes, 12);
+    EXPECT_EQ(length % 4, 0u);
+    EXPECT_EQ(bytes.substr(16, 4), "JSON");
+    document = json::parse(bytes.substr(20, length));
+    EXPECT_EQ(bytes.substr(24 + length, 4), std::string("BIN\0", 4));
+    binary = bytes.substr(28 + length);
+    EXPECT_EQ(number_at(bytes, 20 + length), binary.size());
+    EXPECT_EQ(document["buffers"][0]["byteLength"], binary.size());
+  }
+
+  const json* node(const std::string& name) const {
+    for (const json& n : document["nodes"]) {
+      if (n["name"] == name) return &n;
+    }
+    return nullptr;
+  }
+
+  std::vector<Eigen::Vector3f> positions(const json& primitive) const {
+    const json& accessor = document["accessors"][primitive["attributes"]["POSITION"].get<int>()];
+    const json& view = document["bufferViews"][accessor["bufferView"].get<int>()];
+    std::vector<Eigen::Vector3f> out(accessor["count"].get<std::size_t>());
+    std::memcpy(static_cast<void*>(out.data()),
+                binary.data() + view["byteOffset"].get<std::size_t>(),
+                out.size() * sizeof(Eigen::Vector3f));
+    return out;
+  }
+};
+
+TEST(Gltf, HoldsTheSceneInMetresWithYUp) {
+  const PictureScene scene;
+  const std::string bytes = encode_glb(scene.content());
+  EXPECT_EQ(bytes, encode_glb(scene.content()));
+  const Glb glb(bytes);
+  for (const char* name : {"road points", "patches", "patch 0", "vehicles", "car 1", "car 2",
+                           "truth", "true vehicle 1", "cameras", "camera 7", "path"}) {
+    EXPECT_NE(glb.node(name), nullptr) << name;
+  }
+  // Every accessor lies within the buffer and has at least as many bytes as it needs.
+  for (const json& view : glb.document["bufferViews"]) {
+    EXPECT_EQ(view["byteOffset"].get<std::size_t>() % 4, 0u);
+    EXPECT_LE(view["byteOffset"].get<std::size_t>() + view["byteLength"].get<std::size_t>(),
+              glb.binary.size());
+  }
+  // The first road point: camera (-5, 1.33, 4) is 5 m left, 0.32 m above the road at the camera
+  // (1.65 m below it), 4 m ahead; glTF's axes are right, up, back.
+  const json& mesh = glb.document["meshes"][(*glb.node("road points"))["mesh"].get<int>()];
+  const auto points = glb.positions(mesh["primitives"][0]);
+  ASSERT_EQ(points.size(), scene.cloud.size());
+  EXPECT_LT((points[0] - Eigen::Vector3f(-5.0f, 0.32f, -4.0f)).norm(), 1e-5f);
+}
+
+TEST(Gltf, ThinsPointsAndLeavesTruthOutWhereAsked) {
+  const PictureScene scene;
+  GltfOptions options;
+  options.max_points = 1000;
+  options.show_truth = false;
+  const Glb glb(encode_glb(scene.content(), options));
+  EXPECT_EQ(glb.node("truth"), nullptr);
+  const json& mesh = glb.document["meshes"][(*glb.node("road points"))["mesh"].get<int>()];
+  EXPECT_LE(glb.positions(mesh["primitives"][0]).size(), 1000u);
+  EXPECT_GE(glb.positions(mesh["primitives"][0]).size(), 900u);
+}
+
+TEST(Gltf, UnwritableOutputAndNothingToShow) {
+  const PictureScene scene;
+  EXPECT_THROW(write_glb(scene.content(), "/nonexistent-folder/scene.glb"), OutputError);
+  EXPECT_THROW(encode_glb(PictureContent{}), NoAnswerError);
+}
+
+TEST(Report, IsSelfContainedAndTellsTheRun) {
+  PictureScene scene;
+  scene.run.seed = 77;
+  scene.run.timings.add("motion", 12.5);
+  scene.run.extra["command"] = "camber reconstruct <scene> & more";
+  scene.run.input_hashes = {{"image_00.png", "0123456789abcdef"}};
+  scene.run.points_dropped = {{"behind_camera", 321}};
+  for (int i = 0; i < 12; ++i) {
+    const double z = 1.5 * i;
+    scene.surface.driven_line.emplace_back(0.0, PictureScene::road_y(z), z);
+  }
+  ReportContent content;
+  content.picture = scene.content();
+  content.picture.title = "a <b>road</b>";
+  content.metrics = {{"scale_error", 0.0123}};
+  const std::string page = make_report(content);
+  EXPECT_EQ(page, make_report(content));
+  EXPECT_THAT(page, HasSubstr("<h1>a &lt;b&gt;road&lt;/b&gt;</h1>"));
+  EXPECT_THAT(page, HasSubstr("camber reconstruct &lt;scene&gt; &amp; more"));
+  for (const char* part : {"0123456789abcdef", "behind_camera", "321", "12.5", "77", "scale_error",
+                           "0.0123", "<h2>Vehicles</h2>", "<h2>Patches</h2>",
+                           "Profile along the driven line", "<h3>Frame 7</h3>"}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
+  // Nothing is loaded from elsewhere.
+  for (const char* outside : {"http:", "https:", "src=\"/", "href=", "@import", "url("}) {
+    EXPECT_THAT(page, Not(HasSubstr(outside)));
+  }
+}
+
+TEST(Report, TheViewIsOptionalAndPicturesAreEmbedded) {
+  const PictureScene scene;
+  const test::TemporaryFolder folder;
+  ReportContent content;
+  content.picture = scene.content();
+  content.picture_folder = folder.path();
+  ReportOptions options;
+  options.embed_3d = false;
+  const std::string without = make_report(content, options);
+  EXPECT_THAT(without, Not(HasSubstr("<script")));
+  EXPECT_THAT(without, Not(HasSubstr("<img")));
+  write_png(make_picture(8, 8, 10), folder.path() / "bev.png");
+  write_png(make_picture(8, 8, 10), folder.path() / "overlay_000007.png");
+  const std::string with = make_report(content, options);
+  EXPECT_THAT(with, HasSubstr("data:image/png;base64,iVBORw0KGgo"));  // a PNG's first bytes
+  EXPECT_THAT(make_report(content), HasSubstr("<canvas id=view>"));
+}
+
+TEST(Report, UnwritableOutputAndBadOptions) {
+  const PictureScene scene;
+  ReportContent content;
+  content.picture = scene.content();
+  EXPECT_THROW(write_report(content, "/nonexistent-folder/report.html"), OutputError);
+  ReportOptions options;
+  options.max_points = 0;
+  EXPECT_THROW(make_report(content, options), std::invalid_argument);
+}
+
+TEST(Report, WithoutScaleNoMetreIsClaimed) {
+  PictureScene scene;
+  scene.run.metric = scene.surface.metric = false;
+  ReportContent content;
+  content.picture = scene.content();
+  const std::string page = make_report(content);
+  EXPECT_THAT(page, HasSubstr("up to scale"));
+  EXPECT_THAT(page, HasSubstr("distance (units)"));
+  EXPECT_THAT(page, Not(HasSubstr("distance (m)")));
+}
+
+}  // namespace
+}  // namespace camber

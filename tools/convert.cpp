@@ -1,0 +1,166 @@
+// camber convert: clouds, COLMAP models and depth images to cloud files of another format.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/cloud/number_text.h"
+#include "camber/cloud/stream_filters.h"
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/scene/depth_cloud.h"
+#include "camber/scene/image_io.h"
+#include "camber/scene/scene.h"
+#include "cloud_arguments.h"
+#include "command.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string input, out;
+  CloudArguments cloud;
+  OutputArguments output;
+  std::string depth_encoding, camera, image, labels;
+  double baseline = 0.0;
+  double largest_depth = std::numeric_limits<double>::infinity();
+  bool as_json = false;
+};
+
+/// "fx,fy,cx,cy" in pixels, or a scene manifest.
+PinholeCamera read_camera(const std::string& text, const fs::path& image, const LogSink& warn) {
+  double values[4];
+  std::size_t count = 0;
+  std::string_view rest = text;
+  while (count < 4) {
+    const std::size_t comma = std::min(rest.find(','), rest.size());
+    const ParsedNumber number = parse_number(rest.data(), rest.data() + comma);
+    if (comma == 0 || number.end != rest.data() + comma) break;
+    values[count++] = number.value;
+    rest.remove_prefix(std::min(comma + 1, rest.size()));
+  }
+  if (count == 4 && rest.empty()) {
+    const ImageInfo info = read_image_info(image);
+    PinholeCamera camera;
+    camera.width = info.width;
+    camera.height = info.height;
+    camera.fx = values[0];
+    camera.fy = values[1];
+    camera.cx = values[2];
+    camera.cy = values[3];
+    camera.validate();
+    return camera;
+  }
+  if (count > 1)
+    throw UsageError("--camera: found '" + text + "', expected fx,fy,cx,cy or a scene");
+  return read_scene(text, warn).camera;
+}
+
+RoadCloud read_depth(const Arguments& a, const LogSink& warn) {
+  if (a.camera.empty()) {
+    throw UsageError("--depth needs --camera: fx,fy,cx,cy in pixels, or a scene manifest");
+  }
+  const PinholeCamera camera = read_camera(a.camera, a.input, warn);
+  DepthImage depth;
+  if (a.depth_encoding == "kitti-disparity") {
+    if (!(a.baseline > 0.0)) throw UsageError("--depth kitti-disparity needs --baseline, m");
+    depth = read_disparity_image(a.input, camera, a.baseline);
+  } else {
+    depth = read_depth_image(a.input, a.depth_encoding, camera);
+  }
+  Image color, labels;
+  if (!a.image.empty()) color = read_color_image(a.image);
+  if (!a.labels.empty()) labels = read_label_image(a.labels, camera);
+  return cloud_from_depth(depth, camera, a.image.empty() ? nullptr : &color,
+                          a.labels.empty() ? nullptr : &labels, a.largest_depth);
+}
+
+}  // namespace
+
+void register_convert(CLI::App& root) {
+  Command* command = add_command(
+      root, "convert",
+      "Writes a cloud, a COLMAP model's points or a depth image as a cloud file of another format. "
+      "Clouds stream through: files of any size need little memory.",
+      "  camber convert scan.pcd --out scan.ply\n"
+      "  camber convert 000000.bin --out scan.pcd --encoding compressed\n"
+      "  camber convert points.txt --columns x,y,z,_,intensity --out points.las\n"
+      "  camber convert sparse/0 --out points.ply\n"
+      "  camber convert depth.png --depth kitti --camera 721.5,721.5,609.6,172.9 --out depth.ply\n"
+      "  camber convert DepthLeft/000001.png --depth synthia --camera scene.json "
+      "--image RGBLeft/000001.png --out truth.ply");
+  const auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("input", a.input, "cloud file, folder of a COLMAP model, or depth image")
+      ->required();
+  app.add_option("--out", a.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")->required();
+  add_cloud_arguments(app, a.cloud);
+  add_output_arguments(app, a.output);
+  app.add_option(
+         "--depth", a.depth_encoding,
+         "the input is a depth image: kitti (16 bits, m * 256), kitti-disparity, or synthia "
+         "(24 bits)")
+      ->check(CLI::IsMember({"kitti", "kitti-disparity", "synthia"}));
+  app.add_option("--camera", a.camera, "of a depth image: fx,fy,cx,cy in px, or a scene manifest");
+  app.add_option("--baseline", a.baseline, "of a disparity image's stereo pair, m");
+  app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m");
+  app.add_option("--image", a.image, "colours for a depth image, same size");
+  app.add_option("--labels", a.labels, "label image for a depth image, same size");
+  app.add_flag("--json", a.as_json, "one JSON object on stdout");
+
+  command->run = [command, arguments] {
+    const Arguments& args = *arguments;
+    const LogSink warn = make_warning_sink(command->common);
+    const WriteOptions write = args.output.write_options();
+    require_known_output(args.out, write);
+    Timings timings;
+    StageTimer load(timings, "load");
+    RoadCloud cloud;
+    std::unique_ptr<PointSource> source;
+    if (!args.depth_encoding.empty()) {
+      cloud = read_depth(args, warn);
+      source = make_point_source(cloud);
+    } else {
+      source = open_typed_source(args.input, args.cloud.read_options());
+      if (args.cloud.lenient) source = drop_bad_points(std::move(source));
+    }
+    load.stop();
+    StageTimer writing(timings, "write");
+    const std::uint64_t points =
+        write_points(*source, args.out, write, make_progress(command->common));
+    writing.stop();
+    const ReadReport& report = source->report();
+    warn_about(args.input, report, warn);
+    if (report.faces > 0 && warn) {
+      warn(fmt::format("{}: {} faces are not written", args.input, report.faces));
+    }
+    if (args.as_json) {
+      json dropped = json::object();
+      for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
+      fmt::print("{}\n", json{{"version", kVersion},
+                              {"seed", command->common.seed},
+                              {"options",
+                               {{"lenient", args.cloud.lenient},
+                                {"encoding", args.output.encoding},
+                                {"format", args.output.format}}},
+                              {"timings_ms", cloud_timings(timings)},
+                              {"input", args.input},
+                              {"out", args.out},
+                              {"points", points},
+                              {"dropped", dropped},
+                              {"notes", report.notes}}
+                             .dump(2, ' ', false, json::error_handler_t::replace));
+    }
+    return 0;
+  };
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,152 @@
+// camber plane: one robust plane of a cloud.
+
+#include "camber/plane/fit_plane.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/plane/fit_plane_pcl.h"
+#include "camber/road/consistency_graph.h"
+#include "camber/scene/results.h"
+#include "cloud_arguments.h"
+#include "command.h"
+#include "road_arguments.h"
+
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+
+json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+
+}  // namespace
+
+void register_plane(CLI::App& root) {
+  Command* command = add_command(root, "plane", "Fits one plane to a cloud with outliers",
+                                 "  camber plane road.ply\n"
+                                 "  camber plane scan.pcd --up 0,0,1 --max-tilt-deg 30 --json\n"
+                                 "  camber plane road.ply --threshold 0.05 --engine pcl");
+  struct Arguments {
+    std::string cloud;
+    CloudArguments reading;
+    UpArguments up;
+    PlaneFitOptions options;
+    double max_tilt_deg = PlaneFitOptions().max_tilt / kDegree;
+    std::string engine = "camber";
+    bool as_json = false;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& app = *command->app;
+  app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
+  add_up_arguments(app, arguments->up);
+  app.add_option("--max-tilt-deg", arguments->max_tilt_deg,
+                 "largest angle between the normal and up, degrees")
+      ->capture_default_str();
+  app.add_option("--threshold", arguments->options.inlier_threshold,
+                 "metres from the plane that make an inlier; 0: from the points' own uncertainty, "
+                 "or from the noise of the cloud")
+      ->capture_default_str();
+  app.add_option("--max-hypotheses", arguments->options.max_hypotheses,
+                 "most minimal samples that are scored")
+      ->capture_default_str();
+  app.add_option("--confidence", arguments->options.confidence, "of the adaptive stop")
+      ->capture_default_str();
+  app.add_option("--engine", arguments->engine,
+                 "camber, or pcl: the Point Cloud Library's MSAC, for comparison (threshold "
+                 "0.05 m unless given)")
+      ->check(CLI::IsMember({"camber", "pcl"}))
+      ->capture_default_str();
+  add_cloud_arguments(app, arguments->reading);
+  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
+
+  command->run = [command, arguments] {
+    PlaneFitOptions options = arguments->options;
+    options.seed = command->common.seed;
+    options.num_threads = command->common.threads;
+    options.max_tilt = arguments->max_tilt_deg * kDegree;
+    options.list_inliers = false;
+    options.validate();
+    Timings timings;
+    StageTimer load(timings, "load");
+    const CloudFile file = read_cloud_file(arguments->cloud, arguments->reading.read_options());
+    warn_about(arguments->cloud, file.report, make_warning_sink(command->common));
+    load.stop();
+    options.up = arguments->up.up(file.cloud);
+    options.viewpoint = arguments->up.viewpoint();
+    check_interrupted();
+    StageTimer compute(timings, "compute");
+    const bool pcl = arguments->engine == "pcl";
+    const PlaneFit fit = pcl ? fit_plane_pcl(file.cloud, options) : fit_plane(file.cloud, options);
+    compute.stop();
+    if (fit.status == Status::kFailed) {
+      throw NoAnswerError(arguments->cloud + ": " + fit.reason);
+    }
+    PlanePatch patch;
+    patch.status = fit.status;
+    patch.reason = fit.reason;
+    patch.plane = fit.plane;
+    patch.inliers = static_cast<int>(fit.num_inliers);
+    patch.boundary = fit.extent;
+    RoadSurface surface;
+    surface.frame = file.cloud.frame == CloudFrame::kCamera ? "camera" : "z-up";
+    surface.up = options.up.normalized();
+    surface.metric = file.cloud.metric;
+    surface.patches = {patch};
+    align_patches_with_road(&surface);
+    patch = surface.patches[0];
+
+    if (!arguments->as_json) {
+      const Plane& plane = patch.plane.plane;
+      const Eigen::Matrix3d& c = patch.plane.covariance;
+      fmt::print("status     {}{}{}\n", to_string(patch.status), patch.reason.empty() ? "" : ": ",
+                 patch.reason);
+      fmt::print("normal     {:.6f} {:.6f} {:.6f}\n", plane.normal.x(), plane.normal.y(),
+                 plane.normal.z());
+      fmt::print("offset     {:.4f} m\n", plane.offset);
+      fmt::print("centroid   {:.3f} {:.3f} {:.3f}\n", patch.plane.centroid.x(),
+                 patch.plane.centroid.y(), patch.plane.centroid.z());
+      fmt::print("tilt       {:.3f} deg from up\n",
+                 angle_between(plane.normal, surface.up) / kDegree);
+      fmt::print("sigmas     {:.4f} deg, {:.4f} deg, {:.2f} mm\n", std::sqrt(c(0, 0)) / kDegree,
+                 std::sqrt(c(1, 1)) / kDegree, 1e3 * std::sqrt(c(2, 2)));
+      fmt::print("inliers    {} of {}, rmse {:.1f} mm\n", fit.num_inliers, file.cloud.size(),
+                 1e3 * fit.rmse);
+      fmt::print("condition  {:.3g}\n", fit.condition);
+      return 0;
+    }
+    StageTimer write(timings, "write");
+    json plane = to_json(patch);
+    plane["condition"] = number(fit.condition);
+    plane["noise"] = number(fit.noise);
+    plane["rmse"] = number(fit.rmse);
+    plane["hypotheses"] = fit.hypotheses;
+    json out = {{"version", kVersion},
+                {"seed", options.seed},
+                {"options",
+                 {{"engine", arguments->engine},
+                  {"up", {options.up.x(), options.up.y(), options.up.z()}},
+                  {"max_tilt_deg", arguments->max_tilt_deg},
+                  {"threshold", options.inlier_threshold},
+                  {"max_hypotheses", options.max_hypotheses},
+                  {"confidence", options.confidence}}},
+                {"file", arguments->cloud},
+                {"points", file.cloud.size()},
+                {"frame", surface.frame},
+                {"metric", surface.metric},
+                {"plane", std::move(plane)}};
+    write.stop();
+    out["timings_ms"] = cloud_timings(timings);
+    fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
+    return 0;
+  };
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,137 @@
+// camber profile: height, grade and cross slope along a line on a surface.
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/road/road_profile.h"
+#include "camber/scene/results.h"
+#include "command.h"
+#include "road_arguments.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+json percent(double value) { return number(100.0 * value); }
+
+/// Empty for what is not known.
+std::string cell(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : std::string();
+}
+
+}  // namespace
+
+void register_profile(CLI::App& root) {
+  Command* command =
+      add_command(root, "profile", "Height, grade and cross slope along a road",
+                  "  camber profile results --out profile.csv\n"
+                  "  camber profile surface --along centreline.csv --step 5 --out profile.json");
+  struct Arguments {
+    std::string surface, out, line;
+    ProfileOptions options;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App& app = *command->app;
+  app.add_option("surface", arguments->surface, "result folder, or its surface.json")->required();
+  app.add_option("--out", arguments->out, "FILE.csv or FILE.json")->required();
+  app.add_option("--along", arguments->line,
+                 "points of a line in order (any cloud format); default: the driven line of the "
+                 "result");
+  app.add_option("--step", arguments->options.step, "metres between stations")
+      ->capture_default_str();
+  app.add_option("--length", arguments->options.length,
+                 "metres of road over which grade and vertical radius are measured")
+      ->capture_default_str();
+  app.add_option("--reach", arguments->options.reach,
+                 "metres that a station may lie beyond a patch's boundary")
+      ->capture_default_str();
+
+  command->run = [command, arguments] {
+    const ProfileOptions& options = arguments->options;
+    options.validate();
+    const fs::path out_path = arguments->out;
+    const std::string extension = out_path.extension().string();
+    if (extension != ".csv" && extension != ".json") {
+      throw UsageError("--out: found '" + arguments->out + "', expected FILE.csv or FILE.json");
+    }
+    Timings timings;
+    StageTimer load(timings, "load");
+    fs::path surface_path = arguments->surface;
+    std::error_code ignored;
+    if (fs::is_directory(surface_path, ignored)) surface_path /= "surface.json";
+    const RoadSurface surface = read_surface(surface_path);
+    std::vector<Eigen::Vector3d> line = surface.driven_line;
+    if (!arguments->line.empty()) line = read_line(arguments->line);
+    load.stop();
+    if (line.size() < 2) {
+      throw NoAnswerError(surface_path.string() +
+                          ": holds no driven line; give a line with --along FILE");
+    }
+    StageTimer compute(timings, "compute");
+    const std::vector<ProfilePoint> profile = road_profile(surface, line, options);
+    compute.stop();
+
+    StageTimer write(timings, "write");
+    std::size_t covered = 0;
+    for (const ProfilePoint& point : profile) covered += point.status != Status::kFailed ? 1 : 0;
+    if (extension == ".csv") {
+      std::string text =
+          "station_m,x,y,z,height_m,grade_percent,cross_slope_percent,vertical_radius_m,"
+          "sigma_height_m,sigma_grade_percent,sigma_cross_slope_percent,patch,status\n";
+      for (const ProfilePoint& p : profile) {
+        text += fmt::format(
+            "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
+            p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
+            cell(100.0 * p.cross_slope, 4), cell(p.vertical_radius, 2), cell(p.sigma_height, 5),
+            cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
+            p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)));
+      }
+      write_file_atomically(out_path, text);
+    } else {
+      json stations = json::array();
+      for (const ProfilePoint& p : profile) {
+        stations.push_back({{"station", p.station},
+                            {"status", to_string(p.status)},
+                            {"reason", p.reason},
+                            {"patch", p.patch},
+                            {"point", {p.point.x(), p.point.y(), p.point.z()}},
+                            {"height", number(p.height)},
+                            {"grade_percent", percent(p.grade)},
+                            {"cross_slope_percent", percent(p.cross_slope)},
+                            {"vertical_radius", number(p.vertical_radius)},
+                            {"sigma_height", number(p.sigma_height)},
+                            {"sigma_grade_percent", percent(p.sigma_grade)},
+                            {"sigma_cross_slope_percent", percent(p.sigma_cross_slope)}});
+      }
+      json out = {{"version", kVersion},
+                  {"seed", command->common.seed},
+                  {"options",
+                   {{"step", options.step}, {"length", options.length}, {"reach", options.reach}}},
+                  {"frame", surface.frame},
+                  {"metric", surface.metric},
+                  {"covered_stations", covered},
+                  {"stations", std::move(stations)}};
+      out["timings_ms"] = cloud_timings(timings);
+      write_json(out, out_path);
+    }
+    write.stop();
+    if (!command->common.quiet && covered < profile.size()) {
+      make_warning_sink(command->common)(fmt::format("{} of {} stations are not covered",
+                                                     profile.size() - covered, profile.size()));
+    }
+    return 0;
+  };
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,47 @@
+#include "road_arguments.h"
+
+#include "camber/cloud/cloud_io.h"
+#include "camber/core/errors.h"
+
+namespace camber::tools {
+
+Eigen::Vector3d UpArguments::up(const RoadCloud& cloud) const {
+  if (up_values.empty()) return cloud.default_up();
+  const Eigen::Vector3d direction(up_values[0], up_values[1], up_values[2]);
+  if (!direction.allFinite() || !(direction.norm() > 0.0)) {
+    throw UsageError("--up: found a vector without a direction, expected x,y,z");
+  }
+  return direction.normalized();
+}
+
+std::optional<Eigen::Vector3d> UpArguments::viewpoint() const {
+  if (viewpoint_values.empty()) return std::nullopt;
+  return Eigen::Vector3d(viewpoint_values[0], viewpoint_values[1], viewpoint_values[2]);
+}
+
+void add_up_arguments(CLI::App& app, UpArguments& arguments) {
+  app.add_option("--up", arguments.up_values,
+                 "up direction x,y,z; default: the camera's (0,-1,0) for clouds that Camber wrote "
+                 "in a camera's frame, else 0,0,1")
+      ->delimiter(',')
+      ->expected(3);
+  app.add_option("--viewpoint", arguments.viewpoint_values,
+                 "place x,y,z from which all points were seen: sigmas are then along the rays; "
+                 "default: the origin for clouds in a camera's frame, else unknown")
+      ->delimiter(',')
+      ->expected(3);
+}
+
+std::vector<Eigen::Vector3d> read_line(const std::string& path) {
+  const RoadCloud cloud = read_cloud(path);
+  std::vector<Eigen::Vector3d> line;
+  for (const Eigen::Vector3f& p : cloud.points) {
+    if (p.allFinite()) line.push_back(cloud.origin + p.cast<double>());
+  }
+  if (line.size() < 2) {
+    throw NoAnswerError(path + ": a line needs at least two points");
+  }
+  return line;
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "camber/cloud/road_cloud.h"
+#include "camber/core/stopwatch.h"
+#include "cloud_arguments.h"
+#include "command.h"
+
+namespace camber::tools {
+
+/// --up and --viewpoint of the commands on road clouds.
+struct UpArguments {
+  std::vector<double> up_values;
+  std::vector<double> viewpoint_values;
+
+  /// The direction given, else the cloud's own.
+  Eigen::Vector3d up(const RoadCloud& cloud) const;
+  std::optional<Eigen::Vector3d> viewpoint() const;
+};
+
+/// `arguments` must live as long as the app.
+void add_up_arguments(CLI::App& app, UpArguments& arguments);
+
+/// The points of a file (any cloud format, in their order) as a polyline.
+/// @throws InputError if it cannot be read; NoAnswerError for fewer than two points.
+std::vector<Eigen::Vector3d> read_line(const std::string& path);
+
+}  // namespace camber::tools
