@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "support/test_data.h"
 #include "vehicle/simulated_vehicle.h"
 
 namespace camber {
@@ -55,10 +56,25 @@ TEST(FitVehicle, PlacesCarsAndSaysHowWell) {
   const Population p = fit_population({}, 500);
   EXPECT_EQ(p.answered, 500);
   EXPECT_EQ(p.flipped, 0);
-  EXPECT_LT(p.mean, 0.60);    // 0.48 measured; 7 to 45 m away
-  EXPECT_LT(p.median, 0.40);  // 0.31 measured
+  EXPECT_LT(p.mean, 0.60);    // 0.53 measured; 7 to 45 m away
+  EXPECT_LT(p.median, 0.40);  // 0.36 measured
   EXPECT_GT(p.covered, 0.93);
-  EXPECT_LE(p.covered, 0.985);  // the prior is a little wider than the family itself
+  EXPECT_LE(p.covered, 0.97);
+}
+
+// Bodies that the prior's family knows nothing of: annotated cars, scaled to sizes of their own.
+TEST(FitVehicle, IsHonestAboutRealShapesToo) {
+  CAMBER_REQUIRE_DATA("car-keypoints-36");
+  const std::vector<AnnotatedShape> shapes =
+      read_annotated_shapes(test::data_dir() / "car-keypoints-36" / "annotated_shapes.csv");
+  SimulationOptions simulation;
+  simulation.shapes = &shapes;
+  const Population p = fit_population(simulation, 1000);
+  EXPECT_EQ(p.answered, 1000);
+  EXPECT_LE(p.flipped, 2);
+  EXPECT_LT(p.mean, 0.80);  // 0.69 measured
+  EXPECT_GT(p.covered, 0.93);
+  EXPECT_LT(p.covered, 0.97);
 }
 
 TEST(FitVehicle, WithoutConfidencesAsGood) {

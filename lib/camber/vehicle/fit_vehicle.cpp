@@ -180,24 +180,32 @@ class Problem {
   }
 
   /// Log density of a keypoint's error and its weight in a least-squares step (1 / cells^2).
+  /// @param along  the share of the weight that holds along the residual's own direction, where it
+  ///               matters that its component is not known: 1 - Var(precision) r^2 / E(precision),
+  ///               not below 0.
   double log_density(double squared, double seen_share, double model_variance, double* weight,
-                     double* kept) const {
+                     double* kept, double* along = nullptr) const {
     const NoiseModel& n = noise_;
     const double good = 1.0 - n.gross_share;
     const double shares[3] = {good * seen_share, good * (1.0 - seen_share) * (1.0 - n.far_share),
                               good * (1.0 - seen_share) * n.far_share};
     const double sigmas[3] = {n.seen * noise_scale_, n.guessed, n.guessed_far};
-    double total = n.gross_share * n.gross_density, weighted = 0.0, near = 0.0;
+    double total = n.gross_share * n.gross_density, weighted = 0.0, near = 0.0, twice = 0.0;
     for (int c = 0; c < 3; ++c) {
       const double variance = sigmas[c] * sigmas[c] + model_variance;
       const double density =
           shares[c] * std::exp(-0.5 * squared / variance) / (2.0 * kPi * variance);
       total += density;
       weighted += density / variance;
+      twice += density / (variance * variance);
       if (c < 2) near += density;
     }
     if (weight) *weight = weighted / total;
     if (kept) *kept = near / total;
+    if (along) {
+      const double mean = weighted / total;
+      *along = std::max(1.0 - (twice / total - mean * mean) * squared / mean, 0.0);
+    }
     return std::log(total);
   }
 
@@ -209,13 +217,16 @@ class Problem {
 
   /// Minus log posterior; optionally with the normal equations of a Gauss-Newton step (a weighted
   /// least-squares step for the mixture).
-  double evaluate(const State& s, Matrix* hessian, Vector* gradient) const {
+  /// @param observed  the keypoints' own second derivatives in place of the step's, which takes
+  /// their
+  ///                  components for known and so is a little too sure.
+  double evaluate(const State& s, Matrix* hessian, Vector* gradient, bool observed = false) const {
     double cost = 0.0;
     if (hessian) {
       hessian->setZero(num_parameters_, num_parameters_);
       gradient->setZero(num_parameters_);
     }
-    if (!add_keypoints(s, &cost, hessian, gradient)) return kInfinity;
+    if (!add_keypoints(s, &cost, hessian, gradient, observed)) return kInfinity;
     if (!add_box(s, &cost, hessian, gradient)) return kInfinity;
     add_plane(s, &cost, hessian, gradient);
     add_prior(s, &cost, hessian, gradient);
@@ -479,8 +490,8 @@ class Problem {
   }
 
   void make_box(const Box2& box) {
-    const double su = std::max(options_.box_sigma * box.width(), 1.0);
-    const double sv = std::max(options_.box_sigma * box.height(), 1.0);
+    const double su = std::hypot(options_.box_sigma * box.width(), 1.0);
+    const double sv = std::hypot(options_.box_sigma * box.height(), 1.0);
     constexpr double kBorder = 3.0;  // px
     edges_[0] = {0, -1.0, box.x1, su, box.x1 <= kBorder};
     edges_[1] = {0, 1.0, box.x2, su, box.x2 >= camera_.width - 1 - kBorder};
@@ -524,7 +535,8 @@ class Problem {
     return ru * ru + rv * rv;
   }
 
-  bool add_keypoints(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
+  bool add_keypoints(const State& s, double* cost, Matrix* hessian, Vector* gradient,
+                     bool observed = false) const {
     // Rows are weighted and stacked, then multiplied at once.
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, 2 * kNumKeypoints>
         rows;
@@ -540,12 +552,21 @@ class Problem {
       Eigen::Vector2d pixel;
       double depth = 0.0;
       if (!project(point, s, &pixel, &depth)) return false;
-      double weight = 0.0;
-      *cost -= log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth),
-                           &weight, nullptr);
+      double weight = 0.0, along = 1.0;
+      const double squared = squared_error(j, pixel);
+      *cost -= log_density(squared, seen_share_[j], model_variance(j, depth), &weight, nullptr,
+                           observed ? &along : nullptr);
       if (!hessian) continue;
       point_jacobian(point, s, &jacobian);
       const double root = std::sqrt(weight);
+      if (observed && along < 1.0) {
+        const Eigen::Vector2d away = Eigen::Vector2d((pixel.x() - pixels_[j].x()) / cell_u_,
+                                                     (pixel.y() - pixels_[j].y()) / cell_v_) /
+                                     std::sqrt(squared);
+        const Vector row = (away.x() / cell_u_) * jacobian.row(0).transpose() +
+                           (away.y() / cell_v_) * jacobian.row(1).transpose();
+        hessian->noalias() -= (1.0 - along) * weight * row * row.transpose();
+      }
       rows.col(2 * j) = (root / cell_u_) * jacobian.row(0).transpose();
       rows.col(2 * j + 1) = (root / cell_v_) * jacobian.row(1).transpose();
       residuals[2 * j] = root * (pixel.x() - pixels_[j].x()) / cell_u_;
@@ -578,12 +599,12 @@ class Problem {
       const BoxEdge& edge = edges_[e];
       const double beyond = extreme[e] - edge.sign * edge.pixel;  // px, outwards
       if (edge.at_border && beyond >= 0.0) continue;
-      // Student's t with 4 degrees of freedom: boxes of hidden vehicles may be far off.
-      constexpr double kFreedom = 4.0;
+      // Cauchy beyond 3 sigma: boxes of hidden vehicles may be far off.
+      constexpr double kScale = 9.0;
       const double r = beyond / edge.sigma;
-      *cost += 0.5 * (kFreedom + 1.0) * std::log1p(r * r / kFreedom);
+      *cost += 0.5 * kScale * std::log1p(r * r / kScale);
       if (!hessian) continue;
-      const double weight = (kFreedom + 1.0) / (kFreedom + r * r);
+      const double weight = 1.0 / (1.0 + r * r / kScale);
       point_jacobian(body_[point_of[e]], s, &jacobian);
       const Vector row = (edge.sign / edge.sigma) * jacobian.row(edge.axis).transpose();
       hessian->noalias() += weight * row * row.transpose();
@@ -611,15 +632,15 @@ class Problem {
     Eigen::Vector3d e;
     Eigen::Matrix3d information;
     stance(s, &e, &information);
-    // Student's t with 6 degrees of freedom: a plane may be plainly wrong.
-    constexpr double kFreedom = 6.0;
+    // Cauchy beyond 4 sigma: a plane may be plainly wrong.
+    constexpr double kScale = 16.0;
     const double squared = e.dot(information * e);
     const bool trusted = options_.trust_plane;
-    *cost += trusted ? 0.5 * squared : 0.5 * (kFreedom + 3.0) * std::log1p(squared / kFreedom);
+    *cost += trusted ? 0.5 * squared : 0.5 * kScale * std::log1p(squared / kScale);
     // An upside-down vehicle has small e as well.
     if (s.rotation.col(1).dot(support_.plane.plane.normal) < 0.0) *cost += 1e3;
     if (!hessian) return;
-    const double weight = trusted ? 1.0 : (kFreedom + 3.0) / (kFreedom + squared);
+    const double weight = trusted ? 1.0 : 1.0 / (1.0 + squared / kScale);
     Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxParameters> jacobian;
     jacobian.setZero(3, num_parameters_);
     // up = R exp(w) e_y: d up = R (w x e_y) = -w_x ... : columns for w_x, w_z.
@@ -889,7 +910,7 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
         write_state(problem, prior, best.state, &out);
         Matrix hessian;
         Vector gradient;
-        problem.evaluate(best.state, &hessian, &gradient);
+        problem.evaluate(best.state, &hessian, &gradient, /*observed=*/true);
         out.covariance = report_covariance(best.state, inverse_of(hessian));
         out.reprojection_rmse_px = agreement.rmse_px;
         out.status = Status::kOk;

@@ -13,12 +13,12 @@ struct VehicleFitOptions {
   /// Standard deviation of a visible keypoint, as a share of the detection box's width (in u) and
   /// height (in v), > 0. Networks see the box resized to 64 x 64 cells.
   double keypoint_sigma = 1.0 / 64.0;
-  /// Standard deviation of a box edge, as a share of the box's side, > 0; never below 1 px.
-  double box_sigma = 0.025;
-  int num_coefficients = 15;           ///< of the shape prior, >= 0; 0: mean shape, size alone free
+  /// Standard deviation of a box edge, as a share of the box's side, > 0; beside 1 px for all.
+  double box_sigma = 0.03;
+  int num_coefficients = 20;           ///< of the shape prior, >= 0; 0: mean shape, size alone free
   int num_yaws = 16;                   ///< headings tried at the start, >= 4
-  double stance_sigma_height = 0.015;  ///< m, wheels against the plane: suspension, unevenness; > 0
-  double stance_sigma_tilt = 0.008;    ///< rad, likewise; > 0
+  double stance_sigma_height = 0.012;  ///< m, wheels against the plane: suspension, unevenness; > 0
+  double stance_sigma_tilt = 0.006;    ///< rad, likewise; > 0
   /// The plane is never doubted, however much the keypoints contradict it (the flat-road baseline);
   /// otherwise a plainly wrong plane loses its weight.
   bool trust_plane = false;

@@ -6,7 +6,7 @@ namespace camber {
 
 /// How well a plane that is handed in without a covariance is taken to be known.
 struct SupportOptions {
-  double given_sigma_height = 0.015;  ///< m, a local plane given with the detection; > 0
+  double given_sigma_height = 0.010;  ///< m, a local plane given with the detection; > 0
   double given_sigma_tilt = 0.004;    ///< rad; > 0
   double ego_sigma_height = 0.02;     ///< m, at the foot below the camera; > 0
   double ego_sigma_tilt = 0.03;       ///< rad: how much a road's slope changes on the way; > 0

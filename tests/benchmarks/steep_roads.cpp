@@ -1,0 +1,341 @@
+// The vehicles of steep roads by the three methods: 3D errors by distance, with planes from images
+// and with the true planes, rows kept apart; and real keypoints on real cars. Truth is only
+// compared with, but for the rows that say that they were given the true planes.
+//
+//   bench_steep_roads [--keep DIR] [--cars] [--prior FILE]
+//
+// --keep DIR  stores the roads found in the images in DIR and takes them from there next time, so
+//             that only the vehicles are fitted again; --cars lists every vehicle.
+// Data: $CAMBER_DATA, else ../shared/data.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "camber/core/errors.h"
+#include "camber/evaluate/tables.h"
+#include "camber/pipeline/reconstruct.h"
+#include "camber/scene/results.h"
+#include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/support_plane.h"
+#include "support/test_data.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+constexpr double kDegrees = 180.0 / 3.14159265358979323846;
+const Eigen::Vector3d kUp(0.0, -1.0, 0.0);
+
+struct Road {
+  RoadSurface surface;
+  RunDocument run;
+  VehicleDocument vehicles;  // their plane_source says which patch is theirs
+};
+
+struct Clip {
+  Scene scene;
+  int middle = 0;
+  Road three, five;  // roads from the middle three frames and from all five
+};
+
+bool read_road(const fs::path& folder, Road* road) {
+  if (!fs::exists(folder / "run.json")) return false;
+  road->surface = read_surface(folder / "surface.json");
+  road->run = read_run(folder / "run.json");
+  road->vehicles = read_vehicles(folder / "vehicles.json");
+  return true;
+}
+
+Road find_road(const Scene& scene, const std::vector<int>& frames, const fs::path& kept) {
+  Road road;
+  if (!kept.empty() && read_road(kept, &road)) return road;
+  Reconstruction result = reconstruct(scene, frames, {});
+  road.surface = std::move(result.surface);
+  road.run = std::move(result.run);
+  road.vehicles = std::move(result.vehicles);
+  if (!kept.empty()) {
+    fs::create_directories(kept);
+    write_json(to_json(road.surface), kept / "surface.json");
+    write_json(to_json(road.vehicles), kept / "vehicles.json");
+    write_json(to_json(road.run), kept / "run.json");
+  }
+  return road;
+}
+
+std::vector<Clip> read_clips(const fs::path& folder, const fs::path& keep) {
+  std::vector<fs::path> paths;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (fs::exists(entry.path() / "scene.json")) paths.push_back(entry.path());
+  }
+  std::sort(paths.begin(), paths.end());
+  std::vector<Clip> out;
+  for (const fs::path& path : paths) {
+    Clip clip;
+    clip.scene = read_scene(path);
+    const auto id = [&](std::size_t k) { return clip.scene.frames[k].id; };
+    clip.middle = id(2);
+    const fs::path kept = keep.empty() ? fs::path() : keep / path.filename();
+    clip.three = find_road(clip.scene, {id(1), id(2), id(3)}, kept.empty() ? kept : kept / "three");
+    clip.five = find_road(clip.scene, {id(0), id(1), id(2), id(3), id(4)},
+                          kept.empty() ? kept : kept / "five");
+    out.push_back(std::move(clip));
+  }
+  return out;
+}
+
+const TruthFrame& truth_of(const Scene& scene, int frame) {
+  for (const TruthFrame& t : scene.truth->frames) {
+    if (t.id == frame) return t;
+  }
+  throw std::runtime_error("no truth of the frame");
+}
+
+/// The plane under a detection as the run found it.
+SupportPlane found_support(const Road& road, int frame, const VehicleDetection& detection) {
+  SE3 frame_from_reference;
+  for (const RunDocument::CameraPose& camera : road.run.cameras) {
+    if (camera.id == frame) frame_from_reference = camera.reference_from_camera.inverse();
+  }
+  for (const VehicleFrame& f : road.vehicles.frames) {
+    if (f.id != frame) continue;
+    for (const VehicleEstimate& v : f.vehicles) {
+      if (v.id != detection.id) continue;
+      const int id = v.plane_source.rfind("patch ", 0) == 0 ? std::stoi(v.plane_source.substr(6))
+                                                            : road.surface.ego_patch;
+      const PlanePatch* patch = road.surface.find(id);
+      SupportPlane out;
+      out.plane = patch->plane.transformed(frame_from_reference);
+      out.source = v.plane_source;
+      out.status = patch->status;
+      return out;
+    }
+  }
+  throw std::runtime_error("no plane for a detection");
+}
+
+using Supports = std::function<SupportPlane(const Clip&, const VehicleDetection&)>;
+
+SupportPlane unknown_plane(SupportPlane support) {
+  support.plane.covariance = Eigen::Vector3d(0.25, 0.25, 400.0).asDiagonal();
+  support.status = Status::kOk;
+  return support;
+}
+
+/// The true plane of the true vehicle whose box overlaps the detection most.
+const TruthVehicle* true_vehicle(const Clip& clip, const VehicleDetection& detection) {
+  const TruthVehicle* best = nullptr;
+  double overlap = 0.5;
+  for (const TruthVehicle& t : truth_of(clip.scene, clip.middle).vehicles) {
+    const Box2 box = t.box.clipped(clip.scene.camera.width, clip.scene.camera.height);
+    const double o = intersection_over_union(box, detection.box);
+    if (o >= overlap) {
+      overlap = o;
+      best = &t;
+    }
+  }
+  return best;
+}
+
+SupportPlane true_support(const Clip& clip, const VehicleDetection& detection) {
+  VehicleDetection given = detection;
+  const TruthVehicle* t = true_vehicle(clip, detection);
+  given.given_plane = t ? *t->plane : *truth_of(clip.scene, clip.middle).ego_plane;
+  return given_support(clip.scene.camera, given, {});
+}
+
+struct Row {
+  const char* name;
+  const char* planes;
+  Supports support;
+  VehicleFitOptions fit;
+};
+
+EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
+  const SceneFrame& frame = *clip.scene.find_frame(clip.middle);
+  std::vector<SupportPlane> supports;
+  for (const VehicleDetection& d : frame.vehicles) supports.push_back(row.support(clip, d));
+  VehicleDocument document;
+  document.method = row.name;
+  document.frames.push_back(
+      {clip.middle, fit_vehicles(clip.scene.camera, frame.vehicles, supports, row.fit)});
+  EvaluatedScene out;
+  out.scene = clip.scene.name;
+  out.method = row.name;
+  out.metrics = evaluate_vehicles(clip.scene, document);
+  return out;
+}
+
+void print_row(const char* planes, const MethodTables& t) {
+  const auto bin = [&](const char* name) -> const LocalisationRow& {
+    for (const LocalisationRow& r : t.rows) {
+      if (r.name == name) return r;
+    }
+    throw std::runtime_error("no such row");
+  };
+  const LocalisationRow& all = bin("all");
+  std::printf(
+      "| %s | %s | %d | %.2f (%.2f) | %.2f | %.2f | %.2f | %.2f | %.2f | %.1f | %.2f | %.0f %% | "
+      "%.1f %% |\n",
+      t.method.c_str(), planes, all.center.count, all.center.mean, all.center.deviation,
+      all.center.median, bin("<= 15 m").center.mean, bin("<= 30 m").center.mean,
+      bin("> 30 m").center.mean, all.yaw.median * kDegrees, all.height.median,
+      bin("all").keypoint.median, 100.0 * all.center_within_95, 100.0 * t.unanswered_share);
+}
+
+void print_header() {
+  std::printf(
+      "| method | planes | cars | mean (std) m | median m | <= 15 m | <= 30 m | > 30 m | yaw "
+      "median deg | plane height m | keypoints m | centre in its 95 %% | unanswered |\n"
+      "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n");
+}
+
+void list_cars(const std::vector<EvaluatedScene>& scenes) {
+  for (const EvaluatedScene& scene : scenes) {
+    for (const VehicleError& e : scene.metrics.vehicles) {
+      std::printf(
+          "    %s %2d %5.1f m: error %.2f along %+.2f sigmas %.2f, plane %+.3f +- %.3f, yaw %+.1f, "
+          "size %.2f, keypoints %.2f, %s\n",
+          scene.scene.c_str(), e.truth_id, e.distance, e.center_error, e.along_error,
+          std::sqrt(e.center_mahalanobis), e.height_error, e.height_sigma, e.yaw_error * kDegrees,
+          e.dimension_error, e.keypoint_error, std::string(to_string(e.status)).c_str());
+    }
+  }
+}
+
+void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* prior) {
+  VehicleFitOptions doubting;
+  doubting.prior = prior;
+  VehicleFitOptions trusting = doubting;
+  trusting.trust_plane = true;
+  const auto level = [](const Clip& clip, const VehicleDetection&) {
+    return certain_support({kUp, *clip.scene.height_above_road}, "level");
+  };
+  const auto found_ego = [](const Clip& clip, const VehicleDetection&) {
+    SE3 here;
+    for (const auto& camera : clip.three.run.cameras) {
+      if (camera.id == clip.middle) here = camera.reference_from_camera.inverse();
+    }
+    const PlanePatch* ego = clip.three.surface.find(clip.three.surface.ego_patch);
+    return certain_support(ego->plane.transformed(here).plane, "ego");
+  };
+  const auto found = [](const Clip& clip, const VehicleDetection& d) {
+    return found_support(clip.three, clip.middle, d);
+  };
+  const auto found_by_five = [](const Clip& clip, const VehicleDetection& d) {
+    return found_support(clip.five, clip.middle, d);
+  };
+  const auto none = [&](const Clip& clip, const VehicleDetection& d) {
+    return unknown_plane(found_support(clip.three, clip.middle, d));
+  };
+  const auto true_ego = [](const Clip& clip, const VehicleDetection&) {
+    return certain_support(*truth_of(clip.scene, clip.middle).ego_plane, "ego");
+  };
+  const Row rows[] = {
+      {"flat", "none", level, trusting},
+      {"coplanar", "from 3 images", found_ego, trusting},
+      {"joint", "from 3 images", found, doubting},
+      {"joint", "from 5 images", found_by_five, doubting},
+      {"joint without planes", "none", none, doubting},
+      {"coplanar", "true ego plane", true_ego, trusting},
+      {"joint", "true", true_support, doubting},
+  };
+  print_header();
+  for (const Row& row : rows) {
+    std::vector<EvaluatedScene> scenes;
+    for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
+    print_row(row.planes, make_tables(scenes).front());
+    if (cars) list_cars(scenes);
+  }
+}
+
+/// Four real cars with real network keypoints; the camera stands about 1.65 m above a flat road.
+void real_keypoints(const fs::path& path, bool cars, const VehiclePrior* prior) {
+  std::ifstream in(path);
+  const nlohmann::json json = nlohmann::json::parse(in);
+  std::vector<double> errors, yaws;
+  int inside = 0;
+  VehicleFitOptions fit;
+  fit.prior = prior;
+  for (const nlohmann::json& car : json.contains("cars") ? json["cars"] : json) {
+    PinholeCamera camera;
+    const auto& p = car["P2"];
+    const auto at = [&](int r, int c) {
+      return p.size() == 12 ? p[4 * r + c].get<double>() : p[r][c].get<double>();
+    };
+    camera = {1242, 375, at(0, 0), at(1, 1), at(0, 2), at(1, 2)};
+    VehicleDetection detection;
+    const auto& b = car["bbox_xyxy"];
+    detection.box = {b[0], b[1], b[2], b[3]};
+    for (const auto& k : car["keypoints_uv_confidence"]) {
+      detection.keypoints.push_back({{k[0].get<double>(), k[1].get<double>()}});
+    }
+    const VehicleEstimate e = fit_vehicle(camera, detection, level_support(1.65, {}), fit);
+    // The label is in the reference camera's frame; the left colour camera is shifted against it.
+    const double tz = at(2, 3);
+    const Eigen::Vector3d shift((at(0, 3) - camera.cx * tz) / camera.fx,
+                                (at(1, 3) - camera.cy * tz) / camera.fy, tz);
+    const auto& truth = car["ground_truth"];
+    const auto& bottom = truth["bottom_center_camera"];
+    const Eigen::Vector3d center = Eigen::Vector3d(bottom[0], bottom[1], bottom[2]) + shift -
+                                   Eigen::Vector3d(0, 0.5 * truth["height"].get<double>(), 0);
+    const Eigen::Vector3d difference = e.pose.center() - center;
+    const double yaw = std::remainder(rotation_y(e.pose.camera_from_vehicle.rotation_matrix()) -
+                                          truth["rotation_y"].get<double>(),
+                                      2.0 * 3.14159265358979323846);
+    errors.push_back(difference.norm());
+    yaws.push_back(std::abs(yaw) * kDegrees);
+    const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
+    const double squared = difference.dot(covariance.inverse() * difference);
+    inside += squared < 7.815 ? 1 : 0;
+    if (cars) {
+      std::printf("    %s/%s %.1f m: error %.2f (%+.2f %+.2f %+.2f), yaw %+.1f, sigmas %.2f, %s\n",
+                  car["sequence"].dump().c_str(), car["frame"].dump().c_str(), center.norm(),
+                  difference.norm(), difference.x(), difference.y(), difference.z(), yaw * kDegrees,
+                  std::sqrt(squared), std::string(to_string(e.status)).c_str());
+    }
+  }
+  const ErrorSummary e = summarise(errors), y = summarise(yaws);
+  std::printf(
+      "centre error mean %.2f m, median %.2f m; yaw median %.1f deg; in their 95 %%: %d of "
+      "%d\n",
+      e.mean, e.median, y.median, inside, e.count);
+}
+
+}  // namespace
+}  // namespace camber
+
+int main(int argc, char** argv) {
+  using namespace camber;
+  fs::path keep;
+  bool cars = false;
+  VehiclePrior prior = shipped_vehicle_prior();
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--keep" && i + 1 < argc) keep = argv[++i];
+    if (word == "--cars") cars = true;
+    if (word == "--prior" && i + 1 < argc) prior = read_vehicle_prior(argv[++i]);
+  }
+  const fs::path data = test::data_dir();
+  std::printf("# Vehicles on steep roads\n\n");
+  if (fs::exists(data / "steep-scenes")) {
+    steep_roads(read_clips(data / "steep-scenes", keep), cars, &prior);
+  } else {
+    std::printf("skipped: no %s\n", (data / "steep-scenes").string().c_str());
+  }
+  std::printf("\n## Real network keypoints on KITTI cars, camera 1.65 m above a flat road\n\n");
+  const fs::path real = data / "kitti-car-keypoints" / "cars.json";
+  if (fs::exists(real)) {
+    real_keypoints(real, cars, &prior);
+  } else {
+    std::printf("skipped: no %s\n", real.string().c_str());
+  }
+  return 0;
+}
