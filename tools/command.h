@@ -55,5 +55,6 @@ void register_evaluate(CLI::App& root);
 void register_plane(CLI::App& root);
 void register_patches(CLI::App& root);
 void register_profile(CLI::App& root);
+void register_ground(CLI::App& root);
 
 }  // namespace camber::tools
