@@ -24,6 +24,7 @@
 #include "camber/scene/results.h"
 #include "camber/vehicle/fit_vehicle.h"
 #include "camber/vehicle/support_plane.h"
+#include "camber/vehicle/vehicle_tracks.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
@@ -121,7 +122,7 @@ SupportPlane found_support(const Road& road, int frame, const VehicleDetection& 
   throw std::runtime_error("no plane for a detection");
 }
 
-using Supports = std::function<SupportPlane(const Clip&, const VehicleDetection&)>;
+using Supports = std::function<SupportPlane(const Clip&, int frame, const VehicleDetection&)>;
 
 SupportPlane unknown_plane(SupportPlane support) {
   support.plane.covariance = Eigen::Vector3d(0.25, 0.25, 400.0).asDiagonal();
@@ -130,10 +131,10 @@ SupportPlane unknown_plane(SupportPlane support) {
 }
 
 /// The true plane of the true vehicle whose box overlaps the detection most.
-const TruthVehicle* true_vehicle(const Clip& clip, const VehicleDetection& detection) {
+const TruthVehicle* true_vehicle(const Clip& clip, int frame, const VehicleDetection& detection) {
   const TruthVehicle* best = nullptr;
   double overlap = 0.5;
-  for (const TruthVehicle& t : truth_of(clip.scene, clip.middle).vehicles) {
+  for (const TruthVehicle& t : truth_of(clip.scene, frame).vehicles) {
     const Box2 box = t.box.clipped(clip.scene.camera.width, clip.scene.camera.height);
     const double o = intersection_over_union(box, detection.box);
     if (o >= overlap) {
@@ -144,10 +145,10 @@ const TruthVehicle* true_vehicle(const Clip& clip, const VehicleDetection& detec
   return best;
 }
 
-SupportPlane true_support(const Clip& clip, const VehicleDetection& detection) {
+SupportPlane true_support(const Clip& clip, int frame, const VehicleDetection& detection) {
   VehicleDetection given = detection;
-  const TruthVehicle* t = true_vehicle(clip, detection);
-  given.given_plane = t ? *t->plane : *truth_of(clip.scene, clip.middle).ego_plane;
+  const TruthVehicle* t = true_vehicle(clip, frame, detection);
+  given.given_plane = t ? *t->plane : *truth_of(clip.scene, frame).ego_plane;
   return given_support(clip.scene.camera, given, {});
 }
 
@@ -156,16 +157,31 @@ struct Row {
   const char* planes;
   Supports support;
   VehicleFitOptions fit;
+  bool tracks = false;  // all five frames, with the tracks that the program finds
 };
 
 EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
-  const SceneFrame& frame = *clip.scene.find_frame(clip.middle);
-  std::vector<SupportPlane> supports;
-  for (const VehicleDetection& d : frame.vehicles) supports.push_back(row.support(clip, d));
+  std::vector<TrackFrame> frames;
+  std::size_t middle = 0;
+  for (const RunDocument::CameraPose& camera : clip.five.run.cameras) {
+    if (!row.tracks && camera.id != clip.middle) continue;
+    const SceneFrame& frame = *clip.scene.find_frame(camera.id);
+    if (camera.id == clip.middle) middle = frames.size();
+    TrackFrame out;
+    out.world_from_camera = camera.reference_from_camera;
+    out.time_s = frame.time_s.value_or(camera.id / clip.scene.frame_rate.value_or(10.0));
+    out.detections = frame.vehicles;
+    for (const VehicleDetection& d : frame.vehicles) {
+      out.supports.push_back(row.support(clip, camera.id, d));
+    }
+    out.estimates = fit_vehicles(clip.scene.camera, out.detections, out.supports, row.fit);
+    frames.push_back(std::move(out));
+  }
   VehicleDocument document;
   document.method = row.name;
   document.frames.push_back(
-      {clip.middle, fit_vehicles(clip.scene.camera, frame.vehicles, supports, row.fit)});
+      {clip.middle, row.tracks ? fit_tracks(clip.scene.camera, frames, row.fit)[middle]
+                               : frames[middle].estimates});
   EvaluatedScene out;
   out.scene = clip.scene.name;
   out.method = row.name;
@@ -215,10 +231,10 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
   doubting.prior = prior;
   VehicleFitOptions trusting = doubting;
   trusting.trust_plane = true;
-  const auto level = [](const Clip& clip, const VehicleDetection&) {
+  const auto level = [](const Clip& clip, int, const VehicleDetection&) {
     return certain_support({kUp, *clip.scene.height_above_road}, "level");
   };
-  const auto found_ego = [](const Clip& clip, const VehicleDetection&) {
+  const auto found_ego = [](const Clip& clip, int, const VehicleDetection&) {
     SE3 here;
     for (const auto& camera : clip.three.run.cameras) {
       if (camera.id == clip.middle) here = camera.reference_from_camera.inverse();
@@ -226,16 +242,16 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
     const PlanePatch* ego = clip.three.surface.find(clip.three.surface.ego_patch);
     return certain_support(ego->plane.transformed(here).plane, "ego");
   };
-  const auto found = [](const Clip& clip, const VehicleDetection& d) {
-    return found_support(clip.three, clip.middle, d);
+  const auto found = [](const Clip& clip, int frame, const VehicleDetection& d) {
+    return found_support(clip.three, frame, d);
   };
-  const auto found_by_five = [](const Clip& clip, const VehicleDetection& d) {
-    return found_support(clip.five, clip.middle, d);
+  const auto found_by_five = [](const Clip& clip, int frame, const VehicleDetection& d) {
+    return found_support(clip.five, frame, d);
   };
-  const auto none = [&](const Clip& clip, const VehicleDetection& d) {
-    return unknown_plane(found_support(clip.three, clip.middle, d));
+  const auto none = [&](const Clip& clip, int frame, const VehicleDetection& d) {
+    return unknown_plane(found_support(clip.three, frame, d));
   };
-  const auto true_ego = [](const Clip& clip, const VehicleDetection&) {
+  const auto true_ego = [](const Clip& clip, int, const VehicleDetection&) {
     return certain_support(*truth_of(clip.scene, clip.middle).ego_plane, "ego");
   };
   const Row rows[] = {
@@ -243,9 +259,11 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
       {"coplanar", "from 3 images", found_ego, trusting},
       {"joint", "from 3 images", found, doubting},
       {"joint", "from 5 images", found_by_five, doubting},
+      {"joint, five views", "from 5 images", found_by_five, doubting, true},
       {"joint without planes", "none", none, doubting},
       {"coplanar", "true ego plane", true_ego, trusting},
       {"joint", "true", true_support, doubting},
+      {"joint, five views", "true", true_support, doubting, true},
   };
   print_header();
   for (const Row& row : rows) {

@@ -43,6 +43,58 @@ CarModel car_from(const AnnotatedShape& shape, const Eigen::Vector3d& draw) {
   return out;
 }
 
+/// Box and keypoints of a vehicle whose pose and car are known.
+void observe(const SimulationOptions& options, std::uint64_t index, const CounterRandom& random,
+             std::uint64_t* counter, SimulatedVehicle* vehicle) {
+  auto uniform = [&](double low, double high) { return random.uniform((*counter)++, low, high); };
+  auto normal = [&](double sigma) { return sigma * random.normal((*counter)++); };
+  SimulatedVehicle& out = *vehicle;
+  out.detection = {};
+  Box2 box{1e9, 1e9, -1e9, -1e9};
+  for (const Eigen::Vector3d& v : out.car.mesh.vertices) {
+    const auto pixel = out.camera.project(out.truth.camera_from_vehicle * v);
+    if (!pixel) continue;
+    box = {std::min(box.x1, pixel->x()), std::min(box.y1, pixel->y()), std::max(box.x2, pixel->x()),
+           std::max(box.y2, pixel->y())};
+  }
+  const double noise = std::clamp(0.035 * box.height(), 0.8, 2.5);
+  box = Box2{box.x1 + normal(noise), box.y1 + normal(noise), box.x2 + normal(noise),
+             box.y2 + normal(noise)}
+            .clipped(out.camera.width, out.camera.height);
+  out.detection.id = static_cast<int>(index);
+  out.detection.box = box;
+  // Another vehicle in front of part of it.
+  const CounterRandom hiding(options.seed ^ 0x5bd1e995u, index);
+  const bool hidden = hiding.uniform(0) < options.occluded_share;
+  const double hidden_share = hiding.uniform(1, 0.15, 0.6);
+  const bool hidden_left = hiding.uniform(2) < 0.5;
+  const double cell_u = box.width() / 64.0, cell_v = box.height() / 64.0;
+  const Eigen::Vector3d eye = out.truth.camera_from_vehicle.inverse().translation();
+  for (int i = 0; i < kNumKeypoints; ++i) {
+    const Eigen::Vector3d& p = out.car.keypoints[i];
+    out.keypoints[i] = out.truth.camera_from_vehicle * p;
+    const int row = i % 18;
+    const double side = i < 18 ? -1.0 : 1.0;
+    bool seen = side * (eye.z() - p.z()) > 0.0;
+    if (row >= 10 && row <= 13) seen |= eye.x() < p.x() - 0.3;
+    if (row >= 14) seen |= eye.x() > p.x() + 0.3;
+    const Eigen::Vector2d exact = out.camera.project(out.keypoints[i]).value();
+    seen &= exact.x() > 0 && exact.y() > 0 && exact.x() < out.camera.width - 1 &&
+            exact.y() < out.camera.height - 1;
+    const double across = (exact.x() - box.x1) / box.width();
+    if (hidden) seen &= hidden_left ? across > hidden_share : across < 1.0 - hidden_share;
+    out.seen[i] = seen;
+    KeypointObservation k;
+    const double gross = uniform(0.0, 1.0), far = uniform(0.0, 1.0);
+    const double sigma = seen ? options.keypoint_sigma_cells : (far < 0.25 ? 6.0 : 2.5);  // cells
+    k.pixel = exact + Eigen::Vector2d(normal(sigma * cell_u), normal(sigma * cell_v));
+    const Eigen::Vector2d anywhere(uniform(box.x1, box.x2), uniform(box.y1, box.y2));
+    if (gross < options.gross_share) k.pixel = anywhere;
+    if (options.confidences) k.confidence = seen ? uniform(0.02, 0.9) : uniform(0.0, 0.05);
+    out.detection.keypoints.push_back(k);
+  }
+}
+
 }  // namespace
 
 SimulatedVehicle simulate_vehicle(const SimulationOptions& options, std::uint64_t index) {
@@ -104,50 +156,7 @@ SimulatedVehicle simulate_vehicle(const SimulationOptions& options, std::uint64_
   out.truth.camera_from_vehicle = SE3(rotation, bottom + normal(0.01) * up);
   out.truth.dimensions = out.car.dimensions;
 
-  // Box and keypoints.
-  Box2 box{1e9, 1e9, -1e9, -1e9};
-  for (const Eigen::Vector3d& v : out.car.mesh.vertices) {
-    const auto pixel = out.camera.project(out.truth.camera_from_vehicle * v);
-    if (!pixel) continue;
-    box = {std::min(box.x1, pixel->x()), std::min(box.y1, pixel->y()), std::max(box.x2, pixel->x()),
-           std::max(box.y2, pixel->y())};
-  }
-  const double noise = std::clamp(0.035 * box.height(), 0.8, 2.5);
-  box = Box2{box.x1 + normal(noise), box.y1 + normal(noise), box.x2 + normal(noise),
-             box.y2 + normal(noise)}
-            .clipped(out.camera.width, out.camera.height);
-  out.detection.id = static_cast<int>(index);
-  out.detection.box = box;
-  // Another vehicle in front of part of it.
-  const CounterRandom hiding(options.seed ^ 0x5bd1e995u, index);
-  const bool hidden = hiding.uniform(0) < options.occluded_share;
-  const double hidden_share = hiding.uniform(1, 0.15, 0.6);
-  const bool hidden_left = hiding.uniform(2) < 0.5;
-  const double cell_u = box.width() / 64.0, cell_v = box.height() / 64.0;
-  const Eigen::Vector3d eye = out.truth.camera_from_vehicle.inverse().translation();
-  for (int i = 0; i < kNumKeypoints; ++i) {
-    const Eigen::Vector3d& p = out.car.keypoints[i];
-    out.keypoints[i] = out.truth.camera_from_vehicle * p;
-    const int row = i % 18;
-    const double side = i < 18 ? -1.0 : 1.0;
-    bool seen = side * (eye.z() - p.z()) > 0.0;
-    if (row >= 10 && row <= 13) seen |= eye.x() < p.x() - 0.3;
-    if (row >= 14) seen |= eye.x() > p.x() + 0.3;
-    const Eigen::Vector2d exact = out.camera.project(out.keypoints[i]).value();
-    seen &= exact.x() > 0 && exact.y() > 0 && exact.x() < out.camera.width - 1 &&
-            exact.y() < out.camera.height - 1;
-    const double across = (exact.x() - box.x1) / box.width();
-    if (hidden) seen &= hidden_left ? across > hidden_share : across < 1.0 - hidden_share;
-    out.seen[i] = seen;
-    KeypointObservation k;
-    const double gross = uniform(0.0, 1.0), far = uniform(0.0, 1.0);
-    const double sigma = seen ? options.keypoint_sigma_cells : (far < 0.25 ? 6.0 : 2.5);  // cells
-    k.pixel = exact + Eigen::Vector2d(normal(sigma * cell_u), normal(sigma * cell_v));
-    const Eigen::Vector2d anywhere(uniform(box.x1, box.x2), uniform(box.y1, box.y2));
-    if (gross < options.gross_share) k.pixel = anywhere;
-    if (options.confidences) k.confidence = seen ? uniform(0.02, 0.9) : uniform(0.0, 0.05);
-    out.detection.keypoints.push_back(k);
-  }
+  observe(options, index, random, &counter, &out);
 
   // The plane that the fit is given.
   out.support.source = "given";
@@ -166,6 +175,21 @@ SimulatedVehicle simulate_vehicle(const SimulationOptions& options, std::uint64_
   UncertainPlane::make_axes(out.support.plane.plane.normal, ahead, &out.support.plane.axis1,
                             &out.support.plane.axis2);
   out.support.plane.centroid = out.support.plane.plane.foot(bottom);
+  return out;
+}
+
+SimulatedVehicle seen_again(const SimulatedVehicle& vehicle, const SimulationOptions& options,
+                            std::uint64_t index, int view, const SE3& camera_from_first,
+                            double driven) {
+  SimulatedVehicle out = vehicle;
+  const SE3& before = vehicle.truth.camera_from_vehicle;
+  const SE3 now(before.rotation_matrix(), before * Eigen::Vector3d(driven, 0.0, 0.0));
+  out.truth.camera_from_vehicle = camera_from_first * now;
+  out.true_plane = vehicle.true_plane.transformed(camera_from_first);
+  out.support.plane = vehicle.support.plane.transformed(camera_from_first);
+  const CounterRandom random(options.seed + 7919u * static_cast<unsigned>(view), index);
+  std::uint64_t counter = 1u << 16;
+  observe(options, index, random, &counter, &out);
   return out;
 }
 

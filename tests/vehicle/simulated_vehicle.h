@@ -41,4 +41,10 @@ struct SimulatedVehicle {
 /// Depends on (options, index) alone.
 SimulatedVehicle simulate_vehicle(const SimulationOptions& options, std::uint64_t index);
 
+/// The same vehicle from another camera, `driven` metres on along its heading; on the same plane
+/// with the same error. Depends on its arguments alone.
+SimulatedVehicle seen_again(const SimulatedVehicle& vehicle, const SimulationOptions& options,
+                            std::uint64_t index, int view, const SE3& camera_from_first,
+                            double driven);
+
 }  // namespace camber::test

@@ -12,720 +12,17 @@
 #include <stdexcept>
 
 #include "camber/core/threads.h"
+#include "camber/vehicle/single_view_problem.h"
 
 namespace camber {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMaxCoefficients = 20;
-constexpr int kMaxParameters = 9 + kMaxCoefficients;
-constexpr int kPoseParameters = 6;  // translation in the camera, rotation in the vehicle's frame
-constexpr int kSizeParameters = 3;  // length, width, height
-constexpr int kNumExtraPoints = 10;
-constexpr int kNumBodyPoints = kNumKeypoints + kNumExtraPoints;
-
-using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxParameters, 1>;
-using Matrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, kMaxParameters>;
-using PointJacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxParameters>;
-
-// Pixel errors in cells (share keypoint_sigma of the box), as a mixture: keypoints that the network
-// saw, ones that it guessed, and gross errors anywhere in its crop.
-struct NoiseModel {
-  double seen = 1.05;        // cells, each axis
-  double guessed = 2.6;      // cells; most hidden keypoints
-  double guessed_far = 6.0;  // cells; the rest
-  double gross_share = 0.05;
-  double far_share = 0.30;              // of the guessed ones
-  double gross_density = 1.0 / 4096.0;  // a cell: uniform over 64 x 64
-};
-
-struct State {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  // camera_from_vehicle
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();   // bottom centre
-  Eigen::Vector3d size = Eigen::Vector3d::Ones();          // length, width, height
-  Vector shape;                                            // coefficients
-};
-
-/// A point of the body as shares of the box, linear in the shape coefficients.
-struct BodyPoint {
-  Eigen::Vector3d mean;  // x / l, y / h, z / w
-  Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxCoefficients> basis;
-};
-
-/// One side of the detection box.
-struct BoxEdge {
-  int axis;     // 0: u, 1: v
-  double sign;  // the body's largest sign * pixel coordinate makes this edge
-  double pixel;
-  double sigma;    // px
-  bool at_border;  // cut by the image: the body may reach farther out
-};
-
-/// Everything that stays the same during one fit.
-class Problem {
- public:
-  Problem(const PinholeCamera& camera, const VehicleDetection& detection,
-          const SupportPlane& support, const VehicleFitOptions& options, bool use_keypoints,
-          int num_coefficients)
-      : camera_(camera), support_(support), options_(options) {
-    const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
-    const ShapePrior& full = prior.shape(detection.vehicle_class);
-    num_coefficients_ = std::min({num_coefficients, full.num_coefficients(), kMaxCoefficients});
-    num_parameters_ = kPoseParameters + kSizeParameters + num_coefficients_;
-    // Shape errors that no coefficient explains, of a keypoint, m, each axis.
-    const Eigen::Matrix<double, 3, kNumSideKeypoints> left = full.residual_sigma(num_coefficients_);
-    for (int i = 0; i < kNumKeypoints; ++i) {
-      model_variance_[i] = left.col(i % kNumSideKeypoints).squaredNorm() / 3.0;
-    }
-
-    const int known = kSizeParameters + num_coefficients_;
-    prior_mean_ = full.parameters_mean.head(known);
-    Matrix covariance = full.parameters_covariance.topLeftCorner(known, known);
-    if (!prior.has_shape(detection.vehicle_class)) {
-      const SizePrior size = prior.size(detection.vehicle_class);
-      prior_mean_.head<3>() = size.mean;
-      covariance.setIdentity(known, known);
-      covariance.topLeftCorner<3, 3>() = size.covariance;
-    }
-    prior_information_ = covariance.llt().solve(Matrix::Identity(known, known));
-
-    make_body(full, prior.has_shape(detection.vehicle_class));
-    make_box(detection.box);
-    cell_u_ = std::max(detection.box.width() * options.keypoint_sigma, 0.2);
-    cell_v_ = std::max(detection.box.height() * options.keypoint_sigma, 0.2);
-    noise_.gross_density = options.keypoint_sigma * options.keypoint_sigma;
-    if (use_keypoints) read_keypoints(detection);
-  }
-
-  int num_coefficients() const { return num_coefficients_; }
-  int num_keypoints() const { return static_cast<int>(used_.size()); }
-  const Vector& prior_mean() const { return prior_mean_; }
-  double cell_u() const { return cell_u_; }
-  double cell_v() const { return cell_v_; }
-
-  State mean_state() const {
-    State s;
-    s.size = prior_mean_.head<3>();
-    s.shape = Vector::Zero(num_coefficients_);
-    return s;
-  }
-
-  Eigen::Vector3d point_in_vehicle(const BodyPoint& point, const State& s) const {
-    Eigen::Vector3d share = point.mean;
-    if (num_coefficients_ > 0) share += point.basis * s.shape;
-    return {s.size[0] * share.x(), s.size[2] * share.y(), s.size[1] * share.z()};
-  }
-
-  /// Pixel of a body point; false if it is not in front of the camera.
-  bool project(const BodyPoint& point, const State& s, Eigen::Vector2d* pixel,
-               double* depth = nullptr) const {
-    const Eigen::Vector3d x = s.rotation * point_in_vehicle(point, s) + s.translation;
-    if (!(x.z() > 0.3)) return false;
-    *pixel = {camera_.fx * x.x() / x.z() + camera_.cx, camera_.fy * x.y() / x.z() + camera_.cy};
-    if (depth) *depth = x.z();
-    return true;
-  }
-
-  /// d pixel / d parameters of a body point in front of the camera.
-  void point_jacobian(const BodyPoint& point, const State& s, PointJacobian* jacobian) const {
-    Eigen::Vector3d share = point.mean;
-    if (num_coefficients_ > 0) share += point.basis * s.shape;
-    const Eigen::Vector3d size(s.size[0], s.size[2], s.size[1]);
-    const Eigen::Vector3d p = size.cwiseProduct(share);
-    const Eigen::Vector3d x = s.rotation * p + s.translation;
-    const double iz = 1.0 / x.z();
-    Eigen::Matrix<double, 2, 3> to_pixel;
-    to_pixel << camera_.fx * iz, 0.0, -camera_.fx * x.x() * iz * iz, 0.0, camera_.fy * iz,
-        -camera_.fy * x.y() * iz * iz;
-    const Eigen::Matrix<double, 2, 3> turned = to_pixel * s.rotation;
-    jacobian->resize(2, num_parameters_);
-    jacobian->leftCols<3>() = to_pixel;
-    // R exp(w) p: d / dw = -R [p]x.
-    jacobian->col(3) = turned.col(2) * p.y() - turned.col(1) * p.z();
-    jacobian->col(4) = turned.col(0) * p.z() - turned.col(2) * p.x();
-    jacobian->col(5) = turned.col(1) * p.x() - turned.col(0) * p.y();
-    jacobian->col(6) = turned.col(0) * share.x();
-    jacobian->col(7) = turned.col(2) * share.z();
-    jacobian->col(8) = turned.col(1) * share.y();
-    for (int k = 0; k < num_coefficients_; ++k) {
-      jacobian->col(9 + k) = turned * size.cwiseProduct(point.basis.col(k));
-    }
-  }
-
-  /// Share of keypoints that the network is expected to have seen, from the side that the car
-  /// shows at this state (and from the confidences once they are trusted).
-  void update_visibility(const State& s) {
-    const Eigen::Vector3d eye = s.rotation.transpose() * -s.translation;  // vehicle frame
-    for (std::size_t j = 0; j < used_.size(); ++j) {
-      const int i = used_[j];
-      const int row = i % kNumSideKeypoints;
-      const Eigen::Vector3d p = point_in_vehicle(body_[i], s);
-      const double side = i < kNumSideKeypoints ? -1.0 : 1.0;
-      bool shown = side * (eye.z() - p.z()) > 0.0;
-      // Corners are seen from their end of the car as well; roof corners from above.
-      if (row >= 10 && row <= 12) shown |= eye.x() < p.x();
-      if (row >= 15) shown |= eye.x() > p.x();
-      if (row == 13) shown |= eye.x() < p.x() || eye.y() > p.y();
-      if (row == 14) shown |= eye.x() > p.x() || eye.y() > p.y();
-      double share = shown ? 0.80 : 0.12;
-      if (use_confidence_) {
-        const double odds = share / (1.0 - share) * std::exp(8.0 * (rank_[j] - 0.5));
-        share = odds / (1.0 + odds);
-      }
-      seen_share_[j] = share;
-    }
-  }
-
-  /// Log density of a keypoint's error and its weight in a least-squares step (1 / cells^2).
-  /// @param along  the share of the weight that holds along the residual's own direction, where it
-  ///               matters that its component is not known: 1 - Var(precision) r^2 / E(precision),
-  ///               not below 0.
-  double log_density(double squared, double seen_share, double model_variance, double* weight,
-                     double* kept, double* along = nullptr) const {
-    const NoiseModel& n = noise_;
-    const double good = 1.0 - n.gross_share;
-    const double shares[3] = {good * seen_share, good * (1.0 - seen_share) * (1.0 - n.far_share),
-                              good * (1.0 - seen_share) * n.far_share};
-    const double sigmas[3] = {n.seen * noise_scale_, n.guessed, n.guessed_far};
-    double total = n.gross_share * n.gross_density, weighted = 0.0, near = 0.0, twice = 0.0;
-    for (int c = 0; c < 3; ++c) {
-      const double variance = sigmas[c] * sigmas[c] + model_variance;
-      const double density =
-          shares[c] * std::exp(-0.5 * squared / variance) / (2.0 * kPi * variance);
-      total += density;
-      weighted += density / variance;
-      twice += density / (variance * variance);
-      if (c < 2) near += density;
-    }
-    if (weight) *weight = weighted / total;
-    if (kept) *kept = near / total;
-    if (along) {
-      const double mean = weighted / total;
-      *along = std::max(1.0 - (twice / total - mean * mean) * squared / mean, 0.0);
-    }
-    return std::log(total);
-  }
-
-  /// Variance of keypoint j's pixel from its shape error, cells^2.
-  double model_variance(std::size_t j, double depth) const {
-    const double scale = camera_.fx * camera_.fy / (depth * depth * cell_u_ * cell_v_);
-    return model_variance_[used_[j]] * scale;
-  }
-
-  /// Minus log posterior; optionally with the normal equations of a Gauss-Newton step (a weighted
-  /// least-squares step for the mixture).
-  /// @param observed  the keypoints' own second derivatives in place of the step's, which takes
-  /// their
-  ///                  components for known and so is a little too sure.
-  double evaluate(const State& s, Matrix* hessian, Vector* gradient, bool observed = false) const {
-    double cost = 0.0;
-    if (hessian) {
-      hessian->setZero(num_parameters_, num_parameters_);
-      gradient->setZero(num_parameters_);
-    }
-    if (!add_keypoints(s, &cost, hessian, gradient, observed)) return kInfinity;
-    if (!add_box(s, &cost, hessian, gradient)) return kInfinity;
-    add_plane(s, &cost, hessian, gradient);
-    add_prior(s, &cost, hessian, gradient);
-    return cost;
-  }
-
-  State moved(const State& s, const Vector& step) const {
-    State out = s;
-    out.translation += step.segment<3>(0);
-    out.rotation = s.rotation * rotation_from_vector(step.segment<3>(3)).toRotationMatrix();
-    out.size += step.segment<3>(6);
-    for (int i = 0; i < 3; ++i) out.size[i] = std::max(out.size[i], 0.3 * prior_mean_[i]);
-    if (num_coefficients_ > 0) out.shape += step.tail(num_coefficients_);
-    return out;
-  }
-
-  /// Levenberg-Marquardt on the minus log posterior. @return final cost.
-  double refine(State* state, int max_iterations, double tolerance) const {
-    Matrix hessian;
-    Vector gradient;
-    double cost = evaluate(*state, &hessian, &gradient);
-    double lambda = 1e-3;
-    for (int iteration = 0; iteration < max_iterations && std::isfinite(cost); ++iteration) {
-      Matrix damped = hessian;
-      damped.diagonal() *= 1.0 + lambda;
-      Vector step = -damped.ldlt().solve(gradient);
-      // A turn of more than 0.3 rad leaves the range of the linear model.
-      const double turn = step.segment<3>(3).norm();
-      if (turn > 0.3) step *= 0.3 / turn;
-      const State candidate = moved(*state, step);
-      const double next = evaluate(candidate, nullptr, nullptr);
-      if (next < cost) {
-        const double gain = cost - next;
-        *state = candidate;
-        cost = next;
-        lambda = std::max(lambda * 0.2, 1e-8);
-        if (gain < tolerance) break;
-        evaluate(*state, &hessian, &gradient);
-      } else {
-        lambda *= 8.0;
-        if (lambda > 1e8) break;
-      }
-    }
-    return cost;
-  }
-
-  /// Start poses of one heading: the linear problem in the position, twice reweighted, from two
-  /// guesses. @return cost of the better one (minus log posterior with the mean vehicle).
-  double start_at(double yaw, const std::vector<Eigen::Vector3d>& guesses, State* best) {
-    double best_cost = kInfinity;
-    for (const Eigen::Vector3d& guess : guesses) {
-      State s = mean_state();
-      s.rotation = rotation_at(yaw);
-      s.translation = guess;
-      update_visibility(s);
-      std::array<Eigen::Vector3d, kNumKeypoints> offset;
-      for (std::size_t j = 0; j < used_.size(); ++j) {
-        offset[j] = s.rotation * point_in_vehicle(body_[used_[j]], s);
-      }
-      for (int iteration = 0; iteration < 4; ++iteration) {
-        // Robust scale in cells, shrinking: a wrong start must still feel all keypoints.
-        const double scale = iteration == 0 ? 24.0 : (iteration == 1 ? 12.0 : 5.0);
-        Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-        Eigen::Vector3d right = Eigen::Vector3d::Zero();
-        for (std::size_t j = 0; j < used_.size(); ++j) {
-          const Eigen::Vector3d x = offset[j] + s.translation;
-          const double z = std::max(x.z(), 1.0);
-          const Eigen::Vector3d& ray = rays_[j];
-          const Eigen::Vector3d row_u(1.0, 0.0, -ray.x()), row_v(0.0, 1.0, -ray.y());
-          const double ku = camera_.fx / (z * cell_u_), kv = camera_.fy / (z * cell_v_);
-          const double ru = ku * row_u.dot(x), rv = kv * row_v.dot(x);
-          const double weight =
-              1.0 / (1.0 + (ru * ru + rv * rv) / (scale * scale)) * (0.3 + seen_share_[j]);
-          normal +=
-              weight * (ku * ku * row_u * row_u.transpose() + kv * kv * row_v * row_v.transpose());
-          right -= weight * (ku * ku * row_u * row_u.dot(offset[j]) +
-                             kv * kv * row_v * row_v.dot(offset[j]));
-        }
-        const Plane& plane = support_.plane.plane;
-        const double variance = support_.plane.height_variance(s.translation) +
-                                std::pow(options_.stance_sigma_height, 2) + 0.05 * 0.05;
-        normal += plane.normal * plane.normal.transpose() / variance;
-        right -= plane.normal * plane.offset / variance;
-        const Eigen::Vector3d solved = normal.ldlt().solve(right);
-        if (!solved.allFinite() || solved.z() < 1.0) break;
-        s.translation = solved;
-      }
-      const double cost = evaluate(s, nullptr, nullptr);
-      if (cost < best_cost) {
-        best_cost = cost;
-        *best = s;
-      }
-    }
-    return best_cost;
-  }
-
-  /// The rotation of a vehicle standing on the plane, its front turned by `yaw` about the normal.
-  Eigen::Matrix3d rotation_at(double yaw) const {
-    const Eigen::Vector3d n = support_.plane.plane.normal;
-    Eigen::Vector3d ahead(0.0, 0.0, 1.0), right;
-    ahead -= ahead.dot(n) * n;
-    if (ahead.norm() < 1e-3) ahead = Eigen::Vector3d(1.0, 0.0, 0.0) - n.x() * n;
-    ahead.normalize();
-    right = ahead.cross(n);
-    Eigen::Matrix3d r;
-    r.col(0) = std::cos(yaw) * ahead + std::sin(yaw) * right;
-    r.col(1) = n;
-    r.col(2) = r.col(0).cross(n);
-    return r;
-  }
-
-  /// Where the vehicle may stand: on the plane below the box, and as far as its size says.
-  std::vector<Eigen::Vector3d> position_guesses(const Box2& box) const {
-    std::vector<Eigen::Vector3d> out;
-    const Plane& plane = support_.plane.plane;
-    const double height = prior_mean_[2];
-    const double by_size =
-        std::clamp(camera_.fy * height / std::max(box.height(), 1.0), 2.0, 300.0);
-    const Eigen::Vector3d bottom_ray = camera_.ray({box.center().x(), box.y2});
-    const Eigen::Vector3d sized = by_size * bottom_ray;
-    out.push_back(sized);
-    // Halfway up the box the vehicle is at half its height above the plane.
-    Plane raised = plane;
-    raised.offset -= 0.5 * height;
-    if (const auto hit = raised.intersect_ray(camera_.ray(box.center()))) {
-      if (hit->z() > 1.0 && hit->z() < 300.0) {
-        out.push_back(*hit - 0.5 * height * plane.normal);
-      }
-    }
-    return out;
-  }
-
-  /// Looks whether the confidences tell which keypoints are good: keeps them if the posterior of
-  /// the residuals is clearly better with them.
-  void decide_on_confidence(const State& s) {
-    if (rank_.empty()) return;
-    use_confidence_ = false;
-    update_visibility(s);
-    double without = 0.0, with = 0.0;
-    if (!add_keypoints(s, &without, nullptr, nullptr)) return;
-    use_confidence_ = true;
-    update_visibility(s);
-    add_keypoints(s, &with, nullptr, nullptr);
-    if (!(with < without - 3.0)) {
-      use_confidence_ = false;
-      update_visibility(s);
-    }
-  }
-
-  /// Widens the noise of seen keypoints to what the residuals show (a weak prior on 1).
-  void adapt_noise(const State& s) {
-    constexpr double kPriorCount = 16.0;
-    double sum = kPriorCount, count = kPriorCount;
-    PointJacobian unused;
-    for (std::size_t j = 0; j < used_.size(); ++j) {
-      Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(body_[used_[j]], s, &pixel, &depth)) return;
-      const double squared = squared_error(j, pixel);
-      const double model = model_variance(j, depth);
-      const double seen = noise_.seen * noise_scale_;
-      double weight = 0.0;
-      log_density(squared, seen_share_[j], model, &weight, nullptr);
-      // Share of this keypoint in the seen component.
-      const double variance = seen * seen + model;
-      const double density = (1.0 - noise_.gross_share) * seen_share_[j] *
-                             std::exp(-0.5 * squared / variance) / (2.0 * kPi * variance);
-      const double total = std::exp(log_density(squared, seen_share_[j], model, nullptr, nullptr));
-      const double share = density / total;
-      sum += share * std::max(squared - 2.0 * model, 0.0) / (noise_.seen * noise_.seen);
-      count += 2.0 * share;
-    }
-    noise_scale_ = std::clamp(std::sqrt(sum / count), 0.8, 2.2);
-  }
-
-  /// What the keypoints say about the fit.
-  struct Agreement {
-    double kept = 0.0;  // expected number of keypoints that are not far off
-    double rmse_px = std::numeric_limits<double>::quiet_NaN();  // over the kept ones
-  };
-  Agreement agreement(const State& s) const {
-    Agreement out;
-    double sum = 0.0;
-    for (std::size_t j = 0; j < used_.size(); ++j) {
-      Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(body_[used_[j]], s, &pixel, &depth)) continue;
-      double kept = 0.0;
-      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth), nullptr,
-                  &kept);
-      out.kept += kept;
-      sum += kept * (pixel - pixels_[j]).squaredNorm();
-    }
-    if (out.kept > 0.5) out.rmse_px = std::sqrt(sum / out.kept);
-    return out;
-  }
-
-  /// The body's box in the image; false if part of it is behind the camera.
-  bool predicted_box(const State& s, Box2* box) const {
-    *box = {kInfinity, kInfinity, -kInfinity, -kInfinity};
-    for (const BodyPoint& point : body_) {
-      Eigen::Vector2d pixel;
-      if (!project(point, s, &pixel)) return false;
-      box->x1 = std::min(box->x1, pixel.x());
-      box->y1 = std::min(box->y1, pixel.y());
-      box->x2 = std::max(box->x2, pixel.x());
-      box->y2 = std::max(box->y2, pixel.y());
-    }
-    return true;
-  }
-
-  /// Squared Mahalanobis distance of the stance from the plane.
-  double plane_mahalanobis(const State& s) const {
-    Eigen::Vector3d e;
-    Eigen::Matrix3d information;
-    stance(s, &e, &information);
-    return e.dot(information * e);
-  }
-
- private:
-  /// @param car_like  false: the vehicle fills its box (trucks, buses).
-  void make_body(const ShapePrior& prior, bool car_like) {
-    const int count = num_coefficients_;
-    auto keypoint = [&](int i) {
-      BodyPoint out;
-      const int row = i % kNumSideKeypoints;
-      const double side = i < kNumSideKeypoints ? 1.0 : -1.0;
-      const Eigen::Vector3d mirror(1.0, 1.0, side);
-      out.mean = mirror.cwiseProduct(prior.mean.col(row));
-      out.basis.resize(3, count);
-      for (int k = 0; k < count; ++k) {
-        out.basis.col(k) = mirror.cwiseProduct(prior.basis[k].col(row));
-      }
-      return out;
-    };
-    for (int i = 0; i < kNumKeypoints; ++i) body_[i] = keypoint(i);
-    int next = kNumKeypoints;
-    auto fixed = [&](double x, double y, double z) {
-      BodyPoint p;
-      p.mean = {x, y, z};
-      p.basis.setZero(3, count);
-      body_[next++] = p;
-    };
-    if (!car_like) {
-      for (int i = 0; i < 8; ++i) fixed((i & 1) - 0.5, (i >> 1) & 1, (i >> 2) - 0.5);
-      while (next < kNumBodyPoints) fixed(0.0, 0.5, 0.0);
-      return;
-    }
-    for (int i : {0, 1, 18, 19}) {  // where the tyres touch the ground
-      BodyPoint p = body_[i];
-      p.mean.y() = 0.0;
-      p.basis.row(1).setZero();
-      body_[next++] = p;
-    }
-    fixed(0.5, 0.33, 0.0);  // bumpers' foremost and rearmost points
-    fixed(-0.5, 0.33, 0.0);
-    fixed(-0.05, 1.0, 0.0);  // roof
-    fixed(-0.20, 0.99, 0.0);
-    fixed(0.0, 0.45, 0.5);  // widest points of the doors
-    fixed(0.0, 0.45, -0.5);
-  }
-
-  void make_box(const Box2& box) {
-    const double su = std::hypot(options_.box_sigma * box.width(), 1.0);
-    const double sv = std::hypot(options_.box_sigma * box.height(), 1.0);
-    constexpr double kBorder = 3.0;  // px
-    edges_[0] = {0, -1.0, box.x1, su, box.x1 <= kBorder};
-    edges_[1] = {0, 1.0, box.x2, su, box.x2 >= camera_.width - 1 - kBorder};
-    edges_[2] = {1, -1.0, box.y1, sv, box.y1 <= kBorder};
-    edges_[3] = {1, 1.0, box.y2, sv, box.y2 >= camera_.height - 1 - kBorder};
-  }
-
-  void read_keypoints(const VehicleDetection& detection) {
-    constexpr bool kInSmallSet[kNumSideKeypoints] = {true,  true,  false, false, false, false,
-                                                     false, false, false, false, false, true,
-                                                     false, true,  true,  true,  true,  false};
-    bool all_confident = true;
-    std::vector<double> confidence;
-    for (int i = 0; i < kNumKeypoints; ++i) {
-      const KeypointObservation& k = detection.keypoints[i];
-      if (!k.pixel.allFinite()) continue;
-      if (options_.keypoint_set == 14 && !kInSmallSet[i % kNumSideKeypoints]) continue;
-      used_.push_back(i);
-      pixels_.push_back(k.pixel);
-      rays_.push_back(camera_.ray(k.pixel));
-      confidence.push_back(k.confidence);
-      all_confident &= std::isfinite(k.confidence);
-    }
-    seen_share_.assign(used_.size(), 0.5);
-    if (!all_confident || used_.size() < 8) return;
-    // Ranks, shared among equals: any monotone scale serves.
-    const double count = static_cast<double>(used_.size());
-    rank_.resize(used_.size());
-    for (std::size_t j = 0; j < used_.size(); ++j) {
-      double below = 0.0;
-      for (double other : confidence) {
-        below += other < confidence[j] ? 1.0 : (other == confidence[j] ? 0.5 : 0.0);
-      }
-      rank_[j] = below / count;
-    }
-  }
-
-  double squared_error(std::size_t j, const Eigen::Vector2d& pixel) const {
-    const double ru = (pixel.x() - pixels_[j].x()) / cell_u_;
-    const double rv = (pixel.y() - pixels_[j].y()) / cell_v_;
-    return ru * ru + rv * rv;
-  }
-
-  bool add_keypoints(const State& s, double* cost, Matrix* hessian, Vector* gradient,
-                     bool observed = false) const {
-    // Rows are weighted and stacked, then multiplied at once.
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, 2 * kNumKeypoints>
-        rows;
-    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kNumKeypoints, 1> residuals;
-    const int count = static_cast<int>(used_.size());
-    if (hessian) {
-      rows.resize(num_parameters_, 2 * count);
-      residuals.resize(2 * count);
-    }
-    PointJacobian jacobian;
-    for (int j = 0; j < count; ++j) {
-      const BodyPoint& point = body_[used_[j]];
-      Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(point, s, &pixel, &depth)) return false;
-      double weight = 0.0, along = 1.0;
-      const double squared = squared_error(j, pixel);
-      *cost -= log_density(squared, seen_share_[j], model_variance(j, depth), &weight, nullptr,
-                           observed ? &along : nullptr);
-      if (!hessian) continue;
-      point_jacobian(point, s, &jacobian);
-      const double root = std::sqrt(weight);
-      if (observed && along < 1.0) {
-        const Eigen::Vector2d away = Eigen::Vector2d((pixel.x() - pixels_[j].x()) / cell_u_,
-                                                     (pixel.y() - pixels_[j].y()) / cell_v_) /
-                                     std::sqrt(squared);
-        const Vector row = (away.x() / cell_u_) * jacobian.row(0).transpose() +
-                           (away.y() / cell_v_) * jacobian.row(1).transpose();
-        hessian->noalias() -= (1.0 - along) * weight * row * row.transpose();
-      }
-      rows.col(2 * j) = (root / cell_u_) * jacobian.row(0).transpose();
-      rows.col(2 * j + 1) = (root / cell_v_) * jacobian.row(1).transpose();
-      residuals[2 * j] = root * (pixel.x() - pixels_[j].x()) / cell_u_;
-      residuals[2 * j + 1] = root * (pixel.y() - pixels_[j].y()) / cell_v_;
-    }
-    if (hessian && count > 0) {
-      hessian->noalias() += rows * rows.transpose();
-      gradient->noalias() += rows * residuals;
-    }
-    return true;
-  }
-
-  bool add_box(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
-    std::array<double, 4> extreme;
-    extreme.fill(-kInfinity);
-    std::array<int, 4> point_of{};
-    for (int i = 0; i < kNumBodyPoints; ++i) {
-      Eigen::Vector2d pixel;
-      if (!project(body_[i], s, &pixel)) return false;
-      for (int e = 0; e < 4; ++e) {
-        const double value = edges_[e].sign * pixel[edges_[e].axis];
-        if (value > extreme[e]) {
-          extreme[e] = value;
-          point_of[e] = i;
-        }
-      }
-    }
-    PointJacobian jacobian;
-    for (int e = 0; e < 4; ++e) {
-      const BoxEdge& edge = edges_[e];
-      const double beyond = extreme[e] - edge.sign * edge.pixel;  // px, outwards
-      if (edge.at_border && beyond >= 0.0) continue;
-      // Cauchy beyond 3 sigma: boxes of hidden vehicles may be far off.
-      constexpr double kScale = 9.0;
-      const double r = beyond / edge.sigma;
-      *cost += 0.5 * kScale * std::log1p(r * r / kScale);
-      if (!hessian) continue;
-      const double weight = 1.0 / (1.0 + r * r / kScale);
-      point_jacobian(body_[point_of[e]], s, &jacobian);
-      const Vector row = (edge.sign / edge.sigma) * jacobian.row(edge.axis).transpose();
-      hessian->noalias() += weight * row * row.transpose();
-      gradient->noalias() += weight * r * row;
-    }
-    return true;
-  }
-
-  /// Tilts of the vehicle's up axis and height of its bottom centre against the plane, with their
-  /// information: e = M theta + stance for a plane error theta (tilt, tilt, height).
-  void stance(const State& s, Eigen::Vector3d* e, Eigen::Matrix3d* information) const {
-    const UncertainPlane& plane = support_.plane;
-    const Eigen::Vector3d up = s.rotation.col(1);
-    *e = {-plane.axis2.dot(up), plane.axis1.dot(up), plane.plane.signed_distance(s.translation)};
-    Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
-    m.row(2) = plane.height_jacobian(s.translation);
-    Eigen::Matrix3d covariance = m * plane.covariance * m.transpose();
-    covariance(0, 0) += std::pow(options_.stance_sigma_tilt, 2);
-    covariance(1, 1) += std::pow(options_.stance_sigma_tilt, 2);
-    covariance(2, 2) += std::pow(options_.stance_sigma_height, 2);
-    *information = covariance.inverse();
-  }
-
-  void add_plane(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
-    Eigen::Vector3d e;
-    Eigen::Matrix3d information;
-    stance(s, &e, &information);
-    // Cauchy beyond 4 sigma: a plane may be plainly wrong.
-    constexpr double kScale = 16.0;
-    const double squared = e.dot(information * e);
-    const bool trusted = options_.trust_plane;
-    *cost += trusted ? 0.5 * squared : 0.5 * kScale * std::log1p(squared / kScale);
-    // An upside-down vehicle has small e as well.
-    if (s.rotation.col(1).dot(support_.plane.plane.normal) < 0.0) *cost += 1e3;
-    if (!hessian) return;
-    const double weight = trusted ? 1.0 : 1.0 / (1.0 + squared / kScale);
-    Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxParameters> jacobian;
-    jacobian.setZero(3, num_parameters_);
-    // up = R exp(w) e_y: d up = R (w x e_y) = -w_x ... : columns for w_x, w_z.
-    const Eigen::Vector3d up_by_x = s.rotation.col(2);   // e_x x e_y = e_z
-    const Eigen::Vector3d up_by_z = -s.rotation.col(0);  // e_z x e_y = -e_x
-    jacobian(0, 3) = -support_.plane.axis2.dot(up_by_x);
-    jacobian(0, 5) = -support_.plane.axis2.dot(up_by_z);
-    jacobian(1, 3) = support_.plane.axis1.dot(up_by_x);
-    jacobian(1, 5) = support_.plane.axis1.dot(up_by_z);
-    jacobian.block<1, 3>(2, 0) = support_.plane.plane.normal.transpose();
-    hessian->noalias() += weight * jacobian.transpose() * information * jacobian;
-    gradient->noalias() += weight * jacobian.transpose() * (information * e);
-  }
-
-  void add_prior(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
-    const int known = kSizeParameters + num_coefficients_;
-    Vector difference(known);
-    difference.head<3>() = s.size;
-    if (num_coefficients_ > 0) difference.tail(num_coefficients_) = s.shape;
-    difference -= prior_mean_;
-    const Vector pull = prior_information_ * difference;
-    *cost += 0.5 * difference.dot(pull);
-    if (!hessian) return;
-    hessian->bottomRightCorner(known, known) += prior_information_;
-    gradient->tail(known) += pull;
-  }
-
-  const PinholeCamera& camera_;
-  const SupportPlane& support_;
-  const VehicleFitOptions& options_;
-  int num_coefficients_ = 0;
-  int num_parameters_ = 0;
-  std::array<double, kNumKeypoints> model_variance_{};  // m^2
-  NoiseModel noise_;
-  double noise_scale_ = 1.0;
-  bool use_confidence_ = false;
-  Vector prior_mean_;  // size, coefficients
-  Matrix prior_information_;
-  std::array<BodyPoint, kNumBodyPoints> body_;
-  std::array<BoxEdge, 4> edges_{};
-  double cell_u_ = 1.0, cell_v_ = 1.0;  // px
-  std::vector<int> used_;               // keypoints with a pixel
-  std::vector<Eigen::Vector2d> pixels_;
-  std::vector<Eigen::Vector3d> rays_;
-  std::vector<double> rank_;  // of the confidences, in [0, 1]; empty: none
-  std::vector<double> seen_share_;
-};
-
-struct Solution {
-  State state;
-  double cost = kInfinity;
-};
-
-/// Rows of the reported parameters in terms of the solved ones.
-Eigen::Matrix<double, 9, 9> report_covariance(const State& s, const Matrix& covariance) {
-  Eigen::Matrix<double, 9, Eigen::Dynamic, 0, 9, kMaxParameters> j;
-  j.setZero(9, covariance.cols());
-  j.block<3, 3>(0, 0).setIdentity();
-  const Eigen::Vector3d middle(0.0, 0.5 * s.size[2], 0.0);
-  j.block<3, 3>(0, 3) = -s.rotation * skew(middle);
-  j.block<3, 1>(0, 8) = 0.5 * s.rotation.col(1);
-  j.block<6, 6>(3, 3).setIdentity();
-  return j * covariance * j.transpose();
-}
-
-void write_state(const Problem& problem, const VehiclePrior& prior, const State& s,
-                 VehicleEstimate* out) {
-  out->pose.camera_from_vehicle = SE3(s.rotation, s.translation);
-  out->pose.dimensions = {s.size[0], s.size[1], s.size[2]};
-  out->shape.assign(s.shape.data(), s.shape.data() + s.shape.size());
-  const ShapePrior& shape = prior.shape(out->vehicle_class);
-  const KeypointMatrix keypoints = shape.keypoints(out->pose.dimensions, out->shape);
-  for (int i = 0; i < kNumKeypoints; ++i) {
-    out->keypoints[i] = s.rotation * keypoints.col(i) + s.translation;
-  }
-  (void)problem;
-}
-
-Matrix inverse_of(const Matrix& hessian) {
-  return hessian.ldlt().solve(Matrix::Identity(hessian.rows(), hessian.cols()));
-}
+using namespace internal;
 
 /// The box alone: every heading is possible, so the answer is the posterior's mean over headings.
-bool fit_box(Problem& problem, const Box2& box, VehicleEstimate* out, const VehiclePrior& prior,
-             int num_yaws) {
+bool fit_box(SingleViewProblem& problem, const Box2& box, VehicleEstimate* out,
+             const VehiclePrior& prior, int num_yaws) {
   const std::vector<Eigen::Vector3d> guesses = problem.position_guesses(box);
   std::vector<Solution> solutions;
   for (int i = 0; i < num_yaws; ++i) {
@@ -780,7 +77,7 @@ bool fit_box(Problem& problem, const Box2& box, VehicleEstimate* out, const Vehi
   State s = least->state;
   s.size = size;
   s.translation = center - 0.5 * size[2] * s.rotation.col(1);
-  write_state(problem, prior, s, out);
+  write_state(prior, s, out);
   out->covariance = covariance;
   return true;
 }
@@ -799,6 +96,48 @@ double wrapped(double angle) { return std::remainder(angle, 2.0 * kPi); }
 double heading(const State& s) { return std::atan2(s.rotation(0, 0), s.rotation(2, 0)); }
 
 }  // namespace
+
+namespace internal {
+
+void write_answer(const SingleViewProblem& problem, const VehiclePrior& prior, const State& s,
+                  const Matrix& covariance, double rival, VehicleEstimate* out) {
+  write_state(prior, s, out);
+  out->covariance = report_covariance(s, covariance);
+  out->reprojection_rmse_px = problem.agreement(s).rmse_px;
+  out->status = Status::kOk;
+  out->reason.clear();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(out->covariance.topLeftCorner<3, 3>(),
+                                                              Eigen::EigenvaluesOnly);
+  const double sigma = std::sqrt(std::max(spread.eigenvalues().maxCoeff(), 0.0));
+  if (rival < 3.0) {
+    out->status = Status::kWeak;
+    out->reason = "two headings fit alike";
+  } else if (problem.plane_mahalanobis(s) > 25.0) {
+    out->status = Status::kWeak;
+    out->reason = "the keypoints contradict the plane";
+  } else if (sigma > 0.08 * s.translation.norm()) {
+    out->status = Status::kWeak;
+    out->reason = fmt::format("position known to {:.1f} m only", sigma);
+  }
+}
+
+void finish_answer(const SupportPlane& support, VehicleEstimate* out) {
+  if (support.status == Status::kNotObservable || support.status == Status::kFailed) {
+    out->status = Status::kNotObservable;
+    if (out->reason.empty()) out->reason = "the plane below it is not observable";
+  } else if (support.status == Status::kWeak && out->status == Status::kOk) {
+    out->status = Status::kWeak;
+    out->reason = "the plane below it is weak";
+  }
+  out->plane_sigma_height =
+      std::sqrt(std::max(support.plane.height_variance(out->pose.bottom_center()), 0.0));
+  if (!out->covariance.allFinite() || !out->pose.bottom_center().allFinite()) {
+    out->status = Status::kFailed;
+    out->reason = "the fit did not converge";
+  }
+}
+
+}  // namespace internal
 
 void VehicleFitOptions::validate() const {
   auto require = [](bool good, const char* name, double value, const char* bound) {
@@ -847,9 +186,9 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
   std::string distrust;  // why the keypoints are not used
   if (prior.has_shape(detection.vehicle_class) && finite_keypoints > 0) {
     // First the mean shape, then all coefficients for the best headings.
-    Problem coarse(camera, detection, support, options, /*use_keypoints=*/true, 0);
-    Problem problem(camera, detection, support, options, /*use_keypoints=*/true,
-                    options.num_coefficients);
+    SingleViewProblem coarse(camera, detection, support, options, /*use_keypoints=*/true, 0);
+    SingleViewProblem problem(camera, detection, support, options, /*use_keypoints=*/true,
+                              options.num_coefficients);
     const std::vector<Eigen::Vector3d> guesses = coarse.position_guesses(box);
     std::vector<Solution> starts;
     for (int i = 0; i < options.num_yaws; ++i) {
@@ -895,44 +234,17 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
       problem.update_visibility(best.state);
       best.cost = problem.refine(&best.state, 20, 1e-4);
 
-      const Problem::Agreement agreement = problem.agreement(best.state);
-      Box2 predicted;
-      const bool in_front = problem.predicted_box(best.state, &predicted);
-      const double overlap =
-          in_front ? intersection_over_union(predicted.clipped(camera.width, camera.height),
-                                             box.clipped(camera.width, camera.height))
-                   : 0.0;
-      if (agreement.kept < std::max(5.0, 0.3 * problem.num_keypoints())) {
-        distrust = "too few keypoints agree";
-      } else if (in_front && overlap < 0.4) {
-        distrust = "the keypoints do not fit the box";
-      } else {
-        write_state(problem, prior, best.state, &out);
+      distrust = distrust_of(problem, best.state, camera, box);
+      if (distrust.empty()) {
         Matrix hessian;
         Vector gradient;
         problem.evaluate(best.state, &hessian, &gradient, /*observed=*/true);
-        out.covariance = report_covariance(best.state, inverse_of(hessian));
-        out.reprojection_rmse_px = agreement.rmse_px;
-        out.status = Status::kOk;
-        const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(
-            out.covariance.topLeftCorner<3, 3>(), Eigen::EigenvaluesOnly);
-        const double sigma = std::sqrt(std::max(spread.eigenvalues().maxCoeff(), 0.0));
-        const double distance = best.state.translation.norm();
-        if (rival < 3.0) {
-          out.status = Status::kWeak;
-          out.reason = "two headings fit alike";
-        } else if (problem.plane_mahalanobis(best.state) > 25.0) {
-          out.status = Status::kWeak;
-          out.reason = "the keypoints contradict the plane";
-        } else if (sigma > 0.08 * distance) {
-          out.status = Status::kWeak;
-          out.reason = fmt::format("position known to {:.1f} m only", sigma);
-        }
+        write_answer(problem, prior, best.state, inverse_of(hessian), rival, &out);
       }
     }
   }
   if (out.status == Status::kNotRun) {
-    Problem problem(camera, detection, support, options, /*use_keypoints=*/false, 0);
+    SingleViewProblem problem(camera, detection, support, options, /*use_keypoints=*/false, 0);
     if (!fit_box(problem, box, &out, prior, std::max(4, options.num_yaws / 2))) {
       out.status = Status::kFailed;
       out.reason = "no place in front of the camera fits the box";
@@ -946,19 +258,7 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
       out.reason = "placed by its box, heading unknown";
     }
   }
-  if (support.status == Status::kNotObservable || support.status == Status::kFailed) {
-    out.status = Status::kNotObservable;
-    if (out.reason.empty()) out.reason = "the plane below it is not observable";
-  } else if (support.status == Status::kWeak && out.status == Status::kOk) {
-    out.status = Status::kWeak;
-    out.reason = "the plane below it is weak";
-  }
-  out.plane_sigma_height =
-      std::sqrt(std::max(support.plane.height_variance(out.pose.bottom_center()), 0.0));
-  if (!out.covariance.allFinite() || !out.pose.bottom_center().allFinite()) {
-    out.status = Status::kFailed;
-    out.reason = "the fit did not converge";
-  }
+  finish_answer(support, &out);
   return out;
 }
 

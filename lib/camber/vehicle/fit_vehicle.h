@@ -14,7 +14,7 @@ struct VehicleFitOptions {
   /// height (in v), > 0. Networks see the box resized to 64 x 64 cells.
   double keypoint_sigma = 1.0 / 64.0;
   /// Standard deviation of a box edge, as a share of the box's side, > 0; beside 1 px for all.
-  double box_sigma = 0.03;
+  double box_sigma = 0.025;
   int num_coefficients = 20;           ///< of the shape prior, >= 0; 0: mean shape, size alone free
   int num_yaws = 16;                   ///< headings tried at the start, >= 4
   double stance_sigma_height = 0.012;  ///< m, wheels against the plane: suspension, unevenness; > 0

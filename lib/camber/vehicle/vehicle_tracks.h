@@ -1,0 +1,42 @@
+#pragma once
+
+#include <vector>
+
+#include "camber/geometry/se3.h"
+#include "camber/vehicle/fit_vehicle.h"
+
+namespace camber {
+
+/// The vehicles of one image among several, in the order of their detections.
+struct TrackFrame {
+  SE3 world_from_camera;  ///< m
+  double time_s = 0.0;    ///< ascending over the frames
+  std::vector<VehicleDetection> detections;
+  std::vector<SupportPlane> supports;      ///< one a detection, camera frame of this image
+  std::vector<VehicleEstimate> estimates;  ///< one a detection, from fit_vehicle
+};
+
+/// Track numbers of all detections, [frame][detection], from 0 in order of appearance.
+///
+/// Detections of neighbouring frames belong together if the box that the earlier vehicle, standing
+/// still, would have in the later image overlaps the later box, or the boxes overlap as they are
+/// (vehicles that move with the camera); greedily, best overlap first, at least 0.3; one missing
+/// frame is bridged. Detections with a `track` are joined by it alone.
+/// @throws std::invalid_argument if a frame's lists differ in length.
+std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
+                                          const std::vector<TrackFrame>& frames);
+
+/// Solves the vehicles that are seen in two frames or more again, with one size and shape for all
+/// views of a track and a pose for each (after Murthy, Sharma, Madhava Krishna, "Shape Priors for
+/// Real-Time Monocular Object Localization in Dynamic Environments", IROS 2017).
+///
+/// Both hypotheses are solved: parked (one pose in the world) and moving (along its heading, with a
+/// speed that changes little); the likelier is kept. What all views share (priors, plane, shape
+/// errors) counts once. Views without trusted keypoints keep their own answer.
+/// @return one a detection of each frame; that of fit_vehicle where there is one view only.
+std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
+                                                     const std::vector<TrackFrame>& frames,
+                                                     const VehicleFitOptions& options,
+                                                     int num_threads = 0);
+
+}  // namespace camber
