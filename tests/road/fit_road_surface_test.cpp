@@ -2,13 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 
 #include "camber/core/random.h"
 #include "plane/road_scene_maker.h"
+#include "road/patch_score.h"
 
 namespace camber {
 namespace {
@@ -18,46 +21,27 @@ using Eigen::Vector3f;
 
 constexpr double kDegree = M_PI / 180.0;
 
-/// How well a fit finds the true planes of a scene.
-struct Score {
-  int found = 0;  ///< planes with an intersection over union above 0.5
-  double mean_overlap = 0.0;
-  double worst_angle = 0.0;  ///< rad, of those found
-  int road = 0;              ///< patches called road
-};
+std::vector<Plane> planes_of(const RoadSurfaceFit& fit) {
+  std::vector<Plane> planes;
+  for (const PlanePatch& patch : fit.surface.patches) planes.push_back(patch.plane.plane);
+  return planes;
+}
 
-Score score(const test::RoadScene& scene, const RoadSurfaceFit& fit) {
-  const std::size_t planes = scene.planes.size(), patches = fit.surface.patches.size();
-  std::vector<double> both(planes * patches), truth(planes), estimate(patches);
+test::PatchScore score(const test::RoadScene& scene, const RoadSurfaceFit& fit) {
+  return test::score_patches(scene, planes_of(fit), fit.labels);
+}
+
+/// Of the points on patches called road, the share that is not.
+double not_road(const test::RoadScene& scene, const RoadSurfaceFit& fit) {
+  double all = 0.0, wrong = 0.0;
   for (std::size_t i = 0; i < scene.truth.size(); ++i) {
-    const int a = scene.truth[i], b = fit.labels[i];
-    if (a >= 0) truth[a] += 1.0;
-    if (b >= 0) estimate[b] += 1.0;
-    if (a >= 0 && b >= 0) both[a * patches + b] += 1.0;
+    if (fit.labels[i] < 0) continue;
+    const PlanePatch& patch = fit.surface.patches[static_cast<std::size_t>(fit.labels[i])];
+    if (patch.kind != PatchKind::kRoad) continue;
+    all += 1.0;
+    wrong += scene.truth[i] < 0 ? 1.0 : 0.0;
   }
-  Score out;
-  for (std::size_t a = 0; a < planes; ++a) {
-    double best = 0.0;
-    std::size_t best_patch = 0;
-    for (std::size_t b = 0; b < patches; ++b) {
-      const double shared = both[a * patches + b];
-      const double overlap = shared / (truth[a] + estimate[b] - shared);
-      if (overlap > best) {
-        best = overlap;
-        best_patch = b;
-      }
-    }
-    out.mean_overlap += best / static_cast<double>(planes);
-    if (best <= 0.5) continue;
-    ++out.found;
-    out.worst_angle = std::max(
-        out.worst_angle,
-        angle_between(fit.surface.patches[best_patch].plane.plane.normal, scene.planes[a].normal));
-  }
-  for (const PlanePatch& patch : fit.surface.patches) {
-    out.road += patch.kind == PatchKind::kRoad ? 1 : 0;
-  }
-  return out;
+  return wrong / std::max(all, 1.0);
 }
 
 class FindsAllPlanes : public testing::TestWithParam<std::tuple<int, double, bool>> {};
@@ -73,11 +57,17 @@ TEST_P(FindsAllPlanes, OfAChain) {
   const test::RoadScene scene = test::make_road_scene(made);
   const RoadSurfaceFit fit = fit_road_surface(scene.cloud, {});
   ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
-  const Score result = score(scene, fit);
+  const test::PatchScore result = score(scene, fit);
   EXPECT_EQ(result.found, planes);
   EXPECT_GT(result.mean_overlap, 0.85);
   EXPECT_LT(result.worst_angle, 0.15 * kDegree);  // the mean is to stay below 0.10
-  EXPECT_EQ(result.road, planes);                 // pavements and roofs are not road
+  // Pavements and roofs are not road, but for a few at the ends of kerbs; mismatches, and the feet
+  // of facades and cars, lie on it by chance.
+  EXPECT_LT(not_road(scene, fit), 0.08);
+  for (std::size_t a = 0; a < scene.planes.size(); ++a) {
+    const PlanePatch& best = fit.surface.patches[static_cast<std::size_t>(result.best[a])];
+    EXPECT_EQ(best.kind, PatchKind::kRoad) << a;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -129,6 +119,61 @@ TEST(FitRoadSurface, KeepsMapCoordinatesInDouble) {
   }
 }
 
+/// The same scene in another order, turned and moved; labels and planes compared with the first's.
+void expect_same(const test::RoadScene& scene, bool shuffle, const Eigen::Matrix3d& turn,
+                 const Vector3d& shift) {
+  const std::size_t n = scene.cloud.size();
+  std::vector<int> order(n);
+  std::iota(order.begin(), order.end(), 0);
+  const CounterRandom random(1, 77);
+  for (std::size_t i = n - 1; shuffle && i > 0; --i)
+    std::swap(order[i], order[random.below(i, i + 1)]);
+  RoadCloud other = scene.cloud.select(order);
+  for (Vector3f& p : other.points) p = (turn * p.cast<double>() + shift).cast<float>();
+  RoadSurfaceOptions options;
+  const RoadSurfaceFit a = fit_road_surface(scene.cloud, options);
+  options.up = turn * Vector3d::UnitZ();
+  const RoadSurfaceFit b = fit_road_surface(other, options);
+  ASSERT_EQ(a.surface.patches.size(), b.surface.patches.size());
+  double equal = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    equal += a.labels[static_cast<std::size_t>(order[i])] == b.labels[i] ? 1.0 : 0.0;
+  }
+  EXPECT_GE(equal / static_cast<double>(n), 0.995);
+  for (std::size_t k = 0; k < a.surface.patches.size(); ++k) {
+    if (a.surface.patches[k].kind != PatchKind::kRoad) continue;
+    const UncertainPlane& plane = a.surface.patches[k].plane;
+    const Plane back = b.surface.patches[k].plane.plane.transformed(
+        SE3(Eigen::Matrix3d(turn.transpose()), -(turn.transpose() * shift)));
+    const Vector3d tilt = plane.plane.normal.cross(back.normal);
+    EXPECT_LT(std::abs(tilt.dot(plane.axis1)), 0.1 * std::sqrt(plane.covariance(0, 0)));
+    EXPECT_LT(std::abs(tilt.dot(plane.axis2)), 0.1 * std::sqrt(plane.covariance(1, 1)));
+    EXPECT_LT(std::abs(back.signed_distance(plane.centroid)),
+              0.1 * std::sqrt(plane.covariance(2, 2)));
+  }
+}
+
+TEST(FitRoadSurface, OrderOfThePointsDoesNotMatter) {
+  test::RoadSceneOptions made;
+  made.planes = 6;
+  made.points = 60000;
+  for (const bool sigmas : {false, true}) {
+    made.with_sigmas = sigmas;
+    expect_same(test::make_road_scene(made), true, Eigen::Matrix3d::Identity(), Vector3d::Zero());
+  }
+}
+
+TEST(FitRoadSurface, PlaceAndHeadingDoNotMatter) {
+  test::RoadSceneOptions made;
+  made.seed = 2;
+  made.planes = 3;
+  made.points = 60000;
+  const test::RoadScene scene = test::make_road_scene(made);
+  expect_same(scene, false, Eigen::Matrix3d::Identity(), {37.0, -12.0, 5.0});
+  expect_same(scene, true, Eigen::AngleAxisd(30 * kDegree, Vector3d::UnitZ()).toRotationMatrix(),
+              {-21.0, 9.0, 3.0});
+}
+
 TEST(FitRoadSurface, CameraFrameIsServedAlike) {
   // The same road turned into a camera's frame: x right, y down, z forward.
   test::RoadSceneOptions made;
@@ -146,7 +191,7 @@ TEST(FitRoadSurface, CameraFrameIsServedAlike) {
   EXPECT_EQ(fit.surface.frame, "camera");
   test::RoadScene turned = scene;
   for (Plane& plane : turned.planes) plane.normal = turn.cast<double>() * plane.normal;
-  const Score result = score(turned, fit);
+  const test::PatchScore result = score(turned, fit);
   EXPECT_EQ(result.found, 3);
   EXPECT_LT(result.worst_angle, 0.15 * kDegree);
   for (const PlanePatch& patch : fit.surface.patches) EXPECT_LT(patch.plane.plane.normal.y(), 0.0);

@@ -32,6 +32,7 @@ void NoiseModel::tabulate(double low, double high) {
 
 void NoiseModel::rescale(double factor) {
   scale *= factor;
+  least *= factor;
   const float divisor = static_cast<float>(factor * factor);
   for (float& weight : table) weight /= divisor;
 }
@@ -39,6 +40,16 @@ void NoiseModel::rescale(double factor) {
 void NoiseModel::weigh(const Eigen::Vector3d& normal, double offset, std::size_t n, const float* x,
                        const float* y, const float* z, const float* sigma,
                        const std::array<float, 6>* covariance, float* w) const {
+  weigh_without_least(normal, offset, n, x, y, z, sigma, covariance, w);
+  if (!(least > 0.0)) return;
+  const float most = static_cast<float>(1.0 / (least * least));
+  for (std::size_t i = 0; i < n; ++i) w[i] = std::min(w[i], most);
+}
+
+void NoiseModel::weigh_without_least(const Eigen::Vector3d& normal, double offset, std::size_t n,
+                                     const float* x, const float* y, const float* z,
+                                     const float* sigma, const std::array<float, 6>* covariance,
+                                     float* w) const {
   const float factor = static_cast<float>(1.0 / (scale * scale));
   switch (kind) {
     case NoiseKind::kSame:

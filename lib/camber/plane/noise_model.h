@@ -27,6 +27,7 @@ struct NoiseModel {
   NoiseKind kind = NoiseKind::kSame;
   double scale = 1.0;
   double exponent = 1.0;
+  double least = 0.0;  ///< m, smallest standard deviation along a normal, >= 0
   Eigen::Vector3d viewpoint = Eigen::Vector3d::Zero();
   std::vector<float> table;  ///< kPower: weights by the sigma's leading bits; see tabulate()
   std::uint32_t first = 0;
@@ -42,6 +43,11 @@ struct NoiseModel {
   void weigh(const Eigen::Vector3d& normal, double offset, std::size_t n, const float* x,
              const float* y, const float* z, const float* sigma,
              const std::array<float, 6>* covariance, float* w) const;
+
+ private:
+  void weigh_without_least(const Eigen::Vector3d& normal, double offset, std::size_t n,
+                           const float* x, const float* y, const float* z, const float* sigma,
+                           const std::array<float, 6>* covariance, float* w) const;
 };
 
 /// The value below which `share` of the values lie; reorders them. @param values not empty.

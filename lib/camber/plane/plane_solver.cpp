@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
@@ -97,6 +98,44 @@ bool even_run(const std::vector<float>& along, const std::vector<float>& normali
   *high = std::min(first + static_cast<double>(best_end) * width,
                    ninetieth + 0.125 * (ninetieth - tenth));
   return *high > *low;
+}
+
+/// Deviation of the points near a plane from a quadratic surface over it: curved ground is not
+/// noise. That from the plane where there are too few points.
+double curved_deviation(const PointArrays& s, std::size_t begin, std::size_t count,
+                        const PivotPlane& plane, double deviation, double least) {
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  Vector3d a, b;
+  UncertainPlane::make_axes(plane.n, Vector3d::UnitX(), &a, &b);
+  const Vector3d from = s.point(begin);
+  double out = deviation;
+  Vector6 surface = Vector6::Zero();
+  for (int round = 0; round < 2; ++round) {
+    Matrix6 normal = Matrix6::Zero();
+    Vector6 right = Vector6::Zero();
+    double squares = 0.0, used = 0.0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Vector3d p = s.point(begin + k) - from;
+      const double u = a.dot(p), v = b.dot(p), r = plane.distance(s.point(begin + k));
+      Vector6 row;
+      row << 1.0, u, v, u * u, u * v, v * v;
+      if (!(std::abs(r - row.dot(surface)) < 3.0 * out)) continue;
+      normal.selfadjointView<Eigen::Lower>().rankUpdate(row);
+      right += r * row;
+      squares += r * r;
+      used += 1.0;
+    }
+    if (used < 10.0) return deviation;
+    const Matrix6 full = normal.selfadjointView<Eigen::Lower>();
+    const Eigen::LDLT<Matrix6> solver(full);
+    const Vector6 solution = solver.solve(right);
+    if (solver.info() != Eigen::Success || !solution.allFinite()) return deviation;
+    surface = solution;
+    const double rest = std::max(squares - solution.dot(right), 0.0);
+    out = std::max(std::sqrt(rest / (used - 6.0)), least);
+  }
+  return std::min(out, deviation);
 }
 
 /// Re-estimates the noise from the residuals of the refined plane inside its window.
@@ -371,6 +410,7 @@ void learn_local_noise(const PointArrays& s,
       deviation = std::max(std::sqrt(std::max(solver.eigenvalues()[0], 0.0) / free), least);
     }
     if (used < 5) continue;
+    deviation = curved_deviation(s, begin, m, best, deviation, least);
     deviations.push_back(static_cast<float>(deviation));
     if (model->kind == NoiseKind::kPower) {
       measure(best);

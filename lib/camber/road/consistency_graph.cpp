@@ -25,7 +25,10 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr double kBorderError = 0.3;  // m, how well the boundaries of patches are known
+constexpr double kBorderError = 0.3;             // m, how well the boundaries of patches are known
+constexpr double kUnseenCurvature = 1.0 / 60.0;  // 1/m, that ground may have where none is seen
+// A patch may be off the ground by so many standard deviations of a point, and at most so far, m.
+constexpr double kHiddenBend = 0.7, kMostHidden = 0.1;
 
 /// A surface seen in plan.
 struct PlanView {
@@ -96,9 +99,13 @@ void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOp
     link->reason = fmt::format("the normals differ by {:.1f} deg", link->angle / kDegree);
   } else {
     // The ground may bend on its way across a gap; a crease between the middles is no step,
-    // wherever exactly the boundaries end.
-    const double bend = std::tan(link->angle) *
-                        (0.5 * gap.distance + (crosses_between(view, a, b) ? kBorderError : 0.0));
+    // wherever exactly the boundaries end. Within a patch it bends as far as its points' noise
+    // hides.
+    const double bend =
+        std::tan(link->angle) *
+            (0.5 * gap.distance + (crosses_between(view, a, b) ? kBorderError : 0.0)) +
+        0.5 * kUnseenCurvature * gap.distance * gap.distance +
+        std::min(kHiddenBend * a.noise, kMostHidden) + std::min(kHiddenBend * b.noise, kMostHidden);
     if (std::abs(link->height_step) > options.max_step + 3.0 * sigma + bend) {
       link->valid = false;
       link->reason = fmt::format("a step of {:.2f} m", link->height_step);

@@ -27,11 +27,31 @@ constexpr std::size_t kMostPoints = 262144;  // that take part in finding the pa
 // A point belongs to a patch as far from its plane as points of the patch are more frequent than
 // others; at least and at most this many standard deviations.
 constexpr double kLeastLabelSigmas = 2.5, kMostLabelSigmas = 6.0;
-constexpr double kCrowded = 0.12;  // share of crowded leaves that tells another layer
+constexpr double kRoughness = 0.01;     // m, of ground; its points lie on no plane more tightly
+constexpr double kDrivenOn = 0.5;       // m, between the driven line and the patch it lies on
+constexpr double kSharedBorder = 0.25;  // share of a patch's borders that joins it to the road
+constexpr double kCrowded = 0.12;       // share of crowded leaves that tells another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
 
+/// Whether points that lie on a plane but for the ground's roughness lie farther off it than their
+/// noise alone carries them.
+bool is_rough(PointArrays* points, const PlaneCandidate& candidate, const NoiseModel& rough) {
+  constexpr double kMedianOfNormal = 0.6745, kMore = 1.6;
+  points->weigh(candidate.noise, candidate.plane);
+  const std::vector<float> weights = points->w;
+  points->weigh(rough, candidate.plane);
+  const kernels::FloatPlane p = candidate.plane.as_float();
+  std::vector<float> sizes;
+  for (std::size_t k = 0; k < points->size; ++k) {
+    const float r = p.nx * points->x[k] + p.ny * points->y[k] + p.nz * points->z[k] + p.d;
+    if (!(points->w[k] > 0.0f) || !(r * r * points->w[k] < kInlierSigmas * kInlierSigmas)) continue;
+    sizes.push_back(std::abs(r) * std::sqrt(weights[k]));
+  }
+  return sizes.size() >= 20 && quantile(sizes, 0.5) > kMore * kMedianOfNormal;
+}
+
 /// Fits one region on the points of its leaves.
-void refine_region(const PointTree& tree, double least_noise, bool fixed_noise,
+void refine_region(const PointTree& tree, double least_noise, double roughness, bool fixed_noise,
                    PlanarRegion* region) {
   const PointArrays& s = tree.points();
   std::vector<std::uint32_t> rows;
@@ -42,6 +62,11 @@ void refine_region(const PointTree& tree, double least_noise, bool fixed_noise,
   PointArrays points;
   points.take(s, rows);
   PlaneCandidate& c = region->candidate;
+  if (!fixed_noise && roughness > 0.0) {
+    NoiseModel rough = c.noise;
+    rough.least = std::max(rough.least, roughness);
+    if (is_rough(&points, c, rough)) c.noise = rough;
+  }
   refine_and_window(&points, kLevelUp, least_noise, fixed_noise, &c);
   points.weigh(c.noise, c.plane);
   const kernels::Moments moments =
@@ -330,18 +355,53 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
   std::vector<double> weight(count, 0.0);
   for (std::size_t i = 0; i < count; ++i)
     weight[static_cast<std::size_t>(component[i])] += areas[i];
-  // The driven line decides, else the area.
+  // The driven line decides, else the area; what is driven on is road in any case.
   std::vector<double> votes(weight.size(), 0.0);
+  std::vector<char> driven_on(count, 0);
   for (const Vector3d& place : surface->driven_line) {
     const SurfaceQuery answer = surface->query(place, 1.0);
-    if (answer.patch >= 0) votes[static_cast<std::size_t>(component[answer.patch])] += 1.0;
+    if (answer.patch < 0) continue;
+    votes[static_cast<std::size_t>(component[static_cast<std::size_t>(answer.patch)])] += 1.0;
+    const PlanePatch& patch = surface->patches[static_cast<std::size_t>(answer.patch)];
+    if (std::abs(patch.plane.plane.signed_distance(place)) < kDrivenOn) {
+      driven_on[static_cast<std::size_t>(answer.patch)] = 1;
+    }
   }
   const bool driven = *std::max_element(votes.begin(), votes.end()) > 0.0;
   const std::vector<double>& score = driven ? votes : weight;
   const int road = static_cast<int>(std::max_element(score.begin(), score.end()) - score.begin());
+  std::vector<char> is_road(count, 0);
+  // How much of a patch's border with the road is smooth, less what is a step.
+  std::vector<double> smooth(count, 0.0), shared(count, 0.0), border(count, 0.0);
+  for (const PatchLink& link : surface->links) {
+    border[static_cast<std::size_t>(link.a)] += strength(link);
+    border[static_cast<std::size_t>(link.b)] += strength(link);
+  }
+  const auto join = [&](std::size_t patch) {
+    is_road[patch] = 1;
+    for (const PatchLink& link : surface->links) {
+      const auto ia = static_cast<std::size_t>(link.a), ib = static_cast<std::size_t>(link.b);
+      if (ia != patch && ib != patch) continue;
+      const std::size_t other = ia == patch ? ib : ia;
+      smooth[other] += link.valid ? strength(link) : -strength(link);
+      if (link.valid) shared[other] += strength(link);
+    }
+  };
   for (std::size_t i = 0; i < count; ++i) {
-    PlanePatch& patch = surface->patches[i];
-    patch.kind = component[i] == road ? PatchKind::kRoad : PatchKind::kOther;
+    if (component[i] == road || driven_on[i]) join(i);
+  }
+  // Others one by one, the smoothest first: a component as a whole may have more steps than that.
+  for (;;) {
+    std::size_t next = count;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (is_road[i] || !(smooth[i] > 0.0) || shared[i] < kSharedBorder * border[i]) continue;
+      if (next == count || smooth[i] > smooth[next]) next = i;
+    }
+    if (next == count) break;
+    join(next);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    surface->patches[i].kind = is_road[i] ? PatchKind::kRoad : PatchKind::kOther;
   }
   for (std::size_t i = 0; i < count; ++i) {
     PlanePatch& patch = surface->patches[i];
@@ -350,7 +410,7 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
       const int self = static_cast<int>(i);
       if (link.a != self && link.b != self) continue;
       const auto other = static_cast<std::size_t>(link.a == self ? link.b : link.a);
-      if (component[other] != road || link.distance > 0.5 * options.link_distance) continue;
+      if (!is_road[other] || link.distance > 0.5 * options.link_distance) continue;
       const double above = link.a == self ? -link.height_step : link.height_step;
       if (link.angle < 0.2 && above > 0.5 * options.max_step && above < 0.35) {
         patch.kind = PatchKind::kPavement;
@@ -431,6 +491,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   segmentation_options.inlier_threshold = options.inlier_threshold;
   segmentation_options.tolerance_sigmas = options.tolerance_sigmas;
   segmentation_options.tolerance = cloud.metric ? options.tolerance : 0.0;
+  segmentation_options.roughness = cloud.metric ? kRoughness : 0.0;
   segmentation_options.min_points = options.min_patch_points;
   segmentation_options.noise_is_known = known != nullptr;
   Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
@@ -442,7 +503,8 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
 
   const double least_noise = std::max(4e-7 * tree.spread(), 1e-9);
   parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
-    refine_region(tree, least_noise, fixed_noise, &segmentation.regions[region]);
+    refine_region(tree, least_noise, segmentation_options.roughness, fixed_noise,
+                  &segmentation.regions[region]);
   });
   layer.model = segmentation.noise;
   layer.typical = segmentation.typical_noise;
@@ -488,6 +550,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
     patch.status = region.estimate.status;
     patch.reason = region.estimate.reason;
     patch.inliers = counts[r];
+    patch.noise = region.estimate.noise;
     const UncertainPlane& level = region.estimate.plane;
     patch.plane.centroid = tree.frame().to_cloud(level.centroid);
     patch.plane.plane = Plane::through(patch.plane.centroid, back * level.plane.normal);

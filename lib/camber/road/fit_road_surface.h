@@ -24,7 +24,7 @@ struct RoadSurfaceOptions {
   double inlier_threshold = 0.0;
   /// As in PlaneFitOptions.
   std::optional<Eigen::Vector3d> viewpoint;
-  int min_patch_points = 60;  ///< patches on fewer points are dropped, >= 3
+  int min_patch_points = 20;  ///< patches on fewer points are dropped, >= 3
   /// How far the ground may bend away from a patch's plane before the patch ends: in standard
   /// deviations of a point, > 0, and at least this many metres, >= 0 (metric clouds only).
   double tolerance_sigmas = 0.7;

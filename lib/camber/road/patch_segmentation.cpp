@@ -24,7 +24,7 @@ constexpr double kNewPlane = 40.0;   // cost that a plane of its own must save
 struct Proposal {
   PivotPlane plane;
   double gain = 0.0;
-  std::size_t block = 0;
+  std::vector<int> leaves;  // where it starts
 };
 
 class Segmenter {
@@ -44,7 +44,8 @@ class Segmenter {
   bool accepts(const kernels::PieceStatistics& stats, std::size_t leaf) const;
   bool refit(const std::vector<int>& leaves, int rounds, PivotPlane* plane) const;
   void propose(std::size_t block, std::vector<Proposal>* proposals) const;
-  void grow(const std::vector<Proposal>& proposals);
+  void propose_beside(std::size_t leaf, std::vector<Proposal>* proposals) const;
+  bool grow(const std::vector<Proposal>& proposals, double least_start);
   std::vector<int> reach(const PivotPlane& plane, const std::vector<int>& from,
                          const std::vector<int>& taken) const;
   void compete();
@@ -63,14 +64,38 @@ class Segmenter {
   const SegmentationOptions& options_;
   PointArrays& s_;
   Segmentation out_;
+  NoiseModel noise_;        // with the ground's roughness
   double tolerance_ = 0.0;  // in standard deviations
   std::vector<PivotPlane> planes_;
   std::vector<std::vector<int>> members_;
 };
 
 void Segmenter::learn_noise() {
+  // Pieces of ground that tell the noise: leaves of a block, together where they are small; some of
+  // them, without the padding.
+  constexpr std::size_t kPiecePoints = 28, kMostPieces = 48;
+  std::vector<std::pair<std::size_t, std::size_t>> groups;  // leaves [first, second)
+  for (const PointTree::Block& block : tree_.blocks()) {
+    std::size_t from = block.first, count = 0;
+    for (std::size_t leaf = block.first; leaf < block.last; ++leaf) {
+      count += tree_.leaves()[leaf].end - tree_.leaves()[leaf].begin;
+      if (count < kPiecePoints && leaf + 1 < block.last) continue;
+      groups.emplace_back(from, leaf + 1);
+      from = leaf + 1;
+      count = 0;
+    }
+  }
+  std::vector<std::uint32_t> rows;
   std::vector<std::pair<std::size_t, std::size_t>> pieces;
-  for (const PointTree::Leaf& leaf : tree_.leaves()) pieces.emplace_back(leaf.begin, leaf.end);
+  const std::size_t step = std::max<std::size_t>(1, groups.size() / kMostPieces);
+  for (std::size_t g = step / 2; g < groups.size(); g += step) {
+    const std::size_t begin = rows.size();
+    for (std::size_t leaf = groups[g].first; leaf < groups[g].second; ++leaf) {
+      const PointTree::Leaf& l = tree_.leaves()[leaf];
+      for (std::size_t k = l.begin; k < l.end; ++k) rows.push_back(static_cast<std::uint32_t>(k));
+    }
+    pieces.emplace_back(begin, rows.size());
+  }
   const double least = std::max(4e-7 * tree_.spread(), 1e-9);
   NoiseModel& noise = out_.noise;
   if (options_.noise_is_known) {
@@ -79,17 +104,21 @@ void Segmenter::learn_noise() {
     noise.kind = NoiseKind::kSame;
     noise.scale = options_.inlier_threshold / kInlierSigmas;
   } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {
-    learn_local_noise(s_, pieces, kUp, options_.max_slope, least, options_.seed, &noise);
+    PointArrays some;
+    some.take(s_, rows);
+    learn_local_noise(some, pieces, kUp, options_.max_slope, least, options_.seed, &noise);
   }
+  noise_ = noise;
+  if (!(options_.inlier_threshold > 0.0)) noise_.least = std::max(noise.least, options_.roughness);
   PivotPlane level;
   // Padding rows keep weight 0.
   for (const PointTree::Leaf& leaf : tree_.leaves()) {
     for (std::size_t k = leaf.begin; k < leaf.end; ++k) s_.w[k] = 1.0f;
     const std::size_t b = leaf.begin;
     if (noise.kind == NoiseKind::kRays) continue;
-    noise.weigh(level.n, level.d, leaf.end - b, &s_.x[b], &s_.y[b], &s_.z[b],
-                s_.sigma.empty() ? nullptr : &s_.sigma[b],
-                s_.covariance.empty() ? nullptr : &s_.covariance[b], &s_.w[b]);
+    noise_.weigh(level.n, level.d, leaf.end - b, &s_.x[b], &s_.y[b], &s_.z[b],
+                 s_.sigma.empty() ? nullptr : &s_.sigma[b],
+                 s_.covariance.empty() ? nullptr : &s_.covariance[b], &s_.w[b]);
   }
   std::vector<float> weights;
   for (std::size_t k = 0; k < s_.w.size(); k += 7) {
@@ -110,8 +139,7 @@ kernels::PieceStatistics Segmenter::statistics(const PivotPlane& plane, std::siz
   alignas(32) float rays[64];
   if (out_.noise.kind == NoiseKind::kRays) {
     std::copy(w, w + n, rays);
-    out_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr,
-                     rays);
+    noise_.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr, rays);
     w = rays;
   }
   return kernels::piece_statistics(&s_.x[b], &s_.y[b], &s_.z[b], w, n, plane.as_float(),
@@ -121,17 +149,23 @@ kernels::PieceStatistics Segmenter::statistics(const PivotPlane& plane, std::siz
 kernels::Moments Segmenter::moments(const PivotPlane& plane, const PlaneWindow& window,
                                     const std::vector<int>& leaves, double limit) const {
   kernels::Moments sum;
-  alignas(32) float rays[64];
+  alignas(32) float rays[kernels::kBlock];
   const kernels::FloatPlane p = plane.as_float();
   const kernels::Window f = window.as_float();
-  for (const int leaf : leaves) {
-    const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
-    const std::size_t b = l.begin, n = l.padded_end - b;
+  for (std::size_t k = 0; k < leaves.size();) {
+    // Leaves that follow each other are one run of rows.
+    const std::size_t b = tree_.leaves()[static_cast<std::size_t>(leaves[k])].begin;
+    std::size_t end = b;
+    do {
+      end = tree_.leaves()[static_cast<std::size_t>(leaves[k])].padded_end;
+      ++k;
+    } while (k < leaves.size() && leaves[k] == leaves[k - 1] + 1 &&
+             tree_.leaves()[static_cast<std::size_t>(leaves[k])].padded_end - b <= kernels::kBlock);
+    const std::size_t n = end - b;
     const float* w = &s_.w[b];
     if (out_.noise.kind == NoiseKind::kRays) {
       std::copy(w, w + n, rays);
-      out_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr,
-                       rays);
+      noise_.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr, rays);
       w = rays;
     }
     kernels::accumulate(&s_.x[b], &s_.y[b], &s_.z[b], w, n, p, f, static_cast<float>(limit),
@@ -204,8 +238,8 @@ void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) con
       plane.d = -plane.n.dot(p);
       if (out_.noise.kind == NoiseKind::kRays) {
         scored = weights;
-        out_.noise.weigh(plane.n, plane.d, n, &s_.x[begin], &s_.y[begin], &s_.z[begin],
-                         &s_.sigma[begin], nullptr, scored.data());
+        noise_.weigh(plane.n, plane.d, n, &s_.x[begin], &s_.y[begin], &s_.z[begin],
+                     &s_.sigma[begin], nullptr, scored.data());
       }
       const double cost = static_cast<double>(kernels::msac_cost(
           &s_.x[begin], &s_.y[begin], &s_.z[begin], scored.data(), n, plane.as_float(),
@@ -218,15 +252,15 @@ void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) con
     if (!std::isfinite(best)) return;
     Proposal proposal;
     proposal.plane = best_plane;
-    proposal.block = block;
+    proposal.leaves = leaves;
     if (!refit(leaves, 3, &proposal.plane)) proposal.plane = best_plane;
     // Its inliers, which the next turn leaves out.
     double inliers = 0.0;
     std::vector<std::size_t> rest;
     if (out_.noise.kind == NoiseKind::kRays) {
       scored = weights;
-      out_.noise.weigh(proposal.plane.n, proposal.plane.d, n, &s_.x[begin], &s_.y[begin],
-                       &s_.z[begin], &s_.sigma[begin], nullptr, scored.data());
+      noise_.weigh(proposal.plane.n, proposal.plane.d, n, &s_.x[begin], &s_.y[begin], &s_.z[begin],
+                   &s_.sigma[begin], nullptr, scored.data());
     }
     for (const std::size_t k : rows) {
       const double r = proposal.plane.distance(s_.point(k));
@@ -271,23 +305,79 @@ std::vector<int> Segmenter::reach(const PivotPlane& plane, const std::vector<int
   return found;
 }
 
-void Segmenter::grow(const std::vector<Proposal>& proposals) {
+/// A plane for a leaf that no region has and those of its neighbours that none has either: that of
+/// a region beside it, bent to fit.
+void Segmenter::propose_beside(std::size_t leaf, std::vector<Proposal>* proposals) const {
+  std::vector<int> group(1, static_cast<int>(leaf));
+  std::vector<int> beside;
+  for (const int other : tree_.neighbours()[leaf]) {
+    const int region = out_.leaf_region[static_cast<std::size_t>(other)];
+    if (region < 0) {
+      group.push_back(other);
+    } else if (std::find(beside.begin(), beside.end(), region) == beside.end()) {
+      beside.push_back(region);
+    }
+  }
+  std::sort(group.begin(), group.end());
+  double points = 0.0;
+  for (const int member : group) {
+    const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(member)];
+    points += static_cast<double>(l.end - l.begin);
+  }
+  Proposal best;
+  for (const int region : beside) {
+    PivotPlane plane = planes_[static_cast<std::size_t>(region)];
+    // Wide at first: the ground bends away.
+    bool good = true;
+    for (const double limit : {16.0 * kLimit, 8.0 * kLimit, 4.0 * kLimit, 2.0 * kLimit}) {
+      PlaneWindow window;
+      align(plane, &window);
+      double step = 0.0;
+      const kernels::Moments m = moments(plane, window, group, limit);
+      good = m.count >= kLeastShare * points && solve_step(m, window, &plane, &step) &&
+             plane.n.z() >= std::cos(options_.max_slope);
+      if (!good) break;
+    }
+    if (!good) continue;
+    Proposal proposal;
+    proposal.plane = plane;
+    proposal.leaves = group;
+    std::size_t accepted = 0;
+    for (const int member : group) {
+      const auto l = static_cast<std::size_t>(member);
+      const kernels::PieceStatistics stats = statistics(plane, l);
+      if (!accepts(stats, l)) continue;
+      ++accepted;
+      proposal.gain += nothing(l) - static_cast<double>(stats.cost);
+    }
+    if (2 * accepted >= group.size() && proposal.gain > best.gain) best = std::move(proposal);
+  }
+  if (best.gain > 0.0) proposals->push_back(std::move(best));
+}
+
+/// Lets proposals grow over leaves that no region has, the best first; whether any did.
+/// @param least_start  share of a proposal's leaves that must be free and on its plane
+bool Segmenter::grow(const std::vector<Proposal>& proposals, double least_start) {
   std::vector<std::size_t> order(proposals.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](std::size_t l, std::size_t r) {
     return proposals[l].gain > proposals[r].gain;
   });
   std::vector<int>& taken = out_.leaf_region;
+  const std::size_t before = planes_.size();
   for (const std::size_t index : order) {
     const Proposal& proposal = proposals[index];
-    const PointTree::Block& block = tree_.blocks()[proposal.block];
     std::vector<int> start;
-    for (std::size_t leaf = block.first; leaf < block.last; ++leaf) {
+    for (const int member : proposal.leaves) {
+      const auto leaf = static_cast<std::size_t>(member);
       if (taken[leaf] < 0 && accepts(statistics(proposal.plane, leaf), leaf)) {
-        start.push_back(static_cast<int>(leaf));
+        start.push_back(member);
       }
     }
-    if (start.size() * 2 < block.last - block.first || start.empty()) continue;
+    if (start.empty() || static_cast<double>(start.size()) <
+                             least_start * static_cast<double>(proposal.leaves.size())) {
+      continue;
+    }
     PivotPlane plane = proposal.plane;
     std::vector<int> region = start;
     for (int round = 0; round < 8; ++round) {
@@ -312,6 +402,7 @@ void Segmenter::grow(const std::vector<Proposal>& proposals) {
     planes_.push_back(plane);
     for (const int leaf : region) taken[static_cast<std::size_t>(leaf)] = id;
   }
+  return planes_.size() > before;
 }
 
 void Segmenter::collect() {
@@ -472,7 +563,19 @@ Segmentation Segmenter::run() {
   for (const std::vector<Proposal>& list : by_block) {
     proposals.insert(proposals.end(), list.begin(), list.end());
   }
-  grow(proposals);
+  grow(proposals, 0.5);
+  // What lies between regions: where the ground bends, none of the blocks' planes may fit it.
+  for (int round = 0; round < 4; ++round) {
+    std::vector<std::vector<Proposal>> by_leaf(out_.leaf_region.size());
+    parallel_for(by_leaf.size(), options_.num_threads, [&](std::size_t leaf) {
+      if (out_.leaf_region[leaf] < 0) propose_beside(leaf, &by_leaf[leaf]);
+    });
+    proposals.clear();
+    for (std::vector<Proposal>& list : by_leaf) {
+      proposals.insert(proposals.end(), list.begin(), list.end());
+    }
+    if (!grow(proposals, 0.5)) break;
+  }
   for (int round = 0; round < 4; ++round) {
     compete();
     const bool dropped = drop();

@@ -17,7 +17,8 @@ struct SegmentationOptions {
   /// point, and at least this many metres (0 for clouds without a scale).
   double tolerance_sigmas = 0.7;
   double tolerance = 0.015;
-  int min_points = 60;  ///< of a patch
+  double roughness = 0.01;      ///< m, of ground: points lie on no plane more tightly
+  int min_points = 60;          ///< of a patch
   bool noise_is_known = false;  ///< the noise given is complete and not learnt again
 };
 
@@ -32,8 +33,8 @@ struct PlanarRegion {
 struct Segmentation {
   std::vector<PlanarRegion> regions;
   std::vector<int> leaf_region;  ///< index of a region, or -1
-  NoiseModel noise;              ///< of the whole cloud, before the regions' own
-  double typical_noise = 0.0;    ///< m
+  NoiseModel noise;  ///< of the whole cloud, before the regions' own and without roughness
+  double typical_noise = 0.0;  ///< m
 };
 
 /// Finds the planar pieces of a road. The number of planes is not told.

@@ -1,6 +1,7 @@
 #include "camber/road/plan_polygon.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -53,6 +54,43 @@ PlanPolygon clip(PlanPolygon subject, const PlanPolygon& convex) {
   return subject;
 }
 
+/// Takes out most points that cannot be corners of the hull: those inside the polygon of the
+/// extremes in eight directions (Akl and Toussaint, "A fast convex hull algorithm", IPL 1978).
+void leave_out_inner(std::vector<Vector2d>* points) {
+  constexpr int kDirections = 8;
+  if (points->size() < 64) return;
+  std::array<Vector2d, kDirections> directions;
+  std::array<double, kDirections> most;
+  PlanPolygon extremes(kDirections);
+  for (std::size_t d = 0; d < kDirections; ++d) {
+    const double angle = 2.0 * M_PI * static_cast<double>(d) / kDirections;
+    directions[d] = {std::cos(angle), std::sin(angle)};
+    most[d] = -std::numeric_limits<double>::infinity();
+  }
+  for (const Vector2d& p : *points) {
+    for (std::size_t d = 0; d < kDirections; ++d) {
+      const double along = directions[d].dot(p);
+      if (along > most[d]) {
+        most[d] = along;
+        extremes[d] = p;
+      }
+    }
+  }
+  points->erase(std::remove_if(points->begin(), points->end(),
+                               [&](const Vector2d& p) {
+                                 bool edge = false;
+                                 for (std::size_t d = 0; d < kDirections; ++d) {
+                                   const Vector2d& from = extremes[d];
+                                   const Vector2d& to = extremes[(d + 1) % kDirections];
+                                   if (from == to) continue;
+                                   if (!(cross(to - from, p - from) > 0.0)) return false;
+                                   edge = true;
+                                 }
+                                 return edge;
+                               }),
+                points->end());
+}
+
 }  // namespace
 
 GroundAxes::GroundAxes(const Eigen::Vector3d& up) {
@@ -62,6 +100,7 @@ GroundAxes::GroundAxes(const Eigen::Vector3d& up) {
 }
 
 PlanPolygon convex_hull(std::vector<Vector2d> points) {
+  leave_out_inner(&points);
   std::sort(points.begin(), points.end(), [](const Vector2d& l, const Vector2d& r) {
     return l.x() < r.x() || (l.x() == r.x() && l.y() < r.y());
   });

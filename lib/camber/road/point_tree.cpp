@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "camber/core/random.h"
+#include <cstring>
+#include <limits>
+#include <tuple>
 
 namespace camber {
 
@@ -13,68 +14,154 @@ namespace kernels = plane_kernels;
 
 namespace {
 
-constexpr std::size_t kLeafPoints = 48;    // largest leaf; halving leaves 24 to 48
+// Largest leaf; halving leaves half of that at least. Smaller ones where points are few.
+constexpr std::size_t kLeafPoints = 48, kSmallLeafPoints = 14;
+constexpr std::size_t kFewPoints = 40000;
 constexpr std::size_t kBlockPoints = 320;  // largest block
+constexpr double kStray = 10.0;  // points farther from the middle than this many spreads are strays
+constexpr std::size_t kCells =
+    8192;  // cells to a spread, by which a part of a large cloud is drawn
+
+/// A number that depends on nothing but three others; SplitMix64's finaliser.
+std::uint64_t hash_of(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  std::uint64_t z =
+      a * 0x9E3779B97F4A7C15ull + b * 0xD1B54A32D192ED03ull + c * 0x8CB92BA72F3D8DD7ull;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+  return z ^ (z >> 31);
+}
+
+std::uint64_t bits_of(float value) {
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, sizeof(bits));
+  return bits;
+}
+
+bool usable(const Eigen::Vector3f& p) {
+  return std::abs(p.x()) < 1e15f && std::abs(p.y()) < 1e15f && std::abs(p.z()) < 1e15f;
+}
 
 }  // namespace
 
-PointTree::PointTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t seed,
-                     std::size_t most_points) {
-  const Vector3d z = up.normalized();
+/// Frame by the cloud itself: origin at the mean, x along the longer principal direction in plan,
+/// towards the longer tail. A cloud that was moved, turned about up or put in another order gets
+/// the same rows but for rounding.
+bool PointTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
+  const std::size_t n = cloud.size();
+  // A rough middle and size, from points drawn by their coordinates.
+  const std::uint64_t share = n <= 4096 ? 1 : n / 2048;
+  Eigen::Vector3f middle = Eigen::Vector3f::Zero();
+  std::vector<float> values[3];
+  for (std::uint64_t every = share;; every = 1) {
+    for (std::vector<float>& list : values) list.clear();
+    for (const Eigen::Vector3f& p : cloud.points) {
+      if (!usable(p)) continue;
+      if (every > 1 && hash_of(bits_of(p.x()), bits_of(p.y()), bits_of(p.z())) % every != 0)
+        continue;
+      for (int axis = 0; axis < 3; ++axis) values[axis].push_back(p[axis]);
+    }
+    if (values[0].size() >= 256 || every == 1) break;
+  }
+  if (values[0].empty()) return false;
+  std::vector<float> distances(values[0].size());
+  std::vector<Eigen::Vector3f> drawn(values[0].size());
+  for (std::size_t k = 0; k < drawn.size(); ++k) {
+    drawn[k] = {values[0][k], values[1][k], values[2][k]};
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    middle[axis] = static_cast<float>(quantile(values[axis], 0.5));
+  }
+  for (std::size_t k = 0; k < drawn.size(); ++k) distances[k] = (drawn[k] - middle).norm();
+  spread_ = quantile(distances, 0.9);
+  if (!(spread_ > 0.0)) {
+    for (const Eigen::Vector3f& p : cloud.points) {
+      if (usable(p)) spread_ = std::max(spread_, static_cast<double>((p - middle).norm()));
+    }
+  }
+
   Vector3d e1, e2;
   UncertainPlane::make_axes(z, std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY(), &e1,
                             &e2);
-  frame_.level_from_cloud.row(0) = e1;
-  frame_.level_from_cloud.row(1) = e2;
-  frame_.level_from_cloud.row(2) = z;
-
-  const auto usable = [&](std::size_t i) {
-    const Eigen::Vector3f& p = cloud.points[i];
-    return std::abs(p.x()) < 1e15f && std::abs(p.y()) < 1e15f && std::abs(p.z()) < 1e15f;
-  };
-  std::vector<std::uint32_t> chosen;
-  const std::size_t n = cloud.size();
-  if (n > most_points) {
-    const CounterRandom random(seed, 21);
-    const double slice = static_cast<double>(n) / static_cast<double>(most_points);
-    for (std::size_t k = 0; k < most_points; ++k) {
-      const std::size_t i = std::min(
-          n - 1, static_cast<std::size_t>((static_cast<double>(k) + random.uniform(k)) * slice));
-      if (usable(i)) chosen.push_back(static_cast<std::uint32_t>(i));
-    }
-  } else {
-    chosen.reserve(n);
-    for (std::size_t i = 0; i < n; ++i) {
-      if (usable(i)) chosen.push_back(static_cast<std::uint32_t>(i));
-    }
+  const Eigen::Vector3f f1 = e1.cast<float>(), f2 = e2.cast<float>(), f3 = z.cast<float>();
+  const float most2 = static_cast<float>(kStray * kStray * spread_ * spread_);
+  double count = 0, su = 0, sv = 0, sw = 0, uu = 0, uv = 0, vv = 0, ww = 0;
+  double uuu = 0, uuv = 0, uvv = 0, vvv = 0;
+  for (const Eigen::Vector3f& p : cloud.points) {
+    const Eigen::Vector3f q = p - middle;
+    if (!(q.squaredNorm() <= most2)) continue;
+    const double u = static_cast<double>(f1.dot(q)), v = static_cast<double>(f2.dot(q)),
+                 w = static_cast<double>(f3.dot(q));
+    count += 1.0;
+    su += u;
+    sv += v;
+    sw += w;
+    ww += w * w;
+    uu += u * u;
+    uv += u * v;
+    vv += v * v;
+    uuu += u * u * u;
+    uuv += u * u * v;
+    uvv += u * v * v;
+    vvv += v * v * v;
   }
-  size_ = chosen.size();
+  const double mu = su / count, mv = sv / count;
+  const double cuu = uu / count - mu * mu, cuv = uv / count - mu * mv, cvv = vv / count - mv * mv;
+  const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
+  double c = std::cos(angle), s = std::sin(angle);
+  // The third moment about the mean along x decides which end is ahead.
+  const double m = c * mu + s * mv;
+  const double third =
+      (c * c * c * uuu + 3 * c * c * s * uuv + 3 * c * s * s * uvv + s * s * s * vvv) / count -
+      3.0 * m * (c * c * uu + 2.0 * c * s * uv + s * s * vv) / count + 2.0 * m * m * m;
+  if (third < 0.0) {
+    c = -c;
+    s = -s;
+  }
+  const Vector3d x = c * e1 + s * e2;
+  frame_.level_from_cloud.row(0) = x;
+  frame_.level_from_cloud.row(1) = z.cross(x);
+  frame_.level_from_cloud.row(2) = z;
+  pivot_ = (middle.cast<double>() + mu * e1 + mv * e2 + sw / count * z).cast<float>();
+  frame_.pivot = cloud.origin + pivot_.cast<double>();
+  const double mean = 0.5 * (cuu + cvv), half = std::hypot(0.5 * (cuu - cvv), cuv);
+  deviation_ = {static_cast<float>(std::sqrt(std::max(mean + half, 0.0))),
+                static_cast<float>(std::sqrt(std::max(mean - half, 0.0)))};
+  // Of what is spread evenly over a length, 90 % lie within 1.56 standard deviations.
+  const double cww = ww / count - sw / count * (sw / count);
+  spread_ = 1.56 * std::sqrt(std::max(cuu + cvv + cww, 0.0));
+  return true;
+}
+
+PointTree::PointTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t seed,
+                     std::size_t most_points) {
+  const std::size_t n = cloud.size();
+  if (!choose_frame(cloud, up.normalized())) return;
+  const Eigen::Matrix3f turn = frame_.level_from_cloud.cast<float>();
+  rows_.reserve(std::min(n, most_points + most_points / 8));
+  // Of a large cloud those in a random part of small cells.
+  const double share =
+      static_cast<double>(most_points) / static_cast<double>(std::max<std::size_t>(n, 1));
+  const auto keep =
+      share < 1.0 ? static_cast<std::uint64_t>(share * 0x1.0p64) : ~static_cast<std::uint64_t>(0);
+  const float per_cell = static_cast<float>(static_cast<double>(kCells) / std::max(spread_, 1e-30));
+  const auto cell = [&](float value) {
+    return static_cast<std::uint64_t>(
+        static_cast<std::int64_t>(std::floor(std::clamp(value * per_cell, -1e15f, 1e15f))));
+  };
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!usable(cloud.points[i])) continue;
+    const Eigen::Vector3f p = turn * (cloud.points[i] - pivot_);
+    if (share < 1.0 && hash_of(cell(p.x()) + seed, cell(p.y()), cell(p.z())) > keep) continue;
+    rows_.push_back({p.x(), p.y(), p.z(), static_cast<std::uint32_t>(i)});
+  }
+  size_ = rows_.size();
   if (size_ == 0) return;
 
-  // The pivot: medians, which no far point can move.
-  const std::size_t step = std::max<std::size_t>(1, size_ / 1024);
-  std::vector<float> values;
-  Eigen::Vector3f pivot;
-  for (int axis = 0; axis < 3; ++axis) {
-    values.clear();
-    for (std::size_t k = 0; k < size_; k += step) values.push_back(cloud.points[chosen[k]][axis]);
-    pivot[axis] = static_cast<float>(quantile(values, 0.5));
-  }
-  frame_.pivot = cloud.origin + pivot.cast<double>();
-  const Eigen::Matrix3f turn = frame_.level_from_cloud.cast<float>();
-  rows_.resize(size_);
-  for (std::size_t k = 0; k < size_; ++k) {
-    const Eigen::Vector3f p = turn * (cloud.points[chosen[k]] - pivot);
-    rows_[k] = {p.x(), p.y(), p.z(), chosen[k]};
-  }
-  values.clear();
-  for (std::size_t k = 0; k < size_; k += step) {
-    values.push_back(std::hypot(rows_[k].x, rows_[k].y, rows_[k].z));
-  }
-  spread_ = quantile(values, 0.9);
-
+  leaf_points_ = size_ < kFewPoints ? kSmallLeafPoints : kLeafPoints;
   nodes_.reserve(size_ / 8 + 16);
-  build(0, size_, false);
+  sort_into_cells();
+  build_from_cells(0, grid_.columns, 0, grid_.lines, false);
+  grid_ = Grid();
 
   // Rows in leaf order, each leaf padded.
   std::size_t total = 0;
@@ -116,87 +203,322 @@ PointTree::PointTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t s
   find_neighbours();
 }
 
-int PointTree::build(std::size_t begin, std::size_t end, bool in_block) {
+/// Counts the rows in a grid of small cells, of which the upper nodes of the tree are made: they
+/// need the cells' sums alone.
+void PointTree::sort_into_cells() {
+  constexpr float kPerCell = 4.0f;
+  Grid& g = grid_;
+  Eigen::Array2f high = Eigen::Array2f::Zero();
+  g.low = Eigen::Array2f::Zero();
+  const Eigen::Array2f most = 3.0f * deviation_;
+  for (const Row& row : rows_) {
+    if (std::abs(row.x) <= most[0]) {
+      g.low[0] = std::min(g.low[0], row.x);
+      high[0] = std::max(high[0], row.x);
+    }
+    if (std::abs(row.y) <= most[1]) {
+      g.low[1] = std::min(g.low[1], row.y);
+      high[1] = std::max(high[1], row.y);
+    }
+  }
+  const Eigen::Array2f extent = (high - g.low).max(1e-20f);
+  const float number = std::max(1.0f, static_cast<float>(size_) / kPerCell);
+  const auto along = [&](float share) {
+    return static_cast<int>(std::clamp(std::sqrt(number * share), 1.0f, 4096.0f));
+  };
+  g.columns = along(extent[0] / extent[1]);
+  g.lines = along(extent[1] / extent[0]);
+  g.size = extent / Eigen::Array2f(static_cast<float>(g.columns), static_cast<float>(g.lines));
+  const Eigen::Array2f per_cell = 1.0f / g.size;
+  const auto columns = static_cast<std::size_t>(g.columns),
+             lines = static_cast<std::size_t>(g.lines);
+  g.start.assign(columns * lines + 1, 0);
+  std::vector<std::uint32_t> cell_of(size_);
+  const float last_column = static_cast<float>(g.columns - 1),
+              last_line = static_cast<float>(g.lines - 1);
+  for (std::size_t k = 0; k < size_; ++k) {
+    const float x = std::clamp((rows_[k].x - g.low[0]) * per_cell[0], 0.0f, last_column),
+                y = std::clamp((rows_[k].y - g.low[1]) * per_cell[1], 0.0f, last_line);
+    cell_of[k] = static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(g.columns) +
+                 static_cast<std::uint32_t>(x);
+    ++g.start[cell_of[k] + 1];
+  }
+  for (std::size_t c = 0; c < columns * lines; ++c) g.start[c + 1] += g.start[c];
+  // Sums of the cells below and left of each corner of the grid.
+  g.sum.assign((columns + 1) * (lines + 1), 0);
+  for (std::size_t y = 0; y < lines; ++y) {
+    std::uint32_t line = 0;
+    for (std::size_t x = 0; x < columns; ++x) {
+      const std::size_t c = y * columns + x;
+      line += g.start[c + 1] - g.start[c];
+      g.sum[(y + 1) * (columns + 1) + x + 1] = g.sum[y * (columns + 1) + x + 1] + line;
+    }
+  }
+  g.rows.resize(size_);
+  std::vector<std::uint32_t> next(g.start.begin(), g.start.end() - 1);
+  for (std::size_t k = 0; k < size_; ++k) g.rows[next[cell_of[k]]++] = rows_[k];
+  rows_.clear();
+}
+
+/// Node of the cells [x0, x1) x [y0, y1).
+int PointTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block) {
+  const Grid& g = grid_;
+  const auto corner = [&](int x, int y) {
+    return g.sum[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.columns + 1) +
+                 static_cast<std::size_t>(x)];
+  };
+  const auto number = [&](int ax, int bx, int ay, int by) {
+    return corner(bx, by) - corner(ax, by) - corner(bx, ay) + corner(ax, ay);
+  };
+  const std::size_t n = number(x0, x1, y0, y1);
+  const auto take = [&] {
+    const std::size_t begin = rows_.size();
+    for (int y = y0; y < y1; ++y) {
+      const auto line = static_cast<std::size_t>(y) * static_cast<std::size_t>(g.columns);
+      rows_.insert(rows_.end(), g.rows.begin() + g.start[line + static_cast<std::size_t>(x0)],
+                   g.rows.begin() + g.start[line + static_cast<std::size_t>(x1)]);
+    }
+    return begin;
+  };
+  int axis = 0, cut = 0;
+  if (n > leaf_points_) {
+    // Of each axis: how far all but 4 % on either side reach, and the edge that halves best.
+    float extent[2];
+    int half[2];
+    bool balanced[2];
+    for (int a = 0; a < 2; ++a) {
+      const int from = a == 0 ? x0 : y0, to = a == 0 ? x1 : y1;
+      int first = from, last = to;
+      std::size_t nearest = n + 1, below = 0;
+      half[a] = from;
+      for (int edge = from; edge <= to; ++edge) {
+        const std::size_t sum = a == 0 ? number(x0, edge, y0, y1) : number(x0, x1, y0, edge);
+        if (25 * sum <= n) first = edge;
+        if (25 * (n - sum) >= n) last = std::min(edge + 1, to);
+        const std::size_t off = sum > n - sum ? 2 * sum - n : n - 2 * sum;
+        if (off < nearest) {
+          nearest = off;
+          half[a] = edge;
+          below = sum;
+        }
+      }
+      extent[a] = static_cast<float>(last - first) * g.size[a];
+      balanced[a] = 4 * below >= n && 4 * (n - below) >= n;
+    }
+    axis = extent[0] >= extent[1] ? 0 : 1;
+    // Too much in one line of cells: by the points themselves.
+    if (!balanced[axis]) {
+      const std::size_t begin = take();
+      const Eigen::Array2f low =
+          g.low + Eigen::Array2f(static_cast<float>(x0), static_cast<float>(y0)) * g.size;
+      const Eigen::Array2f high =
+          g.low + Eigen::Array2f(static_cast<float>(x1), static_cast<float>(y1)) * g.size;
+      return build(begin, rows_.size(), in_block, low, high);
+    }
+    cut = half[axis];
+  }
+  const int id = static_cast<int>(nodes_.size());
+  nodes_.emplace_back();
+  const bool new_block = !in_block && n <= kBlockPoints;
+  if (new_block) blocks_.push_back({leaves_.size(), leaves_.size()});
+  if (n <= leaf_points_) {
+    const std::size_t begin = take();
+    finish_leaf(id, begin, rows_.size());
+  } else {
+    const bool inside = in_block || new_block;
+    const int below = axis == 0 ? build_from_cells(x0, cut, y0, y1, inside)
+                                : build_from_cells(x0, x1, y0, cut, inside);
+    const int above = axis == 0 ? build_from_cells(cut, x1, y0, y1, inside)
+                                : build_from_cells(x0, x1, cut, y1, inside);
+    join(id, axis, g.low[axis] + static_cast<float>(cut) * g.size[axis], below, above);
+  }
+  if (new_block) blocks_.back().last = leaves_.size();
+  return id;
+}
+
+void PointTree::join(int id, int axis, float split, int below, int above) {
+  Node& node = nodes_[static_cast<std::size_t>(id)];
+  const Node &b = nodes_[static_cast<std::size_t>(below)],
+             &a = nodes_[static_cast<std::size_t>(above)];
+  node.axis = axis;
+  node.split = split;
+  node.below = below;
+  node.above = above;
+  node.low = b.low.min(a.low);
+  node.high = b.high.max(a.high);
+}
+
+/// @param low, high  of the part of the plan that the rows are in; strays may lie outside it
+int PointTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
+                     Eigen::Array2f high) {
   const int id = static_cast<int>(nodes_.size());
   nodes_.emplace_back();
   const bool new_block = !in_block && end - begin <= kBlockPoints;
   if (new_block) blocks_.push_back({leaves_.size(), leaves_.size()});
-  if (end - begin <= kLeafPoints) {
-    Leaf leaf;
-    leaf.begin = begin;
-    leaf.end = end;
-    // Box without the outermost point on each side, if there are enough.
-    const std::size_t count = end - begin, skip = count >= 12 ? 1 : 0;
-    std::array<float, kLeafPoints> values;
-    for (int axis = 0; axis < 2; ++axis) {
-      for (std::size_t k = 0; k < count; ++k) {
-        values[k] = axis == 0 ? rows_[begin + k].x : rows_[begin + k].y;
-      }
-      std::sort(values.begin(), values.begin() + static_cast<long>(count));
-      leaf.low[axis] = values[skip];
-      leaf.high[axis] = values[count - 1 - skip];
-    }
-    nodes_[id].leaf = static_cast<int>(leaves_.size());
-    nodes_[id].low = leaf.low;
-    nodes_[id].high = leaf.high;
-    leaves_.push_back(leaf);
+  if (end - begin <= leaf_points_) {
+    finish_leaf(id, begin, end);
   } else {
-    // Width and middle from a few points: far strays must not decide.
-    constexpr std::size_t kLook = 25;
-    std::array<float, kLook> look[2];
-    for (std::size_t j = 0; j < kLook; ++j) {
-      const Row& row = rows_[begin + (end - begin) * (2 * j + 1) / (2 * kLook)];
-      look[0][j] = row.x;
-      look[1][j] = row.y;
+    // Histograms do not depend on the order of the rows.
+    constexpr int kBins = 64;
+    std::array<std::uint32_t, kBins + 2> bins[2] = {};
+    const Eigen::Array2f width = (high - low).max(1e-30f) / static_cast<float>(kBins);
+    const Eigen::Array2f per_bin = 1.0f / width;
+    for (std::size_t k = begin; k < end; ++k) {
+      const float px = (rows_[k].x - low[0]) * per_bin[0] + 1.0f,
+                  py = (rows_[k].y - low[1]) * per_bin[1] + 1.0f;
+      ++bins[0][static_cast<std::size_t>(std::min(std::max(px, 0.0f), kBins + 1.0f))];
+      ++bins[1][static_cast<std::size_t>(std::min(std::max(py, 0.0f), kBins + 1.0f))];
     }
-    std::sort(look[0].begin(), look[0].end());
-    std::sort(look[1].begin(), look[1].end());
-    const int axis = look[0][kLook - 2] - look[0][1] >= look[1][kLook - 2] - look[1][1] ? 0 : 1;
-    float middle = look[axis][kLook / 2];
+    const std::size_t n = end - begin;
+    // Of each axis: where all but 4 % on either side lie, and the edge that halves best.
+    int first[2], last[2], half[2];
+    std::size_t below_half[2];
+    for (int axis = 0; axis < 2; ++axis) {
+      std::size_t sum = 0, nearest = n;
+      first[axis] = kBins;
+      last[axis] = 0;
+      half[axis] = 0;
+      below_half[axis] = 0;
+      for (int k = 0; k <= kBins; ++k) {
+        if (25 * sum <= n) first[axis] = std::max(k - 1, 0);
+        sum += bins[axis][static_cast<std::size_t>(k)];
+        // `sum` rows lie below low + k * width.
+        const std::size_t off = sum > n - sum ? 2 * sum - n : n - 2 * sum;
+        if (off < nearest) {
+          nearest = off;
+          half[axis] = k;
+          below_half[axis] = sum;
+        }
+        if (25 * (n - sum) >= n) last[axis] = std::min(k + 1, kBins);
+      }
+    }
+    const float extent[2] = {static_cast<float>(last[0] - first[0]) * width[0],
+                             static_cast<float>(last[1] - first[1]) * width[1]};
+    const int axis = extent[0] >= extent[1] ? 0 : 1;
+    float middle = low[axis] + static_cast<float>(half[axis]) * width[axis];
     std::size_t cut = begin;
-    if (axis == 0) {
-      for (std::size_t k = begin; k < end; ++k) {
-        const Row row = rows_[k];
-        rows_[k] = rows_[cut];
-        rows_[cut] = row;
-        cut += row.x < middle ? 1 : 0;
-      }
-    } else {
-      for (std::size_t k = begin; k < end; ++k) {
-        const Row row = rows_[k];
-        rows_[k] = rows_[cut];
-        rows_[cut] = row;
-        cut += row.y < middle ? 1 : 0;
+    if (8 * below_half[axis] >= n && 8 * (n - below_half[axis]) >= n) {
+      if (axis == 0) {
+        for (std::size_t k = begin; k < end; ++k) {
+          const Row row = rows_[k];
+          rows_[k] = rows_[cut];
+          rows_[cut] = row;
+          cut += row.x < middle ? 1 : 0;
+        }
+      } else {
+        for (std::size_t k = begin; k < end; ++k) {
+          const Row row = rows_[k];
+          rows_[k] = rows_[cut];
+          rows_[cut] = row;
+          cut += row.y < middle ? 1 : 0;
+        }
       }
     }
-    // Many equal coordinates leave one side nearly empty: halve exactly.
-    if (cut - begin < (end - begin) / 8 || end - cut < (end - begin) / 8) {
-      cut = begin + (end - begin) / 2;
+    // Many in one bin: halve exactly.
+    if (8 * (cut - begin) < n || 8 * (end - cut) < n) {
+      cut = begin + n / 2;
       const auto less = [axis](const Row& l, const Row& r) {
-        return axis == 0 ? l.x < r.x : l.y < r.y;
+        return axis == 0 ? std::tie(l.x, l.y, l.z) < std::tie(r.x, r.y, r.z)
+                         : std::tie(l.y, l.x, l.z) < std::tie(r.y, r.x, r.z);
       };
       std::nth_element(rows_.begin() + static_cast<long>(begin),
                        rows_.begin() + static_cast<long>(cut),
                        rows_.begin() + static_cast<long>(end), less);
       middle = axis == 0 ? rows_[cut].x : rows_[cut].y;
     }
-    const int below = build(begin, cut, in_block || new_block);
-    const int above = build(cut, end, in_block || new_block);
-    Node& node = nodes_[id];
-    node.axis = axis;
-    node.split = middle;
-    node.below = below;
-    node.above = above;
-    node.low = nodes_[below].low.min(nodes_[above].low);
-    node.high = nodes_[below].high.max(nodes_[above].high);
+    // The children's part: without the empty margins, so that their bins are finer.
+    for (int k = 0; k < 2; ++k) {
+      const float from = low[k], step = width[k];
+      low[k] = from + static_cast<float>(std::max(first[k] - 1, 0)) * step;
+      high[k] = from + static_cast<float>(std::min(last[k] + 1, kBins)) * step;
+    }
+    Eigen::Array2f high_below = high, low_above = low;
+    high_below[axis] = low_above[axis] = middle;
+    const int below = build(begin, cut, in_block || new_block, low, high_below);
+    const int above = build(cut, end, in_block || new_block, low_above, high);
+    join(id, axis, middle, below, above);
   }
   if (new_block) blocks_.back().last = leaves_.size();
   return id;
 }
 
+void PointTree::finish_leaf(int id, std::size_t begin, std::size_t end) {
+  std::sort(rows_.begin() + static_cast<long>(begin), rows_.begin() + static_cast<long>(end),
+            [](const Row& l, const Row& r) {
+              return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
+            });
+  Leaf leaf;
+  leaf.begin = begin;
+  leaf.end = end;
+  // Box without the outermost point on each side, if there are enough.
+  const std::size_t count = end - begin, skip = count >= 12 ? 1 : 0;
+  leaf.low[0] = rows_[begin + skip].x;
+  leaf.high[0] = rows_[end - 1 - skip].x;
+  float least[2], most[2];
+  least[0] = least[1] = std::numeric_limits<float>::infinity();
+  most[0] = most[1] = -least[0];
+  for (std::size_t k = begin; k < end; ++k) {
+    const float y = rows_[k].y;
+    least[1] = std::min(least[1], std::max(least[0], y));
+    least[0] = std::min(least[0], y);
+    most[1] = std::max(most[1], std::min(most[0], y));
+    most[0] = std::max(most[0], y);
+  }
+  leaf.low[1] = least[skip];
+  leaf.high[1] = most[skip];
+  Node& node = nodes_[static_cast<std::size_t>(id)];
+  node.leaf = static_cast<int>(leaves_.size());
+  node.low = leaf.low;
+  node.high = leaf.high;
+  leaves_.push_back(leaf);
+}
+
 void PointTree::find_neighbours() {
   neighbours_.assign(leaves_.size(), {});
+  if (nodes_.empty()) return;
+  // The part of the plan that each leaf answers for.
+  constexpr float kInfinite = std::numeric_limits<float>::infinity();
+  std::vector<Eigen::Array4f> parts(nodes_.size());
+  parts[0] = {-kInfinite, -kInfinite, kInfinite, kInfinite};
+  std::vector<std::size_t> node_of(leaves_.size());
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {  // parents come before their children
+    const Node& node = nodes_[k];
+    if (node.leaf >= 0) {
+      node_of[static_cast<std::size_t>(node.leaf)] = k;
+      continue;
+    }
+    Eigen::Array4f &below = parts[static_cast<std::size_t>(node.below)],
+                   &above = parts[static_cast<std::size_t>(node.above)];
+    below = above = parts[k];
+    below[2 + node.axis] = node.split;
+    above[node.axis] = node.split;
+  }
   std::vector<int> stack;
+  // Parts that touch, whatever gap lies between their points (the rings of a scanner), unless it is
+  // out of proportion.
+  constexpr float kWidestGap = 3.0f;
+  for (std::size_t i = 0; i < leaves_.size(); ++i) {
+    const Leaf& leaf = leaves_[i];
+    const Eigen::Array4f& part = parts[node_of[i]];
+    const float size = (leaf.high - leaf.low).maxCoeff();
+    stack.assign(1, 0);
+    while (!stack.empty()) {
+      const Node& node = nodes_[static_cast<std::size_t>(stack.back())];
+      stack.pop_back();
+      if (node.leaf < 0) {
+        if (part[2 + node.axis] >= node.split) stack.push_back(node.above);
+        if (part[node.axis] <= node.split) stack.push_back(node.below);
+        continue;
+      }
+      if (node.leaf <= static_cast<int>(i)) continue;
+      const Leaf& other = leaves_[static_cast<std::size_t>(node.leaf)];
+      const float gap =
+          (leaf.low - other.high).max(other.low - leaf.high).max(0.0f).matrix().norm();
+      if (gap <= kWidestGap * std::max(size, (other.high - other.low).maxCoeff())) {
+        neighbours_[i].push_back(node.leaf);
+      }
+    }
+  }
   for (std::size_t i = 0; i < leaves_.size(); ++i) {
     const Leaf& leaf = leaves_[i];
     // Half a leaf's size bridges the gaps that chance leaves between points.

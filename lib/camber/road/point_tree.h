@@ -26,7 +26,9 @@ struct LevelFrame {
 
 /// Points of a cloud in a level frame, ordered so that each of many small pieces of ground
 /// ("leaves" of about 32 points, whatever the density) is a run of rows that begins at a multiple
-/// of the kernels' lane count. Built by halving in plan; far strays do not distort it.
+/// of the kernels' lane count. Built by halving in plan; far strays do not distort it. The frame
+/// and the halving depend on where the points lie among each other, not on their order, nor, but
+/// for rounding, on where and how turned about up the cloud is.
 class PointTree {
  public:
   static constexpr std::uint32_t kPadding = 0xFFFFFFFFu;
@@ -41,8 +43,7 @@ class PointTree {
     std::size_t first = 0, last = 0;  ///< leaves [first, last)
   };
 
-  /// @param most_points  clouds with more are represented by a part of their points, one from each
-  ///                     of equal slices
+  /// @param most_points  clouds with more are represented by about so many, drawn by place
   PointTree(const RoadCloud& cloud, const Eigen::Vector3d& up, std::uint64_t seed,
             std::size_t most_points);
 
@@ -53,10 +54,11 @@ class PointTree {
   const std::vector<std::uint32_t>& cloud_index() const { return cloud_index_; }
   const std::vector<Leaf>& leaves() const { return leaves_; }
   const std::vector<Block>& blocks() const { return blocks_; }
-  /// Leaves whose boxes touch a leaf's, ascending, itself not included.
+  /// Leaves whose boxes touch a leaf's, or whose parts of the plan do, with no wide gap between the
+  /// points; ascending, itself not included.
   const std::vector<std::vector<int>>& neighbours() const { return neighbours_; }
   std::size_t size() const { return size_; }  ///< points that are represented
-  double spread() const { return spread_; }   ///< m, 90 % lie within it of the pivot
+  double spread() const { return spread_; }   ///< m, about 90 % lie within it of the pivot
 
   /// Index of the leaf to whose part of the ground a place in plan belongs.
   int locate(float x, float y) const;
@@ -69,10 +71,18 @@ class PointTree {
     int leaf = -1;
     Eigen::Array2f low, high;
   };
-  int build(std::size_t begin, std::size_t end, bool in_block);
+  bool choose_frame(const RoadCloud& cloud, const Eigen::Vector3d& z);
+  void sort_into_cells();
+  int build_from_cells(int x0, int x1, int y0, int y1, bool in_block);
+  void join(int id, int axis, float split, int below, int above);
+  int build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
+            Eigen::Array2f high);
+  void finish_leaf(int id, std::size_t begin, std::size_t end);
   void find_neighbours();
 
   LevelFrame frame_;
+  Eigen::Vector3f pivot_ = Eigen::Vector3f::Zero();  // relative to the cloud's origin
+  Eigen::Array2f deviation_{0.0f, 0.0f};             // m, along x and y
   PointArrays points_;
   std::vector<std::uint32_t> cloud_index_;
   std::vector<Leaf> leaves_;
@@ -86,7 +96,17 @@ class PointTree {
     float x, y, z;
     std::uint32_t index;
   };
-  std::vector<Row> rows_;  // while building
+  // While building.
+  struct Grid {
+    int columns = 0, lines = 0;
+    Eigen::Array2f low{0.0f, 0.0f}, size{1.0f, 1.0f};  // m, of the grid and of a cell
+    std::vector<std::uint32_t> start;                  // of each cell's rows
+    std::vector<std::uint32_t> sum;  // rows in the cells below and left of each corner
+    std::vector<Row> rows;           // by cell
+  };
+  Grid grid_;
+  std::size_t leaf_points_ = 0;
+  std::vector<Row> rows_;
 };
 
 }  // namespace camber

@@ -21,6 +21,7 @@ struct PlanePatch {
   std::string reason;                     ///< empty for kOk
   UncertainPlane plane;                   ///< axis1 along the road where that is known
   int inliers = 0;
+  double noise = 0.0;                     ///< m, standard deviation of a point across it, if known
   std::vector<Eigen::Vector3d> boundary;  ///< convex or simple polygon on the plane
   double grade = 0.0;                     ///< rad, slope along axis1, positive: climbs ahead
   double bank = 0.0;                      ///< rad, slope across, positive: left side up
