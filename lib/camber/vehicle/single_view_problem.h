@@ -423,6 +423,28 @@ class SingleViewProblem {
     update_visibility(s);
   }
 
+  /// A keypoint with what is known about its error.
+  struct Seen {
+    const BodyPoint* point;
+    Eigen::Vector2d pixel;
+    bool seen;                 // likelier seen by the network than guessed
+    Eigen::Vector2d sigma_px;  // u, v; with what the coefficients leave of the shape
+  };
+  std::vector<Seen> keypoints(const State& s) const {
+    std::vector<Seen> out;
+    for (std::size_t j = 0; j < used_.size(); ++j) {
+      Eigen::Vector2d pixel;
+      double depth = 0.0;
+      if (!project(body_[used_[j]], s, &pixel, &depth)) continue;
+      const bool seen = seen_share_[j] > 0.5;
+      const double cells =
+          seen ? noise_.seen * noise_scale_ : 0.5 * (noise_.guessed + noise_.guessed_far);
+      const double sigma = std::sqrt(cells * cells + model_variance(j, depth));
+      out.push_back({&body_[used_[j]], pixels_[j], seen, {sigma * cell_u_, sigma * cell_v_}});
+    }
+    return out;
+  }
+
   /// What the keypoints say about the fit.
   struct Agreement {
     double kept = 0.0;  // expected number of keypoints that are not far off
