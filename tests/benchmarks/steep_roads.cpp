@@ -23,6 +23,7 @@
 #include "camber/pipeline/reconstruct.h"
 #include "camber/scene/results.h"
 #include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/joint_fit.h"
 #include "camber/vehicle/support_plane.h"
 #include "camber/vehicle/vehicle_tracks.h"
 #include "support/test_data.h"
@@ -158,6 +159,7 @@ struct Row {
   Supports support;
   VehicleFitOptions fit;
   bool tracks = false;  // all five frames, with the tracks that the program finds
+  const JointFitOptions* joint = nullptr;  // the frame's vehicles and planes in one problem
 };
 
 EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
@@ -176,6 +178,11 @@ EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
     }
     out.estimates = fit_vehicles(clip.scene.camera, out.detections, out.supports, row.fit);
     frames.push_back(std::move(out));
+  }
+  if (row.joint) {
+    TrackFrame& f = frames[middle];
+    f.estimates =
+        fit_joint(clip.scene.camera, f.detections, f.supports, f.estimates, *row.joint).vehicles;
   }
   VehicleDocument document;
   document.method = row.name;
@@ -198,7 +205,7 @@ void print_row(const char* planes, const MethodTables& t) {
   };
   const LocalisationRow& all = bin("all");
   std::printf(
-      "| %s | %s | %d | %.2f (%.2f) | %.2f | %.2f | %.2f | %.2f | %.2f | %.1f | %.2f | %.0f %% | "
+      "| %s | %s | %d | %.2f (%.2f) | %.2f | %.2f | %.2f | %.2f | %.2f | %.3f | %.2f | %.0f %% | "
       "%.1f %% |\n",
       t.method.c_str(), planes, all.center.count, all.center.mean, all.center.deviation,
       all.center.median, bin("<= 15 m").center.mean, bin("<= 30 m").center.mean,
@@ -268,6 +275,49 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
   print_header();
   for (const Row& row : rows) {
     std::vector<EvaluatedScene> scenes;
+    for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
+    print_row(row.planes, make_tables(scenes).front());
+    if (cars) list_cars(scenes);
+  }
+}
+
+/// The paper's terms in one problem over the vehicles and planes of the frame, term by term.
+void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* prior) {
+  std::printf(
+      "\n## All vehicles and planes of a frame in one problem, planes from 3 images\n\n"
+      "The terms of the paper (Ceres) from the starts of the single fits.\n\n");
+  const auto found = [](const Clip& clip, int frame, const VehicleDetection& d) {
+    return found_support(clip.three, frame, d);
+  };
+  VehicleFitOptions fit;
+  fit.prior = prior;
+  std::vector<std::pair<const char*, JointFitOptions>> variants;
+  JointFitOptions base;
+  base.prior = prior;
+  base.links = PlaneLinks::kNone;
+  variants.emplace_back("5 coefficients, no links", base);
+  base.links = PlaneLinks::kContinuity;
+  variants.emplace_back("5 coefficients, continuity", base);
+  base.links = PlaneLinks::kConsistency;
+  variants.emplace_back("5 coefficients, consistency (eq. 8)", base);
+  base.links = PlaneLinks::kContinuity;
+  base.num_coefficients = 20;
+  variants.emplace_back("20 coefficients, continuity", base);
+  base.as_printed = true;
+  variants.emplace_back("the same, eq. 5, 7, 9 as printed", base);
+  base.as_printed = false;
+  base.fixed_weights = true;
+  variants.emplace_back("the same, hand-set weights", base);
+  base.fixed_weights = false;
+  base.alternating = true;
+  variants.emplace_back("the same, alternating (eq. 2)", base);
+  JointFitOptions paper = JointFitOptions::paper();
+  paper.prior = prior;
+  variants.emplace_back("preset paper", paper);
+  print_header();
+  for (const auto& [name, options] : variants) {
+    std::vector<EvaluatedScene> scenes;
+    const Row row{name, "from 3 images", found, fit, false, &options};
     for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
     print_row(row.planes, make_tables(scenes).front());
     if (cars) list_cars(scenes);
@@ -344,7 +394,9 @@ int main(int argc, char** argv) {
   const fs::path data = test::data_dir();
   std::printf("# Vehicles on steep roads\n\n");
   if (fs::exists(data / "steep-scenes")) {
-    steep_roads(read_clips(data / "steep-scenes", keep), cars, &prior);
+    const std::vector<Clip> clips = read_clips(data / "steep-scenes", keep);
+    steep_roads(clips, cars, &prior);
+    ablation(clips, cars, &prior);
   } else {
     std::printf("skipped: no %s\n", (data / "steep-scenes").string().c_str());
   }
