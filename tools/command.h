@@ -56,5 +56,6 @@ void register_plane(CLI::App& root);
 void register_patches(CLI::App& root);
 void register_profile(CLI::App& root);
 void register_ground(CLI::App& root);
+void register_compare(CLI::App& root);
 
 }  // namespace camber::tools

@@ -50,6 +50,7 @@ int main(int argc, char** argv) {
   register_patches(root);
   register_profile(root);
   register_ground(root);
+  register_compare(root);
 
   std::string command_line = "camber";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];

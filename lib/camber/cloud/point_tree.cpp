@@ -314,6 +314,48 @@ std::vector<PointTree::Neighbor> PointTree::nearest_of_all(
   return out;
 }
 
+std::vector<PointTree::NearestPair> PointTree::nearest_pair_of_all(
+    const std::vector<Eigen::Vector3f>& queries, int num_threads) const {
+  std::vector<NearestPair> out(queries.size());
+  if (size() == 0) return out;
+  const std::vector<int> order = morton_order(queries);
+  constexpr std::size_t kBlock = 4096;
+  PointTreeView tree = view();
+  tree.ids = nullptr;
+  parallel_for((order.size() + kBlock - 1) / kBlock, num_threads, [&](std::size_t block) {
+    Eigen::Vector3f last[2] = {Eigen::Vector3f::Constant(kInfinity),
+                               Eigen::Vector3f::Constant(kInfinity)};
+    const std::size_t end = std::min(order.size(), (block + 1) * kBlock);
+    for (std::size_t i = block * kBlock; i < end; ++i) {
+      const Eigen::Vector3f& query = queries[static_cast<std::size_t>(order[i])];
+      if (!query.allFinite()) continue;
+      // The last query's two neighbours are near this one too: the farther is a bound for both,
+      // with room for rounding.
+      const float hint =
+          std::max((last[0] - query).squaredNorm(), (last[1] - query).squaredNorm()) * 1.001f +
+          1e-30f;
+      std::uint64_t items[2] = {};
+      Best best = start_best(items, 2, hint);
+      const float q[4] = {query.x(), query.y(), query.z(), 0.0f};
+      search_best(tree, q, best);
+      if (best.count == 0) continue;  // distances beyond the range of float
+      NearestPair& pair = out[static_cast<std::size_t>(order[i])];
+      pair.second_squared_distance = kInfinity;
+      for (int k = 0; k < best.count; ++k) {
+        const std::size_t at = static_cast<std::size_t>(id_of(items[k]));
+        last[k] = {x_[at], y_[at], z_[at]};
+        if (k == 0) {
+          pair.index = index_[at];
+          pair.squared_distance = distance_of(items[0]);
+        } else {
+          pair.second_squared_distance = distance_of(items[1]);
+        }
+      }
+    }
+  });
+  return out;
+}
+
 void PointTree::within(const Eigen::Vector3f& query, float radius,
                        std::vector<Neighbor>& out) const {
   out.clear();

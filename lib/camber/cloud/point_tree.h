@@ -44,6 +44,18 @@ class PointTree {
   std::vector<Neighbor> nearest_of_all(const std::vector<Eigen::Vector3f>& queries,
                                        int num_threads) const;
 
+  /// The nearest point of a query, and how far the next one is.
+  struct NearestPair {
+    int index = -1;
+    float squared_distance = 0.f;         ///< m^2
+    float second_squared_distance = 0.f;  ///< m^2; infinite if the tree holds one point alone
+  };
+
+  /// The same as nearest_of_all() with the distance of the second nearest, which tells where
+  /// rounding leaves the nearest open.
+  std::vector<NearestPair> nearest_pair_of_all(const std::vector<Eigen::Vector3f>& queries,
+                                               int num_threads) const;
+
   /// The points at most `radius` away, in the same order. `out` is overwritten.
   void within(const Eigen::Vector3f& query, float radius, std::vector<Neighbor>& out) const;
 

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace camber {
+
+/// The point of a triangle nearest to a place; also of degenerate triangles.
+/// Ericson, "Real-Time Collision Detection", 2005, section 5.1.5.
+Eigen::Vector3d nearest_on_triangle(const Eigen::Vector3d& place, const Eigen::Vector3d& a,
+                                    const Eigen::Vector3d& b, const Eigen::Vector3d& c);
+
+/// Exact distances from points to a mesh: a tree of bounding boxes over its triangles. Immutable
+/// after construction: any number of threads may search it.
+class TriangleTree {
+ public:
+  struct Nearest {
+    int triangle = -1;  ///< -1: none
+    double squared_distance = std::numeric_limits<double>::infinity();
+  };
+
+  /// Triangles with a corner that is not finite are left out.
+  /// @param triangles indices into `vertices`, at most 2^31 - 1
+  /// @throws std::invalid_argument for an index out of range.
+  TriangleTree(std::vector<Eigen::Vector3d> vertices,
+               const std::vector<std::array<std::uint32_t, 3>>& triangles);
+
+  bool empty() const { return order_.empty(); }
+
+  /// The nearest triangle if it is closer than the square root of `limit`.
+  Nearest nearest(const Eigen::Vector3d& place,
+                  double limit = std::numeric_limits<double>::infinity()) const;
+
+  /// The same for many places (none for those that are not finite), which are taken in an order in
+  /// which neighbours follow each other. The result does not depend on the number of threads.
+  std::vector<Nearest> nearest_of_all(const std::vector<Eigen::Vector3d>& places,
+                                      int num_threads) const;
+
+  /// Unit normal by the order of the corners; zero for a degenerate triangle.
+  Eigen::Vector3d normal(int triangle) const;
+
+ private:
+  struct Node {
+    float low[3], high[3];  ///< rounded outwards
+    int first = 0;          ///< leaf: into order_; inner: the right child (the left one is next)
+    int count = 0;          ///< 0: inner
+  };
+  struct Corners {
+    Eigen::Vector3d a, b, c;
+  };
+  int build(int first, int count, std::vector<Eigen::Vector3d>& centers);
+  double distance_to(int triangle, const Eigen::Vector3d& place) const;
+
+  std::vector<Eigen::Vector3d> vertices_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;
+  std::vector<int> order_;
+  std::vector<Corners> corners_;  ///< in order_
+  std::vector<Node> nodes_;
+};
+
+}  // namespace camber

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "camber/evaluate/compare.h"
+#include "camber/scene/image_io.h"
+
+namespace camber {
+
+/// Histograms of the distances both ways, of the counted points; the last bar holds all beyond.
+Image draw_histogram(const CloudComparison& comparison);
+
+/// Share of the points within a distance, both ways, over the distance, with the thresholds marked.
+Image draw_cumulative(const CloudComparison& comparison);
+
+/// The map of signed height errors, the road's direction upwards; blue too low, red too high.
+Image draw_height_map(const CloudComparison& comparison);
+
+/// A cloud coloured by its distances (viridis, `largest` m and beyond at the yellow end; grey: not
+/// counted), with the scalars "error" and, where known, "error_along_normal".
+RoadCloud color_by_distance(const OneWay& way, double largest);
+
+}  // namespace camber

@@ -1,0 +1,376 @@
+// camber compare: an estimated cloud, mesh or result against dense truth.
+
+#include "camber/evaluate/compare.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/render/comparison_pictures.h"
+#include "camber/scene/results.h"
+#include "camber/scene/scene.h"
+#include "cloud_arguments.h"
+#include "command.h"
+#include "road_arguments.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+const std::map<std::string, Alignment> kAlignments = {{"none", Alignment::kNone},
+                                                      {"scale", Alignment::kScale},
+                                                      {"rigid", Alignment::kRigid},
+                                                      {"similarity", Alignment::kSimilarity}};
+
+struct Arguments {
+  std::string estimate, truth, out;
+  CloudArguments reading;
+  UpArguments up;
+  CompareOptions options;
+  std::string alignment = "none";
+  std::string transform, pairs, camera;
+  std::vector<double> along, region, truth_viewpoint;
+  bool no_road_frame = false, overwrite = false, as_json = false;
+};
+
+/// Numbers of a text file, blanks or commas between them, # to the end of a line ignored.
+std::vector<double> read_numbers(const std::string& path, std::size_t multiple,
+                                 const std::string& expected) {
+  std::ifstream in(path);
+  if (!in) throw InputError(path, "cannot be opened");
+  std::vector<double> numbers;
+  std::string line;
+  for (std::size_t row = 1; std::getline(in, line); ++row) {
+    line = line.substr(0, line.find('#'));
+    for (char& c : line) {
+      if (c == ',' || c == ';' || c == '\r') c = ' ';
+    }
+    std::istringstream words(line);
+    std::string word;
+    while (words >> word) {
+      char* end = nullptr;
+      const double value = std::strtod(word.c_str(), &end);
+      if (*end != '\0' || !std::isfinite(value)) {
+        throw InputError(path, "line " + std::to_string(row),
+                         "found '" + word.substr(0, 40) + "', expected a number");
+      }
+      numbers.push_back(value);
+      if (numbers.size() > 6000000)
+        throw InputError(path, "more numbers than expected: " + expected);
+    }
+  }
+  if (numbers.empty() || numbers.size() % multiple != 0) {
+    throw InputError(path,
+                     "found " + std::to_string(numbers.size()) + " numbers, expected " + expected);
+  }
+  return numbers;
+}
+
+Eigen::Matrix4d read_matrix(const std::string& path) {
+  const std::vector<double> n = read_numbers(path, 4, "16, or 12 for three rows");
+  if (n.size() != 16 && n.size() != 12) {
+    throw InputError(
+        path, "found " + std::to_string(n.size()) + " numbers, expected 16, or 12 for three rows");
+  }
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  for (std::size_t i = 0; i < n.size(); ++i) {
+    m(static_cast<Eigen::Index>(i / 4), static_cast<Eigen::Index>(i % 4)) = n[i];
+  }
+  if ((m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-9 ||
+      !(std::abs(m.topLeftCorner<3, 3>().determinant()) > 1e-12)) {
+    throw InputError(path,
+                     "the numbers are no transform, expected an invertible matrix whose last "
+                     "row is 0 0 0 1");
+  }
+  return m;
+}
+
+bool is_scene(const fs::path& path) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) return fs::exists(path / "scene.json", error);
+  return path.extension() == ".json";
+}
+
+bool is_result(const fs::path& path) {
+  std::error_code error;
+  return fs::is_directory(path, error) && fs::exists(path / "run.json", error) &&
+         fs::exists(path / "road.ply", error);
+}
+
+/// The cloud of a result folder, else the file.
+fs::path cloud_of(const std::string& path) {
+  return is_result(path) ? fs::path(path) / "road.ply" : fs::path(path);
+}
+
+Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn) {
+  options.triangles = true;
+  CloudFile file = read_cloud_file(path, options);
+  warn_about(path.string(), file.report, warn);
+  Shape shape;
+  shape.cloud = std::move(file.cloud);
+  shape.triangles = std::move(file.triangles);
+  if (shape.cloud.empty()) throw NoAnswerError(path.string() + ": no points to compare");
+  return shape;
+}
+
+int reference_frame(const std::optional<RunDocument>& run, const Scene& scene) {
+  if (run) {
+    for (const RunDocument::CameraPose& camera : run->cameras) {
+      if (camera.reference_from_camera.matrix().isIdentity(1e-9)) return camera.id;
+    }
+  }
+  std::vector<int> ids;
+  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
+  return choose_reference_frame(scene, ids);
+}
+
+/// The truth cloud of a scene, and the transform that takes it to the reference camera.
+Shape read_scene_truth(const std::string& path, const Scene& scene, int reference,
+                       const ReadOptions& options, const LogSink& warn,
+                       Eigen::Matrix4d* reference_from_truth) {
+  if (!scene.truth || scene.truth->cloud.empty()) {
+    throw NoAnswerError(path + ": the scene has no truth cloud");
+  }
+  const auto pose = [&](int id) {
+    for (const TruthFrame& frame : scene.truth->frames) {
+      if (frame.id == id && frame.world_from_camera) return *frame.world_from_camera;
+    }
+    throw NoAnswerError(fmt::format("{}: no true pose of frame {}", path, id));
+  };
+  if (!(scene.truth->cloud_frame && *scene.truth->cloud_frame == reference)) {
+    SE3 world_from_cloud;
+    if (scene.truth->cloud_frame) world_from_cloud = pose(*scene.truth->cloud_frame);
+    *reference_from_truth = (pose(reference).inverse() * world_from_cloud).matrix();
+  }
+  return read_shape(scene.truth->cloud, options, warn);
+}
+
+json options_json(const Arguments& a, const CompareOptions& o) {
+  const auto vector = [](const Eigen::Vector3d& v) { return json{v.x(), v.y(), v.z()}; };
+  json out = {
+      {"align", a.alignment},           {"thresholds", o.thresholds}, {"up", vector(o.up)},
+      {"along", vector(o.along)},       {"road_limit", o.road_limit}, {"map_cell", o.map_cell},
+      {"mesh_density", o.mesh_density}, {"views", o.views.size()}};
+  std::vector<double> rows;
+  for (int i = 0; i < 16; ++i) rows.push_back(o.estimate_from_truth(i / 4, i % 4));
+  out["estimate_from_truth"] = rows;
+  if (o.region) out["region"] = {vector(o.region->minimum), vector(o.region->maximum)};
+  if (o.viewpoint) out["viewpoint"] = vector(*o.viewpoint);
+  if (o.truth_viewpoint) out["truth_viewpoint"] = vector(*o.truth_viewpoint);
+  if (std::isfinite(o.farthest)) out["farthest"] = o.farthest;
+  return out;
+}
+
+}  // namespace
+
+void register_compare(CLI::App& root) {
+  Command* command = add_command(
+      root, "compare",
+      "Measures an estimate against dense truth, both ways. Each may be a cloud, a PLY mesh or a "
+      "result folder; truth may also be a scene with a truth cloud.",
+      "  camber compare out/steep_hill samples/steep_hill --out comparison\n"
+      "  camber compare estimate.ply truth.ply --thresholds 0.05,0.1,0.2 --json\n"
+      "  camber compare estimate.ply truth_mesh.ply --align rigid --out comparison\n"
+      "  camber compare out/run scan.bin --estimate-from-truth camera_from_laser.txt "
+      "--truth-viewpoint 0,0,0 --camera scene.json --farthest 40");
+  const auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  CLI::App& app = *command->app;
+  app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
+  app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
+  app.add_option("--out", a.out,
+                 "folder for tables (JSON, CSV), coloured clouds (PLY) and pictures (PNG)");
+  app.add_flag("--overwrite", a.overwrite, "replace a foreign folder that is not empty");
+  app.add_option("--thresholds", a.options.thresholds, "metres, for precision, recall and F-score")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--align", a.alignment,
+                 "move the estimate first: none, scale (about the coordinates' zero), rigid or "
+                 "similarity; reported with its residual")
+      ->check(CLI::IsMember({"none", "scale", "rigid", "similarity"}))
+      ->capture_default_str();
+  app.add_option("--pairs", a.pairs,
+                 "file of corresponding places for --align, rows x y z of the estimate, x y z of "
+                 "the truth; default: iterated closest points");
+  app.add_option("--estimate-from-truth", a.transform,
+                 "file of a 4 x 4 matrix that takes truth into the estimate's frame");
+  app.add_option(
+         "--region", a.region,
+         "metres, in the estimate's frame: xmin,ymin,zmin,xmax,ymax,zmax; what lies outside "
+         "does not count")
+      ->delimiter(',')
+      ->expected(6);
+  app.add_option(
+      "--camera", a.camera,
+      "scene whose camera saw the estimate (poses from the result folder): truth outside "
+      "its views does not count; default: the truth, where that is a scene");
+  app.add_option("--farthest", a.options.farthest,
+                 "metres along the camera's axis; truth beyond does not count");
+  app.add_option("--truth-viewpoint", a.truth_viewpoint,
+                 "place x,y,z, in the truth's frame, from which the truth was measured: estimated "
+                 "points behind it, or where it has none, do not count")
+      ->delimiter(',')
+      ->expected(3);
+  add_up_arguments(app, a.up);
+  app.add_option("--along", a.along,
+                 "direction x,y,z of the road; default: the camera's axis, else x")
+      ->delimiter(',')
+      ->expected(3);
+  app.add_option("--road-limit", a.options.road_limit,
+                 "metres; farther points are not split in the road's frame")
+      ->capture_default_str();
+  app.add_option("--map-cell", a.options.map_cell, "metres, of the map of height errors")
+      ->capture_default_str();
+  app.add_option("--mesh-density", a.options.mesh_density,
+                 "points a square metre that stand for a mesh")
+      ->capture_default_str();
+  app.add_flag("--no-road-frame", a.no_road_frame, "no errors in the road's frame: faster");
+  add_cloud_arguments(app, a.reading);
+  app.add_flag("--json", a.as_json, "one JSON object on stdout");
+
+  command->run = [command, arguments] {
+    const Arguments& args = *arguments;
+    CompareOptions options = args.options;
+    options.alignment = kAlignments.at(args.alignment);
+    options.seed = command->common.seed;
+    options.num_threads = command->common.threads;
+    options.road_frame = !args.no_road_frame;
+    options.validate();
+    if (!args.pairs.empty() && options.alignment == Alignment::kNone) {
+      throw UsageError("--pairs needs --align scale, rigid or similarity");
+    }
+    std::optional<AtomicFolder> folder;
+    if (!args.out.empty()) folder.emplace(args.out, args.overwrite);
+    const LogSink warn = make_warning_sink(command->common);
+    Timings timings;
+    StageTimer load(timings, "load");
+    const ReadOptions reading = args.reading.read_options();
+    const Shape estimate = read_shape(cloud_of(args.estimate), reading, warn);
+    std::optional<RunDocument> run;
+    if (is_result(args.estimate)) run = read_run(fs::path(args.estimate) / "run.json");
+    Shape truth;
+    std::string camera = args.camera;
+    if (!is_result(args.truth) && is_scene(args.truth)) {
+      const Scene scene = read_scene(args.truth, warn);
+      truth = read_scene_truth(args.truth, scene, reference_frame(run, scene), reading, warn,
+                               &options.estimate_from_truth);
+      if (camera.empty()) camera = args.truth;
+    } else {
+      truth = read_shape(cloud_of(args.truth), reading, warn);
+    }
+    if (!args.transform.empty()) options.estimate_from_truth = read_matrix(args.transform);
+    if (!args.pairs.empty()) {
+      const std::vector<double> n = read_numbers(args.pairs, 6, "rows of 6");
+      for (std::size_t i = 0; i < n.size(); i += 6) {
+        options.pairs.emplace_back(Eigen::Vector3d(n[i], n[i + 1], n[i + 2]),
+                                   Eigen::Vector3d(n[i + 3], n[i + 4], n[i + 5]));
+      }
+    }
+    if (!camera.empty()) {
+      const Scene scene = read_scene(camera, warn);
+      if (run && !run->cameras.empty()) {
+        for (const RunDocument::CameraPose& pose : run->cameras) {
+          options.views.push_back({scene.camera, pose.reference_from_camera.inverse()});
+        }
+      } else {
+        options.views.push_back({scene.camera, SE3()});
+      }
+    }
+    if (!args.region.empty()) {
+      CropBox box;
+      box.minimum = {args.region[0], args.region[1], args.region[2]};
+      box.maximum = {args.region[3], args.region[4], args.region[5]};
+      if (!(box.minimum.array() <= box.maximum.array()).all()) {
+        throw UsageError(
+            "--region: found a minimum above a maximum, expected "
+            "xmin,ymin,zmin,xmax,ymax,zmax");
+      }
+      options.region = box;
+    }
+    if (!args.truth_viewpoint.empty()) {
+      options.truth_viewpoint = Eigen::Vector3d(args.truth_viewpoint[0], args.truth_viewpoint[1],
+                                                args.truth_viewpoint[2]);
+    }
+    const bool camera_frame = estimate.cloud.frame == CloudFrame::kCamera;
+    options.up = args.up.up(estimate.cloud);
+    options.along = camera_frame ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
+    if (!args.along.empty()) options.along = {args.along[0], args.along[1], args.along[2]};
+    if (options.along.cross(options.up).norm() < 1e-6 * options.along.norm()) {
+      throw UsageError(
+          "--along: found a direction along --up, expected one that is level or nearly so");
+    }
+    options.viewpoint = args.up.viewpoint();
+    if (!options.viewpoint && camera_frame) options.viewpoint = Eigen::Vector3d::Zero();
+    load.stop();
+
+    check_interrupted();
+    StageTimer compute(timings, "compute");
+    const CloudComparison comparison = compare_shapes(estimate, truth, options);
+    compute.stop();
+
+    StageTimer write(timings, "write");
+    json result = to_json(comparison);
+    result["estimate"] = args.estimate;
+    result["truth"] = args.truth;
+    if (folder) {
+      const fs::path& at = folder->staging();
+      double largest = 0.0;
+      for (const double t : options.thresholds) largest = std::max(largest, 2.0 * t);
+      write_json(result, at / "compare.json");
+      write_file_atomically(at / "scores.csv", scores_csv(comparison));
+      write_file_atomically(at / "compare.txt", describe(comparison));
+      write_cloud(color_by_distance(comparison.accuracy, largest), at / "accuracy.ply");
+      write_cloud(color_by_distance(comparison.completeness, largest), at / "completeness.ply");
+      write_png(draw_histogram(comparison), at / "histogram.png");
+      write_png(draw_cumulative(comparison), at / "cumulative.png");
+      if (options.road_frame) {
+        write_file_atomically(at / "road_errors.csv", road_errors_csv(comparison));
+        write_file_atomically(at / "height_error.csv", height_map_csv(comparison.map));
+        write_png(draw_height_map(comparison), at / "height_error.png");
+      }
+    }
+    write.stop();
+    if (folder) {
+      RunDocument document;
+      document.seed = options.seed;
+      document.options = options_json(args, options);
+      document.options["command"] = "compare";
+      document.timings = timings;
+      document.metric = estimate.cloud.metric;
+      const auto add_hash = [&](const fs::path& path) {
+        std::error_code error;
+        if (fs::is_regular_file(path, error)) {
+          document.input_hashes.emplace_back(path.string(), hash_file(path));
+        }
+      };
+      add_hash(cloud_of(args.estimate));
+      add_hash(cloud_of(args.truth));
+      write_json(to_json(document), folder->staging() / "run.json");
+      folder->commit();
+    }
+    if (!args.as_json) {
+      fmt::print("{}", describe(comparison));
+      return 0;
+    }
+    result["version"] = kVersion;
+    result["seed"] = options.seed;
+    result["options"] = options_json(args, options);
+    result["timings_ms"] = cloud_timings(timings);
+    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+    return 0;
+  };
+}
+
+}  // namespace camber::tools
