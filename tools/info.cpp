@@ -203,7 +203,11 @@ Printed describe(const std::string& name, const ReadOptions& options, const LogS
   const fs::path path = name;
   std::error_code error;
   if (fs::is_directory(path, error)) {
-    if (fs::exists(path / "run.json", error)) return describe_result(path, options);
+    // camber synth leaves its run.json beside the scene that it makes.
+    const bool scene = fs::exists(path / "scene.json", error) &&
+                       !fs::exists(path / "surface.json", error) &&
+                       !fs::exists(path / "vehicles.json", error);
+    if (!scene && fs::exists(path / "run.json", error)) return describe_result(path, options);
     if (!fs::exists(path / "points3D.bin", error) && !fs::exists(path / "points3D.txt", error)) {
       return describe_scene(path, warn);
     }

@@ -8,8 +8,8 @@
 #include <map>
 #include <stdexcept>
 
-#include "camber/cloud/normals.h"
 #include "camber/cloud/point_tree.h"
+#include "camber/cloud/voxel_grid.h"
 #include "camber/core/errors.h"
 #include "camber/core/random.h"
 #include "camber/core/threads.h"
@@ -185,6 +185,48 @@ Contact contact(const Shape& shape, int nearest, const Vector3d& place) {
   const double length = normal.norm();
   normal = length > 0.0 ? Vector3d(normal / length) : Vector3d::Zero();
   return {nearest_on_triangle(place, a, b, c), normal};
+}
+
+/// Normals of the ground's tangent planes at each point: planes through the neighbours in the cloud
+/// thinned to 0.25 m, so that they span some metres also where a laser's lines lie far apart; zero
+/// where these leave a tilt open.
+std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Vector3d& up,
+                                             int num_threads) {
+  constexpr double kSpacing = 0.25;  // m
+  constexpr int kNeighbors = 12;
+  constexpr double kLeastSpread = 0.03;  // of the variances in the plane
+  RoadCloud bare;
+  bare.origin = cloud.origin;
+  bare.points = cloud.points;
+  const RoadCloud thinned = thin(bare, kSpacing);
+  std::vector<Eigen::Vector3f> points(thinned.size());
+  const Eigen::Vector3f shift = (thinned.origin - cloud.origin).cast<float>();
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = thinned.points[i] + shift;
+  const PointTree tree(points);
+  std::vector<Eigen::Vector3f> normals(points.size(), Eigen::Vector3f::Zero());
+  const float *const x = tree.x().data(), *const y = tree.y().data(), *const z = tree.z().data();
+  tree.for_each_neighborhood(kNeighbors, num_threads, [&](const PointTree::Neighborhood& near) {
+    Vector3d mean = Vector3d::Zero();
+    Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+    for (int i = 0; i < near.count; ++i) {
+      const int at = near.positions[i];
+      const Vector3d d = Vector3d(x[at], y[at], z[at]) - near.point.cast<double>();
+      mean += d / near.count;
+      squares += d * d.transpose() / near.count;
+    }
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    solver.computeDirect(squares - mean * mean.transpose());
+    if (!(solver.eigenvalues()[1] > kLeastSpread * solver.eigenvalues()[2])) return;
+    Vector3d normal = solver.eigenvectors().col(0);
+    if (normal.dot(up) < 0.0) normal = -normal;
+    normals[static_cast<std::size_t>(near.index)] = normal.cast<float>();
+  });
+  std::vector<Eigen::Vector3f> out(cloud.size(), Eigen::Vector3f::Zero());
+  const std::vector<PointTree::Neighbor> nearest = tree.nearest_of_all(cloud.points, num_threads);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (nearest[i].index >= 0) out[i] = normals[static_cast<std::size_t>(nearest[i].index)];
+  }
+  return out;
 }
 
 /// Iterated closest points of a sample of the estimate: along the truth's normals, with a little of
@@ -630,12 +672,9 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
     return shape.is_mesh() ? sample_mesh(shape, options.mesh_density, kMostSamples, options.seed)
                            : shape.cloud;
   };
-  if (options.road_frame && !truth.is_mesh() && truth.cloud.normals.empty()) {
-    NormalOptions normals;
-    normals.neighbors = 12;
-    normals.up = options.up;
-    normals.num_threads = options.num_threads;
-    if (truth.cloud.size() >= 3) estimate_normals(truth.cloud, normals);
+  const bool iterates = options.alignment != Alignment::kNone && options.pairs.empty();
+  if ((options.road_frame || iterates) && !truth.is_mesh() && truth.cloud.normals.empty()) {
+    truth.cloud.normals = tangent_normals(truth.cloud, options.up, options.num_threads);
   }
   Shape estimate = estimate_in;
   if (options.alignment != Alignment::kNone) {
@@ -725,6 +764,8 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
     if (!(out.accuracy.distances.distance[i] <= options.road_limit)) continue;
     Contact c = contact(truth, out.accuracy.distances.nearest[i], estimated[i]);
     if (c.normal.dot(up) < 0.0) c.normal = -c.normal;
+    const bool level = c.normal.isZero();  // not known
+    if (level) c.normal = up;
     const double upright = c.normal.dot(up);
     if (!(upright > 0.5)) continue;  // walls have no height
     const Vector3d offset = estimated[i] - c.place;
@@ -733,7 +774,7 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
     e.along = along.dot(offset);
     e.across = left.dot(offset);
     e.distance = options.viewpoint ? (estimated[i] - *options.viewpoint).norm() : kNaN;
-    e.grade = std::abs(std::atan2(c.normal.dot(along), upright));
+    e.grade = level ? kNaN : std::abs(std::atan2(c.normal.dot(along), upright));
     e.u = along.dot(estimated[i]);
     e.v = left.dot(estimated[i]);
     errors.push_back(e);
