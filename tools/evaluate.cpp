@@ -8,6 +8,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
+#include "camber/pipeline/kitti_boxes.h"
 #include "command.h"
 
 namespace camber::tools {
@@ -18,16 +19,55 @@ namespace fs = std::filesystem;
 struct Arguments {
   std::vector<std::string> truth, estimate;
   std::string subset, out;
+  std::vector<fs::path> calibration;
+  int camera = 2;
+  std::vector<int> image_size{1242, 375};
   bool json = false, markdown = false, overwrite = false;
 };
 
-EvaluatedScene evaluate_one(const std::string& truth, const std::string& estimate,
-                            const LogSink& warn) {
-  const Scene scene = read_scene(truth, warn);
+bool is_kitti(const fs::path& path) { return path.extension() == ".txt"; }
+
+KittiCalibration::Camera kitti_camera(const Arguments& args, const std::string& path) {
+  if (args.calibration.empty()) {
+    throw UsageError(path + ": a KITTI label file needs --calib, none is given");
+  }
+  return read_kitti_calibration(args.calibration).camera(args.camera);
+}
+
+/// Frame of a label file in the object form: the number that is its name, else 0.
+int frame_of(const fs::path& path) {
+  const std::string stem = path.stem().stem().string();
+  const bool number =
+      !stem.empty() && stem.size() < 9 && stem.find_first_not_of("0123456789") == std::string::npos;
+  return number ? std::stoi(stem) : 0;
+}
+
+Scene read_truth(const Arguments& args, const std::string& truth, const LogSink& warn) {
+  if (!is_kitti(truth)) return read_scene(truth, warn);
+  return truth_from_kitti(read_kitti_labels(truth), kitti_camera(args, truth), args.image_size[0],
+                          args.image_size[1], frame_of(truth), fs::path(truth).stem().string());
+}
+
+VehicleDocument read_estimate(const Arguments& args, const std::string& estimate) {
+  if (!is_kitti(estimate)) {
+    return read_vehicles(fs::is_directory(estimate) ? fs::path(estimate) / "vehicles.json"
+                                                    : fs::path(estimate));
+  }
+  const KittiLabelFile labels = read_kitti_labels(estimate);
+  std::vector<BoxTilt> tilts;
+  if (fs::exists(tilt_file(estimate))) {
+    tilts = read_tilts(tilt_file(estimate), labels.labels.size());
+  }
+  return vehicles_from_kitti(labels, kitti_camera(args, estimate), frame_of(estimate), tilts,
+                             tilts.empty() ? "kitti boxes" : "kitti boxes, tilted");
+}
+
+EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
+                            const std::string& estimate, const LogSink& warn) {
+  const Scene scene = read_truth(args, truth, warn);
   if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
   const bool folder = fs::is_directory(estimate);
-  const VehicleDocument vehicles =
-      read_vehicles(folder ? fs::path(estimate) / "vehicles.json" : fs::path(estimate));
+  const VehicleDocument vehicles = read_estimate(args, estimate);
   EvaluatedScene out;
   out.scene = scene.name;
   out.method = vehicles.method;
@@ -54,12 +94,28 @@ void register_evaluate(CLI::App& root) {
       "start over.",
       "  camber evaluate --truth samples/steep_hill --estimate out/steep_hill\n"
       "  camber evaluate --truth a/scene.json b/scene.json --estimate a_joint b_joint a_flat "
-      "b_flat --out tables");
+      "b_flat --out tables\n"
+      "  camber evaluate --truth label_02/0009.txt --estimate lifted.txt --calib calib/0009.txt");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   CLI::App& app = *command->app;
-  app.add_option("--truth", a.truth, "scene manifests (or their folders) with truth")->required();
-  app.add_option("--estimate", a.estimate, "result folders, or vehicles.json files")->required();
+  app.add_option("--truth", a.truth,
+                 "scene manifests (or their folders) with truth, or KITTI label files (.txt)")
+      ->required();
+  app.add_option(
+         "--estimate", a.estimate,
+         "result folders, vehicles.json files, or KITTI label files (.txt; tilts from their "
+         ".tilt.csv, if there is one)")
+      ->required();
+  app.add_option("--calib", a.calibration, "KITTI calibration file(s), for label files");
+  app.add_option("--camera", a.camera, "camera of the label files' images")
+      ->check(CLI::Range(0, 3))
+      ->capture_default_str();
+  app.add_option("--image-size", a.image_size, "width,height of the label files' images, px")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app.add_option("--subset", a.subset,
                  "file that names a subset for a row of its own, a line each: scene [frame "
                  "[truth id]]");
@@ -84,7 +140,7 @@ void register_evaluate(CLI::App& root) {
       for (std::size_t i = 0; i < args.estimate.size(); ++i) {
         check_interrupted();
         // The same truth is read for every method; unknown keys need one warning.
-        scenes.push_back(evaluate_one(args.truth[i % args.truth.size()], args.estimate[i],
+        scenes.push_back(evaluate_one(args, args.truth[i % args.truth.size()], args.estimate[i],
                                       i < args.truth.size() ? warn : LogSink{}));
       }
     }

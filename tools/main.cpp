@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   register_synth(root);
   register_vehicles(root);
   register_evaluate(root);
+  register_lift(root);
   register_plane(root);
   register_patches(root);
   register_profile(root);

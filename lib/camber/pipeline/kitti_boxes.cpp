@@ -1,0 +1,287 @@
+#include "camber/pipeline/kitti_boxes.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+
+namespace camber {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+std::string lower_case(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+bool is_vehicle(const KittiLabel& label) {
+  const std::string type = lower_case(label.type);
+  return type == "car" || type == "van" || type == "truck" || type == "bus";
+}
+
+/// Share of the projected box outside the image; 1 if it reaches behind the camera.
+double truncation_of(const OrientedBox& box, const PinholeCamera& camera) {
+  const auto corners = box.corners();
+  Box2 whole{1e12, 1e12, -1e12, -1e12};
+  for (Eigen::Index i = 0; i < corners.cols(); ++i) {
+    if (!(corners(2, i) > 0.1)) return 1.0;
+    const Eigen::Vector2d p = *camera.project(corners.col(i));
+    whole = {std::min(whole.x1, p.x()), std::min(whole.y1, p.y()), std::max(whole.x2, p.x()),
+             std::max(whole.y2, p.y())};
+  }
+  return std::clamp(1.0 - whole.clipped(camera.width, camera.height).area() / whole.area(), 0.0,
+                    1.0);
+}
+
+}  // namespace
+
+Eigen::Matrix3d rotation_of(double rotation_y, const BoxTilt& tilt) {
+  const Eigen::Matrix3d level = rotation_from_rotation_y(rotation_y);
+  const Eigen::Vector3d front =
+      std::cos(tilt.pitch) * level.col(0) + std::sin(tilt.pitch) * level.col(1);
+  const Eigen::Vector3d up = level.col(2).cross(front);
+  Eigen::Matrix3d out;
+  out.col(0) = front;
+  out.col(2) = std::cos(tilt.roll) * level.col(2) - std::sin(tilt.roll) * up;
+  out.col(1) = out.col(2).cross(front);
+  return out;
+}
+
+BoxTilt tilt_of(const Eigen::Matrix3d& camera_from_vehicle) {
+  const Eigen::Vector3d front = camera_from_vehicle.col(0), right = camera_from_vehicle.col(2);
+  const Eigen::Matrix3d level = rotation_from_rotation_y(rotation_y(camera_from_vehicle));
+  BoxTilt out;
+  out.pitch = std::asin(std::clamp(-front.y(), -1.0, 1.0));
+  const Eigen::Vector3d up = level.col(2).cross(front);
+  out.roll = std::atan2(-right.dot(up), right.dot(level.col(2)));
+  return out;
+}
+
+void LiftOptions::validate() const {
+  if (!(depth_sigma > 0.0)) {
+    throw std::invalid_argument(fmt::format("depth_sigma: {}, must be > 0", depth_sigma));
+  }
+  if (!(pixel_sigma >= 0.0) || !(height_sigma >= 0.0)) {
+    throw std::invalid_argument(
+        fmt::format("pixel_sigma, height_sigma: {}, {}, must be >= 0", pixel_sigma, height_sigma));
+  }
+}
+
+LiftedBox lift_box(const KittiLabel& label, const RoadSurface& surface,
+                   const SE3& camera_from_reference, const KittiCalibration::Camera& camera,
+                   const LiftOptions& options) {
+  options.validate();
+  LiftedBox out;
+  out.label = label;
+  if (label.dont_care() || !label.has_box3()) {
+    out.status = Status::kFailed;
+    out.reason = "the row has no 3D box";
+    return out;
+  }
+  const double half = 0.5 * label.height;
+  const Eigen::Vector3d start = label.location + camera.offset - Eigen::Vector3d(0.0, half, 0.0);
+  if (!(start.z() > 0.5)) {
+    out.status = Status::kFailed;
+    out.reason = "the box is not in front of the camera";
+    return out;
+  }
+  const SE3 reference_from_camera = camera_from_reference.inverse();
+  double factor = 1.0, sigma = options.depth_sigma;
+  UncertainPlane plane;
+  SurfaceQuery found;
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    const Eigen::Vector3d foot = factor * start + Eigen::Vector3d(0.0, half, 0.0);
+    const SurfaceQuery query = surface.query(reference_from_camera * foot);
+    if (query.status == Status::kFailed) {
+      if (iteration == 0) {
+        out.status = Status::kFailed;
+        out.reason = "the surface does not cover the place: " + query.reason;
+        return out;
+      }
+      break;  // corrected beyond what is known: the last patch stands
+    }
+    found = query;
+    plane = query.plane.transformed(camera_from_reference);
+    // Height of the bottom above the plane for a distance s: n . (s c) + d - h / 2.
+    const double slope = plane.plane.normal.dot(start);
+    const double height = slope + plane.plane.offset - half;
+    const double pixel = start.z() * options.pixel_sigma / camera.fy;
+    const double variance = query.sigma_height * query.sigma_height + pixel * pixel +
+                            options.height_sigma * options.height_sigma;
+    const double prior = options.depth_sigma * options.depth_sigma;
+    const double gain = prior * slope / (slope * slope * prior + variance);
+    const double next = std::max(1.0 - gain * height, 0.3);
+    sigma = std::sqrt(std::max((1.0 - gain * slope) * prior, 0.0));
+    const double change = std::abs(next - factor);
+    factor = next;
+    if (change < 1e-6) break;
+  }
+  const Eigen::Vector3d normal = plane.plane.normal;
+  const Eigen::Vector3d bottom = plane.plane.foot(factor * start);
+  // The front axis on the plane with the rotation_y of the row.
+  const Eigen::Vector3d level = rotation_from_rotation_y(label.rotation_y).col(0);
+  Eigen::Vector3d front = level;
+  front.y() = -(normal.x() * level.x() + normal.z() * level.z()) / normal.y();
+  front.normalize();
+  Eigen::Matrix3d rotation;
+  rotation.col(0) = front;
+  rotation.col(1) = normal;
+  rotation.col(2) = front.cross(normal);
+  out.tilt = tilt_of(rotation);
+  out.label.location = bottom - camera.offset;
+  out.label.alpha = std::remainder(
+      label.rotation_y - std::atan2(out.label.location.x(), out.label.location.z()), 2.0 * kPi);
+  out.patch = found.patch;
+  out.depth_factor = factor;
+  out.sigma_depth = sigma * start.norm();
+  out.status = found.status;
+  out.reason = found.reason;
+  return out;
+}
+
+std::filesystem::path tilt_file(const std::filesystem::path& labels) {
+  std::filesystem::path out = labels;
+  return out.replace_extension(".tilt.csv");
+}
+
+void write_tilts(const std::vector<LiftedBox>& boxes, const std::filesystem::path& path) {
+  std::string out = "row,frame,track,pitch,roll,status,patch,depth_factor,sigma_depth,reason\n";
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    const LiftedBox& b = boxes[i];
+    std::string reason = b.reason;
+    std::replace(reason.begin(), reason.end(), ',', ';');
+    out += fmt::format("{},{},{},{:.9g},{:.9g},{},{},{:.6f},{:.4f},{}\n", i, b.label.frame,
+                       b.label.track, b.tilt.pitch, b.tilt.roll, to_string(b.status), b.patch,
+                       b.depth_factor, b.sigma_depth, reason);
+  }
+  write_file_atomically(path, out);
+}
+
+std::vector<BoxTilt> read_tilts(const std::filesystem::path& path, std::size_t rows) {
+  std::ifstream in(path);
+  if (!in || std::filesystem::is_directory(path)) {
+    throw InputError(path.string(), "cannot be read");
+  }
+  std::vector<BoxTilt> out(rows);
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    const auto fail = [&](const std::string& what) {
+      throw InputError(path.string(), fmt::format("line {}", number), what);
+    };
+    if (number == 1) {
+      if (line.rfind("row,frame,track,pitch,roll", 0) != 0) {
+        fail("found \"" + line.substr(0, 40) + "\", expected \"row,frame,track,pitch,roll,...\"");
+      }
+      continue;
+    }
+    if (line.empty()) continue;
+    std::istringstream text(line);
+    double values[5];
+    for (int i = 0; i < 5; ++i) {
+      std::string field;
+      std::getline(text, field, ',');
+      std::size_t used = 0;
+      try {
+        values[i] = std::stod(field, &used);
+      } catch (const std::exception&) {
+        used = 0;
+      }
+      if (used == 0 || used != field.size() || !std::isfinite(values[i])) {
+        fail("found \"" + field + "\", expected a number");
+      }
+    }
+    if (values[0] < 0.0 || values[0] >= static_cast<double>(rows) ||
+        values[0] != std::floor(values[0])) {
+      fail(fmt::format("found row {}, expected one of the {} rows of the label file", values[0],
+                       rows));
+    }
+    out[static_cast<std::size_t>(values[0])] = {values[3], values[4]};
+  }
+  return out;
+}
+
+Scene truth_from_kitti(const KittiLabelFile& labels, const KittiCalibration::Camera& camera,
+                       int width, int height, int frame, const std::string& name) {
+  constexpr double kOcclusion[] = {0.0, 0.3, 0.8, 1.0};
+  Scene scene;
+  scene.name = name;
+  scene.camera = {width, height, camera.fx, camera.fy, camera.cx, camera.cy};
+  scene.height_above_road = 1.65;
+  std::map<int, TruthFrame> frames;
+  int next = 0;
+  for (const KittiLabel& label : labels.labels) {
+    if (!is_vehicle(label) || !label.has_box3()) continue;
+    TruthVehicle v;
+    v.id = label.track >= 0 ? label.track : next++;
+    v.vehicle_class = lower_case(label.type);
+    v.box = label.box;
+    v.pose.camera_from_vehicle =
+        SE3(rotation_from_rotation_y(label.rotation_y), label.location + camera.offset);
+    v.pose.dimensions = {label.length, label.width, label.height};
+    v.occlusion = label.occluded >= 0 && label.occluded <= 3 ? kOcclusion[label.occluded] : 0.0;
+    v.truncation = label.frame >= 0 && label.truncated == 1.0
+                       ? truncation_of(v.pose, scene.camera)
+                       : std::clamp(label.truncated, 0.0, 1.0);
+    const int id = label.frame >= 0 ? label.frame : frame;
+    frames[id].id = id;
+    frames[id].vehicles.push_back(std::move(v));
+  }
+  scene.truth.emplace();
+  for (auto& [id, f] : frames) {
+    SceneFrame empty;
+    empty.id = id;
+    scene.frames.push_back(empty);
+    scene.truth->frames.push_back(std::move(f));
+  }
+  return scene;
+}
+
+VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
+                                    const KittiCalibration::Camera& camera, int frame,
+                                    const std::vector<BoxTilt>& tilts, const std::string& method) {
+  if (!tilts.empty() && tilts.size() != labels.labels.size()) {
+    throw std::invalid_argument(
+        fmt::format("tilts: {} for {} rows", tilts.size(), labels.labels.size()));
+  }
+  VehicleDocument out;
+  out.method = method;
+  std::map<int, VehicleFrame> frames;
+  for (std::size_t i = 0; i < labels.labels.size(); ++i) {
+    const KittiLabel& label = labels.labels[i];
+    if (!is_vehicle(label) || !label.has_box3()) continue;
+    VehicleEstimate e;
+    e.id = static_cast<int>(i);
+    e.vehicle_class = lower_case(label.type);
+    e.box = label.box;
+    const Eigen::Matrix3d rotation =
+        rotation_of(label.rotation_y, tilts.empty() ? BoxTilt{} : tilts[i]);
+    e.pose.camera_from_vehicle = SE3(rotation, label.location + camera.offset);
+    e.pose.dimensions = {label.length, label.width, label.height};
+    // The wheels' plane; no uncertainty is stated.
+    e.plane = Plane::through(e.pose.bottom_center(), rotation.col(1));
+    e.plane_source = "given";
+    e.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+    e.keypoints.fill(Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+    e.status = Status::kOk;
+    const int id = label.frame >= 0 ? label.frame : frame;
+    frames[id].id = id;
+    frames[id].vehicles.push_back(std::move(e));
+  }
+  for (auto& [id, f] : frames) {
+    (void)id;
+    out.frames.push_back(std::move(f));
+  }
+  return out;
+}
+
+}  // namespace camber
