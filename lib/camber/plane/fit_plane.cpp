@@ -20,15 +20,15 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 namespace kernels = plane_kernels;
 
-constexpr std::size_t kSubset = 8192;       // points on which the winner is refined
-constexpr std::size_t kOrdered = 4096;      // of them, points in order of neighbourhood
-constexpr std::size_t kScored = 2048;       // of those, points that score a hypothesis
-constexpr std::size_t kLeaf = 32;           // points of a neighbourhood that tells the noise
-constexpr std::size_t kCandidates = 8;      // distinct planes that compete at the end
-constexpr double kRival = 0.6;              // share of the best gain that makes a competitor
-constexpr std::size_t kCounted = 131072;    // points that decide between competitors
-constexpr double kCountSigmas = 4.0;        // within which they count: few that belong are left out
-constexpr std::size_t kManyPasses = 65536;  // below it all points are iterated to convergence
+constexpr std::size_t kSubset = 8192;     // points on which the winner is refined
+constexpr std::size_t kOrdered = 4096;    // of them, points in order of neighbourhood
+constexpr std::size_t kScored = 2048;     // of those, points that score a hypothesis
+constexpr std::size_t kLeaf = 32;         // points of a neighbourhood that tells the noise
+constexpr std::size_t kCandidates = 8;    // distinct planes that compete at the end
+constexpr double kRival = 0.6;            // share of the best gain that makes a competitor
+constexpr std::size_t kCounted = 131072;  // points that decide between competitors
+constexpr double kCountSigmas = 4.0;      // within which they count: few that belong are left out
+constexpr std::size_t kManyPasses = 262144;  // up to it all points are iterated to convergence
 /// The input as plain arrays.
 struct PointSource {
   const float *x = nullptr, *y = nullptr, *z = nullptr;
@@ -56,6 +56,8 @@ class Fitter {
   bool orient(PivotPlane* plane) const;
   bool refine_on_scored(PivotPlane* plane, double* cost_of_plane);
   double count_support(const PlaneCandidate& candidate) const;
+  void load_many(PointArrays* many) const;
+  void relearn_power_law(PointArrays* points, PlaneCandidate* candidate) const;
   kernels::Moments all_moments(const PlaneCandidate& candidate, bool finish, PlaneFit* fit) const;
   void describe(const PlaneCandidate& candidate, const kernels::Moments& full,
                 const kernels::Moments& influence, PlaneFit* fit) const;
@@ -484,7 +486,11 @@ kernels::Moments Fitter::all_moments(const PlaneCandidate& c, bool finish, Plane
         continue;
       }
       kernels::accumulate_and_mark(x, y, z, weight, rows, p, w, kLimit, kInlier,
-                                   list ? mask : nullptr, &part.moments);
+                                   list ? mask : nullptr,
+                                   source_.stride == 3 && begin + 2 * kernels::kBlock <= n
+                                       ? source_.x + first + 3 * kernels::kBlock
+                                       : nullptr,
+                                   &part.moments);
       if (!list) continue;
       int filled = 0;
       for (std::size_t k = 0; k < m; ++k) {
@@ -509,6 +515,47 @@ kernels::Moments Fitter::all_moments(const PlaneCandidate& c, bool finish, Plane
     }
   }
   return total;
+}
+
+/// Many points relative to the pivot: all, or evenly spread over the input.
+void Fitter::load_many(PointArrays* many) const {
+  constexpr std::size_t kMost = 65536;
+  const std::size_t every = (source_.size + kMost - 1) / kMost;
+  const std::size_t n = (source_.size + every - 1) / every;
+  PointArrays& s = *many;
+  s.resize(n, source_.sigma != nullptr, source_.covariance != nullptr);
+  kernels::load_points(source_.x, source_.y, source_.z, source_.stride * every, n, pivot_, 1.0f,
+                       s.x.data(), s.y.data(), s.z.data(), s.w.data());
+  for (std::size_t k = 0; k < n; ++k) {
+    // Far from everything, so that no plane holds those that are not usable.
+    if (!(s.w[k] > 0.0f)) s.x[k] = s.y[k] = s.z[k] = 1e15f;
+    if (source_.sigma) s.sigma[k] = source_.sigma[every * k];
+    if (source_.covariance) s.covariance[k] = source_.covariance[every * k];
+  }
+}
+
+/// The power law of sigmas again, from the points of the candidate's window.
+void Fitter::relearn_power_law(PointArrays* points, PlaneCandidate* c) const {
+  constexpr std::size_t kMostPairs = 16384;
+  if (c->window.half_u > 1e14) return;
+  const kernels::FloatPlane p = c->plane.as_float();
+  const kernels::Window w = c->window.as_float();
+  const PointArrays& s = *points;
+  points->weigh(c->noise, c->plane);
+  std::vector<std::pair<float, float>> pairs;
+  std::vector<float> sizes;
+  for (std::size_t k = 0; k < s.size; k += std::max<std::size_t>(1, s.size / kMostPairs)) {
+    const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
+    // Out to where the points of the plane end, whatever their sigma.
+    if (!(r * r * s.w[k] < 25.0f) || !(s.w[k] > 0.0f)) continue;
+    const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
+    const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
+    if (std::abs(u) > w.half_u || std::abs(v) > w.half_v) continue;
+    pairs.emplace_back(s.sigma[k], std::abs(r));
+    sizes.push_back(std::abs(r));
+  }
+  if (pairs.size() < 1024) return;
+  learn_power_law(pairs, 4.0 * quantile(sizes, 0.5), least_noise_, &c->noise);
 }
 
 /// Covariance, condition, status.
@@ -608,6 +655,14 @@ PlaneFit Fitter::run() {
       [](const PlaneCandidate& l, const PlaneCandidate& r) { return l.support < r.support; });
   PlaneCandidate c = *best;
 
+  // The part of the plane that is covered, and the noise, by many more points: which of them the
+  // subset holds depends on their order.
+  if (n > kSubset && n <= kManyPasses) {
+    PointArrays many;
+    load_many(&many);
+    if (c.noise.kind == NoiseKind::kPower) relearn_power_law(&many, &c);
+    refine_and_window(&many, up_, least_noise_, fixed_threshold(), &c, true);
+  }
   PlaneFit fit;
   fit.hypotheses = hypotheses_;
   kernels::Moments full;

@@ -33,7 +33,7 @@ __attribute__((always_inline)) inline void accumulate_block(const float* x, cons
                                                             std::size_t n, const FloatPlane& plane,
                                                             const Window& window, float limit,
                                                             float inlier_limit, std::int32_t* mask,
-                                                            Moments* moments) {
+                                                            const float* ahead, Moments* moments) {
   const F8 zero = {};
   const F8 one = zero + 1.0f;
   const float inverse = 1.0f / limit;
@@ -50,6 +50,12 @@ __attribute__((always_inline)) inline void accumulate_block(const float* x, cons
     load(y + i, py);
     load(z + i, pz);
     load(w + i, pw);
+    if constexpr (kMark) {
+      if (ahead) {
+        __builtin_prefetch(ahead + 3 * i);
+        __builtin_prefetch(ahead + 3 * i + 16);
+      }
+    }
     const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
     const F8 u = window.ax * px + window.ay * py + window.az * pz + window.a0;
     const F8 v = window.bx * px + window.by * py + window.bz * pz + window.b0;
@@ -212,22 +218,23 @@ void accumulate(const float* x, const float* y, const float* z, const float* w, 
                 bool influence, Moments* moments) {
   if (loss == Loss::kReweighted) {
     accumulate_block<Loss::kReweighted, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
-                                                      nullptr, moments);
+                                                      nullptr, nullptr, moments);
   } else if (influence) {
     accumulate_block<Loss::kNewton, true, false>(x, y, z, w, n, plane, window, limit, 0.0f, nullptr,
-                                                 moments);
+                                                 nullptr, moments);
   } else {
     accumulate_block<Loss::kNewton, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
-                                                  nullptr, moments);
+                                                  nullptr, nullptr, moments);
   }
 }
 
 CAMBER_CLONES
 void accumulate_and_mark(const float* x, const float* y, const float* z, const float* w,
                          std::size_t n, const FloatPlane& plane, const Window& window, float limit,
-                         float inlier_limit, std::int32_t* mask, Moments* moments) {
+                         float inlier_limit, std::int32_t* mask, const float* ahead,
+                         Moments* moments) {
   accumulate_block<Loss::kNewton, false, true>(x, y, z, w, n, plane, window, limit, inlier_limit,
-                                               mask, moments);
+                                               mask, ahead, moments);
 }
 
 CAMBER_CLONES

@@ -71,10 +71,12 @@ void accumulate(const float* x, const float* y, const float* z, const float* w, 
                 bool influence, Moments* moments);
 
 /// The same with kNewton, and the inliers of the whole plane, window or not, into the last two
-/// sums. Where mask is not null, mask[i] becomes -1 for an inlier, else 0.
+/// sums. Where mask is not null, mask[i] becomes -1 for an inlier, else 0. Where ahead is not null,
+/// 3 n floats from there are fetched into the cache: the points that come next.
 void accumulate_and_mark(const float* x, const float* y, const float* z, const float* w,
                          std::size_t n, const FloatPlane& plane, const Window& window, float limit,
-                         float inlier_limit, std::int32_t* mask, Moments* moments);
+                         float inlier_limit, std::int32_t* mask, const float* ahead,
+                         Moments* moments);
 
 /// How a piece of a cloud lies on a plane; inliers have r^2 w < limit.
 struct PieceStatistics {

@@ -143,7 +143,7 @@ void rescale_noise(PointArrays* points, double least_noise, PlaneCandidate* c) {
   const PointArrays& s = *points;
   points->weigh(c->noise, c->plane);
   std::vector<float> normalised;
-  const std::size_t every = s.size > 4096 ? 2 : 1;
+  const std::size_t every = s.size > 4096 && s.size <= 16384 ? 2 : 1;
   normalised.reserve(s.size / every);
   const kernels::FloatPlane p = c->plane.as_float();
   const kernels::Window w = c->window.as_float();
@@ -341,7 +341,7 @@ void learn_local_noise(const PointArrays& s,
                        const Vector3d& up, double max_tilt, double least, std::uint64_t seed,
                        NoiseModel* model) {
   const CounterRandom random(seed, 2);
-  constexpr std::size_t kMostLeaves = 48;
+  constexpr std::size_t kMostLeaves = 36;
   constexpr int kSamples = 9;
   const std::size_t step = std::max<std::size_t>(1, leaves.size() / kMostLeaves);
   std::vector<float> deviations;
@@ -463,18 +463,21 @@ void refine_candidate(PointArrays* points, const Vector3d& up, PlaneCandidate* c
 }
 
 void refine_and_window(PointArrays* points, const Vector3d& up, double least_noise,
-                       bool fixed_noise, PlaneCandidate* c) {
+                       bool fixed_noise, PlaneCandidate* c, bool again) {
   const PointArrays& s = *points;
-  refine_candidate(points, up, c);
-  if (!fixed_noise) {
-    rescale_noise(points, least_noise, c);
+  if (again && c->window.half_u > 1e14) return;
+  if (!again) {
     refine_candidate(points, up, c);
+    if (!fixed_noise) {
+      rescale_noise(points, least_noise, c);
+      refine_candidate(points, up, c);
+    }
   }
   std::vector<float> u, v, normalised, along, across, across_in, normalised_in;
   for (std::vector<float>* values : {&u, &v, &normalised, &across_in, &normalised_in}) {
     values->reserve(s.size);
   }
-  for (int round = 0; round < 2; ++round) {
+  for (int round = again ? 1 : 0; round < 2; ++round) {
     points->weigh(c->noise, c->plane);
     const PlaneWindow wide = c->window;
     const kernels::Window w = wide.as_float();
@@ -534,10 +537,10 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
     window.half_v = 0.48 * (right - left);
     window.ramp_u = 0.12 * (high - low);
     window.ramp_v = 0.12 * (right - left);
-    refine_candidate(points, up, c);
+    if (!again) refine_candidate(points, up, c);
     if (fixed_noise) continue;
     rescale_noise(points, least_noise, c);
-    refine_candidate(points, up, c);
+    if (!again) refine_candidate(points, up, c);
   }
 }
 

@@ -116,7 +116,10 @@ void refine_candidate(PointArrays* points, const Eigen::Vector3d& up, PlaneCandi
 /// count less: noise along viewing rays carries points out over an edge on one side only, and
 /// beyond a crease the next plane begins. Both would tilt the fit. With fewer than 400 inliers the
 /// window stays open.
+/// @param again  the candidate has been refined so on a part of these points already: its window
+/// and
+///               its noise are found again, the plane is left as it is
 void refine_and_window(PointArrays* points, const Eigen::Vector3d& up, double least_noise,
-                       bool fixed_noise, PlaneCandidate* candidate);
+                       bool fixed_noise, PlaneCandidate* candidate, bool again = false);
 
 }  // namespace camber
