@@ -1,0 +1,282 @@
+// camber plane, camber patches and camber profile on a made road cloud.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "camber/cloud/cloud_io.h"
+#include "cli/run_program.h"
+#include "plane/road_scene_maker.h"
+#include "scene/write_image.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using Eigen::Vector3d;
+using nlohmann::json;
+using test::run_camber;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr double kDegree = M_PI / 180.0;
+
+class RoadClouds : public ::testing::Test {
+ protected:
+  RoadClouds() {
+    test::RoadSceneOptions made;
+    made.seed = 4;
+    made.planes = 3;
+    made.points = 20000;
+    made.outlier_share = 0.1;
+    scene_ = test::make_road_scene(made);
+    write_cloud(scene_.cloud, path("cloud.ply"));
+    std::ofstream(path("nan.xyz")) << "x y z\nnan nan nan\nnan nan nan\nnan nan nan\nnan nan nan\n";
+    std::ofstream(path("two.xyz")) << "x y z\n0 0 0\n1 0 0\n";
+    const std::string bytes = test::read_bytes(path("cloud.ply"));
+    test::write_bytes(path("cut.ply"), bytes.substr(0, bytes.size() / 2));
+  }
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  json read(const std::string& name) const { return json::parse(std::ifstream(path(name))); }
+  /// The road's axis, and beyond its last point by `more` metres.
+  void write_axis(const std::string& name, double more) const {
+    std::ofstream out(path(name));
+    out << "x,y,z\n";
+    for (const Vector3d& p : scene_.axis) out << p.x() << ',' << p.y() << ',' << p.z() << '\n';
+    const std::size_t n = scene_.axis.size();
+    const Vector3d way = (scene_.axis[n - 1] - scene_.axis[n - 2]).normalized();
+    const Vector3d end = scene_.axis[n - 1] + more * way;
+    if (more > 0.0) out << end.x() << ',' << end.y() << ',' << end.z() << '\n';
+  }
+  /// A result folder with the surface of the cloud.
+  void make_surface(const std::string& name) const {
+    const auto run = run_camber({"patches", path("cloud.ply"), "--out", path(name), "--quiet"});
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+  }
+
+  test::TemporaryFolder folder_;
+  test::RoadScene scene_;
+};
+
+void expect_common_keys(const json& said) {
+  EXPECT_TRUE(said["version"].is_string());
+  EXPECT_TRUE(said["seed"].is_number());
+  EXPECT_TRUE(said["options"].is_object());
+  for (const char* stage : {"load", "compute", "write"}) {
+    EXPECT_TRUE(said["timings_ms"][stage].is_number()) << stage;
+  }
+}
+
+TEST_F(RoadClouds, PlaneAsJson) {
+  const auto run = run_camber({"plane", path("cloud.ply"), "--json", "--seed", "7"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const json said = json::parse(run.out);
+  expect_common_keys(said);
+  EXPECT_EQ(said["seed"], 7);
+  EXPECT_EQ(said["points"], 20000);
+  EXPECT_EQ(said["frame"], "z-up");
+  EXPECT_EQ(said["metric"], true);
+  const json& plane = said["plane"];
+  EXPECT_EQ(plane["status"], "ok");
+  for (const char* key : {"normal", "centroid", "axis1", "axis2"}) {
+    EXPECT_EQ(plane[key].size(), 3u) << key;
+  }
+  EXPECT_EQ(plane["covariance"].size(), 9u);
+  EXPECT_GE(plane["boundary"].size(), 3u);
+  EXPECT_GT(plane["inliers"].get<int>(), 4000);
+  EXPECT_GE(plane["condition"].get<double>(), 1.0);
+  // It is one of the three: 0.05 degrees is several standard deviations at 6,000 points.
+  const Vector3d normal(plane["normal"][0], plane["normal"][1], plane["normal"][2]);
+  double nearest = 10.0;
+  for (const Plane& truth : scene_.planes) {
+    nearest = std::min(nearest, angle_between(normal, truth.normal));
+  }
+  EXPECT_LT(nearest, 0.05 * kDegree);
+
+  const auto text = run_camber({"plane", path("cloud.ply"), "--seed", "7"});
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_THAT(text.out, HasSubstr("status     ok"));
+  EXPECT_EQ(text.error, "");
+}
+
+TEST_F(RoadClouds, EnginesAgree) {
+  test::RoadSceneOptions made;
+  made.points = 20000;
+  write_cloud(test::make_road_scene(made).cloud, path("one.ply"));
+  const auto ours = run_camber({"plane", path("one.ply"), "--json"});
+  const auto pcl = run_camber({"plane", path("one.ply"), "--json", "--engine", "pcl"});
+  ASSERT_EQ(ours.exit_code, 0) << ours.error;
+  ASSERT_EQ(pcl.exit_code, 0) << pcl.error;
+  const json a = json::parse(ours.out)["plane"], b = json::parse(pcl.out)["plane"];
+  EXPECT_EQ(json::parse(pcl.out)["options"]["engine"], "pcl");
+  const Vector3d na(a["normal"][0], a["normal"][1], a["normal"][2]),
+      nb(b["normal"][0], b["normal"][1], b["normal"][2]),
+      centroid(a["centroid"][0], a["centroid"][1], a["centroid"][2]);
+  // One threshold of 5 cm for all points tilts a plane by 0.1 degrees or so where noise grows with
+  // distance.
+  EXPECT_LT(angle_between(na, nb), 0.3 * kDegree);
+  EXPECT_NEAR(nb.dot(centroid) + b["offset"].get<double>(), 0.0, 0.01);
+  EXPECT_NEAR(a["inliers"].get<double>() / b["inliers"].get<double>(), 1.0, 0.15);
+}
+
+TEST_F(RoadClouds, FailuresAreOneSentence) {
+  for (const char* command : {"plane", "patches"}) {
+    const auto run = [&](const std::string& cloud, const std::vector<std::string>& more = {}) {
+      std::vector<std::string> words = {command, path(cloud)};
+      if (std::string(command) == "patches") {
+        words.insert(words.end(), {"--out", path("none")});
+      }
+      words.insert(words.end(), more.begin(), more.end());
+      return run_camber(words);
+    };
+    EXPECT_ONE_SENTENCE(run("missing.ply"), 2, "missing.ply");
+    EXPECT_ONE_SENTENCE(run("cut.ply"), 2, "cut.ply");
+    EXPECT_ONE_SENTENCE(run("nan.xyz"), 1, "0 usable points, at least 3 are needed");
+    EXPECT_ONE_SENTENCE(run("two.xyz"), 1, "2 usable points, at least 3 are needed");
+    EXPECT_ONE_SENTENCE(run("cloud.ply", {"--up", "0,0,0"}), 2, "--up");
+    EXPECT_FALSE(fs::exists(path("none"))) << command;
+  }
+}
+
+TEST_F(RoadClouds, PatchesWriteAResult) {
+  const auto run = run_camber({"patches", path("cloud.ply"), "--out", path("out"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const json said = json::parse(run.out);
+  expect_common_keys(said);
+  EXPECT_EQ(said["frame"], "z-up");
+  EXPECT_EQ(said["metric"], true);
+  int road = 0;
+  for (const json& patch : said["patches"]) {
+    for (const char* key :
+         {"id", "kind", "status", "normal", "offset", "centroid", "axis1", "axis2", "covariance",
+          "inliers", "boundary", "grade_deg", "bank_deg"}) {
+      EXPECT_TRUE(patch.contains(key)) << key;
+    }
+    road += patch["kind"] == "road" ? 1 : 0;
+  }
+  EXPECT_GE(road, 3);
+  for (const json& link : said["links"]) {
+    for (const char* key :
+         {"a", "b", "valid", "reason", "weight", "distance", "height_step", "angle_deg"}) {
+      EXPECT_TRUE(link.contains(key)) << key;
+    }
+    EXPECT_TRUE(link["valid"].get<bool>() || link["reason"] != "");
+  }
+  const json surface = read("out/surface.json");
+  EXPECT_EQ(surface["patches"], said["patches"]);
+  const json document = read("out/run.json");
+  expect_common_keys(document);
+  // The labelled cloud is the input in its order.
+  const RoadCloud labelled = read_cloud(path("out/labels.ply"));
+  ASSERT_EQ(labelled.size(), scene_.cloud.size());
+  EXPECT_EQ(labelled.points, scene_.cloud.points);
+  const std::vector<int>& labels = labelled.labels.at("patch");
+  std::vector<int> counts(said["patches"].size(), 0);
+  for (const int label : labels) {
+    ASSERT_LT(label, static_cast<int>(counts.size()));
+    if (label >= 0) ++counts[static_cast<std::size_t>(label)];
+  }
+  for (const json& patch : said["patches"]) {
+    EXPECT_EQ(counts[patch["id"].get<std::size_t>()], patch["inliers"]);
+  }
+}
+
+TEST_F(RoadClouds, SameFilesForAnyNumberOfThreads) {
+  for (const char* threads : {"1", "2", "4"}) {
+    const auto run = run_camber({"patches", path("cloud.ply"), "--out",
+                                 path(std::string("t") + threads), "--threads", threads});
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+  }
+  for (const char* file : {"surface.json", "labels.ply"}) {
+    const std::string one = test::read_bytes(folder_.path() / "t1" / file);
+    EXPECT_EQ(one, test::read_bytes(folder_.path() / "t2" / file)) << file;
+    EXPECT_EQ(one, test::read_bytes(folder_.path() / "t4" / file)) << file;
+  }
+}
+
+TEST_F(RoadClouds, FailuresLeaveTheOldResult) {
+  make_surface("out");
+  fs::create_directory(path("foreign"));
+  std::ofstream(path("foreign/notes.txt")) << "mine\n";
+  const auto before = test::snapshot(folder_.path());
+  EXPECT_ONE_SENTENCE(run_camber({"patches", path("nan.xyz"), "--out", path("out")}), 1, "usable");
+  EXPECT_ONE_SENTENCE(run_camber({"patches", path("cut.ply"), "--out", path("out")}), 2, "cut.ply");
+  const auto foreign = run_camber({"patches", path("cloud.ply"), "--out", path("foreign")});
+  EXPECT_NE(foreign.exit_code, 0);
+  EXPECT_THAT(foreign.error, HasSubstr("--overwrite"));
+  EXPECT_EQ(test::snapshot(folder_.path()), before);
+}
+
+TEST_F(RoadClouds, ProfileAlongALine) {
+  make_surface("out");
+  write_axis("axis.csv", 30.0);
+  for (const char* name : {"profile.json", "profile.csv"}) {
+    const auto run = run_camber(
+        {"profile", path("out"), "--along", path("axis.csv"), "--out", path(name), "--quiet"});
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+    EXPECT_EQ(run.error, "");
+  }
+  const json profile = read("profile.json");
+  expect_common_keys(profile);
+  const json& stations = profile["stations"];
+  ASSERT_GT(stations.size(), 60u);
+  // On the road its height, well inside a piece its grade; beyond its end nothing.
+  double from = 0.0;
+  for (std::size_t k = 0; k + 1 < scene_.axis.size(); ++k) {
+    const Vector3d way = scene_.axis[k + 1] - scene_.axis[k];
+    const double length = way.head<2>().norm();
+    const auto middle = static_cast<std::size_t>(std::lround(from + 0.5 * length));
+    const json& station = stations[middle];
+    EXPECT_EQ(station["status"], "ok");
+    const double share = (station["station"].get<double>() - from) / length;
+    const double height = scene_.axis[k].z() + share * way.z();
+    EXPECT_NEAR(station["height"].get<double>(), height, 0.01);
+    EXPECT_NEAR(station["grade_percent"].get<double>(), 100.0 * way.z() / length, 0.2);
+    EXPECT_GT(station["sigma_height"].get<double>(), 0.0);
+    from += length;
+  }
+  EXPECT_EQ(stations.back()["reason"], "not covered");
+  EXPECT_TRUE(stations.back()["height"].is_null());
+  EXPECT_TRUE(stations.back()["grade_percent"].is_null());
+  // The same in the table.
+  std::ifstream csv(path("profile.csv"));
+  std::string line, last;
+  std::size_t rows = 0;
+  std::getline(csv, line);
+  EXPECT_THAT(line, HasSubstr("station_m,x,y,z,height_m,grade_percent,cross_slope_percent"));
+  while (std::getline(csv, line)) {
+    last = line;
+    ++rows;
+  }
+  EXPECT_EQ(rows, stations.size());
+  EXPECT_THAT(last, HasSubstr("not covered"));
+}
+
+TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
+  make_surface("out");
+  write_axis("axis.csv", 0.0);
+  std::ofstream(path("point.xyz")) << "x y z\n0 0 0\n";
+  std::ofstream(path("old.csv")) << "old\n";
+  fs::create_directory(path("broken"));
+  std::ofstream(path("broken/surface.json")) << "{\"frame\": \"z-up\", \"patches\": [{\"id\": ";
+  const auto before = test::snapshot(folder_.path());
+  const auto run = [&](const std::string& surface, const std::string& line,
+                       const std::string& out) {
+    return run_camber({"profile", path(surface), "--along", path(line), "--out", path(out)});
+  };
+  EXPECT_ONE_SENTENCE(run("missing", "axis.csv", "old.csv"), 2, "missing");
+  EXPECT_ONE_SENTENCE(run("broken", "axis.csv", "old.csv"), 2, "surface.json");
+  EXPECT_ONE_SENTENCE(run("out", "missing.csv", "old.csv"), 2, "missing.csv");
+  EXPECT_ONE_SENTENCE(run("out", "point.xyz", "old.csv"), 1, "at least two points");
+  EXPECT_ONE_SENTENCE(run("out", "axis.csv", "old.txt"), 2, "FILE.csv or FILE.json");
+  EXPECT_ONE_SENTENCE(run_camber({"profile", path("out"), "--out", path("old.csv")}), 1,
+                      "no driven line");
+  EXPECT_EQ(test::snapshot(folder_.path()), before);
+}
+
+}  // namespace
+}  // namespace camber
