@@ -1,7 +1,8 @@
 // Planes, patches and profiles of road clouds against their truth, and against other libraries in
 // the same run. Prints its tables. Arguments: names of sections (plane, largest, patches, coverage,
 // repeat, hill, real; none: all), --scenes N seeds of the coverage (1000), --largest N points of
-// the largest clouds (10000000). Real data: $CAMBER_DATA, else ../shared/data.
+// the largest clouds (10000000), --plot FILE.svg for the hill. Real data: $CAMBER_DATA, else
+// ../shared/data.
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -44,6 +45,7 @@ constexpr double kDegree = M_PI / 180.0;
 
 std::size_t g_scenes = 1000;
 std::size_t g_largest = 10000000;
+std::string g_plot;  ///< SVG of the hill, empty: none
 
 /// K planes with the outliers that the table asks for.
 RoadScene made_scene(int planes, std::size_t points, bool sigmas, std::uint64_t seed) {
@@ -426,6 +428,108 @@ void repeat() {
   }
 }
 
+/// A camera 1.65 m above a level road that bends to a grade 12 m ahead and to twice that 24 m
+/// ahead, reconstructed too small by 10 %: the metric scale of each patch by its own height, and by
+/// the ego patch's. The plot, where asked for, is the road in profile.
+void hill() {
+  std::printf(
+      "\n## Scale on hills: a reconstruction 10 %% too small, camera 1.65 m above the road\n");
+  constexpr double kScale = 0.9, kHeight = 1.65, kWidth = 8.0;
+  std::string svg;
+  double plot_top = 0.0;
+  for (const double grade_deg : {4.0, -4.0}) {
+    // Camera frame: x right, y down, z forward.
+    const double bends[] = {12.0, 24.0, 36.0};
+    const auto height = [&](double z) {
+      const double g = std::tan(grade_deg * kDegree), g2 = std::tan(2 * grade_deg * kDegree);
+      return z < bends[0]   ? 0.0
+             : z < bends[1] ? g * (z - bends[0])
+                            : g * (bends[1] - bends[0]) + g2 * (z - bends[1]);
+    };
+    RoadCloud cloud;
+    cloud.frame = CloudFrame::kCamera;
+    const CounterRandom random(5, 41);
+    for (std::uint64_t i = 0; i < 60000; ++i) {
+      const double x = random.uniform(2 * i, -0.5 * kWidth, 0.5 * kWidth),
+                   z = random.uniform(2 * i + 1, 4.0, bends[2]);
+      Vector3d p(x, kHeight - height(z), z);
+      const double r = p.norm(), sigma = 0.5 * r * r / 718.0;
+      p += sigma * random.normal(3 * i) * p / r;
+      p.y() += 0.5 * r / 718.0 * random.normal(3 * i + 1);
+      cloud.points.push_back((kScale * p).cast<float>());
+      cloud.sigmas.push_back(static_cast<float>(kScale * sigma));
+    }
+    const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+    const PlanePatch* ego = fit.surface.find(fit.surface.ego_patch);
+    if (!ego) continue;
+    const double ego_scale = kHeight / ego->plane.plane.offset;
+    std::printf("grade %+.0f then %+.0f deg; scale by the ego patch alone: %+.2f %% off\n",
+                grade_deg, 2 * grade_deg, 100 * (ego_scale * kScale - 1.0));
+    std::vector<const PlanePatch*> order;
+    for (const PlanePatch& patch : fit.surface.patches) {
+      if (patch.kind == PatchKind::kRoad && patch.inliers > 1000) order.push_back(&patch);
+    }
+    std::sort(order.begin(), order.end(), [](const PlanePatch* l, const PlanePatch* r) {
+      return l->plane.centroid.z() < r->plane.centroid.z();
+    });
+    const auto x_of = [](double z) { return 40.0 + 14.0 * z; };
+    const auto y_of = [&](double up) { return plot_top + 130.0 - 14.0 * up; };
+    const auto draw = [&](const std::string& color, const Vector2d& a, const Vector2d& b) {
+      char text[256];
+      std::snprintf(text, sizeof(text),
+                    "<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='%s' "
+                    "stroke-width='2'/>\n",
+                    x_of(a.x()), y_of(a.y()), x_of(b.x()), y_of(b.y()), color.c_str());
+      svg += text;
+    };
+    for (double z = 0.0; z < bends[2]; z += 1.0) {
+      draw("#999999", {z, height(z)}, {z + 1.0, height(z + 1.0)});
+    }
+    for (const PlanePatch* patch : order) {
+      // Its own height: the median of what its points lie below the camera.
+      std::vector<double> below;
+      double near = 1e9, far = 0.0;
+      for (std::size_t i = 0; i < cloud.size(); ++i) {
+        if (fit.labels[i] != patch->id) continue;
+        below.push_back(static_cast<double>(cloud.points[i].y()));
+        near = std::min(near, static_cast<double>(cloud.points[i].z()));
+        far = std::max(far, static_cast<double>(cloud.points[i].z()));
+      }
+      const double own = kHeight / quantile_of(below, 0.5);
+      const double by_plane = kHeight / patch->plane.plane.offset;
+      const Vector3d c = patch->plane.centroid;
+      // Height of its middle above the road under the camera, against the truth there.
+      const auto off = [&](double scale) {
+        return kHeight - scale * c.y() - height(c.z() / kScale);
+      };
+      std::printf(
+          "  patch around %4.1f m: scale by its median height %+8.1f %% off, middle %+7.2f m off; "
+          "by "
+          "its plane's height %+7.1f %%, %+7.2f m; by the graph %+5.2f %%, %+6.3f m\n",
+          c.z() / kScale, 100 * (own * kScale - 1.0), off(own), 100 * (by_plane * kScale - 1.0),
+          off(by_plane), 100 * (ego_scale * kScale - 1.0), off(ego_scale));
+      const Plane& plane = patch->plane.plane;
+      const auto place = [&](double z, double scale) {
+        const double y = -(plane.normal.z() * z + plane.offset) / plane.normal.y();
+        return Vector2d(scale * z, kHeight - scale * y);
+      };
+      draw("#1f77b4", place(near, ego_scale), place(far, ego_scale));
+      if (own > 0.0 && own * far < 60.0) draw("#d62728", place(near, own), place(far, own));
+    }
+    plot_top += 190.0;
+  }
+  if (g_plot.empty()) return;
+  std::ofstream(g_plot)
+      << "<svg xmlns='http://www.w3.org/2000/svg' width='900' height='" << plot_top << "'>\n"
+      << "<rect width='100%' height='100%' fill='white'/>\n"
+      << svg
+      << "<text x='40' y='18' font-family='sans-serif' font-size='13'>Road in profile: true "
+         "(grey), "
+         "scaled by the ego patch and the graph (blue), each patch by its own median height "
+         "(red)</text>\n</svg>\n";
+  std::printf("plot: %s\n", g_plot.c_str());
+}
+
 bool available(const fs::path& path) {
   if (fs::exists(path)) return true;
   std::printf("skipped: no %s\n", path.string().c_str());
@@ -690,6 +794,8 @@ int main(int argc, char** argv) {
       g_scenes = static_cast<std::size_t>(std::atol(argv[++i]));
     } else if (word == "--largest" && i + 1 < argc) {
       g_largest = static_cast<std::size_t>(std::atol(argv[++i]));
+    } else if (word == "--plot" && i + 1 < argc) {
+      g_plot = argv[++i];
     } else {
       wanted.insert(word);
     }
@@ -701,6 +807,7 @@ int main(int argc, char** argv) {
   if (run("patches")) patches();
   if (run("coverage")) coverage();
   if (run("repeat")) repeat();
+  if (run("hill")) hill();
   if (run("real")) {
     forest_road();
     city_sweep();

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "camber/core/random.h"
 #include "plane/road_scene_maker.h"
@@ -187,6 +189,62 @@ TEST(FitPlane, SteepWallIsNoRoad) {
   const PlaneFit fit = fit_plane(cloud, {});
   EXPECT_EQ(fit.status, Status::kFailed);
   EXPECT_EQ(fit.reason, "no plane within 0.7 rad of the up direction");
+}
+
+/// Change from an estimate to another plane in the estimate's parameters: tilts and height.
+Vector3d difference(const UncertainPlane& estimate, const Plane& other) {
+  const Vector3d turn = estimate.plane.normal.cross(other.normal);
+  return {turn.dot(estimate.axis1), turn.dot(estimate.axis2),
+          -other.signed_distance(estimate.centroid) / other.normal.dot(estimate.plane.normal)};
+}
+
+TEST(FitPlane, StatedRegionsHoldTheTruth) {
+  for (const bool sigmas : {false, true}) {
+    constexpr int kScenes = 1000;
+    int inside = 0;
+    for (int seed = 0; seed < kScenes; ++seed) {
+      test::RoadSceneOptions made;
+      made.seed = static_cast<std::uint64_t>(seed);
+      made.points = 3000;
+      made.with_sigmas = sigmas;
+      const test::RoadScene scene = test::make_road_scene(made);
+      const PlaneFit fit = fit_plane(scene.cloud, {});
+      ASSERT_NE(fit.status, Status::kFailed) << seed << ": " << fit.reason;
+      const Vector3d e = difference(fit.plane, scene.planes[0]);
+      // Chi-square with three degrees of freedom, 95 %.
+      inside += e.dot(fit.plane.covariance.inverse() * e) <= 7.815 ? 1 : 0;
+    }
+    EXPECT_GE(inside, 0.92 * kScenes) << sigmas;
+    EXPECT_LE(inside, 0.98 * kScenes) << sigmas;
+  }
+}
+
+TEST(FitPlane, OrderAndPlaceHardlyMatter) {
+  for (const bool sigmas : {false, true}) {
+    test::RoadSceneOptions made;
+    made.seed = 11;
+    made.points = 100000;
+    made.with_sigmas = sigmas;
+    const test::RoadScene scene = test::make_road_scene(made);
+    const PlaneFit fit = fit_plane(scene.cloud, {});
+    std::vector<int> order(scene.cloud.size());
+    std::iota(order.begin(), order.end(), 0);
+    const CounterRandom random(2, 7);
+    for (std::size_t i = order.size() - 1; i > 0; --i) {
+      std::swap(order[i], order[random.below(i, i + 1)]);
+    }
+    const Vector3d sigma = fit.plane.covariance.diagonal().cwiseSqrt();
+    const PlaneFit shuffled = fit_plane(scene.cloud.select(order), {});
+    EXPECT_LT(
+        (difference(fit.plane, shuffled.plane.plane).array().abs() / sigma.array()).maxCoeff(),
+        0.1);
+    const Vector3d shift(37.0, -12.0, 5.0);
+    RoadCloud moved = scene.cloud;
+    for (Vector3f& p : moved.points) p += shift.cast<float>();
+    Plane back = fit_plane(moved, {}).plane.plane;
+    back.offset += back.normal.dot(shift);
+    EXPECT_LT((difference(fit.plane, back).array().abs() / sigma.array()).maxCoeff(), 0.1);
+  }
 }
 
 TEST(FitPlane, OptionsAreChecked) {
