@@ -7,16 +7,17 @@
 #include <CGAL/pca_estimate_normals.h>
 #include <CGAL/property_map.h>
 
-#include <utility>
+#include <tuple>
 
 namespace camber::benchmarks {
 
 PeerAnswer cgal_planes(const RoadCloud& cloud, std::size_t least_points) {
   using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-  using PointWithNormal = std::pair<Kernel::Point_3, Kernel::Vector_3>;
+  // The algorithm puts its input in another order: each point carries its index.
+  using PointWithNormal = std::tuple<Kernel::Point_3, Kernel::Vector_3, std::size_t>;
   using Points = std::vector<PointWithNormal>;
-  using PointMap = CGAL::First_of_pair_property_map<PointWithNormal>;
-  using NormalMap = CGAL::Second_of_pair_property_map<PointWithNormal>;
+  using PointMap = CGAL::Nth_of_tuple_property_map<0, PointWithNormal>;
+  using NormalMap = CGAL::Nth_of_tuple_property_map<1, PointWithNormal>;
   using Traits =
       CGAL::Shape_detection::Efficient_RANSAC_traits<Kernel, Points, PointMap, NormalMap>;
   using Ransac = CGAL::Shape_detection::Efficient_RANSAC<Traits>;
@@ -29,7 +30,7 @@ PeerAnswer cgal_planes(const RoadCloud& cloud, std::size_t least_points) {
   for (const Eigen::Vector3f& p : cloud.points) {
     points.emplace_back(Kernel::Point_3(static_cast<double>(p.x()), static_cast<double>(p.y()),
                                         static_cast<double>(p.z())),
-                        Kernel::Vector_3(0.0, 0.0, 1.0));
+                        Kernel::Vector_3(0.0, 0.0, 1.0), points.size());
   }
   double start = cpu_ms();
   CGAL::pca_estimate_normals<CGAL::Sequential_tag>(
@@ -42,7 +43,7 @@ PeerAnswer cgal_planes(const RoadCloud& cloud, std::size_t least_points) {
   Ransac::Parameters parameters;
   parameters.probability = 0.01;
   parameters.min_points = least_points;
-  parameters.epsilon = 0.06;
+  parameters.epsilon = 0.04;
   parameters.cluster_epsilon = 1.0;
   parameters.normal_threshold = 0.8;
   ransac.detect(parameters);
@@ -55,7 +56,9 @@ PeerAnswer cgal_planes(const RoadCloud& cloud, std::size_t least_points) {
     Plane found{{n.x(), n.y(), n.z()}, plane->d()};
     const int id = static_cast<int>(answer.planes.size());
     answer.planes.push_back(found.oriented(Eigen::Vector3d::UnitZ()));
-    for (const std::size_t i : shape->indices_of_assigned_points()) answer.labels[i] = id;
+    for (const std::size_t i : shape->indices_of_assigned_points()) {
+      answer.labels[std::get<2>(points[i])] = id;
+    }
   }
   return answer;
 }
