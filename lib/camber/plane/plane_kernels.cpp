@@ -2,10 +2,12 @@
 
 #include <cstring>
 
-// One clone for machines with AVX2, one for any x86-64, chosen when the program starts. The
-// arithmetic is the same in both: ISO C++ mode forbids fusing multiplications with additions.
+// One clone for machines with AVX2, one for any x86-64, chosen when the program starts; the sums
+// also with fused multiplication and addition where the machine has it, so that their last bits
+// depend on the type of machine.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
 #define CAMBER_CLONES __attribute__((target_clones("avx2", "default")))
+#define CAMBER_FUSED __attribute__((target("avx2,fma"), noinline))
 #else
 #define CAMBER_CLONES
 #endif
@@ -212,11 +214,17 @@ float msac_cost_rays(const float* x, const float* y, const float* z, const float
   return static_cast<float>(total);
 }
 
-CAMBER_CLONES
-void accumulate(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                const FloatPlane& plane, const Window& window, float limit, Loss loss,
-                bool influence, Moments* moments) {
-  if (loss == Loss::kReweighted) {
+namespace {
+
+template <bool kMark>
+__attribute__((always_inline)) inline void accumulate_any(
+    const float* x, const float* y, const float* z, const float* w, std::size_t n,
+    const FloatPlane& plane, const Window& window, float limit, Loss loss, bool influence,
+    float inlier_limit, std::int32_t* mask, const float* ahead, Moments* moments) {
+  if constexpr (kMark) {
+    accumulate_block<Loss::kNewton, false, true>(x, y, z, w, n, plane, window, limit, inlier_limit,
+                                                 mask, ahead, moments);
+  } else if (loss == Loss::kReweighted) {
     accumulate_block<Loss::kReweighted, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
                                                       nullptr, nullptr, moments);
   } else if (influence) {
@@ -228,13 +236,49 @@ void accumulate(const float* x, const float* y, const float* z, const float* w, 
   }
 }
 
-CAMBER_CLONES
+#ifdef CAMBER_FUSED
+template <bool kMark>
+CAMBER_FUSED void accumulate_fused(const float* x, const float* y, const float* z, const float* w,
+                                   std::size_t n, const FloatPlane& plane, const Window& window,
+                                   float limit, Loss loss, bool influence, float inlier_limit,
+                                   std::int32_t* mask, const float* ahead, Moments* moments) {
+  accumulate_any<kMark>(x, y, z, w, n, plane, window, limit, loss, influence, inlier_limit, mask,
+                        ahead, moments);
+}
+
+bool can_fuse() {
+  static const bool can = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  return can;
+}
+#endif
+
+}  // namespace
+
+void accumulate(const float* x, const float* y, const float* z, const float* w, std::size_t n,
+                const FloatPlane& plane, const Window& window, float limit, Loss loss,
+                bool influence, Moments* moments) {
+#ifdef CAMBER_FUSED
+  if (can_fuse()) {
+    return accumulate_fused<false>(x, y, z, w, n, plane, window, limit, loss, influence, 0.0f,
+                                   nullptr, nullptr, moments);
+  }
+#endif
+  accumulate_any<false>(x, y, z, w, n, plane, window, limit, loss, influence, 0.0f, nullptr,
+                        nullptr, moments);
+}
+
 void accumulate_and_mark(const float* x, const float* y, const float* z, const float* w,
                          std::size_t n, const FloatPlane& plane, const Window& window, float limit,
                          float inlier_limit, std::int32_t* mask, const float* ahead,
                          Moments* moments) {
-  accumulate_block<Loss::kNewton, false, true>(x, y, z, w, n, plane, window, limit, inlier_limit,
-                                               mask, ahead, moments);
+#ifdef CAMBER_FUSED
+  if (can_fuse()) {
+    return accumulate_fused<true>(x, y, z, w, n, plane, window, limit, Loss::kNewton, false,
+                                  inlier_limit, mask, ahead, moments);
+  }
+#endif
+  accumulate_any<true>(x, y, z, w, n, plane, window, limit, Loss::kNewton, false, inlier_limit,
+                       mask, ahead, moments);
 }
 
 CAMBER_CLONES
