@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -319,6 +320,32 @@ TEST_F(CloudTools, DepthTruthLiesOnTheTrueRoad) {
                   "0,-1,0", "--along", "0,0,1", "--road-limit", "0.15"});
     EXPECT_GT(out.at("road").at(0).at("count"), 3000);
     EXPECT_LT(out.at("road").at(0).at("height_median"), 0.005) << name;
+  }
+}
+
+// Ground of rendered views, every visible pixel a point, against their labels.
+TEST_F(CloudTools, GroundOfLabelledViews) {
+  CAMBER_REQUIRE_DATA("steep-scenes");
+  struct View {
+    const char *name, *encoding;
+    std::vector<int> ground;  // classes: road, pavement, terrain
+  };
+  for (const View& view :
+       {View{"dev_00", "kitti", {7, 8, 22}}, View{"dev_03", "synthia", {1, 2, 10}},
+        View{"dev_09", "synthia", {1, 2, 10}}}) {
+    const fs::path scene = test::data_dir() / "steep-scenes" / view.name;
+    run({"convert", (scene / "truth/depth/000000.png").string(), "--depth", view.encoding,
+         "--camera", (scene / "scene.json").string(), "--labels",
+         (scene / "truth/label/000000.png").string(), "--largest-depth", "40", "--out",
+         path("view.ply")});
+    run({"ground", path("view.ply"), "--out", path("ground.ply")});
+    const RoadCloud cloud = read_cloud(path("ground.ply"));
+    std::vector<int> truth;
+    for (const int label : cloud.labels.at("class")) {
+      const auto end = view.ground.end();
+      truth.push_back(std::find(view.ground.begin(), end, label) != end ? 1 : 0);
+    }
+    EXPECT_GT(test::score_ground(truth, cloud.labels.at("ground")).f1, 0.95) << view.name;
   }
 }
 

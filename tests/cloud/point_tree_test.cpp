@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <mutex>
 #include <set>
@@ -133,14 +134,18 @@ TEST_P(Tree, NeighborhoodsAndNearestOfAllAgreeWithSingleSearches) {
   queries[5].z() = std::numeric_limits<float>::quiet_NaN();
   const auto one_thread = tree.nearest_of_all(queries, 1);
   const auto many_threads = tree.nearest_of_all(queries, 8);
+  const auto pairs = tree.nearest_pair_of_all(queries, 2);
   for (std::size_t i = 0; i < queries.size(); ++i) {
     EXPECT_EQ(one_thread[i].index, many_threads[i].index);
     if (i == 5) {
       EXPECT_EQ(one_thread[i].index, -1);
+      EXPECT_EQ(pairs[i].index, -1);
       continue;
     }
-    tree.nearest(queries[i], 1, expected);
+    tree.nearest(queries[i], 2, expected);
     ASSERT_EQ(one_thread[i].squared_distance, expected[0].squared_distance);
+    ASSERT_EQ(pairs[i].squared_distance, expected[0].squared_distance);
+    ASSERT_EQ(pairs[i].second_squared_distance, expected[1].squared_distance);
   }
 }
 
@@ -153,11 +158,14 @@ TEST(PointTree, WithNothingToFind) {
   EXPECT_TRUE(found.empty());
   EXPECT_EQ(empty.nearest({0, 0, 0}, 1.0f).index, -1);
   EXPECT_EQ(empty.nearest_of_all({{0, 0, 0}}, 1)[0].index, -1);
+  EXPECT_EQ(empty.nearest_pair_of_all({{0, 0, 0}}, 1)[0].index, -1);
   EXPECT_EQ(empty.count_within({0, 0, 0}, 1.0f, 3), 0);
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const PointTree none(Points{{nan, 0, 0}});
   EXPECT_EQ(none.size(), 0u);
   const PointTree one(Points{{1, 0, 0}});
+  EXPECT_EQ(one.nearest_pair_of_all({{0, 0, 0}}, 1)[0].index, 0);
+  EXPECT_TRUE(std::isinf(one.nearest_pair_of_all({{0, 0, 0}}, 1)[0].second_squared_distance));
   one.nearest({nan, 0, 0}, 1, found);
   EXPECT_TRUE(found.empty());
   one.nearest({0, 0, 0}, 0, found);

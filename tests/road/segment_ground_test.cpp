@@ -177,6 +177,19 @@ TEST(SegmentGround, OddInput) {
   EXPECT_EQ(count(segment_ground(one).labels), 100u);
 }
 
+TEST(SegmentGround, ExtremeOptionsEnd) {
+  const RoadCloud cloud = make_floor(10.0);
+  GroundOptions options;
+  options.largest_object = 1e30;
+  EXPECT_GT(segment_ground(cloud, options).ground, cloud.size() / 2);
+  options = {};
+  options.cell = 1e-9;  // grows until the grid fits the points
+  const GroundSegmentation fine = segment_ground(cloud, options);
+  EXPECT_GT(fine.cell, 0.01);
+  options.cell = 1e6;
+  EXPECT_EQ(segment_ground(cloud, options).cell, 1e6);
+}
+
 TEST(SegmentGround, SensorHeightSaysWhatTheGroundIsUnderTheSensor) {
   // Ground from 12 m on, and a wide vehicle below the sensor.
   const RoadCloud cloud = make_floor(20.0);

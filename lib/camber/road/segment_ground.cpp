@@ -299,7 +299,8 @@ std::vector<unsigned char> find_objects(const Cells& cells, const Rules& rules, 
   Grid surface = lowest, eroded, opened;
   filler.fill(surface, 2);
   std::vector<float> space;
-  const float reach = 0.5f * rules.largest_object / cells.cell;  // cells
+  const float reach = std::min(0.5f * rules.largest_object / cells.cell,  // cells
+                               static_cast<float>(std::max(cells.width, cells.height)));
   int factor = 1;
   float last = 0.0f;
   for (float radius = 1.0f;; radius = std::max(radius + 1.0f, 1.4f * radius)) {
@@ -410,8 +411,8 @@ void remove_raised(const Cells& cells, const Rules& rules, const Grid& filled, G
   }
 }
 
-/// Moves each ground cell to the mean of the points near its plane. @return the median over cells
-/// of the points' scatter, m; 0 where cells hold few points.
+/// Moves each ground cell to the mean of the points near its plane. @return the lower third over
+/// cells of the points' scatter, m; 0 where cells hold few points.
 float refine(const Cells& cells, const Grid& filled, float reach, Grid& ground) {
   std::vector<float> scatter;
   for (const int c : cells.occupied) {
@@ -436,9 +437,9 @@ float refine(const Cells& cells, const Grid& filled, float reach, Grid& ground) 
     if (count >= 5.0f) scatter.push_back(std::sqrt(std::max(0.0f, squares / count - mean * mean)));
   }
   if (scatter.empty()) return 0.0f;
-  const auto middle = scatter.begin() + static_cast<std::ptrdiff_t>(scatter.size() / 2);
-  std::nth_element(scatter.begin(), middle, scatter.end());
-  return *middle;
+  const auto third = scatter.begin() + static_cast<std::ptrdiff_t>(scatter.size() / 3);
+  std::nth_element(scatter.begin(), third, scatter.end());
+  return *third;
 }
 
 /// Labels the points by their height above the surface.
