@@ -1,6 +1,7 @@
 // camber vehicles: vehicles alone, from given detections, keypoints and planes.
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "camber/core/errors.h"
@@ -12,8 +13,10 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, frames, prior;
+  std::string scene, out, frames, prior, surface, preset = "default", schedule = "together",
+                                                  links = "continuity";
   EstimateVehiclesOptions options;
+  bool one_problem = false, no_tracks = false;
   bool json = false;
 };
 
@@ -26,6 +29,8 @@ void register_vehicles(CLI::App& root) {
       "vehicle without a plane of its own stands on the frame's ego plane, or on a level one at "
       "the camera's height.",
       "  camber vehicles samples/steep_hill --out vehicles.json\n"
+      "  camber vehicles clip/scene.json --surface out/clip --out joined.json\n"
+      "  camber vehicles samples/steep_hill --preset paper --out paper.json\n"
       "  camber vehicles clip/scene.json --frames 48:50 --method flat --out flat.json --json");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
@@ -53,6 +58,29 @@ void register_vehicles(CLI::App& root) {
                  "rad, standard deviation of a given plane's tilt")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  app.add_option(
+      "--surface", a.surface,
+      "result folder of reconstruct: planes and poses from there; vehicles seen in several "
+      "frames are then solved with one shape");
+  app.add_flag("--no-tracks", a.no_tracks, "each frame by itself even where the poses are known");
+  app.add_option(
+         "--preset", a.preset,
+         "default, or paper: the paper's equations as printed, hand-set weights, one problem "
+         "over all vehicles and planes of a frame")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  app.add_flag("--one-problem", a.one_problem,
+               "all vehicles and planes of a frame in one problem, every term weighed by its "
+               "standard deviation");
+  app.add_option("--schedule", a.schedule,
+                 "of that problem: together, or alternating (pose, shape)")
+      ->check(CLI::IsMember({"together", "alternating"}))
+      ->capture_default_str();
+  app.add_option("--links", a.links,
+                 "of that problem, between neighbouring planes: none, consistency (equal planes), "
+                 "continuity (equal heights midway)")
+      ->check(CLI::IsMember({"none", "consistency", "continuity"}))
+      ->capture_default_str();
   app.add_option("--prior", a.prior, "vehicle prior file; default: the shipped one");
   app.add_flag("--json", a.json, "print the result with options and timings to stdout");
   command->run = [command, arguments] {
@@ -60,11 +88,19 @@ void register_vehicles(CLI::App& root) {
     Timings timings;
     Scene scene;
     VehiclePrior prior;
+    RoadSurface surface;
+    RunDocument run;
     std::vector<int> frames;
     {
       const StageTimer timer(timings, "load");
       scene = read_scene(args.scene, make_warning_sink(command->common));
       frames = select_frames(scene, args.frames);
+      if (!args.surface.empty()) {
+        surface = read_surface(std::filesystem::path(args.surface) / "surface.json");
+        run = read_run(std::filesystem::path(args.surface) / "run.json");
+        args.options.surface = &surface;
+        args.options.cameras = &run.cameras;
+      }
       if (!args.prior.empty()) {
         prior = read_vehicle_prior(args.prior);
         args.options.fit.prior = &prior;
@@ -72,6 +108,21 @@ void register_vehicles(CLI::App& root) {
     }
     args.options.fit.seed = command->common.seed;
     args.options.num_threads = command->common.threads;
+    args.options.tracks = !args.no_tracks;
+    args.options.one_problem = args.one_problem || args.preset == "paper" ||
+                               command->app->count("--schedule") > 0 ||
+                               command->app->count("--links") > 0;
+    JointFitOptions& joint = args.options.joint;
+    if (args.preset == "paper") joint = JointFitOptions::paper();
+    if (args.preset != "paper" || command->app->count("--links") > 0) {
+      joint.links = args.links == "none"          ? PlaneLinks::kNone
+                    : args.links == "consistency" ? PlaneLinks::kConsistency
+                                                  : PlaneLinks::kContinuity;
+    }
+    joint.alternating = args.schedule == "alternating";
+    if (command->app->count("--coefficients") > 0) {
+      joint.num_coefficients = args.options.fit.num_coefficients;
+    }
     VehicleDocument document;
     {
       const StageTimer timer(timings, "compute");
@@ -87,6 +138,12 @@ void register_vehicles(CLI::App& root) {
       json["seed"] = command->common.seed;
       json["options"] = {{"method", args.options.method},
                          {"frames", frames},
+                         {"surface", args.surface},
+                         {"tracks", args.options.tracks},
+                         {"preset", args.preset},
+                         {"one_problem", args.options.one_problem},
+                         {"schedule", args.schedule},
+                         {"links", args.links},
                          {"keypoint_set", args.options.fit.keypoint_set},
                          {"coefficients", args.options.fit.num_coefficients},
                          {"given_sigma_height", args.options.support.given_sigma_height},

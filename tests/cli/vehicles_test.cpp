@@ -91,6 +91,32 @@ TEST_F(VehicleScene, PlacesAndEvaluatesThem) {
   EXPECT_TRUE(result["timings_ms"].contains("compute"));
 }
 
+TEST_F(VehicleScene, PresetsAndSchedulesOfTheOneProblem) {
+  const auto mean_of = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"vehicles", path("scene.json"), "--out", path("v.json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto placed = run_camber(arguments);
+    EXPECT_EQ(placed.exit_code, 0) << placed.error;
+    const auto table = run_camber(
+        {"evaluate", "--truth", path("scene.json"), "--estimate", path("v.json"), "--json"});
+    EXPECT_EQ(table.exit_code, 0) << table.error;
+    return json::parse(table.out)["tables"][0]["rows"][0]["center_error"]["mean"].get<double>();
+  };
+  const double single = mean_of({}), together = mean_of({"--one-problem"}),
+               alternating = mean_of({"--schedule", "alternating"}),
+               paper = mean_of({"--preset", "paper"});
+  EXPECT_LT(single, 0.8);
+  EXPECT_LT(together, 1.2);
+  EXPECT_LT(alternating, 1.2);
+  EXPECT_LT(paper, 3.0);
+  EXPECT_NE(single, together);
+  EXPECT_NE(together, alternating);
+  EXPECT_NE(together, paper);
+  EXPECT_ONE_SENTENCE(run_camber({"vehicles", path("scene.json"), "--out", path("x.json"),
+                                  "--surface", path("none")}),
+                      2, "surface.json");
+}
+
 TEST_F(VehicleScene, SameBytesForAnyNumberOfThreads) {
   for (const char* threads : {"1", "4"}) {
     const auto run = run_camber({"vehicles", path("scene.json"), "--out",

@@ -230,10 +230,69 @@ TEST(FitVehicle, AWrongPlaneIsSaid) {
   EXPECT_GE(right_or_said, 57);
 }
 
+// A network that takes the left for the right: every keypoint carries its mirror's place.
+TEST(FitVehicle, SwappedLeftAndRightAreRightOrSaid) {
+  int right_or_said = 0;
+  for (int i = 0; i < 60; ++i) {
+    SimulatedVehicle s = simulate_vehicle({}, i);
+    for (int j = 0; j < kNumKeypoints / 2; ++j) {
+      std::swap(s.detection.keypoints[j], s.detection.keypoints[j + kNumKeypoints / 2]);
+    }
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    ASSERT_NE(e.status, Status::kFailed);
+    const bool right = center_error(e, s) < 0.1 * s.truth.center().norm() && yaw_error(e, s) < 0.35;
+    right_or_said += right || e.status != Status::kOk ? 1 : 0;
+  }
+  EXPECT_GE(right_or_said, 54);
+}
+
+TEST(FitVehicle, ACarCutByTheImagesEdge) {
+  SimulationOptions near;
+  near.min_distance = 5.0;
+  near.max_distance = 9.0;
+  near.occluded_share = 0.0;
+  int cut = 0, right_or_said = 0;
+  std::vector<double> relative;
+  for (int i = 0; i < 200; ++i) {
+    SimulatedVehicle s = simulate_vehicle(near, i);
+    // Turn the camera until 25 to 55 % of the car is outside on the left.
+    const Box2& b = s.detection.box;
+    const double share = 0.25 + 0.3 * (i % 10) / 10.0;
+    const double shift = b.x1 + share * b.width();
+    if (!(shift > 0.0)) continue;
+    const SE3 turned(rotation_from_vector({0.0, -std::atan(shift / s.camera.fx), 0.0}),
+                     Eigen::Vector3d::Zero());
+    s = test::seen_again(s, near, static_cast<std::uint64_t>(i), 1, turned, 0.0);
+    if (!(s.detection.box.x1 <= 1.0) || !(s.detection.box.width() > 30.0)) continue;
+    ++cut;
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    relative.push_back(center_error(e, s) / s.truth.center().norm());
+    right_or_said += relative.back() < 0.12 || e.status != Status::kOk ? 1 : 0;
+  }
+  ASSERT_GE(cut, 60);
+  std::sort(relative.begin(), relative.end());
+  EXPECT_LT(relative[relative.size() / 2], 0.05);
+  EXPECT_GE(right_or_said, cut * 95 / 100);
+}
+
+TEST(FitVehicle, TwoDetectionsOfOneCarAgree) {
+  for (int i = 0; i < 30; ++i) {
+    const SimulatedVehicle s = simulate_vehicle({}, i);
+    const SimulatedVehicle again =
+        test::seen_again(s, {}, static_cast<std::uint64_t>(i), 3, SE3(), 0.0);
+    const auto both =
+        fit_vehicles(s.camera, {s.detection, again.detection}, {s.support, s.support}, {}, 1);
+    const Eigen::Vector3d d = both[0].pose.center() - both[1].pose.center();
+    const Eigen::Matrix3d c =
+        both[0].covariance.topLeftCorner<3, 3>() + both[1].covariance.topLeftCorner<3, 3>();
+    EXPECT_LT(d.dot(c.inverse() * d), 21.1) << i;  // 4 sigma, three degrees of freedom
+  }
+}
+
 TEST(FitVehicle, NearAndFar) {
   SimulationOptions near;
-  near.min_distance = 3.5;
-  near.max_distance = 5.0;
+  near.min_distance = 3.0;
+  near.max_distance = 4.5;
   for (int i = 0; i < 20; ++i) {
     const SimulatedVehicle s = simulate_vehicle(near, i);
     const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});

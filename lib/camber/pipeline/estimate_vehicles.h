@@ -8,6 +8,7 @@
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/joint_fit.h"
 #include "camber/vehicle/support_plane.h"
 
 namespace camber {
@@ -19,6 +20,16 @@ struct EstimateVehiclesOptions {
   std::string method = "joint";
   int num_threads = 0;  ///< <= 0: see resolve_num_threads
   VehicleFitOptions fit;
+  /// Also solves all vehicles and planes of a frame in one problem, from the single fits.
+  bool one_problem = false;
+  JointFitOptions joint;  ///< of that problem
+  /// Joins the views of a vehicle where the frames' poses are known (method "joint" alone): one
+  /// shape for all, parked or moving.
+  bool tracks = true;
+  /// The road of a run, in place of the scene's planes, and its cameras, in place of the scene's
+  /// poses; not owned, both or neither.
+  const RoadSurface* surface = nullptr;
+  const std::vector<RunDocument::CameraPose>* cameras = nullptr;
   SupportOptions support;
   void validate() const;  ///< throws std::invalid_argument
 };
@@ -26,6 +37,8 @@ struct EstimateVehiclesOptions {
 /// Vehicles alone, from a scene's detections, keypoints and planes; images and truth are not read.
 /// Without a camera height in the scene a height of 1.65 m with a wide prior is taken, and the
 /// document says that it is not metric.
+/// With a run's surface every vehicle stands on the patch that its box's bottom meets; a frame that
+/// the run did not see keeps the scene's planes.
 /// @param frame_ids  ids of the scene; @throws std::invalid_argument for another id.
 VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& frame_ids,
                                   const EstimateVehiclesOptions& options,

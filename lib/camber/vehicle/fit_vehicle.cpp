@@ -91,6 +91,35 @@ void keep_best(std::size_t count, std::vector<Solution>* solutions) {
   if (solutions->size() > count) solutions->resize(count);
 }
 
+/// The best headings with the mean vehicle, best first.
+std::vector<Solution> coarse_starts(SingleViewProblem& coarse, const Box2& box, int num_yaws) {
+  const std::vector<Eigen::Vector3d> guesses = coarse.position_guesses(box);
+  std::vector<Solution> starts;
+  for (int i = 0; i < num_yaws; ++i) {
+    Solution s;
+    s.cost = coarse.start_at(2.0 * kPi * i / num_yaws, guesses, &s.state);
+    if (std::isfinite(s.cost)) starts.push_back(s);
+  }
+  keep_best(5, &starts);
+  for (Solution& s : starts) {
+    for (const int iterations : {5, 8}) {
+      coarse.update_visibility(s.state);
+      s.cost = coarse.refine(&s.state, iterations, 1e-2);
+    }
+  }
+  keep_best(5, &starts);
+  return starts;
+}
+
+VehicleDetection with_sides_swapped(const VehicleDetection& detection) {
+  VehicleDetection out = detection;
+  for (int i = 0; i < kNumSideKeypoints; ++i) {
+    std::swap(out.keypoints[static_cast<std::size_t>(i)],
+              out.keypoints[static_cast<std::size_t>(i + kNumSideKeypoints)]);
+  }
+  return out;
+}
+
 double wrapped(double angle) { return std::remainder(angle, 2.0 * kPi); }
 
 double heading(const State& s) { return std::atan2(s.rotation(0, 0), s.rotation(2, 0)); }
@@ -187,24 +216,20 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
   if (prior.has_shape(detection.vehicle_class) && finite_keypoints > 0) {
     // First the mean shape, then all coefficients for the best headings.
     SingleViewProblem coarse(camera, detection, support, options, /*use_keypoints=*/true, 0);
-    SingleViewProblem problem(camera, detection, support, options, /*use_keypoints=*/true,
-                              options.num_coefficients);
-    const std::vector<Eigen::Vector3d> guesses = coarse.position_guesses(box);
-    std::vector<Solution> starts;
-    for (int i = 0; i < options.num_yaws; ++i) {
-      Solution s;
-      s.cost = coarse.start_at(2.0 * kPi * i / options.num_yaws, guesses, &s.state);
-      if (std::isfinite(s.cost)) starts.push_back(s);
-    }
-    keep_best(5, &starts);
-    for (Solution& s : starts) {
-      for (const int iterations : {5, 8}) {
-        coarse.update_visibility(s.state);
-        s.cost = coarse.refine(&s.state, iterations, 1e-2);
-      }
-    }
+    std::vector<Solution> starts = coarse_starts(coarse, box, options.num_yaws);
+    // A network may take left for right; then the mirrored names fit far better.
+    const VehicleDetection mirrored = with_sides_swapped(detection);
+    SingleViewProblem coarse_mirrored(camera, mirrored, support, options, /*use_keypoints=*/true,
+                                      0);
+    std::vector<Solution> mirrored_starts = coarse_starts(coarse_mirrored, box, options.num_yaws);
+    constexpr double kSwapEvidence = 3.0;  // log likelihood
+    const bool swapped =
+        !mirrored_starts.empty() &&
+        (starts.empty() || mirrored_starts.front().cost + kSwapEvidence < starts.front().cost);
+    if (swapped) starts = std::move(mirrored_starts);
+    SingleViewProblem problem(camera, swapped ? mirrored : detection, support, options,
+                              /*use_keypoints=*/true, options.num_coefficients);
     // One of each heading.
-    keep_best(5, &starts);
     std::vector<Solution> ends;
     for (const Solution& s : starts) {
       const bool known = std::any_of(ends.begin(), ends.end(), [&](const Solution& other) {
@@ -240,6 +265,10 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
         Vector gradient;
         problem.evaluate(best.state, &hessian, &gradient, /*observed=*/true);
         write_answer(problem, prior, best.state, inverse_of(hessian), rival, &out);
+        if (swapped && out.status == Status::kOk) {
+          out.status = Status::kWeak;
+          out.reason = "the keypoints' left and right are swapped";
+        }
       }
     }
   }
