@@ -27,10 +27,11 @@ constexpr std::size_t kMostPoints = 262144;  // that take part in finding the pa
 // A point belongs to a patch as far from its plane as points of the patch are more frequent than
 // others; at least and at most this many standard deviations.
 constexpr double kLeastLabelSigmas = 2.5, kMostLabelSigmas = 6.0;
-constexpr double kRoughness = 0.01;     // m, of ground; its points lie on no plane more tightly
-constexpr double kDrivenOn = 0.5;       // m, between the driven line and the patch it lies on
-constexpr double kSharedBorder = 0.25;  // share of a patch's borders that joins it to the road
-constexpr double kCrowded = 0.12;       // share of crowded leaves that tells another layer
+constexpr double kRoughness = 0.01;    // m, of ground; its points lie on no plane more tightly
+constexpr double kDrivenOn = 0.5;      // m, between the driven line and the patch it lies on
+constexpr double kSharedBorder = 0.1;  // share of a patch's borders that joins it to the road
+constexpr double kHighestKerb = 0.35, kLevel = 0.25;  // m and rad, of a pavement to its neighbours
+constexpr double kCrowded = 0.12;  // share of crowded leaves that tells another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
 
 /// Whether points that lie on a plane but for the ground's roughness lie farther off it than their
@@ -306,7 +307,7 @@ PlanPolygon outline(const PointTree& tree, const PlanarRegion& region, int id,
 }
 
 /// Which patches are road: those that hang together smoothly with the largest one, or with the one
-/// under the driven line. Level patches a kerb's height beside them are pavement.
+/// under the driven line. Patches a kerb's height beside them are pavement.
 /// @param borders  how many pairs of leaves of two patches touch, by id
 void classify(const ConsistencyOptions& options, const std::map<std::pair<int, int>, int>& borders,
               RoadSurface* surface) {
@@ -403,19 +404,19 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
   for (std::size_t i = 0; i < count; ++i) {
     surface->patches[i].kind = is_road[i] ? PatchKind::kRoad : PatchKind::kOther;
   }
-  for (std::size_t i = 0; i < count; ++i) {
-    PlanePatch& patch = surface->patches[i];
-    if (patch.kind == PatchKind::kRoad) continue;
+  // Ground a kerb's height above or below those, and what hangs together with it so.
+  for (bool more = true; more;) {
+    more = false;
     for (const PatchLink& link : surface->links) {
-      const int self = static_cast<int>(i);
-      if (link.a != self && link.b != self) continue;
-      const auto other = static_cast<std::size_t>(link.a == self ? link.b : link.a);
-      if (!is_road[other] || link.distance > 0.5 * options.link_distance) continue;
-      const double above = link.a == self ? -link.height_step : link.height_step;
-      if (link.angle < 0.2 && above > 0.5 * options.max_step && above < 0.35) {
-        patch.kind = PatchKind::kPavement;
-        break;
+      PlanePatch &a = surface->patches[static_cast<std::size_t>(link.a)],
+                 &b = surface->patches[static_cast<std::size_t>(link.b)];
+      if ((a.kind == PatchKind::kOther) == (b.kind == PatchKind::kOther)) continue;
+      if (link.distance > 0.5 * options.link_distance || link.angle > kLevel ||
+          std::abs(link.height_step) > kHighestKerb) {
+        continue;
       }
+      (a.kind == PatchKind::kOther ? a : b).kind = PatchKind::kPavement;
+      more = true;
     }
   }
 }
