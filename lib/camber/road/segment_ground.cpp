@@ -225,6 +225,7 @@ void drop_low(const Cells& cells, const Rules& rules, Grid& lowest, std::vector<
   constexpr int kFew = 30;            // points
   constexpr float kBelow = 0.3f;      // m, below the plane
   constexpr float kPerMetre = 0.15f;  // m, for each metre from the middle of the cells around
+  constexpr float kAsDeep = 0.2f, kShare = 0.2f;  // m; of the cells around
   std::vector<int> low;
   std::vector<unsigned char> look(cells.count(), 1);  // again where something has changed
   for (int round = 0; round < 3; ++round) {
@@ -273,7 +274,16 @@ void drop_low(const Cells& cells, const Rules& rules, Grid& lowest, std::vector<
       const float gx = (vxz * vyy - vyz * vxy) / determinant,
                   gy = (vyz * vxx - vxz * vxy) / determinant;
       const float distance = cells.cell * std::sqrt(mx * mx + my * my);
-      if (mz - gx * mx - gy * my > kBelow + kPerMetre * distance) low.push_back(c);
+      if (!(mz - gx * mx - gy * my > kBelow + kPerMetre * distance)) continue;
+      // Ground between dense traffic is below that plane too, but is as low in more places.
+      int as_deep = 0;
+      for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
+        for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
+          const std::size_t other = lowest.at(x, y);
+          if (other != at && lowest.z[other] < z + kAsDeep) ++as_deep;
+        }
+      }
+      if (static_cast<float>(as_deep) <= kShare * static_cast<float>(around)) low.push_back(c);
     }
     if (low.empty()) break;
     for (const int c : low) {
