@@ -180,6 +180,31 @@ TEST(SegmentGround, OddInput) {
   EXPECT_EQ(count(segment_ground(one).labels), 100u);
 }
 
+// A dense airborne scan: roofs far wider than any vehicle, trees that let some pulses through.
+TEST(SegmentGround, DenseScanFromTheAir) {
+  RoadCloud cloud;
+  std::vector<int> truth;
+  const CounterRandom random(8);
+  for (std::uint64_t i = 0; i < 150000; ++i) {
+    const double x = random.uniform(8 * i, 0, 150), y = random.uniform(8 * i + 1, 0, 120);
+    double z = 0.12 * x + 3.0 * std::sin(y / 30.0);
+    const double u = std::fmod(x, 50.0), v = std::fmod(y, 60.0);
+    bool ground = true;
+    if (u > 10 && u < 32 && v > 10 && v < 28) {
+      z = 0.12 * (x - u + 20.0) + 3.0 * std::sin((y - v + 20.0) / 30.0) + 9.0;  // a flat roof
+      ground = false;
+    } else if (std::hypot(u - 42.0, v - 45.0) < 5.0 && random.uniform(8 * i + 2) < 0.7) {
+      z += random.uniform(8 * i + 3, 2.0, 8.0);
+      ground = false;
+    }
+    cloud.points.push_back(Eigen::Vector3d(x, y, z + 0.03 * random.normal(i)).cast<float>());
+    truth.push_back(ground ? 1 : 0);
+  }
+  const GroundSegmentation found = segment_ground(cloud);
+  EXPECT_TRUE(found.from_air);
+  EXPECT_GT(test::score_ground(truth, found.labels).f1, 0.99);
+}
+
 TEST(SegmentGround, ExtremeOptionsEnd) {
   const RoadCloud cloud = make_floor(10.0);
   GroundOptions options;

@@ -643,10 +643,10 @@ Cells sort_by_cell(const RoadCloud& cloud, const Frame& frame, const Bounds& bou
   return cells;
 }
 
-/// Median over occupied squares of 2 x 2 cells of the points a square metre, and the share of
-/// squares that are occupied.
+/// Median and mean over occupied squares of 2 x 2 cells of the points a square metre, and the share
+/// of squares that are occupied.
 struct Density {
-  double median = 0.0, share = 0.0;
+  double median = 0.0, mean = 0.0, share = 0.0;
 };
 
 Density measure_density(const Cells& cells) {
@@ -661,8 +661,10 @@ Density measure_density(const Cells& cells) {
   }
   const auto middle = occupied.begin() + static_cast<std::ptrdiff_t>(occupied.size() / 2);
   std::nth_element(occupied.begin(), middle, occupied.end());
-  return {*middle / (4.0 * static_cast<double>(cells.cell) * cells.cell),
-          static_cast<double>(occupied.size()) / static_cast<double>(counts.size())};
+  const double area = 4.0 * static_cast<double>(cells.cell) * cells.cell;
+  const double squares = static_cast<double>(occupied.size());
+  return {*middle / area, static_cast<double>(cells.points.size()) / (squares * area),
+          squares / static_cast<double>(counts.size())};
 }
 
 }  // namespace
@@ -709,10 +711,14 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   double cell = options.cell > 0.0 ? options.cell : 1.0;
   Bounds bounds = choose_bounds(cloud, frame, all, most, &cell);
   Cells cells = sort_by_cell(cloud, frame, bounds, cell);
-  // Scans from the air see few points everywhere, others many near by and none behind things.
+  // Scans from the air see about as many points everywhere, others many near by and none behind
+  // things.
   const Density density = measure_density(cells);
   Rules rules;
-  rules.from_air = density.share > 0.5 && density.median < 4.0 && finite > 500;
+  const bool sparse = density.median < 4.0;
+  const bool even =
+      density.median > 0.5 * density.mean && std::min(bounds.width(), bounds.height()) > 60.0;
+  rules.from_air = density.share > 0.5 && (sparse || even) && finite > 500;
   if (rules.from_air) {
     rules.largest_object = 30.0f;
     rules.slope = 0.35f;

@@ -30,7 +30,7 @@ struct GroundSegmentation {
   std::string reason;
   std::vector<int> labels;      ///< one a point: 1 ground, 0 not (or not finite)
   std::size_t ground = 0;       ///< points with label 1
-  bool from_air = false;        ///< sparse and even, as airborne scans are
+  bool from_air = false;        ///< seen evenly from everywhere, as airborne scans are
   double cell = 0.0;            ///< m, that was used
   double largest_object = 0.0;  ///< m, that was used
   double slope = 0.0;           ///< that was used
