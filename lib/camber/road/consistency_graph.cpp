@@ -5,8 +5,10 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <stdexcept>
@@ -139,6 +141,35 @@ std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, c
           middle + (high - 0.2 * (high - low)) * along};
 }
 
+/// The 3 x 3 blocks on the diagonal of the inverse of J' J.
+std::vector<Matrix3d> inverse_blocks(const ceres::CRSMatrix& jacobian) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int row = 0; row < jacobian.num_rows; ++row) {
+    const auto begin = static_cast<std::size_t>(jacobian.rows[static_cast<std::size_t>(row)]),
+               end = static_cast<std::size_t>(jacobian.rows[static_cast<std::size_t>(row) + 1]);
+    for (std::size_t i = begin; i < end; ++i) {
+      for (std::size_t j = begin; j < end; ++j) {
+        entries.emplace_back(jacobian.cols[i], jacobian.cols[j],
+                             jacobian.values[i] * jacobian.values[j]);
+      }
+    }
+  }
+  Eigen::SparseMatrix<double> information(jacobian.num_cols, jacobian.num_cols);
+  information.setFromTriplets(entries.begin(), entries.end());
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(information);
+  std::vector<Matrix3d> blocks(static_cast<std::size_t>(jacobian.num_cols / 3),
+                               Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  if (solver.info() != Eigen::Success) return blocks;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const auto at = static_cast<Eigen::Index>(3 * k);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(jacobian.num_cols, 3);
+    unit.block<3, 3>(at, 0).setIdentity();
+    const Eigen::MatrixXd columns = solver.solve(unit);
+    blocks[k] = columns.block<3, 3>(at, 0);
+  }
+  return blocks;
+}
+
 }  // namespace
 
 void ConsistencyOptions::validate() const {
@@ -268,17 +299,7 @@ ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurfac
   evaluate.parameter_blocks = blocks;
   ceres::CRSMatrix jacobian;
   problem.Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian);
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
-  for (int row = 0; row < jacobian.num_rows; ++row) {
-    for (int i = jacobian.rows[row]; i < jacobian.rows[row + 1]; ++i) {
-      for (int j = jacobian.rows[row]; j < jacobian.rows[row + 1]; ++j) {
-        information(jacobian.cols[i], jacobian.cols[j]) += jacobian.values[i] * jacobian.values[j];
-      }
-    }
-  }
-  const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
-  const Eigen::MatrixXd covariance =
-      ldlt.solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
+  const std::vector<Matrix3d> covariances = inverse_blocks(jacobian);
   for (std::size_t i = 0; i < count; ++i) {
     if (block_of[i] < 0) continue;
     PlanePatch& patch = surface->patches[i];
@@ -287,7 +308,7 @@ ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurfac
     plane.centroid = plane.plane.foot(plane.centroid);
     const Vector3d along = plane.axis1;
     UncertainPlane::make_axes(plane.plane.normal, along, &plane.axis1, &plane.axis2);
-    const Matrix3d block = covariance.block<3, 3>(3 * block_of[i], 3 * block_of[i]);
+    const Matrix3d& block = covariances[static_cast<std::size_t>(block_of[i])];
     if (block.allFinite()) plane.covariance = 0.5 * (block + block.transpose());
     for (std::size_t k = 0; k < patch.boundary.size(); ++k) {
       patch.boundary[k] = view.on_plane(plane.plane, view.polygons[i][k]);
