@@ -12,7 +12,7 @@ namespace {
 Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noise) {
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   std::vector<double> weight(abu.size(), 1.0);
-  for (int iteration = 0; iteration < 15; ++iteration) {
+  for (int iteration = 0; iteration < 8; ++iteration) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (std::size_t i = 0; i < abu.size(); ++i) {
@@ -50,6 +50,7 @@ void EgoProfileOptions::validate() const {
   require(roll_sigma > 0, "roll_sigma", roll_sigma, "> 0");
   require(surface_sigma > 0, "surface_sigma", surface_sigma, "> 0");
   require(correlation >= 1, "correlation", correlation, ">= 1");
+  require(inflation >= 1, "inflation", inflation, ">= 1");
 }
 
 EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
@@ -219,6 +220,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
     }
   }
   if (!(x[1] < 0)) return fail("the road ahead does not pass below the camera");
+  covariance *= options.inflation;
   if (columns > 0 && shared_covariance.size() > 0) {
     covariance += shared * shared_covariance * shared.transpose();
   }

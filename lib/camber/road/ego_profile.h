@@ -31,7 +31,10 @@ struct EgoProfileOptions {
   double roll_sigma = 0.004;          ///< rad, of the camera's roll against the road, > 0
   double surface_sigma = 0.015;       ///< m, unevenness of the road, > 0
   double correlation = 16.0;          ///< information of neighbours is divided by this, >= 1
-  void validate() const;              ///< throws std::invalid_argument
+  /// Factor on the covariance, >= 1: roads bend less evenly than a random walk, and their points
+  /// share errors over whole stretches. Calibrated on rendered scenes.
+  double inflation = 2.0;
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 /// The road's tangent plane under the camera.

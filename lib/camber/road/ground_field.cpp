@@ -1,5 +1,6 @@
 #include "camber/road/ground_field.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
@@ -51,6 +52,7 @@ struct GroundField::Impl {
   std::vector<Difference> differences;
   GroundFieldOptions options;
   bool analysed = false;
+  double last_correlation = 1.0;
 
   void make_differences() {
     for (int r = 0; r < rows; ++r) {
@@ -120,7 +122,7 @@ struct GroundField::Impl {
   /// Reweighted least squares; `weight` empty: taken from the residuals against the field as it is.
   /// The loss of observations shrinks from first_width to 1 over the iterations.
   void solve(const GroundObservations& observations, std::vector<double> weight, int iterations,
-             double first_width) {
+             double first_width, double correlation) {
     const std::size_t count = observations.size();
     if (observations.inverse_depth.size() != count || observations.sigma.size() != count) {
       throw std::invalid_argument("ground observations: arrays differ in length");
@@ -151,7 +153,7 @@ struct GroundField::Impl {
       for (std::size_t i = 0; i < count; ++i) {
         const Footprint& f = footprints[i];
         const double w =
-            weight[i] / (options.correlation * observations.sigma[i] * observations.sigma[i]);
+            weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
         const int cell = f.node[0] / columns * (columns - 1) + f.node[0] % columns;
         const Eigen::Map<const Eigen::Vector4d> b(f.weight);
         blocks[static_cast<std::size_t>(cell)].noalias() += (w * b) * b.transpose();
@@ -204,7 +206,7 @@ struct GroundField::Impl {
     for (std::size_t i = 0; i < count; ++i) {
       const Footprint& f = footprints[i];
       const double w =
-          weight[i] / (options.correlation * observations.sigma[i] * observations.sigma[i]);
+          weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
       for (int k = 0; k < 4; ++k) {
         node_support[f.node[k]] += weight[i] * f.weight[k];
         if (columns_shared > 0) {
@@ -217,6 +219,7 @@ struct GroundField::Impl {
     shared.resize(n, columns_shared);
     if (columns_shared > 0) shared = solver.solve(shared_right);
     weights = std::move(weight);
+    last_correlation = correlation;
   }
 };
 
@@ -277,15 +280,68 @@ GroundField::GroundField(const PinholeCamera& camera, const GroundObservations& 
     const double allowed = 0.1 * height + 0.12 * std::max(0.0, depth - 4.0 * height);
     weight[i] = rho > 0 ? 1.0 / std::pow(1.0 + off * off / (allowed * allowed), 2) : 0.0;
   }
-  m.solve(observations, std::move(weight), options.iterations, 8.0);
+  m.solve(observations, std::move(weight), options.iterations, 8.0, options.correlation);
 }
 
-void GroundField::update(const GroundObservations& observations, int iterations) {
+void GroundField::update(const GroundObservations& observations, int iterations,
+                         double correlation) {
   if (observations.size() < 3) {
     throw std::invalid_argument("ground observations: " + std::to_string(observations.size()) +
                                 " points, expected at least 3");
   }
-  impl_->solve(observations, {}, iterations, 1.0);
+  impl_->solve(observations, {}, iterations, 1.0,
+               correlation > 0 ? correlation : impl_->options.correlation);
+}
+
+Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observations,
+                                                int iterations, double correlation,
+                                                const Eigen::MatrixXd& information,
+                                                const Eigen::VectorXd& moved,
+                                                Eigen::MatrixXd* covariance) {
+  const Eigen::Index columns = observations.shared_jacobian.cols();
+  if (information.rows() != columns || information.cols() != columns || moved.size() != columns) {
+    throw std::invalid_argument("information is " + std::to_string(information.rows()) + " x " +
+                                std::to_string(information.cols()) + ", expected " +
+                                std::to_string(columns) + " square");
+  }
+  update(observations, iterations, correlation);
+  Impl& m = *impl_;
+  // Observations rho_i + D_i p against b_i . x with x = x0 + S p: the nodes are eliminated.
+  Eigen::MatrixXd reduced = information;
+  Eigen::VectorXd gradient = information * moved;
+  Eigen::VectorXd row(columns), carried(columns);
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const Footprint f = m.footprint(observations.pixels[i]);
+    const double w =
+        m.weights[i] / (m.last_correlation * observations.sigma[i] * observations.sigma[i]);
+    row = observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>().transpose();
+    carried = row;
+    for (int k = 0; k < 4; ++k) carried -= f.weight[k] * m.shared.row(f.node[k]).transpose();
+    reduced.noalias() += w * row * carried.transpose();
+    gradient.noalias() += w * (observations.inverse_depth[i] - m.value(f, m.nodes)) * row;
+  }
+  reduced = 0.5 * (reduced + reduced.transpose()).eval();
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(reduced);
+  const Eigen::VectorXd change = -ldlt.solve(gradient);
+  m.nodes += m.shared * change;
+  if (covariance) *covariance = ldlt.solve(Eigen::MatrixXd::Identity(columns, columns));
+  return change;
+}
+
+GroundField::GroundField(const GroundField& other) : impl_(std::make_unique<Impl>()) {
+  // All but the factorisation, which cannot be copied.
+  const Impl& from = *other.impl_;
+  impl_->camera = from.camera;
+  impl_->left = from.left;
+  impl_->top = from.top;
+  impl_->du = from.du;
+  impl_->dv = from.dv;
+  impl_->columns = from.columns;
+  impl_->rows = from.rows;
+  impl_->nodes = from.nodes;
+  impl_->node_support = from.node_support;
+  impl_->differences = from.differences;
+  impl_->options = from.options;
 }
 
 GroundField::~GroundField() = default;

@@ -49,7 +49,20 @@ class GroundField {
 
   /// Solves again on the same grid with other observations, starting from the field as it is and
   /// with the loss at its final width: one Gauss-Newton step of an outer problem.
-  void update(const GroundObservations& observations, int iterations);
+  /// @param correlation  in place of that of the options; 0: theirs.
+  void update(const GroundObservations& observations, int iterations, double correlation = 0.0);
+
+  /// The same, solving for the shared parameters as well.
+  /// @param information  of the shared parameters before the observations, square.
+  /// @param moved  how far the shared parameters already are from where that information puts them.
+  /// @return their change; *covariance is what is left of their uncertainty.
+  Eigen::VectorXd update_with_shared(const GroundObservations& observations, int iterations,
+                                     double correlation, const Eigen::MatrixXd& information,
+                                     const Eigen::VectorXd& moved, Eigen::MatrixXd* covariance);
+
+  /// The copy has the nodes but no covariance and no weights until it is updated.
+  GroundField(const GroundField& other);
+  GroundField& operator=(const GroundField&) = delete;
   ~GroundField();
   GroundField(GroundField&&) noexcept;
   GroundField& operator=(GroundField&&) noexcept;

@@ -126,6 +126,10 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) centroid += p / static_cast<double>(points.size());
   out.plane = plane_from_inverse_depth(m, covariance, centroid);
+  const double height = options.uneven_height / options.metres_per_unit;
+  out.plane.covariance.diagonal() +=
+      Eigen::Vector3d(options.uneven_tilt * options.uneven_tilt,
+                      options.uneven_tilt * options.uneven_tilt, height * height);
   out.support /= static_cast<double>(points.size());
   out.status = Status::kOk;
   return out;
