@@ -1,0 +1,463 @@
+#include "camber/photometric/direct_ground.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "camber/core/threads.h"
+
+namespace camber {
+namespace {
+
+/// OpenCV on one thread: the same sums for any number of threads; images run side by side.
+class SingleThreadedOpenCv {
+ public:
+  SingleThreadedOpenCv() : before_(cv::getNumThreads()) { cv::setNumThreads(1); }
+  ~SingleThreadedOpenCv() { cv::setNumThreads(before_); }
+
+ private:
+  int before_;
+};
+
+/// Cells of pixels that only judge; fixed, so that before and after are compared on the same.
+bool is_held_out(int u, int v, double share) {
+  auto h = static_cast<std::uint32_t>(u / 12) * 0x9E3779B1u ^
+           static_cast<std::uint32_t>(v / 4) * 0x85EBCA77u;
+  h ^= h >> 15;
+  h *= 0x2C1B3C6Du;
+  h ^= h >> 13;
+  return (h & 0xFFFFu) < static_cast<std::uint32_t>(share * 65536.0);
+}
+
+double robust_cost(double r) { return std::min(r * r, 9.0); }
+
+constexpr int kWindowWide = 21, kWindowHigh = 13;      // px, of the local mean and contrast
+constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees as a whole
+constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
+
+/// Local mean and contrast taken out, over the valid pixels of a window.
+cv::Mat normalised(const cv::Mat& grey, const cv::Mat& valid, const cv::Mat& weight) {
+  const cv::Size window(kWindowWide, kWindowHigh);
+  constexpr double kNoise = 2.0;  // grey values: contrast below this is not blown up
+  cv::Mat masked = grey.mul(valid), sum, squares;
+  cv::boxFilter(masked, sum, CV_32F, window);
+  cv::boxFilter(masked.mul(masked), squares, CV_32F, window);
+  cv::Mat out(grey.size(), CV_32F);
+  for (int y = 0; y < grey.rows; ++y) {
+    const float* g = grey.ptr<float>(y);
+    const float* w = weight.ptr<float>(y);
+    const float* s = sum.ptr<float>(y);
+    const float* q = squares.ptr<float>(y);
+    float* o = out.ptr<float>(y);
+    for (int x = 0; x < grey.cols; ++x) {
+      const float n = 1.0f / std::max(w[x], 1e-3f);
+      const float mean = s[x] * n;
+      const float variance = std::max(0.0f, q[x] * n - mean * mean);
+      o[x] = (g[x] - mean) / std::sqrt(variance + static_cast<float>(kNoise * kNoise));
+    }
+  }
+  return out;
+}
+
+/// What one image says of the ground at one linearisation.
+struct ImageRows {
+  std::vector<Eigen::Vector2d> pixels;
+  std::vector<double> inverse_depth, sigma;
+  std::vector<Eigen::Matrix<float, 6, 1>> by_pose;
+  std::vector<HeldOutPixels::Pixel> judged;
+  double noise = 0.0;
+  cv::Mat contradicted;  // bytes, rows of the region
+};
+
+/// The reference image below its first row of interest.
+struct Region {
+  int first = 0, rows = 0;
+  cv::Mat grey;    // float
+  cv::Mat ground;  // float, 0 or 1
+};
+
+ImageRows linearise(const PinholeCamera& camera, const Region& ref,
+                    const std::vector<double>& inverse_depth, const cv::Mat& other,
+                    const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
+                    const DirectOptions& options, bool only_judge) {
+  const int width = camera.width, rows = ref.rows;
+  cv::Mat map(rows, width, CV_32FC2), valid(rows, width, CV_32F);
+  const Eigen::Matrix3d rotation = pose.rotation_matrix();
+  const Eigen::Vector3d t = pose.translation();
+  for (int y = 0; y < rows; ++y) {
+    auto* m = map.ptr<cv::Point2f>(y);
+    float* ok = valid.ptr<float>(y);
+    const float* ground = ref.ground.ptr<float>(y);
+    for (int x = 0; x < width; ++x) {
+      const double rho =
+          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                        static_cast<std::size_t>(x)];
+      const Eigen::Vector3d p = rotation * camera.ray(Eigen::Vector2d(x, y + ref.first)) + rho * t;
+      ok[x] = 0.0f;
+      m[x] = {-1000.0f, -1000.0f};
+      if (!(p.z() > 1e-3)) continue;
+      const double u = camera.fx * p.x() / p.z() + camera.cx;
+      const double v = camera.fy * p.y() / p.z() + camera.cy;
+      if (!(u > 1 && v > 1 && u < width - 2 && v < camera.height - 2)) continue;
+      m[x] = {static_cast<float>(u), static_cast<float>(v)};
+      if (ground[x] == 0.0f) continue;
+      if (ignored &&
+          (*ignored)[static_cast<std::size_t>(std::lround(v)) * static_cast<std::size_t>(width) +
+                     static_cast<std::size_t>(std::lround(u))]) {
+        continue;
+      }
+      ok[x] = 1.0f;
+    }
+  }
+  cv::Mat carried;
+  cv::remap(other, carried, map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+  cv::Mat here, there;
+  cv::GaussianBlur(ref.grey, here, {}, blur);
+  cv::GaussianBlur(carried, there, {}, blur);
+  cv::Mat weight;
+  cv::boxFilter(valid, weight, CV_32F, {kWindowWide, kWindowHigh});
+  const cv::Mat a = normalised(here, valid, weight), b = normalised(there, valid, weight);
+  cv::Mat gx, gy;
+  const cv::Mat middle = 0.5f * (a + b);
+  cv::Sobel(middle, gx, CV_32F, 1, 0, 3, 1.0 / 8);
+  cv::Sobel(middle, gy, CV_32F, 0, 1, 3, 1.0 / 8);
+
+  // Noise of the residual, then what disagrees with it over a whole neighbourhood.
+  const cv::Mat residual = b - a;
+  std::vector<float> sizes;
+  for (int y = 0; y < rows; y += 2) {
+    const float* e = residual.ptr<float>(y);
+    const float* ok = valid.ptr<float>(y);
+    for (int x = y & 2 ? 1 : 0; x < width; x += 3) {
+      if (ok[x] != 0.0f) sizes.push_back(std::abs(e[x]));
+    }
+  }
+  ImageRows out;
+  if (sizes.size() < 100) return out;
+  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2),
+                   sizes.end());
+  out.noise = 1.4826 * sizes[sizes.size() / 2] + 1e-3;
+  const double n2 = out.noise * out.noise;
+  const double d2 = options.misregistration_px * options.misregistration_px;
+  cv::Mat excess(rows, width, CV_32F), local;
+  for (int y = 0; y < rows; ++y) {
+    const float* e = residual.ptr<float>(y);
+    const float* ok = valid.ptr<float>(y);
+    const float* dx = gx.ptr<float>(y);
+    const float* dy = gy.ptr<float>(y);
+    float* o = excess.ptr<float>(y);
+    for (int x = 0; x < width; ++x) {
+      // Half a pixel of misalignment is still to be mended and no reason to leave a pixel out.
+      const double expected = n2 + 0.25 * (dx[x] * dx[x] + dy[x] * dy[x]);
+      o[x] = ok[x] != 0.0f ? static_cast<float>(std::min(16.0, e[x] * e[x] / expected)) : 0.0f;
+    }
+  }
+  cv::boxFilter(excess, local, CV_32F, {kPatchWide, kPatchHigh});
+  cv::Mat share;
+  cv::boxFilter(valid, share, CV_32F, {kPatchWide, kPatchHigh});
+
+  // Near the camera there are more pixels than the ground's smoothness needs: one in four there.
+  const double near = 0.35 * *std::max_element(inverse_depth.begin(), inverse_depth.end());
+  out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
+  for (int y = 2; y + 2 < rows; ++y) {
+    const float* e = residual.ptr<float>(y);
+    const float* dx = gx.ptr<float>(y);
+    const float* dy = gy.ptr<float>(y);
+    const float* l = local.ptr<float>(y);
+    const float* s = share.ptr<float>(y);
+    const auto* m = map.ptr<cv::Point2f>(y);
+    const auto* up = map.ptr<cv::Point2f>(y - 1);
+    const auto* down = map.ptr<cv::Point2f>(y + 1);
+    for (int x = 2; x + 2 < width; ++x) {
+      if (s[x] > 0.3f && l[x] > 3.0f * s[x]) out.contradicted.at<std::uint8_t>(y, x) = 1;
+      if (s[x] < 0.98f || l[x] > 3.0f * s[x]) continue;  // near something else, or contradicted
+      const bool judge = is_held_out(x, y + ref.first, options.held_out);
+      if (only_judge && !judge) continue;
+      const double g2 = dx[x] * dx[x] + dy[x] * dy[x];
+      const double sigma = std::sqrt(n2 + d2 * g2);
+      if (judge) {
+        out.judged.push_back({static_cast<float>(x), static_cast<float>(y + ref.first),
+                              static_cast<float>(robust_cost(e[x] / sigma))});
+        continue;
+      }
+      const double rho =
+          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                        static_cast<std::size_t>(x)];
+      if (rho > near && ((x | y) & 1)) continue;
+      // A shift in the other image, seen in the reference: the inverse of the map's derivative.
+      Eigen::Matrix2d by_pixel;
+      by_pixel << 0.5 * (m[x + 1].x - m[x - 1].x), 0.5 * (down[x].x - up[x].x),
+          0.5 * (m[x + 1].y - m[x - 1].y), 0.5 * (down[x].y - up[x].y);
+      const double determinant = by_pixel.determinant();
+      if (!(determinant > 0.2 && determinant < 5.0)) continue;
+      const Eigen::RowVector2d g = Eigen::RowVector2d(dx[x], dy[x]) * by_pixel.inverse();
+      const Eigen::Vector3d ray = rotation * camera.ray(Eigen::Vector2d(x, y + ref.first));
+      const Eigen::Vector3d p = ray + rho * t;
+      Eigen::Matrix<double, 2, 3> projection;
+      projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
+          camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
+      const Eigen::RowVector3d row = g * projection;
+      const double by_depth = row.dot(t);
+      // One pixel alone that knows less than a factor of 30 adds nothing but time.
+      if (!(std::abs(by_depth) * rho > 0.03 * sigma)) continue;
+      out.pixels.emplace_back(x, y + ref.first);
+      out.inverse_depth.push_back(rho - e[x] / by_depth);
+      out.sigma.push_back(sigma / std::abs(by_depth));
+      Eigen::Matrix<float, 6, 1> pose_row;
+      const Eigen::RowVector3d turned = row.cross(ray.transpose()) * -1.0;  // row * -skew(ray)
+      pose_row.head<3>() = (-turned / by_depth).transpose().cast<float>();
+      pose_row.tail<3>() = (-row * rho / by_depth).transpose().cast<float>();
+      out.by_pose.push_back(pose_row);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+void DirectOptions::validate() const {
+  const auto require = [](bool good, const char* name, double value, const char* expected) {
+    if (!good) {
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
+                                  ", expected " + expected);
+    }
+  };
+  require(steps >= 1, "steps", steps, ">= 1");
+  require(held_out >= 0 && held_out <= 0.5, "held_out", held_out, "from 0 to 0.5");
+  require(correlation >= 1, "correlation", correlation, ">= 1");
+  require(inflation >= 1, "inflation", inflation, ">= 1");
+  require(misregistration_px >= 0, "misregistration_px", misregistration_px, ">= 0");
+}
+
+struct DirectGround::Impl {
+  PinholeCamera camera;
+  DirectOptions options;
+  std::vector<DirectImage> images;
+  std::vector<std::size_t> others;
+  std::vector<cv::Mat> grey;  // of the others, float
+  Region region;
+
+  std::vector<ImageRows> linearise_all(const std::vector<SE3>& frame_from_reference,
+                                       const GroundField& field, double blur,
+                                       bool only_judge) const {
+    const auto width = static_cast<std::size_t>(camera.width);
+    std::vector<double> depth(static_cast<std::size_t>(region.rows) * width);
+    parallel_for(static_cast<std::size_t>(region.rows), options.num_threads, [&](std::size_t y) {
+      for (std::size_t x = 0; x < width; ++x) {
+        const Eigen::Vector2d pixel(static_cast<double>(x), static_cast<double>(y) + region.first);
+        depth[y * width + x] = std::max(field.inverse_depth(pixel), 1e-6);
+      }
+    });
+    const SingleThreadedOpenCv guard;
+    std::vector<ImageRows> rows(others.size());
+    parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
+      rows[k] = linearise(camera, region, depth, grey[k], images[others[k]].ignored,
+                          frame_from_reference[others[k]], blur, options, only_judge);
+    });
+    return rows;
+  }
+};
+
+DirectGround::DirectGround(const PinholeCamera& camera, const std::vector<DirectImage>& images,
+                           std::size_t reference, const std::vector<std::uint8_t>& ground, int top,
+                           const DirectOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  options.validate();
+  camera.validate();
+  const auto width = static_cast<std::size_t>(camera.width);
+  const std::size_t total = width * static_cast<std::size_t>(camera.height);
+  if (reference >= images.size() || ground.size() != total) {
+    throw std::invalid_argument("direct ground: " + std::to_string(ground.size()) +
+                                " pixels of ground, expected " + std::to_string(total));
+  }
+  for (const DirectImage& image : images) {
+    if (!image.image || image.image->pixels.size() != total ||
+        (image.ignored && image.ignored->size() != total)) {
+      throw std::invalid_argument("direct ground: an image or its mask does not fit the camera");
+    }
+  }
+  Impl& m = *impl_;
+  m.camera = camera;
+  m.options = options;
+  m.images = images;
+  Region& region = m.region;
+  region.first = std::clamp(top, 0, camera.height - 1);
+  region.rows = camera.height - region.first;
+  const auto grey_of = [](const GrayImage& image) {
+    const cv::Mat bytes(image.height, image.width, CV_8UC1,
+                        const_cast<std::uint8_t*>(image.pixels.data()));
+    cv::Mat grey;
+    bytes.convertTo(grey, CV_32F);
+    return grey;
+  };
+  region.grey = grey_of(*images[reference].image).rowRange(region.first, camera.height).clone();
+  region.ground.create(region.rows, camera.width, CV_32F);
+  const std::vector<std::uint8_t>* ignored = images[reference].ignored;
+  for (int y = 0; y < region.rows; ++y) {
+    float* row = region.ground.ptr<float>(y);
+    for (int x = 0; x < camera.width; ++x) {
+      const std::size_t p =
+          static_cast<std::size_t>(y + region.first) * width + static_cast<std::size_t>(x);
+      row[x] = ground[p] && !(ignored && (*ignored)[p]) ? 1.0f : 0.0f;
+    }
+  }
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    if (k == reference) continue;
+    m.others.push_back(k);
+    m.grey.push_back(grey_of(*images[k].image));
+  }
+}
+
+DirectGround::~DirectGround() = default;
+
+HeldOutPixels DirectGround::judge(const std::vector<SE3>& frame_from_reference,
+                                  const GroundField& field) const {
+  if (frame_from_reference.size() != impl_->images.size()) {
+    throw std::invalid_argument("direct ground: one pose an image is expected");
+  }
+  HeldOutPixels out;
+  for (ImageRows& rows : impl_->linearise_all(frame_from_reference, field, kFinalBlur, true)) {
+    out.images.push_back(std::move(rows.judged));
+    out.noise.push_back(rows.noise);
+  }
+  return out;
+}
+
+DirectResult DirectGround::refine(const MotionEstimate& motion, GroundField& field) const {
+  const Impl& m = *impl_;
+  DirectResult out;
+  out.frame_from_reference = motion.frame_from_reference;
+  out.covariance = motion.covariance;
+  const auto columns = static_cast<Eigen::Index>(6 * m.others.size());
+  if (motion.frame_from_reference.size() != m.images.size() ||
+      motion.covariance.rows() != columns || motion.covariance.cols() != columns) {
+    throw std::invalid_argument("direct ground: the motion does not fit the images");
+  }
+  // What is known exactly (the longest baseline's length) stays so.
+  const Eigen::MatrixXd floor = 1e-12 * Eigen::MatrixXd::Identity(columns, columns);
+  const Eigen::MatrixXd information =
+      (motion.covariance + floor).ldlt().solve(Eigen::MatrixXd::Identity(columns, columns));
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(columns);
+  GroundObservations& observations = out.observations;
+  std::vector<ImageRows> rows;
+  for (int step = 0; step < m.options.steps; ++step) {
+    const bool coarse = step == 0 && m.options.steps > 1;
+    rows =
+        m.linearise_all(out.frame_from_reference, field, coarse ? kCoarseBlur : kFinalBlur, false);
+    std::size_t count = 0;
+    for (const ImageRows& r : rows) count += r.pixels.size();
+    if (count < 1000) {
+      out.status = Status::kFailed;
+      out.reason = "only " + std::to_string(count) + " pixels of the ground can be compared";
+      return out;
+    }
+    observations = {};
+    observations.pixels.reserve(count);
+    observations.inverse_depth.reserve(count);
+    observations.sigma.reserve(count);
+    observations.shared_jacobian.setZero(static_cast<Eigen::Index>(count), columns);
+    Eigen::Index at = 0;
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      const ImageRows& r = rows[k];
+      observations.pixels.insert(observations.pixels.end(), r.pixels.begin(), r.pixels.end());
+      observations.inverse_depth.insert(observations.inverse_depth.end(), r.inverse_depth.begin(),
+                                        r.inverse_depth.end());
+      observations.sigma.insert(observations.sigma.end(), r.sigma.begin(), r.sigma.end());
+      for (const auto& row : r.by_pose) {
+        observations.shared_jacobian.row(at++).segment<6>(static_cast<Eigen::Index>(6 * k)) =
+            row.transpose();
+      }
+    }
+    const Eigen::VectorXd change = field.update_with_shared(observations, 2, m.options.correlation,
+                                                            information, moved, &out.covariance);
+    moved += change;
+    for (std::size_t k = 0; k < m.others.size(); ++k) {
+      SE3& pose = out.frame_from_reference[m.others[k]];
+      const auto block = static_cast<Eigen::Index>(6 * k);
+      pose = SE3(rotation_from_vector(change.segment<3>(block)) * pose.rotation(),
+                 pose.translation() + change.segment<3>(block + 3));
+    }
+    // The observations, to first order, at the motion as it is now.
+    const Eigen::VectorXf shift = observations.shared_jacobian * change.cast<float>();
+    for (std::size_t i = 0; i < count; ++i) {
+      observations.inverse_depth[i] += static_cast<double>(shift[static_cast<Eigen::Index>(i)]);
+    }
+  }
+  // What the pixels add to the motion is worth less than independent pixels would be.
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(columns, columns);
+  const Eigen::MatrixXd added = out.covariance.ldlt().solve(identity) - information;
+  out.covariance = (information + added / m.options.inflation).ldlt().solve(identity);
+  out.motion_change =
+      std::sqrt(std::max(0.0, moved.dot(information * moved)) / static_cast<double>(columns));
+  const auto width = static_cast<std::size_t>(m.camera.width);
+  out.contradicted.assign(width * static_cast<std::size_t>(m.camera.height), 0);
+  for (const ImageRows& r : rows) {
+    for (int y = 0; y < r.contradicted.rows; ++y) {
+      const auto* from = r.contradicted.ptr<std::uint8_t>(y);
+      std::uint8_t* to =
+          out.contradicted.data() + static_cast<std::size_t>(y + m.region.first) * width;
+      for (std::size_t x = 0; x < width; ++x) to[x] |= from[x];
+    }
+  }
+  out.status = Status::kOk;
+  return out;
+}
+
+namespace {
+constexpr double kCellWide = 16.0, kCellHigh = 4.0;  // px
+}
+
+DirectEvidence::DirectEvidence(int width, int height, const HeldOutPixels& before,
+                               const HeldOutPixels& after)
+    : columns_(static_cast<int>(width / kCellWide) + 1),
+      rows_(static_cast<int>(height / kCellHigh) + 1),
+      cells_(static_cast<std::size_t>(columns_ * rows_)) {
+  const auto earlier = [](const HeldOutPixels::Pixel& a, const HeldOutPixels::Pixel& b) {
+    return a.v < b.v || (a.v == b.v && a.u < b.u);
+  };
+  for (std::size_t k = 0; k < std::min(before.images.size(), after.images.size()); ++k) {
+    // Costs are in units of their own noise.
+    const double unit = before.noise[k] > 0 ? std::pow(after.noise[k] / before.noise[k], 2) : 1.0;
+    std::size_t j = 0;
+    for (const HeldOutPixels::Pixel& a : after.images[k]) {
+      while (j < before.images[k].size() && earlier(before.images[k][j], a)) ++j;
+      if (j == before.images[k].size()) break;
+      if (earlier(a, before.images[k][j])) continue;
+      const int c = std::clamp(static_cast<int>(a.u / kCellWide), 0, columns_ - 1);
+      const int r = std::clamp(static_cast<int>(a.v / kCellHigh), 0, rows_ - 1);
+      Costs& cell = cells_[static_cast<std::size_t>(r * columns_ + c)];
+      cell.pixels += 1.0;
+      cell.before += before.images[k][j].cost;
+      cell.after += unit * a.cost;
+    }
+  }
+}
+
+DirectEvidence::Costs DirectEvidence::within(const Eigen::Vector2d& least,
+                                             const Eigen::Vector2d& greatest) const {
+  Costs out;
+  if (cells_.empty()) return out;
+  const auto cell = [](double at, double size, int count) {
+    return static_cast<int>(std::clamp(std::floor(at / size), 0.0, count - 1.0));
+  };
+  const int c2 = cell(greatest.x(), kCellWide, columns_);
+  const int r2 = cell(greatest.y(), kCellHigh, rows_);
+  for (int r = cell(least.y(), kCellHigh, rows_); r <= r2; ++r) {
+    for (int c = cell(least.x(), kCellWide, columns_); c <= c2; ++c) {
+      const Costs& sum = cells_[static_cast<std::size_t>(r * columns_ + c)];
+      out.pixels += sum.pixels;
+      out.before += sum.before;
+      out.after += sum.after;
+    }
+  }
+  if (out.pixels > 0) {
+    out.before /= out.pixels;
+    out.after /= out.pixels;
+  }
+  return out;
+}
+
+}  // namespace camber
