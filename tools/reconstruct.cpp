@@ -24,11 +24,18 @@ struct Arguments {
 
 void add_scene_options(CLI::App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
-  app.add_option("--frames", a.frames,
-                 "frame ids: 48,49,50 or 48:52 (both ends) or 0:10:5; default: all");
+  app.add_option(
+      "--frames", a.frames,
+      "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all; default: three, as far apart as "
+      "it takes to see the road move");
   app.add_option("--rounds", a.options.rounds,
                  "times that images are matched again with the ground known")
       ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--ground", a.options.ground,
+                 "what the ground is fitted to: matches (triangulated points), grey (direct "
+                 "alignment of the images) or both")
+      ->check(CLI::IsMember({"matches", "grey", "both"}))
       ->capture_default_str();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
@@ -40,7 +47,17 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.use_masks = !a.no_masks;
-  Reconstruction result = reconstruct(scene, select_frames(scene, a.frames), a.options, progress);
+  std::vector<int> frames;
+  if (a.frames.empty()) {
+    const ChosenFrames chosen = choose_frames(scene);
+    frames = chosen.ids;
+    if (chosen.spacing > 1 && !command.common.quiet) {
+      std::fprintf(stderr, "camber: slow drive: frames %d apart are used\n", chosen.spacing);
+    }
+  } else {
+    frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
+  }
+  Reconstruction result = reconstruct(scene, frames, a.options, progress);
   result.run.extra["command"] = command.common.command_line;
   return result;
 }

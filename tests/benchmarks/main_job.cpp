@@ -39,6 +39,8 @@ double mean(const std::vector<double>& values) {
   return values.empty() ? std::nan("") : sum / static_cast<double>(values.size());
 }
 
+bool list_cars = false;
+
 Reconstruction run(const Scene& scene, const std::vector<int>& frames,
                    const ReconstructOptions& options = {}) {
   return reconstruct(scene, frames, options);
@@ -72,6 +74,11 @@ void steep_scenes(const fs::path& folder, int first, int last, const char* title
       const SceneMetrics metrics =
           evaluate_scene(scene, result.surface, result.vehicles, result.run);
       scales.push_back(std::abs(metrics.scale_error));
+      if (list_cars) {
+        std::printf("  %s: scale %+.2f %% +- %.2f %%, direction %.3f deg\n",
+                    path.filename().string().c_str(), 100 * metrics.scale_error,
+                    100 * result.surface.scale_sigma, metrics.direction_error * kDegrees);
+      }
       scale_inside += std::abs(metrics.scale_error) <= 1.96 * result.surface.scale_sigma;
       directions.push_back(metrics.direction_error * kDegrees);
       for (const TruthFrame& frame : scene.truth->frames) {
@@ -92,6 +99,13 @@ void steep_scenes(const fs::path& folder, int first, int last, const char* title
         centres[bin].push_back(error.center_error);
         normals.push_back(error.normal_error * kDegrees);
         inside.push_back(std::abs(error.height_error) <= 1.96 * error.height_sigma);
+        if (list_cars) {
+          std::printf(
+              "  %s %2d %5.1f m: height %+.3f +- %.3f (%+.1f), normal %.2f deg, centre %.2f\n",
+              path.filename().string().c_str(), error.truth_id, error.distance, error.height_error,
+              error.height_sigma, error.height_error / error.height_sigma,
+              error.normal_error * kDegrees, error.center_error);
+        }
       }
     } catch (const NoAnswerError& error) {
       ++no_ego;
@@ -287,25 +301,38 @@ void timing(const Scene& scene, const std::vector<int>& frames, const char* name
 }  // namespace
 }  // namespace camber
 
-int main() {
+int main(int argc, char** argv) {
   using namespace camber;
+  // Arguments name the sections to run; none: all. --cars lists every vehicle of the steep scenes.
+  std::set<std::string> sections;
+  for (int i = 1; i < argc; ++i) {
+    if (std::string(argv[i]) == "--cars") {
+      list_cars = true;
+    } else {
+      sections.insert(argv[i]);
+    }
+  }
+  const auto wanted = [&](const char* name) { return sections.empty() || sections.count(name); };
   const fs::path data = test::data_dir();
   std::printf("# Main job\n");
-  steep_scenes(data / "steep-scenes", 1, 3, "Steep scenes, triplet around the middle frame");
-  steep_scenes(data / "steep-scenes", 0, 4, "Steep scenes, all five frames");
-  {
-    ReconstructOptions options;
-    options.use_masks = false;
-    steep_scenes(data / "steep-scenes", 1, 3, "Steep scenes, triplet, masks not read", options);
-    options.use_masks = true;
-    options.rounds = 0;
-    steep_scenes(data / "steep-scenes", 1, 3,
-                 "Steep scenes, triplet, matched once (plain flow, as in the paper's way)",
-                 options);
+  ReconstructOptions no_masks, once;
+  no_masks.use_masks = false;
+  once.rounds = 0;
+  once.ground = "matches";
+  const fs::path steep = data / "steep-scenes";
+  if (wanted("steep3")) steep_scenes(steep, 1, 3, "Steep scenes, triplet around the middle frame");
+  if (wanted("steep5")) steep_scenes(steep, 0, 4, "Steep scenes, all five frames");
+  if (wanted("nomasks")) {
+    steep_scenes(steep, 1, 3, "Steep scenes, triplet, masks not read", no_masks);
   }
-  tracking_clip(data / "kitti-tracking-0009-clip");
-  odometry(data / "kitti-odometry-06");
-  crawling(data / "kitti-raw-2011_09_26-drive_0052");
+  if (wanted("once")) {
+    steep_scenes(steep, 1, 3,
+                 "Steep scenes, triplet, matched once (plain flow, as in the paper's way)", once);
+  }
+  if (wanted("tracking")) tracking_clip(data / "kitti-tracking-0009-clip");
+  if (wanted("odometry")) odometry(data / "kitti-odometry-06");
+  if (wanted("crawling")) crawling(data / "kitti-raw-2011_09_26-drive_0052");
+  if (!wanted("time")) return 0;
   std::printf("\n## Time of the computing stages, pictures left out, median of five runs\n");
   const Scene sample = read_scene(test::source_dir() / "samples" / "steep_hill");
   timing(sample, select_frames(sample, ""), "samples/steep_hill, three 1242 x 375 frames");

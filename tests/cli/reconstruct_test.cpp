@@ -161,7 +161,7 @@ TEST_F(BrokenScene, SizesThatDisagree) {
 
 TEST_F(BrokenScene, FramesThatAreNotThere) {
   expect_failure(2, "frame 7 is not in the scene", {"--frames", "0,7"});
-  expect_failure(2, "found 'all'", {"--frames", "all"});
+  expect_failure(2, "found 'every'", {"--frames", "every"});
 }
 
 TEST_F(BrokenScene, SceneThatCannotAnswer) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <stdexcept>
 
@@ -12,7 +13,9 @@
 #include "camber/motion/correspondences.h"
 #include "camber/motion/motion.h"
 #include "camber/motion/triangulation.h"
+#include "camber/photometric/direct_ground.h"
 #include "camber/pipeline/frame_masks.h"
+#include "camber/pipeline/standing_plane.h"
 #include "camber/road/ego_profile.h"
 #include "camber/road/ground_field.h"
 #include "camber/road/grow_road.h"
@@ -43,7 +46,10 @@ struct Run {
   std::vector<std::uint8_t> roadway;  // one a grid point: carries the ego profile
   TriangulatedPoints points;
   EgoPlane ego;
-  std::optional<GroundField> field;
+  std::optional<GroundField> field;   // by the matches alone
+  std::optional<GroundField> direct;  // by the matches and the grey values
+  DirectEvidence evidence;            // of held-out pixels for the latter
+  std::string direct_refused;         // why there is no direct field
   double metres_per_unit = 1.0;
 };
 
@@ -283,6 +289,158 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
   return out;
 }
 
+/// Ground seen in the reference image, one byte a pixel.
+std::vector<std::uint8_t> ground_pixels(const Run& run) {
+  if (run.has_masks) return run.masks[run.reference].ground;
+  const auto width = static_cast<std::size_t>(run.camera.width);
+  std::vector<std::uint8_t> out(width * static_cast<std::size_t>(run.camera.height), 0);
+  for (std::size_t i = 0; i < run.ground.size(); ++i) {
+    if (!run.ground[i]) continue;
+    const int x = static_cast<int>(run.matches.pixels[i].x());
+    const int y = static_cast<int>(run.matches.pixels[i].y());
+    for (int v = y; v < std::min(run.camera.height, y + run.matches.step); ++v) {
+      for (int u = x; u < std::min(run.camera.width, x + run.matches.step); ++u) {
+        out[static_cast<std::size_t>(v) * width + static_cast<std::size_t>(u)] = 1;
+      }
+    }
+  }
+  return out;
+}
+
+/// Leaves matches beside vehicles and contradicted pixels nearly without weight: a flow carries
+/// what moves there several pixels out.
+void distrust_beside(const Run& run, const std::vector<std::uint8_t>& contradicted,
+                     GroundObservations& observations) {
+  constexpr int kReachU = 12, kReachV = 6;  // px
+  std::vector<std::uint8_t> near = contradicted;
+  const std::vector<std::uint8_t>& vehicle = run.masks[run.reference].vehicle;
+  for (std::size_t i = 0; i < near.size(); ++i) near[i] |= vehicle[i];
+  const cv::Mat in(run.camera.height, run.camera.width, CV_8UC1, near.data());
+  cv::Mat grown;
+  cv::dilate(in, grown,
+             cv::getStructuringElement(cv::MORPH_RECT, {2 * kReachU + 1, 2 * kReachV + 1}));
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const Eigen::Vector2d& p = observations.pixels[i];
+    if (grown.at<std::uint8_t>(static_cast<int>(p.y()), static_cast<int>(p.x()))) {
+      observations.sigma[i] *= 100.0;
+    }
+  }
+}
+
+/// Refines the motion and the ground on the grey values of all images, and keeps the result where
+/// the pixels left out of it agree better than before.
+void refine_directly(Run& run) {
+  std::vector<DirectImage> images(run.frames.size());
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    images[k].image = &run.grey[k];
+    images[k].ignored = &run.masks[k].vehicle;
+  }
+  DirectOptions options;
+  options.num_threads = run.options.num_threads;
+  const DirectGround direct(run.camera, images, run.reference, ground_pixels(run),
+                            static_cast<int>(run.field->top()) - 2, options);
+  const HeldOutPixels before = direct.judge(run.motion.frame_from_reference, *run.field);
+  GroundField refined(*run.field);
+  DirectResult result = direct.refine(run.motion, refined);
+  if (result.status == Status::kFailed) {
+    run.direct_refused = result.reason;
+    return;
+  }
+  if (result.motion_change > 4.0) {
+    run.direct_refused = "the motion would change by " +
+                         std::to_string(result.motion_change).substr(0, 4) + " standard deviations";
+    return;
+  }
+  const MotionEstimate motion = run.motion;
+  const TriangulatedPoints points = run.points;
+  const EgoPlane ego = run.ego;
+  const double metres_per_unit = run.metres_per_unit;
+  const std::vector<std::uint8_t> ground = run.ground, roadway = run.roadway;
+  run.motion.frame_from_reference = result.frame_from_reference;
+  run.motion.covariance = result.covariance;
+  triangulate_ground(run, false);
+  fit_ego(run);
+
+  // Matches and grey values together, at the refined motion.
+  GroundObservations all = ground_observations(run);
+  const GroundObservations matched = all;
+  distrust_beside(run, result.contradicted, all);
+  const GroundFieldOptions field_options;
+  const double unit = std::sqrt(options.correlation / field_options.correlation);
+  const auto rows = static_cast<Eigen::Index>(all.size());
+  if (run.options.ground == "grey") std::fill(all.sigma.begin(), all.sigma.end(), 1e6);
+  all.shared_jacobian.conservativeResize(
+      rows + static_cast<Eigen::Index>(result.observations.size()), Eigen::NoChange);
+  all.shared_jacobian.bottomRows(static_cast<Eigen::Index>(result.observations.size())) =
+      result.observations.shared_jacobian;
+  all.pixels.insert(all.pixels.end(), result.observations.pixels.begin(),
+                    result.observations.pixels.end());
+  all.inverse_depth.insert(all.inverse_depth.end(), result.observations.inverse_depth.begin(),
+                           result.observations.inverse_depth.end());
+  for (const double sigma : result.observations.sigma) all.sigma.push_back(unit * sigma);
+  refined.update(all, 2);
+  run.evidence = DirectEvidence(run.camera.width, run.camera.height, before,
+                                direct.judge(run.motion.frame_from_reference, refined));
+  const DirectEvidence::Costs whole = run.evidence.within(
+      Eigen::Vector2d::Zero(), Eigen::Vector2d(run.camera.width, run.camera.height));
+  if (!(whole.pixels >= 200) || !(whole.after < whole.before)) {
+    run.direct_refused = whole.pixels < 200 ? "too few pixels to judge by"
+                                            : "pixels left out agree less than before";
+    run.motion = motion;
+    run.points = points;
+    run.ego = ego;
+    run.metres_per_unit = metres_per_unit;
+    run.ground = ground;
+    run.roadway = roadway;
+    return;
+  }
+  run.field->update(matched, 2);
+  run.direct.emplace(std::move(refined));
+}
+
+/// A plane of the ground by the best field, and what became of the direct refinement there.
+struct JudgedPlane {
+  LocalPlane fit;
+  std::string refinement;
+};
+
+JudgedPlane judged_plane(const Run& run, const Eigen::Vector2d& contact, const Box2& around,
+                         const LocalPlaneOptions& options) {
+  JudgedPlane out;
+  out.fit = fit_local_plane(*run.field, run.camera, contact, run.motion.covariance, options);
+  if (!run.direct) {
+    if (!run.direct_refused.empty()) out.refinement = "refused: " + run.direct_refused;
+    return out;
+  }
+  LocalPlane direct =
+      fit_local_plane(*run.direct, run.camera, contact, run.motion.covariance, options);
+  if (direct.status == Status::kFailed) {
+    out.refinement = "refused: " + direct.reason;
+    return out;
+  }
+  if (out.fit.status != Status::kFailed) {
+    const DirectEvidence::Costs costs =
+        run.evidence.within({around.x1, around.y1}, {around.x2, around.y2});
+    // The median of what chance does to the mean of n costs of about 1 is 1 / sqrt(n).
+    if (costs.pixels >= 20 && costs.after > costs.before * (1.0 + 1.0 / std::sqrt(costs.pixels))) {
+      out.refinement = "refused: pixels left out agree less than before";
+      return out;
+    }
+    const Eigen::Vector3d& at = out.fit.plane.centroid;
+    const double moved = direct.plane.plane.signed_distance(at);
+    const double sigma =
+        std::sqrt(out.fit.plane.height_variance(at) + direct.plane.height_variance(at));
+    if (std::abs(moved) > 3.0 * sigma) {
+      out.refinement = "refused: " + std::to_string(std::abs(moved) / sigma).substr(0, 4) +
+                       " standard deviations off the triangulated points";
+      return out;
+    }
+  }
+  out.fit = std::move(direct);
+  out.refinement = "accepted";
+  return out;
+}
+
 /// Where a ray from another camera of the run meets the ground; reference frame, units.
 std::optional<Eigen::Vector3d> meet_ground(const Run& run, const SE3& reference_from_frame,
                                            const Eigen::Vector3d& ray) {
@@ -410,6 +568,9 @@ void ReconstructOptions::validate() const {
   if (method != "joint" && method != "coplanar" && method != "flat") {
     throw std::invalid_argument("method = '" + method + "', expected joint, coplanar or flat");
   }
+  if (ground != "matches" && ground != "grey" && ground != "both") {
+    throw std::invalid_argument("ground = '" + ground + "', expected matches, grey or both");
+  }
   if (rounds < 0) {
     throw std::invalid_argument("rounds = " + std::to_string(rounds) + ", expected at least 0");
   }
@@ -429,7 +590,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.frame_ids = frame_ids;
   out.reference_frame = choose_reference_frame(scene, frame_ids);
   Timings& timings = out.run.timings;
-  Run run{scene, options, {}, 0, scene.camera, {}, {}, false, {}, {}, {}, {}, {}, {}, {}, {}, 1.0};
+  Run run{scene, options, {}, 0,  scene.camera, {}, {}, false, {}, {},
+          {},    {},      {}, {}, {},           {}, {}, {},    {}, 1.0};
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);
     if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(id));
@@ -536,8 +698,15 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     report("surface", share);
     const StageTimer timer(timings, "surface");
     fit_ego(run);
-    run.field->update(ground_observations(run), 4);
+    run.field->update(ground_observations(run), 2);
   }
+
+  if (options.ground != "matches") {
+    report("surface", 0.8);
+    const StageTimer timer(timings, "surface");
+    refine_directly(run);
+  }
+  const GroundField& ground = run.direct ? *run.direct : *run.field;
 
   // Results, in metres and in the reference camera's frame.
   const bool metric = scene.height_above_road.has_value() || run.known_unit.has_value();
@@ -580,16 +749,15 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     local.half_width = 2.0;
     const Eigen::Vector3d travel = travel_direction(run);
     const double nearest =
-        run.field->inverse_depth({scene.camera.cx, static_cast<double>(scene.camera.height - 1)});
+        ground.inverse_depth({scene.camera.cx, static_cast<double>(scene.camera.height - 1)});
     const double first = nearest > 0 ? std::clamp(m / nearest + 0.1, 2.0, 15.0) : 5.0;
     for (double station = first; station < 60.0; station += local.length) {
       // The line ahead, at the height of the ground there.
       const Eigen::Vector3d ahead = run.ego.plane.centroid + travel * (station / m);
       const Eigen::Vector3d ray(ahead.x() / ahead.z(), 0.0, 1.0);
       double row = -1.0;
-      for (double v = scene.camera.height - 1; v > run.field->top() + 1; v -= 1.0) {
-        const double rho =
-            run.field->inverse_depth({scene.camera.cx + scene.camera.fx * ray.x(), v});
+      for (double v = scene.camera.height - 1; v > ground.top() + 1; v -= 1.0) {
+        const double rho = ground.inverse_depth({scene.camera.cx + scene.camera.fx * ray.x(), v});
         if (!(rho > 0)) break;
         if (1.0 / rho >= ahead.z()) {
           row = v;
@@ -598,17 +766,31 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       }
       if (row < 0) break;
       if (row > scene.camera.height - 2) continue;  // nearer than what is seen
-      const LocalPlane fit = fit_local_plane(*run.field, scene.camera,
-                                             {scene.camera.cx + scene.camera.fx * ray.x(), row},
-                                             run.motion.covariance, local);
+      const Eigen::Vector2d start(scene.camera.cx + scene.camera.fx * ray.x(), row);
+      const double half = local.half_width / m * scene.camera.fx / ahead.z();
+      const double end = std::max(ground.top(), row - (row - scene.camera.cy) * local.length /
+                                                          (local.length + m * ahead.z()));
+      const JudgedPlane judged = judged_plane(
+          run, start, {start.x() - half, std::min(end, row), start.x() + half, row}, local);
+      const LocalPlane& fit = judged.fit;
       if (fit.status == Status::kFailed) break;
       PlanePatch patch;
       patch.id = static_cast<int>(surface.patches.size());
       patch.plane = scaled(fit.plane, m, scale_sigma);
       patch.inliers = static_cast<int>(std::lround(fit.support));
+      patch.refinement = judged.refinement;
       if (std::sqrt(patch.plane.covariance(2, 2)) > 0.5) break;
       set_status(patch, fit.support < 0.5 ? "hardly any road point is seen there" : "");
-      set_rectangle(patch, 0.5 * local.length, 0.5 * local.length, local.half_width);
+      // Not beyond the last row in which the ground is seen: the ground may fall away there.
+      double end_depth = 0.0;
+      for (double v = ground.top(); v < row && !(end_depth > 0); v += 2.0) {
+        const Eigen::Vector2d pixel(start.x(), v);
+        const double rho = ground.inverse_depth(pixel);
+        if (ground.support(pixel) > 0.5 && rho > 0) end_depth = m / rho;
+      }
+      const double beyond = end_depth > 0 ? end_depth - patch.plane.centroid.z() : 0.0;
+      set_rectangle(patch, std::clamp(beyond, 0.5, 0.5 * local.length), 0.5 * local.length,
+                    local.half_width);
       set_slopes(patch, surface.up);
       surface.patches.push_back(patch);
     }
@@ -627,6 +809,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     for (std::size_t k = 0; k < count; ++k) {
       const SceneFrame& frame = *run.frames[k];
       std::vector<SupportPlane> supports;
+      std::vector<int> own_patch(frame.vehicles.size(), -1);  // index into surface.patches
       for (const VehicleDetection& detection : frame.vehicles) {
         SupportPlane support;
         const UncertainPlane ego_here =
@@ -672,12 +855,10 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           }
           LocalPlaneOptions local;
           local.metres_per_unit = m;
-          LocalPlane fit;
-          if (contact) {
-            fit = fit_local_plane(*run.field, scene.camera, *contact, run.motion.covariance, local);
-          } else {
-            fit.status = Status::kFailed;
-          }
+          JudgedPlane judged;
+          judged.fit.status = Status::kFailed;
+          if (contact) judged = judged_plane(run, *contact, around, local);
+          const LocalPlane& fit = judged.fit;
           if (fit.status == Status::kFailed) {
             // Beyond what is seen: the last road patch, known to a metre and a few degrees.
             support.plane =
@@ -690,6 +871,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
             patch.id = static_cast<int>(surface.patches.size());
             patch.plane = scaled(fit.plane, m, scale_sigma);
             patch.inliers = count_points(run, around);
+            patch.refinement = judged.refinement;
             set_status(patch, patch.inliers < 20 ? "only " + std::to_string(patch.inliers) +
                                                        " road points around the vehicle"
                                                  : "");
@@ -707,6 +889,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
             support.plane = patch.plane.transformed(frame_from_reference[k]);
             support.source = "patch " + std::to_string(patch.id);
             support.status = patch.status;
+            own_patch[supports.size()] = static_cast<int>(surface.patches.size());
             surface.patches.push_back(std::move(patch));
           }
         }
@@ -718,6 +901,37 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       vehicles.id = frame.id;
       vehicles.vehicles =
           fit_vehicles(scene.camera, frame.vehicles, supports, fit_options, options.num_threads);
+      // The plane under a vehicle and the vehicle on it were solved together: what the vehicle says
+      // of its ground goes back into the surface.
+      for (std::size_t j = 0; j < vehicles.vehicles.size(); ++j) {
+        VehicleEstimate& vehicle = vehicles.vehicles[j];
+        if (own_patch[j] < 0 || !options.joint_planes) continue;
+        PlanePatch& patch = surface.patches[static_cast<std::size_t>(own_patch[j])];
+        const std::optional<UncertainPlane> standing = standing_plane(vehicle, fit_options);
+        if (!standing) continue;
+        const UncertainPlane& before = supports[j].plane;
+        const double step = before.plane.signed_distance(standing->centroid);
+        const double variance =
+            before.height_variance(standing->centroid) + standing->covariance(2, 2);
+        if (std::abs(step) > 4.0 * std::sqrt(variance)) {
+          // One of the two is wrong: the plane stays, with a spread that holds both.
+          patch.status = Status::kWeak;
+          patch.reason = "the vehicle on it stands " + std::to_string(std::abs(step)).substr(0, 4) +
+                         " m " + (step > 0 ? "above" : "below");
+          const double tilt = angle_between(before.plane.normal, standing->plane.normal);
+          patch.plane.covariance.diagonal() +=
+              Eigen::Vector3d(tilt * tilt, tilt * tilt, step * step);
+          vehicle.plane_sigma_height = std::hypot(vehicle.plane_sigma_height, step);
+          continue;
+        }
+        vehicle.plane = standing->plane;
+        vehicle.plane_sigma_height = std::sqrt(standing->covariance(2, 2));
+        patch.plane = standing->transformed(reference_from_frame[k]);
+        patch.boundary.clear();
+        set_rectangle(patch, 0.5 * LocalPlaneOptions().length, 0.5 * LocalPlaneOptions().length,
+                      LocalPlaneOptions().half_width);
+        set_slopes(patch, surface.up);
+      }
       out.vehicles.frames.push_back(std::move(vehicles));
     }
   }
@@ -767,6 +981,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   document.options = {{"method", options.method},
                       {"frames", frame_ids},
                       {"rounds", options.rounds},
+                      {"ground", options.ground},
+                      {"joint_planes", options.joint_planes},
                       {"use_masks", options.use_masks}};
   for (std::size_t k = 0; k < count; ++k) {
     document.cameras.push_back({run.frames[k]->id, reference_from_frame[k]});
@@ -784,6 +1000,28 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   document.extra["motion"] = {{"pixel_sigma", run.motion.pixel_sigma},
                               {"inlier_ratio", run.motion.inlier_ratio},
                               {"known_poses", known_poses}};
+  document.extra["direct"] = {{"status", options.ground == "matches" ? "not run"
+                                         : run.direct                ? "accepted"
+                                                                     : "refused"},
+                              {"reason", run.direct_refused}};
+  if (run.direct) {
+    const DirectEvidence::Costs costs = run.evidence.within(
+        Eigen::Vector2d::Zero(), Eigen::Vector2d(run.camera.width, run.camera.height));
+    document.extra["direct"]["held_out_pixels"] = costs.pixels;
+    document.extra["direct"]["held_out_cost_before"] = costs.before;
+    document.extra["direct"]["held_out_cost_after"] = costs.after;
+  }
+  if (!run.known_unit) {
+    // How far the road bends before it is seen, and what that does to the scale.
+    const double mounting =
+        EgoProfileOptions().camera_height_sigma / scene.height_above_road.value_or(kNominalHeight);
+    document.extra["scale_from"] = {
+        {"source", "camera height over the ego plane"},
+        {"sigma_camera_height", mounting},
+        {"sigma_road_shape",
+         std::sqrt(std::max(0.0, scale_sigma * scale_sigma - mounting * mounting))},
+        {"bend_correction", run.ego.height / run.ego.near_plane_height - 1.0}};
+  }
   document.extra["road_from"] = run.has_masks ? "mask" : "geometry";
   report("surface", 1.0);
   return out;

@@ -16,8 +16,13 @@ namespace camber {
 struct ReconstructOptions {
   std::string method = "joint";  ///< "joint", "coplanar" or "flat"
   std::uint64_t seed = 0;
-  int num_threads = 0;        ///< <= 0: see resolve_num_threads
-  int rounds = 3;             ///< of matching again with the ground known, >= 0
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
+  int rounds = 2;       ///< of matching again with the ground known, >= 0
+  /// What the ground is fitted to: "matches" (triangulated points), "grey" (direct alignment, after
+  /// a start from matches) or "both".
+  std::string ground = "both";
+  /// Take what vehicles say of the ground under them back into the surface (method joint).
+  bool joint_planes = true;
   bool with_vehicles = true;  ///< false: the road alone
   bool use_masks = true;      ///< false: segmentation and road masks are not read
   void validate() const;      ///< throws std::invalid_argument
@@ -41,6 +46,18 @@ struct Reconstruction {
 ///         InputError for missing, damaged or mismatching images.
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress = {});
+
+/// Frames for a run that names none: the reference and one on each side (the paper's three), as
+/// many frames apart as it takes to see the near road move (a slow drive has no parallax between
+/// consecutive ones); two where the reference is the first or the last.
+struct ChosenFrames {
+  std::vector<int> ids;      ///< ascending
+  int spacing = 1;           ///< frames from one to the next
+  double parallax_px = 0.0;  ///< of the near road between neighbours, rotation taken out
+};
+
+/// @throws NoAnswerError for a scene of one frame or without images; InputError as reconstruct.
+ChosenFrames choose_frames(const Scene& scene);
 
 struct WriteReconstructionOptions {
   bool pictures = true;

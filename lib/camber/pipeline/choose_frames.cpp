@@ -1,0 +1,121 @@
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "camber/core/errors.h"
+#include "camber/motion/correspondences.h"
+#include "camber/pipeline/reconstruct.h"
+#include "camber/scene/image_io.h"
+
+namespace camber {
+namespace {
+
+constexpr int kShrink = 3;
+constexpr double kEnough = 6.0;  // px of the full image
+
+GrayImage small_image(const Scene& scene, std::size_t index) {
+  const SceneFrame& frame = scene.frames[index];
+  if (frame.image.empty()) {
+    throw NoAnswerError("frame " + std::to_string(frame.id) +
+                        " has no image in the manifest; reconstruction needs images");
+  }
+  FrameImage image = read_frame_image(frame.image, scene.camera);
+  const cv::Mat full(image.grey.height, image.grey.width, CV_8UC1, image.grey.data.data());
+  GrayImage out;
+  out.width = std::max(16, full.cols / kShrink);
+  out.height = std::max(16, full.rows / kShrink);
+  out.pixels.resize(static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height));
+  cv::Mat shrunk(out.height, out.width, CV_8UC1, out.pixels.data());
+  cv::resize(full, shrunk, shrunk.size(), 0, 0, cv::INTER_AREA);
+  return out;
+}
+
+/// 75th percentile of the image motion in the lower third, px of the full image, after the rotation
+/// that the upper half shows has been taken out.
+double near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b) {
+  CorrespondenceOptions options;
+  options.step = 4;
+  const Correspondences matches = match_images({a, b}, 0, options);
+  const double fx = scene.camera.fx * a.width / scene.camera.width;
+  const double fy = scene.camera.fy * a.height / scene.camera.height;
+  const double cx = scene.camera.cx * a.width / scene.camera.width;
+  const double cy = scene.camera.cy * a.height / scene.camera.height;
+  const MatchedImage& match = matches.matches[0];
+  // Flow of a small rotation w at normalised (x, y): rows of (xy, -(1 + x^2), y), (1 + y^2, -xy,
+  // -x).
+  const auto rotation_rows = [&](const Eigen::Vector2f& p) {
+    const double x = (p.x() - cx) / fx, y = (p.y() - cy) / fy;
+    Eigen::Matrix<double, 2, 3> rows;
+    rows << fx * x * y, -fx * (1 + x * x), fx * y, fy * (1 + y * y), -fy * x * y, -fy * x;
+    return rows;
+  };
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  for (int iteration = 0; iteration < 6; ++iteration) {
+    Eigen::Matrix3d normal = 1e-3 * Eigen::Matrix3d::Identity();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < matches.pixels.size(); ++i) {
+      if (matches.pixels[i].y() > cy || !std::isfinite(match.round_trip_px[i])) continue;
+      const Eigen::Matrix<double, 2, 3> rows = rotation_rows(matches.pixels[i]);
+      const Eigen::Vector2d flow = (match.pixels[i] - matches.pixels[i]).cast<double>();
+      const Eigen::Vector2d r = flow - rows * turn;
+      const double w = 1.0 / (1.0 + r.squaredNorm());
+      normal += w * rows.transpose() * rows;
+      right += w * rows.transpose() * flow;
+    }
+    turn = normal.ldlt().solve(right);
+  }
+  std::vector<double> sizes;
+  for (std::size_t i = 0; i < matches.pixels.size(); ++i) {
+    if (matches.pixels[i].y() < 2.0f * static_cast<float>(a.height) / 3.0f ||
+        !std::isfinite(match.round_trip_px[i])) {
+      continue;
+    }
+    const Eigen::Vector2d flow = (match.pixels[i] - matches.pixels[i]).cast<double>();
+    sizes.push_back((flow - rotation_rows(matches.pixels[i]) * turn).norm());
+  }
+  if (sizes.empty()) return kEnough;  // too fast to be matched at this size: not too slow
+  const std::size_t at = sizes.size() * 3 / 4;
+  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(at), sizes.end());
+  return sizes[at] * scene.camera.width / a.width;
+}
+
+}  // namespace
+
+ChosenFrames choose_frames(const Scene& scene) {
+  const std::size_t count = scene.frames.size();
+  if (count < 2) {
+    throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
+                        std::to_string(count) + " given");
+  }
+  std::vector<int> ids;
+  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
+  const int id = choose_reference_frame(scene, ids);
+  const auto reference =
+      static_cast<std::size_t>(std::find(ids.begin(), ids.end(), id) - ids.begin());
+  const std::size_t behind = reference, ahead = count - 1 - reference;
+  const std::size_t most = std::max(behind, ahead);
+  const GrayImage here = small_image(scene, reference);
+  ChosenFrames out;
+  std::size_t spacing = 1;
+  while (true) {
+    const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
+    out.parallax_px = near_parallax(scene, here, small_image(scene, other));
+    if (out.parallax_px >= kEnough) break;
+    // Twice as far, or what the speed so far calls for; never farther than there are frames.
+    const double factor = std::clamp(kEnough / std::max(out.parallax_px, 0.1), 1.5, 4.0);
+    const auto next = std::min(
+        most, std::max(spacing + 1, static_cast<std::size_t>(
+                                        std::lround(factor * static_cast<double>(spacing)))));
+    if (next == spacing) break;
+    spacing = next;
+  }
+  out.spacing = static_cast<int>(spacing);
+  if (spacing <= behind) out.ids.push_back(ids[reference - spacing]);
+  out.ids.push_back(id);
+  if (spacing <= ahead) out.ids.push_back(ids[reference + spacing]);
+  return out;
+}
+
+}  // namespace camber

@@ -1,0 +1,193 @@
+// Frames that mislead: the surface is right or says that it does not know.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "camber/core/errors.h"
+#include "camber/pipeline/reconstruct.h"
+#include "scene/write_image.h"
+#include "support/drawn_road.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using test::DrawnBoard;
+using test::DrawnRoad;
+using ::testing::HasSubstr;
+
+const PinholeCamera kCamera{620, 220, 420.0, 420.0, 310.0, 90.0};
+constexpr double kHeight = 1.65;  // m
+
+SE3 pose(int k, double step) {
+  return {rotation_from_vector(Eigen::Vector3d(0.0, 0.003 * k, 0.0)),
+          Eigen::Vector3d(0.0, 0.0, step * k)};
+}
+
+/// Posts and house fronts on both sides, which hold the motion.
+DrawnRoad street(std::function<double(double, double)> ground) {
+  DrawnRoad road;
+  road.ground = std::move(ground);
+  for (int i = 0; i < 6; ++i) {
+    const double z = 14.0 + 7.0 * i;
+    road.boards.push_back({z, -14.0, -6.0, -4.0 - 0.4 * i, 3.0, 0.0});
+    road.boards.push_back({z + 3.0, 6.5, 13.0, -3.0 - 0.3 * i, 3.0, 0.0});
+  }
+  return road;
+}
+
+class BrokenFrames : public ::testing::Test {
+ protected:
+  /// Writes the frames and a manifest without masks and detections.
+  Scene make_scene(const DrawnRoad& road, const std::vector<int>& numbers = {-1, 0, 1},
+                   const std::function<void(int, std::vector<std::uint8_t>&)>& spoil = {},
+                   double step = 0.8) {
+    Scene scene;
+    scene.camera = kCamera;
+    scene.height_above_road = kHeight;
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      std::vector<std::uint8_t> image =
+          test::draw_road(road, kCamera, pose(numbers[i], step), numbers[i]);
+      if (spoil) spoil(numbers[i], image);
+      SceneFrame frame;
+      frame.id = static_cast<int>(i);
+      frame.image = folder_.path() / (std::to_string(i) + ".png");
+      test::write_png(frame.image, kCamera.width, kCamera.height, 0, 8, image);
+      scene.frames.push_back(frame);
+    }
+    return scene;
+  }
+
+  /// At each place ahead the surface is within three standard deviations and 3 cm of the truth or
+  /// not covered. @return at how many of them it is covered.
+  int check(const Reconstruction& result, const DrawnRoad& road, double x = 0.0) {
+    int covered = 0;
+    for (double z = 6.0; z <= 26.0; z += 2.0) {
+      const double truth = road.ground(x, z);
+      const SurfaceQuery found = result.surface.query({x, truth, z});
+      if (found.status == Status::kFailed) continue;
+      ++covered;
+      EXPECT_LT(std::abs(found.point.y() - truth), 0.03 + 3.0 * found.sigma_height)
+          << "at z = " << z << ", stated " << found.sigma_height;
+    }
+    return covered;
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+double flat(double, double) { return kHeight; }
+double climbing(double, double z) { return kHeight - 0.002 * z * z; }
+
+TEST_F(BrokenFrames, SoundFramesAreRight) {
+  const DrawnRoad road = street(climbing);
+  EXPECT_GE(check(reconstruct(make_scene(road), {0, 1, 2}, {}), road), 8);
+}
+
+TEST_F(BrokenFrames, WrongExposureOfOneFrame) {
+  const DrawnRoad road = street(climbing);
+  const Scene scene = make_scene(road, {-1, 0, 1}, [](int k, std::vector<std::uint8_t>& image) {
+    if (k != 1) return;
+    for (std::uint8_t& v : image) v = static_cast<std::uint8_t>(0.55 * v + 10.0);
+  });
+  EXPECT_GE(check(reconstruct(scene, {0, 1, 2}, {}), road), 7);
+}
+
+TEST_F(BrokenFrames, OneFrameRepeatedIsRefused) {
+  const DrawnRoad road = street(flat);
+  const Scene scene = make_scene(road, {0, 0, 1}, {}, 0.8);
+  // Grain differs by the frame's number alone, so the two images are the same.
+  try {
+    reconstruct(scene, {0, 1, 2}, {});
+    FAIL() << "a repeated frame was taken";
+  } catch (const NoAnswerError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("same image"));
+  }
+}
+
+TEST_F(BrokenFrames, TruckAheadWithoutMasks) {
+  // Keeps its distance and hides the road ahead: half of the image does not move.
+  DrawnRoad road = street(flat);
+  road.boards.push_back({9.0, -1.4, 1.4, -2.2, 1.3, 0.8});
+  road.light = [](double x, double z, int frame) {
+    const double front = 9.0 + 0.8 * frame;
+    return std::abs(x) < 1.5 && z > front - 0.8 && z < front + 6.0 ? 0.5 : 1.0;
+  };
+  const Scene scene = make_scene(road);
+  try {
+    const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
+    check(result, road);
+    check(result, road, -2.5);
+    EXPECT_NEAR(result.run.cameras[2].reference_from_camera.translation().norm(), 0.8, 0.04);
+  } catch (const NoAnswerError&) {
+    SUCCEED();  // says so
+  }
+}
+
+TEST_F(BrokenFrames, StandingShadowOnTheRoad) {
+  DrawnRoad road = street(climbing);
+  road.light = [](double x, double z, int) {
+    return x > -0.5 && x < 3.0 && z > 8.0 && z < 13.0 ? 0.45 : 1.0;
+  };
+  EXPECT_GE(check(reconstruct(make_scene(road), {0, 1, 2}, {}), road), 7);
+}
+
+TEST_F(BrokenFrames, WetRoadMirrorsTheSky) {
+  DrawnRoad road = street(flat);
+  road.wet = [](double x, double z) {
+    return std::hypot(x - 0.5, (z - 12.0) / 2.5) < 1.2 ||
+           std::hypot(x + 2.0, (z - 18.0) / 3.0) < 1.0;
+  };
+  EXPECT_GE(check(reconstruct(make_scene(road), {0, 1, 2}, {}), road), 5);
+}
+
+TEST_F(BrokenFrames, WallAcrossTheRoadIsNotRoad) {
+  DrawnRoad road = street(flat);
+  road.boards.push_back({18.0, -8.0, 8.0, -4.0, 3.0, 0.0});
+  const Reconstruction result = reconstruct(make_scene(road), {0, 1, 2}, {});
+  check(result, road);
+  for (const PlanePatch& patch : result.surface.patches) {
+    EXPECT_LT(patch.plane.plane.normal.y(), -0.9) << "patch " << patch.id << " stands upright";
+  }
+}
+
+TEST_F(BrokenFrames, NothingIsClaimedBehindACrest) {
+  // Level for 14 m, then falling away out of sight.
+  const DrawnRoad road = street(
+      [](double, double z) { return kHeight + 0.008 * std::pow(std::max(0.0, z - 10.0), 2); });
+  const Reconstruction result = reconstruct(make_scene(road), {0, 1, 2}, {});
+  EXPECT_GE(check(result, road), 3);
+  const double z = 40.0;
+  const SurfaceQuery behind = result.surface.query({0.0, road.ground(0.0, z), z});
+  EXPECT_TRUE(behind.status == Status::kFailed || behind.sigma_height > 1.0);
+}
+
+TEST_F(BrokenFrames, SlowDriveTakesFramesFurtherApart) {
+  const DrawnRoad road = street(flat);
+  std::vector<int> numbers;
+  for (int k = -6; k <= 6; ++k) numbers.push_back(k);
+  const Scene slow = make_scene(road, numbers, {}, 0.08);
+  const ChosenFrames chosen = choose_frames(slow);
+  EXPECT_GE(chosen.spacing, 3);
+  ASSERT_EQ(chosen.ids.size(), 3u);
+  EXPECT_EQ(chosen.ids[1], 6);
+  EXPECT_EQ(chosen.ids[2] - chosen.ids[1], chosen.spacing);
+  const Scene usual = make_scene(road, {-2, -1, 0, 1, 2}, {}, 0.8);
+  const ChosenFrames three = choose_frames(usual);
+  EXPECT_EQ(three.spacing, 1);
+  EXPECT_EQ(three.ids, (std::vector<int>{1, 2, 3}));
+  EXPECT_GT(three.parallax_px, 6.0);
+}
+
+TEST_F(BrokenFrames, TwoFramesSuffice) {
+  const DrawnRoad road = street(climbing);
+  EXPECT_GE(check(reconstruct(make_scene(road, {0, 1}), {0, 1}, {}), road), 6);
+}
+
+}  // namespace
+}  // namespace camber
