@@ -41,7 +41,8 @@ void register_ground(CLI::App& root) {
   GroundOptions& bound = arguments->options;
   CLI::App& app = *command->app;
   app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
-  app.add_option("--out", arguments->out, "file to write")->required();
+  app.add_option("--out", arguments->out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+      ->required();
   app.add_option("--sensor-height", bound.sensor_height,
                  "metres of the coordinates' zero above the ground below it; default: unknown");
   app.add_option("--up", arguments->up.up_values,

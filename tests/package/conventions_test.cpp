@@ -166,7 +166,22 @@ TEST(EveryCommand, RefusesAMissingInputWithExitCodeTwoAndItsName) {
     SCOPED_TRACE(command);
     const std::string help = run_camber(command + " --help").out;
     if (help.find("\nPositionals:") == std::string::npos) continue;
-    const Outcome outcome = run_camber(command + " no_such_input" + out_argument(help));
+    // Whatever else is required is missing as well.
+    std::string arguments = " no_such_input";
+    static const std::regex required(R"(\n  (-[-a-z]+|[a-z]+) TEXT[^\n]*REQUIRED)");
+    bool first = true;
+    for (std::sregex_iterator at(help.begin(), help.end(), required), end; at != end; ++at) {
+      const std::string name = (*at)[1];
+      if (name == "--out") continue;
+      if (name[0] == '-') {
+        arguments += " " + name + " no_such_input";
+      } else if (!first) {
+        arguments += " no_such_input";
+      } else {
+        first = false;
+      }
+    }
+    const Outcome outcome = run_camber(command + arguments + out_argument(help));
     EXPECT_EQ(outcome.exit_code, 2);
     EXPECT_EQ(outcome.out, "");
     EXPECT_THAT(outcome.err, StartsWith("camber: "));
