@@ -778,7 +778,9 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   filled = ground;
   filler.fill(filled, 2);
   const float noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, ground);
-  filler.fill(ground, 2);
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    if (ground.z[c] == kNone) ground.z[c] = filled.z[c];
+  }
 
   float tolerance = rules.from_air ? 0.4f : std::clamp(0.08f + 2.5f * noise, 0.08f, 0.4f);
   float narrow = std::min(tolerance, 0.02f + 1.5f * noise);
