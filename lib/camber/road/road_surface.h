@@ -18,8 +18,8 @@ struct PlanePatch {
   int id = 0;
   PatchKind kind = PatchKind::kRoad;
   Status status = Status::kNotRun;
-  std::string reason;                     ///< empty for kOk
-  UncertainPlane plane;                   ///< axis1 along the road where that is known
+  std::string reason;    ///< empty for kOk
+  UncertainPlane plane;  ///< axis1 along the road where that is known
   int inliers = 0;
   double noise = 0.0;                     ///< m, standard deviation of a point across it, if known
   std::vector<Eigen::Vector3d> boundary;  ///< convex or simple polygon on the plane
@@ -30,32 +30,32 @@ struct PlanePatch {
 
 /// Neighbourhood of two patches in the consistency graph; invalid links are kept with their reason.
 struct PatchLink {
-  int a = 0, b = 0;           ///< patch ids
+  int a = 0, b = 0;  ///< patch ids
   bool valid = true;
   std::string reason;
   double weight = 0.0;
-  double distance = 0.0;      ///< m between the boundaries
-  double height_step = 0.0;   ///< m, b above a at the midpoint between the two
-  double angle = 0.0;         ///< rad between the normals
+  double distance = 0.0;     ///< m between the boundaries
+  double height_step = 0.0;  ///< m, b above a at the midpoint between the two
+  double angle = 0.0;        ///< rad between the normals
 };
 
 /// Answer of a surface query at one place.
 struct SurfaceQuery {
   Status status = Status::kNotRun;  ///< kFailed: not covered (reason says so)
   std::string reason;
-  int patch = -1;                   ///< id of the answering patch
-  UncertainPlane plane;             ///< the patch's plane
+  int patch = -1;                                   ///< id of the answering patch
+  UncertainPlane plane;                             ///< the patch's plane
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< on the surface, above or below the place
-  double sigma_height = 0.0;        ///< m, along the normal at `point`
+  double sigma_height = 0.0;                        ///< m, along the normal at `point`
 };
 
 /// A road as planar patches, their neighbourhood and the driven line.
 struct RoadSurface {
-  std::string frame = "camera";              ///< "camera", "z-up" or another name
-  Eigen::Vector3d up{0.0, -1.0, 0.0};        ///< unit
+  std::string frame = "camera";        ///< "camera", "z-up" or another name
+  Eigen::Vector3d up{0.0, -1.0, 0.0};  ///< unit
   bool metric = true;
-  double scale_sigma = 0.0;                  ///< relative standard deviation of the scale
-  int ego_patch = -1;                        ///< id of the ego patch, -1: none
+  double scale_sigma = 0.0;  ///< relative standard deviation of the scale
+  int ego_patch = -1;        ///< id of the ego patch, -1: none
   std::vector<PlanePatch> patches;
   std::vector<PatchLink> links;
   std::vector<Eigen::Vector3d> driven_line;  ///< foot points of the camera path on the road
