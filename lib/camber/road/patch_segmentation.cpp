@@ -49,6 +49,7 @@ class Segmenter {
   std::vector<int> reach(const PivotPlane& plane, const std::vector<int>& from,
                          const std::vector<int>& taken) const;
   void compete();
+  bool split();
   bool merge();
   bool drop();
   void collect();
@@ -463,6 +464,72 @@ void Segmenter::compete() {
   collect();
 }
 
+/// Cuts regions in two where a second plane pays: ground that bends slowly lets a region grow over
+/// it leaf by leaf.
+bool Segmenter::split() {
+  bool any = false;
+  const std::size_t count = planes_.size();
+  for (std::size_t region = 0; region < count; ++region) {
+    const std::vector<int>& members = members_[region];
+    if (members.size() < 4) continue;
+    double before = 0.0, points = 0.0;
+    Eigen::Array2d mean = Eigen::Array2d::Zero();
+    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+    std::vector<Eigen::Vector2d> middles;
+    for (const int leaf : members) {
+      const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+      before += cost_of(static_cast<std::size_t>(leaf), planes_[region]);
+      points += static_cast<double>(l.end - l.begin);
+      middles.emplace_back(0.5 * (l.low + l.high).cast<double>().matrix());
+      mean += middles.back().array() / static_cast<double>(members.size());
+    }
+    if (points < 2.0 * options_.min_points) continue;
+    for (const Eigen::Vector2d& m : middles) {
+      const Eigen::Vector2d d = m - mean.matrix();
+      scatter += d * d.transpose();
+    }
+    const double angle = 0.5 * std::atan2(2.0 * scatter(0, 1), scatter(0, 0) - scatter(1, 1));
+    const double allowed = kNewPlane + points * tolerance_ * tolerance_ / 9.0;
+    double best = before - allowed;
+    std::vector<int> best_rest;
+    PivotPlane best_plane, best_other;
+    for (const double turn : {0.0, 0.5 * M_PI}) {
+      const Eigen::Vector2d along(std::cos(angle + turn), std::sin(angle + turn));
+      std::vector<double> places;
+      for (const Eigen::Vector2d& m : middles) places.push_back(along.dot(m));
+      std::vector<double> ordered = places;
+      std::nth_element(ordered.begin(), ordered.begin() + static_cast<long>(ordered.size() / 2),
+                       ordered.end());
+      const double middle = ordered[ordered.size() / 2];
+      std::vector<int> near, rest;
+      for (std::size_t k = 0; k < members.size(); ++k) {
+        (places[k] < middle ? near : rest).push_back(members[k]);
+      }
+      if (near.size() < 2 || rest.size() < 2) continue;
+      PivotPlane a = planes_[region], b = planes_[region];
+      if (!refit(near, 3, &a) || !refit(rest, 3, &b)) continue;
+      double after = 0.0;
+      for (const int leaf : near) after += cost_of(static_cast<std::size_t>(leaf), a);
+      for (const int leaf : rest) after += cost_of(static_cast<std::size_t>(leaf), b);
+      if (after < best) {
+        best = after;
+        best_rest = rest;
+        best_plane = a;
+        best_other = b;
+      }
+    }
+    if (best_rest.empty()) continue;
+    for (const int leaf : best_rest) {
+      out_.leaf_region[static_cast<std::size_t>(leaf)] = static_cast<int>(planes_.size());
+    }
+    planes_[region] = best_plane;
+    planes_.push_back(best_other);
+    any = true;
+  }
+  collect();
+  return any;
+}
+
 /// Joins neighbouring regions that one plane explains about as well as two.
 bool Segmenter::merge() {
   std::map<std::pair<int, int>, int> borders;
@@ -578,9 +645,11 @@ Segmentation Segmenter::run() {
   }
   for (int round = 0; round < 4; ++round) {
     compete();
+    const bool parted = round < 3 && split();
+    if (parted) compete();
     const bool dropped = drop();
     const bool merged = merge();
-    if (!dropped && !merged) break;
+    if (!parted && !dropped && !merged) break;
   }
   compete();
   for (std::size_t region = 0; region < planes_.size(); ++region) {
