@@ -289,6 +289,29 @@ TEST(FitVehicle, TwoDetectionsOfOneCarAgree) {
   }
 }
 
+// The vehicle stands on the ground: the ground below it is known better with it than without.
+TEST(FitVehicle, TellsTheGroundBelowIt) {
+  SimulationOptions options;
+  options.plane_sigma_height = 0.15;
+  options.plane_sigma_tilt = 0.02;
+  std::vector<double> before, after;
+  double inside = 0.0;
+  constexpr int kCount = 300;
+  for (int i = 0; i < kCount; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(options, i);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    const Eigen::Vector3d contact = s.true_plane.foot(s.truth.bottom_center());
+    before.push_back(std::abs(s.support.plane.plane.signed_distance(contact)));
+    after.push_back(std::abs(e.plane.signed_distance(contact)));
+    inside += after.back() < 1.96 * e.plane_sigma_height ? 1.0 / kCount : 0.0;
+  }
+  std::sort(before.begin(), before.end());
+  std::sort(after.begin(), after.end());
+  EXPECT_LT(after[kCount / 2], 0.7 * before[kCount / 2]);
+  EXPECT_LT(after[kCount * 9 / 10], 0.7 * before[kCount * 9 / 10]);
+  EXPECT_GT(inside, 0.90);
+}
+
 TEST(FitVehicle, NearAndFar) {
   SimulationOptions near;
   near.min_distance = 3.0;

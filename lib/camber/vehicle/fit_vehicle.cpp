@@ -132,6 +132,7 @@ void write_answer(const SingleViewProblem& problem, const VehiclePrior& prior, c
                   const Matrix& covariance, double rival, VehicleEstimate* out) {
   write_state(prior, s, out);
   out->covariance = report_covariance(s, covariance);
+  out->plane = problem.posterior_plane(s, covariance, &out->plane_sigma_height);
   out->reprojection_rmse_px = problem.agreement(s).rmse_px;
   out->status = Status::kOk;
   out->reason.clear();
@@ -158,8 +159,10 @@ void finish_answer(const SupportPlane& support, VehicleEstimate* out) {
     out->status = Status::kWeak;
     out->reason = "the plane below it is weak";
   }
-  out->plane_sigma_height =
-      std::sqrt(std::max(support.plane.height_variance(out->pose.bottom_center()), 0.0));
+  if (!std::isfinite(out->plane_sigma_height)) {
+    out->plane_sigma_height =
+        std::sqrt(std::max(support.plane.height_variance(out->pose.bottom_center()), 0.0));
+  }
   if (!out->covariance.allFinite() || !out->pose.bottom_center().allFinite()) {
     out->status = Status::kFailed;
     out->reason = "the fit did not converge";

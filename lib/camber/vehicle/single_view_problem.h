@@ -489,7 +489,40 @@ class SingleViewProblem {
     return e.dot(information * e);
   }
 
+  /// The ground as the vehicle that stands on it shows it too: posterior mean of the plane, and the
+  /// standard deviation of its height at the vehicle, from the posterior covariance of the solved
+  /// parameters. The ego plane and a level one, which other vehicles stand on too, stay.
+  Plane posterior_plane(const State& s, const Matrix& covariance, double* sigma_height) const {
+    const UncertainPlane& known = support_.plane;
+    if (support_.source == "ego" || support_.source == "level") {
+      *sigma_height = std::sqrt(std::max(known.height_variance(s.translation), 0.0));
+      return known.plane;
+    }
+    Eigen::Vector3d e;
+    Eigen::Matrix3d information;
+    stance(s, &e, &information);
+    const double doubt = options_.trust_plane ? 1.0 : 1.0 + e.dot(information * e) / kPlaneScale;
+    Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
+    m.row(2) = known.height_jacobian(s.translation);
+    Eigen::Matrix3d noise = Eigen::Matrix3d::Zero();
+    noise(0, 0) = noise(1, 1) = std::pow(options_.stance_sigma_tilt, 2);
+    noise(2, 2) = std::pow(options_.stance_sigma_height, 2);
+    const Eigen::Matrix3d prior = doubt * known.covariance;
+    const Eigen::Matrix3d gain =
+        prior * m.transpose() * (m * prior * m.transpose() + noise).inverse();
+    const auto jacobian = stance_jacobian(s);
+    const Eigen::Matrix3d spread =
+        prior - gain * m * prior +
+        gain * (jacobian * covariance * jacobian.transpose()) * gain.transpose();
+    *sigma_height = std::sqrt(std::max((m.row(2) * spread).dot(m.row(2)), 0.0));
+    return known.perturbed(gain * e);
+  }
+
  private:
+  using StanceJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxParameters>;
+  // Cauchy beyond 4 sigma: a plane may be plainly wrong.
+  static constexpr double kPlaneScale = 16.0;
+
   /// @param car_like  false: the vehicle fills its box (trucks, buses).
   void make_body(const ShapePrior& prior, bool car_like) {
     const int count = num_coefficients_;
@@ -673,20 +706,9 @@ class SingleViewProblem {
     *information = shared_weight_ * covariance.inverse();
   }
 
-  void add_plane(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
-    Eigen::Vector3d e;
-    Eigen::Matrix3d information;
-    stance(s, &e, &information);
-    // Cauchy beyond 4 sigma: a plane may be plainly wrong.
-    constexpr double kScale = 16.0;
-    const double squared = e.dot(information * e);
-    const bool trusted = options_.trust_plane;
-    *cost += trusted ? 0.5 * squared : 0.5 * kScale * std::log1p(squared / kScale);
-    // An upside-down vehicle has small e as well.
-    if (s.rotation.col(1).dot(support_.plane.plane.normal) < 0.0) *cost += 1e3;
-    if (!hessian) return;
-    const double weight = trusted ? 1.0 : 1.0 / (1.0 + squared / kScale);
-    Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxParameters> jacobian;
+  /// d stance / d parameters.
+  StanceJacobian stance_jacobian(const State& s) const {
+    StanceJacobian jacobian;
     jacobian.setZero(3, num_parameters_);
     // up = R exp(w) e_y: d up = R (w x e_y) = -w_x ... : columns for w_x, w_z.
     const Eigen::Vector3d up_by_x = s.rotation.col(2);   // e_x x e_y = e_z
@@ -696,6 +718,21 @@ class SingleViewProblem {
     jacobian(1, 3) = support_.plane.axis1.dot(up_by_x);
     jacobian(1, 5) = support_.plane.axis1.dot(up_by_z);
     jacobian.block<1, 3>(2, 0) = support_.plane.plane.normal.transpose();
+    return jacobian;
+  }
+
+  void add_plane(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
+    Eigen::Vector3d e;
+    Eigen::Matrix3d information;
+    stance(s, &e, &information);
+    const double squared = e.dot(information * e);
+    const bool trusted = options_.trust_plane;
+    *cost += trusted ? 0.5 * squared : 0.5 * kPlaneScale * std::log1p(squared / kPlaneScale);
+    // An upside-down vehicle has small e as well.
+    if (s.rotation.col(1).dot(support_.plane.plane.normal) < 0.0) *cost += 1e3;
+    if (!hessian) return;
+    const double weight = trusted ? 1.0 : 1.0 / (1.0 + squared / kPlaneScale);
+    const StanceJacobian jacobian = stance_jacobian(s);
     hessian->noalias() += weight * jacobian.transpose() * information * jacobian;
     gradient->noalias() += weight * jacobian.transpose() * (information * e);
   }
