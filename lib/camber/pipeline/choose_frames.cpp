@@ -1,4 +1,4 @@
-#include <Eigen/QR>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
@@ -13,7 +13,7 @@ namespace camber {
 namespace {
 
 constexpr int kShrink = 3;
-constexpr double kEnough = 6.0;  // px of the full image
+constexpr double kEnoughAngle = 0.02;  // rad, parallax of the near road
 
 GrayImage small_image(const Scene& scene, std::size_t index) {
   const SceneFrame& frame = scene.frames[index];
@@ -32,7 +32,7 @@ GrayImage small_image(const Scene& scene, std::size_t index) {
   return out;
 }
 
-/// 75th percentile of the image motion in the lower third, px of the full image, after the rotation
+/// Median image motion in the lower third, px of the full image, after the rotation
 /// that the upper half shows has been taken out.
 double near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b) {
   CorrespondenceOptions options;
@@ -75,8 +75,9 @@ double near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b)
     const Eigen::Vector2d flow = (match.pixels[i] - matches.pixels[i]).cast<double>();
     sizes.push_back((flow - rotation_rows(matches.pixels[i]) * turn).norm());
   }
-  if (sizes.empty()) return kEnough;  // too fast to be matched at this size: not too slow
-  const std::size_t at = sizes.size() * 3 / 4;
+  // Too fast to be matched at this size is not too slow.
+  if (sizes.empty()) return kEnoughAngle * scene.camera.fx;
+  const std::size_t at = sizes.size() / 2;
   std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(at), sizes.end());
   return sizes[at] * scene.camera.width / a.width;
 }
@@ -98,13 +99,14 @@ ChosenFrames choose_frames(const Scene& scene) {
   const std::size_t most = std::max(behind, ahead);
   const GrayImage here = small_image(scene, reference);
   ChosenFrames out;
+  const double enough = kEnoughAngle * scene.camera.fx;
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
     out.parallax_px = near_parallax(scene, here, small_image(scene, other));
-    if (out.parallax_px >= kEnough) break;
+    if (out.parallax_px >= enough) break;
     // Twice as far, or what the speed so far calls for; never farther than there are frames.
-    const double factor = std::clamp(kEnough / std::max(out.parallax_px, 0.1), 1.5, 4.0);
+    const double factor = std::clamp(enough / std::max(out.parallax_px, 0.1), 1.5, 4.0);
     const auto next = std::min(
         most, std::max(spacing + 1, static_cast<std::size_t>(
                                         std::lround(factor * static_cast<double>(spacing)))));
