@@ -59,7 +59,9 @@ bool read_road(const fs::path& folder, Road* road) {
 Road find_road(const Scene& scene, const std::vector<int>& frames, const fs::path& kept) {
   Road road;
   if (!kept.empty() && read_road(kept, &road)) return road;
-  Reconstruction result = reconstruct(scene, frames, {});
+  ReconstructOptions options;
+  options.joint_planes = false;  // the road alone: no vehicle has told of it yet
+  Reconstruction result = reconstruct(scene, frames, options);
   road.surface = std::move(result.surface);
   road.run = std::move(result.run);
   road.vehicles = std::move(result.vehicles);
