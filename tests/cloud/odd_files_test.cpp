@@ -73,6 +73,22 @@ TEST(Pcd, AsciiOddities) {
   EXPECT_EQ(file.cloud.points[2].y(), 0.25f);
 }
 
+TEST(Pcd, AsciiWithCommasAndMissingValues) {
+  const std::string head =
+      pcd("x y z rgb s", "4 4 4 4 4", "F F F F F", "1 1 1 1 1", "2", "1", "2", "ascii");
+  const CloudFile file = read_from_memory(head + "1,2,3,255,\n,2,3,65280,5\n", "a.pcd");
+  ASSERT_EQ(file.cloud.size(), 2u);
+  EXPECT_EQ(file.report.non_finite, 1u);
+  EXPECT_EQ(file.report.non_finite_attributes, 1u);
+  EXPECT_EQ(file.cloud.colors[1], (std::array<std::uint8_t, 3>{0, 255, 0}));
+  // A float may be missing, three bytes of colour may not.
+  const std::string missing = head + "1,2,3,255,4\n1,2,3,,5\n";
+  EXPECT_THAT(read_error(missing, "a.pcd"), HasSubstr("found no value, expected a colour"));
+  ReadOptions lenient;
+  lenient.lenient = true;
+  EXPECT_EQ(read_from_memory(missing, "a.pcd", lenient).cloud.size(), 1u);
+}
+
 TEST(Pcd, CompressedWithAndWithoutPaddingColumns) {
   // All bytes plain: runs of up to 32.
   const auto pack = [](const std::string& bytes) {

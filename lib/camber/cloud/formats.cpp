@@ -135,9 +135,13 @@ T narrow(double value) {
 
 void RowBuffer::start(std::vector<ScalarType> types) {
   types_ = std::move(types);
-  values_.resize(types_.size() * kRows);
   columns_.assign(types_.size(), {});
   rows_ = 0;
+  grow();
+}
+
+void RowBuffer::grow() {
+  values_.resize(types_.size() * std::min(kRows, std::max<std::size_t>(16, 2 * rows_)));
 }
 
 void RowBuffer::fill(PointBatch& batch) {
@@ -220,6 +224,7 @@ std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rule
     const ColumnRule& rule = rules[found];
     if (separated && (p == end || *p == separator)) {
       if (!is_float(rule.type)) return "found no value, expected a whole number";
+      if (rule.packed_color) return "found no value, expected a colour";
       if (rule.column >= 0) row[rule.column] = std::numeric_limits<double>::quiet_NaN();
       if (fractional != nullptr && rule.column >= 0)
         (*fractional)[static_cast<std::size_t>(rule.column)] = 1;

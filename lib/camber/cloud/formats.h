@@ -89,7 +89,10 @@ class RowBuffer {
   void start(std::vector<ScalarType> types);
   void set_type(std::size_t column, ScalarType type) { types_[column] = type; }
   const double* row(std::size_t i) const { return values_.data() + i * types_.size(); }
-  double* new_row() { return values_.data() + rows_ * types_.size(); }
+  double* new_row() {
+    if ((rows_ + 1) * types_.size() > values_.size()) grow();
+    return values_.data() + rows_ * types_.size();
+  }
   void keep_row() { ++rows_; }
   bool full() const { return rows_ == kRows; }
   void clear() { rows_ = 0; }
@@ -99,6 +102,8 @@ class RowBuffer {
 
  private:
   static constexpr std::size_t kRows = 1024;
+  /// Room for twice the rows: a wide table of few rows must not cost kRows of them.
+  void grow();
   std::size_t rows_ = 0;
   std::vector<ScalarType> types_;
   std::vector<double> values_;
@@ -107,7 +112,8 @@ class RowBuffer {
 
 /// Reads the values of one line, one for each rule, into `row`.
 /// @param separator   ' ' for blanks alone; ',' or ';' with or without blanks beside it (blanks
-///                    alone separate as well). Between two separators a NaN is read.
+///                    alone separate as well). Between two separators a NaN is read
+///                    where the column can hold one.
 /// @param fractional  if given, set to 1 for columns with a value that is not a whole number
 /// @return empty, or what is wrong with the line.
 std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rules, char separator,
