@@ -163,6 +163,16 @@ double largest_difference(const std::vector<double>& a, const std::vector<double
   return largest;
 }
 
+void print_peer(const peers::PeerDistances& peer, double ours_ms, const std::vector<double>& ours) {
+  if (peer.milliseconds < 0.0) {
+    std::printf("%s is not installed: no comparison with it\n", peer.name.c_str());
+    return;
+  }
+  std::printf("%s: %.0f ms (%.1f times); largest difference to camber %.1e m\n", peer.name.c_str(),
+              peer.milliseconds, peer.milliseconds / ours_ms,
+              largest_difference(peer.distances, ours));
+}
+
 void compare() {
   constexpr std::size_t kPoints = 1000000;
   const RoadCloud estimate = make_hill(kPoints, 1, 0.05, 0.3);
@@ -183,10 +193,10 @@ void compare() {
   std::printf("camber: %.0f ms; largest difference to brute force %.1e m (100 points)\n", ours,
               worst);
   for (const auto& peer :
-       {peers::flann_nearest(estimate, truth.cloud), peers::pcl_nearest(estimate, truth.cloud)}) {
-    std::printf("%s: %.0f ms (%.1f times); largest difference to camber %.1e m\n",
-                peer.name.c_str(), peer.milliseconds, peer.milliseconds / ours,
-                largest_difference(peer.distances, found.distance));
+       {peers::nanoflann_nearest(estimate, truth.cloud),
+        peers::open3d_nearest(estimate, truth.cloud), peers::flann_nearest(estimate, truth.cloud),
+        peers::pcl_nearest(estimate, truth.cloud)}) {
+    print_peer(peer, ours, found.distance);
   }
 
   Shape mesh;
@@ -218,11 +228,9 @@ void compare() {
   }
   std::printf("camber: %.0f ms; largest difference to brute force %.1e m (500 points)\n", mesh_ms,
               worst);
-  const auto peer = peers::cgal_mesh_distance(places, corners, mesh.triangles);
-  if (peer.milliseconds >= 0.0) {
-    std::printf("%s: %.0f ms (%.1f times); largest difference to camber %.1e m\n",
-                peer.name.c_str(), peer.milliseconds, peer.milliseconds / mesh_ms,
-                largest_difference(peer.distances, found.distance));
+  for (const auto& peer : {peers::open3d_mesh_distance(places, corners, mesh.triangles),
+                           peers::cgal_mesh_distance(places, corners, mesh.triangles)}) {
+    print_peer(peer, mesh_ms, found.distance);
   }
 }
 
@@ -247,10 +255,19 @@ void filters() {
     return angles[angles.size() / 2];
   };
   std::printf("camber: %.0f ms; median error %.3f deg\n", ours, error(with_normals.normals));
-  std::vector<Eigen::Vector3f> peer_normals;
-  const double peer_normals_ms = peers::pcl_normals(cloud, 20, peer_normals);
-  std::printf("PCL: %.0f ms (%.1f times); median error %.3f deg\n", peer_normals_ms,
-              peer_normals_ms / ours, error(peer_normals));
+  using Job = double (*)(const RoadCloud&, int, std::vector<Eigen::Vector3f>&);
+  for (const auto& [name, job] : {std::pair<const char*, Job>{"PCL", peers::pcl_normals},
+                                  {"nanoflann with Eigen", peers::nanoflann_normals},
+                                  {"Open3D", peers::open3d_normals}}) {
+    std::vector<Eigen::Vector3f> found;
+    const double time = job(cloud, 20, found);
+    if (time < 0.0) {
+      std::printf("%s is not installed: no comparison with it\n", name);
+      continue;
+    }
+    std::printf("%s: %.0f ms (%.1f times); median error %.3f deg\n", name, time, time / ours,
+                error(found));
+  }
 
   std::printf("\n## Voxel grid of 0.2 m, 1e6 points (bar: 60 ms)\n");
   RoadCloud thinned;

@@ -46,7 +46,7 @@ PeerDistances cgal_mesh_distance(const std::vector<Eigen::Vector3d>&,
                                  const std::vector<Eigen::Vector3d>&,
                                  const std::vector<std::array<std::uint32_t, 3>>&) {
   PeerDistances out;
-  out.name = "CGAL is not installed";
+  out.name = "CGAL (libcgal-dev)";
   return out;
 }
 
