@@ -21,6 +21,8 @@
 #include "camber/road/grow_road.h"
 #include "camber/road/local_plane.h"
 #include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/support_plane.h"
+#include "camber/vehicle/vehicle_tracks.h"
 
 namespace camber {
 namespace {
@@ -806,6 +808,12 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   if (options.with_vehicles) {
     report("vehicles", 0.9);
     const StageTimer timer(timings, "vehicles");
+    VehicleFitOptions fit_options;
+    fit_options.seed = options.seed;
+    // The baselines take their plane for certain.
+    fit_options.trust_plane = options.method != "joint";
+    std::vector<TrackFrame> views(count);
+    std::vector<std::vector<int>> own_patches(count);
     for (std::size_t k = 0; k < count; ++k) {
       const SceneFrame& frame = *run.frames[k];
       std::vector<SupportPlane> supports;
@@ -815,13 +823,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
         const UncertainPlane ego_here =
             surface.patches[0].plane.transformed(frame_from_reference[k]);
         if (options.method == "flat") {
-          support.plane.plane = {Eigen::Vector3d(0, -1, 0),
-                                 scene.height_above_road.value_or(kNominalHeight)};
-          support.plane.centroid = Eigen::Vector3d(0, support.plane.plane.offset, 0);
-          support.plane.axis1 = Eigen::Vector3d(0, 0, 1);
-          support.plane.axis2 = Eigen::Vector3d(-1, 0, 0);
-          support.plane.covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-6).asDiagonal();
-          support.source = "level";
+          support = certain_support(
+              {Eigen::Vector3d(0, -1, 0), scene.height_above_road.value_or(kNominalHeight)},
+              "level");
           supports.push_back(support);
           continue;
         }
@@ -835,8 +839,12 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           supports.push_back(support);
           continue;
         }
-        support.plane = ego_here;
-        support.source = "ego";
+        if (options.method == "coplanar") {
+          support = certain_support(ego_here.plane, "ego");
+        } else {
+          support.plane = ego_here;
+          support.source = "ego";
+        }
         support.status = surface.patches[0].status;
         if (options.method == "joint") {
           const Eigen::Vector2d bottom(detection.box.center().x(),
@@ -895,19 +903,35 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
         }
         supports.push_back(support);
       }
-      VehicleFitOptions fit_options;
-      fit_options.seed = options.seed;
-      VehicleFrame vehicles;
-      vehicles.id = frame.id;
-      vehicles.vehicles =
+      views[k].world_from_camera = reference_from_frame[k];
+      views[k].time_s = frame.time_s.value_or(frame.id / scene.frame_rate.value_or(10.0));
+      views[k].detections = frame.vehicles;
+      views[k].estimates =
           fit_vehicles(scene.camera, frame.vehicles, supports, fit_options, options.num_threads);
+      views[k].supports = std::move(supports);
+      own_patches[k] = std::move(own_patch);
+    }
+    std::vector<std::vector<VehicleEstimate>> found;
+    if (options.method == "joint") {
+      found = fit_tracks(scene.camera, views, fit_options, options.num_threads);
+    } else {
+      for (const TrackFrame& view : views) found.push_back(view.estimates);
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::vector<SupportPlane>& supports = views[k].supports;
+      const std::vector<int>& own_patch = own_patches[k];
+      VehicleFrame vehicles;
+      vehicles.id = run.frames[k]->id;
+      vehicles.vehicles = std::move(found[k]);
       // The plane under a vehicle and the vehicle on it were solved together: what the vehicle says
       // of its ground goes back into the surface.
       for (std::size_t j = 0; j < vehicles.vehicles.size(); ++j) {
         VehicleEstimate& vehicle = vehicles.vehicles[j];
         if (own_patch[j] < 0 || !options.joint_planes) continue;
         PlanePatch& patch = surface.patches[static_cast<std::size_t>(own_patch[j])];
-        const std::optional<UncertainPlane> standing = standing_plane(vehicle, fit_options);
+        // By this frame's view alone: the views of a track share the errors of the surface.
+        const std::optional<UncertainPlane> standing =
+            standing_plane(views[k].estimates[j], fit_options);
         if (!standing) continue;
         const UncertainPlane& before = supports[j].plane;
         const double step = before.plane.signed_distance(standing->centroid);

@@ -20,8 +20,8 @@ struct LocalPlaneOptions {
   /// (moving shadows, reflections). Calibrated on rendered scenes.
   double inflation = 4.0;
   /// What the ground under a vehicle departs from a smooth field: ruts, potholes, undulations.
-  double uneven_height = 0.02;  ///< m, >= 0
-  double uneven_tilt = 0.01;    ///< rad, >= 0
+  double uneven_height = 0.03;  ///< m, >= 0
+  double uneven_tilt = 0.01;     ///< rad, >= 0
 };
 
 struct LocalPlane {
