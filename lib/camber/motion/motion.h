@@ -15,7 +15,7 @@ namespace camber {
 struct MotionOptions {
   std::uint64_t seed = 0;
   int max_essential_points = 6000;  ///< for the robust essential matrix, >= 50
-  int max_bundle_points = 1500;     ///< for the bundle adjustment, >= 50
+  int max_bundle_points = 1000;     ///< for the bundle adjustment, >= 50
   double inlier_px = 1.0;           ///< epipolar and reprojection threshold, > 0
   double standing_px = 0.35;        ///< median image motion below which the camera stands, > 0
   double parallax_px = 0.35;        ///< parallax (90th percentile) below which it only turns, > 0

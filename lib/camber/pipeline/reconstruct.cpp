@@ -687,7 +687,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     if (!known_poses) {
       report("motion", share);
       const StageTimer timer(timings, "motion");
-      motion_options.max_bundle_points = 1000;
+      motion_options.max_bundle_points = 600;
       MotionEstimate refined =
           refine_motion(scene.camera, run.matches, usable, run.motion, motion_options);
       if (refined.status == Status::kOk) run.motion = std::move(refined);
