@@ -122,7 +122,7 @@ void fit_ego(Run& run) {
   }
   // Neighbours share their errors: one in a few says as much.
   EgoProfileOptions options;
-  const std::size_t stride = std::max<std::size_t>(1, chosen.size() / 8000);
+  const std::size_t stride = std::max<std::size_t>(1, chosen.size() / 5000);
   std::size_t kept = 0;
   for (std::size_t k = 0; k < chosen.size(); k += stride) chosen[kept++] = chosen[k];
   chosen.resize(kept);

@@ -12,7 +12,7 @@ namespace {
 Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noise) {
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   std::vector<double> weight(abu.size(), 1.0);
-  for (int iteration = 0; iteration < 8; ++iteration) {
+  for (int iteration = 0; iteration < 6; ++iteration) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (std::size_t i = 0; i < abu.size(); ++i) {
