@@ -148,7 +148,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   }
   Correspondences out = before;
   const GrayImage& base = images.at(static_cast<std::size_t>(before.reference));
-  const int first = std::clamp(top, 0, base.height - 16);
+  const int first = std::clamp(top, 0, std::max(0, base.height - 16));
   const int height = base.height - first;
   const auto width = static_cast<std::size_t>(base.width);
   const cv::Mat reference = view(base).rowRange(first, base.height);
