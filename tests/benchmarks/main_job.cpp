@@ -220,8 +220,9 @@ void odometry(const fs::path& folder) {
 
 /// KITTI raw drive 0052, crawling among moving traffic: ego plane and road points against the
 /// laser.
-void crawling(const fs::path& folder) {
-  std::printf("\n## KITTI raw 2011_09_26 drive 0052, frames 0, 5, 10, no masks, no detections\n");
+void crawling(const fs::path& folder, const std::string& list, const std::vector<int>& frames) {
+  std::printf("\n## KITTI raw 2011_09_26 drive 0052, frames %s, no masks, no detections\n",
+              list.c_str());
   if (!available(folder)) return;
   test::TemporaryFolder temporary;
   KittiImportOptions import;
@@ -229,12 +230,12 @@ void crawling(const fs::path& folder) {
   import.calibration = {folder / "calib.txt"};
   import.poses = folder / "poses_from_lidar.txt";
   import.velodyne = folder / "velodyne";
-  import.frames = "0:10:5";
+  import.frames = list;
   import.camera = 2;
   const fs::path manifest = temporary.path() / "scene.json";
   import_kitti_to(import, manifest);
   const Scene scene = read_scene(manifest);
-  const Reconstruction result = run(scene, {0, 5, 10});
+  const Reconstruction result = run(scene, frames);
   const RoadCloud laser = read_cloud(scene.truth->cloud);
 
   // The road ahead up to 15 m, within 3 m to each side.
@@ -364,7 +365,11 @@ int main(int argc, char** argv) {
     tracking_clip(data / "kitti-tracking-0009-clip", 5);
   }
   if (wanted("odometry")) odometry(data / "kitti-odometry-06");
-  if (wanted("crawling")) crawling(data / "kitti-raw-2011_09_26-drive_0052");
+  if (wanted("crawling")) {
+    const fs::path drive = data / "kitti-raw-2011_09_26-drive_0052";
+    crawling(drive, "0:10:5", {0, 5, 10});
+    crawling(drive, "0:10:2", {0, 2, 4, 6, 8, 10});
+  }
   if (wanted("ablation")) {
     const auto row = [&](const char* title, int first, int last,
                          const std::function<void(ReconstructOptions&)>& change) {

@@ -423,7 +423,7 @@ JudgedPlane judged_plane(const Run& run, const Eigen::Vector2d& contact, const B
   if (out.fit.status != Status::kFailed) {
     const DirectEvidence::Costs costs =
         run.evidence.within({around.x1, around.y1}, {around.x2, around.y2});
-    // The median of what chance does to the mean of n costs of about 1 is 1 / sqrt(n).
+    // Chance alone changes the mean of n costs by about their mean over sqrt(n).
     if (costs.pixels >= 20 && costs.after > costs.before * (1.0 + 1.0 / std::sqrt(costs.pixels))) {
       out.refinement = "refused: pixels left out agree less than before";
       return out;
