@@ -6,16 +6,16 @@ usage() {
   cat <<END
 Usage: tests/run.sh [--no-install] [--asan] [--fuzz] [--benchmarks] [-- CTEST_OPTIONS...]
 
-Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests.
-The last lines are ctest's: how many passed, failed and were skipped.
+Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests:
+ctest says how many passed, failed and were skipped. Then, where Clang with libFuzzer is present, the
+fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that; 0: not at all).
 
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
                 tests
-  --fuzz        instead, build the fuzzers with Clang and run all of them for a minute in all
-                (CAMBER_FUZZ_SECONDS changes that)
+  --fuzz        instead, only the fuzzers; Clang is installed for them
   --benchmarks  after the tests, run the benchmarks
   --no-install  take the packages as they are
-  -- OPTIONS    go to ctest: tests/run.sh -- -R road
+  -- OPTIONS    go to ctest, without the fuzzers: tests/run.sh -- -R road
 END
 }
 
@@ -23,6 +23,7 @@ install=true
 mode=release
 benchmarks=false
 ctest_options=()
+fuzz_seconds=${CAMBER_FUZZ_SECONDS:-60}
 while [ $# -gt 0 ]; do
   case "$1" in
     --no-install) install=false ;;
@@ -36,6 +37,10 @@ while [ $# -gt 0 ]; do
   shift
 done
 
+if ! [[ $fuzz_seconds =~ ^[0-9]+$ ]]; then
+  printf 'run.sh: CAMBER_FUZZ_SECONDS is "%s", expected whole seconds\n' "$fuzz_seconds" >&2
+  exit 2
+fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 if $install; then
   packages=(--tests)
@@ -44,7 +49,7 @@ if $install; then
 fi
 
 log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+trap 'rm -f "$log" "$log.fuzzer"' EXIT
 # Runs a step and shows its output only if it fails.
 quietly() {
   local what=$1
@@ -69,10 +74,46 @@ run_ctest() {
   return $status
 }
 
+# Whether Clang makes programs with libFuzzer (its runtime is a package of its own).
+has_fuzzer() {
+  command -v clang++ >/dev/null &&
+    echo 'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }' |
+    clang++ -fsanitize=fuzzer,address -x c++ - -o "$log.fuzzer" >/dev/null 2>&1
+}
+run_fuzzers() {
+  build fuzz
+  local fuzzers=(build/fuzz/bin/fuzz_*) program name findings folders
+  local seconds=$((fuzz_seconds / ${#fuzzers[@]}))
+  if [ "$seconds" -lt 1 ]; then seconds=1; fi
+  for program in "${fuzzers[@]}"; do
+    name=${program##*/}
+    findings=build/fuzz/findings/$name
+    mkdir -p "$findings/corpus"
+    # New inputs go to the first folder; the seeds are the small files that the project keeps.
+    folders=("$findings/corpus")
+    if [ -d "tests/fuzz/corpus/${name#fuzz_}" ]; then
+      folders+=("tests/fuzz/corpus/${name#fuzz_}")
+    fi
+    quietly "$name" "$program" -max_total_time="$seconds" -rss_limit_mb=2048 \
+      -print_final_stats=1 -artifact_prefix="$findings/" "${folders[@]}"
+    printf '%s: %s executions, nothing found\n' "$name" \
+      "$(awk '/^stat::number_of_executed_units/ { print $2 }' "$log")"
+  done
+}
+
 case "$mode" in
   release)
     build release -DCAMBER_BUILD_TESTS=ON -DCAMBER_BUILD_SAMPLES=ON -DCAMBER_BUILD_BENCHMARKS=ON
-    run_ctest release
+    failed=false
+    run_ctest release || failed=true
+    if [ ${#ctest_options[@]} -eq 0 ] && [ "$fuzz_seconds" -gt 0 ]; then
+      if has_fuzzer; then
+        run_fuzzers
+      else
+        echo "No Clang with libFuzzer here: the fuzzers did not run (their seeds did, above)"
+      fi
+    fi
+    if $failed; then exit 1; fi
     if $benchmarks; then
       for program in build/release/bin/bench_*; do
         printf '\n%s\n' "${program##*/}"
@@ -85,27 +126,6 @@ case "$mode" in
     run_ctest asan --label-exclude 'package|benchmark'
     ;;
   fuzz)
-    build fuzz
-    shopt -s nullglob
-    fuzzers=(build/fuzz/bin/fuzz_*)
-    if [ ${#fuzzers[@]} -eq 0 ]; then
-      echo "run.sh: the tree has no fuzzers" >&2
-      exit 1
-    fi
-    seconds=$((${CAMBER_FUZZ_SECONDS:-60} / ${#fuzzers[@]} + 1))
-    for program in "${fuzzers[@]}"; do
-      name=${program##*/}
-      findings=build/fuzz/findings/$name
-      mkdir -p "$findings/corpus"
-      # New inputs go to the first folder; the seeds are the small files that the project keeps.
-      folders=("$findings/corpus")
-      if [ -d "tests/fuzz/corpus/${name#fuzz_}" ]; then
-        folders+=("tests/fuzz/corpus/${name#fuzz_}")
-      fi
-      quietly "$name" "$program" -max_total_time="$seconds" -rss_limit_mb=2048 \
-        -print_final_stats=1 -artifact_prefix="$findings/" "${folders[@]}"
-      printf '%s: %s executions, nothing found\n' "$name" \
-        "$(awk '/^stat::number_of_executed_units/ { print $2 }' "$log")"
-    done
+    run_fuzzers
     ;;
 esac
