@@ -1,7 +1,10 @@
 // camber evaluate: the paper's tables, from results and the truth of their scenes.
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 
 #include "camber/core/atomic_file.h"
@@ -9,6 +12,7 @@
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
 #include "camber/pipeline/kitti_boxes.h"
+#include "camber/render/result_plots.h"
 #include "command.h"
 
 namespace camber::tools {
@@ -62,9 +66,16 @@ VehicleDocument read_estimate(const Arguments& args, const std::string& estimate
                              tilts.empty() ? "kitti boxes" : "kitti boxes, tilted");
 }
 
+/// @param times  seconds by frame id, where the scene gives them for every frame.
 EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
-                            const std::string& estimate, const LogSink& warn) {
+                            const std::string& estimate, const LogSink& warn,
+                            std::map<int, double>* times) {
   const Scene scene = read_truth(args, truth, warn);
+  times->clear();
+  for (const SceneFrame& frame : scene.frames) {
+    if (frame.time_s) (*times)[frame.id] = *frame.time_s;
+  }
+  if (times->size() < scene.frames.size()) times->clear();
   if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
   const bool folder = fs::is_directory(estimate);
   const VehicleDocument vehicles = read_estimate(args, estimate);
@@ -81,6 +92,56 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
   }
   if (!vehicles.metric && warn) warn(estimate + ": the result is up to scale");
   return out;
+}
+
+/// A name without what a file's name should not hold.
+std::string file_stem(const std::string& name) {
+  std::string out = name;
+  for (char& c : out) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
+    if (!plain) c = '_';
+  }
+  return out.empty() ? "scene" : out;
+}
+
+/// Histograms of all vehicles, and depth over time of each scene with all its methods.
+/// @param truths  the truth of each of the scenes, as given.
+void write_plots(const fs::path& folder, const std::vector<EvaluatedScene>& scenes,
+                 const std::vector<std::string>& truths,
+                 const std::vector<std::map<int, double>>& times) {
+  const auto write = [&](const std::string& name, const auto& make) {
+    PlotSheet sheet;
+    try {
+      sheet = make();
+    } catch (const NoAnswerError&) {
+      return;  // nothing to plot: the tables say so
+    }
+    write_png(draw_plots(sheet), folder / name);
+  };
+  write("error_histogram.png", [&] { return error_plots(scenes, PlottedError::kCenter); });
+  write("height_histogram.png", [&] { return error_plots(scenes, PlottedError::kGround); });
+  std::vector<std::string> done, names;
+  for (const std::string& truth : truths) {
+    if (std::find(done.begin(), done.end(), truth) != done.end()) continue;
+    done.push_back(truth);
+  }
+  for (const std::string& truth : done) {
+    std::vector<EvaluatedScene> methods;
+    std::map<int, double> seconds;
+    for (std::size_t i = 0; i < scenes.size(); ++i) {
+      if (truths[i] != truth) continue;
+      methods.push_back(scenes[i]);
+      seconds = times[i];
+    }
+    std::string name = "depth_over_time";
+    if (done.size() > 1) {
+      name += "_" + file_stem(methods.front().scene);
+      const auto same = std::count(names.begin(), names.end(), name);
+      names.push_back(name);
+      if (same > 0) name += "_" + std::to_string(same + 1);
+    }
+    write(name + ".png", [&] { return depth_plots(methods, seconds); });
+  }
 }
 
 }  // namespace
@@ -119,7 +180,9 @@ void register_evaluate(CLI::App& root) {
   app.add_option("--subset", a.subset,
                  "file that names a subset for a row of its own, a line each: scene [frame "
                  "[truth id]]");
-  app.add_option("--out", a.out, "folder for tables.md, tables.json and vehicles.csv");
+  app.add_option("--out", a.out,
+                 "folder for tables.md, tables.json, vehicles.csv and plots: error_histogram.png, "
+                 "height_histogram.png, depth_over_time.png (one a scene)");
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--markdown", a.markdown, "print Markdown tables instead of plain text");
   app.add_flag("--json", a.json, "print the tables as JSON");
@@ -134,14 +197,17 @@ void register_evaluate(CLI::App& root) {
     const LogSink warn = make_warning_sink(command->common);
     std::vector<EvaluatedScene> scenes;
     std::vector<SubsetEntry> subset;
+    std::vector<std::string> truths;
+    std::vector<std::map<int, double>> times(args.estimate.size());
     {
       const StageTimer timer(timings, "load");
       if (!args.subset.empty()) subset = read_subset(args.subset);
       for (std::size_t i = 0; i < args.estimate.size(); ++i) {
         check_interrupted();
+        truths.push_back(args.truth[i % args.truth.size()]);
         // The same truth is read for every method; unknown keys need one warning.
-        scenes.push_back(evaluate_one(args, args.truth[i % args.truth.size()], args.estimate[i],
-                                      i < args.truth.size() ? warn : LogSink{}));
+        scenes.push_back(evaluate_one(args, truths.back(), args.estimate[i],
+                                      i < args.truth.size() ? warn : LogSink{}, &times[i]));
       }
     }
     std::vector<MethodTables> tables;
@@ -163,6 +229,7 @@ void register_evaluate(CLI::App& root) {
       write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
       write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(scenes));
       write_json(json, folder.staging() / "tables.json");
+      write_plots(folder.staging(), scenes, truths, times);
       RunDocument run;
       run.seed = command->common.seed;
       run.options = json["options"];

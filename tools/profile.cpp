@@ -11,6 +11,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/render/result_plots.h"
 #include "camber/road/road_profile.h"
 #include "camber/scene/results.h"
 #include "command.h"
@@ -36,15 +37,18 @@ void register_profile(CLI::App& root) {
   Command* command =
       add_command(root, "profile", "Height, grade and cross slope along a road",
                   "  camber profile results --out profile.csv\n"
+                  "  camber profile results --plot profile.png\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json");
   struct Arguments {
-    std::string surface, out, line;
+    std::string surface, out, plot, line;
     ProfileOptions options;
   };
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& app = *command->app;
   app.add_option("surface", arguments->surface, "result folder, or its surface.json")->required();
-  app.add_option("--out", arguments->out, "FILE.csv or FILE.json")->required();
+  app.add_option("--out", arguments->out, "FILE.csv or FILE.json");
+  app.add_option("--plot", arguments->plot,
+                 "FILE.png or FILE.svg: height, grade and cross slope with bands of 95 %");
   app.add_option("--along", arguments->line,
                  "points of a line in order (any cloud format); default: the driven line of the "
                  "result");
@@ -62,7 +66,15 @@ void register_profile(CLI::App& root) {
     options.validate();
     const fs::path out_path = arguments->out;
     const std::string extension = out_path.extension().string();
-    if (extension != ".csv" && extension != ".json") {
+    const fs::path plot_path = arguments->plot;
+    const std::string plot_kind = plot_path.extension().string();
+    if (arguments->out.empty() && arguments->plot.empty()) {
+      throw UsageError("found neither --out nor --plot, expected one of them");
+    }
+    if (!arguments->plot.empty() && plot_kind != ".png" && plot_kind != ".svg") {
+      throw UsageError("--plot: found '" + arguments->plot + "', expected FILE.png or FILE.svg");
+    }
+    if (!arguments->out.empty() && extension != ".csv" && extension != ".json") {
       throw UsageError("--out: found '" + arguments->out + "', expected FILE.csv or FILE.json");
     }
     Timings timings;
@@ -82,7 +94,25 @@ void register_profile(CLI::App& root) {
     const std::vector<ProfilePoint> profile = road_profile(surface, line, options);
     compute.stop();
 
+    // Drawn before the first file is written: without an answer nothing is.
+    std::string svg;
+    Image picture;
+    if (!arguments->plot.empty()) {
+      const StageTimer draw(timings, "draw");
+      const PlotSheet sheet = profile_plots(profile, surface.metric, "Profile of the road");
+      if (plot_kind == ".svg") {
+        svg = plots_svg(sheet);
+      } else {
+        picture = draw_plots(sheet, {1200, 360, 20.0});
+      }
+    }
+
     StageTimer write(timings, "write");
+    if (!svg.empty()) {
+      write_file_atomically(plot_path, svg);
+    } else if (!arguments->plot.empty()) {
+      write_png(picture, plot_path);
+    }
     std::size_t covered = 0;
     for (const ProfilePoint& point : profile) covered += point.status != Status::kFailed ? 1 : 0;
     if (extension == ".csv") {
@@ -98,7 +128,7 @@ void register_profile(CLI::App& root) {
             p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)));
       }
       write_file_atomically(out_path, text);
-    } else {
+    } else if (extension == ".json") {
       json stations = json::array();
       for (const ProfilePoint& p : profile) {
         stations.push_back({{"station", p.station},

@@ -256,6 +256,22 @@ TEST_F(RoadClouds, ProfileAlongALine) {
   EXPECT_THAT(last, HasSubstr("not covered"));
 }
 
+TEST_F(RoadClouds, ProfileAsAPlot) {
+  make_surface("out");
+  write_axis("axis.csv", 0.0);
+  for (const char* name : {"profile.svg", "profile.png"}) {
+    const auto run = run_camber(
+        {"profile", path("out"), "--along", path("axis.csv"), "--plot", path(name), "--quiet"});
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+  }
+  std::ifstream file(path("profile.svg"));
+  const std::string svg{std::istreambuf_iterator<char>(file), {}};
+  for (const char* word : {"height, m", "grade, %", "cross slope, %", "95 %", "</svg>"}) {
+    EXPECT_THAT(svg, HasSubstr(word));
+  }
+  EXPECT_GT(fs::file_size(path("profile.png")), 5000u);
+}
+
 TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   make_surface("out");
   write_axis("axis.csv", 0.0);
@@ -275,6 +291,19 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(run("out", "axis.csv", "old.txt"), 2, "FILE.csv or FILE.json");
   EXPECT_ONE_SENTENCE(run_camber({"profile", path("out"), "--out", path("old.csv")}), 1,
                       "no driven line");
+  const std::vector<std::string> along = {"profile", path("out"), "--along", path("axis.csv")};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), along.begin(), along.end());
+    return run_camber(more);
+  };
+  EXPECT_ONE_SENTENCE(with({}), 2, "--plot");
+  EXPECT_ONE_SENTENCE(with({"--plot", path("old.gif")}), 2, "FILE.png or FILE.svg");
+  EXPECT_ONE_SENTENCE(with({"--plot", path("missing/plot.png")}), 3, "plot.png");
+  std::ofstream(path("elsewhere.csv")) << "x y z\n9000 0 0\n9010 0 0\n";
+  EXPECT_ONE_SENTENCE(run_camber({"profile", path("out"), "--along", path("elsewhere.csv"),
+                                  "--plot", path("plot.png")}),
+                      1, "covered");
+  fs::remove(path("elsewhere.csv"));
   EXPECT_EQ(test::snapshot(folder_.path()), before);
 }
 

@@ -134,7 +134,8 @@ TEST_F(VehicleScene, WritesTables) {
                   path("tables"), "--subset", path("subset.txt")});
   ASSERT_EQ(run.exit_code, 0) << run.error;
   EXPECT_THAT(run.out, HasSubstr("subset"));
-  for (const char* file : {"tables.md", "tables.json", "vehicles.csv", "run.json"}) {
+  for (const char* file : {"tables.md", "tables.json", "vehicles.csv", "run.json",
+                           "error_histogram.png", "height_histogram.png", "depth_over_time.png"}) {
     EXPECT_TRUE(fs::exists(folder_.path() / "tables" / file)) << file;
   }
 }

@@ -117,12 +117,16 @@ VehicleError compare_vehicle(const TruthVehicle& t, const VehicleEstimate& e) {
   error.along_error = error.center_mahalanobis = error.keypoint_error = error.dimension_error =
       kNaN;
   error.height_sigma = e.plane_sigma_height;
+  error.true_depth = t.pose.center().z();
+  error.depth = error.depth_sigma = kNaN;
   if (!error.answered) return error;
 
   const Eigen::Vector3d difference = e.pose.center() - t.pose.center();
   error.center_error = difference.norm();
   error.along_error = difference.dot(t.pose.center().normalized());
+  error.depth = e.pose.center().z();
   const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
+  if (covariance(2, 2) > 0.0) error.depth_sigma = std::sqrt(covariance(2, 2));
   const Eigen::LDLT<Eigen::Matrix3d> factors(covariance);
   if (covariance.allFinite() && factors.info() == Eigen::Success && factors.isPositive() &&
       factors.vectorD().minCoeff() > 0.0) {

@@ -25,6 +25,9 @@ struct VehicleError {
   double center_mahalanobis = 0.0;  ///< squared, by the stated covariance; 3 degrees of freedom
   double keypoint_error = 0.0;      ///< m, mean distance of the 36 keypoints; NaN without truth
   double dimension_error = 0.0;     ///< m, mean absolute error of length, width and height
+  double true_depth = 0.0;          ///< m, of the true box centre along the camera's z
+  double depth = 0.0;               ///< m, estimated; NaN where not answered
+  double depth_sigma = 0.0;         ///< m, stated; NaN where not known
   double overlap = 0.0;             ///< IoU of the boxes
   bool answered = false;            ///< status is not kFailed
   Status status = Status::kNotRun;

@@ -2,16 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "camber/render/canvas.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_file.h"
+#include "camber/render/plot.h"
 
 namespace camber {
 namespace {
 
-const Color kInk{40, 40, 40, 1.0}, kFaint{215, 215, 215, 1.0};
-const Color kAccuracy{0, 114, 178, 1.0}, kCompleteness{230, 159, 0, 1.0};
+const Color kInk{40, 40, 40, 1.0};
 
 std::vector<double> counted_distances(const OneWay& way) {
   std::vector<double> out;
@@ -31,101 +32,79 @@ double shown_range(const CloudComparison& comparison) {
   return 2.0 * largest;
 }
 
-/// Axes of a plot in a picture of 900 x 560.
-struct Axes {
-  Image image = make_picture(900, 560, 255);
-  double left = 80, right = 870, top = 50, bottom = 490, highest_x = 1.0, highest_y = 1.0;
-
-  Eigen::Vector2d at(double x, double y) const {
-    return {left + (right - left) * x / highest_x, bottom - (bottom - top) * y / highest_y};
-  }
-
-  void draw(Canvas& canvas, const std::string& title, const std::string& x_name) const {
-    const Ticks x = make_ticks(0.0, highest_x, 8), y = make_ticks(0.0, 100.0 * highest_y, 5);
-    std::vector<Segment2> lines;
-    for (const double value : x.values) lines.emplace_back(at(value, 0), at(value, highest_y));
-    for (const double value : y.values) {
-      lines.emplace_back(at(0, value / 100.0), at(highest_x, value / 100.0));
-    }
-    canvas.segments(lines, 1.0, kFaint);
-    canvas.polyline({at(0, highest_y), at(0, 0), at(highest_x, 0)}, false, 1.5, kInk);
-    for (std::size_t i = 0; i < x.values.size(); ++i) {
-      canvas.text(at(x.values[i], 0) + Eigen::Vector2d(0, 18), x.labels[i], 18, kInk,
-                  TextAnchor::kCenter);
-    }
-    for (std::size_t i = 0; i < y.values.size(); ++i) {
-      canvas.text(at(0, y.values[i] / 100.0) - Eigen::Vector2d(8, 0), y.labels[i] + " %", 18, kInk,
-                  TextAnchor::kRight);
-    }
-    canvas.text({0.5 * (left + right), bottom + 44}, x_name, 20, kInk, TextAnchor::kCenter);
-    canvas.text({left, 24}, title, 22, kInk, TextAnchor::kLeft, true);
-    canvas.rectangle({left + 20, top + 12, left + 38, top + 24}, kAccuracy);
-    canvas.text({left + 46, top + 18}, "accuracy: estimate to truth", 18, kInk);
-    canvas.rectangle({left + 20, top + 36, left + 38, top + 48}, kCompleteness);
-    canvas.text({left + 46, top + 42}, "completeness: truth to estimate", 18, kInk);
-  }
-};
+const PlotStyle kStyle{1000, 560, 18.0};
+const char* const kNames[] = {"accuracy: estimate to truth", "completeness: truth to estimate"};
 
 }  // namespace
 
 Image draw_histogram(const CloudComparison& comparison) {
   constexpr int kBars = 40;
-  Axes axes;
-  axes.highest_x = shown_range(comparison);
+  const double range = shown_range(comparison), width = range / kBars;
   const OneWay* const ways[] = {&comparison.accuracy, &comparison.completeness};
-  std::vector<double> shares[2];
-  axes.highest_y = 0.0;
+  Plot plot;
+  plot.title = "Distances";
+  plot.x.title = "distance, m (last bar: all beyond)";
+  plot.y.title = "share of points, %";
+  plot.x.low = plot.y.low = 0.0;
+  plot.x.high = range;
   for (int k = 0; k < 2; ++k) {
-    const std::vector<double> distances = counted_distances(*ways[k]);
-    shares[k].assign(kBars, 0.0);
-    for (const double d : distances) {
-      const double bar = std::min(kBars - 1.0, std::floor(d / axes.highest_x * kBars));
-      shares[k][static_cast<std::size_t>(bar)] += 1.0 / static_cast<double>(distances.size());
-    }
-    axes.highest_y =
-        std::max(axes.highest_y, *std::max_element(shares[k].begin(), shares[k].end()));
-  }
-  axes.highest_y = std::max(0.01, 1.05 * axes.highest_y);
-  Canvas canvas(axes.image);
-  const Color colors[] = {kAccuracy, kCompleteness};
-  const double width = axes.highest_x / kBars;
-  for (int k = 0; k < 2; ++k) {
+    PlotSeries bars;
+    bars.kind = PlotSeries::Kind::kBoxes;
+    bars.name = kNames[k];
+    bars.color = plot_color(k);
+    bars.low.assign(kBars, 0.0);
+    bars.high.assign(kBars, 0.0);
     for (int i = 0; i < kBars; ++i) {
-      const double share = shares[k][static_cast<std::size_t>(i)];
-      if (share <= 0.0) continue;
-      const Eigen::Vector2d corner = axes.at((i + 0.08 + 0.42 * k) * width, share),
-                            foot = axes.at((i + 0.50 + 0.42 * k) * width, 0.0);
-      canvas.rectangle({corner.x(), corner.y(), foot.x(), foot.y()}, colors[k]);
+      bars.x.push_back((i + 0.08 + 0.42 * k) * width);
+      bars.right.push_back((i + 0.50 + 0.42 * k) * width);
     }
+    const std::vector<double> distances = counted_distances(*ways[k]);
+    for (const double d : distances) {
+      const double bar = std::min(kBars - 1.0, std::floor(d / width));
+      bars.high[static_cast<std::size_t>(bar)] += 100.0 / static_cast<double>(distances.size());
+    }
+    plot.series.push_back(bars);
   }
-  axes.draw(canvas, "Distances", "distance, m (last bar: all beyond)");
-  return axes.image;
+  return draw_plots({"", {plot}}, kStyle);
 }
 
 Image draw_cumulative(const CloudComparison& comparison) {
-  Axes axes;
-  axes.highest_x = shown_range(comparison);
-  Canvas canvas(axes.image);
-  std::vector<Segment2> marks;
-  for (const ThresholdScore& s : comparison.scores) {
-    marks.emplace_back(axes.at(s.threshold, 0.0), axes.at(s.threshold, 1.0));
-  }
-  axes.draw(canvas, "Points within a distance", "distance, m (dashed: thresholds)");
-  canvas.dashed(marks, 6, 5, 1.5, kInk.with_alpha(0.6));
+  Plot plot;
+  plot.title = "Points within a distance";
+  plot.x.title = "distance, m";
+  plot.y.title = "share of points, %";
+  plot.x.low = plot.y.low = 0.0;
+  plot.x.high = shown_range(comparison);
+  plot.y.high = 100.0;
   const OneWay* const ways[] = {&comparison.accuracy, &comparison.completeness};
-  const Color colors[] = {kAccuracy, kCompleteness};
   for (int k = 0; k < 2; ++k) {
     const std::vector<double> distances = counted_distances(*ways[k]);
-    std::vector<Eigen::Vector2d> curve;
+    PlotSeries curve;
+    curve.name = kNames[k];
+    curve.color = plot_color(k);
+    curve.thickness = 2.5;
     for (int i = 0; i <= 400; ++i) {
-      const double x = axes.highest_x * i / 400.0;
+      const double x = *plot.x.high * i / 400.0;
       const double within = static_cast<double>(
           std::upper_bound(distances.begin(), distances.end(), x) - distances.begin());
-      curve.push_back(axes.at(x, within / static_cast<double>(distances.size())));
+      curve.x.push_back(x);
+      curve.y.push_back(100.0 * within / static_cast<double>(distances.size()));
     }
-    canvas.polyline(curve, false, 2.5, colors[k]);
+    plot.series.push_back(curve);
   }
-  return axes.image;
+  PlotSeries marks;
+  marks.name = "thresholds";
+  marks.color = {40, 40, 40, 0.6};
+  marks.dashed = true;
+  marks.thickness = 1.5;
+  for (const ThresholdScore& s : comparison.scores) {
+    for (const double share : {0.0, 100.0, std::numeric_limits<double>::quiet_NaN()}) {
+      marks.x.push_back(s.threshold);
+      marks.y.push_back(share);
+    }
+  }
+  plot.series.push_back(marks);
+  return draw_plots({"", {plot}}, kStyle);
 }
 
 Image draw_height_map(const CloudComparison& comparison) {

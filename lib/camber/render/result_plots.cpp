@@ -1,0 +1,325 @@
+#include "camber/render/result_plots.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "camber/core/errors.h"
+#include "camber/render/color_map.h"
+#include "camber/render/picture_space.h"
+
+namespace camber {
+namespace {
+
+constexpr double kMargin = 1.96;  // 95 % of a normal distribution, in sigmas
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+PlotSeries line(const std::string& name, const Color& color) {
+  PlotSeries out;
+  out.name = name;
+  out.color = color;
+  return out;
+}
+
+Plot profile_panel(const std::vector<ProfilePoint>& profile, double ProfilePoint::*value,
+                   double ProfilePoint::*sigma, double factor, const std::string& title,
+                   const Color& color) {
+  PlotSeries band = line("95 %", color.with_alpha(0.25)), curve = line("estimate", color);
+  band.kind = PlotSeries::Kind::kBand;
+  for (const ProfilePoint& p : profile) {
+    const double v = factor * p.*value, margin = kMargin * factor * p.*sigma;
+    curve.x.push_back(p.station);
+    curve.y.push_back(v);
+    band.x.push_back(p.station);
+    band.low.push_back(v - margin);
+    band.high.push_back(v + margin);
+  }
+  Plot plot;
+  plot.title = title;
+  plot.series = {band, curve};
+  return plot;
+}
+
+struct MethodErrors {
+  std::string name;
+  std::vector<double> values;  ///< sorted
+  int matched = 0;
+};
+
+std::vector<MethodErrors> errors_by_method(const std::vector<EvaluatedScene>& scenes,
+                                           PlottedError which) {
+  std::vector<MethodErrors> out;
+  for (const EvaluatedScene& scene : scenes) {
+    const std::string name = scene.method.empty() ? "estimate" : scene.method;
+    auto found =
+        std::find_if(out.begin(), out.end(), [&](const MethodErrors& m) { return m.name == name; });
+    if (found == out.end()) {
+      out.push_back({name, {}, 0});
+      found = out.end() - 1;
+    }
+    for (const VehicleError& error : scene.metrics.vehicles) {
+      ++found->matched;
+      const double value =
+          which == PlottedError::kCenter ? error.center_error : std::abs(error.height_error);
+      if (error.answered && std::isfinite(value)) found->values.push_back(value);
+    }
+  }
+  for (MethodErrors& method : out) std::sort(method.values.begin(), method.values.end());
+  return out;
+}
+
+/// The next of 1, 2, 5 times a power of ten that is not less.
+double round_up(double value) {
+  const double power = std::pow(10.0, std::floor(std::log10(value)));
+  for (const double factor : {1.0, 2.0, 5.0}) {
+    if (factor * power >= value * (1.0 - 1e-9)) return factor * power;
+  }
+  return 10.0 * power;
+}
+
+}  // namespace
+
+PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
+                        const std::string& title) {
+  const std::string unit = metric ? "m" : "units";
+  const bool known = std::any_of(profile.begin(), profile.end(),
+                                 [](const ProfilePoint& p) { return std::isfinite(p.height); });
+  if (!known) throw NoAnswerError("profile: no station of the line is covered by the surface");
+  PlotSheet sheet;
+  sheet.title = title;
+  Plot height = profile_panel(profile, &ProfilePoint::height, &ProfilePoint::sigma_height, 1.0,
+                              "Height", plot_color(0));
+  height.y.title = "height, " + unit;
+  sheet.panels.push_back(height);
+  const auto add = [&](double ProfilePoint::*value, double ProfilePoint::*sigma,
+                       const std::string& name, const std::string& axis, int color) {
+    const bool any = std::any_of(profile.begin(), profile.end(),
+                                 [&](const ProfilePoint& p) { return std::isfinite(p.*value); });
+    if (!any) return;
+    sheet.panels.push_back(profile_panel(profile, value, sigma, 100.0, name, plot_color(color)));
+    sheet.panels.back().y.title = axis;
+  };
+  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade, positive where it climbs",
+      "grade, %", 2);
+  add(&ProfilePoint::cross_slope, &ProfilePoint::sigma_cross_slope,
+      "Cross slope (bank), positive where the left side is higher", "cross slope, %", 3);
+  for (Plot& panel : sheet.panels) {
+    panel.x.title = "distance along the line, " + unit;
+    panel.x.low = profile.front().station;
+    panel.x.high = std::max(profile.back().station, profile.front().station + 1e-6);
+  }
+  return sheet;
+}
+
+PlotSheet timing_plots(const Timings& timings, const std::string& title) {
+  if (timings.stages().empty()) throw NoAnswerError("timings: no stage is recorded");
+  PlotSheet sheet;
+  sheet.title = title;
+  Plot plot;
+  PlotSeries bars = line("", plot_color(0));
+  bars.kind = PlotSeries::Kind::kBoxes;
+  double row = 0.0, total = 0.0, longest = 0.0;
+  for (const auto& [stage, ms] : timings.stages()) {
+    bars.x.push_back(0.0);
+    bars.right.push_back(ms);
+    bars.low.push_back(row - 0.36);
+    bars.high.push_back(row + 0.36);
+    plot.y.names.emplace_back(row, stage);
+    plot.notes.push_back({ms, row, " " + format_number(ms, ms < 9.95 ? 1 : 0) + " ms"});
+    row -= 1.0;
+    total += ms;
+    longest = std::max(longest, ms);
+  }
+  plot.series = {bars};
+  plot.x.title = "wall-clock time, ms (sum " + format_number(total, total < 99.5 ? 1 : 0) + " ms)";
+  plot.x.low = 0.0;
+  plot.x.high = std::max(1e-3, 1.16 * longest);  // room for the number behind the bar
+  plot.y.low = row + 0.4;
+  plot.y.high = 0.6;
+  sheet.panels.push_back(plot);
+  return sheet;
+}
+
+PlotSheet error_plots(const std::vector<EvaluatedScene>& scenes, PlottedError which) {
+  constexpr int kBars = 20;
+  const std::vector<MethodErrors> methods = errors_by_method(scenes, which);
+  const bool center = which == PlottedError::kCenter;
+  const std::string what = center ? "3D error of the vehicles' centres"
+                                  : "height error of the ground under the vehicles";
+  double best = std::numeric_limits<double>::infinity(), least = best, largest = 0.0;
+  for (const MethodErrors& method : methods) {
+    if (method.values.empty()) continue;
+    const std::size_t at = (method.values.size() * 9) / 10;
+    best = std::min(best, method.values[std::min(at, method.values.size() - 1)]);
+    least = std::min(least, method.values.front());
+    largest = std::max(largest, method.values.back());
+  }
+  if (!std::isfinite(best)) throw NoAnswerError("error plots: no matched vehicle has an answer");
+  PlotSheet sheet;
+  sheet.title = center ? "Localisation error" : "Ground height error";
+  Plot bars, curve;
+  const double bar = round_up(std::max(1e-3, 1.8 * best / kBars));
+  bars.title = "Histogram";
+  bars.x.title = what + ", m (last bar: all beyond)";
+  bars.y.title = "share of vehicles, %";
+  bars.x.low = 0.0;
+  bars.x.high = bar * kBars;
+  bars.y.low = 0.0;
+  curve.title = "Vehicles within an error";
+  curve.x.title = what + ", m";
+  curve.y.title = "share of vehicles, %";
+  curve.x.logarithmic = true;
+  curve.x.low = std::pow(10.0, std::floor(std::log10(std::clamp(least, 0.001, 0.1))));
+  curve.x.high = round_up(std::max(1.05 * largest, 1e-2));
+  curve.y.low = 0.0;
+  curve.y.high = 100.0;
+  for (std::size_t k = 0; k < methods.size(); ++k) {
+    const MethodErrors& method = methods[k];
+    const ErrorSummary summary = summarise(method.values);
+    std::string name = method.name + ": " + std::to_string(method.matched) + " vehicles";
+    if (summary.count > 0) {
+      name += ", median " + format_number(summary.median, center ? 2 : 3) + " m, mean " +
+              format_number(summary.mean, center ? 2 : 3) + " m";
+    }
+    if (summary.count < method.matched) {
+      name += ", " + std::to_string(method.matched - summary.count) + " without an answer";
+    }
+    PlotSeries boxes = line(name, plot_color(static_cast<int>(k)));
+    boxes.kind = PlotSeries::Kind::kBoxes;
+    std::vector<int> counts(kBars, 0);
+    for (const double v : method.values) {
+      ++counts[static_cast<std::size_t>(std::min(kBars - 1.0, std::floor(v / bar)))];
+    }
+    const double slot = 0.84 * bar / static_cast<double>(methods.size());
+    for (int i = 0; i < kBars; ++i) {
+      const double left = (i + 0.08) * bar + slot * static_cast<double>(k);
+      boxes.x.push_back(left);
+      boxes.right.push_back(left + slot);
+      boxes.low.push_back(0.0);
+      boxes.high.push_back(100.0 * counts[static_cast<std::size_t>(i)] /
+                           std::max(1, method.matched));
+    }
+    bars.series.push_back(boxes);
+    PlotSeries steps = line(method.name, plot_color(static_cast<int>(k)));
+    steps.thickness = 2.6;
+    double share = 0.0;
+    const auto add = [&](double x, double y) {
+      steps.x.push_back(std::max(x, *curve.x.low));
+      steps.y.push_back(y);
+    };
+    add(*curve.x.low, 0.0);
+    for (const double v : method.values) {
+      add(v, share);
+      share += 100.0 / method.matched;
+      add(v, share);
+    }
+    add(*curve.x.high, share);
+    curve.series.push_back(steps);
+  }
+  sheet.panels = {bars, curve};
+  return sheet;
+}
+
+PlotSheet depth_plots(const std::vector<EvaluatedScene>& methods,
+                      const std::map<int, double>& times) {
+  const auto when = [&](int frame) {
+    const auto found = times.find(frame);
+    return times.empty() ? frame : found == times.end() ? kNaN : found->second;
+  };
+  // The truth by vehicle and frame: methods may have matched different ones.
+  std::map<int, std::map<int, double>> truth;
+  for (const EvaluatedScene& method : methods) {
+    for (const VehicleError& error : method.metrics.vehicles) {
+      truth[error.truth_id][error.frame] = error.true_depth;
+    }
+  }
+  if (truth.empty()) throw NoAnswerError("depth over time: no detection matches a true vehicle");
+  std::set<double> instants;
+  double farthest = 0.0;
+  for (const auto& [id, depths] : truth) {
+    for (const auto& [frame, depth] : depths) {
+      if (std::isfinite(when(frame))) instants.insert(when(frame));
+      farthest = std::max(farthest, depth);
+    }
+  }
+  if (instants.empty()) throw NoAnswerError("depth over time: no frame has a time");
+  PlotAxis axis;
+  axis.title = times.empty() ? "frame" : "time, s";
+  axis.whole = times.empty();
+  const double pad = instants.size() < 2 ? 0.5
+                                         : 0.3 * (*instants.rbegin() - *instants.begin()) /
+                                               static_cast<double>(instants.size() - 1);
+  axis.low = *instants.begin() - pad;
+  axis.high = *instants.rbegin() + pad;
+  if (instants.size() <= 10) {
+    for (const double t : instants) {
+      axis.names.emplace_back(t, format_number(t, times.empty() ? 0 : 2));
+    }
+  }
+  PlotSheet sheet;
+  sheet.title = "Depth over time: " + methods.front().scene;
+  for (std::size_t k = 0; k < methods.size(); ++k) {
+    Plot plot;
+    plot.x = axis;
+    plot.y.title = "depth of the centre, m";
+    plot.y.low = 0.0;
+    plot.y.high = 1.25 * farthest;
+    bool first = true;
+    for (const auto& [id, depths] : truth) {
+      PlotSeries curve = line(first ? "truth" : "", kTruthRed);
+      first = false;
+      curve.label = "vehicle " + std::to_string(id);
+      int last = depths.begin()->first;
+      for (const auto& [frame, depth] : depths) {
+        // A gap where the vehicle was out of sight for long.
+        if (frame - last > 20) {
+          curve.x.push_back(when(last));
+          curve.y.push_back(kNaN);
+        }
+        curve.x.push_back(when(frame));
+        curve.y.push_back(depth);
+        last = frame;
+      }
+      plot.series.push_back(curve);
+    }
+    // Vehicles stand a little beside one another and have marks of their own, which the truth's
+    // last point repeats.
+    const std::string method = methods[k].method.empty() ? "estimate" : methods[k].method;
+    const double size = std::clamp(60.0 / static_cast<double>(instants.size()), 0.35, 1.0);
+    int beyond = 0, index = 0;
+    std::vector<PlotSeries> marks;
+    for (const auto& [id, depths] : truth) {
+      const double shift = 0.16 * pad * (index - 0.5 * static_cast<double>(truth.size() - 1)) /
+                           std::max(1.0, 0.25 * static_cast<double>(truth.size()));
+      PlotSeries points = line("", plot_color(static_cast<int>(k))), last = line("", kTruthRed);
+      points.kind = last.kind = PlotSeries::Kind::kPoints;
+      points.marker = last.marker = index;
+      points.marker_size = size;
+      last.x = {when(depths.rbegin()->first)};
+      last.y = {depths.rbegin()->second};
+      ++index;
+      for (const VehicleError& error : methods[k].metrics.vehicles) {
+        if (error.truth_id != id) continue;
+        points.x.push_back(when(error.frame) + shift);
+        points.y.push_back(error.depth);
+        const double margin = kMargin * error.depth_sigma;
+        points.low.push_back(std::isfinite(margin) ? error.depth - margin : error.depth);
+        points.high.push_back(std::isfinite(margin) ? error.depth + margin : error.depth);
+        if (error.depth > *plot.y.high) ++beyond;
+      }
+      PlotSeries path = line("", points.color.with_alpha(0.6));
+      path.x = points.x;
+      path.y = points.y;
+      path.thickness = 1.0;
+      marks.insert(marks.end(), {path, points, last});
+    }
+    marks[1].name = method + ", bars: 95 %";
+    if (beyond > 0) marks[1].name += ", " + std::to_string(beyond) + " off the plot";
+    plot.series.insert(plot.series.end(), marks.begin(), marks.end());
+    sheet.panels.push_back(plot);
+  }
+  return sheet;
+}
+
+}  // namespace camber

@@ -1,0 +1,282 @@
+#include "camber/render/plot.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <regex>
+
+#include "camber/core/errors.h"
+#include "camber/render/picture_space.h"
+#include "camber/render/result_plots.h"
+
+namespace camber {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+PlotSeries curve(int points, double factor) {
+  PlotSeries s;
+  s.name = "curve";
+  s.color = plot_color(0);
+  for (int i = 0; i < points; ++i) {
+    s.x.push_back(0.1 * i);
+    s.y.push_back(factor * std::sin(0.3 * i));
+  }
+  return s;
+}
+
+PlotSheet sheet_of(const PlotSeries& series) {
+  PlotSheet sheet;
+  sheet.title = "a sheet";
+  Plot plot;
+  plot.title = "a panel";
+  plot.x.title = "time, s";
+  plot.y.title = "height, m";
+  plot.series = {series};
+  sheet.panels = {plot};
+  return sheet;
+}
+
+bool is(const Image& image, int x, int y, const Color& color) {
+  const std::uint8_t* p = &image.data[3 * (static_cast<std::size_t>(y) * image.width + x)];
+  return p[0] == color.red && p[1] == color.green && p[2] == color.blue;
+}
+
+int count(const Image& image, const Color& color) {
+  int out = 0;
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) out += is(image, x, y, color) ? 1 : 0;
+  }
+  return out;
+}
+
+/// Whether nothing reaches the picture's rim: words that are cut off do.
+bool rim_is_white(const Image& image) {
+  const Color white{255, 255, 255, 1.0};
+  for (int x = 0; x < image.width; ++x) {
+    if (!is(image, x, 0, white) || !is(image, x, image.height - 1, white)) return false;
+  }
+  for (int y = 0; y < image.height; ++y) {
+    if (!is(image, 0, y, white) || !is(image, image.width - 1, y, white)) return false;
+  }
+  return true;
+}
+
+TEST(Plot, NoWordIsCutOffWhateverTheNumbers) {
+  for (const double factor : {1e-6, 0.01, 1.0, 123456.0, -9876543.0}) {
+    for (const int width : {400, 1200}) {
+      PlotSheet sheet = sheet_of(curve(50, factor));
+      sheet.panels[0].series[0].label = "a long label";
+      PlotSheet twice = sheet;
+      twice.panels.push_back(sheet.panels[0]);
+      PlotStyle style;
+      style.width = width;
+      style.text_size = width / 60.0 + 6.0;
+      const Image picture = draw_plots(twice, style);
+      EXPECT_EQ(picture.width, width);
+      EXPECT_TRUE(rim_is_white(picture)) << factor << " " << width;
+      EXPECT_GT(count(picture, plot_color(0)), width / 8) << factor << " " << width;
+      EXPECT_EQ(picture.data, draw_plots(twice, style).data);
+    }
+  }
+}
+
+TEST(Plot, BoxesHaveTheAreaOfTheirValues) {
+  PlotSeries boxes;
+  boxes.kind = PlotSeries::Kind::kBoxes;
+  boxes.x = {0.0};
+  boxes.right = {1.0};
+  boxes.low = {0.0};
+  boxes.high = {2.0};
+  boxes.color = plot_color(0);
+  PlotSeries half = boxes;
+  half.x = {2.0};
+  half.right = {3.0};
+  half.high = {1.0};
+  half.color = plot_color(1);
+  PlotSheet sheet = sheet_of(boxes);
+  sheet.panels[0].series.push_back(half);
+  sheet.panels[0].y.low = 0.0;
+  const Image picture = draw_plots(sheet);
+  const double a = count(picture, plot_color(0)), b = count(picture, plot_color(1));
+  EXPECT_GT(b, 20000.0);
+  EXPECT_NEAR(a / b, 2.0, 0.03);  // rims of a pixel
+}
+
+TEST(Plot, LabelsAtOnePlaceArePushedApartAndWordsStayInside) {
+  PlotSheet sheet = sheet_of(curve(20, 1.0));
+  for (int i = 0; i < 6; ++i) {
+    sheet.panels[0].series.push_back(sheet.panels[0].series[0]);
+    sheet.panels[0].series.back().name.clear();
+    sheet.panels[0].series.back().label = "car <" + std::to_string(i) + ">";
+  }
+  const std::string svg = plots_svg(sheet);
+  EXPECT_THAT(svg, HasSubstr("xmlns"));
+  EXPECT_THAT(plots_svg(sheet, {}, false), Not(HasSubstr("http")));
+  EXPECT_THAT(svg, HasSubstr("car &lt;0&gt;"));
+  EXPECT_THAT(svg, HasSubstr("height, m"));
+  std::smatch box;
+  ASSERT_TRUE(std::regex_search(svg, box, std::regex("viewBox=\"0 0 (\\d+) (\\d+)\"")));
+  const double width = std::stod(box[1]), height = std::stod(box[2]);
+  const std::regex word("<text x=\"([-0-9.]+)\" y=\"([-0-9.]+)\"[^>]*>([^<]*)<");
+  double last = -1e9;
+  int labels = 0, words = 0;
+  for (std::sregex_iterator it(svg.begin(), svg.end(), word), end; it != end; ++it, ++words) {
+    const double x = std::stod((*it)[1]), y = std::stod((*it)[2]);
+    EXPECT_GT(x, 0.0);
+    EXPECT_LT(x, width);
+    EXPECT_GT(y, 5.0);
+    EXPECT_LT(y, height - 5.0);
+    if ((*it)[3].str().rfind("car", 0) != 0) continue;
+    EXPECT_GE(y - last, 20.0);  // the text size
+    EXPECT_LT(x + Canvas::text_size("car <0>", 20.0).x(), width);
+    last = y;
+    ++labels;
+  }
+  EXPECT_EQ(labels, 6);
+  EXPECT_GT(words, 12);
+}
+
+TEST(Plot, LogarithmicAxesHaveRoundTicksAndGapsAreLeftOut) {
+  PlotSeries s = curve(30, 1.0);
+  s.y[10] = kNaN;
+  s.x[0] = 0.02;
+  PlotSheet sheet = sheet_of(s);
+  sheet.panels[0].x.logarithmic = true;
+  const std::string svg = plots_svg(sheet);
+  for (const char* tick : {">0.02<", ">0.05<", ">0.1<", ">0.5<", ">1<", ">2<"}) {
+    EXPECT_THAT(svg, HasSubstr(tick));
+  }
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+  sheet.panels[0].x.low = 0.0;
+  EXPECT_THROW(plots_svg(sheet), std::invalid_argument);
+}
+
+TEST(Plot, BadInputIsNamed) {
+  EXPECT_THROW(draw_plots({}), std::invalid_argument);
+  PlotSeries s = curve(4, 1.0);
+  s.y.pop_back();
+  EXPECT_THROW(draw_plots(sheet_of(s)), std::invalid_argument);
+  s = curve(4, kNaN);
+  s.y.assign(4, kNaN);
+  EXPECT_THROW(draw_plots(sheet_of(s)), NoAnswerError);
+  PlotStyle style;
+  style.width = 100;
+  EXPECT_THROW(draw_plots(sheet_of(curve(4, 1.0)), style), std::invalid_argument);
+  style = {};
+  style.text_size = kNaN;
+  EXPECT_THROW(draw_plots(sheet_of(curve(4, 1.0)), style), std::invalid_argument);
+  style = {200, 300, 20.0};  // no room beside the words
+  PlotSheet crowded = sheet_of(curve(4, 1.0));
+  crowded.panels[0].series[0].label = "a label of many words that goes on";
+  EXPECT_THROW(draw_plots(crowded, style), std::invalid_argument);
+  // A single value has a range all the same.
+  EXPECT_NO_THROW(draw_plots(sheet_of(curve(1, 0.0))));
+}
+
+std::vector<EvaluatedScene> two_methods() {
+  std::vector<EvaluatedScene> out(2);
+  for (int k = 0; k < 2; ++k) {
+    out[static_cast<std::size_t>(k)].scene = "hill";
+    out[static_cast<std::size_t>(k)].method = k == 0 ? "joint" : "flat";
+    for (int frame = 0; frame < 4; ++frame) {
+      for (int id = 1; id <= 2; ++id) {
+        VehicleError error;
+        error.frame = frame;
+        error.truth_id = id;
+        error.answered = !(k == 1 && frame == 3);
+        error.center_error = error.answered ? 0.1 * (frame + 1) + 3.0 * k : kNaN;
+        error.height_error = error.answered ? -0.02 * (frame + 1) : kNaN;
+        error.true_depth = 10.0 * id + frame;
+        error.depth = error.answered ? error.true_depth + 0.5 : kNaN;
+        error.depth_sigma = error.answered ? 0.25 : kNaN;
+        out[static_cast<std::size_t>(k)].metrics.vehicles.push_back(error);
+      }
+    }
+  }
+  return out;
+}
+
+TEST(ResultPlots, HistogramSharesAndCurvesCountTheUnanswered) {
+  for (const PlottedError which : {PlottedError::kCenter, PlottedError::kGround}) {
+    const PlotSheet sheet = error_plots(two_methods(), which);
+    ASSERT_EQ(sheet.panels.size(), 2u);
+    for (int k = 0; k < 2; ++k) {
+      const double answered = k == 0 ? 100.0 : 75.0;
+      const PlotSeries& bars = sheet.panels[0].series.at(static_cast<std::size_t>(k));
+      double sum = 0.0;
+      for (const double share : bars.high) sum += share;
+      EXPECT_NEAR(sum, answered, 1e-9);
+      const PlotSeries& steps = sheet.panels[1].series.at(static_cast<std::size_t>(k));
+      EXPECT_NEAR(steps.y.back(), answered, 1e-9);
+      EXPECT_TRUE(std::is_sorted(steps.y.begin(), steps.y.end()));
+    }
+    EXPECT_THAT(sheet.panels[0].series[1].name, HasSubstr("2 without an answer"));
+    EXPECT_TRUE(rim_is_white(draw_plots(sheet)));
+  }
+  // The errors of "flat" are 3.1, 3.2 and 3.3 m, those of "joint" 0.1 to 0.4 m.
+  const PlotSheet sheet = error_plots(two_methods(), PlottedError::kCenter);
+  EXPECT_THAT(sheet.panels[0].series[0].name, HasSubstr("median 0.25 m"));
+  EXPECT_NEAR(sheet.panels[0].series[1].high.back(), 75.0, 1e-9);  // the last bar: all beyond
+  std::vector<EvaluatedScene> nothing = two_methods();
+  for (EvaluatedScene& scene : nothing) scene.metrics.vehicles.clear();
+  EXPECT_THROW(error_plots(nothing, PlottedError::kCenter), NoAnswerError);
+  EXPECT_THROW(depth_plots(nothing, {}), NoAnswerError);
+}
+
+TEST(ResultPlots, DepthOverTimeHasTruthInRedAndMarginsOf95Percent) {
+  const PlotSheet sheet = depth_plots(two_methods(), {{0, 0.0}, {1, 0.1}, {2, 0.2}, {3, 0.3}});
+  ASSERT_EQ(sheet.panels.size(), 2u);
+  EXPECT_EQ(sheet.panels[0].x.title, "time, s");
+  const std::vector<PlotSeries>& series = sheet.panels[0].series;
+  ASSERT_EQ(series.size(), 8u);  // for two vehicles: truth; path, points, the truth's last point
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_EQ(series[static_cast<std::size_t>(k)].color.red, kTruthRed.red);
+    EXPECT_EQ(series[static_cast<std::size_t>(k)].label, "vehicle " + std::to_string(k + 1));
+  }
+  EXPECT_DOUBLE_EQ(series[1].x[3], 0.3);
+  EXPECT_DOUBLE_EQ(series[1].y[3], 23.0);
+  EXPECT_DOUBLE_EQ(series[3].y[0], 10.5);
+  EXPECT_DOUBLE_EQ(series[3].low[0], 10.5 - 1.96 * 0.25);
+  EXPECT_DOUBLE_EQ(series[3].high[0], 10.5 + 1.96 * 0.25);
+  EXPECT_TRUE(rim_is_white(draw_plots(sheet)));
+  EXPECT_EQ(depth_plots(two_methods(), {}).panels[0].x.title, "frame");
+}
+
+TEST(ResultPlots, ProfileBandsAndTimingBars) {
+  std::vector<ProfilePoint> profile(5);
+  for (int i = 0; i < 5; ++i) {
+    ProfilePoint& p = profile[static_cast<std::size_t>(i)];
+    p.station = 2.0 * i;
+    if (i == 2) continue;  // not covered
+    p.height = 0.1 * i;
+    p.sigma_height = 0.05;
+    p.grade = 0.08;
+    p.sigma_grade = 0.01;
+  }
+  const PlotSheet sheet = profile_plots(profile, true, "hill");
+  ASSERT_EQ(sheet.panels.size(), 2u);  // the cross slope is not known
+  EXPECT_DOUBLE_EQ(sheet.panels[0].series[0].low[1], 0.1 - 1.96 * 0.05);
+  EXPECT_NEAR(sheet.panels[1].series[1].y[3], 8.0, 1e-12);
+  EXPECT_NEAR(sheet.panels[1].series[0].high[3], 8.0 + 1.96, 1e-12);
+  EXPECT_THAT(plots_svg(sheet), Not(HasSubstr("nan")));
+  EXPECT_EQ(profile_plots(profile, false, "").panels[0].y.title, "height, units");
+  EXPECT_THROW(profile_plots(std::vector<ProfilePoint>(3), true, ""), NoAnswerError);
+
+  Timings timings;
+  EXPECT_THROW(timing_plots(timings, ""), NoAnswerError);
+  timings.add("load", 12.0);
+  timings.add("surface", 234.0);
+  const std::string svg = plots_svg(timing_plots(timings, "times"));
+  for (const char* word : {"load", "surface", "12 ms", "234 ms", "sum 246 ms"}) {
+    EXPECT_THAT(svg, HasSubstr(word));
+  }
+  EXPECT_TRUE(rim_is_white(draw_plots(timing_plots(timings, "times"))));
+}
+
+}  // namespace
+}  // namespace camber
