@@ -464,22 +464,28 @@ kernels::Moments Fitter::all_moments(const PlaneCandidate& c, bool finish, Plane
     alignas(32) float x[kernels::kBlock], y[kernels::kBlock], z[kernels::kBlock],
         weight[kernels::kBlock];
     alignas(32) std::int32_t mask[kernels::kBlock];
-    int buffer[kernels::kBlock];
+    int buffer[kernels::kBlock + kernels::kLanes];
     Part& part = parts[chunk];
     std::vector<int>& inliers = single ? *single : part.inliers;
     const std::size_t chunk_end = std::min(n, (chunk + 1) * kChunk);
     for (std::size_t begin = chunk * kChunk; begin < chunk_end; begin += kernels::kBlock) {
       const std::size_t m = std::min(kernels::kBlock, chunk_end - begin);
       const std::size_t first = source_.stride * begin;
+      if (same) {
+        const std::size_t filled = kernels::accumulate_and_list(
+            source_.x + first, source_.y + first, source_.z + first, source_.stride, m, pivot_,
+            same_weight, p, w, kLimit, kInlier, static_cast<int>(begin), list ? buffer : nullptr,
+            &part.moments);
+        if (list) inliers.insert(inliers.end(), buffer, buffer + filled);
+        continue;
+      }
       kernels::load_points(source_.x + first, source_.y + first, source_.z + first, source_.stride,
-                           m, pivot_, same_weight, x, y, z, weight);
+                           m, pivot_, 1.0f, x, y, z, weight);
       const std::size_t rows = kernels::padded(m);
       for (std::size_t k = m; k < rows; ++k) x[k] = y[k] = z[k] = weight[k] = 0.0f;
-      if (!same) {
-        c.noise.weigh(c.plane.n, c.plane.d, m, x, y, z,
-                      source_.sigma ? source_.sigma + begin : nullptr,
-                      source_.covariance ? source_.covariance + begin : nullptr, weight);
-      }
+      c.noise.weigh(c.plane.n, c.plane.d, m, x, y, z,
+                    source_.sigma ? source_.sigma + begin : nullptr,
+                    source_.covariance ? source_.covariance + begin : nullptr, weight);
       if (!finish) {
         kernels::accumulate(x, y, z, weight, rows, p, w, kLimit, kernels::Loss::kNewton, false,
                             &part.moments);

@@ -123,13 +123,18 @@ double core_deviation(const std::vector<float>& residuals, double start, double 
   double deviation = start, share = 0.8;
   for (int iteration = 0; iteration < 30; ++iteration) {
     double in = 0.0, squares = 0.0;
+    // exp(-a^2 / 2 s^2) at a = (k + 1/2) width, from bin to bin.
+    const double unit = width / deviation;
+    double bell = share * std::sqrt(2.0 / M_PI) / deviation * std::exp(-0.125 * unit * unit);
+    double ratio = std::exp(-unit * unit);
+    const double next_ratio = ratio;
     for (int k = 0; k < kBins; ++k) {
       const double a = (k + 0.5) * width;
-      const double normal = share * std::sqrt(2.0 / M_PI) / deviation *
-                            std::exp(-0.5 * a * a / deviation / deviation);
-      const double p = normal / (normal + (1.0 - share) / reach) * counts[k];
+      const double p = bell / (bell + (1.0 - share) / reach) * counts[static_cast<std::size_t>(k)];
       in += p;
       squares += p * a * a;
+      bell *= ratio;
+      ratio *= next_ratio;
     }
     if (!(in > 0.0)) return start;
     const double next = std::sqrt(std::max(squares / in, width * width / 12.0));

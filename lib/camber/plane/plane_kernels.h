@@ -78,6 +78,16 @@ void accumulate_and_mark(const float* x, const float* y, const float* z, const f
                          float inlier_limit, std::int32_t* mask, const float* ahead,
                          Moments* moments);
 
+/// The same straight from a cloud whose usable points all have one weight, n <= kBlock (any
+/// number): points with a stride (in floats) less a pivot; rows that are not finite or farther than
+/// 1e15 m do not count. Where list is not null it gets first + i of every inlier, ascending, and
+/// has room for n + kLanes entries.
+/// @return  number of inliers
+std::size_t accumulate_and_list(const float* x, const float* y, const float* z, std::size_t stride,
+                                std::size_t n, const float pivot[3], float weight,
+                                const FloatPlane& plane, const Window& window, float limit,
+                                float inlier_limit, int first, int* list, Moments* moments);
+
 /// How a piece of a cloud lies on a plane; inliers have r^2 w < limit.
 struct PieceStatistics {
   float cost = 0;  ///< MSAC cost, sum of min(r^2 w, limit)

@@ -375,6 +375,11 @@ void learn_local_noise(const PointArrays& s,
       if (std::abs(plane.n.dot(up)) < least_cosine) continue;
       plane.d = -plane.n.dot(p);
       measure(plane);
+      // No lower quantile with no more residuals below the best so far.
+      std::size_t below = 0;
+      const float bound = static_cast<float>(best_quantile);
+      for (std::size_t q = 0; q < m; ++q) below += std::abs(residuals[q]) < bound ? 1 : 0;
+      if (below <= static_cast<std::size_t>(0.45 * static_cast<double>(m))) continue;
       sorted.resize(m);
       for (std::size_t q = 0; q < m; ++q) sorted[q] = std::abs(residuals[q]);
       const double q = quantile(sorted, 0.45);
@@ -431,14 +436,14 @@ void learn_local_noise(const PointArrays& s,
   learn_power_law(pairs, typical, least, model);
 }
 
-void refine_candidate(PointArrays* points, const Vector3d& up, PlaneCandidate* c) {
+void refine_candidate(PointArrays* points, const Vector3d& up, PlaneCandidate* c, bool near) {
   constexpr double kLimit = kBiweight * kBiweight;
   for (int round = 0; round < 12; ++round) {
     align(c->plane, &c->window);
     points->weigh(c->noise, c->plane);
     PivotPlane next = c->plane;
     double step = 0.0;
-    const bool newton = round >= 2;
+    const bool newton = near || round >= 2;
     kernels::Moments moments =
         sum_moments(*points, c->plane, c->window, kLimit,
                     newton ? kernels::Loss::kNewton : kernels::Loss::kReweighted, false);
@@ -470,50 +475,52 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
     refine_candidate(points, up, c);
     if (!fixed_noise) {
       rescale_noise(points, least_noise, c);
-      refine_candidate(points, up, c);
+      refine_candidate(points, up, c, true);
     }
   }
-  std::vector<float> u, v, normalised, along, across, across_in, normalised_in;
-  for (std::vector<float>* values : {&u, &v, &normalised, &across_in, &normalised_in}) {
-    values->reserve(s.size);
-  }
+  std::vector<float> u(s.size), v(s.size), normalised(s.size), along, across, across_in,
+      normalised_in;
   for (int round = again ? 1 : 0; round < 2; ++round) {
     points->weigh(c->noise, c->plane);
     const PlaneWindow wide = c->window;
     const kernels::Window w = wide.as_float();
     const kernels::FloatPlane p = c->plane.as_float();
-    u.clear();
-    v.clear();
-    normalised.clear();
+    std::size_t filled = 0;
     // Axes: the principal directions of the inliers.
     double su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
     const float most_u = round > 0 ? 1.3f * w.half_u : 2e15f,
                 most_v = round > 0 ? 1.3f * w.half_v : 2e15f;
     for (std::size_t k = 0; k < s.size; ++k) {
       const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-      if (!(r * r * s.w[k] < 9.0f) || !(s.w[k] > 0.0f)) continue;
       const float a = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
       const float b = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
-      if (std::abs(a) > most_u || std::abs(b) > most_v) continue;
-      u.push_back(a);
-      v.push_back(b);
-      normalised.push_back(r * std::sqrt(s.w[k]));
-      su += static_cast<double>(a);
-      sv += static_cast<double>(b);
-      suu += static_cast<double>(a) * static_cast<double>(a);
-      suv += static_cast<double>(a) * static_cast<double>(b);
-      svv += static_cast<double>(b) * static_cast<double>(b);
+      // Without branches: whether a row counts is hard to predict.
+      u[filled] = a;
+      v[filled] = b;
+      normalised[filled] = r * std::sqrt(s.w[k]);
+      filled += (r * r * s.w[k] < 9.0f) & (s.w[k] > 0.0f) & (std::abs(a) <= most_u) &
+                        (std::abs(b) <= most_v)
+                    ? 1
+                    : 0;
     }
-    if (u.size() < 400) return;
-    const double count = static_cast<double>(u.size());
+    if (filled < 400) return;
+    for (std::size_t k = 0; k < filled; ++k) {
+      const double a = static_cast<double>(u[k]), b = static_cast<double>(v[k]);
+      su += a;
+      sv += b;
+      suu += a * a;
+      suv += a * b;
+      svv += b * b;
+    }
+    const double count = static_cast<double>(filled);
     const double cuu = suu - su * su / count, cuv = suv - su * sv / count,
                  cvv = svv - sv * sv / count;
     const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
     const double cosine = std::cos(angle), sine = std::sin(angle);
     const float fc = static_cast<float>(cosine), fs = static_cast<float>(sine);
-    along.resize(u.size());
-    across.resize(u.size());
-    for (std::size_t k = 0; k < u.size(); ++k) {
+    along.resize(filled);
+    across.resize(filled);
+    for (std::size_t k = 0; k < filled; ++k) {
       along[k] = fc * u[k] + fs * v[k];
       across[k] = -fs * u[k] + fc * v[k];
     }
@@ -537,10 +544,10 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
     window.half_v = 0.48 * (right - left);
     window.ramp_u = 0.12 * (high - low);
     window.ramp_v = 0.12 * (right - left);
-    if (!again) refine_candidate(points, up, c);
+    if (!again) refine_candidate(points, up, c, true);
     if (fixed_noise) continue;
     rescale_noise(points, least_noise, c);
-    if (!again) refine_candidate(points, up, c);
+    if (!again) refine_candidate(points, up, c, true);
   }
 }
 

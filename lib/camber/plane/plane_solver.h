@@ -109,7 +109,9 @@ void learn_local_noise(const PointArrays& points,
 
 /// Refines a candidate on its points: reweighted, then by Newton's steps, to convergence. Points'
 /// weights are those of the candidate's plane afterwards.
-void refine_candidate(PointArrays* points, const Eigen::Vector3d& up, PlaneCandidate* candidate);
+/// @param near  it has been refined on much the same points: by Newton's steps at once
+void refine_candidate(PointArrays* points, const Eigen::Vector3d& up, PlaneCandidate* candidate,
+                      bool near = false);
 
 /// Refines a candidate, re-estimates its noise (unless `fixed_noise`), finds the part of the plane
 /// that the points cover evenly, and refines inside it. Outside it and towards its edges points
