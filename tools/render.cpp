@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -13,8 +14,10 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/render/frame_overlay.h"
 #include "camber/render/gltf.h"
 #include "camber/render/loaded_result.h"
+#include "camber/render/overlay.h"
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
 #include "cloud_arguments.h"
@@ -29,14 +32,16 @@ namespace {
 constexpr double kDegree = M_PI / 180.0;
 
 struct Arguments {
-  std::string input, out, scene, view, color = "height", size = "1600x900", title;
+  std::string input, out, scene, view, color = "height", size = "1600x900", title, truth;
+  std::vector<std::string> show, hide;
+  double upscale = 1.0;
   std::vector<double> camera, up;
   double azimuth_deg = ScenePictureOptions().azimuth / kDegree;
   double elevation_deg = ScenePictureOptions().elevation / kDegree;
   ScenePictureOptions picture;
   std::optional<int> frame;
   int turntable = 0;
-  bool no_truth = false, json = false;
+  bool no_truth = false, links = false, json = false;
   CloudArguments cloud;
 };
 
@@ -61,6 +66,50 @@ FreeView free_view_of(const std::vector<double>& numbers) {
   view.up = {numbers[6], numbers[7], numbers[8]};
   view.field_of_view = numbers[9] * kDegree;
   return view;
+}
+
+struct OverlaySwitch {
+  const char* name;
+  bool OverlayOptions::*shown;
+};
+constexpr OverlaySwitch kOverlaySwitches[] = {
+    {"boxes-2d", &OverlayOptions::show_boxes_2d}, {"boxes", &OverlayOptions::show_boxes_3d},
+    {"planes", &OverlayOptions::show_planes},     {"labels", &OverlayOptions::show_labels},
+    {"ellipses", &OverlayOptions::show_ellipses}, {"patches", &OverlayOptions::show_patches},
+    {"normals", &OverlayOptions::show_normals},   {"grade", &OverlayOptions::show_grade},
+    {"mask", &OverlayOptions::show_mask}};
+
+/// Sets the switches that --show and --hide name. @param table has `name` and `shown`.
+template <typename Table, typename Options>
+void switch_parts(const Table& table, const Arguments& a, const std::string& view,
+                  Options* options) {
+  const auto set = [&](const char* option, const std::vector<std::string>& names, bool value) {
+    for (const std::string& name : names) {
+      bool known = false;
+      std::string all;
+      for (const auto& entry : table) {
+        if (name == entry.name) {
+          options->*entry.shown = value;
+          known = true;
+        }
+        all += (all.empty() ? "" : ", ") + std::string(entry.name);
+      }
+      if (!known) {
+        throw UsageError(fmt::format("{}: found '{}', which the view {} does not have; expected {}",
+                                     option, name, view, all));
+      }
+    }
+  };
+  set("--show", a.show, true);
+  set("--hide", a.hide, false);
+}
+
+/// "grid, points, ...".
+template <typename Table>
+std::string names_of(const Table& table) {
+  std::string all;
+  for (const auto& entry : table) all += (all.empty() ? "" : ", ") + std::string(entry.name);
+  return all;
 }
 
 /// "out.png" and 3 give "out_003.png".
@@ -129,8 +178,9 @@ int run(const Command& command, Arguments& a) {
   if (kind != ".png" && a.turntable > 0) {
     throw UsageError("--turntable makes pictures: --out must end in .png");
   }
-  const bool bev = a.view == "bev";
-  if (a.turntable > 0 && (bev || !a.camera.empty() || a.view == "driver" || a.view == "side")) {
+  const bool bev = a.view == "bev", overlay = a.view == "overlay";
+  if (a.turntable > 0 &&
+      (bev || overlay || !a.camera.empty() || a.view == "driver" || a.view == "side")) {
     throw UsageError("--turntable turns the oblique view and goes with no other");
   }
   ScenePictureOptions& options = a.picture;
@@ -140,6 +190,18 @@ int run(const Command& command, Arguments& a) {
   options.elevation = a.elevation_deg * kDegree;
   options.color = PointColor::parse(a.color);
   options.show_truth = !a.no_truth;
+  options.show_links = a.links;
+  OverlayOptions overlay_options;
+  overlay_options.upscale = a.upscale;
+  if (overlay) {
+    switch_parts(kOverlaySwitches, a, "overlay", &overlay_options);
+    overlay_options.validate();
+  } else {
+    switch_parts(scene_switches(), a, a.camera.empty() ? a.view : "free", &options);
+  }
+  if (options.transparent && (bev || overlay || kind != ".png")) {
+    throw UsageError("--transparent goes with the 3D views only");
+  }
   if (!a.camera.empty()) {
     options.view = SceneView::kFree;
     options.free_view = free_view_of(a.camera);
@@ -150,6 +212,7 @@ int run(const Command& command, Arguments& a) {
   bev_options.point_size = options.point_size;
   bev_options.color = options.color;
   bev_options.show_truth = options.show_truth;
+  bev_options.show_links = options.show_links;
   bev ? bev_options.validate() : options.validate();
 
   StageTimer load(timings, "load");
@@ -157,6 +220,15 @@ int run(const Command& command, Arguments& a) {
   LoadedResult result = load_result(a.input, a.cloud.read_options());
   warn_about(a.input, result.cloud_report, warn);
   if (!a.scene.empty()) result.scene = read_scene(a.scene, warn);
+  if (overlay && !result.scene) {
+    throw UsageError("--view overlay draws onto the images of a scene: expected --scene");
+  }
+  if (a.truth == "scene") {
+    if (!result.scene) throw UsageError("--truth scene: expected a --scene that has a truth cloud");
+    result.load_scene_truth_cloud(a.cloud.read_options());
+  } else if (!a.truth.empty()) {
+    result.truth_cloud = read_cloud_file(a.truth, a.cloud.read_options()).cloud;
+  }
   load.stop();
 
   PictureContent content = result.content();
@@ -185,7 +257,9 @@ int run(const Command& command, Arguments& a) {
   const Progress progress = make_progress(command.common);
   {
     const StageTimer compute(timings, "compute");
-    if (bev) {
+    if (overlay) {
+      pictures.emplace_back(a.out, draw_frame_overlay(result, content.frame, overlay_options));
+    } else if (bev) {
       pictures.emplace_back(a.out, render_bev_picture(content, bev_options));
     } else if (a.turntable > 0) {
       const double start = options.azimuth;
@@ -215,10 +289,16 @@ void register_render(CLI::App& root) {
       root, "render",
       "Draws a result folder or a cloud into a PNG, without a display: the 3D scene from the "
       "paper's oblique view, from the side, through the driver's eyes or from anywhere, or the "
-      "bird's-eye view with a metric grid. Or writes it as glTF, or as a report to read.",
+      "bird's-eye view with a metric grid, or the vehicles over their image. Or writes it as glTF, "
+      "or as a report to read.",
       "  camber render out/steep_hill --out hill.png\n"
       "  camber render out/steep_hill --view bev --scene samples/steep_hill --out from_above.png\n"
       "  camber render out/steep_hill --scene samples/steep_hill --out report.html\n"
+      "  camber render out/steep_hill --scene samples/steep_hill --truth scene --color error "
+      "--hide patches --out errors.png\n"
+      "  camber render out/steep_hill --scene samples/steep_hill --view overlay --show "
+      "grade,ellipses --out overlay.png\n"
+      "  camber render out/steep_hill --show links,normals --transparent --out graph.png\n"
       "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
       "  camber render scan.las --camera 0,-20,15,0,30,0,0,0,1,40 --out scan.png");
   auto arguments = std::make_shared<Arguments>();
@@ -231,8 +311,9 @@ void register_render(CLI::App& root) {
       ->required();
   a.view = "both";
   app.add_option("--view", a.view,
-                 "both (oblique over side), oblique, side, driver (needs --scene), bev")
-      ->check(CLI::IsMember({"both", "oblique", "side", "driver", "bev"}))
+                 "both (oblique over side), oblique, side, driver (needs --scene), bev, overlay "
+                 "(the frame's image, needs --scene)")
+      ->check(CLI::IsMember({"both", "oblique", "side", "driver", "bev", "overlay"}))
       ->capture_default_str();
   app.add_option("--camera", a.camera,
                  "free view: eye x,y,z, target x,y,z, up x,y,z in metres of the input's frame, and "
@@ -248,7 +329,8 @@ void register_render(CLI::App& root) {
   app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
       ->check(CLI::Range(1, 3600));
   app.add_option("--color", a.color,
-                 "of the points: height, sigma, patch, image, or the name of an attribute")
+                 "of the points: height, sigma, patch, image, error (above or below the "
+                 "cloud of --truth), or the name of an attribute")
       ->capture_default_str();
   app.add_option("--size", a.size, "WIDTHxHEIGHT in pixels, up to 8192 each")
       ->capture_default_str();
@@ -257,8 +339,25 @@ void register_render(CLI::App& root) {
       ->capture_default_str();
   app.add_option("--point-size", a.picture.point_size, "pixels; 0: from the number of points")
       ->capture_default_str();
-  app.add_flag("--links", a.picture.show_links, "draw the consistency graph of the patches");
+  app.add_option("--show", a.show,
+                 "parts to draw besides the usual ones. 3D: " + names_of(scene_switches()) +
+                     "; overlay: " + names_of(kOverlaySwitches))
+      ->delimiter(',')
+      ->type_name("LIST");
+  app.add_option("--hide", a.hide, "parts to leave out, as --show")
+      ->delimiter(',')
+      ->type_name("LIST");
+  app.add_flag("--links", a.links,
+               "draw the consistency graph of the patches: links coloured by their height step, "
+               "those not used dashed");
+  app.add_flag("--transparent", a.picture.transparent,
+               "3D views: a picture with an alpha channel instead of a white ground");
+  app.add_option("--upscale", a.upscale, "overlay: the image is enlarged so many times")
+      ->capture_default_str();
   app.add_option("--scene", a.scene, "manifest of the run: adds the camera and the truth, in red");
+  app.add_option("--truth", a.truth,
+                 "dense ground truth to draw, in grey: a cloud in the input's frame, or the word "
+                 "scene for that of --scene");
   app.add_flag("--no-truth", a.no_truth, "leave out the truth of --scene");
   app.add_option("--frame", a.frame, "frame id whose vehicles are shown; default: the reference");
   app.add_option("--up", a.up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);

@@ -9,6 +9,7 @@
 #include "camber/render/picture_file.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/pictures.h"
+#include "camber/render/scene_actors.h"
 
 namespace camber {
 namespace {
@@ -126,10 +127,31 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
   Image image = make_picture(width, height, 255);
   Canvas canvas(image);
 
+  const bool links_shown = options.show_links && !space.links.empty();
+  std::vector<LegendEntry> legend = make_legend(space, "camera path");
+  using Mark = LegendEntry::Mark;
+  const bool any_ellipse =
+      std::any_of(space.vehicles.begin(), space.vehicles.end(),
+                  [](const PlacedVehicle& vehicle) { return !ellipse(vehicle, Map()).empty(); });
+  if (any_ellipse) legend.push_back({Mark::kEllipse, kInk, "95 % of its position"});
+  if (content.camera && space.current_camera >= 0) {
+    legend.push_back({Mark::kDashedLine, kInk, "field of view"});
+  }
+  for (const bool valid : {true, false}) {
+    const bool any =
+        links_shown && std::any_of(space.links.begin(), space.links.end(),
+                                   [&](const PlacedLink& link) { return link.valid == valid; });
+    if (any && valid) legend.push_back({Mark::kLine, plasma(0.3), "link of patches"});
+    if (any && !valid) legend.push_back({Mark::kDashedLine, kInk, "link not used"});
+  }
+  const double legend_top =
+      height - 0.6 * text -
+      legend_height(count_legend_rows(width - 2.0 * text, legend, text), text);
+
   // The plot's frame, and a map that fits the content into it without distortion.
   const double top = content.title.empty() ? 2.2 * text : 3.8 * text;
-  const Box2 frame{4.4 * text, top, width - (space.has_color_bar ? 10.5 : 1.5) * text,
-                   height - 5.2 * text};
+  const bool bars = space.has_color_bar || links_shown;
+  const Box2 frame{4.4 * text, top, width - (bars ? 10.5 : 1.5) * text, legend_top - 3.3 * text};
   const double pad = 1.2 * text;
   Map map;
   map.north_up = space.map;
@@ -167,6 +189,12 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
   }
   canvas.segments(grid, thin, {222, 225, 229, 1.0});
 
+  if (!space.truth_points.empty()) {
+    PictureSpace truth;
+    truth.points = space.truth_points;
+    truth.colors.assign(truth.points.size(), {kTruthGrey.red, kTruthGrey.green, kTruthGrey.blue});
+    splat_points(image, truth, map, frame, 1.4 * unit);
+  }
   if (!space.points.empty()) {
     double size = options.point_size;
     if (size <= 0.0) {
@@ -196,6 +224,19 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
     canvas.polygon(rim, kPaper.with_alpha(0.25));
     canvas.polyline(rim, true, 3.4 * unit, kPaper.with_alpha(0.8));
     canvas.polyline(rim, true, 2.0 * unit, patch_color(patch.kind));
+  }
+  if (links_shown) {
+    std::vector<Segment2> invalid;
+    for (const PlacedLink& link : space.links) {
+      const Segment2 line{map(link.a), map(link.b)};
+      if (!link.valid) {
+        invalid.push_back(line);
+        continue;
+      }
+      canvas.segments({line}, 5.0 * unit, kPaper.with_alpha(0.8));
+      canvas.segments({line}, 3.0 * unit, link_color(link, space));
+    }
+    canvas.dashed(invalid, 0.4 * text, 0.3 * text, 1.6 * unit, kInk);
   }
   for (const PlacedVehicle& vehicle : space.vehicles) {
     const Color color = vehicle_color(vehicle);
@@ -254,22 +295,39 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
     line += 1.5 * text;
   }
   canvas.text({text, line}, content_summary(content, space), text, kFaintInk);
+  const double bar_left = width - 9.2 * text;
   if (space.has_color_bar) {
-    const double left = width - 9.2 * text;
     const double bar_top = frame.y1 + 1.2 * text * static_cast<double>(space.color_title.size());
-    draw_color_bar(canvas, {left, bar_top, left + 1.2 * text, frame.y2}, space.color_range.low,
-                   space.color_range.high, space.color_title, text, kInk);
+    const double bar_bottom = links_shown ? frame.center().y() - 0.4 * text : frame.y2;
+    draw_color_bar(canvas, {bar_left, bar_top, bar_left + 1.2 * text, bar_bottom},
+                   space.color_range.low, space.color_range.high, space.color_title, text, kInk,
+                   space.color_scale);
   }
-  std::vector<LegendEntry> legend = make_legend(space, "camera path");
-  using Mark = LegendEntry::Mark;
-  const bool any_ellipse =
-      std::any_of(space.vehicles.begin(), space.vehicles.end(),
-                  [&](const PlacedVehicle& vehicle) { return !ellipse(vehicle, map).empty(); });
-  if (any_ellipse) legend.push_back({Mark::kEllipse, kInk, "95 % of its position"});
-  if (content.camera && space.current_camera >= 0) {
-    legend.push_back({Mark::kDashedLine, kInk, "field of view"});
+  if (links_shown) {
+    const double start = space.has_color_bar ? frame.center().y() + 0.4 * text : frame.y1;
+    draw_color_bar(canvas, {bar_left, start + 2.4 * text, bar_left + 1.2 * text, frame.y2}, 0.0,
+                   space.link_steps.high, {"height step", "of a link (" + space.unit + ")"}, text,
+                   kInk, plasma);
   }
-  draw_legend(canvas, {text, height - 1.3 * text}, width - text, legend, text);
+  draw_legend(canvas, {text, legend_top + 0.65 * text}, width - text, legend, text);
+
+  // Scale bar, as long as a cell of the grid.
+  const Eigen::Vector2d bar_end(frame.x2 - 0.8 * text, frame.y2 - 0.9 * text);
+  const Eigen::Vector2d bar_start = bar_end - Eigen::Vector2d(map.scale * step, 0.0);
+  const std::string bar_text = format_step(step) + " " + space.unit;
+  const double bar_text_width = Canvas::text_size(bar_text, text, true).x();
+  const double plate_left =
+      std::min(bar_start.x(), 0.5 * (bar_start.x() + bar_end.x()) - 0.5 * bar_text_width);
+  const Box2 plate{plate_left - 0.5 * text, bar_end.y() - 1.9 * text, frame.x2 - 0.3 * text,
+                   frame.y2 - 0.3 * text};
+  canvas.rectangle(plate, kPaper.with_alpha(0.85), 0.2 * text);
+  canvas.segments(
+      {{bar_start, bar_end},
+       {bar_start - Eigen::Vector2d(0, 0.3 * text), bar_start + Eigen::Vector2d(0, 0.3 * text)},
+       {bar_end - Eigen::Vector2d(0, 0.3 * text), bar_end + Eigen::Vector2d(0, 0.3 * text)}},
+      2.0 * unit, kInk);
+  canvas.text({0.5 * (bar_start.x() + bar_end.x()), bar_end.y() - 1.0 * text}, bar_text, text, kInk,
+              TextAnchor::kCenter, true);
 
   // Labels last: they cover what they must.
   std::vector<LabelRequest> requests;
@@ -277,6 +335,7 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
   LabelLayoutOptions layout;
   layout.area = frame.grown(-2.0);
   layout.gap = 0.25 * text;
+  layout.taken = {plate};
   for (const PlacedVehicle& vehicle : space.vehicles) {
     const Box2 reach = bounds(footprint(vehicle, map));
     layout.avoid.push_back(reach);

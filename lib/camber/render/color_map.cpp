@@ -8,18 +8,44 @@
 
 namespace camber {
 
+namespace {
+
+std::array<Color, 256> color_table(int map) {
+  cv::Mat grey(1, 256, CV_8U), bgr;
+  for (int i = 0; i < 256; ++i) grey.at<std::uint8_t>(0, i) = static_cast<std::uint8_t>(i);
+  cv::applyColorMap(grey, bgr, map);
+  std::array<Color, 256> colors;
+  for (int i = 0; i < 256; ++i) {
+    const cv::Vec3b& c = bgr.at<cv::Vec3b>(0, i);
+    colors[i] = {c[2], c[1], c[0], 1.0};
+  }
+  return colors;
+}
+
+}  // namespace
+
+Color plasma(double share) {
+  static const std::array<Color, 256> table = color_table(cv::COLORMAP_PLASMA);
+  if (!std::isfinite(share)) return {128, 128, 128, 1.0};
+  return table[std::lround(255.0 * (0.1 + 0.8 * std::clamp(share, 0.0, 1.0)))];
+}
+
+Color diverging(double share) {
+  if (!std::isfinite(share)) return {128, 128, 128, 1.0};
+  constexpr double kStops[5][3] = {
+      {22, 72, 150}, {110, 165, 215}, {222, 222, 222}, {240, 165, 80}, {178, 84, 0}};
+  const double at = 4.0 * std::clamp(share, 0.0, 1.0);
+  const int i = std::min(3, static_cast<int>(at));
+  std::uint8_t mixed[3];
+  for (int c = 0; c < 3; ++c) {
+    const double value = kStops[i][c] + (at - i) * (kStops[i + 1][c] - kStops[i][c]);
+    mixed[c] = static_cast<std::uint8_t>(std::lround(value));
+  }
+  return {mixed[0], mixed[1], mixed[2], 1.0};
+}
+
 Color viridis(double share) {
-  static const std::array<Color, 256> table = [] {
-    cv::Mat grey(1, 256, CV_8U), bgr;
-    for (int i = 0; i < 256; ++i) grey.at<std::uint8_t>(0, i) = static_cast<std::uint8_t>(i);
-    cv::applyColorMap(grey, bgr, cv::COLORMAP_VIRIDIS);
-    std::array<Color, 256> colors;
-    for (int i = 0; i < 256; ++i) {
-      const cv::Vec3b& c = bgr.at<cv::Vec3b>(0, i);
-      colors[i] = {c[2], c[1], c[0], 1.0};
-    }
-    return colors;
-  }();
+  static const std::array<Color, 256> table = color_table(cv::COLORMAP_VIRIDIS);
   if (!std::isfinite(share)) return {128, 128, 128, 1.0};
   return table[std::lround(0.9 * 255.0 * std::clamp(share, 0.0, 1.0))];
 }
@@ -42,6 +68,11 @@ std::string format_number(double value, int decimals) {
   const std::string out = text;
   if (out[0] == '-' && out.find_first_not_of("-0.") == std::string::npos) return out.substr(1);
   return out;
+}
+
+std::string format_step(double step) {
+  return format_number(step,
+                       std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 12));
 }
 
 Ticks make_ticks(double low, double high, int count) {
@@ -73,12 +104,13 @@ Ticks multiples_of(double step, double low, double high) {
 }
 
 void draw_color_bar(Canvas& canvas, const Box2& bar, double low, double high,
-                    const std::vector<std::string>& title, double text_size, const Color& ink) {
+                    const std::vector<std::string>& title, double text_size, const Color& ink,
+                    ColorScale scale) {
   const int rows = std::max(1, static_cast<int>(std::lround(bar.height())));
   for (int row = 0; row < rows; ++row) {
     const double share = 1.0 - (row + 0.5) / rows;
     const double y = bar.y1 + row;
-    canvas.segments({{{bar.x1, y}, {bar.x2, y}}}, 1.0, viridis(share));
+    canvas.segments({{{bar.x1, y}, {bar.x2, y}}}, 1.0, scale(share));
   }
   canvas.polyline({{bar.x1, bar.y1}, {bar.x2, bar.y1}, {bar.x2, bar.y2}, {bar.x1, bar.y2}}, true,
                   std::max(1.0, text_size / 16.0), ink);

@@ -12,6 +12,16 @@ namespace camber {
 /// Smith and van der Walt, "A Better Default Colormap for Matplotlib", SciPy 2015 (CC0).
 Color viridis(double share);
 
+/// Plasma without its darkest and palest tenths, for a second quantity beside viridis. As
+/// viridis().
+Color plasma(double share);
+
+/// Blue over light grey to orange, for signed values with zero in the middle. As viridis().
+Color diverging(double share);
+
+/// A map from [0, 1] to colours.
+using ColorScale = Color (*)(double share);
+
 /// Distinct colours for things that are told apart by number (after Okabe and Ito, without reddish
 /// ones: red is kept for truth). Any integer.
 Color categorical(int index);
@@ -32,9 +42,13 @@ Ticks multiples_of(double step, double low, double high);
 /// A number with a fixed number of decimals; never "-0.0".
 std::string format_number(double value, int decimals);
 
-/// A vertical bar of viridis with ticks and a title over it.
+/// A tick's step with as many decimals as it needs.
+std::string format_step(double step);
+
+/// A vertical bar of a colour scale with ticks and a title over it.
 /// @param bar  pixels; labels are written to its right.
 void draw_color_bar(Canvas& canvas, const Box2& bar, double low, double high,
-                    const std::vector<std::string>& title, double text_size, const Color& ink);
+                    const std::vector<std::string>& title, double text_size, const Color& ink,
+                    ColorScale scale = viridis);
 
 }  // namespace camber

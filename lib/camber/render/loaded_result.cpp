@@ -21,6 +21,27 @@ int LoadedResult::reference_frame() const {
   return 0;
 }
 
+void LoadedResult::load_scene_truth_cloud(const ReadOptions& options) {
+  if (!scene || !scene->truth || scene->truth->cloud.empty()) {
+    throw NoAnswerError("there is no dense ground truth: the scene has no truth cloud");
+  }
+  const SceneTruth& truth = *scene->truth;
+  const int reference = reference_frame();
+  const auto pose = [&](int id) {
+    for (const TruthFrame& frame : truth.frames) {
+      if (frame.id == id && frame.world_from_camera) return *frame.world_from_camera;
+    }
+    throw NoAnswerError("the truth cloud cannot be placed: the scene has no true pose of frame " +
+                        std::to_string(id));
+  };
+  reference_from_truth_cloud = SE3();
+  if (!truth.cloud_frame || *truth.cloud_frame != reference) {
+    const SE3 world_from_cloud = truth.cloud_frame ? pose(*truth.cloud_frame) : SE3();
+    reference_from_truth_cloud = pose(reference).inverse() * world_from_cloud;
+  }
+  truth_cloud = read_cloud_file(truth.cloud, options).cloud;
+}
+
 PictureContent LoadedResult::content() const {
   PictureContent content;
   if (cloud) content.cloud = &*cloud;
@@ -30,6 +51,10 @@ PictureContent LoadedResult::content() const {
   if (scene) {
     content.camera = &scene->camera;
     if (scene->truth) content.truth = &*scene->truth;
+  }
+  if (truth_cloud) {
+    content.truth_cloud = &*truth_cloud;
+    content.reference_from_truth_cloud = reference_from_truth_cloud;
   }
   content.frame = reference_frame();
   return content;

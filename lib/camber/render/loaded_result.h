@@ -15,12 +15,19 @@ struct LoadedResult {
   std::optional<RoadSurface> surface;
   std::optional<VehicleDocument> vehicles;
   std::optional<RunDocument> run;
-  std::optional<Scene> scene;  ///< of the run, where it was given: camera, images, truth
+  std::optional<Scene> scene;            ///< of the run, where it was given: camera, images, truth
+  std::optional<RoadCloud> truth_cloud;  ///< dense ground truth, where it was asked for
+  SE3 reference_from_truth_cloud;
   ReadReport cloud_report;
 
   /// The frame that is the result's reference: the camera with the identity pose, else the one in
   /// the middle of the vehicle document, else 0.
   int reference_frame() const;
+
+  /// Reads the truth cloud of the scene and finds the transform to the reference camera.
+  /// @throws NoAnswerError where the scene has no truth cloud, or no pose that joins it;
+  /// InputError.
+  void load_scene_truth_cloud(const ReadOptions& options = {});
 
   /// Pointers into this object, which must outlive them; the reference frame is shown.
   PictureContent content() const;

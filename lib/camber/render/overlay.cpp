@@ -1,5 +1,7 @@
 #include "camber/render/overlay.h"
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -162,6 +164,195 @@ void draw_box_3d(Canvas& canvas, const PinholeCamera& camera, const Occluders& o
   canvas.segments(lines.visible, 0.9 * unit * size, Color{255, 255, 255, 0.75});
 }
 
+/// The part of a polygon before the camera, in pixels.
+std::vector<Eigen::Vector2d> project_polygon(const PinholeCamera& camera,
+                                             const std::vector<Eigen::Vector3d>& corners) {
+  std::vector<Eigen::Vector2d> out;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Eigen::Vector3d& a = corners[i];
+    const Eigen::Vector3d& b = corners[(i + 1) % corners.size()];
+    if (!a.allFinite() || !b.allFinite()) return {};
+    if (a.z() >= kNear) out.push_back(*camera.project(a));
+    if ((a.z() < kNear) != (b.z() < kNear)) {
+      Eigen::Vector3d cut = a + (b - a) * ((kNear - a.z()) / (b.z() - a.z()));
+      cut.z() = kNear;
+      out.push_back(*camera.project(cut));
+    }
+  }
+  if (out.size() < 3) out.clear();
+  return out;
+}
+
+/// The image as it was on the pixels that vehicles cover: a road is painted behind them.
+void restore_vehicles(cv::Mat& image, const cv::Mat& before, const PinholeCamera& camera,
+                      const std::vector<Drawn>& all) {
+  cv::Mat covered = cv::Mat::zeros(image.rows, image.cols, CV_8U);
+  for (const Drawn& drawn : all) {
+    if (!drawn.wireframe) continue;
+    for (const auto& t : wireframe_triangles()) {
+      const auto& x = drawn.vehicle->keypoints;
+      const std::vector<Eigen::Vector2d> corners =
+          project_polygon(camera, {x[t[0]], x[t[1]], x[t[2]]});
+      std::vector<cv::Point> pixels;
+      for (const Eigen::Vector2d& c : corners) {
+        pixels.emplace_back(static_cast<int>(std::lround(std::clamp(c.x(), -1e4, 1e4))),
+                            static_cast<int>(std::lround(std::clamp(c.y(), -1e4, 1e4))));
+      }
+      if (pixels.size() >= 3) cv::fillConvexPoly(covered, pixels, cv::Scalar(255));
+    }
+  }
+  before.copyTo(image, covered);
+}
+
+/// A plate with a colour bar lying along the lower left corner; returns what it covers.
+Box2 draw_grade_bar(Canvas& canvas, double low, double high, double unit) {
+  const double size = 16.0 * unit;
+  const Box2 plate{8.0 * unit, canvas.height() - 1.0 - 8.0 * unit - 3.6 * size,
+                   8.0 * unit + 13.0 * size, canvas.height() - 1.0 - 8.0 * unit};
+  canvas.rectangle(plate, kDark.with_alpha(0.8), 0.3 * size);
+  const Color white{255, 255, 255, 1.0};
+  canvas.text({plate.x1 + 0.7 * size, plate.y1 + 0.75 * size}, "grade along the road (deg)", size,
+              white);
+  const Box2 bar{plate.x1 + 1.2 * size, plate.y1 + 1.45 * size, plate.x2 - 1.2 * size,
+                 plate.y1 + 2.15 * size};
+  const int columns = std::max(1, static_cast<int>(bar.width()));
+  for (int i = 0; i < columns; ++i) {
+    const double x = bar.x1 + i;
+    canvas.segments({{{x, bar.y1}, {x, bar.y2}}}, 1.0, viridis((i + 0.5) / columns));
+  }
+  const Ticks ticks = make_ticks(low, high, 4);
+  for (std::size_t i = 0; i < ticks.values.size(); ++i) {
+    const double x = bar.x1 + bar.width() * (ticks.values[i] - low) / (high - low);
+    canvas.segments({{{x, bar.y2}, {x, bar.y2 + 0.25 * size}}}, 1.0, white);
+    canvas.text({x, bar.y2 + 0.8 * size}, ticks.labels[i], size, white, TextAnchor::kCenter);
+  }
+  return plate;
+}
+
+/// Patches of the road, farthest first, under the vehicles. Returns what may not be covered.
+std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& camera,
+                            const Occluders& occluders, const std::vector<Drawn>& all,
+                            const OverlayRoad& road, const OverlayOptions& options, double unit) {
+  std::vector<Box2> taken;
+  const bool tint = options.show_mask && road.mask;
+  const bool patches = options.show_patches || options.show_normals || options.show_grade;
+  if (!tint && !(patches && road.surface)) return taken;
+  cv::Mat pixels(image.height, image.width, CV_8UC3, image.data.data());
+  const cv::Mat before = pixels.clone();
+  if (tint) {
+    const cv::Mat mask(road.mask->height, road.mask->width, CV_8U,
+                       const_cast<std::uint8_t*>(road.mask->data.data()));
+    cv::Mat large;
+    cv::resize(mask, large, pixels.size(), 0, 0, cv::INTER_NEAREST);
+    cv::Mat tinted;
+    cv::addWeighted(pixels, 0.65, cv::Mat(pixels.size(), CV_8UC3, cv::Scalar(40, 120, 255)), 0.35,
+                    0.0, tinted);
+    tinted.copyTo(pixels, large != 0);
+  }
+  if (!(patches && road.surface)) return taken;
+  const SE3 camera_from_reference = road.reference_from_camera.inverse();
+  struct Placed {
+    const PlanePatch* patch;
+    std::vector<Eigen::Vector3d> rim;
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  };
+  std::vector<Placed> placed;
+  double low = 1e9, high = -1e9;
+  for (const PlanePatch& patch : road.surface->patches) {
+    Placed p{&patch, {}};
+    for (const Eigen::Vector3d& corner : patch.boundary) {
+      p.rim.push_back(camera_from_reference * corner);
+      p.middle += p.rim.back() / static_cast<double>(patch.boundary.size());
+    }
+    if (p.rim.size() < 3 || !p.middle.allFinite()) continue;
+    if (project_polygon(camera, p.rim).empty()) continue;
+    low = std::min(low, patch.grade * 180.0 / M_PI);
+    high = std::max(high, patch.grade * 180.0 / M_PI);
+    placed.push_back(std::move(p));
+  }
+  if (placed.empty()) return taken;
+  if (!(high - low > 0.2)) {
+    low -= 0.5;
+    high += 0.5;
+  }
+  std::stable_sort(placed.begin(), placed.end(), [](const Placed& a, const Placed& b) {
+    return a.middle.squaredNorm() > b.middle.squaredNorm();
+  });
+  if (options.show_grade) {
+    for (const Placed& p : placed) {
+      const double share = (p.patch->grade * 180.0 / M_PI - low) / (high - low);
+      canvas.polygon(project_polygon(camera, p.rim), viridis(share).with_alpha(0.5));
+    }
+    restore_vehicles(pixels, before, camera, all);
+    taken.push_back(draw_grade_bar(canvas, low, high, unit));
+  }
+  for (const Placed& p : placed) {
+    const Color ink = p.patch->kind == PatchKind::kRoad       ? Color{90, 170, 255, 1.0}
+                      : p.patch->kind == PatchKind::kPavement ? Color{240, 170, 90, 1.0}
+                                                              : Color{200, 200, 200, 1.0};
+    if (options.show_patches) {
+      SplitLines rim;
+      for (std::size_t i = 0; i < p.rim.size(); ++i) {
+        const Eigen::Vector3d& a = p.rim[i];
+        const Eigen::Vector3d& b = p.rim[(i + 1) % p.rim.size()];
+        rim.add(camera, occluders, a, b, std::clamp(static_cast<int>((b - a).norm() * 2.0), 2, 64),
+                0.02);
+      }
+      canvas.segments(rim.visible, 3.0 * unit, kDark.with_alpha(0.5));
+      canvas.segments(rim.visible, 1.6 * unit, ink);
+    }
+    if (options.show_normals && p.patch->plane.plane.normal.allFinite()) {
+      const Eigen::Vector3d n =
+          camera_from_reference.rotation_matrix() * p.patch->plane.plane.normal;
+      Segment2 arrow;
+      if (!project_segment(camera, p.middle, p.middle + n, &arrow)) continue;
+      const Eigen::Vector2d way = arrow.second - arrow.first;
+      if (way.norm() < 4.0 * unit || occluders.hides(p.middle, 0.02)) continue;
+      const double barb = std::min(0.3 * way.norm(), 7.0 * unit);
+      const Eigen::Vector2d back = -way.normalized() * barb;
+      const Eigen::Vector2d side = Eigen::Vector2d(-back.y(), back.x()) * 0.5;
+      const std::vector<Segment2> lines = {arrow,
+                                           {arrow.second, arrow.second + back + side},
+                                           {arrow.second, arrow.second + back - side}};
+      canvas.segments(lines, 3.4 * unit, kDark.with_alpha(0.6));
+      canvas.segments(lines, 1.8 * unit, ink);
+      canvas.disc(arrow.first, 2.4 * unit, ink);
+    }
+  }
+  return taken;
+}
+
+/// The position's 95 % region on the vehicle's plane (chi-square, two degrees of freedom).
+void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Drawn& drawn, double unit) {
+  constexpr double kChiSquare95 = 5.991464547107979;
+  const VehicleEstimate& v = *drawn.vehicle;
+  const Eigen::Matrix3d covariance = v.covariance.topLeftCorner<3, 3>();
+  const Eigen::Vector3d n = v.plane.normal;
+  if (!covariance.allFinite() || !n.allFinite() || std::abs(n.norm() - 1.0) > 1e-3) return;
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = n.unitOrthogonal();
+  basis.col(1) = n.cross(basis.col(0));
+  const Eigen::Matrix2d level = basis.transpose() * covariance * basis;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(0.5 * (level + level.transpose()));
+  if (solver.info() != Eigen::Success || !(level.trace() > 0.0)) return;
+  const Eigen::Vector2d radii = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
+  const Eigen::Vector3d center = v.plane.foot(v.pose.bottom_center());
+  constexpr int kSteps = 72;
+  std::vector<Segment2> rim;
+  const auto at = [&](int step) {
+    const double angle = 2.0 * M_PI * step / kSteps;
+    return Eigen::Vector3d(
+        center + basis * (solver.eigenvectors() * Eigen::Vector2d(radii.x() * std::cos(angle),
+                                                                  radii.y() * std::sin(angle))));
+  };
+  for (int step = 0; step < kSteps; ++step) {
+    Segment2 line;
+    if (project_segment(camera, at(step), at(step + 1), &line)) rim.push_back(line);
+  }
+  canvas.segments(rim, 2.6 * unit, kDark.with_alpha(0.6));
+  canvas.segments(rim, 1.2 * unit, {255, 255, 255, 1.0});
+}
+
 std::string distance_text(const Drawn& drawn, bool metric) {
   if (!drawn.box) return "no answer";
   std::string text = format_number(drawn.range, 1);
@@ -171,7 +362,8 @@ std::string distance_text(const Drawn& drawn, bool metric) {
 }
 
 /// Labels: a badge with the id in the vehicle's colour and the distance on a dark plate.
-void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, bool metric) {
+void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, bool metric,
+                 const std::vector<Box2>& taken) {
   std::vector<Box2> drawings;
   for (const Drawn& drawn : all) drawings.push_back(drawn.reach);
   std::vector<const Drawn*> order;
@@ -195,6 +387,7 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, boo
     layout.area = {2.0, 2.0, canvas.width() - 3.0, canvas.height() - 3.0};
     layout.gap = 0.25 * size;
     layout.avoid = drawings;
+    layout.taken = taken;
     const std::vector<LabelPlace> places = place_labels(requests, layout);
     const bool complete = std::all_of(places.begin(), places.end(),
                                       [](const LabelPlace& place) { return place.found; });
@@ -232,7 +425,8 @@ void OverlayOptions::validate() const {
 }
 
 Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
-                   const VehicleFrame& frame, const OverlayOptions& options) {
+                   const VehicleFrame& frame, const OverlayOptions& options,
+                   const OverlayRoad& road) {
   options.validate();
   require_picture(photo, "overlay: image");
   original_camera.validate();
@@ -241,6 +435,14 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
         "overlay: found an image of " + std::to_string(photo.width) + " x " +
         std::to_string(photo.height) + " pixels, expected the camera's " +
         std::to_string(original_camera.width) + " x " + std::to_string(original_camera.height));
+  }
+
+  if (road.mask && (road.mask->width != photo.width || road.mask->height != photo.height ||
+                    road.mask->channels != 1)) {
+    throw std::invalid_argument(
+        "overlay: found a road mask of " + std::to_string(road.mask->width) + " x " +
+        std::to_string(road.mask->height) + " pixels and " + std::to_string(road.mask->channels) +
+        " channels, expected one channel of the image's size");
   }
 
   Image image = photo;
@@ -299,6 +501,8 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
   std::stable_sort(all.begin(), all.end(),
                    [](const Drawn& a, const Drawn& b) { return a.range > b.range; });
 
+  const std::vector<Box2> taken =
+      draw_road(canvas, image, camera, occluders, all, road, options, unit);
   if (options.show_planes) {
     for (const Drawn& drawn : all) {
       if (drawn.box) draw_plane_grid(canvas, camera, occluders, drawn, unit);
@@ -322,7 +526,12 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
     }
     if (drawn.wireframe) draw_wireframe(canvas, camera, occluders, drawn, unit);
   }
-  if (options.show_labels) draw_labels(canvas, all, unit, options.metric);
+  if (options.show_ellipses) {
+    for (const Drawn& drawn : all) {
+      if (drawn.box) draw_ellipse(canvas, camera, drawn, unit);
+    }
+  }
+  if (options.show_labels) draw_labels(canvas, all, unit, options.metric, taken);
   return image;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "camber/geometry/pinhole_camera.h"
+#include "camber/road/road_surface.h"
 #include "camber/scene/image_io.h"
 #include "camber/scene/results.h"
 
@@ -14,19 +15,35 @@ struct OverlayOptions {
   bool show_boxes_3d = true;
   bool show_planes = true;  ///< a metre grid on the plane under each vehicle
   bool show_labels = true;  ///< id and distance
+  /// 95 % of the position's probability on the ground, where a covariance is stated.
+  bool show_ellipses = false;
+  // Of the road that is given beside the vehicles.
+  bool show_patches = false;  ///< outlines
+  bool show_normals = false;  ///< an arrow of one metre on each patch
+  bool show_grade = false;    ///< patches coloured by their slope along the road, with a colour bar
+  bool show_mask = false;     ///< tints the pixels that are road
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
+/// The road that an overlay may show; parts may be absent.
+struct OverlayRoad {
+  const RoadSurface* surface = nullptr;  ///< reference camera's frame
+  SE3 reference_from_camera;             ///< of the image
+  const Image* mask = nullptr;           ///< 1 channel, size of the photo; non-zero: road
+};
+
 /// Draws the vehicles of one frame onto its image: wireframe of the 36 estimated keypoints (visible
 /// edges solid, those behind a body thin), 3D box, detection box, the plane under the vehicle as a
-/// perspective grid of one metre, and a label with the id and the distance of the bottom centre.
+/// perspective grid of one metre, on request the position's uncertainty as an ellipse on the ground
+/// and the road's patches, and a label with the id and the distance of the bottom centre.
 /// Labels are never cut off and never cover each other; a vehicle without an answer gets its dashed
 /// box and says so. Same input, same pixels.
 /// @param photo   the frame's image, size of the camera's.
 /// @param camera  pixels of `photo`.
-/// @throws std::invalid_argument for an empty photo, a size that is not the camera's, bad options.
+/// @throws std::invalid_argument for an empty photo, a size that is not the camera's, a mask of
+///         another size, bad options.
 Image draw_overlay(const Image& photo, const PinholeCamera& camera, const VehicleFrame& frame,
-                   const OverlayOptions& options = {});
+                   const OverlayOptions& options = {}, const OverlayRoad& road = {});
 
 }  // namespace camber

@@ -6,7 +6,9 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "camber/cloud/normals.h"
 #include "camber/core/errors.h"
+#include "camber/evaluate/compare.h"
 #include "camber/render/color_map.h"
 #include "camber/render/wireframe.h"
 
@@ -45,6 +47,23 @@ const SceneTruth* truth_of(const PictureContent& content, bool show_truth) {
   return show_truth ? content.truth : nullptr;
 }
 
+/// The plane's rectangle under a box, half a metre larger; empty without a sound plane.
+std::vector<Eigen::Vector3d> ground_under(const OrientedBox& box, const Plane& plane,
+                                          const SE3& picture_from_camera) {
+  if (!plane.normal.allFinite() || std::abs(plane.normal.norm() - 1.0) > 1e-3 ||
+      !std::isfinite(plane.offset)) {
+    return {};
+  }
+  const double l = 0.5 * box.dimensions.length + 0.5, w = 0.5 * box.dimensions.width + 0.5;
+  std::vector<Eigen::Vector3d> corners;
+  for (const auto& [x, z] : {std::pair{l, -w}, {l, w}, {-l, w}, {-l, -w}}) {
+    const Eigen::Vector3d foot = plane.foot(box.camera_from_vehicle * Eigen::Vector3d(x, 0.0, z));
+    if (!foot.allFinite()) return {};
+    corners.push_back(picture_from_camera * foot);
+  }
+  return corners;
+}
+
 std::string with_thousands(std::size_t count) {
   std::string digits = std::to_string(count);
   for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) {
@@ -68,9 +87,32 @@ std::vector<std::string> height_title(const PictureSpace& space) {
   return {space.height_name, "(" + space.unit + ")"};
 }
 
-/// Colours for the points of a picture. @param kept  the points' indices in the cloud.
-void color_points(const RoadCloud& cloud, const std::vector<std::uint32_t>& kept,
-                  const PointColor& color, PictureSpace* space) {
+/// Signed distances to the dense truth, along the normal of its nearest point, up is positive, one
+/// a point kept; NaN where the truth has no normal.
+std::vector<float> truth_errors(const PictureContent& content, const Eigen::Vector3d& up,
+                                const std::vector<std::uint32_t>& kept) {
+  const SE3 truth_from_reference = content.reference_from_truth_cloud.inverse();
+  std::vector<Eigen::Vector3d> places;
+  places.reserve(kept.size());
+  for (const std::uint32_t i : kept) {
+    places.push_back(truth_from_reference *
+                     (content.cloud->origin + content.cloud->points[i].cast<double>()));
+  }
+  Shape truth;
+  truth.cloud.origin = content.truth_cloud->origin;
+  truth.cloud.points = content.truth_cloud->points;
+  NormalOptions normals;
+  normals.up = truth_from_reference.rotation() * up;
+  estimate_normals(truth.cloud, normals);
+  const ShapeDistances found = distances_to(truth, places, 0);
+  return {found.along_normal.begin(), found.along_normal.end()};
+}
+
+/// Colours for the points of a picture.
+void color_points(const PictureContent& content, const Eigen::Vector3d& up, const PointColor& color,
+                  PictureSpace* space) {
+  const RoadCloud& cloud = *content.cloud;
+  const std::vector<std::uint32_t>& kept = space->kept;
   const auto lacking = [&](const std::string& what) {
     throw NoAnswerError("the points cannot be coloured: the cloud has no " + what);
   };
@@ -101,17 +143,29 @@ void color_points(const RoadCloud& cloud, const std::vector<std::uint32_t>& kept
       for (const std::uint32_t i : kept) values.push_back(cloud.sigmas[i]);
       space->color_title = {"standard", "deviation (" + space->unit + ")"};
       break;
+    case PointColor::By::kError:
+      if (content.truth_cloud) {
+        values = truth_errors(content, up, kept);
+        space->color_title = {"above (+) or", "below the", "truth (" + space->unit + ")"};
+        space->color_scale = diverging;
+        break;
+      }
+      if (cloud.scalars.find("error") == cloud.scalars.end()) {
+        lacking("attribute \"error\", and there is no dense truth to measure against");
+      }
+      [[fallthrough]];
     case PointColor::By::kScalar: {
-      const auto scalar = cloud.scalars.find(color.name);
-      const auto label = cloud.labels.find(color.name);
+      const std::string name = color.by == PointColor::By::kError ? "error" : color.name;
+      const auto scalar = cloud.scalars.find(name);
+      const auto label = cloud.labels.find(name);
       if (scalar == cloud.scalars.end() && label == cloud.labels.end()) {
-        lacking("attribute \"" + color.name + "\"");
+        lacking("attribute \"" + name + "\"");
       }
       for (const std::uint32_t i : kept) {
         values.push_back(scalar != cloud.scalars.end() ? scalar->second[i]
                                                        : static_cast<float>(label->second[i]));
       }
-      space->color_title = {color.name};
+      space->color_title = {name};
       break;
     }
   }
@@ -127,9 +181,15 @@ void color_points(const RoadCloud& cloud, const std::vector<std::uint32_t>& kept
       space->color_range = {space->color_range.low - half, space->color_range.high + half};
     }
   }
+  if (space->color_scale == diverging) {
+    const double reach =
+        std::max(std::abs(space->color_range.low), std::abs(space->color_range.high));
+    space->color_range = {-reach, reach};
+  }
   space->has_color_bar = true;
   for (const float value : values) {
-    const Color ink = viridis((value - space->color_range.low) / space->color_range.span());
+    const Color ink =
+        space->color_scale((value - space->color_range.low) / space->color_range.span());
     space->colors.push_back({ink.red, ink.green, ink.blue});
   }
 }
@@ -200,7 +260,6 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
   space.picture_from_reference = SE3(axes, shift);
 
   std::size_t given = 0;
-  std::vector<std::uint32_t> kept;  // index into the cloud, one a point
   if (content.cloud) {
     given = content.cloud->size();
     const Eigen::Vector3d origin = content.cloud->origin;
@@ -208,11 +267,25 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
     const Eigen::Matrix3f rotation = axes.cast<float>();
     const Eigen::Vector3f translation = (axes * start + shift).cast<float>();
     space.points.reserve(given);
-    kept.reserve(given);
+    space.kept.reserve(given);
     for (const Eigen::Vector3f& p : content.cloud->points) {
       if (!p.allFinite()) continue;
       space.points.emplace_back(rotation * p + translation);
-      kept.push_back(static_cast<std::uint32_t>(&p - content.cloud->points.data()));
+      space.kept.push_back(static_cast<std::uint32_t>(&p - content.cloud->points.data()));
+    }
+  }
+
+  if (content.truth_cloud) {
+    const RoadCloud& truth = *content.truth_cloud;
+    const SE3 placed = space.picture_from_reference * content.reference_from_truth_cloud;
+    const Eigen::Matrix3f rotation = placed.rotation_matrix().cast<float>();
+    // Of a map, both clouds are drawn about the estimate's origin.
+    Eigen::Vector3d base = Eigen::Vector3d::Zero();
+    if (space.map) base = content.cloud ? content.cloud->origin : truth.origin;
+    const Eigen::Vector3f translation = (placed * truth.origin - axes * base).cast<float>();
+    space.truth_points.reserve(truth.size());
+    for (const Eigen::Vector3f& p : truth.points) {
+      if (p.allFinite()) space.truth_points.emplace_back(rotation * p + translation);
     }
   }
 
@@ -246,6 +319,7 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
         placed.box.camera_from_vehicle =
             moved(vehicle.pose.camera_from_vehicle, picture_from_current);
         placed.range = vehicle.pose.bottom_center().norm();
+        placed.ground = ground_under(vehicle.pose, vehicle.plane, picture_from_current);
         placed.wireframe = has_wireframe(vehicle);
         for (int i = 0; i < kNumKeypoints && placed.wireframe; ++i) {
           placed.keypoints[i] = picture_from_current * vehicle.keypoints[i];
@@ -274,26 +348,44 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
         placed.box.camera_from_vehicle =
             moved(vehicle.pose.camera_from_vehicle, picture_from_current);
         placed.range = vehicle.pose.bottom_center().norm();
+        if (vehicle.plane) {
+          placed.ground = ground_under(vehicle.pose, *vehicle.plane, picture_from_current);
+        }
         space.truth.push_back(placed);
       }
     }
   }
   if (content.surface) {
     for (const PlanePatch& patch : content.surface->patches) {
-      PlacedPatch placed{patch.id, patch.kind, patch.status, {}};
+      PlacedPatch placed;
+      placed.id = patch.id;
+      placed.kind = patch.kind;
+      placed.status = patch.status;
       for (const Eigen::Vector3d& corner : patch.boundary) {
         if (corner.allFinite()) placed.boundary.push_back(space.picture_from_reference * corner);
       }
-      if (placed.boundary.size() >= 3) space.patches.push_back(std::move(placed));
+      if (placed.boundary.size() < 3) continue;
+      for (const Eigen::Vector3d& corner : placed.boundary) placed.middle += corner;
+      placed.middle /= static_cast<double>(placed.boundary.size());
+      if (patch.plane.plane.normal.allFinite()) {
+        placed.normal = axes * patch.plane.plane.normal;
+      }
+      space.patches.push_back(std::move(placed));
     }
     for (const PatchLink& link : content.surface->links) {
       const PlanePatch* a = find_patch(*content.surface, link.a);
       const PlanePatch* b = find_patch(*content.surface, link.b);
       if (!a || !b || !a->plane.centroid.allFinite() || !b->plane.centroid.allFinite()) continue;
       space.links.push_back({space.picture_from_reference * a->plane.centroid,
-                             space.picture_from_reference * b->plane.centroid, link.valid});
+                             space.picture_from_reference * b->plane.centroid, link.valid,
+                             link.height_step});
+      if (link.valid && std::isfinite(link.height_step)) {
+        space.link_steps.high = std::max(space.link_steps.high, std::abs(link.height_step));
+      }
     }
   }
+
+  space.link_steps.high = std::max(space.link_steps.high, 0.01);
 
   // Extents: the bulk of the points decides; vehicles, patches and cameras join where they are not
   // far outside of it.
@@ -301,12 +393,11 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
   for (const SE3& camera : space.cameras) things.push_back(camera.translation());
   for (const PlacedVehicle& vehicle : space.vehicles) things.push_back(vehicle.box.center());
   for (const PlacedVehicle& vehicle : space.truth) things.push_back(vehicle.box.center());
-  for (const PlacedPatch& patch : space.patches) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& corner : patch.boundary) mean += corner;
-    things.push_back(mean / static_cast<double>(patch.boundary.size()));
-  }
-  if (space.points.empty() && things.empty()) {
+  for (const PlacedPatch& patch : space.patches) things.push_back(patch.middle);
+  // A dense truth gives the extent where there is no estimated cloud.
+  const std::vector<Eigen::Vector3f>& bulk =
+      space.points.empty() ? space.truth_points : space.points;
+  if (bulk.empty() && things.empty()) {
     if (given > 0) {
       throw NoAnswerError("nothing to draw: none of the " + std::to_string(given) +
                           " points has finite coordinates");
@@ -315,16 +406,17 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
   }
   std::vector<float> values[3];
   for (int axis = 0; axis < 3; ++axis) {
-    if (space.points.size() >= 8) {
-      for (const Eigen::Vector3f& p : space.points) values[axis].push_back(p[axis]);
-    } else {
-      for (const Eigen::Vector3f& p : space.points) things.push_back(p.cast<double>());
+    if (bulk.size() >= 8) {
+      values[axis].reserve(bulk.size());
+      for (const Eigen::Vector3f& p : bulk) values[axis].push_back(p[axis]);
+    } else if (axis == 0) {
+      for (const Eigen::Vector3f& p : bulk) things.push_back(p.cast<double>());
     }
     if (values[axis].empty()) {
       for (const Eigen::Vector3d& x : things) values[axis].push_back(static_cast<float>(x[axis]));
     }
   }
-  const bool from_points = space.points.size() >= 8;
+  const bool from_points = bulk.size() >= 8;
   const double q = from_points ? 0.01 : 0.0;
   space.right = robust_range(values[0], q, 1.0 - q);
   space.ahead = robust_range(values[1], q, 1.0 - q);
@@ -359,21 +451,32 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
   for (std::size_t i = 0; i < space.points.size(); ++i) {
     if (stray(space.points[i])) continue;
     space.points[used] = space.points[i];
-    kept[used++] = kept[i];
+    space.kept[used++] = space.kept[i];
   }
   space.stray_points = space.points.size() - used;
   space.points.resize(used);
-  kept.resize(used);
+  space.kept.resize(used);
+  const double widest = std::min(0.5, 0.05 * std::max(space.right.span(), space.ahead.span()));
   for (RobustRange* range : {&space.right, &space.ahead}) {
-    const double margin = std::max(0.5, 0.02 * range->span());
+    const double margin = std::max(widest, 0.02 * range->span());
     range->low -= margin;
     range->high += margin;
   }
+  // A dense truth may reach far beyond: only what lies in the frame is drawn.
+  const double above = std::max(1.0, 0.15 * space.up.span());
+  const auto outside = [&](const Eigen::Vector3f& p) {
+    return !(p.x() >= space.right.low && p.x() <= space.right.high && p.y() >= space.ahead.low &&
+             p.y() <= space.ahead.high && p.z() >= space.up.low - above &&
+             p.z() <= space.up.high + above);
+  };
+  space.truth_points.erase(
+      std::remove_if(space.truth_points.begin(), space.truth_points.end(), outside),
+      space.truth_points.end());
   if (space.heights.span() < 0.1) {
     const double middle = 0.5 * (space.heights.low + space.heights.high);
     space.heights = {middle - 0.05, middle + 0.05};
   }
-  if (!space.points.empty()) color_points(*content.cloud, kept, color, &space);
+  if (!space.points.empty()) color_points(content, up, color, &space);
   return space;
 }
 
@@ -405,12 +508,34 @@ std::string content_summary(const PictureContent& content, const PictureSpace& s
   return text;
 }
 
+namespace {
+
+double legend_entry_width(const LegendEntry& entry, double text_size) {
+  return 2.0 * text_size + Canvas::text_size(entry.text, text_size).x();
+}
+
+}  // namespace
+
+int count_legend_rows(double width, const std::vector<LegendEntry>& entries, double text_size) {
+  int rows = entries.empty() ? 0 : 1;
+  double x = 0.0;
+  for (const LegendEntry& entry : entries) {
+    const double own = legend_entry_width(entry, text_size);
+    if (x > 0.0 && x + own > width) {
+      x = 0.0;
+      ++rows;
+    }
+    x += own + 1.1 * text_size;
+  }
+  return rows;
+}
+
 void draw_legend(Canvas& canvas, const Eigen::Vector2d& at, double right_limit,
                  const std::vector<LegendEntry>& entries, double text_size) {
   Eigen::Vector2d cursor = at;
   const double mark = 1.6 * text_size, gap = 1.1 * text_size;
   for (const LegendEntry& entry : entries) {
-    const double width = mark + 0.4 * text_size + Canvas::text_size(entry.text, text_size).x();
+    const double width = legend_entry_width(entry, text_size);
     if (cursor.x() > at.x() && cursor.x() + width > right_limit) {
       cursor = {at.x(), cursor.y() + 1.3 * text_size};
     }
@@ -498,6 +623,9 @@ std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::strin
     entries.push_back({Mark::kFill, categorical(1), "estimated vehicle"});
   }
   if (!space.truth.empty()) entries.push_back({Mark::kLine, kTruthRed, "true box"});
+  if (!space.truth_points.empty()) {
+    entries.push_back({Mark::kDot, kTruthGrey, "dense ground truth"});
+  }
   if (!space.cameras.empty()) {
     entries.push_back({Mark::kLine, kInk, cameras});
   }
@@ -509,6 +637,7 @@ PointColor PointColor::parse(const std::string& word) {
   if (word == "sigma") return {By::kSigma, {}};
   if (word == "patch") return {By::kPatch, {}};
   if (word == "image") return {By::kImage, {}};
+  if (word == "error") return {By::kError, {}};
   return {By::kScalar, word};
 }
 

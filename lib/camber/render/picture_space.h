@@ -6,6 +6,7 @@
 
 #include "camber/geometry/se3.h"
 #include "camber/render/canvas.h"
+#include "camber/render/color_map.h"
 #include "camber/render/pictures.h"
 
 namespace camber {
@@ -14,6 +15,7 @@ namespace camber {
 inline constexpr Color kInk{38, 42, 48, 1.0};
 inline constexpr Color kFaintInk{110, 116, 124, 1.0};
 inline constexpr Color kTruthRed{214, 24, 30, 1.0};
+inline constexpr Color kTruthGrey{150, 140, 132, 1.0};
 inline constexpr Color kPaper{255, 255, 255, 1.0};
 
 /// A vehicle as pictures draw it, picture frame.
@@ -26,6 +28,8 @@ struct PlacedVehicle {
   std::array<Eigen::Vector3d, kNumKeypoints> keypoints{};
   Eigen::Matrix3d center_covariance = Eigen::Matrix3d::Zero();  ///< m^2; zero: not stated
   double range = 0.0;  ///< m from its camera to the bottom centre
+  /// The ground under it, from half a metre outside its footprint; empty: not known.
+  std::vector<Eigen::Vector3d> ground;
 };
 
 struct PlacedPatch {
@@ -33,12 +37,15 @@ struct PlacedPatch {
   PatchKind kind = PatchKind::kRoad;
   Status status = Status::kOk;
   std::vector<Eigen::Vector3d> boundary;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
 };
 
 /// A link of the consistency graph between the middles of two patches.
 struct PlacedLink {
   Eigen::Vector3d a = Eigen::Vector3d::Zero(), b = Eigen::Vector3d::Zero();
   bool valid = true;
+  double height_step = 0.0;  ///< m, b above a
 };
 
 /// A range of values without the stray ones at both ends.
@@ -60,16 +67,20 @@ struct PictureSpace {
   std::string unit;                     ///< "m", or "units" for a result without scale
   std::vector<Eigen::Vector3f> points;  ///< finite and not far outside of the bulk
   std::size_t stray_points = 0;         ///< finite but left out
-  RobustRange right, ahead, up;         ///< bulk of the points, vehicles and cameras
-  RobustRange heights;                  ///< of the bulk of the points; at least 0.1 wide
+  std::vector<std::uint32_t> kept;      ///< index in the cloud of each point
+  std::vector<Eigen::Vector3f> truth_points;  ///< dense ground truth near the content
+  RobustRange right, ahead, up;               ///< bulk of the points, vehicles and cameras
+  RobustRange heights;                        ///< of the bulk of the points; at least 0.1 wide
   std::vector<std::array<std::uint8_t, 3>> colors;  ///< of the points
   bool has_color_bar = false;
   RobustRange color_range;               ///< of the colour bar
+  ColorScale color_scale = viridis;      ///< of the points and the colour bar
   std::vector<std::string> color_title;  ///< of the colour bar, in short lines
   std::vector<PlacedVehicle> vehicles;
   std::vector<PlacedVehicle> truth;
   std::vector<PlacedPatch> patches;
   std::vector<PlacedLink> links;
+  RobustRange link_steps;       ///< 0 to the largest height step of a valid link, >= 0.01 m
   std::vector<SE3> cameras;     ///< picture_from_camera
   std::vector<int> camera_ids;  ///< frame ids, one a camera
   int current_camera = -1;      ///< index of the shown frame's camera, -1: not known
@@ -103,6 +114,12 @@ struct LegendEntry {
 
 /// Entries for what is there.
 std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::string& cameras);
+
+/// Rows that a legend of this width takes.
+int count_legend_rows(double width, const std::vector<LegendEntry>& entries, double text_size);
+
+/// Height of a legend's rows, pixels.
+inline double legend_height(int rows, double text_size) { return 1.3 * text_size * rows; }
 
 /// A row of legend entries from `at` (left, middle of the line) to the right; entries that would
 /// leave the picture are moved to a further row below.

@@ -22,6 +22,8 @@ struct PictureContent {
   const RunDocument* run = nullptr;           ///< cameras and whether the result is metric
   const PinholeCamera* camera = nullptr;      ///< for the field of view; needs run
   const SceneTruth* truth = nullptr;          ///< true boxes, drawn in red and said so
+  const RoadCloud* truth_cloud = nullptr;     ///< dense ground truth, drawn in grey
+  SE3 reference_from_truth_cloud;             ///< takes it to the frame of cloud and surface
   int frame = 0;                              ///< id of the frame whose vehicles are shown
   std::string title;                          ///< heading, one line; may be empty
   /// Up in the frame of cloud and surface; without: the surface's, else the cloud's.
@@ -36,10 +38,11 @@ struct PointColor {
     kPatch,   ///< label "patch", -1 grey
     kImage,   ///< the points' own colours
     kScalar,  ///< the scalar or label called `name`
+    kError,   ///< signed distance to the truth cloud's local plane; without one, scalar "error"
   } by = By::kHeight;
   std::string name;
 
-  /// "height", "sigma", "patch", "image", else the name of a scalar or label.
+  /// "height", "sigma", "patch", "image", "error", else the name of a scalar or label.
   static PointColor parse(const std::string& word);
 };
 
@@ -51,7 +54,7 @@ struct RenderRecord {
 
 enum class SceneView {
   kOblique,         ///< from behind and above, the paper's view
-  kSide,            ///< from the right, without perspective: shows the grade
+  kSide,            ///< without perspective: shows the grade; of a map, across its longer side
   kObliqueAndSide,  ///< oblique over side
   kDriver,          ///< through the shown frame's camera
   kFree,            ///< ScenePictureOptions::free_view
@@ -78,12 +81,51 @@ struct ScenePictureOptions {
       24.0 *
       0.017453292519943295;  ///< rad, of the oblique view's eye above the content, (0, pi / 2)
   FreeView free_view;        ///< for SceneView::kFree
-  bool show_links = false;   ///< the consistency graph: valid links solid, others dashed
   PointColor color;
-  bool show_truth = true;
+
+  // What the scene is made of.
+  bool show_points = true;
+  bool show_truth_cloud = true;  ///< dense ground truth, where content has it
+  bool show_patches = true;      ///< translucent polygons with their outlines
+  bool show_normals = false;     ///< of the patches, at their middles
+  /// The consistency graph: valid links coloured by the height step, others dashed.
+  bool show_links = false;
+  bool show_vehicles = true;  ///< wireframes and bodies
+  bool show_boxes = true;     ///< of the estimated vehicles
+  bool show_planes = true;    ///< the ground under vehicles: estimated, and true in red
+  bool show_truth = true;     ///< true boxes and planes, in red
+  bool show_cameras = true;   ///< frusta and path
+  bool show_grid = true;      ///< level metric grid with a height axis
+  bool transparent = false;   ///< the ground of the picture: 4 channels with alpha instead of white
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
+
+/// What a 3D scene is made of, each on a switch of its own.
+enum class SceneElement {
+  kGrid,
+  kTruthCloud,
+  kPoints,
+  kVehicles,
+  kBoxes,
+  kPlanes,
+  kTruth,
+  kCameras,
+  kPatches,
+  kNormals,
+  kLinks
+};
+
+/// One switch: how it is called on the command line and in the viewer, and the option behind it.
+struct SceneSwitch {
+  SceneElement element;
+  const char* name;  ///< one word
+  const char* text;  ///< for people
+  bool ScenePictureOptions::*shown;
+};
+
+/// All switches, in the order in which they are drawn.
+const std::vector<SceneSwitch>& scene_switches();
 
 struct BevPictureOptions {
   int width = 1600;         ///< pixels, 64 to 8192
@@ -91,12 +133,14 @@ struct BevPictureOptions {
   double point_size = 0.0;  ///< pixels, [0, 20]; 0: from the number of points
   PointColor color;
   bool show_truth = true;
+  bool show_links = false;
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
 /// The reconstruction in 3D, off-screen: road points coloured by height, patches, vehicles with
-/// their boxes, true boxes in red, cameras with their path, a level grid, scale, colour bar. The
+/// their boxes and the planes under them, true ones in red, dense truth in grey, cameras with their
+/// path, a level grid with axes, colour bars. The
 /// view is fitted to the bulk of the content: stray points neither shrink nor empty it.
 /// Same input and Mesa version, same pixels.
 /// @throws std::invalid_argument for bad options; NoAnswerError if there is nothing finite to show,

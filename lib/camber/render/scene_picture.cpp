@@ -1,16 +1,8 @@
 #include <vtkActor.h>
 #include <vtkCamera.h>
-#include <vtkCellArray.h>
-#include <vtkFloatArray.h>
 #include <vtkNew.h>
-#include <vtkPointData.h>
-#include <vtkPoints.h>
-#include <vtkPolyData.h>
-#include <vtkPolyDataMapper.h>
-#include <vtkProperty.h>
 #include <vtkRenderWindow.h>
 #include <vtkRenderer.h>
-#include <vtkSmartPointer.h>
 #include <vtkUnsignedCharArray.h>
 
 #include <algorithm>
@@ -29,14 +21,10 @@
 #include "camber/render/picture_file.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/pictures.h"
-#include "camber/render/wireframe.h"
+#include "camber/render/scene_actors.h"
 
 namespace camber {
 namespace {
-
-const Color kLinkOrange{240, 120, 0, 1.0};
-
-using Segment3 = std::pair<Eigen::Vector3d, Eigen::Vector3d>;
 
 /// A camera that looks at the picture frame's content; perspective or parallel.
 struct View {
@@ -105,145 +93,36 @@ void fit_view(const std::vector<Eigen::Vector3d>& points, const Box2& free, View
   view->distance = 0.5 * (min_z + max_z) - ez;
 }
 
-vtkSmartPointer<vtkActor> make_actor(vtkPolyData* data) {
-  vtkNew<vtkPolyDataMapper> mapper;
-  mapper->SetInputData(data);
-  auto actor = vtkSmartPointer<vtkActor>::New();
-  actor->SetMapper(mapper);
-  actor->GetProperty()->LightingOff();
-  return actor;
-}
-
-void paint(vtkActor* actor, const Color& color) {
-  actor->GetProperty()->SetColor(color.red / 255.0, color.green / 255.0, color.blue / 255.0);
-  actor->GetProperty()->SetOpacity(color.alpha);
-}
-
-vtkSmartPointer<vtkActor> points_actor(const PictureSpace& space, double pixels) {
-  const auto count = static_cast<vtkIdType>(space.points.size());
-  vtkNew<vtkFloatArray> coordinates;
-  coordinates->SetNumberOfComponents(3);
-  coordinates->SetNumberOfTuples(count);
-  vtkNew<vtkUnsignedCharArray> colors;
-  colors->SetNumberOfComponents(3);
-  colors->SetNumberOfTuples(count);
-  float* to = coordinates->GetPointer(0);
-  unsigned char* ink = colors->GetPointer(0);
-  for (std::size_t i = 0; i < space.points.size(); ++i) {
-    for (int k = 0; k < 3; ++k) *to++ = space.points[i][k];
-    for (int k = 0; k < 3; ++k) *ink++ = space.colors[i][static_cast<std::size_t>(k)];
-  }
-  vtkNew<vtkPoints> points;
-  points->SetData(coordinates);
-  vtkNew<vtkCellArray> cells;
-  cells->AllocateExact(1, count);
-  cells->InsertNextCell(static_cast<int>(count));
-  for (vtkIdType i = 0; i < count; ++i) cells->InsertCellPoint(i);
-  vtkNew<vtkPolyData> data;
-  data->SetPoints(points);
-  data->SetVerts(cells);
-  data->GetPointData()->SetScalars(colors);
-  auto actor = make_actor(data);
-  actor->GetProperty()->SetPointSize(static_cast<float>(pixels));
-  return actor;
-}
-
-vtkSmartPointer<vtkActor> lines_actor(const std::vector<Segment3>& lines, double pixels,
-                                      const Color& color) {
-  vtkNew<vtkPoints> points;
-  points->SetDataTypeToFloat();
-  vtkNew<vtkCellArray> cells;
-  for (const Segment3& line : lines) {
-    const vtkIdType ends[2] = {points->InsertNextPoint(line.first.data()),
-                               points->InsertNextPoint(line.second.data())};
-    cells->InsertNextCell(2, ends);
-  }
-  vtkNew<vtkPolyData> data;
-  data->SetPoints(points);
-  data->SetLines(cells);
-  auto actor = make_actor(data);
-  actor->GetProperty()->SetLineWidth(static_cast<float>(pixels));
-  paint(actor, color);
-  return actor;
-}
-
-vtkSmartPointer<vtkActor> faces_actor(const std::vector<std::vector<Eigen::Vector3d>>& polygons,
-                                      const Color& color) {
-  vtkNew<vtkPoints> points;
-  points->SetDataTypeToFloat();
-  vtkNew<vtkCellArray> cells;
-  for (const auto& polygon : polygons) {
-    cells->InsertNextCell(static_cast<int>(polygon.size()));
-    for (const Eigen::Vector3d& corner : polygon) {
-      cells->InsertCellPoint(points->InsertNextPoint(corner.data()));
-    }
-  }
-  vtkNew<vtkPolyData> data;
-  data->SetPoints(points);
-  data->SetPolys(cells);
-  auto actor = make_actor(data);
-  paint(actor, color);
-  return actor;
-}
-
-std::vector<Segment3> outline(const std::vector<Eigen::Vector3d>& corners) {
-  std::vector<Segment3> lines;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    lines.emplace_back(corners[i], corners[(i + 1) % corners.size()]);
-  }
-  return lines;
-}
-
-std::vector<Segment3> box_lines(const OrientedBox& box) {
-  const auto corners = box.corners();
-  std::vector<Segment3> lines;
-  for (const auto& [a, b] : box_edges()) lines.emplace_back(corners.col(a), corners.col(b));
-  return lines;
-}
-
-void append(std::vector<Segment3>* lines, const std::vector<Segment3>& more) {
-  lines->insert(lines->end(), more.begin(), more.end());
-}
-
-/// A level grid below the content with a round spacing.
-struct Grid {
-  double z = 0.0;
-  double x1 = 0, x2 = 0, y1 = 0, y2 = 0;
-  Ticks xs, ys;
-};
-
-Grid make_grid(const PictureSpace& space) {
-  Grid grid;
-  const double span = std::max(space.right.span(), space.ahead.span());
-  grid.x1 = space.right.low;
-  grid.x2 = space.right.high;
-  grid.y1 = space.ahead.low;
-  grid.y2 = space.ahead.high;
-  const double step = make_ticks(0.0, span, 10).step;
-  grid.xs = multiples_of(step, grid.x1, grid.x2);
-  grid.ys = multiples_of(step, grid.y1, grid.y2);
-  // Just under the bulk of the points, so that the road rises from it.
-  grid.z = std::min(space.up.low, space.heights.low) - 0.02 * std::max(space.up.span(), 1.0);
-  return grid;
-}
-
 struct Drawing {
   const PictureContent& content;
   const PictureSpace& space;
   const ScenePictureOptions& options;
   RenderRecord* record;
+  Color background = kPaper;
+
+  bool shows(SceneElement element) const {
+    return options.*scene_switches()[static_cast<std::size_t>(element)].shown;
+  }
 };
 
-std::vector<Eigen::Vector3d> fit_points(const PictureSpace& space, const Grid& grid, bool side) {
+/// Whether the side view of a map looks north, with its x axis to the right.
+bool side_looks_north(const PictureSpace& space) {
+  return space.map && space.right.span() > space.ahead.span();
+}
+
+std::vector<Eigen::Vector3d> fit_points(const PictureSpace& space, const SceneGrid& grid,
+                                        bool side) {
   std::vector<Eigen::Vector3d> points;
   const auto inside = [&](const Eigen::Vector3d& x) {
     return x.x() >= space.right.low && x.x() <= space.right.high && x.y() >= space.ahead.low &&
            x.y() <= space.ahead.high && x.z() >= space.up.low && x.z() <= space.up.high;
   };
-  const std::size_t stride = std::max<std::size_t>(1, space.points.size() / 20000);
-  for (std::size_t i = 0; i < space.points.size(); i += stride) {
-    const Eigen::Vector3d x = space.points[i].cast<double>();
-    if (inside(x)) points.push_back(x);
+  for (const auto* cloud : {&space.points, &space.truth_points}) {
+    const std::size_t stride = std::max<std::size_t>(1, cloud->size() / 20000);
+    for (std::size_t i = 0; i < cloud->size(); i += stride) {
+      const Eigen::Vector3d x = (*cloud)[i].cast<double>();
+      if (inside(x)) points.push_back(x);
+    }
   }
   for (const auto* list : {&space.vehicles, &space.truth}) {
     for (const PlacedVehicle& vehicle : *list) {
@@ -255,131 +134,50 @@ std::vector<Eigen::Vector3d> fit_points(const PictureSpace& space, const Grid& g
   for (const SE3& camera : space.cameras) {
     if (inside(camera.translation())) points.push_back(camera.translation());
   }
+  const double middle_x = 0.5 * (grid.x1 + grid.x2), middle_y = 0.5 * (grid.y1 + grid.y2);
   if (!side) {
     for (const double x : {grid.x1, grid.x2}) {
       for (const double y : {grid.y1, grid.y2}) points.emplace_back(x, y, grid.z);
     }
+  } else if (side_looks_north(space)) {
+    for (const double x : {grid.x1, grid.x2}) points.emplace_back(x, middle_y, grid.z);
   } else {
-    points.emplace_back(0.5 * (space.right.low + space.right.high), space.ahead.low, grid.z);
-    points.emplace_back(0.5 * (space.right.low + space.right.high), space.ahead.high, grid.z);
+    for (const double y : {grid.y1, grid.y2}) points.emplace_back(middle_x, y, grid.z);
   }
   return points;
 }
 
-/// Pixels of the 3D content without any text.
-Image render_content(const Drawing& drawing, const View& view, const Grid& grid, double unit) {
+/// Pixels of the 3D content without any text; lines of width one take `unit` pixels.
+Image render_content(const Drawing& drawing, const View& view, const SceneGrid& grid, double unit) {
   const PictureSpace& space = drawing.space;
   const int factor = drawing.options.supersampling;
-  const double px = unit * factor;  // one line width unit in rendered pixels
   OffscreenWindow offscreen(view.width * factor, view.height * factor);
   vtkNew<vtkRenderer> renderer;
-  renderer->SetBackground(1, 1, 1);
-
-  // The level grid; the side view has lines of equal height of its own.
-  std::vector<Segment3> grid_lines;
+  renderer->SetBackground(drawing.background.red / 255.0, drawing.background.green / 255.0,
+                          drawing.background.blue / 255.0);
+  SceneStyle style;
+  style.line_unit = unit * factor;
+  double size = drawing.options.point_size;
+  const std::size_t count = std::max(space.points.size(), space.truth_points.size());
+  if (size <= 0.0 && count > 0) {
+    // Enough to close the gaps of the bulk, never blobs.
+    const double area = std::max(1e-6, space.right.span() * space.ahead.span());
+    const double spacing = std::sqrt(area / static_cast<double>(count));
+    const Eigen::Vector3d middle(0.5 * (space.right.low + space.right.high),
+                                 0.5 * (space.ahead.low + space.ahead.high), grid.z);
+    size = std::clamp(0.35 * spacing * view.pixels_per_metre(middle) / unit, 1.3, 3.2) * unit;
+  }
+  style.point_size = std::max(1.0, size * factor);
+  // The side view has lines of equal height of its own; from within, frame and cameras only hide.
   const bool through_camera = drawing.options.view == SceneView::kDriver;
-  if (!view.parallel && !through_camera) {
-    for (const double x : grid.xs.values) {
-      grid_lines.push_back({{x, grid.y1, grid.z}, {x, grid.y2, grid.z}});
+  for (const SceneLayer& layer : make_scene_layers(drawing.content, space, style)) {
+    const bool frame = layer.element == SceneElement::kGrid;
+    const bool camera = layer.element == SceneElement::kCameras;
+    if (!drawing.shows(layer.element) || (frame && (view.parallel || through_camera)) ||
+        (camera && through_camera)) {
+      continue;
     }
-    for (const double y : grid.ys.values) {
-      grid_lines.push_back({{grid.x1, y, grid.z}, {grid.x2, y, grid.z}});
-    }
-    append(&grid_lines, outline({{grid.x1, grid.y1, grid.z},
-                                 {grid.x2, grid.y1, grid.z},
-                                 {grid.x2, grid.y2, grid.z},
-                                 {grid.x1, grid.y2, grid.z}}));
-    renderer->AddActor(lines_actor(grid_lines, 1.0 * px, {206, 210, 215, 1.0}));
-  }
-
-  // Opaque things.
-  if (!space.points.empty()) {
-    double size = drawing.options.point_size;
-    if (size <= 0.0) {
-      // Enough to close the gaps of the bulk, never blobs.
-      const double area = std::max(1.0, space.right.span() * space.ahead.span());
-      const double spacing = std::sqrt(area / static_cast<double>(space.points.size()));
-      const Eigen::Vector3d middle(0.5 * (space.right.low + space.right.high),
-                                   0.5 * (space.ahead.low + space.ahead.high), grid.z);
-      size = std::clamp(0.35 * spacing * view.pixels_per_metre(middle) / unit, 1.3, 3.2) * unit;
-    }
-    renderer->AddActor(points_actor(space, std::max(1.0, size * factor)));
-  }
-  for (const PlacedVehicle& vehicle : space.vehicles) {
-    const Color color = vehicle_color(vehicle);
-    if (vehicle.wireframe) {
-      std::vector<Segment3> lines;
-      for (const auto& [a, b] : wireframe_edges()) {
-        lines.emplace_back(vehicle.keypoints[a], vehicle.keypoints[b]);
-      }
-      renderer->AddActor(lines_actor(lines, 2.6 * px, darker(color, 0.5)));
-    }
-    renderer->AddActor(lines_actor(box_lines(vehicle.box), 1.0 * px, darker(color, 0.6)));
-  }
-  std::vector<Segment3> truth_lines;
-  for (const PlacedVehicle& vehicle : space.truth) append(&truth_lines, box_lines(vehicle.box));
-  if (!truth_lines.empty()) renderer->AddActor(lines_actor(truth_lines, 1.5 * px, kTruthRed));
-
-  // Cameras: small pyramids and the path.
-  if (!space.cameras.empty() && !through_camera) {
-    std::vector<Segment3> path, pyramids;
-    const double depth =
-        std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
-    for (std::size_t i = 0; i < space.cameras.size(); ++i) {
-      if (i > 0) {
-        path.emplace_back(space.cameras[i - 1].translation(), space.cameras[i].translation());
-      }
-      if (!drawing.content.camera) continue;
-      const auto corners = frustum_corners(*drawing.content.camera, depth);
-      std::vector<Eigen::Vector3d> placed;
-      for (const Eigen::Vector3d& corner : corners) placed.push_back(space.cameras[i] * corner);
-      append(&pyramids, outline(placed));
-      for (const Eigen::Vector3d& corner : placed) {
-        pyramids.emplace_back(space.cameras[i].translation(), corner);
-      }
-    }
-    if (!pyramids.empty()) renderer->AddActor(lines_actor(pyramids, 1.3 * px, kInk));
-    if (!path.empty()) renderer->AddActor(lines_actor(path, 2.5 * px, kInk));
-  }
-  // Patches stand a little above the points, whose noise would hide them.
-  const double lift = 0.001 * (space.ahead.span() + space.right.span());
-  std::vector<std::vector<Eigen::Vector3d>> panes;
-  for (const PlacedPatch& patch : space.patches) {
-    panes.push_back(patch.boundary);
-    for (Eigen::Vector3d& corner : panes.back()) corner.z() += lift;
-    renderer->AddActor(lines_actor(outline(panes.back()), 2.0 * px, patch_color(patch.kind)));
-  }
-
-  if (drawing.options.show_links) {
-    std::vector<Segment3> valid, invalid;
-    for (const PlacedLink& link : space.links) {
-      Eigen::Vector3d a = link.a, b = link.b;
-      a.z() += 2.0 * lift;
-      b.z() += 2.0 * lift;
-      if (link.valid) {
-        valid.emplace_back(a, b);
-        continue;
-      }
-      const double length = (b - a).norm();
-      const int dashes = std::max(3, static_cast<int>(length / (8.0 * lift)));
-      for (int i = 0; i < dashes; ++i) {
-        const double from = (i + 0.2) / dashes, to = (i + 0.8) / dashes;
-        invalid.emplace_back(a + from * (b - a), a + to * (b - a));
-      }
-    }
-    if (!valid.empty()) renderer->AddActor(lines_actor(valid, 3.0 * px, kLinkOrange));
-    if (!invalid.empty()) renderer->AddActor(lines_actor(invalid, 2.0 * px, kLinkOrange));
-  }
-
-  // Translucent things, after the opaque ones.
-  if (!panes.empty()) renderer->AddActor(faces_actor(panes, kPaper.with_alpha(0.4)));
-  for (const PlacedVehicle& vehicle : space.vehicles) {
-    if (!vehicle.wireframe) continue;
-    std::vector<std::vector<Eigen::Vector3d>> faces;
-    for (const auto& t : wireframe_triangles()) {
-      faces.push_back({vehicle.keypoints[t[0]], vehicle.keypoints[t[1]], vehicle.keypoints[t[2]]});
-    }
-    renderer->AddActor(faces_actor(faces, vehicle_color(vehicle).with_alpha(0.6)));
+    for (const auto& actor : layer.actors) renderer->AddActor(actor);
   }
 
   vtkCamera* camera = renderer->GetActiveCamera();
@@ -471,7 +269,7 @@ void draw_vehicle_labels(Canvas& canvas, const PictureSpace& space, const View& 
 
 /// Numbers along two sides of the level grid; returns what they cover.
 std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space, const View& view,
-                                    const Grid& grid, double text_size) {
+                                    const SceneGrid& grid, double text_size) {
   std::vector<Box2> taken;
   const auto write = [&](const Eigen::Vector3d& at, const Eigen::Vector3d& outwards,
                          const std::string& text) {
@@ -513,6 +311,56 @@ std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space, c
   write(Eigen::Vector3d(0.5 * (grid.x1 + grid.x2), y, grid.z) + out_y * (far_x / per_m_y), out_y,
         (space.map ? space.right_name : "right") + " (" + space.unit + ")");
   return taken;
+}
+
+/// A vertical axis on the grid's corner that is farthest to the left; adds what it covers.
+void draw_height_axis(Canvas& canvas, const PictureSpace& space, const View& view,
+                      const SceneGrid& grid, double text_size, std::vector<Box2>* taken) {
+  Eigen::Vector2d foot(1e30, 0.0), head;
+  Eigen::Vector3d corner = Eigen::Vector3d::Zero();
+  for (const double x : {grid.x1, grid.x2}) {
+    for (const double y : {grid.y1, grid.y2}) {
+      Eigen::Vector2d p;
+      if (!view.project({x, y, grid.z}, &p)) return;
+      if (p.x() >= foot.x()) continue;
+      foot = p;
+      corner = {x, y, grid.z};
+    }
+  }
+  const double top = space.up.high;
+  if (!view.project({corner.x(), corner.y(), top}, &head)) return;
+  const double length = (foot - head).norm();
+  const Eigen::Vector2d name = Canvas::text_size("height (" + space.unit + ")", text_size);
+  if (length < 2.0 * text_size || head.x() - 0.5 * name.x() < 4.0 || foot.y() < head.y()) return;
+  std::vector<Segment2> lines = {{foot, head}};
+  std::vector<std::pair<Eigen::Vector2d, std::string>> numbers;
+  std::vector<Box2> covered;
+  const Ticks ticks =
+      make_ticks(grid.z, top, std::max(2, static_cast<int>(length / (2.2 * text_size))));
+  for (std::size_t i = 0; i < ticks.values.size(); ++i) {
+    Eigen::Vector2d p;
+    if (!view.project({corner.x(), corner.y(), ticks.values[i]}, &p)) continue;
+    const Eigen::Vector2d size = Canvas::text_size(ticks.labels[i], text_size);
+    const Eigen::Vector2d at = p - Eigen::Vector2d(0.55 * text_size, 0.0);
+    const Box2 box{at.x() - size.x(), at.y() - 0.5 * size.y(), at.x(), at.y() + 0.5 * size.y()};
+    const bool free = std::none_of(taken->begin(), taken->end(), [&](const Box2& other) {
+      return box.x1 < other.x2 && box.x2 > other.x1 && box.y1 < other.y2 && box.y2 > other.y1;
+    });
+    if (!free || box.x1 < 2.0 || (!covered.empty() && box.y2 > covered.back().y1)) continue;
+    lines.push_back({p, p - Eigen::Vector2d(0.35 * text_size, 0.0)});
+    numbers.emplace_back(at, ticks.labels[i]);
+    covered.push_back(box);
+  }
+  if (numbers.size() < 2) return;  // tells nothing
+  canvas.segments(lines, std::max(1.0, text_size / 16.0), kFaintInk);
+  for (const auto& [at, number] : numbers) {
+    canvas.text(at, number, text_size, kFaintInk, TextAnchor::kRight);
+  }
+  const Eigen::Vector2d at(head.x(), head.y() - 0.9 * text_size);
+  canvas.text(at, "height (" + space.unit + ")", text_size, kFaintInk, TextAnchor::kCenter);
+  covered.push_back({at.x() - 0.5 * name.x(), at.y() - 0.5 * name.y(), at.x() + 0.5 * name.x(),
+                     at.y() + 0.5 * name.y()});
+  taken->insert(taken->end(), covered.begin(), covered.end());
 }
 
 View oblique_view(const ScenePictureOptions& options, int width, int height) {
@@ -572,15 +420,55 @@ View free_view(const Drawing& drawing, int width, int height) {
   return view;
 }
 
-View side_view(int width, int height) {
+View side_view(const PictureSpace& space, int width, int height) {
   View view;
   view.width = width;
   view.height = height;
   view.parallel = true;
-  view.axes.row(0) = Eigen::Vector3d::UnitY();  // ahead points right
   view.axes.row(1) = Eigen::Vector3d::UnitZ();
-  view.axes.row(2) = -Eigen::Vector3d::UnitX();  // seen from the right
+  if (side_looks_north(space)) {
+    view.axes.row(0) = Eigen::Vector3d::UnitX();
+    view.axes.row(2) = Eigen::Vector3d::UnitY();
+  } else {
+    view.axes.row(0) = Eigen::Vector3d::UnitY();   // ahead points right
+    view.axes.row(2) = -Eigen::Vector3d::UnitX();  // seen from the right
+  }
   return view;
+}
+
+/// The marks of what is shown, and how large the grid's cells are.
+std::vector<LegendEntry> scene_legend(const Drawing& drawing, const SceneGrid& grid,
+                                      bool grid_shown) {
+  const PictureSpace& space = drawing.space;
+  PictureSpace shown;  // only what the legend asks about
+  if (drawing.shows(SceneElement::kPatches)) shown.patches = space.patches;
+  if (drawing.shows(SceneElement::kVehicles) || drawing.shows(SceneElement::kBoxes)) {
+    shown.vehicles = space.vehicles;
+  }
+  if (drawing.shows(SceneElement::kTruth)) shown.truth = space.truth;
+  if (drawing.shows(SceneElement::kTruthCloud) && !space.truth_points.empty()) {
+    shown.truth_points.resize(1);
+  }
+  if (drawing.shows(SceneElement::kCameras) && drawing.options.view != SceneView::kDriver) {
+    shown.cameras = space.cameras;
+  }
+  std::vector<LegendEntry> legend =
+      make_legend(shown, drawing.content.camera ? "cameras and path" : "camera path");
+  using Mark = LegendEntry::Mark;
+  if (drawing.shows(SceneElement::kLinks)) {
+    const auto any = [&](bool valid) {
+      return std::any_of(space.links.begin(), space.links.end(),
+                         [&](const PlacedLink& link) { return link.valid == valid; });
+    };
+    if (any(true)) legend.push_back({Mark::kLine, plasma(0.3), "link of patches"});
+    if (any(false)) legend.push_back({Mark::kDashedLine, kInk, "link not used"});
+  }
+  if (grid_shown) {
+    legend.push_back({Mark::kLine,
+                      {180, 185, 192, 1.0},
+                      "grid of " + format_step(grid.xs.step) + " " + space.unit});
+  }
+  return legend;
 }
 
 /// A view with perspective: the oblique one, fitted to the content, or a given one.
@@ -590,19 +478,27 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   const bool fitted = kind == SceneView::kOblique || kind == SceneView::kObliqueAndSide;
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 620.0));
   const double text = 20.0 * unit;
-  const Grid grid = make_grid(space);
+  const SceneGrid grid = make_scene_grid(space);
   View view = kind == SceneView::kDriver ? driver_view(drawing, width, height)
               : kind == SceneView::kFree ? free_view(drawing, width, height)
                                          : oblique_view(drawing.options, width, height);
+  const bool grid_shown = kind != SceneView::kDriver && drawing.shows(SceneElement::kGrid);
+  const bool links_shown = drawing.shows(SceneElement::kLinks) && !space.links.empty();
   const double top = drawing.content.title.empty() ? 2.2 * text : 3.9 * text;
-  const double panel = space.has_color_bar ? 10.5 * text : 2.0 * text;
-  const Box2 free{2.5 * text, top, width - panel, height - 3.6 * text};
+  const bool bars = space.has_color_bar || links_shown;
+  const double panel = bars ? 10.5 * text : 2.0 * text;
+  const std::vector<LegendEntry> legend = scene_legend(drawing, grid, grid_shown);
+  const int legend_rows = count_legend_rows(width - 2.0 * text, legend, text);
+  const double bottom = height - 0.6 * text - legend_height(legend_rows, text);
+  const Box2 free{(grid_shown ? 4.0 : 2.5) * text, top + (grid_shown ? 1.2 * text : 0.0),
+                  width - panel - (grid_shown ? 1.5 * text : 0.0), bottom - 1.7 * text};
   if (fitted) fit_view(fit_points(space, grid, false), free, &view);
   Image image = render_content(drawing, view, grid, unit);
   Canvas canvas(image);
   std::vector<Box2> taken;
-  if (kind != SceneView::kDriver) {
+  if (grid_shown) {
     taken = draw_grid_numbers(canvas, space, view, grid, 0.8 * text);
+    if (fitted) draw_height_axis(canvas, space, view, grid, 0.8 * text, &taken);
   }
 
   if (!fitted) {
@@ -614,36 +510,41 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
     line += 1.5 * text;
   }
   canvas.text_with_halo({text, line}, content_summary(drawing.content, space), text, kFaintInk,
-                        kPaper);
+                        drawing.background);
   taken.push_back({0.0, 0.0, static_cast<double>(width), line + 0.6 * text});
-  if (space.has_color_bar) {
+  if (bars) {
     const double left = width - 9.2 * text;
     if (!fitted) {
-      canvas.rectangle({left - 0.7 * text, top - 0.5 * text, 1.0 * width, height - 2.3 * text},
+      canvas.rectangle({left - 0.7 * text, top - 0.5 * text, 1.0 * width, bottom},
                        kPaper.with_alpha(0.85));
     }
-    const double bar_top = top + 1.2 * text * static_cast<double>(space.color_title.size());
-    const Box2 bar{left, bar_top, left + 1.2 * text,
-                   std::min(height - 4.6 * text, top + 0.35 * width)};
-    draw_color_bar(canvas, bar, space.color_range.low, space.color_range.high, space.color_title,
-                   text, kInk);
+    const std::vector<std::string> link_title = {"height step", "of a link (" + space.unit + ")"};
+    const double lowest = std::min(bottom - 1.3 * text, top + 0.4 * width);
+    const bool both = space.has_color_bar && links_shown;
+    double bar_top = top;
+    if (space.has_color_bar) {
+      bar_top += 1.2 * text * static_cast<double>(space.color_title.size());
+      const double bar_bottom = both ? 0.5 * (top + lowest) - 0.4 * text : lowest;
+      draw_color_bar(canvas, {left, bar_top, left + 1.2 * text, bar_bottom}, space.color_range.low,
+                     space.color_range.high, space.color_title, text, kInk, space.color_scale);
+      bar_top = bar_bottom + 0.8 * text;
+    }
+    if (links_shown) {
+      bar_top += 1.2 * text * static_cast<double>(link_title.size());
+      draw_color_bar(canvas, {left, bar_top, left + 1.2 * text, lowest}, 0.0, space.link_steps.high,
+                     link_title, text, kInk, plasma);
+    }
     taken.push_back(
         {left - 0.5 * text, 0.0, static_cast<double>(width), static_cast<double>(height)});
   }
-  std::vector<LegendEntry> legend =
-      make_legend(space, drawing.content.camera ? "cameras and path" : "camera path");
-  if (drawing.options.show_links && !space.links.empty()) {
-    legend.push_back({LegendEntry::Mark::kLine, kLinkOrange, "link of patches"});
-    legend.push_back({LegendEntry::Mark::kDashedLine, kLinkOrange, "link not used"});
-  }
   if (!fitted) {
-    canvas.rectangle({-1.0, height - 2.3 * text, 1.0 * width, 1.0 * height},
-                     kPaper.with_alpha(0.85));
+    canvas.rectangle({-1.0, bottom, 1.0 * width, 1.0 * height}, kPaper.with_alpha(0.85));
   }
-  draw_legend(canvas, {text, height - 1.2 * text}, width - text, legend, text);
-  taken.push_back(
-      {0.0, height - 2.0 * text, static_cast<double>(width), static_cast<double>(height)});
-  draw_vehicle_labels(canvas, space, view, taken, text, true);
+  draw_legend(canvas, {text, bottom + 0.65 * text}, width - text, legend, text);
+  taken.push_back({0.0, bottom, static_cast<double>(width), static_cast<double>(height)});
+  if (drawing.shows(SceneElement::kVehicles) || drawing.shows(SceneElement::kBoxes)) {
+    draw_vehicle_labels(canvas, space, view, taken, text, true);
+  }
   return image;
 }
 
@@ -651,8 +552,8 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
   const PictureSpace& space = drawing.space;
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 260.0));
   const double text = 20.0 * std::min(unit, alone ? unit : width / 1600.0);
-  const Grid grid = make_grid(space);
-  View view = side_view(width, height);
+  const SceneGrid grid = make_scene_grid(space);
+  View view = side_view(space, width, height);
   double top = 1.7 * text;
   if (alone && !drawing.content.title.empty()) top += 1.5 * text;
   const Box2 free{4.5 * text, top + 1.0 * text, width - 2.0 * text, height - 3.2 * text};
@@ -671,7 +572,7 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
   const double w = width, h = height;
   for (const Box2& outside : {Box2{-1, -1, w, frame.y1}, Box2{-1, frame.y2, w, h},
                               Box2{-1, -1, frame.x1, h}, Box2{frame.x2, -1, w, h}}) {
-    canvas.rectangle(outside, kPaper);
+    canvas.rectangle(outside, drawing.background);
   }
   const Ticks ahead = make_ticks((frame.x1 - zero.x()) / per_m, (frame.x2 - zero.x()) / per_m, 12);
   const Ticks heights = make_ticks((zero.y() - frame.y2) / per_m, (zero.y() - frame.y1) / per_m,
@@ -696,8 +597,10 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
   canvas.polyline(
       {{frame.x1, frame.y1}, {frame.x2, frame.y1}, {frame.x2, frame.y2}, {frame.x1, frame.y2}},
       true, thin, kFaintInk);
-  canvas.text({frame.center().x(), frame.y2 + 1.9 * text},
-              space.ahead_name + " (" + space.unit + ")", 0.85 * text, kInk, TextAnchor::kCenter);
+  canvas.text(
+      {frame.center().x(), frame.y2 + 1.9 * text},
+      (side_looks_north(space) ? space.right_name : space.ahead_name) + " (" + space.unit + ")",
+      0.85 * text, kInk, TextAnchor::kCenter);
   canvas.text_upwards({frame.x1 - 3.2 * text, frame.center().y()}, "height (" + space.unit + ")",
                       0.85 * text, kInk);
   double line = 0.9 * text;
@@ -737,11 +640,10 @@ void ScenePictureOptions::validate() const {
   check_picture_option("supersampling times the longer side", side, 1, 16384);
 }
 
-Image render_scene_picture(const PictureContent& content, const ScenePictureOptions& options,
-                           RenderRecord* record) {
-  options.validate();
-  const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
-  const Drawing drawing{content, space, options, record};
+namespace {
+
+Image compose(const Drawing& drawing) {
+  const ScenePictureOptions& options = drawing.options;
   if (options.view != SceneView::kSide && options.view != SceneView::kObliqueAndSide) {
     return perspective_picture(drawing, options.width, options.height);
   }
@@ -757,6 +659,39 @@ Image render_scene_picture(const PictureContent& content, const ScenePictureOpti
   std::copy(lower.data.begin(), lower.data.end(),
             both.data.begin() + static_cast<std::ptrdiff_t>(upper.data.size()));
   return both;
+}
+
+/// The picture that gives `on_white` over white and `on_black` over black.
+Image with_alpha_channel(const Image& on_white, const Image& on_black) {
+  Image out;
+  out.width = on_white.width;
+  out.height = on_white.height;
+  out.channels = 4;
+  out.data.resize(on_white.data.size() / 3 * 4);
+  for (std::size_t i = 0; i < on_white.data.size() / 3; ++i) {
+    const std::uint8_t* white = &on_white.data[3 * i];
+    const std::uint8_t* black = &on_black.data[3 * i];
+    int through = 255;
+    for (int c = 0; c < 3; ++c) through = std::min(through, std::max(0, white[c] - black[c]));
+    const int alpha = 255 - through;
+    for (int c = 0; c < 3; ++c) {
+      const int ink = alpha == 0 ? 255 : std::min(255, (black[c] * 255 + alpha / 2) / alpha);
+      out.data[4 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(ink);
+    }
+    out.data[4 * i + 3] = static_cast<std::uint8_t>(alpha);
+  }
+  return out;
+}
+
+}  // namespace
+
+Image render_scene_picture(const PictureContent& content, const ScenePictureOptions& options,
+                           RenderRecord* record) {
+  options.validate();
+  const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
+  const Image on_white = compose({content, space, options, record});
+  if (!options.transparent) return on_white;
+  return with_alpha_channel(on_white, compose({content, space, options, record, {0, 0, 0, 1.0}}));
 }
 
 }  // namespace camber

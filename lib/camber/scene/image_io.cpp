@@ -347,8 +347,10 @@ bool png_encode(png_structp png, png_infop info, PngSink* sink, const Image* ima
   png_set_write_fn(png, sink, png_put, png_flush_nothing);
   png_set_IHDR(png, info, static_cast<png_uint_32>(image->width),
                static_cast<png_uint_32>(image->height), 8,
-               image->channels == 1 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+               image->channels == 1   ? PNG_COLOR_TYPE_GRAY
+               : image->channels == 3 ? PNG_COLOR_TYPE_RGB
+                                      : PNG_COLOR_TYPE_RGB_ALPHA,
+               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_write_info(png, info);
   for (int y = 0; y < image->height; ++y) png_write_row(png, image->row(y));
   png_write_end(png, nullptr);
@@ -480,13 +482,14 @@ DepthImage read_disparity_image(const fs::path& path, const PinholeCamera& camer
 
 void write_png(const Image& image, const fs::path& path) {
   const bool sound = image.width > 0 && image.height > 0 && image.width <= kMaxSide &&
-                     image.height <= kMaxSide && (image.channels == 1 || image.channels == 3) &&
+                     image.height <= kMaxSide &&
+                     (image.channels == 1 || image.channels == 3 || image.channels == 4) &&
                      image.data.size() == static_cast<std::size_t>(image.width) * image.height *
                                               static_cast<std::size_t>(image.channels);
   if (!sound) {
     throw std::invalid_argument(
-        fmt::format("write_png: image of {} x {} x {} with {} bytes, expected 1 or 3 channels and "
-                    "a byte for each sample",
+        fmt::format("write_png: image of {} x {} x {} with {} bytes, expected 1, 3 or 4 channels "
+                    "and a byte for each sample",
                     image.width, image.height, image.channels, image.data.size()));
   }
   std::string bytes;

@@ -9,7 +9,8 @@
 
 namespace camber {
 
-/// An 8-bit image, rows from top to bottom, channels interleaved: 1 grey, or 3 red, green, blue.
+/// An 8-bit image, rows from top to bottom, channels interleaved: 1 grey, 3 red,
+/// green, blue, or, written only, 4 with an opacity that the colours are not multiplied by.
 struct Image {
   int width = 0;
   int height = 0;
@@ -82,7 +83,7 @@ DepthImage read_depth_image(const std::filesystem::path& path, const std::string
 DepthImage read_disparity_image(const std::filesystem::path& path, const PinholeCamera& camera,
                                 double baseline);
 
-/// Writes an 8-bit PNG of 1 or 3 channels, atomically.
+/// Writes an 8-bit PNG of 1, 3 or 4 channels, atomically.
 /// @throws OutputError; std::invalid_argument for an image that is empty or not as Image says.
 void write_png(const Image& image, const std::filesystem::path& path);
 

@@ -1,0 +1,338 @@
+#include "camber/render/scene_actors.h"
+
+#include <vtkCellArray.h>
+#include <vtkCellData.h>
+#include <vtkFloatArray.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkPoints.h>
+#include <vtkPolyData.h>
+#include <vtkPolyDataMapper.h>
+#include <vtkProperty.h>
+#include <vtkUnsignedCharArray.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "camber/render/color_map.h"
+#include "camber/render/wireframe.h"
+
+namespace camber {
+namespace {
+
+using Segment3 = std::pair<Eigen::Vector3d, Eigen::Vector3d>;
+
+vtkSmartPointer<vtkActor> make_actor(vtkPolyData* data) {
+  vtkNew<vtkPolyDataMapper> mapper;
+  mapper->SetInputData(data);
+  auto actor = vtkSmartPointer<vtkActor>::New();
+  actor->SetMapper(mapper);
+  actor->GetProperty()->LightingOff();
+  return actor;
+}
+
+void paint(vtkActor* actor, const Color& color) {
+  actor->GetProperty()->SetColor(color.red / 255.0, color.green / 255.0, color.blue / 255.0);
+  actor->GetProperty()->SetOpacity(color.alpha);
+}
+
+/// Points of one colour each, or all of one colour where `inks` is empty.
+vtkSmartPointer<vtkActor> cloud_actor(const std::vector<Eigen::Vector3f>& places,
+                                      const std::vector<std::array<std::uint8_t, 3>>& inks,
+                                      const Color& color, double pixels) {
+  const auto count = static_cast<vtkIdType>(places.size());
+  vtkNew<vtkFloatArray> coordinates;
+  coordinates->SetNumberOfComponents(3);
+  coordinates->SetNumberOfTuples(count);
+  std::memcpy(coordinates->GetPointer(0), places.data(), sizeof(float) * 3 * places.size());
+  vtkNew<vtkPoints> points;
+  points->SetData(coordinates);
+  vtkNew<vtkCellArray> cells;
+  cells->AllocateExact(1, count);
+  cells->InsertNextCell(static_cast<int>(count));
+  for (vtkIdType i = 0; i < count; ++i) cells->InsertCellPoint(i);
+  vtkNew<vtkPolyData> data;
+  data->SetPoints(points);
+  data->SetVerts(cells);
+  if (!inks.empty()) {
+    vtkNew<vtkUnsignedCharArray> colors;
+    colors->SetNumberOfComponents(3);
+    colors->SetNumberOfTuples(count);
+    std::memcpy(colors->GetPointer(0), inks.data(), 3 * inks.size());
+    data->GetPointData()->SetScalars(colors);
+  }
+  auto actor = make_actor(data);
+  if (inks.empty()) paint(actor, color);
+  actor->GetProperty()->SetPointSize(static_cast<float>(pixels));
+  return actor;
+}
+
+vtkSmartPointer<vtkActor> lines_actor(const std::vector<Segment3>& lines, double pixels,
+                                      const Color& color) {
+  vtkNew<vtkPoints> points;
+  points->SetDataTypeToFloat();
+  vtkNew<vtkCellArray> cells;
+  for (const Segment3& line : lines) {
+    const vtkIdType ends[2] = {points->InsertNextPoint(line.first.data()),
+                               points->InsertNextPoint(line.second.data())};
+    cells->InsertNextCell(2, ends);
+  }
+  vtkNew<vtkPolyData> data;
+  data->SetPoints(points);
+  data->SetLines(cells);
+  auto actor = make_actor(data);
+  actor->GetProperty()->SetLineWidth(static_cast<float>(pixels));
+  paint(actor, color);
+  return actor;
+}
+
+vtkSmartPointer<vtkActor> faces_actor(const std::vector<std::vector<Eigen::Vector3d>>& polygons,
+                                      const Color& color) {
+  vtkNew<vtkPoints> points;
+  points->SetDataTypeToFloat();
+  vtkNew<vtkCellArray> cells;
+  for (const auto& polygon : polygons) {
+    cells->InsertNextCell(static_cast<int>(polygon.size()));
+    for (const Eigen::Vector3d& corner : polygon) {
+      cells->InsertCellPoint(points->InsertNextPoint(corner.data()));
+    }
+  }
+  vtkNew<vtkPolyData> data;
+  data->SetPoints(points);
+  data->SetPolys(cells);
+  auto actor = make_actor(data);
+  paint(actor, color);
+  return actor;
+}
+
+std::vector<Segment3> outline(const std::vector<Eigen::Vector3d>& corners) {
+  std::vector<Segment3> lines;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    lines.emplace_back(corners[i], corners[(i + 1) % corners.size()]);
+  }
+  return lines;
+}
+
+std::vector<Segment3> box_lines(const OrientedBox& box) {
+  const auto corners = box.corners();
+  std::vector<Segment3> lines;
+  for (const auto& [a, b] : box_edges()) lines.emplace_back(corners.col(a), corners.col(b));
+  return lines;
+}
+
+void append(std::vector<Segment3>* lines, const std::vector<Segment3>& more) {
+  lines->insert(lines->end(), more.begin(), more.end());
+}
+
+/// Segments with a colour each.
+vtkSmartPointer<vtkActor> colored_lines_actor(const std::vector<Segment3>& lines,
+                                              const std::vector<Color>& inks, double pixels) {
+  auto actor = lines_actor(lines, pixels, kInk);
+  vtkNew<vtkUnsignedCharArray> colors;
+  colors->SetNumberOfComponents(3);
+  for (const Color& ink : inks) colors->InsertNextTuple3(ink.red, ink.green, ink.blue);
+  vtkPolyDataMapper::SafeDownCast(actor->GetMapper())
+      ->GetInput()
+      ->GetCellData()
+      ->SetScalars(colors);
+  return actor;
+}
+
+/// A shaft with four barbs.
+void append_arrow(std::vector<Segment3>* lines, const Eigen::Vector3d& from,
+                  const Eigen::Vector3d& way) {
+  const Eigen::Vector3d tip = from + way;
+  lines->emplace_back(from, tip);
+  const Eigen::Vector3d side = way.unitOrthogonal() * (0.12 * way.norm());
+  const Eigen::Vector3d other = way.normalized().cross(side);
+  for (const Eigen::Vector3d& barb :
+       {side, Eigen::Vector3d(-side), other, Eigen::Vector3d(-other)}) {
+    lines->emplace_back(tip, tip - 0.25 * way + barb);
+  }
+}
+
+/// Parts of a segment with gaps between them.
+void append_dashes(std::vector<Segment3>* lines, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                   double dash) {
+  const int dashes = std::clamp(static_cast<int>((b - a).norm() / (1.6 * dash)), 3, 40);
+  for (int i = 0; i < dashes; ++i) {
+    const double from = (i + 0.2) / dashes, to = (i + 0.8) / dashes;
+    lines->emplace_back(a + from * (b - a), a + to * (b - a));
+  }
+}
+
+/// Patches and links stand a little above the points, whose noise would hide them.
+double lift_of(const PictureSpace& space) {
+  return 0.001 * (space.ahead.span() + space.right.span());
+}
+
+}  // namespace
+
+const std::vector<SceneSwitch>& scene_switches() {
+  using O = ScenePictureOptions;
+  static const std::vector<SceneSwitch> all = {
+      {SceneElement::kGrid, "grid", "level grid", &O::show_grid},
+      {SceneElement::kTruthCloud, "truth-cloud", "dense ground truth", &O::show_truth_cloud},
+      {SceneElement::kPoints, "points", "road points", &O::show_points},
+      {SceneElement::kVehicles, "vehicles", "vehicle wireframes", &O::show_vehicles},
+      {SceneElement::kBoxes, "boxes", "vehicle boxes", &O::show_boxes},
+      {SceneElement::kPlanes, "planes", "planes under vehicles", &O::show_planes},
+      {SceneElement::kTruth, "truth", "true boxes", &O::show_truth},
+      {SceneElement::kCameras, "cameras", "cameras and path", &O::show_cameras},
+      {SceneElement::kPatches, "patches", "planar patches", &O::show_patches},
+      {SceneElement::kNormals, "normals", "patch normals", &O::show_normals},
+      {SceneElement::kLinks, "links", "consistency graph", &O::show_links},
+  };
+  return all;
+}
+
+SceneGrid make_scene_grid(const PictureSpace& space) {
+  SceneGrid grid;
+  const double span = std::max(space.right.span(), space.ahead.span());
+  grid.x1 = space.right.low;
+  grid.x2 = space.right.high;
+  grid.y1 = space.ahead.low;
+  grid.y2 = space.ahead.high;
+  const double step = make_ticks(0.0, span, 10).step;
+  grid.xs = multiples_of(step, grid.x1, grid.x2);
+  grid.ys = multiples_of(step, grid.y1, grid.y2);
+  // Just under the bulk of the points, so that the road rises from it.
+  grid.z =
+      std::min(space.up.low, space.heights.low) - 0.02 * std::max(space.up.span(), 0.02 * span);
+  return grid;
+}
+
+Color link_color(const PlacedLink& link, const PictureSpace& space) {
+  return plasma(std::abs(link.height_step) / space.link_steps.high);
+}
+
+vtkSmartPointer<vtkActor> make_points_actor(const PictureSpace& space, double pixels) {
+  return cloud_actor(space.points, space.colors, kInk, pixels);
+}
+
+std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
+                                          const SceneStyle& style) {
+  std::vector<SceneLayer> layers;
+  for (const SceneSwitch& entry : scene_switches()) layers.push_back({entry.element, {}});
+  const auto add = [&](SceneElement element, vtkSmartPointer<vtkActor> actor) {
+    layers[static_cast<std::size_t>(element)].actors.push_back(std::move(actor));
+  };
+  const double px = style.line_unit;
+
+  const SceneGrid grid = make_scene_grid(space);
+  std::vector<Segment3> grid_lines = outline({{grid.x1, grid.y1, grid.z},
+                                              {grid.x2, grid.y1, grid.z},
+                                              {grid.x2, grid.y2, grid.z},
+                                              {grid.x1, grid.y2, grid.z}});
+  for (const double x : grid.xs.values) {
+    grid_lines.push_back({{x, grid.y1, grid.z}, {x, grid.y2, grid.z}});
+  }
+  for (const double y : grid.ys.values) {
+    grid_lines.push_back({{grid.x1, y, grid.z}, {grid.x2, y, grid.z}});
+  }
+  add(SceneElement::kGrid, lines_actor(grid_lines, 1.0 * px, {206, 210, 215, 1.0}));
+
+  if (!space.truth_points.empty()) {
+    add(SceneElement::kTruthCloud,
+        cloud_actor(space.truth_points, {}, kTruthGrey, std::max(1.0, 0.75 * style.point_size)));
+  }
+  if (!space.points.empty()) {
+    add(SceneElement::kPoints, make_points_actor(space, style.point_size));
+  }
+
+  for (const PlacedVehicle& vehicle : space.vehicles) {
+    const Color color = vehicle_color(vehicle);
+    if (vehicle.wireframe) {
+      std::vector<Segment3> lines;
+      for (const auto& [a, b] : wireframe_edges()) {
+        lines.emplace_back(vehicle.keypoints[a], vehicle.keypoints[b]);
+      }
+      add(SceneElement::kVehicles, lines_actor(lines, 2.6 * px, darker(color, 0.5)));
+      std::vector<std::vector<Eigen::Vector3d>> faces;
+      for (const auto& t : wireframe_triangles()) {
+        faces.push_back(
+            {vehicle.keypoints[t[0]], vehicle.keypoints[t[1]], vehicle.keypoints[t[2]]});
+      }
+      add(SceneElement::kVehicles, faces_actor(faces, color.with_alpha(0.6)));
+    }
+    add(SceneElement::kBoxes, lines_actor(box_lines(vehicle.box), 1.0 * px, darker(color, 0.6)));
+    if (!vehicle.ground.empty()) {
+      add(SceneElement::kPlanes,
+          lines_actor(outline(vehicle.ground), 1.6 * px, darker(color, 0.8)));
+      add(SceneElement::kPlanes, faces_actor({vehicle.ground}, color.with_alpha(0.25)));
+    }
+  }
+  std::vector<Segment3> truth_lines, truth_planes;
+  for (const PlacedVehicle& vehicle : space.truth) {
+    append(&truth_lines, box_lines(vehicle.box));
+    if (!vehicle.ground.empty()) append(&truth_planes, outline(vehicle.ground));
+  }
+  if (!truth_lines.empty())
+    add(SceneElement::kTruth, lines_actor(truth_lines, 1.5 * px, kTruthRed));
+  if (!truth_planes.empty()) {
+    add(SceneElement::kTruth, lines_actor(truth_planes, 1.0 * px, kTruthRed));
+  }
+
+  // Cameras: small pyramids and the path.
+  std::vector<Segment3> path, pyramids;
+  const double depth =
+      std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
+  for (std::size_t i = 0; i < space.cameras.size(); ++i) {
+    if (i > 0) {
+      path.emplace_back(space.cameras[i - 1].translation(), space.cameras[i].translation());
+    }
+    if (!content.camera) continue;
+    std::vector<Eigen::Vector3d> placed;
+    for (const Eigen::Vector3d& corner : frustum_corners(*content.camera, depth)) {
+      placed.push_back(space.cameras[i] * corner);
+    }
+    append(&pyramids, outline(placed));
+    for (const Eigen::Vector3d& corner : placed) {
+      pyramids.emplace_back(space.cameras[i].translation(), corner);
+    }
+  }
+  if (!pyramids.empty()) add(SceneElement::kCameras, lines_actor(pyramids, 1.3 * px, kInk));
+  if (!path.empty()) add(SceneElement::kCameras, lines_actor(path, 2.5 * px, kInk));
+
+  const double lift = lift_of(space);
+  std::vector<std::vector<Eigen::Vector3d>> panes;
+  std::vector<Segment3> normals;
+  const double normal_length =
+      std::clamp(0.04 * std::max(space.ahead.span(), space.right.span()), 0.3, 200.0);
+  for (const PlacedPatch& patch : space.patches) {
+    panes.push_back(patch.boundary);
+    for (Eigen::Vector3d& corner : panes.back()) corner.z() += lift;
+    add(SceneElement::kPatches,
+        lines_actor(outline(panes.back()), 2.0 * px, patch_color(patch.kind)));
+    append_arrow(&normals, patch.middle, patch.normal * normal_length);
+  }
+  if (!panes.empty()) add(SceneElement::kPatches, faces_actor(panes, kPaper.with_alpha(0.4)));
+  if (!normals.empty()) {
+    add(SceneElement::kNormals, lines_actor(normals, 2.0 * px, patch_color(PatchKind::kRoad)));
+  }
+
+  std::vector<Segment3> valid, invalid;
+  std::vector<Color> inks;
+  for (const PlacedLink& link : space.links) {
+    Eigen::Vector3d a = link.a, b = link.b;
+    a.z() += 2.0 * lift;
+    b.z() += 2.0 * lift;
+    if (link.valid) {
+      valid.emplace_back(a, b);
+      inks.push_back(link_color(link, space));
+    } else {
+      append_dashes(&invalid, a, b, 5.0 * lift);
+    }
+  }
+  if (!valid.empty()) add(SceneElement::kLinks, colored_lines_actor(valid, inks, 3.5 * px));
+  if (!invalid.empty()) add(SceneElement::kLinks, lines_actor(invalid, 1.6 * px, kInk));
+
+  layers.erase(std::remove_if(layers.begin(), layers.end(),
+                              [](const SceneLayer& layer) { return layer.actors.empty(); }),
+               layers.end());
+  return layers;
+}
+
+}  // namespace camber
