@@ -10,8 +10,8 @@ program_packages=(
   libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libspdlog-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
-# Besides, to build and to run the tests and the benchmarks.
-test_packages=(libbenchmark-dev libgmock-dev libgtest-dev)
+# Besides, to build and to run the tests and the benchmarks; Chromium opens the report.
+test_packages=(chromium libbenchmark-dev libgmock-dev libgtest-dev)
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.
 clang_packages=(clang clang-format clang-tidy libclang-rt-dev)

@@ -55,6 +55,8 @@ echo
 echo "Look at:"
 for file in out/steep_hill/*; do
   case "$file" in
+    */report.html) what="all of it on one page: open it in a browser" ;;
+    */scene.glb) what="the scene for any glTF viewer" ;;
     */scene.png) what="the road and the cars in 3D; truth boxes in red" ;;
     */overlay_*.png) what="a frame with wireframes and distances" ;;
     */bev.png) what="bird's-eye view" ;;

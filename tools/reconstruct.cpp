@@ -73,8 +73,9 @@ void register_reconstruct(CLI::App& root) {
   Command* command = add_command(
       root, "reconstruct",
       "Turns a few frames of one moving camera into a metric road surface with vehicles on it: "
-      "road cloud, planar patches, vehicles, pictures; with ground truth in the scene also "
-      "metrics.",
+      "road cloud, planar patches, vehicles, pictures, a report to read (report.html), the scene "
+      "as "
+      "glTF (scene.glb); with ground truth in the scene also metrics.",
       "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
       "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip");
   auto arguments = std::make_shared<Arguments>();
@@ -87,7 +88,7 @@ void register_reconstruct(CLI::App& root) {
                  "plane at the camera's height)")
       ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
       ->capture_default_str();
-  app.add_flag("--no-pictures", a.no_pictures, "write no PNG");
+  app.add_flag("--no-pictures", a.no_pictures, "write no PNG, no scene.glb and no report.html");
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--json", a.json, "print run.json to stdout");
   command->run = [command, arguments] {

@@ -241,6 +241,22 @@ TEST_F(SteepHill, AResultHasItsFilesAndReplacesAnOlderOne) {
   EXPECT_EQ(json::parse(info.out)["files"][0]["kind"], "result");
 }
 
+TEST_F(SteepHill, PicturesComeWithAReportAndAScene) {
+  const auto result =
+      run_camber({"reconstruct", scene(), "--frames", "0,1", "--out", path("result"), "--quiet"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  for (const char* file :
+       {"scene.png", "bev.png", "overlay_000000.png", "overlay_000001.png", "scene.glb"}) {
+    EXPECT_TRUE(fs::exists(path("result") + "/" + file)) << file;
+  }
+  const std::string page = read_bytes(path("result/report.html"));
+  for (const char* part : {"camber reconstruct", "Profile along the driven line", "Errors against",
+                           "Vehicle by vehicle", "surface", "image/000000.png", "Frame 1",
+                           "data:image/jpeg;base64,", "Ceres", "option.method"}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
+}
+
 TEST_F(SteepHill, InterruptedRunsLeaveNothing) {
   // Rounds enough for minutes; interrupted after a second and a half.
   const auto result = run_camber(

@@ -5,6 +5,8 @@
 
 #include <cstdint>
 #include <cstring>
+#include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
@@ -88,6 +90,123 @@ TEST(Gltf, HoldsTheSceneInMetresWithYUp) {
   EXPECT_LT((points[0] - Eigen::Vector3f(-5.0f, 0.32f, -4.0f)).norm(), 1e-5f);
 }
 
+/// What the glTF 2.0 specification asks of every file, as far as ours use it: section 3.6.2 of
+/// accessors, 3.6.1 of buffer views, 3.7.2 of meshes, 4.4 of chunks.
+void expect_valid(const std::string& bytes) {
+  const Glb glb(bytes);
+  const json& d = glb.document;
+  EXPECT_EQ(bytes.size() % 4, 0u);
+  EXPECT_EQ(number_at(bytes, 12) % 4, 0u);
+  EXPECT_EQ(glb.binary.size() % 4, 0u);
+  EXPECT_EQ(d["asset"]["version"], "2.0");
+  std::size_t end = 0;
+  for (const json& view : d["bufferViews"]) {
+    EXPECT_EQ(view["buffer"], 0);
+    EXPECT_GE(view["byteOffset"].get<std::size_t>(), end) << "views overlap";
+    EXPECT_GT(view["byteLength"].get<std::size_t>(), 0u);
+    EXPECT_TRUE(view["target"] == 34962 || view["target"] == 34963);
+    end = view["byteOffset"].get<std::size_t>() + view["byteLength"].get<std::size_t>();
+    EXPECT_LE(end, glb.binary.size());
+  }
+  const std::map<int, std::size_t> sizes = {{5126, 4}, {5125, 4}, {5123, 2}};
+  const std::map<std::string, std::size_t> lanes = {{"SCALAR", 1}, {"VEC3", 3}, {"VEC4", 4}};
+  std::vector<int> used(d["accessors"].size());
+  for (const json& accessor : d["accessors"]) {
+    const json& view = d["bufferViews"][accessor["bufferView"].get<std::size_t>()];
+    const std::size_t size = sizes.at(accessor["componentType"]) * lanes.at(accessor["type"]);
+    EXPECT_GT(accessor["count"].get<std::size_t>(), 0u);
+    EXPECT_EQ(size % 4 == 0 || view["target"] == 34963, true) << "vertices at multiples of four";
+    EXPECT_LE(accessor["count"].get<std::size_t>() * size, view["byteLength"].get<std::size_t>());
+  }
+  for (const json& mesh : d["meshes"]) {
+    EXPECT_FALSE(mesh["name"].get<std::string>().empty());
+    ASSERT_FALSE(mesh["primitives"].empty());
+    for (const json& primitive : mesh["primitives"]) {
+      const std::size_t at = primitive["attributes"]["POSITION"].get<std::size_t>();
+      const json& accessor = d["accessors"].at(at);
+      used[at] = 1;
+      // The bounds are those of the data, exactly.
+      const auto points = glb.positions(primitive);
+      Eigen::Vector3f low = points[0], high = points[0];
+      for (const Eigen::Vector3f& p : points) {
+        ASSERT_TRUE(p.allFinite());
+        low = low.cwiseMin(p);
+        high = high.cwiseMax(p);
+      }
+      for (int k = 0; k < 3; ++k) {
+        EXPECT_EQ(accessor["min"][static_cast<std::size_t>(k)].get<float>(), low[k]);
+        EXPECT_EQ(accessor["max"][static_cast<std::size_t>(k)].get<float>(), high[k]);
+      }
+      if (primitive["attributes"].contains("COLOR_0")) {
+        const std::size_t colors = primitive["attributes"]["COLOR_0"].get<std::size_t>();
+        used[colors] = 1;
+        EXPECT_EQ(d["accessors"].at(colors)["count"], accessor["count"]);
+        EXPECT_EQ(d["accessors"].at(colors)["normalized"], true);
+      }
+      const int mode = primitive["mode"];
+      std::size_t corners = points.size();
+      if (primitive.contains("indices")) {
+        const std::size_t index = primitive["indices"].get<std::size_t>();
+        used[index] = 1;
+        const json& indices = d["accessors"].at(index);
+        const json& view = d["bufferViews"][indices["bufferView"].get<std::size_t>()];
+        EXPECT_EQ(view["target"], 34963);
+        corners = indices["count"];
+        for (std::size_t i = 0; i < corners; ++i) {
+          ASSERT_LT(number_at(glb.binary, view["byteOffset"].get<std::size_t>() + 4 * i),
+                    points.size());
+        }
+      }
+      EXPECT_EQ(corners % (mode == 4 ? 3 : mode == 1 ? 2 : 1), 0u) << mesh["name"];
+      EXPECT_LT(primitive["material"].get<std::size_t>(), d["materials"].size());
+    }
+  }
+  for (const int u : used) EXPECT_EQ(u, 1) << "an accessor that nothing uses";
+  // Every node has a name and is reached once; children are nodes.
+  std::vector<int> reached(d["nodes"].size());
+  const std::function<void(const json&)> visit = [&](const json& list) {
+    ASSERT_FALSE(list.empty());
+    for (const json& index : list) {
+      const json& node = d["nodes"].at(index.get<std::size_t>());
+      ++reached[index.get<std::size_t>()];
+      EXPECT_FALSE(node["name"].get<std::string>().empty());
+      if (node.contains("mesh")) {
+        EXPECT_LT(node["mesh"].get<std::size_t>(), d["meshes"].size());
+      }
+      if (node.contains("children")) visit(node["children"]);
+    }
+  };
+  visit(d["scenes"][d["scene"].get<std::size_t>()]["nodes"]);
+  for (const int r : reached) EXPECT_EQ(r, 1);
+}
+
+TEST(Gltf, IsValidWhateverIsThere) {
+  const PictureScene scene;
+  expect_valid(encode_glb(scene.content()));
+  GltfOptions thin;
+  thin.max_points = 7;
+  expect_valid(encode_glb(scene.content(), thin));
+  PictureContent content = scene.content();
+  content.title = "caf\xc3\xa9 \"quoted\"";
+  content.cloud = nullptr;
+  expect_valid(encode_glb(content));
+  content = PictureContent{};
+  content.cloud = &scene.cloud;
+  expect_valid(encode_glb(content));
+  content = PictureContent{};
+  content.surface = &scene.surface;
+  expect_valid(encode_glb(content));
+  content = scene.content();
+  content.camera = nullptr;
+  expect_valid(encode_glb(content));
+  // Boundaries that are no polygons, names and places that are odd.
+  PictureScene odd;
+  odd.surface.patches[0].boundary.resize(2);
+  odd.vehicles.frames[0].vehicles[0].vehicle_class.clear();
+  odd.run.cameras.resize(1);
+  expect_valid(encode_glb(odd.content()));
+}
+
 TEST(Gltf, ThinsPointsAndLeavesTruthOutWhereAsked) {
   const PictureScene scene;
   GltfOptions options;
@@ -120,14 +239,19 @@ TEST(Report, IsSelfContainedAndTellsTheRun) {
   ReportContent content;
   content.picture = scene.content();
   content.picture.title = "a <b>road</b>";
-  content.metrics = {{"scale_error", 0.0123}};
+  content.metrics = {{"scale_error", 0.0123},
+                     {"by_distance", {{"to_15", {{"center_error", {{"mean", 0.987}}}}}}},
+                     {"vehicles", {{{"frame", 7}, {"estimate_id", 2}, {"distance", 45.6}}}}};
+  scene.run.extra["libraries"] = library_versions();
   const std::string page = make_report(content);
   EXPECT_EQ(page, make_report(content));
   EXPECT_THAT(page, HasSubstr("<h1>a &lt;b&gt;road&lt;/b&gt;</h1>"));
   EXPECT_THAT(page, HasSubstr("camber reconstruct &lt;scene&gt; &amp; more"));
-  for (const char* part : {"0123456789abcdef", "behind_camera", "321", "12.5", "77", "scale_error",
-                           "0.0123", "<h2>Vehicles</h2>", "<h2>Patches</h2>",
-                           "Profile along the driven line", "<h3>Frame 7</h3>"}) {
+  for (const char* part :
+       {"0123456789abcdef", "behind_camera", "321", "12.5", "77", "scale_error", "0.0123", "0.987",
+        "45.6", "<h2>Vehicles</h2>", "<h2>Patches</h2>", "Profile along the driven line",
+        "<h3>Frame 7</h3>", "height, m", "grade, %", "cross slope, %", "Ceres 2.",
+        "Vehicle by vehicle", "up to 15"}) {
     EXPECT_THAT(page, HasSubstr(part));
   }
   // Nothing is loaded from elsewhere.
@@ -171,8 +295,8 @@ TEST(Report, WithoutScaleNoMetreIsClaimed) {
   content.picture = scene.content();
   const std::string page = make_report(content);
   EXPECT_THAT(page, HasSubstr("up to scale"));
-  EXPECT_THAT(page, HasSubstr("distance (units)"));
-  EXPECT_THAT(page, Not(HasSubstr("distance (m)")));
+  EXPECT_THAT(page, HasSubstr("bottom centre (units)"));
+  EXPECT_THAT(page, Not(HasSubstr("bottom centre (m)")));
 }
 
 }  // namespace

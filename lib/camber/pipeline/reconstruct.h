@@ -65,7 +65,8 @@ struct WriteReconstructionOptions {
 };
 
 /// Writes the result folder (road.ply, surface.json, vehicles.json, run.json, metrics.json where
-/// the scene has truth, overlay_*.png, scene.png, bev.png), whole or not at all.
+/// the scene has truth; with pictures also overlay_*.png, scene.png, bev.png, scene.glb and
+/// report.html), whole or not at all.
 /// @return one-line summary of the errors against truth, empty without truth.
 /// @throws OutputError, MachineError (no rendering back end).
 std::string write_reconstruction(const Scene& scene, Reconstruction& result,

@@ -7,9 +7,11 @@
 #include "camber/core/stopwatch.h"
 #include "camber/evaluate/metrics.h"
 #include "camber/pipeline/reconstruct.h"
+#include "camber/render/gltf.h"
 #include "camber/render/overlay.h"
 #include "camber/render/picture_file.h"
 #include "camber/render/pictures.h"
+#include "camber/render/report.h"
 
 namespace fs = std::filesystem;
 
@@ -25,6 +27,15 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
   const fs::path& staging = out.staging();
   Timings& timings = result.run.timings;
 
+  PictureContent content;
+  content.cloud = &result.cloud;
+  content.surface = &result.surface;
+  content.vehicles = &result.vehicles;
+  content.run = &result.run;
+  content.camera = &scene.camera;
+  content.truth = scene.truth ? &*scene.truth : nullptr;
+  content.frame = result.reference_frame;
+  content.title = scene.name;
   if (options.pictures) {
     report("render", 0.0);
     const StageTimer timer(timings, "render");
@@ -41,24 +52,19 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
       report("render",
              0.3 * static_cast<double>(k + 1) / static_cast<double>(result.frame_ids.size()));
     }
-    PictureContent content;
-    content.cloud = &result.cloud;
-    content.surface = &result.surface;
-    content.vehicles = &result.vehicles;
-    content.run = &result.run;
-    content.camera = &scene.camera;
-    content.truth = scene.truth ? &*scene.truth : nullptr;
-    content.frame = result.reference_frame;
-    content.title = scene.name;
     RenderRecord record;
     write_png(render_scene_picture(content, {}, &record), staging / "scene.png");
     result.run.gl_backend = record.backend + ", " + record.renderer;
     report("render", 0.8);
     write_png(render_bev_picture(content), staging / "bev.png");
+    report("render", 0.9);
+    write_glb(content, staging / "scene.glb");
     report("render", 1.0);
   }
 
+  result.run.extra["libraries"] = library_versions();
   std::string summary;
+  nlohmann::json metrics_json;
   report("write", 0.0);
   {
     const StageTimer timer(timings, "write");
@@ -68,9 +74,19 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     if (scene.truth) {
       const SceneMetrics metrics =
           evaluate_scene(scene, result.surface, result.vehicles, result.run);
-      write_json(to_json(metrics), staging / "metrics.json");
+      metrics_json = to_json(metrics);
+      write_json(metrics_json, staging / "metrics.json");
       summary = describe(metrics);
     }
+  }
+  if (options.pictures) {
+    ReportContent page;
+    page.picture = content;
+    page.picture_folder = staging;
+    page.metrics = metrics_json;
+    // It tells the times of all stages but its own, which run.json has.
+    const StageTimer timer(timings, "report");
+    write_report(page, staging / "report.html");
   }
   write_json(to_json(result.run), staging / "run.json");
   out.commit();

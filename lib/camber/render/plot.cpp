@@ -223,6 +223,12 @@ std::vector<Segment2> dashes_along(const std::vector<Segment2>& lines, double da
   return out;
 }
 
+/// The text size at which a line is no longer than there is room.
+double fitted_size(const std::string& line, double size, double room, bool bold = false) {
+  const double needed = 1.03 * Canvas::text_size(line, size, bold).x();
+  return needed <= room ? size : std::max(4.0, size * room / needed);
+}
+
 /// One panel: data ranges, ticks and the place of its axes.
 class Panel {
  public:
@@ -312,13 +318,16 @@ class Panel {
     }
     if (!plot_.x.title.empty()) {
       paper.text({0.5 * (axes_.x1 + axes_.x2), axes_.y2 + (plot_.x.hidden ? 1.0 : 2.25) * text_},
-                 plot_.x.title, text_, TextAnchor::kCenter, false);
+                 plot_.x.title, fitted_size(plot_.x.title, text_, axes_.width()),
+                 TextAnchor::kCenter, false);
     }
     if (!plot_.y.title.empty()) {
-      paper.text_upwards({1.0 * text_, 0.5 * (axes_.y1 + axes_.y2)}, plot_.y.title, text_);
+      paper.text_upwards({1.0 * text_, 0.5 * (axes_.y1 + axes_.y2)}, plot_.y.title,
+                         fitted_size(plot_.y.title, text_, area_.height()));
     }
     if (!plot_.title.empty()) {
-      paper.text({axes_.x1, area_.y1 + 0.75 * text_}, plot_.title, 1.05 * text_, TextAnchor::kLeft,
+      paper.text({axes_.x1, area_.y1 + 0.75 * text_}, plot_.title,
+                 fitted_size(plot_.title, 1.05 * text_, area_.width(), true), TextAnchor::kLeft,
                  true);
     }
     draw_legend(paper);
@@ -333,7 +342,7 @@ class Panel {
     return line.empty() ? 0.0 : 1.03 * Canvas::text_size(line, text_).x();
   }
   int y_count(double height) const {
-    return std::clamp(static_cast<int>(height / (2.4 * text_)), 2, 8);
+    return std::clamp(static_cast<int>(height / (1.8 * text_)), 2, 8);
   }
   int x_count() const {
     // Labels of the ticks must not touch.
@@ -537,7 +546,9 @@ class Panel {
                           s->color);
           }
         }
-        paper.text({x + 2.1 * text_, y}, s->name, text_, TextAnchor::kLeft, false);
+        paper.text({x + 2.1 * text_, y}, s->name,
+                   fitted_size(s->name, text_, area_.width() - 2.2 * text_), TextAnchor::kLeft,
+                   false);
         x += entry_width(*s) + 1.2 * text_;
       }
       y += kLineHeight * text_;
@@ -623,8 +634,10 @@ Layout lay_out(const PlotSheet& sheet, const PlotStyle& style) {
 
 void draw(Paper& paper, const PlotSheet& sheet, const Layout& layout, const PlotStyle& style) {
   if (!sheet.title.empty()) {
-    paper.text({0.6 * style.text_size, 1.2 * style.text_size}, sheet.title, 1.25 * style.text_size,
-               TextAnchor::kLeft, true);
+    paper.text(
+        {0.6 * style.text_size, 1.2 * style.text_size}, sheet.title,
+        fitted_size(sheet.title, 1.25 * style.text_size, style.width - 1.2 * style.text_size, true),
+        TextAnchor::kLeft, true);
   }
   for (const Panel& panel : layout.panels) panel.draw(paper);
 }

@@ -1,9 +1,15 @@
 #include "camber/render/report.h"
 
+#include <ceres/version.h>
+#include <vtkVersion.h>
+
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <opencv2/core/version.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
@@ -15,8 +21,11 @@
 #include "camber/render/color_map.h"
 #include "camber/render/gltf.h"
 #include "camber/render/picture_space.h"
+#include "camber/render/plot.h"
 #include "camber/render/report_viewer.h"
+#include "camber/render/result_plots.h"
 #include "camber/render/wireframe.h"
+#include "camber/road/road_profile.h"
 
 namespace camber {
 namespace {
@@ -109,93 +118,73 @@ std::string table(const std::vector<std::string>& heads, const std::string& rows
   return out + "</tr></thead><tbody>\n" + rows + "</tbody></table></div>\n";
 }
 
-std::string figure(const fs::path& file, const std::string& caption) {
-  return "<figure><img alt=\"" + escape(caption) + "\" src=\"data:image/png;base64," +
-         base64(read_bytes(file)) + "\"><figcaption>" + escape(caption) +
-         "</figcaption></figure>\n";
+/// Larger pictures of a camera go in as JPEG, with a sixth of the bytes.
+constexpr std::size_t kLargePhoto = 200000;
+
+std::string figure(const fs::path& file, const std::string& caption, bool photo) {
+  std::string bytes = read_bytes(file), type = "png";
+  if (photo && bytes.size() > kLargePhoto) {
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, bytes.data());
+    const cv::Mat picture = cv::imdecode(raw, cv::IMREAD_COLOR);
+    std::vector<std::uint8_t> jpeg;
+    if (picture.empty()) throw InputError(file.string(), "found no PNG image, expected one");
+    if (!cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, 90})) {
+      throw MachineError("the JPEG encoder failed");
+    }
+    bytes.assign(jpeg.begin(), jpeg.end());
+    type = "jpeg";
+  }
+  return std::string("<figure><div class=\"p") + (photo ? "" : " drawn") + "\"><img alt=\"" +
+         escape(caption) + "\" src=\"data:image/" + type + ";base64," + base64(bytes) +
+         "\"></div><figcaption>" + escape(caption) + "</figcaption></figure>\n";
 }
 
-/// One curve with a band of two standard deviations, as SVG.
-struct Curve {
-  std::vector<double> x, y, sigma;
-};
+/// A page holds at most so many overlays besides the shown frame's.
+constexpr std::size_t kOtherOverlays = 12;
 
-std::string plot(const Curve& curve, const std::string& x_name, const std::string& y_name) {
-  constexpr double kWidth = 760.0, kHeight = 240.0, kLeft = 62.0, kRight = 14.0, kTop = 12.0,
-                   kBottom = 44.0;
-  double x1 = curve.x.front(), x2 = curve.x.back(), y1 = 1e300, y2 = -1e300;
-  for (std::size_t i = 0; i < curve.y.size(); ++i) {
-    y1 = std::min(y1, curve.y[i] - 2.0 * curve.sigma[i]);
-    y2 = std::max(y2, curve.y[i] + 2.0 * curve.sigma[i]);
-  }
-  const double pad = std::max(0.05, 0.05 * (y2 - y1));
-  y1 -= pad;
-  y2 += pad;
-  const auto px = [&](double x) {
-    return format_number(kLeft + (x - x1) / std::max(x2 - x1, 1e-9) * (kWidth - kLeft - kRight), 1);
-  };
-  const auto py = [&](double y) {
-    return format_number(kHeight - kBottom - (y - y1) / (y2 - y1) * (kHeight - kTop - kBottom), 1);
-  };
-  std::string svg =
-      "<svg viewBox=\"0 0 760 240\" role=img aria-label=\"" + escape(y_name) + "\"><g class=g>";
-  std::string labels;
-  const Ticks xs = make_ticks(x1, x2, 8), ys = make_ticks(y1, y2, 5);
-  for (std::size_t i = 0; i < xs.values.size(); ++i) {
-    const std::string x = px(xs.values[i]);
-    svg += "<path d=\"M" + x + " " + py(y1) + "V" + py(y2) + "\"/>";
-    labels += "<text x=" + x + " y=214 text-anchor=middle>" + xs.labels[i] + "</text>";
-  }
-  for (std::size_t i = 0; i < ys.values.size(); ++i) {
-    const std::string y = py(ys.values[i]);
-    svg += "<path d=\"M" + px(x1) + " " + y + "H" + px(x2) + "\"/>";
-    labels += "<text x=56 y=" + y + " dy=4 text-anchor=end>" + ys.labels[i] + "</text>";
-  }
-  svg += "</g>";
-  std::string band = "M", line = "M";
-  for (std::size_t i = 0; i < curve.x.size(); ++i) {
-    band += px(curve.x[i]) + " " + py(curve.y[i] + 2.0 * curve.sigma[i]) + " ";
-    line += px(curve.x[i]) + " " + py(curve.y[i]) + " ";
-  }
-  for (std::size_t i = curve.x.size(); i-- > 0;) {
-    band += px(curve.x[i]) + " " + py(curve.y[i] - 2.0 * curve.sigma[i]) + " ";
-  }
-  svg += "<path class=b d=\"" + band + "Z\"/><path class=l d=\"" + line + "\"/>" + labels;
-  svg += "<text x=411 y=234 text-anchor=middle>" + escape(x_name) +
-         "</text><text transform=\"translate(14 110) rotate(-90)\" text-anchor=middle>" +
-         escape(y_name) + "</text></svg>\n";
-  return svg;
+/// "overlay_000012" to "12".
+std::string frame_number(const std::string& stem) {
+  const std::string digits = stem.substr(std::min(stem.size(), stem.find('_') + 1));
+  const std::size_t from = digits.find_first_not_of('0');
+  return digits.empty() ? stem : from == std::string::npos ? "0" : digits.substr(from);
 }
 
-/// Height and grade along the driven line, where it is long enough.
-std::string profile_section(const RoadSurface& surface, const std::string& unit) {
+/// A plot twice: as wide as the page, and with larger words for narrow screens.
+std::string plot_figure(const PlotSheet& sheet) {
+  return "<div class=wide>" + plots_svg(sheet, {760, 230, 16.5}, false) +
+         "</div><div class=narrow>" + plots_svg(sheet, {380, 210, 15.0}, false) + "</div>\n";
+}
+
+/// Height, grade and cross slope along the driven line, where the surface covers some of it.
+std::string profile_section(const RoadSurface& surface) {
   const auto& line = surface.driven_line;
-  if (line.size() < 3) return {};
-  Curve height, grade;
-  double along = 0.0;
+  double length = 0.0;
   for (std::size_t i = 0; i < line.size(); ++i) {
     if (!line[i].allFinite()) return {};
-    if (i > 0) {
-      const Eigen::Vector3d step = line[i] - line[i - 1];
-      const double rise = step.dot(surface.up);
-      const double run = std::sqrt(std::max(0.0, step.squaredNorm() - rise * rise));
-      if (!(run > 1e-9)) return {};
-      grade.x.push_back(along + 0.5 * run);
-      grade.y.push_back(std::atan2(rise, run) * kDegrees);
-      grade.sigma.push_back(0.0);
-      along += run;
-    }
-    const SurfaceQuery query = surface.query(line[i]);
-    const bool known = query.status != Status::kFailed && query.status != Status::kNotRun;
-    height.x.push_back(along);
-    height.y.push_back((line[i] - line[0]).dot(surface.up));
-    height.sigma.push_back(known && std::isfinite(query.sigma_height) ? query.sigma_height : 0.0);
+    if (i > 0) length += (line[i] - line[i - 1]).norm();
   }
-  return "<h2>Profile along the driven line</h2>\n" +
-         plot(height, "distance (" + unit + ")", "height (" + unit + ")") +
-         "<p class=n>Height above the road at the camera; the band is two standard deviations of "
-         "the surface.</p>" +
-         plot(grade, "distance (" + unit + ")", "grade (degrees)");
+  if (!(length > 0.0)) return {};
+  ProfileOptions options;
+  if (surface.metric) {
+    options.step = std::max(0.5, length / 200.0);
+  } else {
+    options.step = length / 60.0;
+    options.length = length / 4.0;
+    options.reach = options.step;
+  }
+  try {
+    const PlotSheet sheet = profile_plots(road_profile(surface, line, options), surface.metric, {});
+    return "<h2>Profile along the driven line</h2>\n" + plot_figure(sheet) +
+           "<p class=n>The bands hold the road with a probability of 95 %, by the covariance of "
+           "the patches." +
+           (surface.frame == "camera" ? " Heights count from the camera of the reference frame."
+                                      : "") +
+           "</p>\n";
+  } catch (const NoAnswerError&) {
+    return {};
+  } catch (const std::invalid_argument&) {
+    return {};  // a line without two places in plan
+  }
 }
 
 std::string patch_section(const RoadSurface& surface, const std::string& unit) {
@@ -285,6 +274,30 @@ void flatten(const json& value, const std::string& name, std::string* rows) {
   *rows += row({escape(name), escape(text)});
 }
 
+/// A line a matched vehicle.
+std::string vehicle_errors(const json& metrics) {
+  const auto vehicles = metrics.find("vehicles");
+  if (vehicles == metrics.end() || !vehicles->is_array() || vehicles->empty()) return {};
+  std::string rows;
+  for (const json& vehicle : *vehicles) {
+    if (!vehicle.is_object()) continue;
+    const auto cell = [&](const char* name, int decimals) -> std::string {
+      const auto found = vehicle.find(name);
+      return found != vehicle.end() && found->is_number() ? number(found->get<double>(), decimals)
+                                                          : "&ndash;";
+    };
+    rows += row({cell("frame", 0), cell("estimate_id", 0), cell("truth_id", 0), cell("distance", 1),
+                 cell("center_error", 2), cell("along_error", 2), cell("height_error", 3),
+                 cell("normal_error_deg", 2), cell("yaw_error_deg", 1), cell("dimension_error", 2),
+                 cell("keypoint_error", 2)});
+  }
+  return "<details open><summary>Vehicle by vehicle</summary>" +
+         table({"frame", "id", "true id", "distance (m)", "centre (m)", "along the ray (m)",
+                "ground height (m)", "normal (&deg;)", "yaw (&deg;)", "size (m)", "keypoints (m)"},
+               rows) +
+         "</details>\n";
+}
+
 std::string metrics_section(const json& metrics) {
   if (!metrics.is_object()) return {};
   std::string rows;
@@ -296,26 +309,42 @@ std::string metrics_section(const json& metrics) {
   const auto by_distance = metrics.find("by_distance");
   if (by_distance != metrics.end() && by_distance->is_object()) {
     std::string bins;
-    for (const auto& [name, bin] : by_distance->items()) {
-      const auto cell = [&](const char* what, const char* which) -> std::string {
-        const auto group = bin.find(what);
-        if (group == bin.end() || !group->is_object()) return "&ndash;";
+    const std::pair<const char*, const char*> kBins[] = {{"to_15", "up to 15"},
+                                                         {"15_to_30", "15 to 30"},
+                                                         {"beyond_30", "beyond 30"},
+                                                         {"all", "all"}};
+    for (const auto& [name, title] : kBins) {
+      const auto bin = by_distance->find(name);
+      if (bin == by_distance->end()) continue;
+      const auto cell = [&, &b = *bin](const char* what, const char* which) -> std::string {
+        const auto group = b.find(what);
+        if (group == b.end() || !group->is_object()) return "&ndash;";
         const auto found = group->find(which);
         if (found == group->end() || !found->is_number()) return "&ndash;";
         return number(found->get<double>(), std::string(which) == "count" ? 0 : 3);
       };
-      std::string title = name;
-      std::replace(title.begin(), title.end(), '_', ' ');
-      bins += row({escape(title), cell("height_error", "count"), cell("height_error", "median"),
-                   cell("height_error", "p90"), cell("center_error", "median"),
-                   cell("center_error", "p90")});
+      bins += row({title, cell("height_error", "count"), cell("height_error", "median"),
+                   cell("height_error", "p90"), cell("center_error", "mean"),
+                   cell("center_error", "median"), cell("center_error", "p90")});
     }
     out += table({"distance (m)", "vehicles", "ground height, median (m)", "90 % (m)",
-                  "centre, median (m)", "90 % (m)"},
+                  "centre, mean (m)", "median (m)", "90 % (m)"},
                  bins);
   }
+  out += vehicle_errors(metrics);
   return out + "<details><summary>All figures</summary>" + table({"name", "value"}, rows) +
          "</details>\n";
+}
+
+/// ", Ceres 2.1.0, ..." as far as the run tells them.
+std::string libraries(const RunDocument& run) {
+  std::string out;
+  const auto found = run.extra.find("libraries");
+  if (found == run.extra.end() || !found->is_object()) return out;
+  for (const auto& [name, version] : found->items()) {
+    if (version.is_string()) out += ", " + escape(name + " " + version.get<std::string>());
+  }
+  return out;
 }
 
 std::string run_section(const RunDocument& run) {
@@ -336,7 +365,8 @@ std::string run_section(const RunDocument& run) {
     out += table({"stage", "ms", ""}, rows);
   }
   std::string facts =
-      row({"version", escape(kVersion)}) + row({"seed", std::to_string(run.seed)}) +
+      row({"version", "Camber " + escape(kVersion) + libraries(run)}) +
+      row({"seed", std::to_string(run.seed)}) +
       row({"scale", run.metric ? with_margin(run.scale, run.scale * run.scale_sigma, 4) +
                                      " m per unit of the motion"
                                : "unknown: the result is up to scale"});
@@ -369,16 +399,26 @@ const char* const kStyle = R"(
 body{font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif;color:#262a30;background:#fff;margin:0 auto;max-width:1100px;padding:1rem}
 h1{font-size:1.7rem;margin:.4em 0 .1em}h2{font-size:1.25rem;margin:2em 0 .5em;border-bottom:1px solid #d5d9de}h3{font-size:1rem;margin:1.2em 0 .3em}
 figure{margin:1rem 0}img{max-width:100%;height:auto;display:block;border:1px solid #e3e6ea}figcaption,.n{color:#555c66;font-size:.9rem}
-.t{overflow-x:auto}table{border-collapse:collapse;font-size:.87rem;font-variant-numeric:tabular-nums}th,td{padding:.25em .7em;text-align:left;border-bottom:1px solid #e3e6ea;vertical-align:top;white-space:nowrap}td code,td small{white-space:normal}th{color:#555c66;font-weight:600}
+.t{overflow-x:auto}table{border-collapse:collapse;font-size:.87rem;font-variant-numeric:tabular-nums}th,td{padding:.25em .7em;text-align:left;border-bottom:1px solid #e3e6ea;vertical-align:top;white-space:nowrap}td code,td small{white-space:normal}th{color:#555c66;font-weight:600;white-space:normal;vertical-align:bottom}
 .m{color:#555c66;white-space:nowrap}code{font-size:.85em;overflow-wrap:anywhere}.s{white-space:nowrap}.s small{white-space:normal}.weak,.not_observable,.failed{color:#8a4b00}
 .bar{width:14em;min-width:6em}.bar i{display:block;height:.9em;margin-top:.25em;background:#3b6ea5;print-color-adjust:exact;-webkit-print-color-adjust:exact}
-svg{width:100%;max-width:760px;height:auto;display:block;margin:.5rem 0}svg text{font-size:13px;fill:#38404a}.g path{stroke:#dfe3e8;fill:none}.l{stroke:#1f4e8c;stroke-width:2;fill:none}.b{fill:#1f4e8c;opacity:.18}
-#view{width:100%;height:min(60vh,560px);border:1px solid #d5d9de;display:none;touch-action:none;cursor:grab}
+svg{width:100%;max-width:760px;height:auto;display:block;margin:.5rem 0}.narrow{display:none}.p{overflow-x:auto}
+@media screen and (max-width:600px){.wide{display:none}.narrow{display:block}.drawn img{max-width:none;width:max(100%,640px)}}
+#viewbar label{margin-right:1em;white-space:nowrap;font-size:.9rem}#view{width:100%;height:min(60vh,560px);border:1px solid #d5d9de;display:none;touch-action:none;cursor:grab}
 details{margin:.6rem 0}summary{cursor:pointer}
-@media print{body{max-width:none;padding:0;font-size:11pt}#view,#viewnote{display:none!important}figure,tr,svg{break-inside:avoid}h2{break-after:avoid}details>*{display:block}}
+@media print{body{max-width:none;padding:0;font-size:11pt}#view,#viewbar,#viewnote{display:none!important}figure,tr,svg{break-inside:avoid}h2,h3{break-after:avoid}.wide{break-inside:avoid}details::details-content{content-visibility:visible!important;height:auto!important}table{font-size:8pt}th,td{padding:.15em .45em}.t{overflow:visible}}
 )";
 
 }  // namespace
+
+json library_versions() {
+  return {
+      {"Ceres", CERES_VERSION_STRING},
+      {"Eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) +
+                    "." + std::to_string(EIGEN_MINOR_VERSION)},
+      {"OpenCV", CV_VERSION},
+      {"VTK", vtkVersion::GetVTKVersion()}};
+}
 
 void ReportOptions::validate() const {
   if (max_points < 1) {
@@ -427,40 +467,51 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
       return path.filename() == wanted;
     });
     if (shown != overlays.end()) {
-      out += figure(*shown, "Frame " + std::to_string(picture.frame) +
-                                ": wireframes, boxes and distances; a metre grid on the plane "
-                                "under each vehicle");
+      out += figure(*shown,
+                    "Frame " + std::to_string(picture.frame) +
+                        ": wireframes, boxes and distances; a metre grid on the plane "
+                        "under each vehicle",
+                    true);
     }
     if (fs::exists(content.picture_folder / "scene.png", error)) {
       out += figure(content.picture_folder / "scene.png",
                     space.truth.empty() ? "The reconstruction in 3D and from the side"
                                         : "The reconstruction in 3D and from the side; true boxes "
-                                          "in red");
+                                          "in red",
+                    false);
     }
     if (fs::exists(content.picture_folder / "bev.png", error)) {
       out += figure(content.picture_folder / "bev.png",
-                    "From above, with 95 % ellipses of the vehicles' positions");
+                    "From above, with 95 % ellipses of the vehicles' positions", false);
     }
+    if (shown != overlays.end()) overlays.erase(shown);
     std::string others;
-    for (const fs::path& overlay : overlays) {
-      if (shown == overlays.end() || overlay != *shown) {
-        others += figure(overlay, overlay.stem().string());
-      }
+    const std::size_t step = (overlays.size() + kOtherOverlays - 1) / kOtherOverlays;
+    std::size_t drawn = 0;
+    for (std::size_t i = 0; i < overlays.size(); i += step, ++drawn) {
+      const std::string name = overlays[i].stem().string();
+      others += figure(overlays[i], "Frame " + frame_number(name), true);
     }
     if (!others.empty()) {
-      out += "<details><summary>Overlays of the other frames</summary>\n" + others + "</details>\n";
+      out += "<details><summary>Overlays of " +
+             (drawn < overlays.size()
+                  ? std::to_string(drawn) + " of the " + std::to_string(overlays.size())
+                  : std::string("the")) +
+             " other frames</summary>\n" + others + "</details>\n";
     }
   }
   if (options.embed_3d) {
     GltfOptions gltf;
     gltf.max_points = options.max_points;
     out +=
-        "<canvas id=view></canvas><p class=n id=viewnote hidden>Drag to turn, with the right "
-        "button or two fingers to move, wheel or pinch to come nearer.</p>\n"
+        "<div id=viewbar></div><canvas id=view></canvas><p class=n id=viewnote hidden>Drag to "
+        "turn, "
+        "with the right button or two fingers to move, wheel or pinch to come nearer, double click "
+        "to start over.</p>\n"
         "<script type=\"application/octet-stream\" id=glb>" +
         base64(encode_glb(picture, gltf)) + "</script>\n<script>" + kReportViewer + "</script>\n";
   }
-  if (picture.surface) out += profile_section(*picture.surface, unit);
+  if (picture.surface) out += profile_section(*picture.surface);
   if (picture.vehicles) out += vehicle_section(*picture.vehicles, unit);
   out += metrics_section(content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);

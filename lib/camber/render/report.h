@@ -9,6 +9,9 @@
 
 namespace camber {
 
+/// Versions of the libraries that results depend on, by name: Ceres, Eigen, OpenCV, VTK.
+nlohmann::json library_versions();
+
 /// What a report tells about one run.
 struct ReportContent {
   PictureContent picture;                ///< cloud, surface, vehicles, run, camera, truth, title
@@ -23,10 +26,10 @@ struct ReportOptions {
   void validate() const;  ///< throws std::invalid_argument
 };
 
-/// One self-contained HTML page: pictures, side profile of the road with its uncertainty, tables of
-/// patches and vehicles with margins, errors to the truth where known, timings, version, seed,
-/// options, hashes of the inputs, the command. Nothing is loaded from elsewhere and no script is
-/// needed to read it. Same input, same bytes.
+/// One self-contained HTML page: pictures, height, grade and cross slope along the driven line with
+/// their uncertainty, tables of patches and vehicles with margins, errors to the truth where known,
+/// timings, version, seed, options, hashes of the inputs, the command. Nothing is loaded from
+/// elsewhere and no script is needed to read it. Same input, same bytes.
 /// @throws InputError for a picture that cannot be read; std::invalid_argument for bad options.
 std::string make_report(const ReportContent& content, const ReportOptions& options = {});
 

@@ -45,40 +45,62 @@ const char* const kReportViewer = R"JS(
     gl.bufferData(target, bytes.subarray(base + view.byteOffset,
                                          base + view.byteOffset + view.byteLength), gl.STATIC_DRAW);
   }
-  var low = [1e30, 1e30, 1e30], high = [-1e30, -1e30, -1e30], draws = [];
-  (doc.meshes || []).forEach(function (mesh) {
-    mesh.primitives.forEach(function (primitive) {
-      var position = doc.accessors[primitive.attributes.POSITION];
-      for (var k = 0; k < 3; k++) {
-        low[k] = Math.min(low[k], position.min[k]);
-        high[k] = Math.max(high[k], position.max[k]);
-      }
-      var array = gl.createVertexArray();
-      gl.bindVertexArray(array);
-      upload(gl.ARRAY_BUFFER, primitive.attributes.POSITION);
-      gl.enableVertexAttribArray(0);
-      gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-      if ("COLOR_0" in primitive.attributes) {
-        upload(gl.ARRAY_BUFFER, primitive.attributes.COLOR_0);
-        gl.enableVertexAttribArray(1);
-        gl.vertexAttribPointer(1, 4, gl.UNSIGNED_SHORT, true, 0, 0);
-      }
-      var count = position.count, indexed = "indices" in primitive;
-      if (indexed) {
-        upload(gl.ELEMENT_ARRAY_BUFFER, primitive.indices);
-        count = doc.accessors[primitive.indices].count;
-      }
-      var color = doc.materials[primitive.material].pbrMetallicRoughness.baseColorFactor;
-      draws.push({array: array, count: count, indexed: indexed, color: color,
-                  mode: primitive.mode});
-    });
+  var low = [1e30, 1e30, 1e30], high = [-1e30, -1e30, -1e30], draws = [], groups = [];
+  var sample = [];
+  function add(group, primitive) {
+    var position = doc.accessors[primitive.attributes.POSITION];
+    for (var k = 0; k < 3; k++) {
+      low[k] = Math.min(low[k], position.min[k]);
+      high[k] = Math.max(high[k], position.max[k]);
+    }
+    var view = doc.bufferViews[position.bufferView];
+    var places = new DataView(bytes.buffer, base + view.byteOffset, view.byteLength);
+    for (var i = 0; i < position.count; i += Math.ceil(position.count / 2000)) {
+      sample.push([0, 4, 8].map(function (o) { return places.getFloat32(12 * i + o, true); }));
+    }
+    var array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    upload(gl.ARRAY_BUFFER, primitive.attributes.POSITION);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    if ("COLOR_0" in primitive.attributes) {
+      upload(gl.ARRAY_BUFFER, primitive.attributes.COLOR_0);
+      gl.enableVertexAttribArray(1);
+      gl.vertexAttribPointer(1, 4, gl.UNSIGNED_SHORT, true, 0, 0);
+    }
+    var count = position.count, indexed = "indices" in primitive;
+    if (indexed) {
+      upload(gl.ELEMENT_ARRAY_BUFFER, primitive.indices);
+      count = doc.accessors[primitive.indices].count;
+    }
+    var color = doc.materials[primitive.material].pbrMetallicRoughness.baseColorFactor;
+    draws.push({array: array, count: count, indexed: indexed, color: color, group: group,
+                mode: primitive.mode});
+  }
+  function visit(group, index) {
+    var node = doc.nodes[index];
+    if ("mesh" in node) {
+      doc.meshes[node.mesh].primitives.forEach(function (p) { add(group, p); });
+    }
+    (node.children || []).forEach(function (child) { visit(group, child); });
+  }
+  // A switch for each of the scene's top nodes.
+  doc.scenes[0].nodes.forEach(function (index) {
+    var group = {shown: true}, label = document.createElement("label");
+    var box = document.createElement("input");
+    box.type = "checkbox";
+    box.checked = true;
+    box.addEventListener("change", function () { group.shown = box.checked; redraw(); });
+    label.append(box, " " + doc.nodes[index].name);
+    groups.push(label);
+    visit(group, index);
   });
   gl.bindVertexArray(null);
   draws.sort(function (a, b) { return b.color[3] - a.color[3]; });
 
   var target = [0, 1, 2].map(function (k) { return (low[k] + high[k]) / 2; });
   var size = Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) || 1;
-  var azimuth = 0.7, elevation = 0.4, distance = 0;
+  var middle = target.slice(), azimuth = 0.7, elevation = 0.4, distance = 0;
 
   function axes() {
     var ce = Math.cos(elevation), se = Math.sin(elevation);
@@ -88,12 +110,39 @@ const char* const kReportViewer = R"JS(
               back[0] * right[1] - back[1] * right[0]];
     return [right, up, back];
   }
+  /// Looks at the middle of what is seen, as near as shows all of it.
+  function fit(w, h) {
+    var a = axes(), f = 1 / Math.tan(0.35), d = size;
+    function project(p) {
+      var c = p.map(function (v, k) { return v - target[k]; });
+      return a.map(function (u) { return u[0] * c[0] + u[1] * c[1] + u[2] * c[2]; });
+    }
+    for (var round = 0; round < 4; round++) {
+      var from = [1e30, 1e30], to = [-1e30, -1e30], need = 0.01 * size;
+      var seen = sample.map(project);
+      seen.forEach(function (p) {
+        for (var k = 0; k < 2; k++) {
+          var s = p[k] / Math.max(d - p[2], 1e-3 * size);
+          from[k] = Math.min(from[k], s);
+          to[k] = Math.max(to[k], s);
+        }
+      });
+      var shift = [0, 1].map(function (k) { return d * (from[k] + to[k]) / 2; });
+      for (var k = 0; k < 3; k++) target[k] += shift[0] * a[0][k] + shift[1] * a[1][k];
+      seen.forEach(function (p) {
+        var x = Math.abs(p[0] - shift[0]) * h / w, y = Math.abs(p[1] - shift[1]);
+        need = Math.max(need, p[2] + 1.06 * f * Math.max(x, y));
+      });
+      d = need;
+    }
+    return d;
+  }
   function draw() {
     var ratio = window.devicePixelRatio || 1;
     var w = Math.max(1, Math.round(canvas.clientWidth * ratio));
     var h = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-    if (distance === 0) distance = size * Math.max(0.95, 1.1 * h / w);
+    if (distance === 0) distance = fit(w, h);
     gl.viewport(0, 0, w, h);
     gl.clearColor(1, 1, 1, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -115,6 +164,7 @@ const char* const kReportViewer = R"JS(
     gl.uniformMatrix4fv(at.m, false, m);
     gl.uniform1f(at.s, 2 * ratio);
     draws.forEach(function (d) {
+      if (!d.group.shown) return;
       gl.bindVertexArray(d.array);
       gl.vertexAttrib4f(1, 1, 1, 1, 1);
       gl.uniform4fv(at.f, d.color);
@@ -169,7 +219,15 @@ const char* const kReportViewer = R"JS(
     redraw();
   }, {passive: false});
   canvas.addEventListener("contextmenu", function (e) { e.preventDefault(); });
+  canvas.addEventListener("dblclick", function () {
+    target = middle.slice();
+    azimuth = 0.7;
+    elevation = 0.4;
+    distance = 0;
+    redraw();
+  });
   window.addEventListener("resize", redraw);
+  groups.forEach(function (label) { document.getElementById("viewbar").append(label); });
   canvas.style.display = "block";
   document.getElementById("viewnote").hidden = false;
   draw();

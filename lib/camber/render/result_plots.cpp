@@ -100,10 +100,10 @@ PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
     sheet.panels.push_back(profile_panel(profile, value, sigma, 100.0, name, plot_color(color)));
     sheet.panels.back().y.title = axis;
   };
-  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade, positive where it climbs",
+  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade (positive: climbs)",
       "grade, %", 2);
   add(&ProfilePoint::cross_slope, &ProfilePoint::sigma_cross_slope,
-      "Cross slope (bank), positive where the left side is higher", "cross slope, %", 3);
+      "Cross slope (bank; positive: left side up)", "cross slope, %", 3);
   for (Plot& panel : sheet.panels) {
     panel.x.title = "distance along the line, " + unit;
     panel.x.low = profile.front().station;
