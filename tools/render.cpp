@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -14,12 +15,15 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/render/contact_sheet.h"
+#include "camber/render/film.h"
 #include "camber/render/frame_overlay.h"
 #include "camber/render/gltf.h"
 #include "camber/render/loaded_result.h"
 #include "camber/render/overlay.h"
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
+#include "camber/render/result_plots.h"
 #include "cloud_arguments.h"
 #include "command.h"
 
@@ -40,7 +44,10 @@ struct Arguments {
   double elevation_deg = ScenePictureOptions().elevation / kDegree;
   ScenePictureOptions picture;
   std::optional<int> frame;
-  int turntable = 0;
+  int turntable = 0, sheet_columns = 0;
+  std::string frames;
+  double rate = 0.0;
+  bool sheet = false;
   bool no_truth = false, links = false, json = false;
   CloudArguments cloud;
 };
@@ -169,14 +176,112 @@ int report(const Command& command, const Arguments& a, const std::vector<fs::pat
   return 0;
 }
 
+/// The frames of a result that a --frames list names.
+std::vector<int> frames_of(const LoadedResult& result, const std::string& list) {
+  Scene known;  // with the result's frames, as select_frames() takes them
+  if (result.vehicles) {
+    for (const VehicleFrame& frame : result.vehicles->frames) {
+      known.frames.emplace_back().id = frame.id;
+    }
+  } else if (result.run) {
+    for (const RunDocument::CameraPose& camera : result.run->cameras) {
+      known.frames.emplace_back().id = camera.id;
+    }
+  }
+  if (known.frames.empty()) {
+    throw NoAnswerError("--frames: " + result.path.string() + " holds no frames");
+  }
+  return select_frames(known, list == "all" ? "" : list);
+}
+
+/// A series of pictures: to files of their own, one contact sheet or a film.
+struct Series {
+  int count = 1;
+  std::function<Image(int)> picture;
+  std::function<std::string(int)> caption;  ///< below it on a contact sheet
+  std::function<int(int)> number;           ///< in its file's name
+};
+
+/// Draws all, then writes: a picture that fails leaves nothing behind.
+std::vector<fs::path> write_series(const Series& series, const Arguments& a, double rate,
+                                   const Progress& progress, Timings& timings) {
+  const fs::path out = a.out;
+  std::optional<FilmWriter> film;
+  std::optional<ContactSheet> sheet;
+  if (FilmWriter::knows(out.extension().string())) {
+    film.emplace(out, rate);
+  } else if (a.sheet) {
+    sheet.emplace(series.count, ContactSheetOptions{a.sheet_columns, 2400});
+  }
+  std::vector<std::pair<fs::path, Image>> pictures;
+  {
+    const StageTimer compute(timings, "compute");
+    for (int i = 0; i < series.count; ++i) {
+      progress("render", static_cast<double>(i) / series.count);
+      Image picture = series.picture(i);
+      if (film) {
+        film->add(picture);
+      } else if (sheet) {
+        sheet->add(picture, series.caption(i));
+      } else {
+        pictures.emplace_back(numbered(out, series.number(i)), std::move(picture));
+      }
+    }
+    progress("render", 1.0);
+  }
+  const StageTimer write(timings, "write");
+  if (film) film->finish();
+  if (sheet) write_png(sheet->sheet(), out);
+  if (film || sheet) return {out};
+  std::vector<fs::path> written;
+  for (const auto& [path, image] : pictures) {
+    write_png(image, path);
+    written.push_back(path);
+  }
+  return written;
+}
+
+/// A bar a stage of the run that made a result.
+Image draw_timings(const LoadedResult& result, const std::string& title,
+                   const ScenePictureOptions& options) {
+  if (!result.run) {
+    throw NoAnswerError(result.path.string() + " is no result folder: it tells no timings");
+  }
+  PlotStyle style;
+  style.width = options.width;
+  style.text_size = std::clamp(options.width / 60.0, 8.0, 60.0);
+  style.panel_height =
+      std::max(120, static_cast<int>(options.height - std::ceil(2.6 * style.text_size)));
+  return draw_plots(timing_plots(result.run->timings, "Time of each stage: " + title), style);
+}
+
 int run(const Command& command, Arguments& a) {
   Timings timings;
   const std::string kind = fs::path(a.out).extension().string();
-  if (kind != ".png" && kind != ".glb" && kind != ".html") {
-    throw UsageError("--out: found '" + a.out + "', expected a name in .png, .glb or .html");
+  const bool film = FilmWriter::knows(kind), series = a.turntable > 0 || !a.frames.empty();
+  if (kind != ".png" && kind != ".glb" && kind != ".html" && !film) {
+    throw UsageError("--out: found '" + a.out +
+                     "', expected a name in .png, .glb, .html, .mp4 or .avi");
   }
-  if (kind != ".png" && a.turntable > 0) {
-    throw UsageError("--turntable makes pictures: --out must end in .png");
+  if (series && kind != ".png" && !film) {
+    throw UsageError(
+        "--turntable and --frames make pictures: --out must end in .png, .mp4 or .avi");
+  }
+  if (a.turntable > 0 && !a.frames.empty()) {
+    throw UsageError("--turntable and --frames exclude each other");
+  }
+  if (a.frame && !a.frames.empty()) throw UsageError("--frame and --frames exclude each other");
+  if ((film || a.sheet) && !series) {
+    throw UsageError(std::string(film ? "a film" : "--sheet") +
+                     " needs several pictures: --frames or --turntable");
+  }
+  if (film && a.sheet) throw UsageError("--sheet makes one picture: --out must end in .png");
+  if ((film || a.sheet) && a.picture.transparent) {
+    throw UsageError("--transparent goes with single pictures only");
+  }
+  const bool timing = a.view == "timings";
+  if (timing && (series || kind != ".png")) {
+    throw UsageError("--view timings is one picture: --out must end in .png, without a series");
   }
   const bool bev = a.view == "bev", overlay = a.view == "overlay";
   if (a.turntable > 0 &&
@@ -238,7 +343,7 @@ int run(const Command& command, Arguments& a) {
   if (content.title.empty() && result.scene) content.title = result.scene->name;
   if (content.title.empty()) content.title = fs::path(a.input).filename().string();
 
-  if (kind != ".png") {
+  if (kind == ".glb" || kind == ".html") {
     std::string file;
     {
       const StageTimer compute(timings, "compute");
@@ -251,35 +356,63 @@ int run(const Command& command, Arguments& a) {
     return report(command, a, {a.out}, {}, timings);
   }
 
-  // All pictures first, then all files: a picture that fails leaves no part of a series behind.
   RenderRecord record;
-  std::vector<std::pair<fs::path, Image>> pictures;
-  const Progress progress = make_progress(command.common);
+  const auto draw = [&] {
+    if (timing) return draw_timings(result, content.title, options);
+    if (overlay) return draw_frame_overlay(result, content.frame, overlay_options);
+    if (bev) return render_bev_picture(content, bev_options);
+    return render_scene_picture(content, options, &record);
+  };
+  if (series) {
+    const std::vector<int> frames =
+        a.frames.empty() ? std::vector<int>() : frames_of(result, a.frames);
+    double rate = a.rate;
+    if (!(rate > 0.0)) {
+      rate = !frames.empty() && result.scene && result.scene->frame_rate ? *result.scene->frame_rate
+                                                                         : 10.0;
+    }
+    const double start = options.azimuth;
+    Series pictures;
+    if (frames.empty()) {
+      pictures.count = a.turntable;
+      const auto turned = [&](int i) { return 2.0 * M_PI * i / a.turntable; };
+      pictures.picture = [&, turned](int i) {
+        options.azimuth = start + turned(i);
+        return draw();
+      };
+      pictures.caption = [turned](int i) { return fmt::format("{:.0f} deg", turned(i) / kDegree); };
+      pictures.number = [](int i) { return i; };
+    } else {
+      pictures.count = static_cast<int>(frames.size());
+      pictures.picture = [&](int i) {
+        content.frame = frames[static_cast<std::size_t>(i)];
+        return draw();
+      };
+      pictures.number = [&](int i) { return frames[static_cast<std::size_t>(i)]; };
+      pictures.caption = [&](int i) {
+        const int id = frames[static_cast<std::size_t>(i)];
+        std::string text = "frame " + std::to_string(id);
+        if (!result.scene) return text;
+        for (const SceneFrame& frame : result.scene->frames) {
+          if (frame.id == id && frame.time_s) text += fmt::format(", {:.2f} s", *frame.time_s);
+        }
+        return text;
+      };
+    }
+    return report(command, a,
+                  write_series(pictures, a, rate, make_progress(command.common), timings), record,
+                  timings);
+  }
+  Image picture;
   {
     const StageTimer compute(timings, "compute");
-    if (overlay) {
-      pictures.emplace_back(a.out, draw_frame_overlay(result, content.frame, overlay_options));
-    } else if (bev) {
-      pictures.emplace_back(a.out, render_bev_picture(content, bev_options));
-    } else if (a.turntable > 0) {
-      const double start = options.azimuth;
-      for (int i = 0; i < a.turntable; ++i) {
-        progress("render", static_cast<double>(i) / a.turntable);
-        options.azimuth = start + 2.0 * M_PI * i / a.turntable;
-        pictures.emplace_back(numbered(a.out, i), render_scene_picture(content, options, &record));
-      }
-      progress("render", 1.0);
-    } else {
-      pictures.emplace_back(a.out, render_scene_picture(content, options, &record));
-    }
+    picture = draw();
   }
   {
     const StageTimer write(timings, "write");
-    for (const auto& [path, image] : pictures) write_png(image, path);
+    write_png(picture, a.out);
   }
-  std::vector<fs::path> written;
-  for (const auto& picture : pictures) written.push_back(picture.first);
-  return report(command, a, written, record, timings);
+  return report(command, a, {a.out}, record, timings);
 }
 
 }  // namespace
@@ -298,6 +431,10 @@ void register_render(CLI::App& root) {
       "--hide patches --out errors.png\n"
       "  camber render out/steep_hill --scene samples/steep_hill --view overlay --show "
       "grade,ellipses --out overlay.png\n"
+      "  camber render out/steep_hill --scene samples/steep_hill --view overlay --frames all "
+      "--sheet "
+      "--out sheet.png\n"
+      "  camber render out/steep_hill --view oblique --turntable 120 --rate 24 --out around.mp4\n"
       "  camber render out/steep_hill --show links,normals --transparent --out graph.png\n"
       "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
       "  camber render scan.las --camera 0,-20,15,0,30,0,0,0,1,40 --out scan.png");
@@ -307,13 +444,14 @@ void register_render(CLI::App& root) {
   app.add_option("input", a.input, "result folder, or a cloud of any format")->required();
   app.add_option(
          "--out", a.out,
-         "file to write: .png a picture, .glb the scene as glTF, .html a report of a result folder")
+         "file to write: .png a picture, .mp4 or .avi a film of --frames or --turntable, .glb the "
+         "scene as glTF, .html a report of a result folder")
       ->required();
   a.view = "both";
   app.add_option("--view", a.view,
                  "both (oblique over side), oblique, side, driver (needs --scene), bev, overlay "
-                 "(the frame's image, needs --scene)")
-      ->check(CLI::IsMember({"both", "oblique", "side", "driver", "bev", "overlay"}))
+                 "(the frame's image, needs --scene), timings (of the stages of the run)")
+      ->check(CLI::IsMember({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
       ->capture_default_str();
   app.add_option("--camera", a.camera,
                  "free view: eye x,y,z, target x,y,z, up x,y,z in metres of the input's frame, and "
@@ -328,6 +466,17 @@ void register_render(CLI::App& root) {
       ->capture_default_str();
   app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
       ->check(CLI::Range(1, 3600));
+  app.add_option("--frames", a.frames,
+                 "a picture of each of these frames: ids as 48,49,50, 48:52, 0:10:5 or all; "
+                 "OUT_048.png, ...");
+  app.add_flag("--sheet", a.sheet,
+               "all pictures of --frames or --turntable on one contact sheet, --out itself");
+  app.add_option("--sheet-columns", a.sheet_columns, "of a contact sheet; 0: from the shapes")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  app.add_option("--rate", a.rate,
+                 "film: pictures a second; default: the scene's frame rate, else 10")
+      ->check(CLI::Range(0.1, 240.0));
   app.add_option("--color", a.color,
                  "of the points: height, sigma, patch, image, error (above or below the "
                  "cloud of --truth), or the name of an attribute")

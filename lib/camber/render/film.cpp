@@ -1,0 +1,149 @@
+#include "camber/render/film.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <stdexcept>
+
+#include "camber/core/errors.h"
+#include "camber/render/picture_file.h"
+
+namespace camber {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Codec {
+  const char* name;
+  const char* letters;
+};
+
+/// OpenCV tells of encoders that it lacks on stderr; the sentence here is enough.
+class QuietOpenCv {
+ public:
+  QuietOpenCv() : before_(cv::utils::logging::getLogLevel()) {
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  }
+  ~QuietOpenCv() { cv::utils::logging::setLogLevel(before_); }
+
+ private:
+  cv::utils::logging::LogLevel before_;
+};
+
+}  // namespace
+
+struct FilmWriter::Impl {
+  fs::path path, temporary;
+  double rate = 10.0;
+  int width = 0, height = 0, count = 0;
+  std::string codec;
+  cv::VideoWriter writer;
+  cv::Mat frame;
+};
+
+bool FilmWriter::knows(const std::string& extension) {
+  return extension == ".mp4" || extension == ".avi";
+}
+
+FilmWriter::FilmWriter(const fs::path& path, double pictures_per_second)
+    : impl_(std::make_unique<Impl>()) {
+  if (!knows(path.extension().string())) {
+    throw std::invalid_argument("film: found '" + path.extension().string() +
+                                "', expected .mp4 or .avi");
+  }
+  if (!(pictures_per_second > 0.0 && pictures_per_second <= 240.0)) {
+    throw std::invalid_argument("film: found " + std::to_string(pictures_per_second) +
+                                " pictures a second, expected above 0 and at most 240");
+  }
+  impl_->path = path;
+  impl_->rate = pictures_per_second;
+  if (fs::is_directory(path)) throw OutputError(path.string(), "a folder of that name is there");
+  // The extension must stay: it tells OpenCV the container.
+  const std::string name = "." + path.stem().string() + ".part." + std::to_string(::getpid()) +
+                           path.extension().string();
+  impl_->temporary = path.parent_path() / name;
+  std::ofstream probe(impl_->temporary, std::ios::binary);
+  if (!probe) {
+    throw OutputError(path.string(), std::string("cannot be written: ") + std::strerror(errno));
+  }
+}
+
+FilmWriter::~FilmWriter() {
+  impl_->writer.release();
+  std::error_code ignored;
+  if (!impl_->temporary.empty()) fs::remove(impl_->temporary, ignored);
+}
+
+const std::string& FilmWriter::codec() const { return impl_->codec; }
+
+void FilmWriter::add(const Image& picture) {
+  require_picture(picture, "film picture");
+  Impl& film = *impl_;
+  if (film.count == 0) {
+    film.width = picture.width;
+    film.height = picture.height;
+    const cv::Size size(film.width + film.width % 2, film.height + film.height % 2);
+    film.frame = cv::Mat(size, CV_8UC3, cv::Scalar::all(255));
+    const bool mp4 = film.path.extension() == ".mp4";
+    const Codec mp4_codecs[] = {{"H.264", "avc1"}, {"MPEG-4", "mp4v"}};
+    const Codec avi_codecs[] = {{"Motion JPEG", "MJPG"}, {"Motion JPEG", "MJPG"}};
+    const QuietOpenCv quiet;
+    for (const Codec& codec : mp4 ? mp4_codecs : avi_codecs) {
+      const char* c = codec.letters;
+      if (film.writer.open(film.temporary.string(), cv::VideoWriter::fourcc(c[0], c[1], c[2], c[3]),
+                           film.rate, size)) {
+        film.codec = codec.name;
+        break;
+      }
+    }
+    if (!film.writer.isOpened()) {
+      throw MachineError(film.path.string() + ": OpenCV has no encoder for " +
+                         film.path.extension().string() + " films of " +
+                         std::to_string(size.width) + " x " + std::to_string(size.height) +
+                         " pixels here");
+    }
+  }
+  if (picture.width != film.width || picture.height != film.height) {
+    throw std::invalid_argument(
+        "film picture " + std::to_string(film.count) + ": found " + std::to_string(picture.width) +
+        " x " + std::to_string(picture.height) + " pixels, expected " + std::to_string(film.width) +
+        " x " + std::to_string(film.height) + " as the first");
+  }
+  const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
+                    const_cast<std::uint8_t*>(picture.data.data()));
+  cv::Mat inside = film.frame(cv::Rect(0, 0, film.width, film.height));
+  cv::cvtColor(rgb, inside, cv::COLOR_RGB2BGR);
+  film.writer.write(film.frame);
+  ++film.count;
+}
+
+void FilmWriter::finish() {
+  Impl& film = *impl_;
+  if (film.count == 0) throw std::invalid_argument("film: found no picture, expected one");
+  film.writer.release();
+  // The writer tells nothing of a full disk.
+  int found = 0;
+  {
+    const QuietOpenCv quiet;
+    cv::VideoCapture reader(film.temporary.string());
+    while (found <= film.count && reader.grab()) ++found;
+  }
+  if (found != film.count) {
+    throw OutputError(film.path.string(), "the film was not written whole: found " +
+                                              std::to_string(found) + " pictures, expected " +
+                                              std::to_string(film.count));
+  }
+  std::error_code error;
+  fs::rename(film.temporary, film.path, error);
+  if (error) throw OutputError(film.path.string(), "cannot be written: " + error.message());
+  film.temporary.clear();
+}
+
+}  // namespace camber
