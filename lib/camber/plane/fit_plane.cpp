@@ -567,8 +567,9 @@ void Fitter::relearn_power_law(PointArrays* points, PlaneCandidate* c) const {
 /// Covariance, condition, status.
 void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full,
                       const kernels::Moments& s, PlaneFit* fit) const {
-  const PlaneEstimate estimate =
-      estimate_covariance(c.plane, c.window, full, s, up_, c.noise.kind != NoiseKind::kRays);
+  std::optional<UnknownRays> rays;  // subset_ is weighed for the plane
+  if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(subset_, c.plane, c.window);
+  const PlaneEstimate estimate = estimate_covariance(c.plane, c.window, full, s, up_, rays);
   fit->plane = estimate.plane;
   const Vector3d pivot = Vector3d(pivot_[0], pivot_[1], pivot_[2]) + source_.origin;
   fit->plane.centroid += pivot;

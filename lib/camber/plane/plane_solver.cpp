@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "camber/core/random.h"
@@ -19,7 +20,8 @@ namespace kernels = plane_kernels;
 namespace {
 
 constexpr double kWeakTilt = 0.02;    // rad
-constexpr double kSystematic = 0.01;  // relative range noise
+constexpr double kRangeNoise = 0.01;  // relative, along unknown rays
+constexpr double kRayTilt = 0.08;     // see UnknownRays
 
 /// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
 /// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
@@ -241,9 +243,66 @@ bool solve_step(const kernels::Moments& m, const PlaneWindow& window, PivotPlane
   return true;
 }
 
+UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const PlaneWindow& window) {
+  const kernels::FloatPlane p = plane.as_float();
+  const kernels::Window w = window.as_float();
+  const float steep_u = 1.0f / w.ramp_u, steep_v = 1.0f / w.ramp_v;
+  struct Sums {
+    double one = 0, x = 0, xx = 0, xxx = 0, xxxx = 0, v = 0, vx = 0, vxx = 0;
+    void add(double share, double place, double square) {
+      const double place2 = place * place;
+      one += share;
+      x += share * place;
+      xx += share * place2;
+      xxx += share * place2 * place;
+      xxxx += share * place2 * place2;
+      v += share * square;
+      vx += share * square * place;
+      vxx += share * square * place2;
+    }
+  };
+  Sums along, across;
+  double weight = 0.0;
+  constexpr float kLimit = static_cast<float>(kInlierSigmas * kInlierSigmas);
+  for (std::size_t k = 0; k < s.size; ++k) {
+    const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
+    const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
+    const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
+    const float taper = std::clamp((w.half_u - std::abs(u)) * steep_u, 0.0f, 1.0f) *
+                        std::clamp((w.half_v - std::abs(v)) * steep_v, 0.0f, 1.0f);
+    const float share = r * r * s.w[k] < kLimit && s.w[k] > 0.0f ? taper : 0.0f;
+    if (!(share > 0.0f)) continue;
+    // Each point's share of the fit, and its square in units of its own variance.
+    const double d = static_cast<double>(share), square = static_cast<double>(r * r * s.w[k]);
+    weight += d * static_cast<double>(s.w[k]);
+    along.add(d, static_cast<double>(u), square);
+    across.add(d, static_cast<double>(v), square);
+  }
+  UnknownRays out;
+  if (along.one < 20.0 || !(along.v > 0.0)) return out;
+  const double noise = std::sqrt(along.v / weight);
+  out.rise = kRangeNoise * noise;
+  if (window.half_u > 1e14 || along.one < 200.0) return out;
+  // How much the variance changes along an axis, relative to its mean: root mean square of the
+  // quadratic that fits it best.
+  const auto slope = [&](const Sums& sums) {
+    const double n = sums.one, x = sums.x / n, xx = sums.xx / n, xxx = sums.xxx / n,
+                 xxxx = sums.xxxx / n;
+    Eigen::Matrix2d spread;
+    spread << xx - x * x, xxx - x * xx, xxx - x * xx, xxxx - xx * xx;
+    const Eigen::Vector2d pull(sums.vx / sums.v - x, sums.vxx / sums.v - xx);
+    if (!(spread.determinant() > 0.0)) return 0.0;
+    const double change2 = pull.dot(spread.inverse() * pull);
+    return kRayTilt * noise * std::sqrt(std::max(change2, 0.0) / spread(0, 0));
+  };
+  out.slope_u = slope(along);
+  out.slope_v = slope(across);
+  return out;
+}
+
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const kernels::Moments& full, const kernels::Moments& s,
-                                  const Vector3d& up, bool systematic) {
+                                  const Vector3d& up, const std::optional<UnknownRays>& rays) {
   PlaneEstimate result;
   // Everything about the weighted centroid (mu, mv) of the window's coordinates.
   const double mu = full.u / full.weight, mv = full.v / full.weight;
@@ -263,9 +322,10 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
 
   UncertainPlane& out = result.plane;
   out.centroid = window.center + mu * window.a + mv * window.b;
-  out.centroid -= plane.distance(out.centroid) * plane.n;
+  const double rise = rays ? rays->rise : 0.0;
+  out.centroid -= (plane.distance(out.centroid) + rise) * plane.n;
   out.plane.normal = plane.n;
-  out.plane.offset = plane.d;
+  out.plane.offset = plane.d + rise;
 
   // In-plane scatter decides what is observable.
   const Eigen::Matrix2d scatter = hessian.topLeftCorner<2, 2>() / full.weight;
@@ -293,7 +353,11 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   } else {
     const Matrix3d inverse = hessian.inverse();
     covariance = inverse * spread * inverse.transpose() * (points / (points - 3.0));
-    if (systematic) covariance(2, 2) += kSystematic * kSystematic * one * one;
+    if (rays) {
+      covariance(0, 0) += rays->slope_u * rays->slope_u;
+      covariance(1, 1) += rays->slope_v * rays->slope_v;
+      covariance(2, 2) += 0.25 * rays->rise * rays->rise;
+    }
   }
   // The surface raised by alpha u + beta v + gamma has the normal n - alpha a - beta b; a turn
   // (t1, t2) about the axes gives n + t1 axis1 x n + t2 axis2 x n = n - t1 axis2 + t2 axis1.

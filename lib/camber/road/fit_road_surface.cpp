@@ -76,8 +76,9 @@ void refine_region(const PointTree& tree, double least_noise, double roughness, 
     region->estimate.status = Status::kFailed;
     return;
   }
-  region->estimate = estimate_covariance(c.plane, c.window, moments, moments, kLevelUp,
-                                         c.noise.kind != NoiseKind::kRays);
+  std::optional<UnknownRays> rays;
+  if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(points, c.plane, c.window);
+  region->estimate = estimate_covariance(c.plane, c.window, moments, moments, kLevelUp, rays);
 }
 
 /// How far above and below its plane a region's points reach, in standard deviations.
