@@ -107,17 +107,21 @@ double quantile(std::vector<float>& values, double share) {
   return values[k];
 }
 
-double core_deviation(const std::vector<float>& residuals, double start, double reach) {
-  constexpr int kBins = 96;
-  std::array<double, kBins> counts{};
+double core_deviation(const float* residuals, std::size_t n, double start, double reach) {
+  constexpr std::size_t kBins = 96;
+  // The last bin holds what lies beyond. Two histograms: neighbours often fall into one bin.
+  std::array<std::uint32_t, kBins + 1> bins[2] = {};
   const double width = reach / kBins;
-  const float per_width = static_cast<float>(1.0 / width), end = static_cast<float>(reach);
+  const float per_width = static_cast<float>(1.0 / width), end = static_cast<float>(kBins);
+  for (std::size_t i = 0; i < n; ++i) {
+    const float place = std::abs(residuals[i]) * per_width;
+    ++bins[i % 2][static_cast<std::uint32_t>(place < end ? place : end)];
+  }
+  std::array<double, kBins> counts{};
   double total = 0.0;
-  for (const float r : residuals) {
-    const float a = std::abs(r);
-    if (!(a < end)) continue;
-    counts[std::min<std::size_t>(static_cast<std::size_t>(a * per_width), kBins - 1)] += 1.0;
-    total += 1.0;
+  for (std::size_t k = 0; k < kBins; ++k) {
+    counts[k] = static_cast<double>(bins[0][k] + bins[1][k]);
+    total += counts[k];
   }
   if (total < 20.0) return start;
   double deviation = start, share = 0.8;
@@ -128,9 +132,9 @@ double core_deviation(const std::vector<float>& residuals, double start, double 
     double bell = share * std::sqrt(2.0 / M_PI) / deviation * std::exp(-0.125 * unit * unit);
     double ratio = std::exp(-unit * unit);
     const double next_ratio = ratio;
-    for (int k = 0; k < kBins; ++k) {
-      const double a = (k + 0.5) * width;
-      const double p = bell / (bell + (1.0 - share) / reach) * counts[static_cast<std::size_t>(k)];
+    for (std::size_t k = 0; k < kBins; ++k) {
+      const double a = (static_cast<double>(k) + 0.5) * width;
+      const double p = bell / (bell + (1.0 - share) / reach) * counts[k];
       in += p;
       squares += p * a * a;
       bell *= ratio;

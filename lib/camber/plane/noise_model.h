@@ -53,9 +53,9 @@ struct NoiseModel {
 /// The value below which `share` of the values lie; reorders them. @param values not empty.
 double quantile(std::vector<float>& values, double share);
 
-/// Standard deviation of the normal part of |residuals| over an even background within `reach`
+/// Standard deviation of the normal part of n residuals over an even background within `reach`
 /// (expectation maximisation on a histogram). Returns `start` for fewer than 20 within reach.
-double core_deviation(const std::vector<float>& residuals, double start, double reach);
+double core_deviation(const float* residuals, std::size_t n, double start, double reach);
 
 /// Learns a power law "deviation = scale * sigma ^ exponent" from pairs (sigma, |residual|).
 /// Residuals above 8 * typical are left out. False, with the model as it was, if there are too few.

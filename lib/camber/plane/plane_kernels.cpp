@@ -493,6 +493,53 @@ std::size_t accumulate_and_list(const float* x, const float* y, const float* z, 
   return inliers;
 }
 
+namespace {
+
+/// @param normalised  holds the square roots of w
+__attribute__((always_inline)) inline void project_any(const float* x, const float* y,
+                                                       const float* z, const float* w,
+                                                       std::size_t n, const FloatPlane& p,
+                                                       const Window& f, float* normalised, float* u,
+                                                       float* v) {
+  for (std::size_t i = 0; i < n; i += kLanes) {
+    F8 px, py, pz, pw, root = {};
+    load(x + i, px);
+    load(y + i, py);
+    load(z + i, pz);
+    load(w + i, pw);
+    load(normalised + i, root);
+    const F8 r = p.nx * px + p.ny * py + p.nz * pz + p.d;
+    const F8 along = f.ax * px + f.ay * py + f.az * pz + f.a0;
+    const F8 across = f.bx * px + f.by * py + f.bz * pz + f.b0;
+    const F8 scaled = pw > 0.0f ? r * root : F8{} + 1e30f;
+    std::memcpy(u + i, &along, sizeof(F8));
+    std::memcpy(v + i, &across, sizeof(F8));
+    std::memcpy(normalised + i, &scaled, sizeof(F8));
+  }
+}
+
+#ifdef CAMBER_FUSED
+CAMBER_FUSED void project_fused(const float* x, const float* y, const float* z, const float* w,
+                                std::size_t n, const FloatPlane& p, const Window& f,
+                                float* normalised, float* u, float* v) {
+  for (std::size_t i = 0; i < n; i += kLanes) {
+    _mm256_storeu_ps(normalised + i, _mm256_sqrt_ps(_mm256_loadu_ps(w + i)));
+  }
+  project_any(x, y, z, w, n, p, f, normalised, u, v);
+}
+#endif
+
+}  // namespace
+
+void project(const float* x, const float* y, const float* z, const float* w, std::size_t n,
+             const FloatPlane& plane, const Window& window, float* normalised, float* u, float* v) {
+#ifdef CAMBER_FUSED
+  if (can_fuse()) return project_fused(x, y, z, w, n, plane, window, normalised, u, v);
+#endif
+  for (std::size_t i = 0; i < n; ++i) normalised[i] = std::sqrt(w[i]);
+  project_any(x, y, z, w, n, plane, window, normalised, u, v);
+}
+
 CAMBER_CLONES
 PieceStatistics piece_statistics(const float* x, const float* y, const float* z, const float* w,
                                  std::size_t n, const FloatPlane& plane, float limit) {

@@ -88,6 +88,11 @@ std::size_t accumulate_and_list(const float* x, const float* y, const float* z, 
                                 const FloatPlane& plane, const Window& window, float limit,
                                 float inlier_limit, int first, int* list, Moments* moments);
 
+/// Residuals in standard deviations, r sqrt(w), or 1e30 for rows without a weight, and the window's
+/// coordinates of n points, a multiple of kLanes.
+void project(const float* x, const float* y, const float* z, const float* w, std::size_t n,
+             const FloatPlane& plane, const Window& window, float* normalised, float* u, float* v);
+
 /// How a piece of a cloud lies on a plane; inliers have r^2 w < limit.
 struct PieceStatistics {
   float cost = 0;  ///< MSAC cost, sum of min(r^2 w, limit)

@@ -26,9 +26,8 @@ constexpr double kRayTilt = 0.08;     // see UnknownRays
 /// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
 /// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
 /// quantiles of the points in it, which hardly depend on single points.
-bool even_run(const std::vector<float>& along, const std::vector<float>& normalised, double* low,
+bool even_run(const float* along, const float* normalised, std::size_t n, double* low,
               double* high) {
-  const std::size_t n = along.size();
   if (n < 200) return false;
   std::vector<float> some;
   for (std::size_t i = 0; i < n; i += std::max<std::size_t>(1, n / 1024)) some.push_back(along[i]);
@@ -40,14 +39,20 @@ bool even_run(const std::vector<float>& along, const std::vector<float>& normali
   const double width = (last - first) / static_cast<double>(bins);
   const double fine_width = width / kFine;
   const float from = static_cast<float>(first), per_width = static_cast<float>(1.0 / fine_width);
-  const float end_place = static_cast<float>(bins * kFine);
-  std::vector<double> fine(bins * kFine, 0.0), count(bins, 0.0), sum(bins, 0.0);
+  // Bin 0 and the last hold what lies outside.
+  const float last_place = static_cast<float>(bins * kFine + 1);
+  std::vector<std::uint32_t> number(bins * kFine + 2, 0);
+  std::vector<float> residuals(bins * kFine + 2, 0.0f);
   for (std::size_t i = 0; i < n; ++i) {
-    const float place = (along[i] - from) * per_width;
-    if (!(place >= 0.0f && place < end_place)) continue;
-    const auto bin = static_cast<std::size_t>(place);
-    fine[bin] += 1.0;
-    sum[bin / kFine] += static_cast<double>(normalised[i]);
+    const float place = (along[i] - from) * per_width + 1.0f;
+    const auto bin = static_cast<std::uint32_t>(std::min(std::max(place, 0.0f), last_place));
+    ++number[bin];
+    residuals[bin] += normalised[i];
+  }
+  std::vector<double> fine(bins * kFine), count(bins, 0.0), sum(bins, 0.0);
+  for (std::size_t k = 0; k < fine.size(); ++k) {
+    fine[k] = static_cast<double>(number[k + 1]);
+    sum[k / kFine] += static_cast<double>(residuals[k + 1]);
   }
   for (std::size_t k = 0; k < fine.size(); ++k) count[k / kFine] += fine[k];
   std::vector<double> ordered = count;
@@ -140,25 +145,41 @@ double curved_deviation(const PointArrays& s, std::size_t begin, std::size_t cou
   return std::min(out, deviation);
 }
 
+/// A set's points as seen from a plane and its window: see kernels::project.
+struct Projection {
+  std::vector<float> normalised, u, v;  // with the padding
+  Projection(const PointArrays& s, const PlaneCandidate& c)
+      : normalised(s.x.size()), u(s.x.size()), v(s.x.size()) {
+    update(s, c);
+  }
+  void update(const PointArrays& s, const PlaneCandidate& c) {
+    kernels::project(s.x.data(), s.y.data(), s.z.data(), s.w.data(), s.x.size(), c.plane.as_float(),
+                     c.window.as_float(), normalised.data(), u.data(), v.data());
+  }
+};
+
 /// Re-estimates the noise from the residuals of the refined plane inside its window.
-void rescale_noise(PointArrays* points, double least_noise, PlaneCandidate* c) {
+void rescale_noise(PointArrays* points, double least_noise, PlaneCandidate* c,
+                   Projection* projection) {
   const PointArrays& s = *points;
   points->weigh(c->noise, c->plane);
-  std::vector<float> normalised;
+  projection->update(s, *c);
+  std::vector<float>& normalised = projection->normalised;
   const std::size_t every = s.size > 4096 && s.size <= 16384 ? 2 : 1;
-  normalised.reserve(s.size / every);
-  const kernels::FloatPlane p = c->plane.as_float();
-  const kernels::Window w = c->window.as_float();
+  const float half_u = static_cast<float>(c->window.half_u),
+              half_v = static_cast<float>(c->window.half_v);
+  std::size_t filled = 0;
   for (std::size_t k = 0; k < s.size; k += every) {
-    const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
-    const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
-    if (std::abs(u) > w.half_u || std::abs(v) > w.half_v || !(s.w[k] > 0.0f)) continue;
-    const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-    normalised.push_back(r * std::sqrt(s.w[k]));
+    const float r = normalised[k];
+    normalised[filled] = r;
+    filled += (std::abs(projection->u[k]) <= half_u) & (std::abs(projection->v[k]) <= half_v) &
+                      (r < 1e29f)
+                  ? 1
+                  : 0;
   }
   const bool same = c->noise.kind == NoiseKind::kSame;
-  if (normalised.size() < (same ? 30u : 200u)) return;
-  double factor = std::clamp(core_deviation(normalised, 1.0, 6.0), 0.3, 4.0);
+  if (filled < (same ? 30u : 200u)) return;
+  double factor = std::clamp(core_deviation(normalised.data(), filled, 1.0, 6.0), 0.3, 4.0);
   if (same) factor = std::max(factor, least_noise / c->noise.scale);
   c->noise.rescale(factor);
 }
@@ -292,7 +313,8 @@ UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const Pl
     spread << xx - x * x, xxx - x * xx, xxx - x * xx, xxxx - xx * xx;
     const Eigen::Vector2d pull(sums.vx / sums.v - x, sums.vxx / sums.v - xx);
     if (!(spread.determinant() > 0.0)) return 0.0;
-    const double change2 = pull.dot(spread.inverse() * pull);
+    // Less what chance makes of even noise, two free parameters.
+    const double change2 = pull.dot(spread.inverse() * pull) - 3.0 / n;
     return kRayTilt * noise * std::sqrt(std::max(change2, 0.0) / spread(0, 0));
   };
   out.slope_u = slope(along);
@@ -535,37 +557,31 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
                        bool fixed_noise, PlaneCandidate* c, bool again) {
   const PointArrays& s = *points;
   if (again && c->window.half_u > 1e14) return;
+  Projection projection(s, *c);
   if (!again) {
     refine_candidate(points, up, c);
     if (!fixed_noise) {
-      rescale_noise(points, least_noise, c);
+      rescale_noise(points, least_noise, c, &projection);
       refine_candidate(points, up, c, true);
     }
   }
-  std::vector<float> u(s.size), v(s.size), normalised(s.size), along, across, across_in,
-      normalised_in;
+  std::vector<float>&u = projection.u, &v = projection.v, &normalised = projection.normalised;
   for (int round = again ? 1 : 0; round < 2; ++round) {
     points->weigh(c->noise, c->plane);
     const PlaneWindow wide = c->window;
-    const kernels::Window w = wide.as_float();
-    const kernels::FloatPlane p = c->plane.as_float();
+    projection.update(s, *c);
     std::size_t filled = 0;
     // Axes: the principal directions of the inliers.
     double su = 0, sv = 0, suu = 0, suv = 0, svv = 0;
-    const float most_u = round > 0 ? 1.3f * w.half_u : 2e15f,
-                most_v = round > 0 ? 1.3f * w.half_v : 2e15f;
+    const float most_u = round > 0 ? static_cast<float>(1.3 * wide.half_u) : 2e15f,
+                most_v = round > 0 ? static_cast<float>(1.3 * wide.half_v) : 2e15f;
     for (std::size_t k = 0; k < s.size; ++k) {
-      const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-      const float a = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
-      const float b = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
       // Without branches: whether a row counts is hard to predict.
+      const float a = u[k], b = v[k], r = normalised[k];
       u[filled] = a;
       v[filled] = b;
-      normalised[filled] = r * std::sqrt(s.w[k]);
-      filled += (r * r * s.w[k] < 9.0f) & (s.w[k] > 0.0f) & (std::abs(a) <= most_u) &
-                        (std::abs(b) <= most_v)
-                    ? 1
-                    : 0;
+      normalised[filled] = r;
+      filled += (std::abs(r) < 3.0f) & (std::abs(a) <= most_u) & (std::abs(b) <= most_v) ? 1 : 0;
     }
     if (filled < 400) return;
     for (std::size_t k = 0; k < filled; ++k) {
@@ -582,23 +598,22 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
     const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
     const double cosine = std::cos(angle), sine = std::sin(angle);
     const float fc = static_cast<float>(cosine), fs = static_cast<float>(sine);
-    along.resize(filled);
-    across.resize(filled);
     for (std::size_t k = 0; k < filled; ++k) {
-      along[k] = fc * u[k] + fs * v[k];
-      across[k] = -fs * u[k] + fc * v[k];
+      const float a = u[k], b = v[k];
+      u[k] = fc * a + fs * b;
+      v[k] = -fs * a + fc * b;
     }
     double low, high, left, right;
-    if (!even_run(along, normalised, &low, &high)) return;
+    if (!even_run(u.data(), normalised.data(), filled, &low, &high)) return;
     // Across: only of the points within the run along.
-    across_in.clear();
-    normalised_in.clear();
-    for (std::size_t k = 0; k < along.size(); ++k) {
-      if (static_cast<double>(along[k]) < low || static_cast<double>(along[k]) > high) continue;
-      across_in.push_back(across[k]);
-      normalised_in.push_back(normalised[k]);
+    const float from = static_cast<float>(low), to = static_cast<float>(high);
+    std::size_t inside = 0;
+    for (std::size_t k = 0; k < filled; ++k) {
+      v[inside] = v[k];
+      normalised[inside] = normalised[k];
+      inside += (u[k] >= from) & (u[k] <= to) ? 1 : 0;
     }
-    if (!even_run(across_in, normalised_in, &left, &right)) return;
+    if (!even_run(v.data(), normalised.data(), inside, &left, &right)) return;
     PlaneWindow& window = c->window;
     window.a = cosine * wide.a + sine * wide.b;
     window.b = -sine * wide.a + cosine * wide.b;
@@ -610,7 +625,7 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
     window.ramp_v = 0.12 * (right - left);
     if (!again) refine_candidate(points, up, c, true);
     if (fixed_noise) continue;
-    rescale_noise(points, least_noise, c);
+    rescale_noise(points, least_noise, c, &projection);
     if (!again) refine_candidate(points, up, c, true);
   }
 }
