@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <set>
@@ -24,6 +25,7 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/random.h"
 #include "camber/plane/fit_plane.h"
+#include "camber/render/plot.h"
 #include "camber/road/fit_road_surface.h"
 #include "camber/road/road_profile.h"
 #include "plane/road_scene_maker.h"
@@ -435,8 +437,8 @@ void hill() {
   std::printf(
       "\n## Scale on hills: a reconstruction 10 %% too small, camera 1.65 m above the road\n");
   constexpr double kScale = 0.9, kHeight = 1.65, kWidth = 8.0;
-  std::string svg;
-  double plot_top = 0.0;
+  PlotSheet sheet;
+  sheet.title = "Metric scale of a road that bends, camera 1.65 m above it";
   for (const double grade_deg : {4.0, -4.0}) {
     // Camera frame: x right, y down, z forward.
     const double bends[] = {12.0, 24.0, 36.0};
@@ -472,19 +474,22 @@ void hill() {
     std::sort(order.begin(), order.end(), [](const PlanePatch* l, const PlanePatch* r) {
       return l->plane.centroid.z() < r->plane.centroid.z();
     });
-    const auto x_of = [](double z) { return 40.0 + 14.0 * z; };
-    const auto y_of = [&](double up) { return plot_top + 130.0 - 14.0 * up; };
-    const auto draw = [&](const std::string& color, const Vector2d& a, const Vector2d& b) {
-      char text[256];
-      std::snprintf(text, sizeof(text),
-                    "<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='%s' "
-                    "stroke-width='2'/>\n",
-                    x_of(a.x()), y_of(a.y()), x_of(b.x()), y_of(b.y()), color.c_str());
-      svg += text;
+    PlotSeries truth, graph, own_height;
+    truth.name = "true road";
+    truth.color = {185, 185, 185, 1.0};
+    truth.thickness = 8.0;
+    graph.name = "patches scaled by the ego patch and the graph";
+    graph.color = plot_color(0);
+    own_height.name = "each patch by its own median height";
+    own_height.color = plot_color(1);
+    own_height.thickness = graph.thickness = 2.5;
+    const auto draw = [](PlotSeries* series, const Vector2d& from, const Vector2d& to) {
+      constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
+      series->x.insert(series->x.end(), {from.x(), to.x(), kGap});
+      series->y.insert(series->y.end(), {from.y(), to.y(), kGap});
     };
-    for (double z = 0.0; z < bends[2]; z += 1.0) {
-      draw("#999999", {z, height(z)}, {z + 1.0, height(z + 1.0)});
-    }
+    truth.x = {0.0, bends[0], bends[1], bends[2]};
+    for (const double z : truth.x) truth.y.push_back(height(z));
     for (const PlanePatch* patch : order) {
       // Its own height: the median of what its points lie below the camera.
       std::vector<double> below;
@@ -513,20 +518,24 @@ void hill() {
         const double y = -(plane.normal.z() * z + plane.offset) / plane.normal.y();
         return Vector2d(scale * z, kHeight - scale * y);
       };
-      draw("#1f77b4", place(near, ego_scale), place(far, ego_scale));
-      if (own > 0.0 && own * far < 60.0) draw("#d62728", place(near, own), place(far, own));
+      draw(&graph, place(near, ego_scale), place(far, ego_scale));
+      if (own > 0.0 && own * far < 60.0) {
+        draw(&own_height, place(near, own), place(far, own));
+      } else {
+        own_height.name += " (one without meaning left out)";
+      }
     }
-    plot_top += 190.0;
+    Plot plot;
+    plot.title = "Grade " + std::string(grade_deg > 0 ? "+" : "-") + "4 deg from 12 m, " +
+                 (grade_deg > 0 ? "+" : "-") + "8 deg from 24 m ahead";
+    plot.x.title = "distance ahead of the camera, m";
+    plot.y.title = "height above the near road, m";
+    plot.x.low = 0.0;
+    plot.series = {truth, graph, own_height};
+    sheet.panels.push_back(plot);
   }
   if (g_plot.empty()) return;
-  std::ofstream(g_plot)
-      << "<svg xmlns='http://www.w3.org/2000/svg' width='900' height='" << plot_top << "'>\n"
-      << "<rect width='100%' height='100%' fill='white'/>\n"
-      << svg
-      << "<text x='40' y='18' font-family='sans-serif' font-size='13'>Road in profile: true "
-         "(grey), "
-         "scaled by the ego patch and the graph (blue), each patch by its own median height "
-         "(red)</text>\n</svg>\n";
+  std::ofstream(g_plot) << plots_svg(sheet, {900, 330, 18.0});
   std::printf("plot: %s\n", g_plot.c_str());
 }
 
