@@ -24,6 +24,7 @@
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
 #include "camber/render/result_plots.h"
+#include "camber/render/vehicle_comparison.h"
 #include "cloud_arguments.h"
 #include "command.h"
 
@@ -46,6 +47,8 @@ struct Arguments {
   std::optional<int> frame;
   int turntable = 0, sheet_columns = 0;
   std::string frames;
+  std::vector<std::string> beside;
+  std::optional<int> vehicle;
   double rate = 0.0;
   bool sheet = false;
   bool no_truth = false, links = false, json = false;
@@ -241,18 +244,24 @@ std::vector<fs::path> write_series(const Series& series, const Arguments& a, dou
   return written;
 }
 
+/// Plots of one panel that fill a picture of the wanted size.
+PlotStyle plot_style(const ScenePictureOptions& options) {
+  PlotStyle style;
+  style.width = options.width;
+  style.text_size = std::clamp(options.width / 70.0, 8.0, 60.0);
+  style.panel_height =
+      std::max(120, static_cast<int>(options.height - std::ceil(2.6 * style.text_size)));
+  return style;
+}
+
 /// A bar a stage of the run that made a result.
 Image draw_timings(const LoadedResult& result, const std::string& title,
                    const ScenePictureOptions& options) {
   if (!result.run) {
     throw NoAnswerError(result.path.string() + " is no result folder: it tells no timings");
   }
-  PlotStyle style;
-  style.width = options.width;
-  style.text_size = std::clamp(options.width / 60.0, 8.0, 60.0);
-  style.panel_height =
-      std::max(120, static_cast<int>(options.height - std::ceil(2.6 * style.text_size)));
-  return draw_plots(timing_plots(result.run->timings, "Time of each stage: " + title), style);
+  return draw_plots(timing_plots(result.run->timings, "Time of each stage: " + title),
+                    plot_style(options));
 }
 
 int run(const Command& command, Arguments& a) {
@@ -279,7 +288,11 @@ int run(const Command& command, Arguments& a) {
   if ((film || a.sheet) && a.picture.transparent) {
     throw UsageError("--transparent goes with single pictures only");
   }
-  const bool timing = a.view == "timings";
+  const bool timing = a.view == "timings", beside = !a.beside.empty();
+  if (beside && (series || kind != ".png" || a.scene.empty())) {
+    throw UsageError("--beside makes one picture and needs the truth: expected --scene and a .png");
+  }
+  if (a.vehicle && !beside) throw UsageError("--vehicle names the one that --beside compares");
   if (timing && (series || kind != ".png")) {
     throw UsageError("--view timings is one picture: --out must end in .png, without a series");
   }
@@ -334,6 +347,11 @@ int run(const Command& command, Arguments& a) {
   } else if (!a.truth.empty()) {
     result.truth_cloud = read_cloud_file(a.truth, a.cloud.read_options()).cloud;
   }
+  std::vector<LoadedResult> others;
+  for (const std::string& other : a.beside) others.push_back(load_result(other));
+  if (beside && result.scene->truth && !result.scene->truth->cloud.empty() && !result.truth_cloud) {
+    result.load_scene_truth_cloud(a.cloud.read_options());
+  }
   load.stop();
 
   PictureContent content = result.content();
@@ -358,6 +376,13 @@ int run(const Command& command, Arguments& a) {
 
   RenderRecord record;
   const auto draw = [&] {
+    if (beside) {
+      std::vector<const LoadedResult*> results = {&result};
+      for (const LoadedResult& other : others) results.push_back(&other);
+      PlotStyle style = plot_style(options);
+      style.panel_height = (style.panel_height - static_cast<int>(style.text_size)) / 2;
+      return draw_plots(vehicle_comparison(results, content.frame, a.vehicle), style);
+    }
     if (timing) return draw_timings(result, content.title, options);
     if (overlay) return draw_frame_overlay(result, content.frame, overlay_options);
     if (bev) return render_bev_picture(content, bev_options);
@@ -434,6 +459,8 @@ void register_render(CLI::App& root) {
       "  camber render out/steep_hill --scene samples/steep_hill --view overlay --frames all "
       "--sheet "
       "--out sheet.png\n"
+      "  camber render out/joint --beside out/coplanar out/flat --scene samples/steep_hill --out "
+      "methods.png\n"
       "  camber render out/steep_hill --view oblique --turntable 120 --rate 24 --out around.mp4\n"
       "  camber render out/steep_hill --show links,normals --transparent --out graph.png\n"
       "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
@@ -466,6 +493,11 @@ void register_render(CLI::App& root) {
       ->capture_default_str();
   app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
       ->check(CLI::Range(1, 3600));
+  app.add_option("--beside", a.beside,
+                 "results of other methods for the same --scene: one vehicle as each places it, "
+                 "from the side and from above, over the truth");
+  app.add_option("--vehicle", a.vehicle,
+                 "--beside: id of the true vehicle; default: where the results differ most");
   app.add_option("--frames", a.frames,
                  "a picture of each of these frames: ids as 48,49,50, 48:52, 0:10:5 or all; "
                  "OUT_048.png, ...");

@@ -58,6 +58,11 @@ TEST(RenderSeries, FramesToFilesSheetsAndFilms) {
   ASSERT_EQ(run.exit_code, 0) << run.error;
   EXPECT_EQ(read_color_image(path("timings.png")).width, 800);
 
+  run = render({"--beside", path("result"), "--frame", "0", "--vehicle", "2", "--size", "900x600",
+                "--out", path("beside.png")});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_EQ(read_color_image(path("beside.png")).width, 900);
+
   const auto before = snapshot(folder.path());
   const std::vector<std::pair<std::vector<std::string>, const char*>> misuses = {
       {{"--frames", "all", "--out", path("x.gif")}, ".mp4 or .avi"},
@@ -68,6 +73,8 @@ TEST(RenderSeries, FramesToFilesSheetsAndFilms) {
       {{"--frames", "0", "--frame", "1", "--out", path("x.png")}, "exclude each other"},
       {{"--frames", "0", "--turntable", "2", "--out", path("x.png")}, "exclude each other"},
       {{"--frames", "0", "--sheet", "--out", path("x.mp4")}, "must end in .png"},
+      {{"--beside", path("result"), "--out", path("x.glb")}, "--beside makes one picture"},
+      {{"--vehicle", "2", "--out", path("x.png")}, "--vehicle names the one"},
       {{"--view", "timings", "--frames", "0", "--out", path("x.png")}, "timings is one picture"}};
   for (const auto& [arguments, part] : misuses) EXPECT_ONE_SENTENCE(render(arguments), 2, part);
   for (const char* name : {"none/x.mp4", "none/x.png"}) {

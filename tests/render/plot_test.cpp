@@ -10,6 +10,8 @@
 #include "camber/core/errors.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/result_plots.h"
+#include "camber/render/vehicle_comparison.h"
+#include "picture_content.h"
 
 namespace camber {
 namespace {
@@ -178,6 +180,63 @@ TEST(Plot, BadInputIsNamed) {
   EXPECT_NO_THROW(draw_plots(sheet_of(curve(1, 0.0))));
 }
 
+TEST(Plot, DashesOfACurveGoOnAcrossItsCorners) {
+  // A thousand tiny segments: the share of ink is that of dash to dash and gap, whatever the cut.
+  std::vector<double> shares;
+  for (const int points : {2, 50, 1777}) {
+    PlotSeries s;
+    s.color = plot_color(0);
+    s.dashed = true;
+    s.thickness = 4.0;
+    for (int i = 0; i < points; ++i) {
+      s.x.push_back(static_cast<double>(i) / (points - 1));
+      s.y.push_back(0.5);
+    }
+    PlotSheet sheet = sheet_of(s);
+    sheet.panels[0].y.low = 0.0;
+    sheet.panels[0].y.high = 1.0;
+    PlotSheet solid = sheet;
+    solid.panels[0].series[0].dashed = false;
+    shares.push_back(1.0 * count(draw_plots(sheet), s.color) / count(draw_plots(solid), s.color));
+  }
+  // 0.5 of 0.9, and the round ends of 4.4 of 18 pixels.
+  for (const double share : shares) EXPECT_NEAR(share, 0.68, 0.1);
+}
+
+TEST(Plot, EqualScalesHoldForAllPanelsOfASheet) {
+  PlotSeries box;  // 4 x 2
+  box.kind = PlotSeries::Kind::kBoxes;
+  box.x = {3.0};
+  box.right = {7.0};
+  box.low = {0.0};
+  box.high = {2.0};
+  box.color = plot_color(0);
+  PlotSheet sheet = sheet_of(box);
+  sheet.panels[0].equal_scale = true;
+  sheet.panels[0].x.low = 0.0;
+  sheet.panels[0].x.high = 40.0;
+  sheet.panels.push_back(sheet.panels[0]);
+  sheet.panels[1].series[0].color = plot_color(1);
+  sheet.panels[1].y.low = -20.0;  // needs the smaller scale
+  sheet.panels[1].y.high = 20.0;
+  const Image picture = draw_plots(sheet);
+  for (int k = 0; k < 2; ++k) {
+    int x1 = picture.width, x2 = 0, y1 = picture.height, y2 = 0;
+    for (int y = 0; y < picture.height; ++y) {
+      for (int x = 0; x < picture.width; ++x) {
+        if (!is(picture, x, y, plot_color(k))) continue;
+        x1 = std::min(x1, x);
+        x2 = std::max(x2, x);
+        y1 = std::min(y1, y);
+        y2 = std::max(y2, y);
+      }
+    }
+    EXPECT_NEAR(x2 - x1, 2.0 * (y2 - y1), 4.0) << k;
+  }
+  const double a = count(picture, plot_color(0)), b = count(picture, plot_color(1));
+  EXPECT_NEAR(a / b, 1.0, 0.1);
+}
+
 std::vector<EvaluatedScene> two_methods() {
   std::vector<EvaluatedScene> out(2);
   for (int k = 0; k < 2; ++k) {
@@ -276,6 +335,91 @@ TEST(ResultPlots, ProfileBandsAndTimingBars) {
     EXPECT_THAT(svg, HasSubstr(word));
   }
   EXPECT_TRUE(rim_is_white(draw_plots(timing_plots(timings, "times"))));
+}
+
+/// Two results of the scene, the second placing all vehicles 6 m too near.
+struct ComparedResults {
+  test::PictureScene scene;
+  LoadedResult good, bad;
+
+  ComparedResults() {
+    good.scene.emplace();
+    good.scene->name = "hill";
+    good.scene->camera = scene.camera;
+    good.scene->height_above_road = 1.65;
+    good.scene->truth = scene.truth;
+    for (TruthVehicle& t : good.scene->truth->frames[0].vehicles) {
+      t.box = {100.0 * t.id, 100.0, 100.0 * t.id + 60.0, 150.0};
+    }
+    for (VehicleEstimate& v : scene.vehicles.frames[0].vehicles) {
+      v.box = {100.0 * v.id, 100.0, 100.0 * v.id + 60.0, 150.0};
+    }
+    good.vehicles = bad.vehicles = scene.vehicles;
+    good.run = bad.run = scene.run;
+    good.surface = scene.surface;
+    bad.vehicles->method = "flat";
+    for (VehicleEstimate& v : bad.vehicles->frames[0].vehicles) {
+      const Eigen::Vector3d shift(0.0, 0.0, -6.0 - v.id);
+      v.pose.camera_from_vehicle.set_translation(v.pose.bottom_center() + shift);
+      for (Eigen::Vector3d& x : v.keypoints) x += shift;
+    }
+  }
+};
+
+TEST(VehicleComparison, ShowsAVehicleAsEachResultPlacesIt) {
+  const ComparedResults c;
+  const PlotSheet sheet = vehicle_comparison({&c.good, &c.bad}, 7, 1);
+  EXPECT_THAT(sheet.title, HasSubstr("vehicle 1"));
+  ASSERT_EQ(sheet.panels.size(), 2u);
+  // The truth is 0.5 m to the right and 1 m behind the estimate (picture_content.h).
+  const std::string svg = plots_svg(sheet);
+  EXPECT_THAT(svg, HasSubstr("joint: centre 1.12 m off"));
+  EXPECT_THAT(svg, HasSubstr("flat: centre 8.02 m off"));  // (0.5, 0, 8)
+  const auto series = [&](std::size_t panel, const Color& color) {
+    for (const PlotSeries& s : sheet.panels[panel].series) {
+      if (s.color.red == color.red && s.color.green == color.green) return s;
+    }
+    ADD_FAILURE();
+    return PlotSeries{};
+  };
+  const auto range = [](const std::vector<double>& values) {
+    double low = 1e9, high = -1e9;
+    for (const double v : values) {
+      if (!std::isfinite(v)) continue;
+      low = std::min(low, v);
+      high = std::max(high, v);
+    }
+    return std::pair{low, high};
+  };
+  // The true box: 4.4 m long, away from the camera, from 12.8 to 17.2 m ahead of the camera of
+  // frame 7, which is the reference; its bottom on y = 0.53, 1.65 - 0.53 m over the near road.
+  const auto ahead = range(series(0, kTruthRed).x), up = range(series(0, kTruthRed).y);
+  EXPECT_NEAR(ahead.first, 12.8, 1e-6);
+  EXPECT_NEAR(ahead.second, 17.2, 1e-6);
+  EXPECT_NEAR(up.first, 1.65 - test::PictureScene::road_y(14.0), 1e-6);
+  EXPECT_NEAR(up.second - up.first, 1.5, 1e-6);
+  const auto left = range(series(1, kTruthRed).y);
+  EXPECT_NEAR(left.first, 1.5 - 0.9, 1e-6);  // 1.5 m to the left
+  EXPECT_NEAR(left.second, 1.5 + 0.9, 1e-6);
+  // The wireframes' middles.
+  const auto joint = range(series(0, plot_color(0)).x), flat = range(series(0, plot_color(1)).x);
+  EXPECT_NEAR(joint.first - flat.first, 7.0, 1e-6);
+  EXPECT_TRUE(rim_is_white(draw_plots(sheet, {1600, 420, 22.0})));
+
+  // Without an id the one that differs most, number 2.
+  EXPECT_THAT(vehicle_comparison({&c.good, &c.bad}, 7, {}).title, HasSubstr("vehicle 2"));
+}
+
+TEST(VehicleComparison, SaysWhatIsMissing) {
+  ComparedResults c;
+  EXPECT_THROW(vehicle_comparison({&c.good, &c.bad}, 7, 99), NoAnswerError);
+  EXPECT_THROW(vehicle_comparison({&c.good, &c.bad}, 8, {}), NoAnswerError);
+  EXPECT_THROW(vehicle_comparison({&c.bad, &c.good}, 7, {}), NoAnswerError);  // no scene
+  EXPECT_THROW(vehicle_comparison({}, 7, {}), std::invalid_argument);
+  c.bad.vehicles->frames[0].vehicles[0].status = Status::kFailed;
+  EXPECT_THROW(vehicle_comparison({&c.good, &c.bad}, 7, 1), NoAnswerError);
+  c.bad.vehicles.reset();
+  EXPECT_THROW(vehicle_comparison({&c.good, &c.bad}, 7, {}), NoAnswerError);
 }
 
 }  // namespace

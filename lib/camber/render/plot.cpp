@@ -211,13 +211,14 @@ std::vector<Segment2> dashes_along(const std::vector<Segment2>& lines, double da
     const double length = (line.second - line.first).norm();
     if (!(length > 0.0)) continue;
     const Vector2d along = (line.second - line.first) / length;
-    for (double s = 0.0; s < length;) {
-      const bool drawn = phase < dash;
-      const double end = std::min(length, s + (drawn ? dash : dash + gap) - phase);
-      if (drawn) out.emplace_back(line.first + s * along, line.first + end * along);
-      phase += end - s;
-      if (phase >= dash + gap - 1e-9) phase = 0.0;
-      s = std::max(end, s + 1e-9);
+    double s = 0.0;
+    while (s < length) {
+      const bool drawn = phase < dash - 1e-6;
+      const double step = std::min(length - s, (drawn ? dash : dash + gap) - phase);
+      if (drawn) out.emplace_back(line.first + s * along, line.first + (s + step) * along);
+      s += std::max(step, 1e-6);
+      phase += std::max(step, 1e-6);
+      if (phase > dash + gap - 1e-6) phase = 0.0;
     }
   }
   return out;
@@ -266,15 +267,20 @@ class Panel {
     const double bottom = area.y2 - (plot_.x.hidden ? 0.6 : 1.6) * text_ -
                           (plot_.x.title.empty() ? 0.0 : 1.5 * text_);
     axes_ = {area.x1, top, area.x2, std::max(bottom, top + 2.0 * text_)};
-    if (!plot_.equal_scale) return;
-    // The axis with more room to spare is lengthened around its middle.
-    const double per_x = axes_.width() / (x_.high - x_.low),
-                 per_y = axes_.height() / (y_.high - y_.low);
-    Range& loose = per_x > per_y ? x_ : y_;
-    const double middle = 0.5 * (loose.low + loose.high),
-                 half = 0.5 * (loose.high - loose.low) * std::max(per_x / per_y, per_y / per_x);
-    loose.low = middle - half;
-    loose.high = middle + half;
+  }
+
+  /// Pixels for a unit at which both ranges fit.
+  double scale() const {
+    return std::min(axes_.width() / (x_.high - x_.low), axes_.height() / (y_.high - y_.low));
+  }
+  /// Lengthens the ranges around their middles.
+  void set_scale(double pixels) {
+    const auto lengthen = [](Range* range, double length) {
+      const double middle = 0.5 * (range->low + range->high);
+      *range = {middle - 0.5 * length, middle + 0.5 * length};
+    };
+    lengthen(&x_, axes_.width() / pixels);
+    lengthen(&y_, axes_.height() / pixels);
   }
 
   void draw(Paper& paper) const {
@@ -627,6 +633,13 @@ Layout lay_out(const PlotSheet& sheet, const PlotStyle& style) {
   for (Panel& panel : out.panels) {
     panel.place({left, top, style.width - right, top + style.panel_height});
     top += style.panel_height + 0.4 * style.text_size;
+  }
+  double scale = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < out.panels.size(); ++i) {
+    if (sheet.panels[i].equal_scale) scale = std::min(scale, out.panels[i].scale());
+  }
+  for (std::size_t i = 0; i < out.panels.size(); ++i) {
+    if (sheet.panels[i].equal_scale) out.panels[i].set_scale(scale);
   }
   out.height = static_cast<int>(std::ceil(top));
   return out;

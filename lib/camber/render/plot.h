@@ -53,7 +53,8 @@ struct Plot {
   PlotAxis x, y;
   std::vector<PlotSeries> series;
   std::vector<PlotNote> notes;
-  bool equal_scale = false;  ///< the same length for a unit of x and of y where there is room
+  bool equal_scale =
+      false;  ///< the same length for a unit of x and of y, in all such panels of a sheet
 };
 
 /// Plots above one another, their left edges aligned.
