@@ -12,17 +12,21 @@ program_packages=(
 )
 # Besides, to build and to run the tests and the benchmarks; Chromium opens the report.
 test_packages=(chromium libbenchmark-dev libgmock-dev libgtest-dev)
+# Besides, for the interactive viewer, camber view; its tests open it on a display in memory.
+viewer_packages=(libvtk9-qt-dev qtbase5-dev)
+viewer_test_packages=(xdotool xvfb)
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.
 clang_packages=(clang clang-format clang-tidy libclang-rt-dev)
 
 usage() {
   cat <<END
-Usage: samples/install_packages.sh [--tests] [--clang] [--list]
+Usage: samples/install_packages.sh [--viewer] [--tests] [--clang] [--list]
 
 Installs what is missing of the packages that build and run Camber on Debian 12.
 
-  --tests  also those of the tests and benchmarks
+  --viewer also those of the interactive viewer
+  --tests  also those of the tests and benchmarks, and of the viewer
   --clang  also those of the fuzzers, the format check and clang-tidy
   --list   print the names, one a line, and install nothing
 END
@@ -34,7 +38,10 @@ wanted=("${program_packages[@]}")
 list=false
 for argument in "$@"; do
   case "$argument" in
-    --tests) wanted+=("${test_packages[@]}") ;;
+    --viewer) wanted+=("${viewer_packages[@]}") ;;
+    --tests)
+      wanted+=("${test_packages[@]}" "${viewer_packages[@]}" "${viewer_test_packages[@]}")
+      ;;
     --clang) wanted+=("${clang_packages[@]}") ;;
     --list) list=true ;;
     -h | --help) usage; exit 0 ;;

@@ -57,6 +57,7 @@ void register_patches(CLI::App& root);
 void register_profile(CLI::App& root);
 void register_ground(CLI::App& root);
 void register_compare(CLI::App& root);
+void register_view(CLI::App& root);
 void register_lift(CLI::App& root);
 
 }  // namespace camber::tools

@@ -42,6 +42,7 @@ int main(int argc, char** argv) {
   register_convert(root);
   register_filter(root);
   register_render(root);
+  register_view(root);
   register_prior(root);
   register_synth(root);
   register_vehicles(root);

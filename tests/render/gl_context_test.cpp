@@ -1,10 +1,6 @@
 #include "camber/render/gl_context.h"
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 #include <vtkActor.h>
 #include <vtkCamera.h>
 #include <vtkCellArray.h>
@@ -26,6 +22,7 @@
 #include <vector>
 
 #include "camber/core/errors.h"
+#include "support/virtual_display.h"
 
 namespace camber {
 namespace {
@@ -142,53 +139,13 @@ TEST(OffscreenWindowDeathTest, SaysSoWhereNothingCanRender) {
       testing::ExitedWithCode(3), "no rendering back end: .*DISPLAY is not set");
 }
 
-/// An X server in memory for the length of a test; number() is empty where there is no Xvfb.
-class VirtualDisplay {
- public:
-  VirtualDisplay() {
-    int ends[2];
-    if (::pipe(ends) != 0) return;
-    process_ = ::fork();
-    if (process_ == 0) {
-      ::dup2(ends[1], 3);
-      const int null = ::open("/dev/null", O_WRONLY);
-      ::dup2(null, 2);
-      ::execlp("Xvfb", "Xvfb", "-noreset", "-displayfd", "3", "-screen", "0", "640x480x24",
-               "-nolisten", "tcp", nullptr);
-      ::_exit(127);
-    }
-    ::close(ends[1]);
-    char text[32] = {};
-    for (std::size_t used = 0; used + 1 < sizeof(text); ++used) {
-      if (::read(ends[0], text + used, 1) != 1 || text[used] == '\n') {
-        text[used] = 0;
-        break;
-      }
-    }
-    ::close(ends[0]);
-    number_ = text;
-  }
-  ~VirtualDisplay() {
-    if (process_ <= 0) return;
-    ::kill(process_, SIGTERM);
-    ::waitpid(process_, nullptr, 0);
-  }
-  VirtualDisplay(const VirtualDisplay&) = delete;
-  VirtualDisplay& operator=(const VirtualDisplay&) = delete;
-  const std::string& number() const { return number_; }
-
- private:
-  pid_t process_ = -1;
-  std::string number_;
-};
-
 TEST(OffscreenWindowDeathTest, FallsBackToADisplay) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   // The child process runs the lines before EXPECT_EXIT too; the parent's display is handed down.
   const char* inherited = std::getenv("CAMBER_TEST_DISPLAY");
-  std::unique_ptr<VirtualDisplay> display;
+  std::unique_ptr<test::VirtualDisplay> display;
   if (!inherited) {
-    display = std::make_unique<VirtualDisplay>();
+    display = std::make_unique<test::VirtualDisplay>();
     if (display->number().empty()) GTEST_SKIP() << "no Xvfb on this machine";
     ::setenv("CAMBER_TEST_DISPLAY", (":" + display->number()).c_str(), 1);
   }

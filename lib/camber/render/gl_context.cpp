@@ -160,6 +160,11 @@ bool display_answers(std::string* reason) {
 
 }  // namespace
 
+std::string display_problem() {
+  std::string reason;
+  return display_answers(&reason) ? std::string() : reason;
+}
+
 struct OffscreenWindow::Impl {
   // Order matters: the window is destroyed while the context still lives.
   std::unique_ptr<SurfacelessContext> context;

@@ -7,6 +7,9 @@ class vtkRenderWindow;
 
 namespace camber {
 
+/// Why no window can be opened on the display that DISPLAY names; empty: it answers and has GLX.
+std::string display_problem();
+
 /// An off-screen OpenGL window for VTK that needs no X server: a surfaceless EGL context, else an
 /// existing display. Use from one thread; windows may be made one after another in a process.
 class OffscreenWindow {

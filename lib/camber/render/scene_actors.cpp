@@ -213,7 +213,8 @@ vtkSmartPointer<vtkActor> make_points_actor(const PictureSpace& space, double pi
 }
 
 std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
-                                          const SceneStyle& style) {
+                                          const SceneStyle& style,
+                                          const std::function<bool(SceneElement)>& wanted) {
   std::vector<SceneLayer> layers;
   for (const SceneSwitch& entry : scene_switches()) layers.push_back({entry.element, {}});
   const auto add = [&](SceneElement element, vtkSmartPointer<vtkActor> actor) {
@@ -234,11 +235,12 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
   }
   add(SceneElement::kGrid, lines_actor(grid_lines, 1.0 * px, {206, 210, 215, 1.0}));
 
-  if (!space.truth_points.empty()) {
+  const auto want = [&](SceneElement element) { return !wanted || wanted(element); };
+  if (!space.truth_points.empty() && want(SceneElement::kTruthCloud)) {
     add(SceneElement::kTruthCloud,
         cloud_actor(space.truth_points, {}, kTruthGrey, std::max(1.0, 0.75 * style.point_size)));
   }
-  if (!space.points.empty()) {
+  if (!space.points.empty() && want(SceneElement::kPoints)) {
     add(SceneElement::kPoints, make_points_actor(space, style.point_size));
   }
 
@@ -330,7 +332,9 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
   if (!invalid.empty()) add(SceneElement::kLinks, lines_actor(invalid, 1.6 * px, kInk));
 
   layers.erase(std::remove_if(layers.begin(), layers.end(),
-                              [](const SceneLayer& layer) { return layer.actors.empty(); }),
+                              [&](const SceneLayer& layer) {
+                                return layer.actors.empty() || !want(layer.element);
+                              }),
                layers.end());
   return layers;
 }

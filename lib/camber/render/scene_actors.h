@@ -3,7 +3,7 @@
 #include <vtkActor.h>
 #include <vtkSmartPointer.h>
 
-#include <string>
+#include <functional>
 #include <vector>
 
 #include "camber/render/color_map.h"
@@ -31,11 +31,13 @@ struct SceneLayer {
   std::vector<vtkSmartPointer<vtkActor>> actors;
 };
 
-/// VTK actors of everything that the content holds, in the picture frame, shown or not: pictures
-/// and the viewer are made of the same ones. Elements without content are left out. No GL is needed
-/// until they are drawn.
+/// VTK actors of what the content holds, in the picture frame, shown or not: pictures and the
+/// viewer are made of the same ones. Elements without content are left out. No GL is needed until
+/// they are drawn.
+/// @param wanted  asked for each element; empty: all are made.
 std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
-                                          const SceneStyle& style);
+                                          const SceneStyle& style,
+                                          const std::function<bool(SceneElement)>& wanted = {});
 
 /// Colour of a valid link: plasma over the space's range of height steps.
 Color link_color(const PlacedLink& link, const PictureSpace& space);

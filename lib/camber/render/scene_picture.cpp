@@ -22,76 +22,10 @@
 #include "camber/render/picture_space.h"
 #include "camber/render/pictures.h"
 #include "camber/render/scene_actors.h"
+#include "camber/render/scene_camera.h"
 
 namespace camber {
 namespace {
-
-/// A camera that looks at the picture frame's content; perspective or parallel.
-struct View {
-  Eigen::Matrix3d axes;  // rows: right, up (of the image), along the view; picture frame
-  bool parallel = false;
-  double half_angle = 0.2;   // rad, vertical, perspective
-  double half_height = 1.0;  // m, parallel
-  Eigen::Vector3d eye = Eigen::Vector3d::Zero();
-  double distance = 1.0;      // m from the eye to the content's middle
-  int width = 0, height = 0;  // pixels
-
-  /// Pixel of a point; false behind the eye.
-  bool project(const Eigen::Vector3d& x, Eigen::Vector2d* pixel) const {
-    const Eigen::Vector3d c = axes * (x - eye);
-    double scale = 0.5 * height / half_height;
-    if (!parallel) {
-      if (c.z() <= 1e-6) return false;
-      scale = 0.5 * height / (std::tan(half_angle) * c.z());
-    }
-    *pixel = {0.5 * width - 0.5 + scale * c.x(), 0.5 * height - 0.5 - scale * c.y()};
-    return true;
-  }
-
-  /// Pixels a metre takes at a point.
-  double pixels_per_metre(const Eigen::Vector3d& x) const {
-    if (parallel) return 0.5 * height / half_height;
-    const double z = (axes * (x - eye)).z();
-    return 0.5 * height / (std::tan(half_angle) * std::max(z, 1e-6));
-  }
-};
-
-/// Moves the eye so that all points fall into `free` (pixels of a width x height picture), as
-/// large as possible. With a fixed direction each side of the frustum bounds the eye linearly.
-void fit_view(const std::vector<Eigen::Vector3d>& points, const Box2& free, View* view) {
-  const double w = view->width, h = view->height;
-  // Tangents of the free area's sides, or half heights per unit in a parallel view.
-  const double t = view->parallel ? 1.0 : std::tan(view->half_angle);
-  const double left = (0.5 * w - free.x1) * 2.0 * t / h, right = (free.x2 - 0.5 * w) * 2.0 * t / h;
-  const double top = (0.5 * h - free.y1) * 2.0 * t / h, bottom = (free.y2 - 0.5 * h) * 2.0 * t / h;
-  constexpr double kInf = std::numeric_limits<double>::infinity();
-  double min_x = kInf, max_x = -kInf, min_y = kInf, max_y = -kInf, min_z = kInf, max_z = -kInf;
-  for (const Eigen::Vector3d& x : points) {
-    const Eigen::Vector3d c = view->axes * x;
-    const double z = view->parallel ? 0.0 : c.z();
-    // A point is inside if -left (z + D) <= x - ex <= right (z + D), likewise y.
-    min_x = std::min(min_x, c.x() + left * z);
-    max_x = std::max(max_x, c.x() - right * z);
-    min_y = std::min(min_y, c.y() + bottom * z);
-    max_y = std::max(max_y, c.y() - top * z);
-    min_z = std::min(min_z, c.z());
-    max_z = std::max(max_z, c.z());
-  }
-  // D: how far the eye stands before z = 0 (perspective), or the half height (parallel).
-  const double from_x = (max_x - min_x) / std::max(left + right, 1e-9);
-  const double from_y = (max_y - min_y) / std::max(top + bottom, 1e-9);
-  double d = std::max({from_x, from_y, 1e-3});
-  if (!view->parallel) d = std::max(d, 0.5 - min_z);
-  const double ex = 0.5 * ((min_x + left * d) + (max_x - right * d));
-  const double ey = 0.5 * ((min_y + bottom * d) + (max_y - top * d));
-  double ez = -d;
-  if (view->parallel) {
-    view->half_height = d;
-    ez = min_z - 0.5 * (max_z - min_z) - 10.0;
-  }
-  view->eye = view->axes.transpose() * Eigen::Vector3d(ex, ey, ez);
-  view->distance = 0.5 * (min_z + max_z) - ez;
-}
 
 struct Drawing {
   const PictureContent& content;
@@ -105,50 +39,9 @@ struct Drawing {
   }
 };
 
-/// Whether the side view of a map looks north, with its x axis to the right.
-bool side_looks_north(const PictureSpace& space) {
-  return space.map && space.right.span() > space.ahead.span();
-}
-
-std::vector<Eigen::Vector3d> fit_points(const PictureSpace& space, const SceneGrid& grid,
-                                        bool side) {
-  std::vector<Eigen::Vector3d> points;
-  const auto inside = [&](const Eigen::Vector3d& x) {
-    return x.x() >= space.right.low && x.x() <= space.right.high && x.y() >= space.ahead.low &&
-           x.y() <= space.ahead.high && x.z() >= space.up.low && x.z() <= space.up.high;
-  };
-  for (const auto* cloud : {&space.points, &space.truth_points}) {
-    const std::size_t stride = std::max<std::size_t>(1, cloud->size() / 20000);
-    for (std::size_t i = 0; i < cloud->size(); i += stride) {
-      const Eigen::Vector3d x = (*cloud)[i].cast<double>();
-      if (inside(x)) points.push_back(x);
-    }
-  }
-  for (const auto* list : {&space.vehicles, &space.truth}) {
-    for (const PlacedVehicle& vehicle : *list) {
-      if (!inside(vehicle.box.center())) continue;
-      const auto corners = vehicle.box.corners();
-      for (int i = 0; i < 8; ++i) points.emplace_back(corners.col(i));
-    }
-  }
-  for (const SE3& camera : space.cameras) {
-    if (inside(camera.translation())) points.push_back(camera.translation());
-  }
-  const double middle_x = 0.5 * (grid.x1 + grid.x2), middle_y = 0.5 * (grid.y1 + grid.y2);
-  if (!side) {
-    for (const double x : {grid.x1, grid.x2}) {
-      for (const double y : {grid.y1, grid.y2}) points.emplace_back(x, y, grid.z);
-    }
-  } else if (side_looks_north(space)) {
-    for (const double x : {grid.x1, grid.x2}) points.emplace_back(x, middle_y, grid.z);
-  } else {
-    for (const double y : {grid.y1, grid.y2}) points.emplace_back(middle_x, y, grid.z);
-  }
-  return points;
-}
-
 /// Pixels of the 3D content without any text; lines of width one take `unit` pixels.
-Image render_content(const Drawing& drawing, const View& view, const SceneGrid& grid, double unit) {
+Image render_content(const Drawing& drawing, const SceneCamera& view, const SceneGrid& grid,
+                     double unit) {
   const PictureSpace& space = drawing.space;
   const int factor = drawing.options.supersampling;
   OffscreenWindow offscreen(view.width * factor, view.height * factor);
@@ -180,21 +73,7 @@ Image render_content(const Drawing& drawing, const View& view, const SceneGrid& 
     for (const auto& actor : layer.actors) renderer->AddActor(actor);
   }
 
-  vtkCamera* camera = renderer->GetActiveCamera();
-  const Eigen::Vector3d along = view.axes.row(2), up = view.axes.row(1);
-  const Eigen::Vector3d focus = view.eye + view.distance * along;
-  camera->SetPosition(view.eye.data());
-  camera->SetFocalPoint(focus.data());
-  camera->SetViewUp(up.data());
-  if (view.parallel) {
-    camera->ParallelProjectionOn();
-    camera->SetParallelScale(view.half_height);
-  } else {
-    camera->SetViewAngle(2.0 * view.half_angle * 180.0 / M_PI);
-  }
-  // Stray points must not stretch the depth range until near things flicker through each other.
-  const double reach = 2.0 * (space.right.span() + space.ahead.span() + space.up.span()) + 20.0;
-  camera->SetClippingRange(std::max(0.05, view.distance - reach), view.distance + reach);
+  apply_camera(view, space, renderer->GetActiveCamera());
   vtkRenderWindow* window = offscreen.window();
   window->AddRenderer(renderer);
   window->Render();
@@ -216,7 +95,7 @@ Image render_content(const Drawing& drawing, const View& view, const SceneGrid& 
 }
 
 /// Ids and distances beside the vehicles.
-void draw_vehicle_labels(Canvas& canvas, const PictureSpace& space, const View& view,
+void draw_vehicle_labels(Canvas& canvas, const PictureSpace& space, const SceneCamera& view,
                          const std::vector<Box2>& taken, double text_size, bool with_range) {
   std::vector<LabelRequest> requests;
   std::vector<std::string> texts;
@@ -268,8 +147,9 @@ void draw_vehicle_labels(Canvas& canvas, const PictureSpace& space, const View& 
 }
 
 /// Numbers along two sides of the level grid; returns what they cover.
-std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space, const View& view,
-                                    const SceneGrid& grid, double text_size) {
+std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space,
+                                    const SceneCamera& view, const SceneGrid& grid,
+                                    double text_size) {
   std::vector<Box2> taken;
   const auto write = [&](const Eigen::Vector3d& at, const Eigen::Vector3d& outwards,
                          const std::string& text) {
@@ -314,7 +194,7 @@ std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space, c
 }
 
 /// A vertical axis on the grid's corner that is farthest to the left; adds what it covers.
-void draw_height_axis(Canvas& canvas, const PictureSpace& space, const View& view,
+void draw_height_axis(Canvas& canvas, const PictureSpace& space, const SceneCamera& view,
                       const SceneGrid& grid, double text_size, std::vector<Box2>* taken) {
   Eigen::Vector2d foot(1e30, 0.0), head;
   Eigen::Vector3d corner = Eigen::Vector3d::Zero();
@@ -363,79 +243,6 @@ void draw_height_axis(Canvas& canvas, const PictureSpace& space, const View& vie
   taken->insert(taken->end(), covered.begin(), covered.end());
 }
 
-View oblique_view(const ScenePictureOptions& options, int width, int height) {
-  View view;
-  view.width = width;
-  view.height = height;
-  view.half_angle = 0.5 * 24.0 * M_PI / 180.0;
-  const double ca = std::cos(options.azimuth), sa = std::sin(options.azimuth);
-  const double ce = std::cos(options.elevation), se = std::sin(options.elevation);
-  const Eigen::Vector3d along(ce * sa, ce * ca, -se);
-  const Eigen::Vector3d right = along.cross(Eigen::Vector3d::UnitZ()).normalized();
-  view.axes.row(0) = right;
-  view.axes.row(1) = right.cross(along);
-  view.axes.row(2) = along;
-  return view;
-}
-
-/// Through the shown frame's camera; the picture's narrower side sees all of the image.
-View driver_view(const Drawing& drawing, int width, int height) {
-  const PictureSpace& space = drawing.space;
-  if (space.current_camera < 0 || !drawing.content.camera) {
-    throw NoAnswerError("the driver's view needs the camera of frame " +
-                        std::to_string(drawing.content.frame) + ", which is not known");
-  }
-  const PinholeCamera& camera = *drawing.content.camera;
-  const SE3& pose = space.cameras[static_cast<std::size_t>(space.current_camera)];
-  View view;
-  view.width = width;
-  view.height = height;
-  const Eigen::Matrix3d rotation = pose.rotation_matrix();
-  view.axes.row(0) = rotation.col(0);
-  view.axes.row(1) = -rotation.col(1);
-  view.axes.row(2) = rotation.col(2);
-  view.eye = pose.translation();
-  const double by_width = 0.5 * camera.width / camera.fx * height / width;
-  const double by_height = 0.5 * camera.height / camera.fy;
-  view.half_angle = std::atan(std::max(by_width, by_height));
-  view.distance = 0.5 * std::max(1.0, space.ahead.span());
-  return view;
-}
-
-View free_view(const Drawing& drawing, int width, int height) {
-  const FreeView& given = drawing.options.free_view;
-  const SE3& placed = drawing.space.picture_from_reference;
-  const Eigen::Matrix3d rotation = placed.rotation_matrix();
-  View view;
-  view.width = width;
-  view.height = height;
-  view.eye = placed * given.eye;
-  const Eigen::Vector3d along = rotation * (given.target - given.eye);
-  const Eigen::Vector3d right = along.cross(rotation * given.up);
-  view.distance = along.norm();
-  view.axes.row(2) = along.normalized();
-  view.axes.row(0) = right.normalized();
-  view.axes.row(1) = right.cross(along).normalized();
-  view.half_angle = 0.5 * given.field_of_view;
-  return view;
-}
-
-View side_view(const PictureSpace& space, int width, int height) {
-  View view;
-  view.width = width;
-  view.height = height;
-  view.parallel = true;
-  view.axes.row(1) = Eigen::Vector3d::UnitZ();
-  if (side_looks_north(space)) {
-    view.axes.row(0) = Eigen::Vector3d::UnitX();
-    view.axes.row(2) = Eigen::Vector3d::UnitY();
-  } else {
-    view.axes.row(0) = Eigen::Vector3d::UnitY();   // ahead points right
-    view.axes.row(2) = -Eigen::Vector3d::UnitX();  // seen from the right
-  }
-  return view;
-}
-
 /// The marks of what is shown, and how large the grid's cells are.
 std::vector<LegendEntry> scene_legend(const Drawing& drawing, const SceneGrid& grid,
                                       bool grid_shown) {
@@ -479,9 +286,11 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 620.0));
   const double text = 20.0 * unit;
   const SceneGrid grid = make_scene_grid(space);
-  View view = kind == SceneView::kDriver ? driver_view(drawing, width, height)
-              : kind == SceneView::kFree ? free_view(drawing, width, height)
-                                         : oblique_view(drawing.options, width, height);
+  SceneCamera view =
+      kind == SceneView::kDriver ? driver_camera(drawing.content, space, width, height)
+      : kind == SceneView::kFree
+          ? free_camera(space, drawing.options.free_view, width, height)
+          : oblique_camera(drawing.options.azimuth, drawing.options.elevation, width, height);
   const bool grid_shown = kind != SceneView::kDriver && drawing.shows(SceneElement::kGrid);
   const bool links_shown = drawing.shows(SceneElement::kLinks) && !space.links.empty();
   const double top = drawing.content.title.empty() ? 2.2 * text : 3.9 * text;
@@ -492,7 +301,7 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   const double bottom = height - 0.6 * text - legend_height(legend_rows, text);
   const Box2 free{(grid_shown ? 4.0 : 2.5) * text, top + (grid_shown ? 1.2 * text : 0.0),
                   width - panel - (grid_shown ? 1.5 * text : 0.0), bottom - 1.7 * text};
-  if (fitted) fit_view(fit_points(space, grid, false), free, &view);
+  if (fitted) fit_camera(content_corners(space, grid, false), free, &view);
   Image image = render_content(drawing, view, grid, unit);
   Canvas canvas(image);
   std::vector<Box2> taken;
@@ -553,11 +362,11 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 260.0));
   const double text = 20.0 * std::min(unit, alone ? unit : width / 1600.0);
   const SceneGrid grid = make_scene_grid(space);
-  View view = side_view(space, width, height);
+  SceneCamera view = side_camera(space, width, height);
   double top = 1.7 * text;
   if (alone && !drawing.content.title.empty()) top += 1.5 * text;
   const Box2 free{4.5 * text, top + 1.0 * text, width - 2.0 * text, height - 3.2 * text};
-  fit_view(fit_points(space, grid, true), free, &view);
+  fit_camera(content_corners(space, grid, true), free, &view);
   Image image = render_content(drawing, view, grid, std::min(unit, text / 20.0));
   Canvas canvas(image);
 

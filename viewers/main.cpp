@@ -1,0 +1,108 @@
+// camber-view: the interactive viewer; started by `camber view`.
+
+#include <QVTKOpenGLNativeWidget.h>
+
+#include <CLI/CLI.hpp>
+#include <QApplication>
+#include <QSurfaceFormat>
+#include <cstdio>
+#include <cstdlib>
+#include <new>
+
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "camber/render/gl_context.h"
+#include "view_arguments.h"
+#include "viewer_window.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+/// The manifest that the run read its images from, if it is still there; else empty.
+fs::path scene_of_run(const LoadedResult& result) {
+  if (!result.run) return {};
+  for (const auto& [input, hash] : result.run->input_hashes) {
+    for (fs::path folder = fs::path(input).parent_path(); !folder.empty();
+         folder = folder.parent_path()) {
+      std::error_code error;
+      if (fs::exists(folder / "scene.json", error)) return folder / "scene.json";
+      if (folder == folder.parent_path()) break;
+    }
+  }
+  return {};
+}
+
+LoadedResult load(const ViewArguments& a) {
+  const LogSink warn = [](const std::string& sentence) {
+    std::fprintf(stderr, "camber: warning: %s\n", sentence.c_str());
+  };
+  LoadedResult result = load_result(a.input);
+  const fs::path scene = a.scene.empty() ? scene_of_run(result) : fs::path(a.scene);
+  if (!scene.empty()) result.scene = read_scene(scene, warn);
+  if (a.truth == "scene") {
+    result.load_scene_truth_cloud();
+  } else if (!a.truth.empty()) {
+    result.truth_cloud = read_cloud_file(a.truth).cloud;
+  }
+  return result;
+}
+
+int run(const ViewArguments& a, int argc, char** argv) {
+  LoadedResult result = load(a);
+  const std::string platform = std::getenv("QT_QPA_PLATFORM") ? std::getenv("QT_QPA_PLATFORM") : "";
+  const std::string problem = display_problem();
+  if (!problem.empty() && (platform.empty() || platform == "xcb")) {
+    // What is wrong with the content matters more than where it cannot be shown.
+    make_picture_space(result.content(), true, PointColor::parse(a.color));
+    throw MachineError("no display to open a window on: " + problem +
+                       "; camber render draws pictures without one");
+  }
+  QSurfaceFormat::setDefaultFormat(QVTKOpenGLNativeWidget::defaultFormat());
+  QApplication application(argc, argv);
+  ViewerOptions options;
+  options.color_name = a.color;
+  options.color = PointColor::parse(a.color);
+  options.frame = a.frame;
+  if (a.up.size() == 3) options.up = Eigen::Vector3d(a.up[0], a.up[1], a.up[2]);
+  options.snapshots = a.snapshots;
+  options.title = result.scene ? result.scene->name : fs::path(a.input).filename().string();
+  ViewerWindow window(std::move(result), options);
+  return QApplication::exec();
+}
+
+int report(const char* message, int exit_code) {
+  std::fprintf(stderr, "camber: %s\n", message);
+  return exit_code;
+}
+
+}  // namespace
+}  // namespace camber
+
+int main(int argc, char** argv) {
+  CLI::App app("Camber's interactive viewer: turns, picks and switches what camber render draws",
+               "camber-view");
+  app.set_version_flag("--version", std::string("camber-view ") + camber::kVersion);
+  app.failure_message([](const CLI::App*, const CLI::Error& error) {
+    return "camber: " + std::string(error.what()) + "\n";
+  });
+  camber::ViewArguments arguments;
+  arguments.add_to(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    return camber::run(arguments, argc, argv);
+  } catch (const camber::Error& error) {
+    return camber::report(error.what(), error.exit_code());
+  } catch (const std::bad_alloc&) {
+    return camber::report("out of memory", 3);
+  } catch (const std::invalid_argument& error) {
+    return camber::report(error.what(), 2);
+  } catch (const std::exception& error) {
+    return camber::report(error.what(), 3);
+  }
+}

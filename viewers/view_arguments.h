@@ -1,0 +1,50 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace camber {
+
+/// What `camber view` takes and hands on to camber-view.
+struct ViewArguments {
+  std::string input, scene, truth, color = "height", snapshots = "camber-view";
+  std::optional<int> frame;
+  std::vector<double> up;
+
+  void add_to(CLI::App& app) {
+    app.add_option("input", input, "result folder, or a cloud of any format")->required();
+    app.add_option("--scene", scene,
+                   "manifest of the run: adds images, the camera and the truth; default: the one "
+                   "that the run read, if it is still there");
+    app.add_option("--truth", truth,
+                   "dense ground truth: a cloud in the input's frame, or the word scene for that "
+                   "of the scene");
+    app.add_option("--frame", frame, "frame id to begin with; default: the reference");
+    app.add_option("--color", color,
+                   "of the points: height, sigma, patch, image, error, or the name of an attribute")
+        ->capture_default_str();
+    app.add_option("--up", up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
+    app.add_option("--snapshots", snapshots, "the key s writes NAME-1.png, NAME-2.png, ...")
+        ->capture_default_str();
+  }
+
+  /// The words that say the same again.
+  std::vector<std::string> words() const {
+    std::vector<std::string> out = {input, "--color", color, "--snapshots", snapshots};
+    const auto add = [&](const char* option, const std::string& value) {
+      if (!value.empty()) out.insert(out.end(), {option, value});
+    };
+    add("--scene", scene);
+    add("--truth", truth);
+    if (frame) add("--frame", std::to_string(*frame));
+    if (up.size() == 3) {
+      out.push_back("--up=" + CLI::detail::to_string(up[0]) + "," + CLI::detail::to_string(up[1]) +
+                    "," + CLI::detail::to_string(up[2]));
+    }
+    return out;
+  }
+};
+
+}  // namespace camber
