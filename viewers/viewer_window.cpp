@@ -1,6 +1,7 @@
 #include "viewer_window.h"
 
 #include <QVTKOpenGLNativeWidget.h>
+#include <vtkActor.h>
 #include <vtkBillboardTextActor3D.h>
 #include <vtkCallbackCommand.h>
 #include <vtkCamera.h>
@@ -257,7 +258,7 @@ struct ViewerWindow::Impl {
   void build_layers(const std::function<bool(SceneElement)>& wanted) {
     for (SceneLayer& layer : layers) {
       if (!wanted(layer.element)) continue;
-      for (const auto& actor : layer.actors) renderer->RemoveActor(actor);
+      for (const auto& actor : layer.actors) renderer->RemoveActor(actor.get());
       layer.actors.clear();
     }
     layers.erase(std::remove_if(layers.begin(), layers.end(),
@@ -267,7 +268,7 @@ struct ViewerWindow::Impl {
     style.line_unit = view->devicePixelRatioF();
     style.point_size = point_size * view->devicePixelRatioF();
     for (SceneLayer& layer : make_scene_layers(content, space, style, wanted)) {
-      for (const auto& actor : layer.actors) renderer->AddActor(actor);
+      for (const auto& actor : layer.actors) renderer->AddActor(actor.get());
       layers.push_back(std::move(layer));
     }
     if (wanted(SceneElement::kVehicles)) build_names();

@@ -1,5 +1,6 @@
 #include "camber/render/scene_actors.h"
 
+#include <vtkActor.h>
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
 #include <vtkFloatArray.h>
@@ -9,6 +10,7 @@
 #include <vtkPolyData.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
+#include <vtkSmartPointer.h>
 #include <vtkUnsignedCharArray.h>
 
 #include <algorithm>
@@ -126,6 +128,11 @@ void append(std::vector<Segment3>* lines, const std::vector<Segment3>& more) {
   lines->insert(lines->end(), more.begin(), more.end());
 }
 
+SharedActor shared(const vtkSmartPointer<vtkActor>& actor) {
+  actor->Register(nullptr);
+  return {actor.Get(), [](vtkActor* owned) { owned->UnRegister(nullptr); }};
+}
+
 /// Segments with a colour each.
 vtkSmartPointer<vtkActor> colored_lines_actor(const std::vector<Segment3>& lines,
                                               const std::vector<Color>& inks, double pixels) {
@@ -208,17 +215,13 @@ Color link_color(const PlacedLink& link, const PictureSpace& space) {
   return plasma(std::abs(link.height_step) / space.link_steps.high);
 }
 
-vtkSmartPointer<vtkActor> make_points_actor(const PictureSpace& space, double pixels) {
-  return cloud_actor(space.points, space.colors, kInk, pixels);
-}
-
 std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
                                           const SceneStyle& style,
                                           const std::function<bool(SceneElement)>& wanted) {
   std::vector<SceneLayer> layers;
   for (const SceneSwitch& entry : scene_switches()) layers.push_back({entry.element, {}});
-  const auto add = [&](SceneElement element, vtkSmartPointer<vtkActor> actor) {
-    layers[static_cast<std::size_t>(element)].actors.push_back(std::move(actor));
+  const auto add = [&](SceneElement element, const vtkSmartPointer<vtkActor>& actor) {
+    layers[static_cast<std::size_t>(element)].actors.push_back(shared(actor));
   };
   const double px = style.line_unit;
 
@@ -241,7 +244,7 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
         cloud_actor(space.truth_points, {}, kTruthGrey, std::max(1.0, 0.75 * style.point_size)));
   }
   if (!space.points.empty() && want(SceneElement::kPoints)) {
-    add(SceneElement::kPoints, make_points_actor(space, style.point_size));
+    add(SceneElement::kPoints, cloud_actor(space.points, space.colors, kInk, style.point_size));
   }
 
   for (const PlacedVehicle& vehicle : space.vehicles) {

@@ -1,15 +1,18 @@
 #pragma once
 
-#include <vtkActor.h>
-#include <vtkSmartPointer.h>
-
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "camber/render/color_map.h"
 #include "camber/render/picture_space.h"
 
+class vtkActor;
+
 namespace camber {
+
+/// An actor that VTK counts the owners of, too.
+using SharedActor = std::shared_ptr<vtkActor>;
 
 /// A level grid below the content with a round spacing.
 struct SceneGrid {
@@ -25,10 +28,10 @@ struct SceneStyle {
   double point_size = 2.0;  ///< pixels
 };
 
-/// The actors of one element; translucent ones report so.
+/// The actors of one element.
 struct SceneLayer {
   SceneElement element;
-  std::vector<vtkSmartPointer<vtkActor>> actors;
+  std::vector<SharedActor> actors;
 };
 
 /// VTK actors of what the content holds, in the picture frame, shown or not: pictures and the
@@ -41,8 +44,5 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
 
 /// Colour of a valid link: plasma over the space's range of height steps.
 Color link_color(const PlacedLink& link, const PictureSpace& space);
-
-/// Only the road points, with the space's colours.
-vtkSmartPointer<vtkActor> make_points_actor(const PictureSpace& space, double pixels);
 
 }  // namespace camber

@@ -70,7 +70,7 @@ Image render_content(const Drawing& drawing, const SceneCamera& view, const Scen
         (camera && through_camera)) {
       continue;
     }
-    for (const auto& actor : layer.actors) renderer->AddActor(actor);
+    for (const auto& actor : layer.actors) renderer->AddActor(actor.get());
   }
 
   apply_camera(view, space, renderer->GetActiveCamera());
