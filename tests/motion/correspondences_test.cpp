@@ -153,6 +153,58 @@ TEST_F(RefineMatches, CorrectsABiasedPrediction) {
   EXPECT_LT(median_error(found, 0, kFirst, 13000), 0.1);
 }
 
+constexpr float kByWindow = 0.3f;  // px, round trip that a window's match is given
+
+TEST_F(RefineMatches, WindowsFindTheShift) {
+  prediction_.searched.assign(prediction_.pixels.size(), 1);
+  const Correspondences found = refine_matches(images_, before_, {prediction_}, 0, {});
+  EXPECT_LT(median_error(found, 0, kFirst, 12000), 0.2);
+  std::size_t by_window = 0;
+  for (const float round_trip : found.matches[0].round_trip_px)
+    by_window += round_trip == kByWindow;
+  EXPECT_GT(by_window, 12000u);
+}
+
+// A shadow that moves with the camera lies on ground that does not.
+TEST_F(RefineMatches, WindowsInsideAMovingShadowFindTheGround) {
+  for (std::size_t k = 0; k < 2; ++k) {
+    for (std::uint8_t& grey : images_[k].pixels) {  // asphalt: hardly any contrast
+      grey = static_cast<std::uint8_t>(std::lround(140.0 + 0.12 * (grey - 128.0)));
+    }
+    const int moved = k == 0 ? 0 : 20;
+    for (int y = 70 - moved; y < 150 - moved; ++y) {
+      for (int x = 100; x < 220; ++x) {
+        std::uint8_t& grey = images_[k].pixels[static_cast<std::size_t>(y * kWidth + x)];
+        grey = static_cast<std::uint8_t>(grey - 90);
+      }
+    }
+  }
+  prediction_.searched.assign(prediction_.pixels.size(), 1);
+  const Correspondences found = refine_matches(images_, before_, {prediction_}, 0, {});
+  int inside_shadow = 0, right = 0, by_window = 0;
+  for (std::size_t i = 0; i < found.pixels.size(); ++i) {
+    const Eigen::Vector2f& p = found.pixels[i];
+    if (p.x() < 124 || p.x() > 196 || p.y() < 84 || p.y() > 112) continue;
+    ++inside_shadow;
+    if (found.matches[0].round_trip_px[i] != kByWindow) continue;
+    ++by_window;
+    right += ((found.matches[0].pixels[i] - p).cast<double>() - kFirst).norm() < 0.3;
+  }
+  EXPECT_GT(by_window, 0.8 * inside_shadow);
+  EXPECT_GT(right, 0.95 * by_window);
+}
+
+TEST_F(RefineMatches, WindowsWithoutTextureKeepWhatTheFlowSays) {
+  for (GrayImage& image : images_) std::fill(image.pixels.begin(), image.pixels.end(), 90);
+  const Correspondences flow = refine_matches(images_, before_, {prediction_}, 0, {});
+  prediction_.searched.assign(prediction_.pixels.size(), 1);
+  const Correspondences found = refine_matches(images_, before_, {prediction_}, 0, {});
+  EXPECT_EQ(found.matches[0].pixels, flow.matches[0].pixels);
+  EXPECT_EQ(found.matches[0].round_trip_px, flow.matches[0].round_trip_px);
+  prediction_.searched.resize(7);
+  EXPECT_THROW(refine_matches(images_, before_, {prediction_}, 0, {}), std::invalid_argument);
+}
+
 TEST_F(RefineMatches, LeavesRowsAboveTheTopAndPixelsWithoutPrediction) {
   for (int x = 0; x < kWidth / 2; ++x) {  // the left half has no prediction
     for (int y = 0; y < kHeight; ++y) {

@@ -49,6 +49,16 @@ TEST(FitLocalPlane, FindsTheInclinedPlaneThatTheFieldIs) {
   }
 }
 
+TEST(FitLocalPlane, AWallIsNoRoad) {
+  // Leaning back by 40 degrees from upright, 12 m ahead.
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.0, -0.64, -0.77).normalized();
+  const Plane wall = Plane::through({0.0, 1.0, 12.0}, normal);
+  const GroundField field = field_of(wall);
+  const LocalPlane found = fit_local_plane(field, kCamera, {320, 140}, {}, {});
+  EXPECT_EQ(found.status, Status::kFailed);
+  EXPECT_NE(found.reason.find("steep"), std::string::npos) << found.reason;
+}
+
 TEST(FitLocalPlane, FartherPlanesAreLessCertain) {
   const GroundField field = field_of({{0, -1, 0}, 1.65});
   double before = 0.0;

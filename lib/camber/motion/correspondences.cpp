@@ -1,16 +1,116 @@
 #include "camber/motion/correspondences.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "camber/core/threads.h"
 
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define CAMBER_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define CAMBER_CLONES
+#endif
+
 namespace camber {
 namespace {
+
+constexpr int kWindowWide = 32, kWindowHigh = 11;  // px, compared on their own
+constexpr int kReachX = 4, kReachY = 6;            // px, of the search
+constexpr int kShiftsX = 2 * kReachX + 1, kShiftsY = 2 * kReachY + 1;
+
+/// Normalised cross-correlation (Lewis, "Fast Normalized Cross-Correlation", 1995) of a window with
+/// every shift of another image, rows of kShiftsX.
+/// @param window  kWindowHigh rows of kWindowWide, zero mean.
+/// @param energy  sum of its squares.
+/// @param from    the other image at the window's first pixel for the first shift.
+CAMBER_CLONES void correlate(const float* window, float energy, const float* from,
+                             std::ptrdiff_t stride, float* scores) {
+  using F8 = float __attribute__((vector_size(32)));
+  constexpr int kLanes = 8;
+  constexpr float kNoise = 4.0f * kWindowWide * kWindowHigh;  // 2 grey values, squared, summed
+  for (int dy = 0; dy < kShiftsY; ++dy) {
+    for (int dx = 0; dx < kShiftsX; ++dx) {
+      F8 sum = {}, squares = {}, products = {};
+      for (int y = 0; y < kWindowHigh; ++y) {
+        const float* a = window + y * kWindowWide;
+        const float* b = from + (y + dy) * stride + dx;
+        for (int x = 0; x < kWindowWide; x += kLanes) {
+          F8 va, vb;
+          std::memcpy(&va, a + x, sizeof(F8));
+          std::memcpy(&vb, b + x, sizeof(F8));
+          sum += vb;
+          squares += vb * vb;
+          products += va * vb;
+        }
+      }
+      float s = 0.0f, q = 0.0f, p = 0.0f;
+      for (int k = 0; k < kLanes; ++k) {
+        s += sum[k];
+        q += squares[k];
+        p += products[k];
+      }
+      const float other = std::max(0.0f, q - s * s / (kWindowWide * kWindowHigh));
+      scores[dy * kShiftsX + dx] = p / std::sqrt((energy + kNoise) * (other + kNoise));
+    }
+  }
+}
+
+/// Where a window of the reference lies in the other image, or nothing: a clear peak inside the
+/// search.
+/// @param centre  of the window; it and the search lie inside both images.
+std::optional<cv::Point2f> find_window(const cv::Mat& reference, const cv::Mat& other,
+                                       const cv::Point& centre) {
+  constexpr float kPeak = 0.6f, kLead = 0.06f;
+  std::array<float, static_cast<std::size_t>(kWindowWide * kWindowHigh)> window;
+  const int x0 = centre.x - kWindowWide / 2, y0 = centre.y - kWindowHigh / 2;
+  float mean = 0.0f;
+  for (int y = 0; y < kWindowHigh; ++y) {
+    const float* row = reference.ptr<float>(y0 + y) + x0;
+    for (int x = 0; x < kWindowWide; ++x) {
+      window[static_cast<std::size_t>(y * kWindowWide + x)] = row[x];
+      mean += row[x];
+    }
+  }
+  mean /= kWindowWide * kWindowHigh;
+  float energy = 0.0f;
+  for (float& value : window) {
+    value -= mean;
+    energy += value * value;
+  }
+  std::array<float, static_cast<std::size_t>(kShiftsX * kShiftsY)> scores;
+  correlate(window.data(), energy, other.ptr<float>(y0 - kReachY) + x0 - kReachX,
+            static_cast<std::ptrdiff_t>(other.step1()), scores.data());
+  const auto best =
+      static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
+  const int bx = best % kShiftsX, by = best / kShiftsX;
+  const auto score = [&](int x, int y) {
+    return scores[static_cast<std::size_t>(y * kShiftsX + x)];
+  };
+  if (!(score(bx, by) > kPeak) || bx == 0 || by == 0 || bx == kShiftsX - 1 || by == kShiftsY - 1) {
+    return std::nullopt;
+  }
+  for (int y = 0; y < kShiftsY; ++y) {
+    for (int x = 0; x < kShiftsX; ++x) {
+      if (std::max(std::abs(x - bx), std::abs(y - by)) < 3) continue;
+      if (score(x, y) > score(bx, by) - kLead) return std::nullopt;
+    }
+  }
+  const auto top = [](float before, float at, float after) {
+    const float bend = before - 2.0f * at + after;
+    return bend < -1e-6f ? std::clamp(0.5f * (before - after) / bend, -0.5f, 0.5f) : 0.0f;
+  };
+  return cv::Point2f(
+      static_cast<float>(bx - kReachX) + top(score(bx - 1, by), score(bx, by), score(bx + 1, by)),
+      static_cast<float>(by - kReachY) + top(score(bx, by - 1), score(bx, by), score(bx, by + 1)));
+}
 
 cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
@@ -42,6 +142,72 @@ cv::Point2f sample_flow(const cv::Mat& flow, float x, float y) {
   const auto* r0 = flow.ptr<cv::Point2f>(y0);
   const auto* r1 = flow.ptr<cv::Point2f>(y1);
   return (1 - ay) * ((1 - ax) * r0[x0] + ax * r0[x1]) + ay * ((1 - ax) * r1[x0] + ax * r1[x1]);
+}
+
+/// Another image carried onto the reference by a prediction.
+struct CarriedImage {
+  const PredictedImage& prediction;
+  int first;    // row of the reference that is row 0 here
+  cv::Mat map;  // pixel of the other image, kNoPrediction where there is none
+  cv::Mat grey;
+
+  /// Whether a pixel is seen there, and nothing stands on it.
+  bool usable(int x, int y, int image_height) const {
+    const cv::Point2f p = map.at<cv::Point2f>(y, x);
+    return p.x >= 0 && p.y >= 0 && p.x <= static_cast<float>(map.cols - 1) &&
+           p.y <= static_cast<float>(image_height - 1) &&
+           !prediction
+                .ignored[static_cast<std::size_t>(y + first) * static_cast<std::size_t>(map.cols) +
+                         static_cast<std::size_t>(x)];
+  }
+};
+constexpr float kNoPrediction = -1000.0f;
+
+/// Matches the searched grid points by windows, each on its own; marks those that were found.
+void match_windows(const cv::Mat& reference, const CarriedImage& other, const Correspondences& grid,
+                   MatchedImage& match, std::vector<std::uint8_t>& found) {
+  constexpr int kCellWide = 8, kCellHigh = 4;  // px, to one window
+  constexpr float kWindowNoise = 0.3f;         // px, as a round trip
+  const int width = reference.cols, height = reference.rows, step = grid.step;
+  const std::vector<std::uint8_t>& searched = other.prediction.searched;
+  cv::Mat here, there;
+  reference.convertTo(here, CV_32F);
+  other.grey.convertTo(there, CV_32F);
+  const int side = kWindowWide / 2 + kReachX, above = kWindowHigh / 2 + kReachY;
+  for (int y = above; y + above + 1 < height; y += kCellHigh) {
+    for (int x = side; x + side < width; x += kCellWide) {
+      if (!searched[static_cast<std::size_t>(y + other.first) * static_cast<std::size_t>(width) +
+                    static_cast<std::size_t>(x)]) {
+        continue;
+      }
+      bool whole = true;
+      for (int dy = -above; dy <= above && whole; dy += above / 2) {
+        for (int dx = -side; dx < side && whole; dx += side / 4) {
+          whole = other.usable(x + dx, y + dy, height + other.first);
+        }
+      }
+      if (!whole) continue;
+      const auto f = find_window(here, there, {x, y});
+      if (!f) continue;
+      for (int v = y - kCellHigh / 2; v < y + kCellHigh / 2; ++v) {
+        if ((v + other.first) % step != 0) continue;
+        for (int u = x - kCellWide / 2; u < x + kCellWide / 2; ++u) {
+          if (u % step != 0) continue;
+          const auto i = static_cast<std::size_t>((v + other.first) / step) *
+                             static_cast<std::size_t>(grid.columns) +
+                         static_cast<std::size_t>(u / step);
+          const float tx = static_cast<float>(u) + f->x, ty = static_cast<float>(v) + f->y;
+          if (!other.usable(static_cast<int>(tx), static_cast<int>(ty), height + other.first)) {
+            continue;
+          }
+          const cv::Point2f p = sample_flow(other.map, tx, ty);
+          match.pixels[i] = {p.x, p.y};
+          match.round_trip_px[i] = kWindowNoise;
+          found[i] = 1;
+        }
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -153,18 +319,20 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   const auto width = static_cast<std::size_t>(base.width);
   const cv::Mat reference = view(base).rowRange(first, base.height);
   const SingleThreadedOpenCv guard;
+  std::vector<std::vector<std::uint8_t>> found(out.matches.size());  // by a window of its own
   parallel_for(out.matches.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];
     const PredictedImage& prediction = predictions[k];
     if (prediction.frame != match.frame || prediction.pixels.size() != base.pixels.size() ||
-        prediction.ignored.size() != base.pixels.size()) {
+        prediction.ignored.size() != base.pixels.size() ||
+        (!prediction.searched.empty() && prediction.searched.size() != base.pixels.size())) {
       throw std::invalid_argument("prediction " + std::to_string(k) +
                                   " does not fit the images it is for");
     }
-    constexpr float kNoPrediction = -1000.0f;
-    cv::Mat map(height, base.width, CV_32FC2);
+    CarriedImage other{prediction, first, cv::Mat(height, base.width, CV_32FC2), {}};
+    const cv::Mat& map = other.map;
     for (int y = 0; y < height; ++y) {
-      auto* row = map.ptr<cv::Point2f>(y);
+      auto* row = other.map.ptr<cv::Point2f>(y);
       const Eigen::Vector2f* from =
           prediction.pixels.data() + static_cast<std::size_t>(y + first) * width;
       for (int x = 0; x < base.width; ++x) {
@@ -172,16 +340,10 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
                                             : cv::Point2f(kNoPrediction, kNoPrediction);
       }
     }
-    cv::Mat carried;
-    const cv::Mat other = view(images[static_cast<std::size_t>(match.frame)]);
-    cv::remap(other, carried, map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
-    const auto usable = [&](int x, int y) {
-      const cv::Point2f p = map.at<cv::Point2f>(y, x);
-      return p.x >= 0 && p.y >= 0 && p.x <= static_cast<float>(base.width - 1) &&
-             p.y <= static_cast<float>(base.height - 1) &&
-             !prediction.ignored[static_cast<std::size_t>(y + first) * width +
-                                 static_cast<std::size_t>(x)];
-    };
+    cv::Mat& carried = other.grey;
+    cv::remap(view(images[static_cast<std::size_t>(match.frame)]), carried, map, cv::noArray(),
+              cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    const auto usable = [&](int x, int y) { return other.usable(x, y, base.height); };
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < base.width; ++x) {
         if (!usable(x, y)) carried.at<std::uint8_t>(y, x) = reference.at<std::uint8_t>(y, x);
@@ -218,7 +380,22 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         match.round_trip_px[i] = variation;
       }
     }
+    if (!prediction.searched.empty()) {
+      found[k].assign(out.pixels.size(), 0);
+      match_windows(reference, other, out, match, found[k]);
+    }
   });
+  // Where one image shows that the flow was wrong the others' is not believed either.
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    for (std::size_t i = 0; i < found[k].size(); ++i) {
+      if (!found[k][i]) continue;
+      for (std::size_t other = 0; other < found.size(); ++other) {
+        if (!found[other].empty() && !found[other][i]) {
+          out.matches[other].round_trip_px[i] = std::numeric_limits<float>::infinity();
+        }
+      }
+    }
+  }
   return out;
 }
 

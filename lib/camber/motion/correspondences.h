@@ -62,6 +62,9 @@ struct PredictedImage {
   /// One byte a pixel of the reference: non-zero where the match is of no interest (something
   /// stands there in this or the other image) and must not pull at its neighbours.
   std::vector<std::uint8_t> ignored;
+  /// One byte a pixel of the reference, or empty: non-zero where a flow is not to be believed (what
+  /// moves beside it pulls at it) and windows are compared one by one instead.
+  std::vector<std::uint8_t> searched;
 };
 
 /// Matches again with known geometry: each image is first carried onto the reference by the

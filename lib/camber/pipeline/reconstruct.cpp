@@ -217,6 +217,24 @@ void triangulate_ground(Run& run, bool first) {
   run.points.dropped = all.dropped;
 }
 
+/// Ground seen in the reference image, one byte a pixel.
+std::vector<std::uint8_t> ground_pixels(const Run& run) {
+  if (run.has_masks) return run.masks[run.reference].ground;
+  const auto width = static_cast<std::size_t>(run.camera.width);
+  std::vector<std::uint8_t> out(width * static_cast<std::size_t>(run.camera.height), 0);
+  for (std::size_t i = 0; i < run.ground.size(); ++i) {
+    if (!run.ground[i]) continue;
+    const int x = static_cast<int>(run.matches.pixels[i].x());
+    const int y = static_cast<int>(run.matches.pixels[i].y());
+    for (int v = y; v < std::min(run.camera.height, y + run.matches.step); ++v) {
+      for (int u = x; u < std::min(run.camera.width, x + run.matches.step); ++u) {
+        out[static_cast<std::size_t>(v) * width + static_cast<std::size_t>(u)] = 1;
+      }
+    }
+  }
+  return out;
+}
+
 /// Carries every ground pixel of the reference into the other images by the field.
 std::vector<PredictedImage> predict(const Run& run, int top) {
   const auto width = static_cast<std::size_t>(run.camera.width);
@@ -246,8 +264,11 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
       }
     }
   }
+  // The corridor ahead too: what a moving shadow cuts off is found again from there, by windows of
+  // its own, since the shadow pulls at the flow beside it.
+  std::vector<std::uint8_t> searched;
   if (!run.has_masks) {
-    // The corridor ahead too: what a moving shadow cuts off is found again from there.
+    searched.assign(width * height, 0);
     for (std::size_t v = static_cast<std::size_t>(top); v < height; ++v) {
       for (std::size_t u = 0; u < width; ++u) {
         const Eigen::Vector2d pixel(static_cast<double>(u), static_cast<double>(v));
@@ -255,12 +276,16 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
         if (depth > 0 && depth < 15.0 && std::abs(run.camera.ray(pixel).x() * depth) < 5.0 &&
             !here.vehicle[v * width + u]) {
           region[v * width + u] = 1;
+          searched[v * width + u] = 1;
         }
       }
     }
+    const std::vector<std::uint8_t> found = ground_pixels(run);
+    for (std::size_t p = 0; p < found.size(); ++p) searched[p] = searched[p] && !found[p];
   }
   std::vector<PredictedImage> out(run.matches.matches.size());
   for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].searched = searched;
     out[k].frame = run.matches.matches[k].frame;
     out[k].pixels.assign(width * height, Eigen::Vector2f(nan, nan));
     out[k].ignored.assign(width * height, 0);
@@ -288,24 +313,6 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
       }
     }
   });
-  return out;
-}
-
-/// Ground seen in the reference image, one byte a pixel.
-std::vector<std::uint8_t> ground_pixels(const Run& run) {
-  if (run.has_masks) return run.masks[run.reference].ground;
-  const auto width = static_cast<std::size_t>(run.camera.width);
-  std::vector<std::uint8_t> out(width * static_cast<std::size_t>(run.camera.height), 0);
-  for (std::size_t i = 0; i < run.ground.size(); ++i) {
-    if (!run.ground[i]) continue;
-    const int x = static_cast<int>(run.matches.pixels[i].x());
-    const int y = static_cast<int>(run.matches.pixels[i].y());
-    for (int v = y; v < std::min(run.camera.height, y + run.matches.step); ++v) {
-      for (int u = x; u < std::min(run.camera.width, x + run.matches.step); ++u) {
-        out[static_cast<std::size_t>(v) * width + static_cast<std::size_t>(u)] = 1;
-      }
-    }
-  }
   return out;
 }
 
@@ -420,23 +427,25 @@ JudgedPlane judged_plane(const Run& run, const Eigen::Vector2d& contact, const B
     out.refinement = "refused: " + direct.reason;
     return out;
   }
-  if (out.fit.status != Status::kFailed) {
-    const DirectEvidence::Costs costs =
-        run.evidence.within({around.x1, around.y1}, {around.x2, around.y2});
-    // Chance alone changes the mean of n costs by about their mean over sqrt(n).
-    if (costs.pixels >= 20 && costs.after > costs.before * (1.0 + 1.0 / std::sqrt(costs.pixels))) {
-      out.refinement = "refused: pixels left out agree less than before";
-      return out;
-    }
-    const Eigen::Vector3d& at = out.fit.plane.centroid;
-    const double moved = direct.plane.plane.signed_distance(at);
-    const double sigma =
-        std::sqrt(out.fit.plane.height_variance(at) + direct.plane.height_variance(at));
-    if (std::abs(moved) > 3.0 * sigma) {
-      out.refinement = "refused: " + std::to_string(std::abs(moved) / sigma).substr(0, 4) +
-                       " standard deviations off the triangulated points";
-      return out;
-    }
+  if (out.fit.status == Status::kFailed) {
+    out.refinement = "refused: the triangulated points show no plane there";
+    return out;
+  }
+  const DirectEvidence::Costs costs =
+      run.evidence.within({around.x1, around.y1}, {around.x2, around.y2});
+  // Chance alone changes the mean of n costs by about their mean over sqrt(n).
+  if (costs.pixels >= 20 && costs.after > costs.before * (1.0 + 1.0 / std::sqrt(costs.pixels))) {
+    out.refinement = "refused: pixels left out agree less than before";
+    return out;
+  }
+  const Eigen::Vector3d& at = out.fit.plane.centroid;
+  const double moved = direct.plane.plane.signed_distance(at);
+  const double sigma =
+      std::sqrt(out.fit.plane.height_variance(at) + direct.plane.height_variance(at));
+  if (std::abs(moved) > 3.0 * sigma) {
+    out.refinement = "refused: " + std::to_string(std::abs(moved) / sigma).substr(0, 4) +
+                     " standard deviations off the triangulated points";
+    return out;
   }
   out.fit = std::move(direct);
   out.refinement = "accepted";

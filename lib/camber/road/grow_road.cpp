@@ -220,7 +220,7 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
       const double sigma = next.sigma * per_rho;
       if (sigma > options.max_sigma) continue;
       const double apart =
-          std::min(5.0, (next.ray / next.rho - cell.ray / cell.rho).norm() * metres);
+          std::min(5.0, (next.ray / expected - cell.ray / cell.rho).norm() * metres);
       if (std::abs(off) > options.step_height + 1.0 * sigma + 0.015 * apart) continue;
       next.road = true;
       next.plane = cell.plane;

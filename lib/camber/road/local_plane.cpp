@@ -121,6 +121,13 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
   }
   const Eigen::MatrixXd coefficients = lu.solve(left);
   const Eigen::Vector3d m = coefficients * rho;
+  // Nobody drives on more; what is seen there is a wall, or a field that nothing holds.
+  constexpr double kSteepest = 0.7;  // rad
+  if (!(std::abs(m.y()) > 0) || std::hypot(m.x(), m.z()) > std::tan(kSteepest) * std::abs(m.y())) {
+    out.status = Status::kFailed;
+    out.reason = "what is seen there is too steep for a road";
+    return out;
+  }
   const Eigen::Matrix3d covariance =
       options.inflation * field.covariance(pixels, coefficients, shared_covariance);
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
