@@ -630,7 +630,7 @@ PlaneFit Fitter::run() {
   }
   order_by_neighbourhood();
   if (!fixed_threshold() && (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower)) {
-    learn_local_noise(ordered_, leaves_, up_, options_.max_tilt, least_noise_, options_.seed,
+    learn_local_noise(ordered_, leaves_, {}, up_, options_.max_tilt, least_noise_, options_.seed,
                       &noise_);
   }
   // Weights of the scored points: with rays the plane's part is left to the kernel.

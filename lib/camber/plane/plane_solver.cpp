@@ -424,21 +424,21 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
 
 void learn_local_noise(const PointArrays& s,
                        const std::vector<std::pair<std::size_t, std::size_t>>& leaves,
-                       const Vector3d& up, double max_tilt, double least, std::uint64_t seed,
-                       NoiseModel* model) {
-  const CounterRandom random(seed, 2);
+                       const std::vector<std::uint64_t>& names, const Vector3d& up, double max_tilt,
+                       double least, std::uint64_t seed, NoiseModel* model) {
   constexpr std::size_t kMostLeaves = 36;
   constexpr int kSamples = 9;
   const std::size_t step = std::max<std::size_t>(1, leaves.size() / kMostLeaves);
   std::vector<float> deviations;
   std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
-  std::uint64_t counter = 0;
   std::vector<float> residuals, sorted;
   const double least_cosine = std::cos(std::min(max_tilt, 1.5));
   for (std::size_t leaf = step / 2; leaf < leaves.size(); leaf += step) {
     const auto [begin, end] = leaves[leaf];
     const std::size_t m = end - begin;
     if (m < 6) continue;
+    const CounterRandom random(seed, names.empty() ? 1000 + leaf : names[leaf]);
+    std::uint64_t counter = 0;
     PivotPlane best;
     double best_quantile = std::numeric_limits<double>::infinity();
     const auto measure = [&, first = begin](const PivotPlane& plane) {

@@ -121,11 +121,13 @@ struct PlaneCandidate {
 /// minimal samples (least quantile of squares), then the residuals of a refit; the noise of the
 /// cloud is a low quantile over neighbourhoods, so that those with kerbs, cars or creases do not
 /// count. Sets model->scale for kSame; for kPower the law, or kIsotropic if it cannot be learnt.
+/// @param names  a number for each neighbourhood that its random samples depend on; empty: its
+/// index
 /// @param least  m, the smallest deviation to answer, > 0
 void learn_local_noise(const PointArrays& points,
                        const std::vector<std::pair<std::size_t, std::size_t>>& neighbourhoods,
-                       const Eigen::Vector3d& up, double max_tilt, double least, std::uint64_t seed,
-                       NoiseModel* model);
+                       const std::vector<std::uint64_t>& names, const Eigen::Vector3d& up,
+                       double max_tilt, double least, std::uint64_t seed, NoiseModel* model);
 
 /// Refines a candidate on its points: reweighted, then by Newton's steps, to convergence. Points'
 /// weights are those of the candidate's plane afterwards.

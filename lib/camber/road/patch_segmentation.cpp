@@ -86,16 +86,27 @@ void Segmenter::learn_noise() {
       count = 0;
     }
   }
+  // By name, not by number: what changes at one place is to change nothing elsewhere.
+  const auto name_of = [&](const std::pair<std::size_t, std::size_t>& group) {
+    return tree_.leaves()[group.first].name;
+  };
+  if (groups.size() > kMostPieces) {
+    std::nth_element(groups.begin(), groups.begin() + kMostPieces, groups.end(),
+                     [&](const auto& l, const auto& r) { return name_of(l) < name_of(r); });
+    groups.resize(kMostPieces);
+    std::sort(groups.begin(), groups.end());
+  }
   std::vector<std::uint32_t> rows;
   std::vector<std::pair<std::size_t, std::size_t>> pieces;
-  const std::size_t step = std::max<std::size_t>(1, groups.size() / kMostPieces);
-  for (std::size_t g = step / 2; g < groups.size(); g += step) {
+  std::vector<std::uint64_t> names;
+  for (const auto& group : groups) {
     const std::size_t begin = rows.size();
-    for (std::size_t leaf = groups[g].first; leaf < groups[g].second; ++leaf) {
+    for (std::size_t leaf = group.first; leaf < group.second; ++leaf) {
       const PointTree::Leaf& l = tree_.leaves()[leaf];
       for (std::size_t k = l.begin; k < l.end; ++k) rows.push_back(static_cast<std::uint32_t>(k));
     }
     pieces.emplace_back(begin, rows.size());
+    names.push_back(name_of(group));
   }
   const double least = std::max(4e-7 * tree_.spread(), 1e-9);
   NoiseModel& noise = out_.noise;
@@ -107,7 +118,7 @@ void Segmenter::learn_noise() {
   } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {
     PointArrays some;
     some.take(s_, rows);
-    learn_local_noise(some, pieces, kUp, options_.max_slope, least, options_.seed, &noise);
+    learn_local_noise(some, pieces, names, kUp, options_.max_slope, least, options_.seed, &noise);
   }
   noise_ = noise;
   if (!(options_.inlier_threshold > 0.0)) noise_.least = std::max(noise.least, options_.roughness);
@@ -214,7 +225,7 @@ void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) con
   for (std::size_t k = begin; k < end; ++k) {
     if (tree_.cloud_index()[k] != PointTree::kPadding) rows.push_back(k);
   }
-  const CounterRandom random(options_.seed, 100 + block);
+  const CounterRandom random(options_.seed, range.name);
   const double least_cosine = std::cos(options_.max_slope);
   std::uint64_t counter = 0;
   std::vector<int> leaves;

@@ -160,7 +160,7 @@ PointTree::PointTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t s
   leaf_points_ = size_ < kFewPoints ? kSmallLeafPoints : kLeafPoints;
   nodes_.reserve(size_ / 8 + 16);
   sort_into_cells();
-  build_from_cells(0, grid_.columns, 0, grid_.lines, false);
+  build_from_cells(0, grid_.columns, 0, grid_.lines, false, 0);
   grid_ = Grid();
 
   // Rows in leaf order, each leaf padded.
@@ -261,7 +261,7 @@ void PointTree::sort_into_cells() {
 }
 
 /// Node of the cells [x0, x1) x [y0, y1).
-int PointTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block) {
+int PointTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block, std::uint64_t name) {
   const Grid& g = grid_;
   const auto corner = [&](int x, int y) {
     return g.sum[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.columns + 1) +
@@ -313,23 +313,24 @@ int PointTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block) {
           g.low + Eigen::Array2f(static_cast<float>(x0), static_cast<float>(y0)) * g.size;
       const Eigen::Array2f high =
           g.low + Eigen::Array2f(static_cast<float>(x1), static_cast<float>(y1)) * g.size;
-      return build(begin, rows_.size(), in_block, low, high);
+      return build(begin, rows_.size(), in_block, low, high, name);
     }
     cut = half[axis];
   }
   const int id = static_cast<int>(nodes_.size());
   nodes_.emplace_back();
   const bool new_block = !in_block && n <= kBlockPoints;
-  if (new_block) blocks_.push_back({leaves_.size(), leaves_.size()});
+  if (new_block) blocks_.push_back({leaves_.size(), leaves_.size(), name});
   if (n <= leaf_points_) {
     const std::size_t begin = take();
-    finish_leaf(id, begin, rows_.size());
+    finish_leaf(id, begin, rows_.size(), name);
   } else {
     const bool inside = in_block || new_block;
-    const int below = axis == 0 ? build_from_cells(x0, cut, y0, y1, inside)
-                                : build_from_cells(x0, x1, y0, cut, inside);
-    const int above = axis == 0 ? build_from_cells(cut, x1, y0, y1, inside)
-                                : build_from_cells(x0, x1, cut, y1, inside);
+    const std::uint64_t low_name = hash_of(name, 1, 0), high_name = hash_of(name, 2, 0);
+    const int below = axis == 0 ? build_from_cells(x0, cut, y0, y1, inside, low_name)
+                                : build_from_cells(x0, x1, y0, cut, inside, low_name);
+    const int above = axis == 0 ? build_from_cells(cut, x1, y0, y1, inside, high_name)
+                                : build_from_cells(x0, x1, cut, y1, inside, high_name);
     join(id, axis, g.low[axis] + static_cast<float>(cut) * g.size[axis], below, above);
   }
   if (new_block) blocks_.back().last = leaves_.size();
@@ -350,13 +351,13 @@ void PointTree::join(int id, int axis, float split, int below, int above) {
 
 /// @param low, high  of the part of the plan that the rows are in; strays may lie outside it
 int PointTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
-                     Eigen::Array2f high) {
+                     Eigen::Array2f high, std::uint64_t name) {
   const int id = static_cast<int>(nodes_.size());
   nodes_.emplace_back();
   const bool new_block = !in_block && end - begin <= kBlockPoints;
-  if (new_block) blocks_.push_back({leaves_.size(), leaves_.size()});
+  if (new_block) blocks_.push_back({leaves_.size(), leaves_.size(), name});
   if (end - begin <= leaf_points_) {
-    finish_leaf(id, begin, end);
+    finish_leaf(id, begin, end, name);
   } else {
     // Histograms do not depend on the order of the rows.
     constexpr int kBins = 64;
@@ -434,20 +435,22 @@ int PointTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::A
     }
     Eigen::Array2f high_below = high, low_above = low;
     high_below[axis] = low_above[axis] = middle;
-    const int below = build(begin, cut, in_block || new_block, low, high_below);
-    const int above = build(cut, end, in_block || new_block, low_above, high);
+    const int below =
+        build(begin, cut, in_block || new_block, low, high_below, hash_of(name, 1, 0));
+    const int above = build(cut, end, in_block || new_block, low_above, high, hash_of(name, 2, 0));
     join(id, axis, middle, below, above);
   }
   if (new_block) blocks_.back().last = leaves_.size();
   return id;
 }
 
-void PointTree::finish_leaf(int id, std::size_t begin, std::size_t end) {
+void PointTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name) {
   std::sort(rows_.begin() + static_cast<long>(begin), rows_.begin() + static_cast<long>(end),
             [](const Row& l, const Row& r) {
               return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
             });
   Leaf leaf;
+  leaf.name = name;
   leaf.begin = begin;
   leaf.end = end;
   // Box without the outermost point on each side, if there are enough.

@@ -37,10 +37,12 @@ class PointTree {
     std::size_t begin = 0, end = 0;  ///< rows that hold points
     std::size_t padded_end = 0;      ///< rows with the padding, a multiple of kLanes from begin
     Eigen::Array2f low, high;        ///< box in plan, m, without the outermost points
+    std::uint64_t name = 0;          ///< by the way from the root: other leaves do not change it
   };
   /// Neighbouring leaves that hold a few hundred points together.
   struct Block {
     std::size_t first = 0, last = 0;  ///< leaves [first, last)
+    std::uint64_t name = 0;           ///< as a leaf's
   };
 
   /// @param most_points  clouds with more are represented by about so many, drawn by place
@@ -73,11 +75,11 @@ class PointTree {
   };
   bool choose_frame(const RoadCloud& cloud, const Eigen::Vector3d& z);
   void sort_into_cells();
-  int build_from_cells(int x0, int x1, int y0, int y1, bool in_block);
+  int build_from_cells(int x0, int x1, int y0, int y1, bool in_block, std::uint64_t name);
   void join(int id, int axis, float split, int below, int above);
   int build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
-            Eigen::Array2f high);
-  void finish_leaf(int id, std::size_t begin, std::size_t end);
+            Eigen::Array2f high, std::uint64_t name);
+  void finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name);
   void find_neighbours();
 
   LevelFrame frame_;
