@@ -122,7 +122,7 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
   options.validate();
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
   const int width = options.width, height = options.height;
-  const double unit = std::max(0.4, std::min(width / 1600.0, height / 900.0));
+  const double unit = std::max(0.5, std::min(width / 1600.0, height / 900.0));
   const double text = 20.0 * unit;
   Image image = make_picture(width, height, 255);
   Canvas canvas(image);

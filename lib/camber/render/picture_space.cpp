@@ -437,11 +437,11 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
     widen(&space.up, x.z());
   }
   // Stray points would only speckle the margins.
+  const RobustRange bounds[3] = {space.right, space.ahead, space.up};
   const auto stray = [&](const Eigen::Vector3f& p) {
-    const RobustRange* ranges[3] = {&space.right, &space.ahead, &space.up};
     for (int axis = 0; axis < 3; ++axis) {
-      const double margin = std::max(1.0, 0.15 * ranges[axis]->span());
-      if (p[axis] < ranges[axis]->low - margin || p[axis] > ranges[axis]->high + margin) {
+      const double margin = std::max(1.0, 0.15 * bounds[axis].span());
+      if (p[axis] < bounds[axis].low - margin || p[axis] > bounds[axis].high + margin) {
         return true;
       }
     }
@@ -450,6 +450,9 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
   std::size_t used = 0;
   for (std::size_t i = 0; i < space.points.size(); ++i) {
     if (stray(space.points[i])) continue;
+    // The frame holds all that is drawn.
+    widen(&space.right, space.points[i].x());
+    widen(&space.ahead, space.points[i].y());
     space.points[used] = space.points[i];
     space.kept[used++] = space.kept[i];
   }

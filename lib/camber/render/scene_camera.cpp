@@ -62,8 +62,7 @@ std::vector<Eigen::Vector3d> content_corners(const PictureSpace& space, const Sc
   for (const auto* cloud : {&space.points, &space.truth_points}) {
     const std::size_t stride = std::max<std::size_t>(1, cloud->size() / 20000);
     for (std::size_t i = 0; i < cloud->size(); i += stride) {
-      const Eigen::Vector3d x = (*cloud)[i].cast<double>();
-      if (inside(x)) points.push_back(x);
+      points.emplace_back((*cloud)[i].cast<double>());
     }
   }
   for (const auto* list : {&space.vehicles, &space.truth}) {
@@ -71,6 +70,11 @@ std::vector<Eigen::Vector3d> content_corners(const PictureSpace& space, const Sc
       if (!inside(vehicle.box.center())) continue;
       const auto corners = vehicle.box.corners();
       for (int i = 0; i < 8; ++i) points.emplace_back(corners.col(i));
+    }
+  }
+  for (const PlacedPatch& patch : space.patches) {
+    if (inside(patch.middle)) {
+      points.insert(points.end(), patch.boundary.begin(), patch.boundary.end());
     }
   }
   for (const SE3& camera : space.cameras) {

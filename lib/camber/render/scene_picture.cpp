@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
+#include <deque>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -32,6 +32,7 @@ struct Drawing {
   const PictureSpace& space;
   const ScenePictureOptions& options;
   RenderRecord* record;
+  std::deque<bool>* covered;  ///< of the numbers along the grid, in order
   Color background = kPaper;
 
   bool shows(SceneElement element) const {
@@ -146,10 +147,26 @@ void draw_vehicle_labels(Canvas& canvas, const PictureSpace& space, const SceneC
   }
 }
 
-/// Numbers along two sides of the level grid; returns what they cover.
-std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space,
+/// Whether something darker than the grid's lines is drawn in a box, over white.
+bool is_covered(const Image& image, const Box2& box) {
+  const int x1 = std::max(0, static_cast<int>(box.x1)), y1 = std::max(0, static_cast<int>(box.y1));
+  const int x2 = std::min(image.width, static_cast<int>(box.x2) + 1);
+  const int y2 = std::min(image.height, static_cast<int>(box.y2) + 1);
+  int inked = 0;
+  for (int y = y1; y < y2; ++y) {
+    for (int x = x1; x < x2; ++x) {
+      const std::uint8_t* p = image.row(y) + 3 * x;
+      inked += std::min({p[0], p[1], p[2]}) < 195;
+    }
+  }
+  return inked * 50 > (x2 - x1) * (y2 - y1);
+}
+
+/// Numbers along two sides of the level grid, where nothing is drawn; returns what they cover.
+std::vector<Box2> draw_grid_numbers(Canvas& canvas, const Image& image, const Drawing& drawing,
                                     const SceneCamera& view, const SceneGrid& grid,
                                     double text_size) {
+  const PictureSpace& space = drawing.space;
   std::vector<Box2> taken;
   const auto write = [&](const Eigen::Vector3d& at, const Eigen::Vector3d& outwards,
                          const std::string& text) {
@@ -165,6 +182,14 @@ std::vector<Box2> draw_grid_numbers(Canvas& canvas, const PictureSpace& space,
     if (box.x1 < 2 || box.y1 < 2 || box.x2 > canvas.width() - 2 || box.y2 > canvas.height() - 2) {
       return;
     }
+    // Over black the same numbers are left out as over white.
+    if (drawing.background.red == 255) {
+      drawing.covered->push_back(is_covered(image, box));
+    } else {
+      drawing.covered->push_back(drawing.covered->front());
+      drawing.covered->pop_front();
+    }
+    if (drawing.covered->back()) return;
     for (const Box2& other : taken) {
       const Box2 grown = other.grown(0.3 * text_size);
       if (box.x1 < grown.x2 && box.x2 > grown.x1 && box.y1 < grown.y2 && box.y2 > grown.y1) return;
@@ -306,7 +331,7 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   Canvas canvas(image);
   std::vector<Box2> taken;
   if (grid_shown) {
-    taken = draw_grid_numbers(canvas, space, view, grid, 0.8 * text);
+    taken = draw_grid_numbers(canvas, image, drawing, view, grid, 0.8 * text);
     if (fitted) draw_height_axis(canvas, space, view, grid, 0.8 * text, &taken);
   }
 
@@ -384,8 +409,9 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
     canvas.rectangle(outside, drawing.background);
   }
   const Ticks ahead = make_ticks((frame.x1 - zero.x()) / per_m, (frame.x2 - zero.x()) / per_m, 12);
-  const Ticks heights = make_ticks((zero.y() - frame.y2) / per_m, (zero.y() - frame.y1) / per_m,
-                                   std::max(1, static_cast<int>(frame.height() / (1.6 * text))));
+  const Ticks heights =
+      make_ticks((zero.y() - frame.y2) / per_m, (zero.y() - frame.y1) / per_m,
+                 std::max(1, static_cast<int>(frame.height() / ((alone ? 3.2 : 1.6) * text))));
   std::vector<Segment2> ticks, level;
   for (std::size_t i = 0; i < ahead.values.size(); ++i) {
     const double x = to_x(ahead.values[i]);
@@ -498,9 +524,11 @@ Image render_scene_picture(const PictureContent& content, const ScenePictureOpti
                            RenderRecord* record) {
   options.validate();
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
-  const Image on_white = compose({content, space, options, record});
+  std::deque<bool> covered;
+  const Image on_white = compose({content, space, options, record, &covered});
   if (!options.transparent) return on_white;
-  return with_alpha_channel(on_white, compose({content, space, options, record, {0, 0, 0, 1.0}}));
+  return with_alpha_channel(on_white,
+                            compose({content, space, options, record, &covered, {0, 0, 0, 1.0}}));
 }
 
 }  // namespace camber
