@@ -445,10 +445,12 @@ class Panel {
         const double cap = 0.22 * text_ * s.marker_size;
         for (std::size_t i = 0; i < n; ++i) {
           if (s.low.empty() || s.high.empty() || !std::isfinite(s.low[i] + s.high[i])) continue;
-          Vector2d a = at(s.x[i], s.low[i]), b = at(s.x[i], s.high[i]);
+          const Vector2d ends[2] = {at(s.x[i], s.low[i]), at(s.x[i], s.high[i])};
+          Vector2d a = ends[0], b = ends[1];
           if (!a.allFinite() || !b.allFinite() || !clip_segment(axes_, &a, &b)) continue;
           bars.emplace_back(a, b);
-          for (const Vector2d& end : {a, b}) {
+          for (const Vector2d& end : ends) {  // no cap where the bar leaves the panel
+            if (!axes_.contains(end)) continue;
             bars.push_back({{end.x() - cap, end.y()}, {end.x() + cap, end.y()}});
           }
         }

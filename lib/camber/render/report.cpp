@@ -516,9 +516,12 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   out += metrics_section(content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
   if (picture.run) out += run_section(*picture.run);
-  out += "<p class=n>Made by Camber " + std::string(kVersion) +
-         ". Coordinates: camera of the reference frame, x right, y down, z ahead, except for "
-         "vehicles, which are in the camera of their own frame.</p>\n</body></html>\n";
+  out += "<p class=n>Made by Camber " + std::string(kVersion) + ". Coordinates: " +
+         (picture.surface && picture.surface->frame != "camera"
+              ? "those of the input (" + escape(picture.surface->frame) + ")."
+              : std::string("camera of the reference frame, x right, y down, z ahead, except for "
+                            "vehicles, which are in the camera of their own frame.")) +
+         "</p>\n</body></html>\n";
   return out;
 }
 
