@@ -914,6 +914,13 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       }
       views[k].world_from_camera = reference_from_frame[k];
       views[k].time_s = frame.time_s.value_or(frame.id / scene.frame_rate.value_or(10.0));
+      views[k].image = &run.grey[k];
+      const Eigen::Index at_pose = 6 * static_cast<Eigen::Index>(k - (k > run.reference ? 1 : 0));
+      const Eigen::VectorXd variances = run.motion.covariance.diagonal();
+      const bool moved = k != run.reference && at_pose + 6 <= variances.size();
+      views[k].pose_sigma_turn = moved ? std::sqrt(variances.segment(at_pose, 3).mean()) : 0.0;
+      views[k].pose_sigma_shift =
+          moved ? m * std::sqrt(variances.segment(at_pose + 3, 3).mean()) : 0.0;
       views[k].detections = frame.vehicles;
       views[k].estimates =
           fit_vehicles(scene.camera, frame.vehicles, supports, fit_options, options.num_threads);
@@ -922,7 +929,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     }
     std::vector<std::vector<VehicleEstimate>> found;
     if (options.method == "joint") {
-      found = fit_tracks(scene.camera, views, fit_options, options.num_threads);
+      found = fit_tracks(scene.camera, views, fit_options, options.num_threads, scale_sigma);
     } else {
       for (const TrackFrame& view : views) found.push_back(view.estimates);
     }

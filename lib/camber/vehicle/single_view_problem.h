@@ -222,9 +222,12 @@ class SingleViewProblem {
     return std::log(total);
   }
 
-  /// Variance of keypoint j's pixel from its shape error, cells^2.
-  double model_variance(std::size_t j, double depth) const {
-    const double scale = camera_.fx * camera_.fy / (depth * depth * cell_u_ * cell_v_);
+  /// Variance of keypoint j's pixel from its shape error, cells^2. Shape errors grow with the
+  /// vehicle: a larger one farther away looks the same and is as likely by its keypoints.
+  double model_variance(std::size_t j, double depth, const State& s) const {
+    const double size = s.size.sum() / prior_mean_.head<3>().sum();
+    const double scale =
+        size * size * camera_.fx * camera_.fy / (depth * depth * cell_u_ * cell_v_);
     return model_variance_[used_[j]] * scale;
   }
 
@@ -399,7 +402,7 @@ class SingleViewProblem {
       double depth = 0.0;
       if (!project(body_[used_[j]], s, &pixel, &depth)) return;
       const double squared = squared_error(j, pixel);
-      const double model = model_variance(j, depth);
+      const double model = model_variance(j, depth, s);
       const double seen = noise_.seen * noise_scale_;
       double weight = 0.0;
       log_density(squared, seen_share_[j], model, &weight, nullptr);
@@ -439,7 +442,7 @@ class SingleViewProblem {
       const bool seen = seen_share_[j] > 0.5;
       const double cells =
           seen ? noise_.seen * noise_scale_ : 0.5 * (noise_.guessed + noise_.guessed_far);
-      const double sigma = std::sqrt(cells * cells + model_variance(j, depth));
+      const double sigma = std::sqrt(cells * cells + model_variance(j, depth, s));
       out.push_back({&body_[used_[j]], pixels_[j], seen, {sigma * cell_u_, sigma * cell_v_}});
     }
     return out;
@@ -458,7 +461,7 @@ class SingleViewProblem {
       double depth = 0.0;
       if (!project(body_[used_[j]], s, &pixel, &depth)) continue;
       double kept = 0.0;
-      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth), nullptr,
+      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth, s), nullptr,
                   &kept);
       out.kept += kept;
       sum += kept * (pixel - pixels_[j]).squaredNorm();
@@ -632,7 +635,7 @@ class SingleViewProblem {
       if (!project(point, s, &pixel, &depth)) return false;
       double weight = 0.0, along = 1.0;
       const double squared = squared_error(j, pixel);
-      *cost -= log_density(squared, seen_share_[j], model_variance(j, depth), &weight, nullptr,
+      *cost -= log_density(squared, seen_share_[j], model_variance(j, depth, s), &weight, nullptr,
                            observed ? &along : nullptr);
       if (!hessian) continue;
       point_jacobian(point, s, &jacobian);
@@ -703,7 +706,7 @@ class SingleViewProblem {
     covariance(0, 0) += std::pow(options_.stance_sigma_tilt, 2);
     covariance(1, 1) += std::pow(options_.stance_sigma_tilt, 2);
     covariance(2, 2) += std::pow(options_.stance_sigma_height, 2);
-    *information = shared_weight_ * covariance.inverse();
+    *information = covariance.inverse();
   }
 
   /// d stance / d parameters.
@@ -727,11 +730,13 @@ class SingleViewProblem {
     stance(s, &e, &information);
     const double squared = e.dot(information * e);
     const bool trusted = options_.trust_plane;
-    *cost += trusted ? 0.5 * squared : 0.5 * kPlaneScale * std::log1p(squared / kPlaneScale);
+    // Views that share the plane doubt it together.
+    *cost += shared_weight_ *
+             (trusted ? 0.5 * squared : 0.5 * kPlaneScale * std::log1p(squared / kPlaneScale));
     // An upside-down vehicle has small e as well.
     if (s.rotation.col(1).dot(support_.plane.plane.normal) < 0.0) *cost += 1e3;
     if (!hessian) return;
-    const double weight = trusted ? 1.0 : 1.0 / (1.0 + squared / kPlaneScale);
+    const double weight = shared_weight_ * (trusted ? 1.0 : 1.0 / (1.0 + squared / kPlaneScale));
     const StanceJacobian jacobian = stance_jacobian(s);
     hessian->noalias() += weight * jacobian.transpose() * information * jacobian;
     gradient->noalias() += weight * jacobian.transpose() * (information * e);

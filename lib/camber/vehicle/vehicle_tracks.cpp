@@ -10,6 +10,7 @@
 
 #include "camber/core/threads.h"
 #include "camber/vehicle/single_view_problem.h"
+#include "camber/vehicle/vehicle_registration.h"
 
 namespace camber {
 
@@ -18,26 +19,31 @@ namespace {
 using namespace internal;
 
 // Changes of pose from one view to the next, of a parked vehicle: what the cameras' motion leaves.
-constexpr double kParkedShift = 0.02;  // m
-constexpr double kParkedTurn = 0.004;  // rad
+constexpr double kParkedShift = 0.002;  // m, beside the cameras' own
+constexpr double kParkedTurn = 0.001;   // rad
 // Of a moving one, for each second: off its heading, turning, and changes of speed.
 constexpr double kSideways = 0.3;      // m / s
 constexpr double kTurning = 0.25;      // rad / s
 constexpr double kAcceleration = 4.0;  // m / s^2
 constexpr double kSpeed = 15.0;        // m / s, standard deviation of a moving vehicle's speed
-// Minus log likelihood by which moving must beat parked: its speed is one more free parameter.
-constexpr double kMovingPenalty = 3.5;
+// Squared standard deviations beyond which a registration loses its weight: it may have failed.
+constexpr double kLinkScale = 9.0;
 
 struct View {
   std::size_t frame = 0, detection = 0;
+};
+
+struct TrackState {
+  std::vector<State> views;  // one size and shape for all
+  double log_scale = 0.0;    // of the way between the cameras
 };
 
 /// One vehicle in several images: a pose for each, one size and one shape.
 class TrackProblem {
  public:
   TrackProblem(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
-               const std::vector<View>& views, const VehicleFitOptions& options)
-      : frames_(frames), views_(views) {
+               const std::vector<View>& views, const VehicleFitOptions& options, double scale_sigma)
+      : camera_(camera), frames_(frames), views_(views), scale_sigma_(scale_sigma) {
     for (const View& view : views) {
       const TrackFrame& frame = frames[view.frame];
       problems_.push_back(std::make_unique<SingleViewProblem>(
@@ -56,6 +62,54 @@ class TrackProblem {
     for (auto& p : problems_) p->share_among(count_);
   }
 
+  /// Registers the grey values of every view with those of view `lead`, from poses that are right
+  /// to a few pixels.
+  void register_views(const VehiclePrior& prior, int lead, const TrackState& state) {
+    const std::vector<State>& states = state.views;
+    links_.clear();
+    const View& from = views_[static_cast<std::size_t>(lead)];
+    const TrackFrame& first = frames_[from.frame];
+    if (!first.image) return;
+    const State& here = states[static_cast<std::size_t>(lead)];
+    VehicleEstimate vehicle = first.estimates[from.detection];
+    write_state(prior, here, &vehicle);
+    std::vector<const VehicleEstimate*> others;
+    for (std::size_t i = 0; i < first.detections.size(); ++i) {
+      const VehicleEstimate& other = first.estimates[i];
+      if (i == from.detection || other.status == Status::kFailed) continue;
+      if (other.pose.bottom_center().norm() < here.translation.norm()) {
+        others.push_back(&other);
+      }
+    }
+    std::vector<VehicleShift> shifts;
+    const auto pixels = VehicleTemplate::cut(camera_, *first.image, vehicle, others);
+    if (!pixels) return;
+    const SE3 lead_pose(here.rotation, here.translation);
+    for (int k = 0; k < count_; ++k) {
+      if (k == lead) continue;
+      const TrackFrame& second = frames_[views_[static_cast<std::size_t>(k)].frame];
+      if (!second.image) continue;
+      const State& there = states[static_cast<std::size_t>(k)];
+      const auto shift = pixels->find_in(
+          *second.image, SE3(there.rotation, there.translation) * lead_pose.inverse());
+      if (!shift) continue;
+      Link link;
+      link.a = lead;
+      link.b = k;
+      const Eigen::Vector3d c = lead_pose.inverse() * shift->anchor;
+      link.share = {c.x() / here.size[0], c.y() / here.size[2], c.z() / here.size[1]};
+      link.measured << shift->displacement, shift->log_depth_ratio;
+      shifts.push_back(*shift);
+      links_.push_back(link);
+    }
+    // What the registrations share counts once over all of them.
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      links_[i].information =
+          (shifts[i].noise + static_cast<double>(links_.size()) * shifts[i].systematic).inverse();
+    }
+  }
+  int num_links() const { return static_cast<int>(links_.size()); }
+
   SE3 world_from_vehicle(int k, const State& s) const {
     return frames_[views_[static_cast<std::size_t>(k)].frame].world_from_camera *
            SE3(s.rotation, s.translation);
@@ -69,9 +123,11 @@ class TrackProblem {
   }
   double time(int k) const { return frames_[views_[static_cast<std::size_t>(k)].frame].time_s; }
 
-  double evaluate(const std::vector<State>& states, bool parked, Eigen::MatrixXd* hessian,
+  /// Parameters: poses of the views, size and coefficients, log scale of the cameras' way.
+  double evaluate(const TrackState& state, bool parked, Eigen::MatrixXd* hessian,
                   Eigen::VectorXd* gradient, bool observed = false) const {
-    const int total = 6 * count_ + shared_;
+    const std::vector<State>& states = state.views;
+    const int total = 6 * count_ + shared_ + 1;
     if (hessian) {
       hessian->setZero(total, total);
       gradient->setZero(total);
@@ -88,41 +144,66 @@ class TrackProblem {
       hessian->block(6 * k, 6 * k, 6, 6) += h.topLeftCorner(6, 6);
       hessian->block(6 * k, 6 * count_, 6, shared_) += h.topRightCorner(6, shared_);
       hessian->block(6 * count_, 6 * k, shared_, 6) += h.bottomLeftCorner(shared_, 6);
-      hessian->bottomRightCorner(shared_, shared_) += h.bottomRightCorner(shared_, shared_);
+      hessian->block(6 * count_, 6 * count_, shared_, shared_) +=
+          h.bottomRightCorner(shared_, shared_);
       gradient->segment(6 * k, 6) += g.head(6);
-      gradient->tail(shared_) += g.tail(shared_);
+      gradient->segment(6 * count_, shared_) += g.tail(shared_);
     }
-    add_motion(states, parked, &cost, hessian, gradient);
+    const double scale_weight = 1.0 / (scale_sigma_ * scale_sigma_);
+    cost += 0.5 * scale_weight * state.log_scale * state.log_scale;
+    if (hessian) {
+      (*hessian)(total - 1, total - 1) += scale_weight;
+      (*gradient)[total - 1] += scale_weight * state.log_scale;
+    }
+    add_motion(state, parked, &cost, hessian, gradient);
+    if (!add_links(states, &cost, hessian, gradient)) return kInfinity;
     return cost;
   }
 
-  double refine(std::vector<State>* states, bool parked, int max_iterations) const {
+  /// Minus log evidence of a hypothesis (Laplace), up to what both share.
+  double evidence(const TrackState& state, bool parked) const {
     Eigen::MatrixXd hessian;
     Eigen::VectorXd gradient;
-    double cost = evaluate(*states, parked, &hessian, &gradient);
+    double cost = evaluate(state, parked, &hessian, &gradient);
+    const Eigen::LDLT<Eigen::MatrixXd> factors(hessian);
+    if (!std::isfinite(cost) || factors.info() != Eigen::Success || !factors.isPositive()) {
+      return kInfinity;
+    }
+    cost += 0.5 * factors.vectorD().array().log().sum();
+    for (int k = 0; k + 1 < count_; ++k) {
+      cost += motion_sigma(state.views, k, parked).array().log().sum();
+    }
+    return cost;
+  }
+
+  double refine(TrackState* state, bool parked, int max_iterations) const {
+    Eigen::MatrixXd hessian;
+    Eigen::VectorXd gradient;
+    double cost = evaluate(*state, parked, &hessian, &gradient);
     double lambda = 1e-3;
     for (int i = 0; i < max_iterations && std::isfinite(cost); ++i) {
       Eigen::MatrixXd damped = hessian;
       damped.diagonal() *= 1.0 + lambda;
       const Eigen::VectorXd step = -damped.ldlt().solve(gradient);
-      std::vector<State> candidate = *states;
+      TrackState candidate = *state;
+      candidate.log_scale += step[step.size() - 1];
       for (int k = 0; k < count_; ++k) {
         Vector own(6 + shared_);
         own.head(6) = step.segment(6 * k, 6);
-        own.tail(shared_) = step.tail(shared_);
+        own.tail(shared_) = step.segment(6 * count_, shared_);
         const double turn = own.segment<3>(3).norm();
         if (turn > 0.3) own.segment<3>(3) *= 0.3 / turn;
         const auto at = static_cast<std::size_t>(k);
-        candidate[at] = problems_[at]->moved(candidate[at], own);
+        candidate.views[at] = problems_[at]->moved(candidate.views[at], own);
       }
       const double next = evaluate(candidate, parked, nullptr, nullptr);
       if (next < cost) {
         const double gain = cost - next;
-        *states = std::move(candidate);
+        *state = std::move(candidate);
         cost = next;
         lambda = std::max(lambda * 0.2, 1e-8);
         if (gain < 1e-3) break;
-        evaluate(*states, parked, &hessian, &gradient);
+        evaluate(*state, parked, &hessian, &gradient);
       } else {
         lambda *= 8.0;
         if (lambda > 1e8) break;
@@ -137,22 +218,26 @@ class TrackProblem {
     out.topLeftCorner(6, 6) = all.block(6 * k, 6 * k, 6, 6);
     out.topRightCorner(6, shared_) = all.block(6 * k, 6 * count_, 6, shared_);
     out.bottomLeftCorner(shared_, 6) = all.block(6 * count_, 6 * k, shared_, 6);
-    out.bottomRightCorner(shared_, shared_) = all.bottomRightCorner(shared_, shared_);
+    out.bottomRightCorner(shared_, shared_) = all.block(6 * count_, 6 * count_, shared_, shared_);
     return out;
   }
 
  private:
   /// Shift and turn from view k to k + 1 in the vehicle's frame at k, with derivatives: rows shift
   /// then turn, columns the six parameters of each pose.
-  void step_between(const std::vector<State>& states, int k, Eigen::Matrix<double, 6, 1>* r,
-                    Eigen::Matrix<double, 6, 12>* j) const {
-    const State &a = states[static_cast<std::size_t>(k)],
-                &b = states[static_cast<std::size_t>(k + 1)];
+  using Step = Eigen::Matrix<double, 6, 1>;
+  using StepJacobian = Eigen::Matrix<double, 6, 13>;  // pose at k, pose at k + 1, log scale
+
+  void step_between(const TrackState& state, int k, Step* r, StepJacobian* j) const {
+    const State &a = state.views[static_cast<std::size_t>(k)],
+                &b = state.views[static_cast<std::size_t>(k + 1)];
     const SE3& wa = frames_[views_[static_cast<std::size_t>(k)].frame].world_from_camera;
     const SE3& wb = frames_[views_[static_cast<std::size_t>(k + 1)].frame].world_from_camera;
     const Eigen::Matrix3d ra = wa.rotation_matrix() * a.rotation;
     const Eigen::Matrix3d rb = wb.rotation_matrix() * b.rotation;
-    const Eigen::Vector3d between = wb * b.translation - wa * a.translation;
+    const Eigen::Vector3d way = std::exp(state.log_scale) * (wb.translation() - wa.translation());
+    const Eigen::Vector3d between =
+        wb.rotation() * b.translation - wa.rotation() * a.translation + way;
     const Eigen::Vector3d shift = ra.transpose() * between;
     const Eigen::Matrix3d turned = ra.transpose() * rb;
     r->head<3>() = shift;
@@ -162,42 +247,64 @@ class TrackProblem {
     j->block<3, 3>(0, 0) = -ra.transpose() * wa.rotation_matrix();
     j->block<3, 3>(0, 3) = skew(shift);
     j->block<3, 3>(0, 6) = ra.transpose() * wb.rotation_matrix();
+    j->block<3, 1>(0, 12) = ra.transpose() * way;
     // Turns between views are small: the logarithm's derivative is taken as the identity.
     j->block<3, 3>(3, 3) = -turned.transpose();
     j->block<3, 3>(3, 9) = Eigen::Matrix3d::Identity();
   }
 
-  void add_motion(const std::vector<State>& states, bool parked, double* cost,
-                  Eigen::MatrixXd* hessian, Eigen::VectorXd* gradient) const {
-    Eigen::Matrix<double, 6, 1> r, last;
-    Eigen::Matrix<double, 6, 12> j, last_j;
+  double interval(int k) const { return std::max(time(k + 1) - time(k), 1e-3); }
+
+  /// Of the step from view k to k + 1; of its first component, for a moving vehicle after the first
+  /// step, that of the change against the step before.
+  Eigen::Matrix<double, 6, 1> motion_sigma(const std::vector<State>& states, int k,
+                                           bool parked) const {
+    Eigen::Matrix<double, 6, 1> sigma;
+    if (parked) {
+      const TrackFrame& a = frames_[views_[static_cast<std::size_t>(k)].frame];
+      const TrackFrame& b = frames_[views_[static_cast<std::size_t>(k + 1)].frame];
+      const double turn = std::hypot(a.pose_sigma_turn, b.pose_sigma_turn);
+      const double shift = std::hypot(a.pose_sigma_shift, b.pose_sigma_shift, kParkedShift);
+      sigma << Eigen::Vector3d::Constant(
+          std::hypot(shift, turn * states[static_cast<std::size_t>(k)].translation.norm())),
+          Eigen::Vector3d::Constant(std::hypot(turn, kParkedTurn));
+      return sigma;
+    }
+    const double dt = interval(k);
+    const double along = k == 0 ? kSpeed * dt : kAcceleration * 0.5 * (dt + interval(k - 1)) * dt;
+    sigma << along, Eigen::Vector2d::Constant(kSideways * dt),
+        Eigen::Vector3d::Constant(kTurning * dt);
+    return sigma;
+  }
+
+  void add_motion(const TrackState& state, bool parked, double* cost, Eigen::MatrixXd* hessian,
+                  Eigen::VectorXd* gradient) const {
+    Step r, last;
+    StepJacobian j, last_j;
+    const int scale_at = 6 * count_ + shared_;
     for (int k = 0; k + 1 < count_; ++k) {
-      step_between(states, k, &r, hessian ? &j : nullptr);
-      const double dt = std::max(time(k + 1) - time(k), 1e-3);
-      Eigen::Matrix<double, 6, 1> sigma;
-      if (parked) {
-        sigma << Eigen::Vector3d::Constant(kParkedShift), Eigen::Vector3d::Constant(kParkedTurn);
-      } else {
-        sigma << kSpeed * dt, Eigen::Vector2d::Constant(kSideways * dt),
-            Eigen::Vector3d::Constant(kTurning * dt);
-      }
-      const Eigen::Matrix<double, 6, 1> weight = sigma.cwiseAbs2().cwiseInverse();
+      step_between(state, k, &r, hessian ? &j : nullptr);
+      Step weight = motion_sigma(state.views, k, parked).cwiseAbs2().cwiseInverse();
+      const double along_weight = weight[0];
+      const bool follows = !parked && k > 0;  // its speed changes little
+      if (follows) weight[0] = 0.0;
       *cost += 0.5 * r.cwiseAbs2().dot(weight);
       if (hessian) {
-        hessian->block(6 * k, 6 * k, 12, 12) += j.transpose() * weight.asDiagonal() * j;
-        gradient->segment(6 * k, 12) += j.transpose() * weight.cwiseProduct(r);
+        const StepJacobian weighted = weight.asDiagonal() * j;
+        scatter<13>(j.transpose() * weighted, weighted.transpose() * r,
+                    {{6 * k, 0, 12}, {scale_at, 12, 1}}, hessian, gradient);
       }
-      if (!parked && k > 0) {  // speed along the heading changes little
-        const double before = time(k) - time(k - 1);
-        const double change = r[0] / dt - last[0] / before;
-        const double s = kAcceleration * 0.5 * (dt + before);
-        *cost += 0.5 * change * change / (s * s);
+      if (follows) {
+        const double ratio = interval(k) / interval(k - 1);
+        const double change = r[0] - ratio * last[0];
+        *cost += 0.5 * along_weight * change * change;
         if (hessian) {
-          Eigen::Matrix<double, 18, 1> row = Eigen::Matrix<double, 18, 1>::Zero();
-          row.head<12>() -= last_j.row(0).transpose() / before;
-          row.tail<12>() += j.row(0).transpose() / dt;
-          hessian->block(6 * (k - 1), 6 * (k - 1), 18, 18) += row * row.transpose() / (s * s);
-          gradient->segment(6 * (k - 1), 18) += row * (change / (s * s));
+          Eigen::Matrix<double, 19, 1> row = Eigen::Matrix<double, 19, 1>::Zero();
+          row.head<12>() -= ratio * last_j.block<1, 12>(0, 0).transpose();
+          row.segment<12>(6) += j.block<1, 12>(0, 0).transpose();
+          row[18] = j(0, 12) - ratio * last_j(0, 12);
+          scatter<19>(along_weight * row * row.transpose(), along_weight * change * row,
+                      {{6 * (k - 1), 0, 18}, {scale_at, 18, 1}}, hessian, gradient);
         }
       }
       last = r;
@@ -205,8 +312,77 @@ class TrackProblem {
     }
   }
 
+  /// Where a run of a term's own parameters lies among all.
+  struct Place {
+    int all, own, length;
+  };
+  template <int N>
+  static void scatter(const Eigen::Matrix<double, N, N>& h, const Eigen::Matrix<double, N, 1>& g,
+                      const std::vector<Place>& places, Eigen::MatrixXd* hessian,
+                      Eigen::VectorXd* gradient) {
+    for (const Place& p : places) {
+      gradient->segment(p.all, p.length) += g.segment(p.own, p.length);
+      for (const Place& q : places) {
+        hessian->block(p.all, q.all, p.length, q.length) +=
+            h.block(p.own, q.own, p.length, q.length);
+      }
+    }
+  }
+
+  /// What the registered grey values say of the pose of one view against another.
+  bool add_links(const std::vector<State>& states, double* cost, Eigen::MatrixXd* hessian,
+                 Eigen::VectorXd* gradient) const {
+    for (const Link& link : links_) {
+      const State& sa = states[static_cast<std::size_t>(link.a)];
+      const State& sb = states[static_cast<std::size_t>(link.b)];
+      const Eigen::Vector3d c(link.share.x() * sa.size[0], link.share.y() * sa.size[2],
+                              link.share.z() * sa.size[1]);
+      const Eigen::Vector3d xa = sa.rotation * c + sa.translation;
+      const Eigen::Vector3d xb = sb.rotation * c + sb.translation;
+      if (!(xa.z() > 0.3) || !(xb.z() > 0.3)) return false;
+      Eigen::Vector3d r;
+      r << camera_.fx * (xb.x() / xb.z() - xa.x() / xa.z()),
+          camera_.fy * (xb.y() / xb.z() - xa.y() / xa.z()), std::log(xb.z() / xa.z());
+      r -= link.measured;
+      const double squared = r.dot(link.information * r);
+      *cost += 0.5 * kLinkScale * std::log1p(squared / kLinkScale);
+      if (!hessian) continue;
+      const Eigen::Matrix3d information = link.information / (1.0 + squared / kLinkScale);
+      const auto to_measured = [&](const Eigen::Vector3d& x) {
+        Eigen::Matrix3d j;
+        const double iz = 1.0 / x.z();
+        j << camera_.fx * iz, 0.0, -camera_.fx * x.x() * iz * iz, 0.0, camera_.fy * iz,
+            -camera_.fy * x.y() * iz * iz, 0.0, 0.0, iz;
+        return j;
+      };
+      Eigen::Matrix<double, 3, 15> j;  // pose of a, pose of b, size
+      const Eigen::Matrix3d ja = -to_measured(xa), jb = to_measured(xb);
+      j.block<3, 3>(0, 0) = ja;
+      j.block<3, 3>(0, 3) = -ja * sa.rotation * skew(c);
+      j.block<3, 3>(0, 6) = jb;
+      j.block<3, 3>(0, 9) = -jb * sb.rotation * skew(c);
+      const Eigen::Matrix3d turned = ja * sa.rotation + jb * sb.rotation;
+      j.col(12) = turned.col(0) * link.share.x();
+      j.col(13) = turned.col(2) * link.share.z();
+      j.col(14) = turned.col(1) * link.share.y();
+      const Eigen::Matrix<double, 3, 15> weighted = information * j;
+      scatter<15>(j.transpose() * weighted, weighted.transpose() * r,
+                  {{6 * link.a, 0, 6}, {6 * link.b, 6, 6}, {6 * count_, 12, 3}}, hessian, gradient);
+    }
+    return true;
+  }
+
+  struct Link {
+    int a = 0, b = 0;  // views
+    Eigen::Vector3d share = Eigen::Vector3d::Zero(), measured = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  };
+
+  const PinholeCamera& camera_;
   const std::vector<TrackFrame>& frames_;
   std::vector<View> views_;
+  double scale_sigma_;
+  std::vector<Link> links_;
   std::vector<std::unique_ptr<SingleViewProblem>> problems_;
   int count_ = 0, shared_ = 0;
 };
@@ -219,7 +395,7 @@ double center_spread(const VehicleEstimate& e) {
 
 /// Solves one track; leaves `out` as it is where the views cannot be joined.
 void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
-               std::vector<View> views, const VehicleFitOptions& options,
+               std::vector<View> views, const VehicleFitOptions& options, double scale_sigma,
                std::vector<std::vector<VehicleEstimate>>* out) {
   const auto single = [&](const View& v) -> const VehicleEstimate& {
     return frames[v.frame].estimates[v.detection];
@@ -246,9 +422,9 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
               views.end());
   if (views.size() < 2) return;
 
-  TrackProblem problem(camera, frames, views, options);
+  TrackProblem problem(camera, frames, views, options, scale_sigma);
   const int count = problem.num_views();
-  std::vector<State> moving;
+  TrackState moving;
   int lead_at = 0;
   for (int k = 0; k < count; ++k) {
     const View& v = views[static_cast<std::size_t>(k)];
@@ -268,17 +444,24 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
       s.shape[static_cast<int>(i)] = lead.shape[i];
     }
     s.size = {lead.pose.dimensions.length, lead.pose.dimensions.width, lead.pose.dimensions.height};
-    moving.push_back(s);
+    moving.views.push_back(s);
   }
   problem.share();
-  std::vector<State> parked = moving;
-  const SE3 stand = problem.world_from_vehicle(lead_at, moving[static_cast<std::size_t>(lead_at)]);
-  for (int k = 0; k < count; ++k) problem.place(k, stand, &parked[static_cast<std::size_t>(k)]);
+  const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
+  problem.refine(&moving, false, 10);
+  problem.register_views(prior, lead_at, moving);
+  TrackState parked = moving;
+  const SE3 stand =
+      problem.world_from_vehicle(lead_at, moving.views[static_cast<std::size_t>(lead_at)]);
+  for (int k = 0; k < count; ++k)
+    problem.place(k, stand, &parked.views[static_cast<std::size_t>(k)]);
 
-  const double parked_cost = problem.refine(&parked, true, 25);
-  const double moving_cost = problem.refine(&moving, false, 25);
-  const bool stands = parked_cost < moving_cost + kMovingPenalty;
-  const std::vector<State>& states = stands ? parked : moving;
+  if (problem.num_links() > 0) problem.refine(&moving, false, 25);
+  problem.refine(&parked, true, 25);
+  const double parked_cost = problem.evidence(parked, true);
+  const double moving_cost = problem.evidence(moving, false);
+  const bool stands = parked_cost < moving_cost;
+  const TrackState& states = stands ? parked : moving;
   Eigen::MatrixXd hessian;
   Eigen::VectorXd gradient;
   if (!std::isfinite(problem.evaluate(states, stands, &hessian, &gradient, /*observed=*/true)))
@@ -287,10 +470,9 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
   if (factors.info() != Eigen::Success || !factors.isPositive()) return;
   const Eigen::MatrixXd covariance =
       factors.solve(Eigen::MatrixXd::Identity(hessian.rows(), hessian.cols()));
-  const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
   for (int k = 0; k < count; ++k) {
     const View& v = views[static_cast<std::size_t>(k)];
-    const State& s = states[static_cast<std::size_t>(k)];
+    const State& s = states.views[static_cast<std::size_t>(k)];
     const TrackFrame& frame = frames[v.frame];
     VehicleEstimate answer = single(v);
     if (!distrust_of(problem.problem(k), s, camera, frame.detections[v.detection].box).empty())
@@ -392,7 +574,7 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
                                                      const std::vector<TrackFrame>& frames,
                                                      const VehicleFitOptions& options,
-                                                     int num_threads) {
+                                                     int num_threads, double scale_sigma) {
   options.validate();
   const std::vector<std::vector<int>> numbers = find_tracks(camera, frames);
   std::map<int, std::vector<View>> tracks;
@@ -410,8 +592,9 @@ std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera
                 views.end());
     if (views.size() > 1) lists.push_back(views);
   }
-  parallel_for(lists.size(), num_threads,
-               [&](std::size_t i) { fit_track(camera, frames, lists[i], options, &out); });
+  parallel_for(lists.size(), num_threads, [&](std::size_t i) {
+    fit_track(camera, frames, lists[i], options, scale_sigma, &out);
+  });
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "camber/geometry/se3.h"
+#include "camber/motion/correspondences.h"
 #include "camber/vehicle/fit_vehicle.h"
 
 namespace camber {
@@ -14,6 +15,12 @@ struct TrackFrame {
   std::vector<VehicleDetection> detections;
   std::vector<SupportPlane> supports;      ///< one a detection, camera frame of this image
   std::vector<VehicleEstimate> estimates;  ///< one a detection, from fit_vehicle
+  /// Not owned; where two frames have theirs, the vehicles' grey values are registered.
+  const GrayImage* image = nullptr;
+  /// Standard deviations of world_from_camera against the other frames', beside a scale that all
+  /// frames share.
+  double pose_sigma_turn = 6e-5;    ///< rad
+  double pose_sigma_shift = 0.001;  ///< m
 };
 
 /// Track numbers of all detections, [frame][detection], from 0 in order of appearance.
@@ -31,12 +38,16 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 /// Real-Time Monocular Object Localization in Dynamic Environments", IROS 2017).
 ///
 /// Both hypotheses are solved: parked (one pose in the world) and moving (along its heading, with a
-/// speed that changes little); the likelier is kept. What all views share (priors, plane, shape
-/// errors) counts once. Views without trusted keypoints keep their own answer.
+/// speed that changes little); the one of greater evidence is kept. What all views share (priors,
+/// plane, shape errors) counts once. Views without trusted keypoints keep their own answer. With
+/// images the vehicle's grey values are registered (vehicle_registration.h), so that a parked
+/// vehicle is triangulated by its own parallax.
+/// @param scale_sigma  relative standard deviation of the way between the cameras; > 0.
 /// @return one a detection of each frame; that of fit_vehicle where there is one view only.
 std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
                                                      const std::vector<TrackFrame>& frames,
                                                      const VehicleFitOptions& options,
-                                                     int num_threads = 0);
+                                                     int num_threads = 0,
+                                                     double scale_sigma = 0.01);
 
 }  // namespace camber

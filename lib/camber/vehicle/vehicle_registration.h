@@ -1,0 +1,59 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "camber/geometry/se3.h"
+#include "camber/motion/correspondences.h"
+#include "camber/vehicle/vehicle_estimate.h"
+
+namespace camber {
+
+/// How the picture of a vehicle moved from one image to another.
+struct VehicleShift {
+  Eigen::Vector3d anchor;        ///< a place on its surface, camera frame of the first image
+  Eigen::Vector2d displacement;  ///< px, of the anchor's pixel, first image to second
+  double log_depth_ratio = 0.0;  ///< of the anchor: log(depth in the second / in the first)
+  /// Covariances of (displacement, log_depth_ratio): by the noise of the grey values; and by what
+  /// the depths assumed leave of the body, which the registrations of one template share.
+  Eigen::Matrix3d noise, systematic;
+  double correlation = 0.0;  ///< of the grey values, registered
+};
+
+/// The pixels of one vehicle in one image, to be found again in others by their grey values.
+///
+/// Each pixel inside the outline of the vehicle's keypoints has the depth of their convex hull, so
+/// that the three components of the vehicle's translation between two cameras, over its depth, are
+/// left, beside a gain and an offset of the grey values: iteratively reweighted Gauss-Newton on two
+/// levels of blur (Lucas and Kanade, "An Iterative Image Registration Technique", 1981). What the
+/// keypoints of single images tell of that motion to a pixel, the grey values tell to a tenth.
+class VehicleTemplate {
+ public:
+  /// @param vehicle  as it is in the image, with keypoints.
+  /// @param nearer   vehicles that may hide it: their outlines are left out.
+  /// @return nothing where too little of the vehicle is seen.
+  static std::optional<VehicleTemplate> cut(const PinholeCamera& camera, const GrayImage& image,
+                                            const VehicleEstimate& vehicle,
+                                            const std::vector<const VehicleEstimate*>& nearer);
+
+  /// @param second_from_first  of points on the vehicle; the rotation is held, the translation is
+  ///                           the start and should be right to a few pixels.
+  /// @return nothing where the vehicle leaves the image or the grey values disagree.
+  std::optional<VehicleShift> find_in(const GrayImage& second, const SE3& second_from_first) const;
+
+ private:
+  struct Pixel {
+    Eigen::Vector3d ray;
+    double inverse_depth;  // anchor's depth over its own
+    double coarse, fine;   // grey values, blurred
+  };
+  PinholeCamera camera_;
+  std::vector<Pixel> pixels_;
+  Eigen::Vector2d anchor_ = Eigen::Vector2d::Zero();  // px
+  double depth_ = 0.0;                                // m, of the anchor
+  double extent_ = 0.0;                               // px, root mean square about the middle
+  double step_ = 1.0;                                 // px, between pixels
+  double coarse_ = 0.0;                               // px, blur of the first level
+};
+
+}  // namespace camber
