@@ -64,6 +64,10 @@ std::vector<std::string> complaints(const std::string& log) {
   return out;
 }
 
+/// Pictures are drawn at once: a busy machine's browser may end before it shows the next frame.
+const char* const kAtOnce =
+    "<head><script>window.requestAnimationFrame = function (f) { f(0); };</script>";
+
 /// What the page's canvas holds after its scripts ran, told by its title.
 const char* const kProbe = R"(<script>
 window.addEventListener("load", function () {
@@ -98,17 +102,10 @@ window.addEventListener("load", function () {
   pointer("pointerdown", 100);
   pointer("pointermove", 180);
   pointer("pointerup", 180);
-  function two_frames(then) {
-    requestAnimationFrame(function () { requestAnimationFrame(then); });
-  }
-  two_frames(function () {
-    var turned = count();
-    document.querySelectorAll("#viewbar input").forEach(function (b) { b.click(); });
-    two_frames(function () {
-      document.title = told + " turned " + (turned[1] !== before[1] && turned[0] > 0) + " off " +
-          count()[0];
-    });
-  });
+  var turned = count();
+  document.querySelectorAll("#viewbar input").forEach(function (b) { b.click(); });
+  document.title = told + " turned " + (turned[1] !== before[1] && turned[0] > 0) + " off " +
+      count()[0];
 });
 </script></body>)";
 
@@ -121,6 +118,7 @@ TEST(ReportInABrowser, DrawsItsViewAndComplainsOfNothing) {
   content.picture = scene.content();
   std::string page = make_report(content);
   page.replace(page.rfind("</body>"), 7, kProbe);
+  page.replace(page.find("<head>"), 6, kAtOnce);
   for (const char* size : {"1200,900", "500,900"}) {
     std::ofstream(folder.path() / "page.html") << page;
     const std::string dom =
