@@ -128,6 +128,7 @@ TEST(OffscreenWindowDeathTest, SaysSoWhereNothingCanRender) {
       {
         ::unsetenv("DISPLAY");
         ::setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent.json", 1);
+        ::setenv("PATH", "/nonexistent", 1);  // no Xvfb either
         try {
           OffscreenWindow offscreen(16, 16);
           std::exit(5);
@@ -136,7 +137,8 @@ TEST(OffscreenWindowDeathTest, SaysSoWhereNothingCanRender) {
           std::exit(error.exit_code());
         }
       },
-      testing::ExitedWithCode(3), "no rendering back end: .*DISPLAY is not set");
+      testing::ExitedWithCode(3),
+      "no rendering back end: .*DISPLAY is not set, and Xvfb cannot be started");
 }
 
 TEST(OffscreenWindowDeathTest, FallsBackToADisplay) {
@@ -165,12 +167,35 @@ TEST(OffscreenWindowDeathTest, FallsBackToADisplay) {
   ::unsetenv("CAMBER_TEST_DISPLAY");
 }
 
+TEST(OffscreenWindowDeathTest, StartsAnXvfbOfItsOwnAtLast) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  if (std::system("command -v Xvfb >/dev/null 2>&1") != 0) GTEST_SKIP() << "no Xvfb here";
+  EXPECT_EXIT(
+      {
+        ::unsetenv("DISPLAY");
+        ::setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent.json", 1);
+        bool right = true;
+        std::string backend;
+        for (int i = 0; i < 2; ++i) {  // the second window finds the first one's server
+          OffscreenWindow offscreen(100, 100);
+          const std::vector<unsigned char> rgba = render_triangle(offscreen, 100, 100);
+          const unsigned char* inside = &rgba[4 * (10 * 100 + 10)];
+          right = right && inside[0] == 0 && inside[1] == 255 && inside[2] == 0;
+          backend += offscreen.backend() + " ";
+        }
+        std::fprintf(stderr, "%s\n", backend.c_str());
+        std::exit(right ? 0 : 6);
+      },
+      testing::ExitedWithCode(0), "xvfb xvfb");
+}
+
 TEST(OffscreenWindowDeathTest, ADisplayThatDoesNotAnswerIsAnErrorNotAnAbort) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   EXPECT_EXIT(
       {
         ::setenv("DISPLAY", ":54321", 1);
         ::setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent.json", 1);
+        ::setenv("PATH", "/nonexistent", 1);  // no Xvfb either
         try {
           OffscreenWindow offscreen(16, 16);
           std::exit(5);

@@ -15,6 +15,11 @@
 #include <vtkSmartPointer.h>
 
 #include <X11/Xlib.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <spawn.h>
+#include <unistd.h>
+
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -158,6 +163,57 @@ bool display_answers(std::string* reason) {
   return has_glx;
 }
 
+/// The connection to this process's own X server; nullptr: it has none.
+Display*& virtual_display() {
+  static Display* connection = nullptr;
+  return connection;
+}
+
+/// An X server in memory for the rest of the process, started where nothing else can render. It
+/// ends with the last connection, and so with this process, however that ends.
+bool start_virtual_display(std::string* reason) {
+  Display*& connection = virtual_display();
+  if (connection) return true;
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) {
+    *reason = "no pipe for Xvfb";
+    return false;
+  }
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, ends[1], 3);
+  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 2, "/dev/null", O_WRONLY, 0);
+  const char* const words[] = {"Xvfb", "-displayfd", "3", "-terminate",   "-nolisten",
+                               "tcp",  "-screen",    "0", "1280x1024x24", nullptr};
+  pid_t child = 0;
+  const int failed =
+      ::posix_spawnp(&child, words[0], &actions, nullptr, const_cast<char* const*>(words), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  ::close(ends[1]);
+  std::string number;
+  pollfd ready{ends[0], POLLIN, 0};
+  char letter = 0;
+  while (failed == 0 && number.size() < 8 && ::poll(&ready, 1, 10000) > 0 &&
+         ::read(ends[0], &letter, 1) == 1 && letter != '\n') {
+    number += letter;
+  }
+  ::close(ends[0]);
+  if (letter != '\n' || number.empty()) {
+    *reason = "Xvfb cannot be started";
+    return false;
+  }
+  const std::string name = ":" + number;
+  connection = XOpenDisplay(name.c_str());
+  if (!connection) {
+    *reason = "Xvfb does not answer";
+    return false;
+  }
+  ::setenv("DISPLAY", name.c_str(), 1);
+  return true;
+}
+
 }  // namespace
 
 std::string display_problem() {
@@ -227,7 +283,7 @@ struct OffscreenWindow::Impl {
       const std::size_t begin = report.find_first_not_of(' ', at + key.size());
       renderer = report.substr(begin, report.find('\n', begin) - begin);
     }
-    backend = "display";
+    backend = virtual_display() ? "xvfb" : "display";
     return true;
   }
 
@@ -246,10 +302,11 @@ OffscreenWindow::OffscreenWindow(int width, int height) : impl_(std::make_unique
                                 std::to_string(height) + " pixels, expected 1 to " +
                                 std::to_string(kMaxSide) + " each");
   }
-  std::string no_egl, no_display;
+  std::string no_egl, no_display, no_xvfb;
   if (impl_->open_surfaceless(width, height, &no_egl)) return;
   if (impl_->open_display(width, height, &no_display)) return;
-  throw MachineError("no rendering back end: " + no_egl + ", and " + no_display +
+  if (start_virtual_display(&no_xvfb) && impl_->open_display(width, height, &no_xvfb)) return;
+  throw MachineError("no rendering back end: " + no_egl + ", " + no_display + ", and " + no_xvfb +
                      "; install libegl-mesa0 and libgl1-mesa-dri, or run under an X server");
 }
 

@@ -11,7 +11,8 @@ namespace camber {
 std::string display_problem();
 
 /// An off-screen OpenGL window for VTK that needs no X server: a surfaceless EGL context, else an
-/// existing display. Use from one thread; windows may be made one after another in a process.
+/// existing display, else an Xvfb of its own, which DISPLAY then names. Use from one thread;
+/// windows may be made one after another in a process.
 class OffscreenWindow {
  public:
   /// @param width, height  pixels, 1 to 16384.
@@ -22,7 +23,7 @@ class OffscreenWindow {
   OffscreenWindow& operator=(const OffscreenWindow&) = delete;
 
   vtkRenderWindow* window();
-  /// "egl-surfaceless" or "display"
+  /// "egl-surfaceless", "display" or "xvfb"
   const std::string& backend() const;
   /// GL_RENDERER, "llvmpipe (LLVM 15.0.6, 256 bits)"; known after the first render.
   std::string renderer() const;

@@ -48,7 +48,7 @@ struct PointColor {
 
 /// How a picture was made.
 struct RenderRecord {
-  std::string backend;   ///< "egl-surfaceless", "display"
+  std::string backend;   ///< "egl-surfaceless", "display", "xvfb"
   std::string renderer;  ///< of the driver, "llvmpipe (LLVM 15.0.6, 256 bits)"
 };
 
