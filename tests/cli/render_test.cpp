@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "camber/scene/image_io.h"
@@ -77,6 +78,55 @@ TEST_F(Render, WritesGltfAndReport) {
     EXPECT_EQ(result.out, path(name) + "\n");
     EXPECT_GT(std::filesystem::file_size(path(name)), 4000u);
   }
+}
+
+TEST_F(Render, DenseTruthErrorsAndATransparentGround) {
+  const std::string out = path("error.png");
+  const auto run = run_camber({"render", path("cloud.xyz"), "--truth", path("cloud.xyz"), "--color",
+                               "error", "--out", out, "--size", "320x240", "--transparent",
+                               "--show", "normals,links", "--hide", "grid", "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_EQ(read_image_info(out).channels, 4);
+  // What is hidden is missing.
+  const auto plain = run_camber({"render", path("cloud.xyz"), "--out", path("a.png"), "--size",
+                                 "320x240", "--view", "oblique"});
+  const auto without = run_camber({"render", path("cloud.xyz"), "--out", path("b.png"), "--size",
+                                   "320x240", "--view", "oblique", "--hide", "points"});
+  ASSERT_EQ(plain.exit_code + without.exit_code, 0) << plain.error << without.error;
+  const auto inked = [](const Image& image) {
+    return std::count_if(image.data.begin(), image.data.end(), [](auto v) { return v < 200; });
+  };
+  EXPECT_LT(inked(read_color_image(path("b.png"))), inked(read_color_image(path("a.png"))) / 2);
+}
+
+TEST_F(Render, SaysWhatIsWrongWithScenesAndTruth) {
+  const std::string scene = test::source_dir() / "samples" / "steep_hill";
+  const auto render = [&](std::vector<std::string> more) {
+    const std::vector<std::string> base = {"render", path("cloud.xyz"), "--out", path("x.png")};
+    more.insert(more.begin(), base.begin(), base.end());
+    return more;
+  };
+  std::filesystem::create_directory(path("folder"));
+  expect_failure({"render", path("folder"), "--out", path("x.png")}, 2, "found no run.json");
+  expect_failure(render({"--show", "nonsense"}), 2, "'nonsense'");
+  expect_failure(render({"--hide", "points,grade"}), 2, "'grade'");
+  expect_failure(render({"--view", "overlay"}), 2, "expected --scene");
+  expect_failure(render({"--truth", "scene"}), 2, "expected a --scene");
+  expect_failure(render({"--truth", path("none.ply")}), 2, "none.ply");
+  expect_failure(render({"--transparent", "--view", "bev"}), 2, "--transparent");
+  expect_failure(render({"--color", "error"}), 1, "no dense truth to measure against");
+  expect_failure(render({"--color", "error", "--truth", path("nan.xyz")}), 1, "cannot be coloured");
+  expect_failure(render({"--scene", path("none")}), 2, "none");
+  expect_failure(render({"--scene", scene, "--view", "overlay", "--frame", "99"}), 1,
+                 "no image of frame 99");
+  expect_failure(render({"--scene", scene, "--view", "overlay", "--frame", "1", "--show", "grade"}),
+                 1, "no patches to draw");
+  expect_failure(render({"--scene", scene, "--view", "overlay", "--upscale", "1000"}), 2,
+                 "upscale");
+  expect_failure({"render", path("cloud.xyz"), "--out", path("folder") + "/none/x.png"}, 3,
+                 "cannot be written");
+  std::filesystem::create_directory(path("taken.png"));
+  expect_failure({"render", path("cloud.xyz"), "--out", path("taken.png")}, 3, "taken.png");
 }
 
 TEST_F(Render, SaysWhatIsWrongAndLeavesNothing) {

@@ -319,7 +319,8 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   const bool grid_shown = kind != SceneView::kDriver && drawing.shows(SceneElement::kGrid);
   const bool links_shown = drawing.shows(SceneElement::kLinks) && !space.links.empty();
   const double top = drawing.content.title.empty() ? 2.2 * text : 3.9 * text;
-  const bool bars = space.has_color_bar || links_shown;
+  const bool color_bar = space.has_color_bar && drawing.shows(SceneElement::kPoints);
+  const bool bars = color_bar || links_shown;
   const double panel = bars ? 10.5 * text : 2.0 * text;
   const std::vector<LegendEntry> legend = scene_legend(drawing, grid, grid_shown);
   const int legend_rows = count_legend_rows(width - 2.0 * text, legend, text);
@@ -354,9 +355,9 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
     }
     const std::vector<std::string> link_title = {"height step", "of a link (" + space.unit + ")"};
     const double lowest = std::min(bottom - 1.3 * text, top + 0.4 * width);
-    const bool both = space.has_color_bar && links_shown;
+    const bool both = color_bar && links_shown;
     double bar_top = top;
-    if (space.has_color_bar) {
+    if (color_bar) {
       bar_top += 1.2 * text * static_cast<double>(space.color_title.size());
       const double bar_bottom = both ? 0.5 * (top + lowest) - 0.4 * text : lowest;
       draw_color_bar(canvas, {left, bar_top, left + 1.2 * text, bar_bottom}, space.color_range.low,
