@@ -516,11 +516,13 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   out += metrics_section(content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
   if (picture.run) out += run_section(*picture.run);
+  const bool of_camera = picture.surface ? picture.surface->frame == "camera"
+                         : picture.cloud ? picture.cloud->frame == CloudFrame::kCamera
+                                         : true;
   out += "<p class=n>Made by Camber " + std::string(kVersion) + ". Coordinates: " +
-         (picture.surface && picture.surface->frame != "camera"
-              ? "those of the input (" + escape(picture.surface->frame) + ")."
-              : std::string("camera of the reference frame, x right, y down, z ahead, except for "
-                            "vehicles, which are in the camera of their own frame.")) +
+         (of_camera ? "camera of the reference frame, x right, y down, z ahead, except for "
+                      "vehicles, which are in the camera of their own frame."
+                    : "those of the input.") +
          "</p>\n</body></html>\n";
   return out;
 }

@@ -131,7 +131,7 @@ const char* const kReportViewer = R"JS(
       for (var k = 0; k < 3; k++) target[k] += shift[0] * a[0][k] + shift[1] * a[1][k];
       seen.forEach(function (p) {
         var x = Math.abs(p[0] - shift[0]) * h / w, y = Math.abs(p[1] - shift[1]);
-        need = Math.max(need, p[2] + 1.06 * f * Math.max(x, y));
+        need = Math.max(need, p[2] + 1.1 * f * Math.max(x, y));
       });
       d = need;
     }
