@@ -278,6 +278,24 @@ TEST(Report, TheViewIsOptionalAndPicturesAreEmbedded) {
   EXPECT_THAT(make_report(content), HasSubstr("<canvas id=view>"));
 }
 
+TEST(Report, LongRunsFoldWhatIsNotShown) {
+  PictureScene scene;
+  for (int i = 0; i < 9; ++i) {
+    scene.vehicles.frames.push_back(scene.vehicles.frames[0]);
+    scene.vehicles.frames.back().id = 20 + i;
+  }
+  for (int i = 0; i < 60; ++i) {
+    scene.surface.patches.push_back(scene.surface.patches[0]);
+    scene.surface.patches.back().id = 1 + i;
+  }
+  ReportContent content;
+  content.picture = scene.content();
+  const std::string page = make_report(content);
+  EXPECT_THAT(page, HasSubstr("<h3>Frame 7</h3>"));  // the shown one
+  EXPECT_THAT(page, HasSubstr("<details><summary>Frame 28</summary>"));
+  EXPECT_THAT(page, HasSubstr("<details><summary>61 patches</summary>"));
+}
+
 TEST(Report, UnwritableOutputAndBadOptions) {
   const PictureScene scene;
   ReportContent content;

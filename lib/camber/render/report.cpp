@@ -187,6 +187,14 @@ std::string profile_section(const RoadSurface& surface) {
   }
 }
 
+/// Tables of more rows, and frames beyond so many, are shown on demand.
+constexpr std::size_t kLongTable = 40, kManyFrames = 6;
+
+std::string folded(const std::string& content, const std::string& summary, bool fold) {
+  if (!fold) return content;
+  return "<details><summary>" + escape(summary) + "</summary>\n" + content + "</details>\n";
+}
+
 std::string patch_section(const RoadSurface& surface, const std::string& unit) {
   if (surface.patches.empty()) return {};
   std::string rows;
@@ -202,13 +210,15 @@ std::string patch_section(const RoadSurface& surface, const std::string& unit) {
                  std::to_string(patch.inliers),
                  patch.refinement.empty() ? "&ndash;" : escape(patch.refinement)});
   }
-  return "<h2>Patches</h2>\n" +
-         table({"id", "kind", "status", "centre (" + unit + ")", "grade (&deg;)", "bank (&deg;)",
-                "height (" + unit + ")", "points", "refinement"},
-               rows);
+  const std::string all = table({"id", "kind", "status", "centre (" + unit + ")", "grade (&deg;)",
+                                 "bank (&deg;)", "height (" + unit + ")", "points", "refinement"},
+                                rows);
+  return "<h2>Patches</h2>\n" + folded(all, std::to_string(surface.patches.size()) + " patches",
+                                       surface.patches.size() > kLongTable);
 }
 
-std::string vehicle_section(const VehicleDocument& document, const std::string& unit) {
+/// @param shown  id of the frame that is open where frames are many.
+std::string vehicle_section(const VehicleDocument& document, int shown, const std::string& unit) {
   std::string out;
   for (const VehicleFrame& frame : document.frames) {
     std::string rows;
@@ -237,12 +247,14 @@ std::string vehicle_section(const VehicleDocument& document, const std::string& 
                number(v.reprojection_rmse_px, 1)});
     }
     if (rows.empty()) continue;
-    out +=
-        "<h3>Frame " + std::to_string(frame.id) + "</h3>\n" +
+    const std::string title = "Frame " + std::to_string(frame.id);
+    const std::string all =
         table({"id", "class", "status", "distance (" + unit + ")", "bottom centre (" + unit + ")",
                "rotation_y (&deg;)", "l &times; w &times; h (" + unit + ")",
                "ground (" + unit + ")", "reprojection (px)"},
               rows);
+    const bool fold = document.frames.size() > kManyFrames && frame.id != shown;
+    out += fold ? folded(all, title, true) : "<h3>" + title + "</h3>\n" + all;
   }
   if (out.empty()) return {};
   std::string head = "<h2>Vehicles</h2>\n<p class=n>Method " + escape(document.method);
@@ -512,7 +524,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
         base64(encode_glb(picture, gltf)) + "</script>\n<script>" + kReportViewer + "</script>\n";
   }
   if (picture.surface) out += profile_section(*picture.surface);
-  if (picture.vehicles) out += vehicle_section(*picture.vehicles, unit);
+  if (picture.vehicles) out += vehicle_section(*picture.vehicles, picture.frame, unit);
   out += metrics_section(content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
   if (picture.run) out += run_section(*picture.run);
