@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <QApplication>
+#include <QElapsedTimer>
 #include <QSurfaceFormat>
 #include <cstdio>
 #include <cstdlib>
@@ -69,6 +70,14 @@ int run(const ViewArguments& a, int argc, char** argv) {
   options.snapshots = a.snapshots;
   options.title = result.scene ? result.scene->name : fs::path(a.input).filename().string();
   ViewerWindow window(std::move(result), options);
+  if (!a.picture.empty()) {
+    // Windows come up over several rounds of events.
+    QElapsedTimer clock;
+    clock.start();
+    while (clock.elapsed() < 500) QApplication::processEvents(QEventLoop::AllEvents, 50);
+    window.save(a.picture);
+    return 0;
+  }
   return QApplication::exec();
 }
 

@@ -9,7 +9,7 @@ namespace camber {
 
 /// What `camber view` takes and hands on to camber-view.
 struct ViewArguments {
-  std::string input, scene, truth, color = "height", snapshots = "camber-view";
+  std::string input, scene, truth, color = "height", snapshots = "camber-view", picture;
   std::optional<int> frame;
   std::vector<double> up;
 
@@ -28,6 +28,9 @@ struct ViewArguments {
     app.add_option("--up", up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
     app.add_option("--snapshots", snapshots, "the key s writes NAME-1.png, NAME-2.png, ...")
         ->capture_default_str();
+    app.add_option(
+        "--picture", picture,
+        "write a picture of the window, as it is at the beginning, into this PNG and end");
   }
 
   /// The words that say the same again.
@@ -38,6 +41,7 @@ struct ViewArguments {
     };
     add("--scene", scene);
     add("--truth", truth);
+    add("--picture", picture);
     if (frame) add("--frame", std::to_string(*frame));
     if (up.size() == 3) {
       out.push_back("--up=" + CLI::detail::to_string(up[0]) + "," + CLI::detail::to_string(up[1]) +

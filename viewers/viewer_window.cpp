@@ -319,7 +319,7 @@ struct ViewerWindow::Impl {
     for (const auto& name : names) name->SetVisibility(named);
     for (const auto& [element, box] : boxes) {
       const QSignalBlocker quiet(box);
-      box->setChecked(switch_of(element));
+      box->setChecked(has(element) && switch_of(element));
       box->setEnabled(has(element));
     }
   }
@@ -391,13 +391,16 @@ struct ViewerWindow::Impl {
 
   void say_summary() {
     frame_label->setText(text("frame %d", content.frame));
+    frame_label->setVisible(!frames.empty());
+    frame_slider->setVisible(!frames.empty());
     say(content_summary(content, space));
   }
 
   void load_image() {
     photo = QPixmap();
     if (!result.scene) {
-      image->setText("no images: start with --scene");
+      image->setText(frames.empty() ? "" : "no images: start with --scene");
+      image->setVisible(!frames.empty());
       return;
     }
     try {
@@ -745,14 +748,22 @@ struct ViewerWindow::Impl {
 
   // ---- files
 
-  void save(bool whole_window) {
-    namespace fs = std::filesystem;
-    fs::path path;
+  void save_next(bool whole_window) {
+    std::filesystem::path path;
     std::error_code error;
     for (int i = 1;; ++i) {
       path = options.snapshots + "-" + std::to_string(i) + ".png";
-      if (!fs::exists(path, error)) break;
+      if (!std::filesystem::exists(path, error)) break;
     }
+    try {
+      save(path, whole_window);
+      say("wrote " + path.string());
+    } catch (const Error& failure) {
+      say(failure.what());
+    }
+  }
+
+  void save(const std::filesystem::path& path, bool whole_window) {
     render();
     QImage picture = view->grabFramebuffer();
     if (whole_window) {
@@ -765,15 +776,9 @@ struct ViewerWindow::Impl {
     QBuffer buffer(&bytes);
     buffer.open(QIODevice::WriteOnly);
     if (!picture.convertToFormat(QImage::Format_RGB888).save(&buffer, "PNG")) {
-      say("the picture cannot be encoded");
-      return;
+      throw MachineError("the picture of the window cannot be encoded");
     }
-    try {
-      write_file_atomically(path, bytes.toStdString());
-      say("wrote " + path.string());
-    } catch (const Error& failure) {
-      say(failure.what());
-    }
+    write_file_atomically(path, bytes.toStdString());
   }
 
   // ---- events
@@ -819,7 +824,7 @@ struct ViewerWindow::Impl {
         load_image();
         return true;
       case Qt::Key_S:
-        save((event.modifiers() & Qt::ShiftModifier) != 0);
+        save_next((event.modifiers() & Qt::ShiftModifier) != 0);
         return true;
       case Qt::Key_H:
       case Qt::Key_F1:
@@ -1025,6 +1030,8 @@ bool ViewerWindow::eventFilter(QObject* object, QEvent* event) {
   }
   return QMainWindow::eventFilter(object, event);
 }
+
+void ViewerWindow::save(const std::filesystem::path& path) { impl_->save(path, true); }
 
 QWidget* ViewerWindow::scene_widget() { return impl_->view; }
 bool ViewerWindow::shows(SceneElement element) const {

@@ -29,6 +29,9 @@ class ViewerWindow : public QMainWindow {
   ViewerWindow(LoadedResult result, const ViewerOptions& options);
   ~ViewerWindow() override;
 
+  /// Writes a picture of the whole window as PNG. @throws OutputError.
+  void save(const std::filesystem::path& path);
+
   /// The widget of the 3D scene, for events.
   QWidget* scene_widget();
   /// Whether a part of the scene is drawn: it has content and its switch is on.

@@ -293,6 +293,20 @@ TEST_F(ViewCommand, SaysWhatCannotBeOpened) {
   EXPECT_ONE_SENTENCE(test::run_camber({"view", path("nan.xyz")}), 1, "finite coordinates");
 }
 
+TEST_F(ViewCommand, WritesAPictureOfItsWindow) {
+  const test::VirtualDisplay display("1600x1000x24");
+  if (display.number().empty()) GTEST_SKIP() << "no Xvfb on this machine";
+  ::setenv("DISPLAY", (":" + display.number()).c_str(), 1);
+  const auto run = test::run_camber({"view", cloud(), "--picture", path("window.png")});
+  EXPECT_EQ(run.exit_code, 0) << run.error;
+  const Image seen = read_color_image(path("window.png"));
+  EXPECT_GT(seen.width, 1000);
+  EXPECT_GT(count_inked(seen), seen.width * seen.height / 5);  // the side's ground is grey
+  EXPECT_EQ(test::run_camber({"view", cloud(), "--picture", path("none/window.png")}).exit_code, 3);
+  EXPECT_FALSE(std::filesystem::exists(path("none")));
+  ::unsetenv("DISPLAY");
+}
+
 /// Runs a shell command until it succeeds, for at most ten seconds.
 bool eventually(const std::string& command) {
   for (int i = 0; i < 100; ++i) {

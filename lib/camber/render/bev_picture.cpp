@@ -80,7 +80,8 @@ Segment2 heading(const PlacedVehicle& vehicle, const Map& map) {
           map(pose * Eigen::Vector3d(0.5 * vehicle.box.dimensions.length, 0.0, 0.0))};
 }
 
-/// 95 % of the position's probability; empty where no covariance is stated.
+/// 95 % of the position's probability; empty where no covariance is stated, or one that reaches as
+/// far as the camera and says nothing.
 std::vector<Eigen::Vector2d> ellipse(const PlacedVehicle& vehicle, const Map& map) {
   const Eigen::Matrix2d covariance = vehicle.center_covariance.topLeftCorner<2, 2>();
   if (!covariance.allFinite() || !(covariance.trace() > 0.0)) return {};
@@ -88,6 +89,7 @@ std::vector<Eigen::Vector2d> ellipse(const PlacedVehicle& vehicle, const Map& ma
       0.5 * (covariance + covariance.transpose()));
   if (solver.info() != Eigen::Success) return {};
   const Eigen::Vector2d axes = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
+  if (!(axes.maxCoeff() < std::max(vehicle.range, 1e-9))) return {};
   const Eigen::Vector3d center = vehicle.box.center();
   std::vector<Eigen::Vector2d> rim;
   constexpr int kSteps = 72;

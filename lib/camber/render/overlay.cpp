@@ -322,8 +322,10 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
   return taken;
 }
 
-/// The position's 95 % region on the vehicle's plane (chi-square, two degrees of freedom).
-void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Drawn& drawn, double unit) {
+/// The position's 95 % region on the vehicle's plane (chi-square, two degrees of freedom), where no
+/// body hides it. A region that reaches as far as the camera says nothing and is left out.
+void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                  const Drawn& drawn, double unit) {
   constexpr double kChiSquare95 = 5.991464547107979;
   const VehicleEstimate& v = *drawn.vehicle;
   const Eigen::Matrix3d covariance = v.covariance.topLeftCorner<3, 3>();
@@ -336,9 +338,10 @@ void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Drawn& draw
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(0.5 * (level + level.transpose()));
   if (solver.info() != Eigen::Success || !(level.trace() > 0.0)) return;
   const Eigen::Vector2d radii = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
+  if (!(radii.maxCoeff() < drawn.range)) return;
   const Eigen::Vector3d center = v.plane.foot(v.pose.bottom_center());
   constexpr int kSteps = 72;
-  std::vector<Segment2> rim;
+  SplitLines rim;
   const auto at = [&](int step) {
     const double angle = 2.0 * M_PI * step / kSteps;
     return Eigen::Vector3d(
@@ -346,11 +349,10 @@ void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Drawn& draw
                                                                   radii.y() * std::sin(angle))));
   };
   for (int step = 0; step < kSteps; ++step) {
-    Segment2 line;
-    if (project_segment(camera, at(step), at(step + 1), &line)) rim.push_back(line);
+    rim.add(camera, occluders, at(step), at(step + 1), 1, 0.02);
   }
-  canvas.segments(rim, 2.6 * unit, kDark.with_alpha(0.6));
-  canvas.segments(rim, 1.2 * unit, {255, 255, 255, 1.0});
+  canvas.segments(rim.visible, 2.6 * unit, kDark.with_alpha(0.6));
+  canvas.segments(rim.visible, 1.2 * unit, {255, 255, 255, 1.0});
 }
 
 std::string distance_text(const Drawn& drawn, bool metric) {
@@ -528,7 +530,7 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
   }
   if (options.show_ellipses) {
     for (const Drawn& drawn : all) {
-      if (drawn.box) draw_ellipse(canvas, camera, drawn, unit);
+      if (drawn.box) draw_ellipse(canvas, camera, occluders, drawn, unit);
     }
   }
   if (options.show_labels) draw_labels(canvas, all, unit, options.metric, taken);
