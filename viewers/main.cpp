@@ -6,6 +6,7 @@
 #include <QApplication>
 #include <QElapsedTimer>
 #include <QSurfaceFormat>
+#include <QWindow>
 #include <cstdio>
 #include <cstdlib>
 #include <new>
@@ -71,10 +72,15 @@ int run(const ViewArguments& a, int argc, char** argv) {
   options.title = result.scene ? result.scene->name : fs::path(a.input).filename().string();
   ViewerWindow window(std::move(result), options);
   if (!a.picture.empty()) {
-    // Windows come up over several rounds of events.
-    QElapsedTimer clock;
+    // Windows come up over several rounds of events: half a second after it is seen it stands.
+    QElapsedTimer clock, seen;
     clock.start();
-    while (clock.elapsed() < 500) QApplication::processEvents(QEventLoop::AllEvents, 50);
+    while (clock.elapsed() < 20000 && !(seen.isValid() && seen.elapsed() > 500)) {
+      QApplication::processEvents(QEventLoop::AllEvents, 50);
+      if (!seen.isValid() && window.windowHandle() && window.windowHandle()->isExposed()) {
+        seen.start();
+      }
+    }
     window.save(a.picture);
     return 0;
   }

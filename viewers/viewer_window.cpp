@@ -377,6 +377,8 @@ struct ViewerWindow::Impl {
     frame_slider->setValue(index);
     load_image();
     say_summary();
+    clear_pick();
+    facts->setPlainText(overview());
     render();
   }
 
@@ -666,6 +668,21 @@ struct ViewerWindow::Impl {
     return out;
   }
 
+  /// What the side text says where nothing is picked.
+  QString overview() const {
+    QString out = "Click a point, a patch or a vehicle; h shows the keys.\n\n";
+    out += from(content_summary(content, space)) + "\n";
+    if (result.run && result.run->scale_sigma > 0.0) {
+      out += text("scale known to %.1f %%\n", 100.0 * result.run->scale_sigma);
+    }
+    for (const PlacedVehicle& vehicle : space.vehicles) {
+      out += "  " + from(vehicle.name) +
+             text(": %.1f %s, %s\n", vehicle.range, space.unit.c_str(),
+                  std::string(to_string(vehicle.status)).c_str());
+    }
+    return out;
+  }
+
   void pick(const QPoint& at) {
     const Ray ray = ray_at(at);
     const PlacedVehicle* vehicle = nullptr;
@@ -835,7 +852,7 @@ struct ViewerWindow::Impl {
       case Qt::Key_Escape:
         help->hide();
         clear_pick();
-        facts->clear();
+        facts->setPlainText(overview());
         render();
         return true;
       case Qt::Key_Q:
@@ -917,8 +934,6 @@ ViewerWindow::ViewerWindow(LoadedResult result, const ViewerOptions& options)
 
   d.facts = new QPlainTextEdit(side);
   d.facts->setReadOnly(true);
-  d.facts->setPlaceholderText(
-      "Click a point, a patch or a vehicle for facts about it. Press h for the keys.");
   column->addWidget(d.facts, 1);
 
   auto* group = new QGroupBox("Show", side);
@@ -982,6 +997,7 @@ ViewerWindow::ViewerWindow(LoadedResult result, const ViewerOptions& options)
   d.set_view(SceneView::kOblique);
   d.load_image();
   d.say_summary();
+  d.facts->setPlainText(d.overview());
 }
 
 ViewerWindow::~ViewerWindow() { qApp->removeEventFilter(this); }
