@@ -287,6 +287,47 @@ TEST(ResultPlots, HistogramSharesAndCurvesCountTheUnanswered) {
   EXPECT_THROW(depth_plots(nothing, {}), NoAnswerError);
 }
 
+TEST(ResultPlots, ManyVehiclesKeepTheirPanel) {
+  std::vector<EvaluatedScene> scenes(1);
+  scenes[0].scene = "drive";
+  scenes[0].method = "joint";
+  for (int id = 0; id < 70; ++id) {
+    for (int frame = 5 * id; frame < 5 * id + 30; ++frame) {
+      VehicleError error;
+      error.frame = frame;
+      error.truth_id = id;
+      error.answered = true;
+      error.true_depth = error.depth = 60.0 - (frame - 5 * id);
+      error.depth_sigma = 1.0;
+      error.center_error = 0.0;
+      scenes[0].metrics.vehicles.push_back(error);
+    }
+  }
+  const PlotSheet sheet = depth_plots(scenes, {});
+  const std::string svg = plots_svg(sheet);
+  // Labels too many for a column stay inside the axes, and no two of them meet.
+  const std::regex word(
+      "<text x=\"([-0-9.]+)\" y=\"([-0-9.]+)\"[^>]*font-size=\"12.8\"[^>]*>(\\d+)<");
+  std::vector<Box2> boxes;
+  for (std::sregex_iterator it(svg.begin(), svg.end(), word), end; it != end; ++it) {
+    const double x = std::stod((*it)[1]), y = std::stod((*it)[2]);
+    const double half = 0.5 * Canvas::text_size((*it)[3].str(), 16.0).x();
+    boxes.push_back({x - half, y - 7.0, x + half, y + 7.0});
+    EXPECT_GT(boxes.back().y1, 30.0);
+    EXPECT_LT(boxes.back().x2, 1200.0);
+  }
+  EXPECT_GT(boxes.size(), 30u);
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      const Box2 &a = boxes[i], &b = boxes[k];
+      EXPECT_FALSE(a.x1 < b.x2 && b.x1 < a.x2 && a.y1 < b.y2 && b.y1 < a.y2) << i << " " << k;
+    }
+  }
+  // All right to the last one: the curve ends at 100 %, within its panel.
+  const PlotSheet errors = error_plots(scenes, PlottedError::kCenter);
+  EXPECT_EQ(errors.panels[1].series[0].y.back(), 100.0);
+}
+
 TEST(ResultPlots, DepthOverTimeHasTruthInRedAndMarginsOf95Percent) {
   const PlotSheet sheet = depth_plots(two_methods(), {{0, 0.0}, {1, 0.1}, {2, 0.2}, {3, 0.3}});
   ASSERT_EQ(sheet.panels.size(), 2u);

@@ -16,6 +16,7 @@ using Eigen::Vector2d;
 
 const Color kPlotInk{40, 40, 40, 1.0}, kGrid{222, 222, 222, 1.0};
 constexpr double kLineHeight = 1.35;  // of the text size
+constexpr double kLabelPitch = 1.15;  // of labels below one another
 
 /// What plots are drawn on: pixels or SVG.
 class Paper {
@@ -243,6 +244,9 @@ class Panel {
     }
     widen(plot.x, &x_, 0.0);
     widen(plot.y, &y_, 0.05);
+    std::size_t labels = 0;
+    for (const PlotSeries& s : plot.series) labels += s.label.empty() ? 0 : 1;
+    labels_inside_ = static_cast<double>(labels) * kLabelPitch * text_ > 0.65 * style.panel_height;
   }
 
   /// Space left of the axes that labels and title need.
@@ -255,7 +259,9 @@ class Panel {
 
   double right_margin() const {
     double widest = 0.0;
-    for (const PlotSeries& s : plot_.series) widest = std::max(widest, width(s.label));
+    for (const PlotSeries& s : plot_.series) {
+      if (!labels_inside_) widest = std::max(widest, width(s.label));
+    }
     return std::max(1.6 * text_, widest > 0.0 ? widest + 1.8 * text_ : 0.0);
   }
 
@@ -582,10 +588,38 @@ class Panel {
         break;
       }
     }
+    if (labels_inside_) {
+      // Too many for a column: beside their ends, where there is room.
+      std::vector<Box2> taken;
+      const double size = 0.8 * text_;
+      for (const Label& label : labels) {
+        const Vector2d half =
+            0.5 * Vector2d(1.03 * Canvas::text_size(label.series->label, size).x(), size);
+        for (const Vector2d& way :
+             {Vector2d(1, 0), Vector2d(0, -1), Vector2d(0, 1), Vector2d(-1, 0)}) {
+          const Vector2d at = label.end + way.cwiseProduct(half + Vector2d::Constant(0.45 * text_));
+          const Box2 box{at.x() - half.x(), at.y() - half.y(), at.x() + half.x(),
+                         at.y() + half.y()};
+          if (box.x1 < axes_.x1 || box.y1 < axes_.y1 || box.x2 > axes_.x2 || box.y2 > axes_.y2) {
+            continue;
+          }
+          const bool free = std::none_of(taken.begin(), taken.end(), [&](const Box2& t) {
+            return box.x1 < t.x2 && t.x1 < box.x2 && box.y1 < t.y2 && t.y1 < box.y2;
+          });
+          if (!free) continue;
+          taken.push_back(box);
+          paper.polygon({{box.x1, box.y1}, {box.x2, box.y1}, {box.x2, box.y2}, {box.x1, box.y2}},
+                        {255, 255, 255, 0.75});
+          paper.text(at, label.series->label, size, TextAnchor::kCenter, false);
+          break;
+        }
+      }
+      return;
+    }
     std::stable_sort(labels.begin(), labels.end(),
                      [](const Label& a, const Label& b) { return a.end.y() < b.end.y(); });
     // From the top down as close as may be, then back up from the lower edge.
-    const double pitch = 1.15 * text_;
+    const double pitch = kLabelPitch * text_;
     double limit = axes_.y1;
     for (Label& label : labels) {
       label.y = std::max(label.y, limit);
@@ -606,6 +640,7 @@ class Panel {
 
   const Plot& plot_;
   double text_;
+  bool labels_inside_ = false;
   Range x_, y_;
   Box2 area_, axes_;
   std::vector<std::vector<const PlotSeries*>> legend_rows_;

@@ -20,8 +20,10 @@ struct PlotSeries {
     kBand,    ///< x with low and high
     kBoxes,   ///< from (x, low) to (right, high), filled
   } kind = Kind::kLine;
-  std::string name;   ///< in the legend; empty: not there
-  std::string label;  ///< beside the right end; may be empty
+  std::string name;  ///< in the legend; empty: not there
+  /// Beside the right end; may be empty. Labels too many for the panel's height stand within it,
+  /// those that find no room are left out.
+  std::string label;
   Color color;
   std::vector<double> x, y, low, high, right;
   double thickness = 2.0;  ///< of lines, at a text size of 18

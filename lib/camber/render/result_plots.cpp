@@ -13,6 +13,8 @@ namespace camber {
 namespace {
 
 constexpr double kMargin = 1.96;  // 95 % of a normal distribution, in sigmas
+constexpr std::size_t kManyVehicles = 12;
+constexpr int kLongGap = 20;  // frames
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 PlotSeries line(const std::string& name, const Color& color) {
@@ -100,8 +102,7 @@ PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
     sheet.panels.push_back(profile_panel(profile, value, sigma, 100.0, name, plot_color(color)));
     sheet.panels.back().y.title = axis;
   };
-  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade (positive: climbs)",
-      "grade, %", 2);
+  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade (positive: climbs)", "grade, %", 2);
   add(&ProfilePoint::cross_slope, &ProfilePoint::sigma_cross_slope,
       "Cross slope (bank; positive: left side up)", "cross slope, %", 3);
   for (Plot& panel : sheet.panels) {
@@ -203,18 +204,16 @@ PlotSheet error_plots(const std::vector<EvaluatedScene>& scenes, PlottedError wh
     bars.series.push_back(boxes);
     PlotSeries steps = line(method.name, plot_color(static_cast<int>(k)));
     steps.thickness = 2.6;
-    double share = 0.0;
-    const auto add = [&](double x, double y) {
+    const auto add = [&](double x, std::size_t within) {
       steps.x.push_back(std::max(x, *curve.x.low));
-      steps.y.push_back(y);
+      steps.y.push_back(100.0 * static_cast<double>(within) / method.matched);
     };
-    add(*curve.x.low, 0.0);
-    for (const double v : method.values) {
-      add(v, share);
-      share += 100.0 / method.matched;
-      add(v, share);
+    if (!method.values.empty()) add(*curve.x.low, 0);
+    for (std::size_t i = 0; i < method.values.size(); ++i) {
+      add(method.values[i], i);
+      add(method.values[i], i + 1);
     }
-    add(*curve.x.high, share);
+    if (!method.values.empty()) add(*curve.x.high, method.values.size());
     curve.series.push_back(steps);
   }
   sheet.panels = {bars, curve};
@@ -267,13 +266,15 @@ PlotSheet depth_plots(const std::vector<EvaluatedScene>& methods,
     plot.y.high = 1.25 * farthest;
     bool first = true;
     for (const auto& [id, depths] : truth) {
-      PlotSeries curve = line(first ? "truth" : "", kTruthRed);
+      const bool many = truth.size() > kManyVehicles;
+      PlotSeries curve =
+          line(first ? (many ? "truth, with the vehicles' ids" : "truth") : "", kTruthRed);
       first = false;
-      curve.label = "vehicle " + std::to_string(id);
+      curve.label = (many ? "" : "vehicle ") + std::to_string(id);
       int last = depths.begin()->first;
       for (const auto& [frame, depth] : depths) {
         // A gap where the vehicle was out of sight for long.
-        if (frame - last > 20) {
+        if (frame - last > kLongGap) {
           curve.x.push_back(when(last));
           curve.y.push_back(kNaN);
         }
@@ -296,11 +297,18 @@ PlotSheet depth_plots(const std::vector<EvaluatedScene>& methods,
       points.kind = last.kind = PlotSeries::Kind::kPoints;
       points.marker = last.marker = index;
       points.marker_size = size;
+      last.marker_size = std::max(size, truth.size() > kManyVehicles ? 0.5 : 1.0);
       last.x = {when(depths.rbegin()->first)};
       last.y = {depths.rbegin()->second};
       ++index;
+      int before = -1;
       for (const VehicleError& error : methods[k].metrics.vehicles) {
         if (error.truth_id != id) continue;
+        if (before >= 0 && error.frame - before > kLongGap) {
+          points.x.push_back(when(error.frame));
+          for (auto* values : {&points.y, &points.low, &points.high}) values->push_back(kNaN);
+        }
+        before = error.frame;
         points.x.push_back(when(error.frame) + shift);
         points.y.push_back(error.depth);
         const double margin = kMargin * error.depth_sigma;
