@@ -8,6 +8,7 @@
 #include <regex>
 
 #include "camber/core/errors.h"
+#include "camber/render/base64.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/result_plots.h"
 #include "camber/render/vehicle_comparison.h"
@@ -201,6 +202,56 @@ TEST(Plot, DashesOfACurveGoOnAcrossItsCorners) {
   }
   // 0.5 of 0.9, and the round ends of 4.4 of 18 pixels.
   for (const double share : shares) EXPECT_NEAR(share, 0.68, 0.1);
+}
+
+TEST(Plot, AnImageCoversItsPlaceWithItsRowsUpright) {
+  PlotSeries s;
+  s.kind = PlotSeries::Kind::kImage;
+  s.x = {10.0, 30.0};
+  s.y = {0.0, 10.0};
+  s.image.width = 2;
+  s.image.height = 1;
+  s.image.channels = 3;
+  s.image.data = {200, 10, 20, 10, 20, 200};  // left red, right blue
+  PlotSheet sheet = sheet_of(s);
+  sheet.panels[0].x.low = 0.0;
+  sheet.panels[0].x.high = 40.0;
+  sheet.panels[0].y.low = 0.0;
+  sheet.panels[0].y.high = 20.0;
+  const Image picture = draw_plots(sheet);
+  const int red = count(picture, {200, 10, 20, 1.0}), blue = count(picture, {10, 20, 200, 1.0});
+  EXPECT_GT(red, 10000);
+  EXPECT_NEAR(1.0 * red / blue, 1.0, 0.05);
+  // Red to the left of blue, both in the lower half of the axes.
+  int last_red = 0, first_blue = picture.width, first_row = picture.height;
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      if (is(picture, x, y, {200, 10, 20, 1.0})) {
+        last_red = std::max(last_red, x);
+        first_row = std::min(first_row, y);
+      }
+      if (is(picture, x, y, {10, 20, 200, 1.0})) first_blue = std::min(first_blue, x);
+    }
+  }
+  EXPECT_LT(last_red, first_blue);
+  EXPECT_GT(first_row, picture.height / 3);
+  EXPECT_THAT(plots_svg(sheet), HasSubstr("data:image/png;base64,iVBORw0KGgo"));
+  sheet.panels[0].series[0].x = {30.0, 10.0};
+  EXPECT_THROW(draw_plots(sheet), std::invalid_argument);
+  sheet.panels[0].series[0].x = {10.0, 30.0};
+  sheet.panels[0].series[0].image.data.pop_back();
+  EXPECT_THROW(draw_plots(sheet), std::invalid_argument);
+}
+
+TEST(Base64, VectorsOfRfc4648) {
+  const std::pair<const char*, const char*> vectors[] = {{"", ""},
+                                                         {"f", "Zg=="},
+                                                         {"fo", "Zm8="},
+                                                         {"foo", "Zm9v"},
+                                                         {"foob", "Zm9vYg=="},
+                                                         {"fooba", "Zm9vYmE="},
+                                                         {"foobar", "Zm9vYmFy"}};
+  for (const auto& [bytes, letters] : vectors) EXPECT_EQ(base64(bytes), letters);
 }
 
 TEST(Plot, EqualScalesHoldForAllPanelsOfASheet) {

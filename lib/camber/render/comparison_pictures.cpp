@@ -110,38 +110,54 @@ Image draw_cumulative(const CloudComparison& comparison) {
 Image draw_height_map(const CloudComparison& comparison) {
   const HeightErrorMap& map = comparison.map;
   const double limit = 0.5 * shown_range(comparison);
-  // u upwards, v to the left.
-  const int across = std::max(1, map.height), ahead = std::max(1, map.width);
-  const int scale = std::clamp(900 / std::max(across, ahead), 1, 12);
-  Image image = make_picture(across * scale + 40, ahead * scale + 80, 255);
-  Canvas canvas(image);
+  const int across = std::max(1, map.height), along = std::max(1, map.width);
+  const double cell = map.cell > 0.0 ? map.cell : 1.0;
+  PlotSeries cells;
+  cells.kind = PlotSeries::Kind::kImage;
+  cells.x = {map.u, map.u + along * cell};
+  cells.y = {map.v, map.v + across * cell};
+  cells.image = make_picture(along, across, 255);
   for (int y = 0; y < map.height; ++y) {
     for (int x = 0; x < map.width; ++x) {
       const float error =
           map.error[static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
                     static_cast<std::size_t>(x)];
       if (!std::isfinite(error)) continue;
-      const double share = std::clamp(static_cast<double>(error) / limit, -1.0, 1.0);
-      const auto fade = [&](double strength) {
-        return static_cast<std::uint8_t>(std::lround(235.0 - 195.0 * std::max(0.0, strength)));
-      };
-      const std::uint8_t rgb[3] = {fade(-share), fade(std::abs(share)), fade(share)};
-      for (int j = 0; j < scale; ++j) {
-        for (int i = 0; i < scale; ++i) {
-          const std::size_t column = static_cast<std::size_t>((across - 1 - y) * scale + i + 20),
-                            row = static_cast<std::size_t>((ahead - 1 - x) * scale + j + 60);
-          std::copy_n(
-              rgb, 3,
-              image.data.begin() + static_cast<std::ptrdiff_t>(
-                                       3 * (row * static_cast<std::size_t>(image.width) + column)));
-        }
-      }
+      const Color c = diverging(0.5 + 0.5 * static_cast<double>(error) / limit);
+      std::uint8_t* out = &cells.image.data[3 * (static_cast<std::size_t>(across - 1 - y) *
+                                                     static_cast<std::size_t>(along) +
+                                                 static_cast<std::size_t>(x))];
+      out[0] = c.red;
+      out[1] = c.green;
+      out[2] = c.blue;
     }
   }
-  canvas.text({20, 20}, "height error, cells of " + format_number(map.cell, 2) + " m", 18, kInk);
-  canvas.text({20, 42},
-              "blue -" + format_number(limit, 2) + " m, red +" + format_number(limit, 2) + " m", 18,
-              kInk);
+  Plot plot;
+  plot.title = "Height error, cells of " + format_number(cell, 2) + " m";
+  plot.x.title = "along the road, m";
+  plot.y.title = "to the left, m";
+  plot.x.low = cells.x[0];
+  plot.x.high = cells.x[1];
+  plot.y.low = cells.y[0];
+  plot.y.high = cells.y[1];
+  plot.equal_scale = true;
+  plot.series = {std::move(cells)};
+  PlotStyle style = kStyle;
+  style.panel_height =
+      std::clamp(120 + static_cast<int>(0.9 * style.width * across / along), 330, 1200);
+  const Image panel = draw_plots({"", {plot}}, style);
+  // Room for the colour bar to the right.
+  constexpr int kBar = 150;
+  Image image = make_picture(panel.width + kBar, panel.height, 255);
+  for (int y = 0; y < panel.height; ++y) {
+    std::copy_n(
+        panel.row(y), 3 * static_cast<std::size_t>(panel.width),
+        &image.data[3 * static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width)]);
+  }
+  Canvas canvas(image);
+  const double bottom = std::min(panel.height - 60.0, 400.0);
+  draw_color_bar(canvas, {panel.width + 10.0, 84.0, panel.width + 32.0, bottom}, -limit, limit,
+                 {"estimate above (+)", "the truth, m"}, kStyle.text_size, kInk, diverging);
   return image;
 }
 

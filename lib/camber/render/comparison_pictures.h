@@ -11,7 +11,8 @@ Image draw_histogram(const CloudComparison& comparison);
 /// Share of the points within a distance, both ways, over the distance, with the thresholds marked.
 Image draw_cumulative(const CloudComparison& comparison);
 
-/// The map of signed height errors, the road's direction upwards; blue too low, red too high.
+/// The map of signed height errors, the road's direction to the right; blue too low, orange too
+/// high.
 Image draw_height_map(const CloudComparison& comparison);
 
 /// A cloud coloured by its distances (viridis, `largest` m and beyond at the yellow end; grey: not

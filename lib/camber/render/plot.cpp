@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/render/base64.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_file.h"
 
@@ -26,6 +27,7 @@ class Paper {
                         const Color& color) = 0;
   virtual void polygon(const std::vector<Vector2d>& corners, const Color& color) = 0;
   virtual void disc(const Vector2d& center, double radius, const Color& color) = 0;
+  virtual void picture(const Box2& place, const Image& image) = 0;
   virtual void text(const Vector2d& at, const std::string& line, double size, TextAnchor anchor,
                     bool bold) = 0;
   virtual void text_upwards(const Vector2d& at, const std::string& line, double size) = 0;
@@ -33,7 +35,7 @@ class Paper {
 
 class PixelPaper : public Paper {
  public:
-  explicit PixelPaper(Image& image) : canvas_(image) {}
+  explicit PixelPaper(Image& image) : canvas_(image), image_(&image) {}
   void segments(const std::vector<Segment2>& lines, double thickness, const Color& color) override {
     canvas_.segments(lines, thickness, color);
   }
@@ -42,6 +44,25 @@ class PixelPaper : public Paper {
   }
   void disc(const Vector2d& center, double radius, const Color& color) override {
     canvas_.disc(center, radius, color);
+  }
+  void picture(const Box2& place, const Image& image) override {
+    const int x1 = static_cast<int>(std::lround(place.x1)),
+              x2 = static_cast<int>(std::lround(place.x2)),
+              y1 = static_cast<int>(std::lround(place.y1)),
+              y2 = static_cast<int>(std::lround(place.y2));
+    for (int y = std::max(0, y1); y < std::min(image_->height, y2); ++y) {
+      const auto row = static_cast<std::size_t>((y - y1 + 0.5) * image.height / (y2 - y1));
+      for (int x = std::max(0, x1); x < std::min(image_->width, x2); ++x) {
+        const auto column = static_cast<std::size_t>((x - x1 + 0.5) * image.width / (x2 - x1));
+        const std::uint8_t* from =
+            &image.data[3 * (row * static_cast<std::size_t>(image.width) + column)];
+        std::copy_n(
+            from, 3,
+            &image_
+                 ->data[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image_->width) +
+                             static_cast<std::size_t>(x))]);
+      }
+    }
   }
   void text(const Vector2d& at, const std::string& line, double size, TextAnchor anchor,
             bool bold) override {
@@ -53,6 +74,7 @@ class PixelPaper : public Paper {
 
  private:
   Canvas canvas_;
+  Image* image_;
 };
 
 class SvgPaper : public Paper {
@@ -83,6 +105,14 @@ class SvgPaper : public Paper {
   void disc(const Vector2d& center, double radius, const Color& color) override {
     body += "<circle cx=\"" + number(center.x()) + "\" cy=\"" + number(center.y()) + "\" r=\"" +
             number(radius) + "\"" + fill(color) + "/>\n";
+  }
+  void picture(const Box2& place, const Image& image) override {
+    const std::vector<std::uint8_t> png = encode_png(image);
+    body += "<image x=\"" + number(place.x1) + "\" y=\"" + number(place.y1) + "\" width=\"" +
+            number(place.width()) + "\" height=\"" + number(place.height()) +
+            "\" preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" "
+            "href=\"data:image/png;base64," +
+            base64(std::string(png.begin(), png.end())) + "\"/>\n";
   }
   void text(const Vector2d& at, const std::string& line, double size, TextAnchor anchor,
             bool bold) override {
@@ -160,6 +190,12 @@ void check_series(const PlotSeries& s) {
                                 ", expected " + std::to_string(s.x.size()));
   };
   using Kind = PlotSeries::Kind;
+  if (s.kind == Kind::kImage) {
+    require_picture(s.image, "plot image");
+    if (s.x.size() == 2 && s.y.size() == 2 && s.x[0] < s.x[1] && s.y[0] < s.y[1]) return;
+    throw std::invalid_argument("plot image '" + s.name +
+                                "': expected two ascending values of x and of y");
+  }
   if (s.kind == Kind::kLine || s.kind == Kind::kPoints) expect("y", s.y, false);
   const bool needs_both = s.kind == Kind::kBand || s.kind == Kind::kBoxes;
   expect("low", s.low, !needs_both);
@@ -293,6 +329,10 @@ class Panel {
     const Ticks xs = ticks_of(plot_.x, x_, x_count()),
                 ys = ticks_of(plot_.y, y_, y_count(axes_.height()));
     const double fine = std::max(1.0, std::floor(text_ / 24.0));
+    using Kind = PlotSeries::Kind;
+    for (const PlotSeries& s : plot_.series) {
+      if (s.kind == Kind::kImage) draw_series(paper, s);  // below the grid
+    }
     std::vector<Segment2> grid;
     for (const double value : xs.values) {
       const double at = std::round(pixel_x(value));
@@ -308,7 +348,6 @@ class Panel {
       grid.resize(xs.values.size());
       paper.segments(grid, fine, kGrid);
     }
-    using Kind = PlotSeries::Kind;
     for (const Kind kind : {Kind::kBand, Kind::kBoxes, Kind::kLine, Kind::kPoints}) {
       for (const PlotSeries& s : plot_.series) {
         if (s.kind == kind) draw_series(paper, s);
@@ -377,7 +416,7 @@ class Panel {
         out.add(s.x);
         out.add(s.right);
       } else {
-        if (s.kind == PlotSeries::Kind::kLine || s.kind == PlotSeries::Kind::kPoints) out.add(s.y);
+        out.add(s.y);
         out.add(s.low);
         out.add(s.high);
       }
@@ -431,6 +470,11 @@ class Panel {
     const double thickness = s.thickness * text_ / 18.0;
     const std::size_t n = s.x.size();
     switch (s.kind) {
+      case PlotSeries::Kind::kImage: {
+        const Vector2d a = at(s.x[0], s.y[1]), b = at(s.x[1], s.y[0]);
+        paper.picture({a.x(), a.y(), b.x(), b.y()}, s.image);
+        break;
+      }
       case PlotSeries::Kind::kLine: {
         std::vector<Segment2> lines;
         for (std::size_t i = 0; i + 1 < n; ++i) {

@@ -19,6 +19,7 @@ struct PlotSeries {
     kPoints,  ///< x, y with bars from low to high, where these are given
     kBand,    ///< x with low and high
     kBoxes,   ///< from (x, low) to (right, high), filled
+    kImage,   ///< `image` from (x[0], y[0]), lower left, to (x[1], y[1]); never smoothed
   } kind = Kind::kLine;
   std::string name;  ///< in the legend; empty: not there
   /// Beside the right end; may be empty. Labels too many for the panel's height stand within it,
@@ -30,6 +31,7 @@ struct PlotSeries {
   bool dashed = false;
   int marker = 0;            ///< of points: 0 disc, 1 square, 2 triangle, 3 diamond, then again
   double marker_size = 1.0;  ///< of points, times the usual
+  Image image;               ///< 3 channels, rows from the top
 };
 
 struct PlotAxis {
