@@ -7,15 +7,18 @@
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
 #include "camber/pipeline/estimate_vehicles.h"
+#include "camber/pipeline/kitti_boxes.h"
 #include "command.h"
 
 namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, frames, prior, surface, preset = "default", schedule = "together",
-                                                  links = "continuity";
+  std::string scene, out, kitti_labels, frames, prior, surface,
+      preset = "default", schedule = "together", links = "continuity";
   EstimateVehiclesOptions options;
+  std::vector<std::filesystem::path> calibration;
+  int camera = 2;
   bool one_problem = false, no_tracks = false;
   bool json = false;
 };
@@ -30,6 +33,7 @@ void register_vehicles(CLI::App& root) {
       "the camera's height.",
       "  camber vehicles samples/steep_hill --out vehicles.json\n"
       "  camber vehicles clip/scene.json --surface out/clip --out joined.json\n"
+      "  camber vehicles clip/scene.json --out vehicles.json --kitti-labels labels.txt\n"
       "  camber vehicles samples/steep_hill --preset paper --out paper.json\n"
       "  camber vehicles clip/scene.json --frames 48:50 --method flat --out flat.json --json");
   auto arguments = std::make_shared<Arguments>();
@@ -37,6 +41,14 @@ void register_vehicles(CLI::App& root) {
   CLI::App& app = *command->app;
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   app.add_option("--out", a.out, "result file (vehicles.json form)")->required();
+  app.add_option("--kitti-labels", a.kitti_labels,
+                 "also write a KITTI label file (tracking form), pitch and roll in a side file "
+                 "with the extension .tilt.csv; in the frame of the scene's camera, or of "
+                 "camera 0 with --calib");
+  app.add_option("--calib", a.calibration, "KITTI calibration file(s), for --kitti-labels");
+  app.add_option("--camera", a.camera, "the scene's camera in that calibration")
+      ->check(CLI::Range(0, 3))
+      ->capture_default_str();
   app.add_option("--method", a.options.method,
                  "joint (own planes, weighed by how well they are known), coplanar (ego plane for "
                  "all), flat (level plane at the camera's height)")
@@ -91,6 +103,10 @@ void register_vehicles(CLI::App& root) {
     RoadSurface surface;
     RunDocument run;
     std::vector<int> frames;
+    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+    if (!args.calibration.empty() && args.kitti_labels.empty()) {
+      throw UsageError("--calib says in which frame --kitti-labels are written; give both");
+    }
     {
       const StageTimer timer(timings, "load");
       scene = read_scene(args.scene, make_warning_sink(command->common));
@@ -100,6 +116,9 @@ void register_vehicles(CLI::App& root) {
         run = read_run(std::filesystem::path(args.surface) / "run.json");
         args.options.surface = &surface;
         args.options.cameras = &run.cameras;
+      }
+      if (!args.calibration.empty()) {
+        offset = read_kitti_calibration(args.calibration).camera(args.camera).offset;
       }
       if (!args.prior.empty()) {
         prior = read_vehicle_prior(args.prior);
@@ -131,6 +150,13 @@ void register_vehicles(CLI::App& root) {
     nlohmann::json json = to_json(document);
     {
       const StageTimer timer(timings, "write");
+      if (!args.kitti_labels.empty()) {
+        const std::vector<LiftedBox> rows = kitti_from_vehicles(document, scene, offset);
+        KittiLabelFile file{KittiLabelForm::kTracking, {}};
+        for (const LiftedBox& row : rows) file.labels.push_back(row.label);
+        write_tilts(rows, tilt_file(args.kitti_labels));
+        write_kitti_labels(file, args.kitti_labels);
+      }
       write_json(json, args.out);
     }
     if (args.json) {

@@ -2,10 +2,13 @@
 // and with the true planes, rows kept apart; and real keypoints on real cars. Truth is only
 // compared with, but for the rows that say that they were given the true planes.
 //
-//   bench_steep_roads [--keep DIR] [--cars] [--prior FILE]
+//   bench_steep_roads [--keep DIR] [--cars] [--prior FILE] [--only steep|synth|real|budget]
 //
-// --keep DIR  stores the roads found in the images in DIR and takes them from there next time, so
-//             that only the vehicles are fitted again; --cars lists every vehicle.
+// The scenes are those of steep-scenes and eight of the program's own (camber synth).
+// --keep DIR  stores the made scenes and the roads found in the images in DIR and takes them from
+//             there next time, so that only the vehicles are fitted again; --cars lists every
+//             vehicle; --only runs one part. The budget of the error along the ray is printed by
+//             --only budget alone.
 // Data: $CAMBER_DATA, else ../shared/data.
 
 #include <algorithm>
@@ -21,7 +24,9 @@
 #include "camber/core/errors.h"
 #include "camber/evaluate/tables.h"
 #include "camber/pipeline/reconstruct.h"
+#include "camber/scene/image_io.h"
 #include "camber/scene/results.h"
+#include "camber/synth/synthesise.h"
 #include "camber/vehicle/fit_vehicle.h"
 #include "camber/vehicle/joint_fit.h"
 #include "camber/vehicle/support_plane.h"
@@ -44,6 +49,7 @@ struct Road {
 
 struct Clip {
   Scene scene;
+  std::map<int, GrayImage> images;  // by frame
   int middle = 0;
   Road three, five;  // roads from the middle three frames and from all five
 };
@@ -90,6 +96,10 @@ std::vector<Clip> read_clips(const fs::path& folder, const fs::path& keep) {
     clip.three = find_road(clip.scene, {id(1), id(2), id(3)}, kept.empty() ? kept : kept / "three");
     clip.five = find_road(clip.scene, {id(0), id(1), id(2), id(3), id(4)},
                           kept.empty() ? kept : kept / "five");
+    for (const SceneFrame& f : clip.scene.frames) {
+      FrameImage image = read_frame_image(f.image, clip.scene.camera);
+      clip.images[f.id] = {image.grey.width, image.grey.height, std::move(image.grey.data)};
+    }
     out.push_back(std::move(clip));
   }
   return out;
@@ -160,20 +170,24 @@ struct Row {
   const char* planes;
   Supports support;
   VehicleFitOptions fit;
-  bool tracks = false;  // all five frames, with the tracks that the program finds
+  // The frames of that road, with the tracks that the program finds; none: the middle one alone.
+  const Road Clip::*views = nullptr;
+  bool images = true;                      // and the vehicles' grey values
   const JointFitOptions* joint = nullptr;  // the frame's vehicles and planes in one problem
 };
 
 EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
   std::vector<TrackFrame> frames;
   std::size_t middle = 0;
-  for (const RunDocument::CameraPose& camera : clip.five.run.cameras) {
-    if (!row.tracks && camera.id != clip.middle) continue;
+  const RunDocument& run = row.views ? (clip.*row.views).run : clip.five.run;
+  for (const RunDocument::CameraPose& camera : run.cameras) {
+    if (!row.views && camera.id != clip.middle) continue;
     const SceneFrame& frame = *clip.scene.find_frame(camera.id);
     if (camera.id == clip.middle) middle = frames.size();
     TrackFrame out;
     out.world_from_camera = camera.reference_from_camera;
     out.time_s = frame.time_s.value_or(camera.id / clip.scene.frame_rate.value_or(10.0));
+    if (row.images) out.image = &clip.images.at(camera.id);
     out.detections = frame.vehicles;
     for (const VehicleDetection& d : frame.vehicles) {
       out.supports.push_back(row.support(clip, camera.id, d));
@@ -188,9 +202,9 @@ EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
   }
   VehicleDocument document;
   document.method = row.name;
-  document.frames.push_back(
-      {clip.middle, row.tracks ? fit_tracks(clip.scene.camera, frames, row.fit)[middle]
-                               : frames[middle].estimates});
+  document.frames.push_back({clip.middle, row.views ? fit_tracks(clip.scene.camera, frames, row.fit,
+                                                                 0, run.scale_sigma)[middle]
+                                                    : frames[middle].estimates});
   EvaluatedScene out;
   out.scene = clip.scene.name;
   out.method = row.name;
@@ -268,11 +282,14 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
       {"coplanar", "from 3 images", found_ego, trusting},
       {"joint", "from 3 images", found, doubting},
       {"joint", "from 5 images", found_by_five, doubting},
-      {"joint, five views", "from 5 images", found_by_five, doubting, true},
+      {"joint, three views", "from 3 images", found, doubting, &Clip::three},
+      {"joint, five views", "from 5 images", found_by_five, doubting, &Clip::five},
+      {"joint, five views, no grey values", "from 5 images", found_by_five, doubting, &Clip::five,
+       false},
       {"joint without planes", "none", none, doubting},
       {"coplanar", "true ego plane", true_ego, trusting},
       {"joint", "true", true_support, doubting},
-      {"joint, five views", "true", true_support, doubting, true},
+      {"joint, five views", "true", true_support, doubting, &Clip::five},
   };
   print_header();
   for (const Row& row : rows) {
@@ -280,6 +297,105 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
     for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
     print_row(row.planes, make_tables(scenes).front());
     if (cars) list_cars(scenes);
+  }
+}
+
+/// Where the error along the viewing ray comes from, by distance: the planes' own errors at the
+/// true contact against what they state, and the centres with planes from images, without planes,
+/// with true planes, and with true planes made wrong by a known amount that their covariance
+/// states.
+void budget(const std::vector<Clip>& clips) {
+  const VehicleFitOptions fit;
+  using Errors = std::vector<std::map<int, VehicleError>>;  // [clip][detection]
+  const auto run = [&](const Supports& support) {
+    Errors out;
+    for (const Clip& clip : clips) {
+      out.emplace_back();
+      const Row row{"", "", support, fit};
+      for (const VehicleError& e : evaluate_clip(clip, row).metrics.vehicles) {
+        out.back()[e.estimate_id] = e;
+      }
+    }
+    return out;
+  };
+  const auto found = [](const Clip& clip, int frame, const VehicleDetection& d) {
+    return found_support(clip.three, frame, d);
+  };
+  const auto none = [](const Clip& clip, int frame, const VehicleDetection& d) {
+    return unknown_plane(found_support(clip.three, frame, d));
+  };
+  const auto raised = [](double height) {
+    return [height](const Clip& clip, int frame, const VehicleDetection& d) {
+      SupportPlane s = true_support(clip, frame, d);
+      s.plane.covariance = Eigen::Vector3d(1e-4, 1e-4, height * height).asDiagonal();
+      s.plane.plane.offset += height;
+      return s;
+    };
+  };
+  const Errors joint = run(found), alone = run(none), sure = run(true_support);
+  std::vector<Errors> wrong;
+  for (const double height : {0.05, -0.05, 0.1, -0.1}) wrong.push_back(run(raised(height)));
+  std::printf(
+      "\n## Budget of the error along the viewing ray, one view, planes from 3 images\n\n"
+      "| distance | cars | plane error rms m | over its stated sigma | joint m | no planes | true "
+      "planes | 0.05 m off | 0.1 m off |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|\n");
+  const double edges[] = {0.0, 15.0, 30.0, 1e9};
+  const char* names[] = {"<= 15 m", "15-30 m", "> 30 m"};
+  for (int bin = 0; bin < 3; ++bin) {
+    double count = 0.0, squares = 0.0, stated = 0.0, sums[5] = {};
+    for (std::size_t k = 0; k < clips.size(); ++k) {
+      const Clip& clip = clips[k];
+      for (const auto& [id, e] : joint[k]) {
+        if (!(e.distance > edges[bin]) || !(e.distance <= edges[bin + 1])) continue;
+        const VehicleDetection* detection = nullptr;
+        for (const VehicleDetection& d : clip.scene.find_frame(clip.middle)->vehicles) {
+          if (d.id == id) detection = &d;
+        }
+        for (const TruthVehicle& t : truth_of(clip.scene, clip.middle).vehicles) {
+          if (t.id != e.truth_id) continue;
+          const Eigen::Vector3d foot = t.plane->foot(t.pose.bottom_center());
+          const SupportPlane s = found_support(clip.three, clip.middle, *detection);
+          const double off = s.plane.plane.signed_distance(foot);
+          squares += off * off;
+          stated += off * off / s.plane.height_variance(foot);
+        }
+        const std::size_t clip_index = k;
+        const int vehicle = id;
+        const auto along = [&](const Errors& of) {
+          return std::abs(of[clip_index].at(vehicle).along_error);
+        };
+        sums[0] += along(joint);
+        sums[1] += along(alone);
+        sums[2] += along(sure);
+        sums[3] += 0.5 * (along(wrong[0]) + along(wrong[1]));
+        sums[4] += 0.5 * (along(wrong[2]) + along(wrong[3]));
+        count += 1.0;
+      }
+    }
+    std::printf("| %s | %.0f | %.3f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", names[bin],
+                count, std::sqrt(squares / count), std::sqrt(stated / count), sums[0] / count,
+                sums[1] / count, sums[2] / count, sums[3] / count, sums[4] / count);
+  }
+}
+
+/// One scene of the program's own for each shape of road.
+void make_scenes(const fs::path& folder) {
+  const RoadProfileKind kinds[] = {
+      RoadProfileKind::kSteepHill, RoadProfileKind::kUphill,  RoadProfileKind::kDownhill,
+      RoadProfileKind::kCrest,     RoadProfileKind::kSag,     RoadProfileKind::kBank,
+      RoadProfileKind::kRolling,   RoadProfileKind::kControl,
+  };
+  for (int i = 0; i < 8; ++i) {
+    SynthOptions options;
+    options.seed = 101 + static_cast<std::uint64_t>(i);
+    options.profile = kinds[i];
+    options.speed = 6.0 + i;
+    options.num_cars = 6;
+    options.farthest_car = 50.0;
+    options.cloud_points = 1000;
+    options.name = "made_" + std::string(to_string(kinds[i]));
+    const fs::path scene = folder / options.name;
+    if (!fs::exists(scene / "scene.json")) synthesise_scene(options, scene);
   }
 }
 
@@ -319,7 +435,7 @@ void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* pri
   print_header();
   for (const auto& [name, options] : variants) {
     std::vector<EvaluatedScene> scenes;
-    const Row row{name, "from 3 images", found, fit, false, &options};
+    const Row row{name, "from 3 images", found, fit, nullptr, false, &options};
     for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
     print_row(row.planes, make_tables(scenes).front());
     if (cars) list_cars(scenes);
@@ -386,28 +502,47 @@ int main(int argc, char** argv) {
   using namespace camber;
   fs::path keep;
   bool cars = false;
+  std::string only;
   VehiclePrior prior = shipped_vehicle_prior();
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     if (word == "--keep" && i + 1 < argc) keep = argv[++i];
     if (word == "--cars") cars = true;
+    if (word == "--only" && i + 1 < argc) only = argv[++i];
     if (word == "--prior" && i + 1 < argc) prior = read_vehicle_prior(argv[++i]);
   }
+  const auto wanted = [&](const char* part) { return only.empty() || only == part; };
   const fs::path data = test::data_dir();
   std::printf("# Vehicles on steep roads\n\n");
-  if (fs::exists(data / "steep-scenes")) {
-    const std::vector<Clip> clips = read_clips(data / "steep-scenes", keep);
-    steep_roads(clips, cars, &prior);
-    ablation(clips, cars, &prior);
-  } else {
-    std::printf("skipped: no %s\n", (data / "steep-scenes").string().c_str());
+  if (wanted("steep") || only == "budget") {
+    if (fs::exists(data / "steep-scenes")) {
+      const std::vector<Clip> clips = read_clips(data / "steep-scenes", keep);
+      if (only == "budget") {
+        budget(clips);
+      } else {
+        steep_roads(clips, cars, &prior);
+        ablation(clips, cars, &prior);
+      }
+    } else {
+      std::printf("skipped: no %s\n", (data / "steep-scenes").string().c_str());
+    }
   }
-  std::printf("\n## Real network keypoints on KITTI cars, camera 1.65 m above a flat road\n\n");
-  const fs::path real = data / "kitti-car-keypoints" / "cars.json";
-  if (fs::exists(real)) {
-    real_keypoints(real, cars, &prior);
-  } else {
-    std::printf("skipped: no %s\n", real.string().c_str());
+  if (wanted("synth")) {
+    std::printf("\n## Scenes of camber synth\n\n");
+    const test::TemporaryFolder temporary;
+    const fs::path made = keep.empty() ? temporary.path() : keep / "made";
+    fs::create_directories(made);
+    make_scenes(made);
+    steep_roads(read_clips(made, keep), cars, &prior);
+  }
+  if (wanted("real")) {
+    std::printf("\n## Real network keypoints on KITTI cars, camera 1.65 m above a flat road\n\n");
+    const fs::path real = data / "kitti-car-keypoints" / "cars.json";
+    if (fs::exists(real)) {
+      real_keypoints(real, cars, &prior);
+    } else {
+      std::printf("skipped: no %s\n", real.string().c_str());
+    }
   }
   return 0;
 }

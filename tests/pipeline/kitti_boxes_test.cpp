@@ -242,5 +242,49 @@ TEST(KittiTables, RealLabelsAsTruth) {
   EXPECT_NEAR(shifted.rows.front().center.mean, sum / count, 1e-6);
 }
 
+TEST(KittiRows, OfVehiclesGoThereAndBack) {
+  Scene scene;
+  SceneFrame seen;
+  seen.id = 8;
+  VehicleDetection detection;
+  detection.id = 2;
+  detection.track = 11;
+  detection.score = 0.75;
+  seen.vehicles = {detection};
+  scene.frames = {seen};
+  VehicleDocument document;
+  VehicleEstimate v;
+  v.id = 2;
+  v.vehicle_class = "van";
+  v.box = {10, 20, 60, 50};
+  v.status = Status::kWeak;
+  v.plane_source = "patch 5";
+  v.pose.camera_from_vehicle =
+      SE3(rotation_of(0.7, {0.15, -0.05}), Eigen::Vector3d(3.0, 1.2, 22.0));
+  v.pose.dimensions = {5.1, 1.9, 2.2};
+  VehicleEstimate none = v;
+  none.id = 3;
+  none.status = Status::kFailed;
+  document.frames = {{8, {v, none}}};
+  const std::vector<LiftedBox> rows = kitti_from_vehicles(document, scene, kCamera.offset);
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].label.type, "Van");
+  EXPECT_EQ(rows[0].label.track, 11);
+  EXPECT_EQ(rows[0].label.score, 0.75);
+  EXPECT_EQ(rows[0].patch, 5);
+  EXPECT_NEAR(rows[0].tilt.pitch, 0.15, 1e-9);
+  EXPECT_NEAR(rows[0].tilt.roll, -0.05, 1e-9);
+  const VehicleDocument back = vehicles_from_kitti({KittiLabelForm::kTracking, {rows[0].label}},
+                                                   kCamera, 0, {rows[0].tilt}, "read");
+  ASSERT_EQ(back.frames.size(), 1u);
+  EXPECT_EQ(back.frames[0].id, 8);
+  const OrientedBox& pose = back.frames[0].vehicles[0].pose;
+  EXPECT_LT((pose.center() - v.pose.center()).norm(), 1e-9);
+  EXPECT_LT(
+      (pose.camera_from_vehicle.rotation_matrix() - v.pose.camera_from_vehicle.rotation_matrix())
+          .norm(),
+      1e-9);
+}
+
 }  // namespace
 }  // namespace camber

@@ -230,6 +230,28 @@ TEST(FitVehicle, AWrongPlaneIsSaid) {
   EXPECT_GE(right_or_said, 57);
 }
 
+// One fault at a time: ten degrees along or across the view, a kerb up or down, a wall taken for
+// the ground.
+TEST(FitVehicle, AKerbASlopeOrAWallForAPlaneIsRightOrSaid) {
+  const Eigen::Vector3d faults[] = {
+      {0.17, 0.0, 0.0}, {0.0, 0.17, 0.0}, {0.0, 0.0, 0.14}, {0.0, 0.0, -0.14}, {0.0, 1.4, 0.0}};
+  for (const Eigen::Vector3d& fault : faults) {
+    int right_or_said = 0;
+    for (int i = 0; i < 30; ++i) {
+      SimulationOptions simulation;
+      simulation.max_distance = 25.0;
+      SimulatedVehicle s = simulate_vehicle(simulation, i);
+      UncertainPlane& plane = s.support.plane;
+      plane.plane = plane.perturbed(fault);
+      UncertainPlane::make_axes(plane.plane.normal, {0, 0, 1}, &plane.axis1, &plane.axis2);
+      const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+      const bool right = center_error(e, s) < 0.1 * s.truth.center().norm();
+      right_or_said += right || e.status != Status::kOk ? 1 : 0;
+    }
+    EXPECT_GE(right_or_said, 28) << fault.transpose();
+  }
+}
+
 // A network that takes the left for the right: every keypoint carries its mirror's place.
 TEST(FitVehicle, SwappedLeftAndRightAreRightOrSaid) {
   int right_or_said = 0;

@@ -67,6 +67,14 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
   if (!scene.height_above_road) {
     wide.level_sigma_height = std::max(wide.level_sigma_height, kUsualHeightSigma);
   }
+  // What the run's own vehicles told of their ground is not to be told again.
+  RoadSurface ground;
+  if (options.surface) {
+    ground = *options.surface;
+    for (PlanePatch& patch : ground.patches) {
+      if (patch.without_vehicle) patch.plane = *patch.without_vehicle;
+    }
+  }
   VehicleFitOptions fit = options.fit;
   fit.trust_plane = options.method != "joint";
 
@@ -114,10 +122,9 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
       } else if (options.method == "coplanar") {
         supports.push_back(frame->ego_plane ? certain_support(*frame->ego_plane, "ego")
                                             : certain_support({{0.0, -1.0, 0.0}, height}, "level"));
-      } else if (auto found =
-                     seen ? surface_support(*options.surface, seen->reference_from_camera.inverse(),
-                                            scene.camera, detection)
-                          : std::nullopt) {
+      } else if (auto found = seen ? surface_support(ground, seen->reference_from_camera.inverse(),
+                                                     scene.camera, detection)
+                                   : std::nullopt) {
         supports.push_back(std::move(*found));
       } else if (detection.has_plane) {
         supports.push_back(given_support(scene.camera, detection, options.support));

@@ -38,7 +38,8 @@ struct EstimateVehiclesOptions {
 /// Without a camera height in the scene a height of 1.65 m with a wide prior is taken, and the
 /// document says that it is not metric.
 /// With a run's surface every vehicle stands on the patch that its box's bottom meets; a frame that
-/// the run did not see keeps the scene's planes.
+/// the run did not see keeps the scene's planes. Planes that hold the word of the run's vehicles are
+/// taken without it: the vehicles are about to tell it again.
 /// @param frame_ids  ids of the scene; @throws std::invalid_argument for another id.
 VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& frame_ids,
                                   const EstimateVehiclesOptions& options,

@@ -284,4 +284,46 @@ VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
   return out;
 }
 
+std::vector<LiftedBox> kitti_from_vehicles(const VehicleDocument& document, const Scene& scene,
+                                           const Eigen::Vector3d& offset) {
+  std::vector<LiftedBox> out;
+  for (const VehicleFrame& frame : document.frames) {
+    const SceneFrame* seen = scene.find_frame(frame.id);
+    for (const VehicleEstimate& v : frame.vehicles) {
+      if (v.status == Status::kFailed || v.status == Status::kNotRun) continue;
+      LiftedBox row;
+      KittiLabel& label = row.label;
+      label.frame = frame.id;
+      label.type = v.vehicle_class.empty() ? "Car" : v.vehicle_class;
+      label.type[0] =
+          static_cast<char>(std::toupper(static_cast<unsigned char>(label.type.front())));
+      label.box = v.box;
+      label.height = v.pose.dimensions.height;
+      label.width = v.pose.dimensions.width;
+      label.length = v.pose.dimensions.length;
+      label.location = v.pose.bottom_center() - offset;
+      const Eigen::Matrix3d rotation = v.pose.camera_from_vehicle.rotation_matrix();
+      label.rotation_y = rotation_y(rotation);
+      label.alpha = std::remainder(
+          label.rotation_y - std::atan2(label.location.x(), label.location.z()), 2.0 * kPi);
+      label.score = 1.0;
+      if (seen) {
+        for (const VehicleDetection& d : seen->vehicles) {
+          if (d.id != v.id) continue;
+          label.track = d.track;
+          label.score = d.score;
+        }
+      }
+      row.tilt = tilt_of(rotation);
+      row.status = v.status;
+      row.reason = v.reason;
+      if (v.plane_source.rfind("patch ", 0) == 0) row.patch = std::stoi(v.plane_source.substr(6));
+      const Eigen::Vector3d ray = v.pose.center().normalized();
+      row.sigma_depth = std::sqrt(std::max(ray.dot(v.covariance.topLeftCorner<3, 3>() * ray), 0.0));
+      out.push_back(std::move(row));
+    }
+  }
+  return out;
+}
+
 }  // namespace camber

@@ -966,6 +966,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
         }
         vehicle.plane = standing->plane;
         vehicle.plane_sigma_height = std::sqrt(standing->covariance(2, 2));
+        patch.without_vehicle = patch.plane;
         patch.plane = standing->transformed(reference_from_frame[k]);
         patch.boundary.clear();
         set_rectangle(patch, 0.5 * LocalPlaneOptions().length, 0.5 * LocalPlaneOptions().length,

@@ -150,6 +150,30 @@ int require_id(JsonObject& object, const char* key) {
   return object.require(key, "an integer id").integer(-1, kMaxId, "an integer id");
 }
 
+json plane_json(const UncertainPlane& plane) {
+  return {
+      {"normal", vector_json(plane.plane.normal)}, {"offset", number_json(plane.plane.offset)},
+      {"centroid", vector_json(plane.centroid)},   {"axis1", vector_json(plane.axis1)},
+      {"axis2", vector_json(plane.axis2)},         {"covariance", matrix_json(plane.covariance)}};
+}
+
+UncertainPlane read_plane(JsonObject& object, bool complete) {
+  const char* unit = "a unit vector [x, y, z]";
+  UncertainPlane out;
+  out.plane.normal = read_direction(object.require("normal", unit), complete);
+  const auto offset = object.find("offset");
+  if (!offset && complete) object.require("offset", "a number of metres");
+  out.plane.offset = offset ? read_number(*offset, complete) : kNaN;
+  out.centroid =
+      object.require("centroid", "3 numbers [x, y, z]").vector3("3 numbers [x, y, z]", !complete);
+  out.axis1 = read_direction(object.require("axis1", unit), complete);
+  out.axis2 = read_direction(object.require("axis2", unit), complete);
+  const std::vector<double> c =
+      object.require("covariance", "9 numbers").numbers(9, "9 numbers", true);
+  out.covariance = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(c.data());
+  return out;
+}
+
 PlanePatch read_patch(const JsonCursor& cursor) {
   JsonObject object(cursor, "a patch {\"id\", \"normal\", ...}");
   PlanePatch out;
@@ -169,23 +193,16 @@ PlanePatch read_patch(const JsonCursor& cursor) {
       v->fail("\"road\", \"pavement\" or \"other\"");
     }
   }
-  const char* unit = "a unit vector [x, y, z]";
-  out.plane.plane.normal = read_direction(object.require("normal", unit), complete);
-  const auto offset = object.find("offset");
-  if (!offset && complete) object.require("offset", "a number of metres");
-  out.plane.plane.offset = offset ? read_number(*offset, complete) : kNaN;
-  out.plane.centroid =
-      object.require("centroid", "3 numbers [x, y, z]").vector3("3 numbers [x, y, z]", !complete);
-  out.plane.axis1 = read_direction(object.require("axis1", unit), complete);
-  out.plane.axis2 = read_direction(object.require("axis2", unit), complete);
-  const std::vector<double> c =
-      object.require("covariance", "9 numbers").numbers(9, "9 numbers", true);
-  out.plane.covariance = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(c.data());
+  out.plane = read_plane(object, complete);
   if (const auto v = object.find("inliers")) out.inliers = v->integer(0, kMaxId, "a count");
   out.boundary = find_points(object, "boundary");
   if (const auto v = object.find("grade_deg")) out.grade = to_radians(v->number());
   if (const auto v = object.find("bank_deg")) out.bank = to_radians(v->number());
   out.refinement = find_text(object, "refinement");
+  if (const auto v = object.find("without_vehicle")) {
+    JsonObject alone(*v, "a plane {\"normal\", \"offset\", ...}");
+    out.without_vehicle = read_plane(alone, true);
+  }
   return out;
 }
 
@@ -283,21 +300,18 @@ std::vector<std::pair<std::string, long>> read_counts(const JsonCursor& cursor) 
 }  // namespace
 
 json to_json(const PlanePatch& patch) {
-  return {{"id", patch.id},
-          {"kind", kind_word(patch.kind)},
-          {"status", to_string(patch.status)},
-          {"reason", patch.reason},
-          {"normal", vector_json(patch.plane.plane.normal)},
-          {"offset", number_json(patch.plane.plane.offset)},
-          {"centroid", vector_json(patch.plane.centroid)},
-          {"axis1", vector_json(patch.plane.axis1)},
-          {"axis2", vector_json(patch.plane.axis2)},
-          {"covariance", matrix_json(patch.plane.covariance)},
-          {"inliers", patch.inliers},
-          {"boundary", points_json(patch.boundary)},
-          {"grade_deg", number_json(to_degrees(patch.grade))},
-          {"bank_deg", number_json(to_degrees(patch.bank))},
-          {"refinement", patch.refinement}};
+  json out = {{"id", patch.id},
+              {"kind", kind_word(patch.kind)},
+              {"status", to_string(patch.status)},
+              {"reason", patch.reason},
+              {"inliers", patch.inliers},
+              {"boundary", points_json(patch.boundary)},
+              {"grade_deg", number_json(to_degrees(patch.grade))},
+              {"bank_deg", number_json(to_degrees(patch.bank))},
+              {"refinement", patch.refinement}};
+  out.update(plane_json(patch.plane));
+  if (patch.without_vehicle) out["without_vehicle"] = plane_json(*patch.without_vehicle);
+  return out;
 }
 
 json to_json(const RoadSurface& surface) {
