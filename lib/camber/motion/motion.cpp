@@ -1,7 +1,7 @@
 #include "camber/motion/motion.h"
 
-#include <ceres/ceres.h>
-
+#include <Eigen/Cholesky>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,8 +10,7 @@
 #include <stdexcept>
 
 #include "camber/core/random.h"
-#include "camber/motion/cost_functions/baseline_length.h"
-#include "camber/motion/cost_functions/inverse_depth_reprojection_error.h"
+#include "camber/motion/reduced_bundle.h"
 
 namespace camber {
 namespace {
@@ -135,116 +134,59 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
                 " static points agree with the motion, expected at least 30");
   }
   constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
-  std::vector<double> depths(chosen.size());
-  ceres::Problem::Options problem_options;
-  problem_options.disable_all_safety_checks = true;
-  ceres::Problem problem(problem_options);
-  ceres::LossFunction* loss = new ceres::CauchyLoss(1.5);
-  auto* ordering = new ceres::ParameterBlockOrdering;
-  for (std::size_t i = 0; i < chosen.size(); ++i) {
-    const auto at = static_cast<std::size_t>(chosen[i]);
-    depths[i] = start[at];
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
-    for (const MatchedImage& match : matches.matches) {
+  BundleProblem problem;
+  problem.camera = camera;
+  problem.num_threads = options.num_threads;
+  std::vector<double> depths;
+  for (const int grid : chosen) {
+    const auto at = static_cast<std::size_t>(grid);
+    for (std::size_t m = 0; m < others; ++m) {
+      const MatchedImage& match = matches.matches[m];
       if (!std::isfinite(match.round_trip_px[at])) continue;
-      problem.AddResidualBlock(
-          InverseDepthReprojectionError::create(camera, ray, match.pixels[at].cast<double>(),
-                                                kStartSigma),
-          loss, out.frame_from_reference[static_cast<std::size_t>(match.frame)].data(), &depths[i]);
+      problem.observations.push_back(
+          {static_cast<int>(depths.size()), static_cast<int>(m), match.pixels[at].cast<double>()});
     }
-    ordering->AddElementToGroup(&depths[i], 0);
+    problem.rays.push_back(camera.ray(matches.pixels[at].cast<double>()));
+    depths.push_back(start[at]);
   }
+  std::vector<SE3> views;
   for (const MatchedImage& match : matches.matches) {
-    double* pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)].data();
-    problem.AddParameterBlock(
-        pose, 7,
-        new ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>());
-    ordering->AddElementToGroup(pose, 1);
+    views.push_back(out.frame_from_reference[static_cast<std::size_t>(match.frame)]);
   }
-  // Gauge: the widest baseline keeps its length.
-  problem.AddResidualBlock(
-      BaselineLength::create(widest_from_reference.translation().norm(), 1e-4), nullptr,
-      out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)].data());
-  ceres::Solver::Options solver;
-  solver.linear_solver_type = ceres::DENSE_SCHUR;
-  solver.linear_solver_ordering.reset(ordering);
-  solver.max_num_iterations = 25;
-  solver.function_tolerance = 1e-5;
-  solver.num_threads = 1;  // sums of several threads would not be repeatable
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  if (!summary.IsSolutionUsable()) return fail("the bundle adjustment did not converge");
+  if (!solve_bundle(problem, widest, kStartSigma, views, depths)) {
+    return fail("the bundle adjustment did not converge");
+  }
 
   // Unit: the longest baseline.
   std::size_t longest = 0;
   double length = 0.0;
   for (std::size_t m = 0; m < others; ++m) {
-    const auto f = static_cast<std::size_t>(matches.matches[m].frame);
-    const double baseline = out.frame_from_reference[f].translation().norm();
+    const double baseline = views[m].translation().norm();
     if (baseline > length) {
       length = baseline;
       longest = m;
     }
   }
   if (!(length > 0)) return fail("the bundle adjustment found no baseline");
-  for (SE3& pose : out.frame_from_reference) {
-    pose.set_translation(pose.translation() / length);
+  for (std::size_t m = 0; m < others; ++m) {
+    views[m].set_translation(views[m].translation() / length);
+    out.frame_from_reference[static_cast<std::size_t>(matches.matches[m].frame)] = views[m];
   }
   for (double& rho : depths) rho *= length;
 
-  // Noise of a coordinate from the residuals (median absolute deviation), then the reduced camera
-  // system for the covariance.
+  // Noise of a coordinate from the residuals (median absolute deviation), then the reduced system
+  // for the covariance.
   const auto n = static_cast<Eigen::Index>(6 * others);
+  const Eigen::Matrix2Xd errors = bundle_residuals(problem, views, depths);
   std::vector<double> residuals;
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-  struct Row {
-    Eigen::Index block;
-    Eigen::Matrix<double, 2, 6> pose;
-    Eigen::Vector2d depth, residual;
-  };
-  std::vector<std::vector<Row>> tracks(chosen.size());
-  for (std::size_t i = 0; i < chosen.size(); ++i) {
-    const auto at = static_cast<std::size_t>(chosen[i]);
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[at].cast<double>());
-    for (std::size_t m = 0; m < others; ++m) {
-      const MatchedImage& match = matches.matches[m];
-      if (!std::isfinite(match.round_trip_px[at])) continue;
-      const SE3& pose = out.frame_from_reference[static_cast<std::size_t>(match.frame)];
-      const Eigen::Vector3d a = pose.rotation() * ray;
-      const Eigen::Vector3d p = a + depths[i] * pose.translation();
-      if (!(p.z() > 1e-6)) continue;
-      Eigen::Matrix<double, 2, 3> projection;
-      projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
-          camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
-      Row row;
-      row.block = static_cast<Eigen::Index>(6 * m);
-      row.pose.leftCols<3>() = -projection * skew(a);
-      row.pose.rightCols<3>() = projection * depths[i];
-      row.depth = projection * pose.translation();
-      const auto pixel = camera.project(p);
-      row.residual = *pixel - match.pixels[at].cast<double>();
-      residuals.push_back(std::abs(row.residual.x()));
-      residuals.push_back(std::abs(row.residual.y()));
-      tracks[i].push_back(row);
-    }
+  for (Eigen::Index k = 0; k < errors.size(); ++k) {
+    if (std::isfinite(errors(k))) residuals.push_back(std::abs(errors(k)));
   }
   // The depths absorb one of the 2 (n - 1) coordinates of each track.
   const double freedom =
       std::sqrt(2.0 * static_cast<double>(others) / (2.0 * static_cast<double>(others) - 1.0));
   out.pixel_sigma = std::max(0.02, 1.4826 * median(residuals) * freedom);
-  for (const std::vector<Row>& track : tracks) {
-    double depth_information = 1e-9;
-    Eigen::VectorXd cross = Eigen::VectorXd::Zero(n);
-    for (const Row& row : track) {
-      const double scaled = row.residual.squaredNorm() / (out.pixel_sigma * out.pixel_sigma);
-      const double weight = 1.0 / (out.pixel_sigma * out.pixel_sigma * (1.0 + scaled / 2.25));
-      information.block<6, 6>(row.block, row.block) += weight * row.pose.transpose() * row.pose;
-      cross.segment<6>(row.block) += weight * row.pose.transpose() * row.depth;
-      depth_information += weight * row.depth.squaredNorm();
-    }
-    information -= cross * cross.transpose() / depth_information;
-  }
+  Eigen::MatrixXd information = reduce_bundle(problem, views, depths, out.pixel_sigma).information;
   const Eigen::Vector3d axis =
       out.frame_from_reference[static_cast<std::size_t>(matches.matches[longest].frame)]
           .translation();

@@ -15,13 +15,14 @@ namespace camber {
 struct MotionOptions {
   std::uint64_t seed = 0;
   int max_essential_points = 6000;  ///< for the robust essential matrix, >= 50
-  int max_bundle_points = 1000;     ///< for the bundle adjustment, >= 50
+  int max_bundle_points = 3000;     ///< for the bundle adjustment, >= 50
   double inlier_px = 1.0;           ///< epipolar and reprojection threshold, > 0
   double standing_px = 0.35;        ///< median image motion below which the camera stands, > 0
   double parallax_px = 0.35;        ///< parallax (90th percentile) below which it only turns, > 0
   /// The errors of a smooth flow are shared by neighbours: the covariance is that of independent
   /// matches times this, >= 1.
   double correlation = 16.0;
+  int num_threads = 0;    ///< <= 0: see resolve_num_threads
   void validate() const;  ///< throws std::invalid_argument
 };
 

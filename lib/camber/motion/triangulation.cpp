@@ -57,6 +57,22 @@ double TriangulatedPoints::sigma_total(std::size_t i,
   return std::sqrt(sigma_own[i] * sigma_own[i] + j.dot(pose_covariance * j));
 }
 
+TriangulatedPoints TriangulatedPoints::chosen(const std::vector<std::uint8_t>& wanted) const {
+  TriangulatedPoints out;
+  out.dropped = dropped;
+  std::vector<Eigen::Index> rows;
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (!wanted.at(static_cast<std::size_t>(grid[i]))) continue;
+    out.grid.push_back(grid[i]);
+    out.rays.push_back(rays[i]);
+    out.inverse_depth.push_back(inverse_depth[i]);
+    out.sigma_own.push_back(sigma_own[i]);
+    rows.push_back(static_cast<Eigen::Index>(i));
+  }
+  if (pose_jacobian.size() > 0) out.pose_jacobian = pose_jacobian(rows, Eigen::all);
+  return out;
+}
+
 TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondences& matches,
                                const MotionEstimate& motion,
                                const std::vector<std::uint8_t>& wanted,
@@ -103,7 +119,7 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
   };
 
   const auto solve_point = [&](std::size_t i, std::vector<View>& views,
-                               Eigen::RowVectorXf* jacobian) {
+                               std::vector<float>* jacobians) {
     if (!wanted[i]) return;
     outcome[i] = Outcome::kDropped;
     views.clear();
@@ -165,26 +181,31 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
     }
     double chi2 = 0.0;
     double worst = 0.0;
-    if (jacobian) jacobian->setZero();
+    const std::size_t own = jacobians ? jacobians->size() : 0;
+    if (jacobians) jacobians->resize(own + static_cast<std::size_t>(columns), 0.0f);
+    const auto discard = [&] {
+      if (jacobians) jacobians->resize(own);
+    };
     for (const View& view : views) {
       if (!linearise(view, rho, &residual, &by_depth, &projection)) {
         reason[i] = DropReason::kBehindCamera;
-        return;
+        return discard();
       }
       const double r2 = residual.dot(view.weight * residual);
       chi2 += r2;
       worst = std::max(worst, r2);
-      if (jacobian) {
+      if (jacobians) {
         // d rho / d pose = -(1 / information) by_depth' W d(projection) / d pose.
-        const Eigen::RowVector2d left = -(by_depth.transpose() * view.weight) / information;
-        const auto block = static_cast<Eigen::Index>(6 * view.other);
-        jacobian->segment<3>(block) = (left * (-projection * skew(view.a))).cast<float>();
-        jacobian->segment<3>(block + 3) = (left * (projection * rho)).cast<float>();
+        const Eigen::RowVector3d left =
+            -(by_depth.transpose() * view.weight * projection) / information;
+        Eigen::Map<Eigen::Matrix<float, 1, 6>> row(jacobians->data() + own + 6 * view.other);
+        row.head<3>() = (-left * skew(view.a)).cast<float>();
+        row.tail<3>() = (left * rho).cast<float>();
       }
     }
     if (worst > options.max_residual * options.max_residual) {
       reason[i] = DropReason::kInconsistent;
-      return;
+      return discard();
     }
     // Contradicting matches widen the estimate (reduced chi-square above 1).
     const double freedom = 2.0 * static_cast<double>(views.size()) - 1.0;
@@ -193,11 +214,13 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
     outcome[i] = Outcome::kKept;
   };
 
-  parallel_for(static_cast<std::size_t>(matches.rows), options.num_threads, [&](std::size_t row) {
+  // The kept points' derivatives, row by row of the grid.
+  std::vector<std::vector<float>> jacobians(static_cast<std::size_t>(matches.rows));
+  parallel_for(jacobians.size(), options.num_threads, [&](std::size_t row) {
     std::vector<View> views;
     const auto first = row * static_cast<std::size_t>(matches.columns);
     for (std::size_t i = first; i < first + static_cast<std::size_t>(matches.columns); ++i) {
-      solve_point(i, views, nullptr);
+      solve_point(i, views, options.with_pose_jacobian ? &jacobians[row] : nullptr);
     }
   });
 
@@ -212,15 +235,8 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
   }
   if (!options.with_pose_jacobian) return out;
   out.pose_jacobian.resize(static_cast<Eigen::Index>(out.size()), columns);
-  constexpr std::size_t kChunk = 4096;
-  parallel_for((out.size() + kChunk - 1) / kChunk, options.num_threads, [&](std::size_t chunk) {
-    std::vector<View> views;
-    Eigen::RowVectorXf jacobian(columns);
-    for (std::size_t i = chunk * kChunk; i < std::min(out.size(), (chunk + 1) * kChunk); ++i) {
-      solve_point(static_cast<std::size_t>(out.grid[i]), views, &jacobian);
-      out.pose_jacobian.row(static_cast<Eigen::Index>(i)) = jacobian;
-    }
-  });
+  float* to = out.pose_jacobian.data();
+  for (const std::vector<float>& row : jacobians) to = std::copy(row.begin(), row.end(), to);
   return out;
 }
 

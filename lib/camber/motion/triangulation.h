@@ -46,6 +46,8 @@ struct TriangulatedPoints {
   Eigen::Vector3d point(std::size_t i) const { return rays[i] / inverse_depth[i]; }
   /// Standard deviation of inverse_depth[i] with the motion's share.
   double sigma_total(std::size_t i, const Eigen::MatrixXd& pose_covariance) const;
+  /// Those whose grid point is wanted. @param wanted one entry a grid point of the correspondences.
+  TriangulatedPoints chosen(const std::vector<std::uint8_t>& wanted) const;
 };
 
 /// Triangulates grid points from all images with the given motion: least squares over the inverse

@@ -190,7 +190,6 @@ void triangulate_ground(Run& run, bool first) {
     const auto p = static_cast<std::size_t>(at(run.matches.pixels[i], run.camera.width));
     wanted[i] = !masks.vehicle[p] && run.matches.pixels[i].y() > horizon;
   }
-  options.with_pose_jacobian = false;
   const TriangulatedPoints all = triangulate(run.camera, run.matches, run.motion, wanted, options);
   GrowRoadOptions grow;
   grow.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
@@ -212,9 +211,7 @@ void triangulate_ground(Run& run, bool first) {
   } else if (first) {
     throw NoAnswerError("no road found in the cloud: " + grown.reason);
   }
-  options.with_pose_jacobian = true;
-  run.points = triangulate(run.camera, run.matches, run.motion, run.ground, options);
-  run.points.dropped = all.dropped;
+  run.points = all.chosen(run.ground);
 }
 
 /// Ground seen in the reference image, one byte a pixel.
@@ -658,6 +655,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   const std::vector<std::uint8_t> usable = static_points(run);
   MotionOptions motion_options;
   motion_options.seed = options.seed;
+  motion_options.num_threads = options.num_threads;
   const bool known_poses = std::all_of(run.frames.begin(), run.frames.end(),
                                        [](const SceneFrame* f) { return f->world_from_camera; });
   {
@@ -696,7 +694,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     if (!known_poses) {
       report("motion", share);
       const StageTimer timer(timings, "motion");
-      motion_options.max_bundle_points = 600;
+      motion_options.max_bundle_points = 2000;
       MotionEstimate refined =
           refine_motion(scene.camera, run.matches, usable, run.motion, motion_options);
       if (refined.status == Status::kOk) run.motion = std::move(refined);
