@@ -219,8 +219,8 @@ void odometry(const fs::path& folder) {
 }
 
 /// KITTI raw drive 0052, crawling among moving traffic: ego plane and road points against the
-/// laser.
-void crawling(const fs::path& folder, const std::string& list, const std::vector<int>& frames) {
+/// laser. Without frames the command's own choice among the list.
+void crawling(const fs::path& folder, const std::string& list, std::vector<int> frames) {
   std::printf("\n## KITTI raw 2011_09_26 drive 0052, frames %s, no masks, no detections\n",
               list.c_str());
   if (!available(folder)) return;
@@ -234,6 +234,13 @@ void crawling(const fs::path& folder, const std::string& list, const std::vector
   import.camera = 2;
   const fs::path manifest = temporary.path() / "scene.json";
   import_kitti_to(import, manifest);
+  if (frames.empty()) {
+    // The laser's scan that is compared with belongs to the reference frame.
+    frames = choose_frames(read_scene(manifest)).ids;
+    std::printf("frames chosen by default: %d, %d, %d\n", frames[0], frames[1], frames[2]);
+    import.reference_frame = frames[1];
+    import_kitti_to(import, manifest);
+  }
   const Scene scene = read_scene(manifest);
   const Reconstruction result = run(scene, frames);
   const RoadCloud laser = read_cloud(scene.truth->cloud);
@@ -367,8 +374,12 @@ int main(int argc, char** argv) {
   if (wanted("odometry")) odometry(data / "kitti-odometry-06");
   if (wanted("crawling")) {
     const fs::path drive = data / "kitti-raw-2011_09_26-drive_0052";
+    crawling(drive, "0:11", {});
     crawling(drive, "0:10:5", {0, 5, 10});
+    crawling(drive, "1:11:5", {1, 6, 11});
+    crawling(drive, "2:10:4", {2, 6, 10});
     crawling(drive, "0:10:2", {0, 2, 4, 6, 8, 10});
+    crawling(drive, "0:11", {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11});
   }
   if (wanted("ablation")) {
     const auto row = [&](const char* title, int first, int last,
