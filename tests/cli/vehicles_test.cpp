@@ -143,6 +143,19 @@ TEST_F(VehicleScene, WritesTables) {
   }
 }
 
+TEST_F(VehicleScene, PlotsOfSeveralScenesHaveTheirNames) {
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
+  fs::copy_file(path("scene.json"), path("again.json"));  // of the same name
+  const auto run = run_camber({"evaluate", "--truth", path("scene.json"), path("again.json"),
+                               "--estimate", path("v.json"), path("v.json"), path("v.json"),
+                               path("v.json"), "--out", path("tables"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  for (const char* file : {"depth_over_time_made.png", "depth_over_time_made_2.png"}) {
+    EXPECT_TRUE(fs::exists(folder_.path() / "tables" / file)) << file;
+  }
+  EXPECT_FALSE(fs::exists(folder_.path() / "tables" / "depth_over_time.png"));
+}
+
 TEST_F(VehicleScene, FailuresAreOneSentence) {
   const json empty = {
       {"method", "joint"}, {"detections_source", ""}, {"metric", true}, {"frames", json::array()}};
