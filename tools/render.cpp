@@ -284,6 +284,10 @@ int run(const Command& command, Arguments& a) {
     throw UsageError(std::string(film ? "a film" : "--sheet") +
                      " needs several pictures: --frames or --turntable");
   }
+  if (a.rate > 0.0 && !film) {
+    throw UsageError("--rate goes with a film: --out must end in .mp4 or .avi");
+  }
+  if (a.sheet_columns > 0 && !a.sheet) throw UsageError("--sheet-columns goes with --sheet");
   if (film && a.sheet) throw UsageError("--sheet makes one picture: --out must end in .png");
   if ((film || a.sheet) && a.picture.transparent) {
     throw UsageError("--transparent goes with single pictures only");

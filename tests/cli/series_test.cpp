@@ -69,6 +69,8 @@ TEST(RenderSeries, FramesToFilesSheetsAndFilms) {
       {{"--frames", "all", "--out", path("x.glb")}, "--out must end in .png, .mp4 or .avi"},
       {{"--out", path("x.mp4")}, "a film needs several pictures"},
       {{"--sheet", "--out", path("x.png")}, "--sheet needs several pictures"},
+      {{"--frames", "0", "--rate", "5", "--out", path("x.png")}, "--rate goes with a film"},
+      {{"--frames", "0", "--sheet-columns", "2", "--out", path("x.png")}, "goes with --sheet"},
       {{"--frames", "7", "--out", path("x.mp4")}, "frame 7"},
       {{"--frames", "0", "--frame", "1", "--out", path("x.png")}, "exclude each other"},
       {{"--frames", "0", "--turntable", "2", "--out", path("x.png")}, "exclude each other"},
