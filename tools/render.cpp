@@ -237,9 +237,19 @@ std::vector<fs::path> write_series(const Series& series, const Arguments& a, dou
   if (sheet) write_png(sheet->sheet(), out);
   if (film || sheet) return {out};
   std::vector<fs::path> written;
-  for (const auto& [path, image] : pictures) {
-    write_png(image, path);
-    written.push_back(path);
+  std::vector<fs::path> added;
+  try {
+    for (const auto& [path, image] : pictures) {
+      std::error_code error;
+      const bool new_file = !fs::exists(path, error);
+      write_png(image, path);
+      if (new_file) added.push_back(path);
+      written.push_back(path);
+    }
+  } catch (...) {
+    std::error_code error;
+    for (const fs::path& path : added) fs::remove(path, error);
+    throw;
   }
   return written;
 }

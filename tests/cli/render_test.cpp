@@ -33,6 +33,7 @@ class Render : public ::testing::Test {
                 "property float z\nend_header\n");
   }
   std::string path(const std::string& name) const { return folder_.path() / name; }
+  const std::filesystem::path& folder_path() const { return folder_.path(); }
   void expect_failure(const std::vector<std::string>& arguments, int code,
                       const std::string& part) {
     const auto before = snapshot(folder_.path());
@@ -97,6 +98,29 @@ TEST_F(Render, DenseTruthErrorsAndATransparentGround) {
     return std::count_if(image.data.begin(), image.data.end(), [](auto v) { return v < 200; });
   };
   EXPECT_LT(inked(read_color_image(path("b.png"))), inked(read_color_image(path("a.png"))) / 2);
+}
+
+TEST_F(Render, SameFileForAnyNumberOfThreads) {
+  const auto bytes = [&](const std::string& threads, const std::string& view) {
+    const std::string out = path(threads + view + ".png");
+    const auto run =
+        run_camber({"render", path("cloud.xyz"), "--truth", path("cloud.xyz"), "--color", "error",
+                    "--view", view, "--out", out, "--size", "320x240", "--threads", threads});
+    EXPECT_EQ(run.exit_code, 0) << run.error;
+    return snapshot(folder_path())[threads + view + ".png"];
+  };
+  for (const std::string view : {"both", "bev"}) {
+    const std::string first = bytes("1", view);
+    EXPECT_GT(first.size(), 1000u);
+    EXPECT_EQ(first == bytes("3", view), true);
+  }
+}
+
+TEST_F(Render, ASeriesThatCannotBeWrittenLeavesNoPartOfIt) {
+  std::filesystem::create_directory(path("t_002.png"));  // the third of three
+  expect_failure({"render", path("cloud.xyz"), "--out", path("t.png"), "--turntable", "3", "--size",
+                  "160x120"},
+                 3, "t_002.png");
 }
 
 TEST_F(Render, SaysWhatIsWrongWithScenesAndTruth) {

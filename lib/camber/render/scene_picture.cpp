@@ -268,6 +268,30 @@ void draw_height_axis(Canvas& canvas, const PictureSpace& space, const SceneCame
   taken->insert(taken->end(), covered.begin(), covered.end());
 }
 
+/// A bar as long as a cell of the grid is across the view in the content's middle; from `at`, its
+/// left end, where nothing else is written.
+void draw_scale_bar(Canvas& canvas, const PictureSpace& space, const SceneCamera& view,
+                    const SceneGrid& grid, const Eigen::Vector2d& at, double text_size,
+                    std::vector<Box2>* taken) {
+  const Eigen::Vector3d middle(0.5 * (grid.x1 + grid.x2), 0.5 * (grid.y1 + grid.y2),
+                               0.5 * (space.up.low + space.up.high));
+  const double length = grid.xs.step * view.pixels_per_metre(middle);
+  const std::string name = format_step(grid.xs.step) + " " + space.unit + " in the middle";
+  const Eigen::Vector2d end = at + Eigen::Vector2d(length, 0.0);
+  const double height = 0.25 * text_size;
+  const double right = end.x() + 0.5 * text_size + Canvas::text_size(name, 0.8 * text_size).x();
+  const Box2 box{at.x(), at.y() - 2.0 * height, right, at.y() + 2.0 * height};
+  for (const Box2& other : *taken) {
+    if (box.x1 < other.x2 && box.x2 > other.x1 && box.y1 < other.y2 && box.y2 > other.y1) return;
+  }
+  if (right > 0.5 * canvas.width()) return;
+  const Eigen::Vector2d up(0.0, height);
+  canvas.segments({{at, end}, {at - up, at + up}, {end - up, end + up}},
+                  std::max(1.0, text_size / 12.0), kInk);
+  canvas.text(end + Eigen::Vector2d(0.5 * text_size, 0.0), name, 0.8 * text_size, kInk);
+  taken->push_back(box);
+}
+
 /// The marks of what is shown, and how large the grid's cells are.
 std::vector<LegendEntry> scene_legend(const Drawing& drawing, const SceneGrid& grid,
                                       bool grid_shown) {
@@ -333,7 +357,10 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   std::vector<Box2> taken;
   if (grid_shown) {
     taken = draw_grid_numbers(canvas, image, drawing, view, grid, 0.8 * text);
-    if (fitted) draw_height_axis(canvas, space, view, grid, 0.8 * text, &taken);
+    if (fitted) {
+      draw_height_axis(canvas, space, view, grid, 0.8 * text, &taken);
+      draw_scale_bar(canvas, space, view, grid, {text, bottom - 0.7 * text}, text, &taken);
+    }
   }
 
   if (!fitted) {
