@@ -428,7 +428,8 @@ void learn_local_noise(const PointArrays& s,
                        double least, std::uint64_t seed, NoiseModel* model) {
   constexpr std::size_t kMostLeaves = 36;
   constexpr int kSamples = 9;
-  const std::size_t step = std::max<std::size_t>(1, leaves.size() / kMostLeaves);
+  const std::size_t step =
+      names.empty() ? std::max<std::size_t>(1, leaves.size() / kMostLeaves) : 1;
   std::vector<float> deviations;
   std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
   std::vector<float> residuals, sorted;
