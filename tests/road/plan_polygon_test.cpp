@@ -46,5 +46,12 @@ TEST(PlanPolygon, GapBetweenAndOverlap) {
   EXPECT_TRUE(over.on_a.isApprox(Vector2d(1.5, 1.5)));
 }
 
+TEST(PlanPolygon, AreasInMapCoordinates) {
+  // Doubles hold them to 1e-9 m.
+  EXPECT_NEAR(polygon_area(square(4.5e6, 5.1e5, 0.25)), 0.0625, 1e-8);
+  const PolygonGap touching = polygon_gap(square(4.5e6, 5.1e5, 1), square(4.5e6 + 1.0, 5.1e5, 1));
+  EXPECT_NEAR(touching.overlap_area, 0.0, 1e-8);
+}
+
 }  // namespace
 }  // namespace camber

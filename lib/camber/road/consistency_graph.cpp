@@ -283,7 +283,9 @@ ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurfac
   ceres::Solver::Options solver;
   solver.linear_solver_type =
       blocks.size() > 60 ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::DENSE_NORMAL_CHOLESKY;
-  solver.max_num_iterations = 20;
+  // To the end: where it stops early depends on rounding.
+  solver.max_num_iterations = 50;
+  solver.function_tolerance = 1e-12;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

@@ -291,7 +291,7 @@ std::vector<int> label_cloud(const RoadCloud& cloud, const PointTree& tree,
 }
 
 /// Outline of a region in plan: the hull of its points in its own leaves, without the strays that
-/// noise has carried out at the ends.
+/// noise has carried out at the ends, and half their spacing around it.
 PlanPolygon outline(const PointTree& tree, const PlanarRegion& region, int id,
                     const std::vector<int>& row_labels) {
   std::vector<Vector2d> places;
@@ -304,7 +304,19 @@ PlanPolygon outline(const PointTree& tree, const PlanarRegion& region, int id,
       places.emplace_back(static_cast<double>(x), static_cast<double>(y));
     }
   }
-  return convex_hull(std::move(places));
+  const double count = static_cast<double>(places.size());
+  const PlanPolygon hull = convex_hull(std::move(places));
+  if (hull.size() < 3) return hull;
+  // Each point stands for the ground around it, half way to the next.
+  const double half = 0.5 * std::sqrt(polygon_area(hull) / count);
+  std::vector<Vector2d> around;
+  for (std::size_t k = 0; k < hull.size(); ++k) {
+    const Vector2d &from = hull[k], &to = hull[(k + 1) % hull.size()];
+    const Vector2d out = half * Vector2d(to.y() - from.y(), from.x() - to.x()).normalized();
+    around.push_back(from + out);
+    around.push_back(to + out);
+  }
+  return convex_hull(std::move(around));
 }
 
 /// Which patches are road: those that hang together smoothly with the largest one, or with the one

@@ -152,8 +152,7 @@ struct GroundField::Impl {
       right.setZero();
       for (std::size_t i = 0; i < count; ++i) {
         const Footprint& f = footprints[i];
-        const double w =
-            weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
+        const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
         const int cell = f.node[0] / columns * (columns - 1) + f.node[0] % columns;
         const Eigen::Map<const Eigen::Vector4d> b(f.weight);
         blocks[static_cast<std::size_t>(cell)].noalias() += (w * b) * b.transpose();
@@ -205,8 +204,7 @@ struct GroundField::Impl {
     Eigen::MatrixXd shared_right = Eigen::MatrixXd::Zero(n, columns_shared);
     for (std::size_t i = 0; i < count; ++i) {
       const Footprint& f = footprints[i];
-      const double w =
-          weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
+      const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
       for (int k = 0; k < 4; ++k) {
         node_support[f.node[k]] += weight[i] * f.weight[k];
         if (columns_shared > 0) {

@@ -21,7 +21,7 @@ struct LocalPlaneOptions {
   double inflation = 4.0;
   /// What the ground under a vehicle departs from a smooth field: ruts, potholes, undulations.
   double uneven_height = 0.03;  ///< m, >= 0
-  double uneven_tilt = 0.01;     ///< rad, >= 0
+  double uneven_tilt = 0.01;    ///< rad, >= 0
 };
 
 struct LocalPlane {

@@ -19,7 +19,7 @@ const Vector3d kUp = Vector3d::UnitZ();
 constexpr double kLimit = kInlierSigmas * kInlierSigmas;
 constexpr double kLeastShare = 0.3;  // of a leaf's points that a plane must hold to have it
 constexpr double kSmoothness = 4.0;  // cost of a leaf whose neighbours are all of other regions
-constexpr double kNewPlane = 40.0;   // cost that a plane of its own must save
+constexpr double kNewPlane = 10.0;   // cost that a plane of its own must save
 
 struct Proposal {
   PivotPlane plane;
@@ -55,6 +55,26 @@ class Segmenter {
   void collect();
   double cost_of(std::size_t leaf, const PivotPlane& plane) const {
     return static_cast<double>(statistics(plane, leaf).cost);
+  }
+  /// How much smaller the variance at a place is than the whole cloud's, from the cost of its
+  /// points on the planes that fit them best: 1 where it is not, and no smaller than the ground's
+  /// roughness.
+  double quieter(double cost, double points) const {
+    constexpr double kNormal = 0.93, kMost = 16.0;  // cost of a point with normal noise
+    double most = out_.typical_noise > 0.0 ? kMost : 1.0;
+    if (options_.roughness > 0.0) {
+      const double ratio = out_.typical_noise / options_.roughness;
+      most = std::clamp(ratio * ratio, 1.0, most);
+    }
+    return std::clamp(kNormal * points / std::max(cost, 1e-9), 1.0, most);
+  }
+  double points_of(const std::vector<int>& leaves) const {
+    double points = 0.0;
+    for (const int leaf : leaves) {
+      const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+      points += static_cast<double>(l.end - l.begin);
+    }
+    return points;
   }
   double nothing(std::size_t leaf) const {
     const PointTree::Leaf& l = tree_.leaves()[leaf];
@@ -501,7 +521,7 @@ bool Segmenter::split() {
     }
     const double angle = 0.5 * std::atan2(2.0 * scatter(0, 1), scatter(0, 0) - scatter(1, 1));
     const double allowed = kNewPlane + points * tolerance_ * tolerance_ / 9.0;
-    double best = before - allowed;
+    double best = allowed;
     std::vector<int> best_rest;
     PivotPlane best_plane, best_other;
     for (const double turn : {0.0, 0.5 * M_PI}) {
@@ -517,13 +537,17 @@ bool Segmenter::split() {
         (places[k] < middle ? near : rest).push_back(members[k]);
       }
       if (near.size() < 2 || rest.size() < 2) continue;
+      const double near_points = points_of(near);
+      if (std::min(near_points, points - near_points) < 1.5 * options_.min_points) continue;
       PivotPlane a = planes_[region], b = planes_[region];
       if (!refit(near, 3, &a) || !refit(rest, 3, &b)) continue;
       double after = 0.0;
       for (const int leaf : near) after += cost_of(static_cast<std::size_t>(leaf), a);
       for (const int leaf : rest) after += cost_of(static_cast<std::size_t>(leaf), b);
-      if (after < best) {
-        best = after;
+      // In units of the noise here: it may be less than the whole cloud's.
+      const double gain = (before - after) * quieter(after, points);
+      if (gain > best) {
+        best = gain;
         best_rest = rest;
         best_plane = a;
         best_other = b;
@@ -580,7 +604,8 @@ bool Segmenter::merge() {
     }
     // A systematic misfit of a third of the tolerance is what a plane is allowed to have.
     const double allowed = kNewPlane + points * tolerance_ * tolerance_ / 9.0;
-    if (together - apart > allowed || accepted < both.size() * 95 / 100) continue;
+    if ((together - apart) * quieter(apart, points) > allowed || accepted < both.size() * 95 / 100)
+      continue;
     for (const int leaf : members_[b]) {
       out_.leaf_region[static_cast<std::size_t>(leaf)] = static_cast<int>(a);
     }

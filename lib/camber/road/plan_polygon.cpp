@@ -124,8 +124,9 @@ PlanPolygon convex_hull(std::vector<Vector2d> points) {
 
 double polygon_area(const PlanPolygon& polygon) {
   double twice = 0.0;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    twice += cross(polygon[i], polygon[(i + 1) % polygon.size()]);
+  // From a corner: map coordinates are large.
+  for (std::size_t i = 1; i + 1 < polygon.size(); ++i) {
+    twice += cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0]);
   }
   return 0.5 * std::abs(twice);
 }
@@ -151,8 +152,15 @@ PolygonGap polygon_gap(const PlanPolygon& a, const PlanPolygon& b) {
     const PlanPolygon both = clip(hull_a, hull_b);
     gap.overlap_area = polygon_area(both);
     if (gap.overlap_area > 0.0) {
-      Vector2d middle = Vector2d::Zero();
-      for (const Vector2d& p : both) middle += p / static_cast<double>(both.size());
+      // Centroid of the area: corners come and go with rounding.
+      Vector2d moment = Vector2d::Zero();
+      double twice = 0.0;
+      for (std::size_t k = 1; k + 1 < both.size(); ++k) {
+        const Vector2d p = both[k] - both[0], q = both[k + 1] - both[0];
+        moment += cross(p, q) * (p + q) / 3.0;
+        twice += cross(p, q);
+      }
+      const Vector2d middle = both[0] + moment / twice;
       if (distance_to_polygon(a, middle) == 0.0 && distance_to_polygon(b, middle) == 0.0) {
         gap.on_a = gap.on_b = middle;
         gap.distance = 0.0;
