@@ -681,6 +681,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     const StageTimer timer(timings, "surface");
     fit_ego(run);
     field_options.metres_per_unit = run.metres_per_unit;
+    field_options.num_threads = options.num_threads;
     run.field.emplace(scene.camera, ground_observations(run), run.ego.plane.plane, field_options);
   }
   for (int round = 0; round < options.rounds; ++round) {

@@ -3,9 +3,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "camber/core/threads.h"
 
 namespace camber {
 namespace {
@@ -127,14 +130,26 @@ struct GroundField::Impl {
     if (observations.inverse_depth.size() != count || observations.sigma.size() != count) {
       throw std::invalid_argument("ground observations: arrays differ in length");
     }
+    // Pieces of the observations side by side, a fixed number for any number of threads: their sums
+    // are added in order.
+    constexpr std::size_t kPieces = 4;
+    const auto in_pieces = [&](const auto& work) {
+      parallel_for(kPieces, options.num_threads, [&](std::size_t piece) {
+        work(piece, count * piece / kPieces, count * (piece + 1) / kPieces);
+      });
+    };
     std::vector<Footprint> footprints(count);
-    for (std::size_t i = 0; i < count; ++i) footprints[i] = footprint(observations.pixels[i]);
+    in_pieces([&](std::size_t, std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) footprints[i] = footprint(observations.pixels[i]);
+    });
     const auto reweigh = [&](double width) {
-      for (std::size_t i = 0; i < count; ++i) {
-        const double r =
-            (observations.inverse_depth[i] - value(footprints[i], nodes)) / observations.sigma[i];
-        weight[i] = 1.0 / (1.0 + r * r / (6.25 * width * width));
-      }
+      in_pieces([&](std::size_t, std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i) {
+          const double r =
+              (observations.inverse_depth[i] - value(footprints[i], nodes)) / observations.sigma[i];
+          weight[i] = 1.0 / (1.0 + r * r / (6.25 * width * width));
+        }
+      });
     };
     if (weight.empty()) {
       weight.resize(count);
@@ -142,23 +157,34 @@ struct GroundField::Impl {
     }
     const int n = columns * rows;
     Eigen::SparseMatrix<double> normal(n, n);
-    Eigen::VectorXd right(n);
     std::vector<Eigen::Triplet<double>> triplets;
     // Dense accumulation of the data term over each cell's 4 x 4 block keeps the triplets few.
     const int cells = (columns - 1) * (rows - 1);
-    std::vector<Eigen::Matrix4d> blocks(static_cast<std::size_t>(cells));
+    std::array<std::vector<Eigen::Matrix4d>, kPieces> parts;
+    std::array<Eigen::VectorXd, kPieces> rights;
     for (int iteration = 0; iteration < iterations; ++iteration) {
-      std::fill(blocks.begin(), blocks.end(), Eigen::Matrix4d::Zero());
-      right.setZero();
-      for (std::size_t i = 0; i < count; ++i) {
-        const Footprint& f = footprints[i];
-        const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
-        const int cell = f.node[0] / columns * (columns - 1) + f.node[0] % columns;
-        const Eigen::Map<const Eigen::Vector4d> b(f.weight);
-        blocks[static_cast<std::size_t>(cell)].noalias() += (w * b) * b.transpose();
-        for (int k = 0; k < 4; ++k) {
-          right[f.node[k]] += w * f.weight[k] * observations.inverse_depth[i];
+      in_pieces([&](std::size_t piece, std::size_t first, std::size_t last) {
+        std::vector<Eigen::Matrix4d>& part = parts[piece];
+        Eigen::VectorXd& side = rights[piece];
+        part.assign(static_cast<std::size_t>(cells), Eigen::Matrix4d::Zero());
+        side = Eigen::VectorXd::Zero(n);
+        for (std::size_t i = first; i < last; ++i) {
+          const Footprint& f = footprints[i];
+          const double w =
+              weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
+          const int cell = f.node[0] / columns * (columns - 1) + f.node[0] % columns;
+          const Eigen::Map<const Eigen::Vector4d> b(f.weight);
+          part[static_cast<std::size_t>(cell)].noalias() += (w * b) * b.transpose();
+          for (int k = 0; k < 4; ++k) {
+            side[f.node[k]] += w * f.weight[k] * observations.inverse_depth[i];
+          }
         }
+      });
+      std::vector<Eigen::Matrix4d>& blocks = parts[0];
+      Eigen::VectorXd& right = rights[0];
+      for (std::size_t piece = 1; piece < kPieces; ++piece) {
+        for (std::size_t cell = 0; cell < blocks.size(); ++cell) blocks[cell] += parts[piece][cell];
+        right += rights[piece];
       }
       triplets.clear();
       for (int cell = 0; cell < cells; ++cell) {

@@ -30,6 +30,7 @@ struct GroundFieldOptions {
   /// Neighbouring observations share their errors: information is divided by this, >= 1.
   double correlation = 32.0;
   int iterations = 6;     ///< of the reweighting, >= 1
+  int num_threads = 0;    ///< <= 0: see resolve_num_threads; the same result for any number
   void validate() const;  ///< throws std::invalid_argument
 };
 
