@@ -176,7 +176,7 @@ class TrackProblem {
     return cost;
   }
 
-  double refine(TrackState* state, bool parked, int max_iterations) const {
+  double refine(TrackState* state, bool parked, int max_iterations, double tolerance) const {
     Eigen::MatrixXd hessian;
     Eigen::VectorXd gradient;
     double cost = evaluate(*state, parked, &hessian, &gradient);
@@ -202,7 +202,7 @@ class TrackProblem {
         *state = std::move(candidate);
         cost = next;
         lambda = std::max(lambda * 0.2, 1e-8);
-        if (gain < 1e-3) break;
+        if (gain < tolerance) break;
         evaluate(*state, parked, &hessian, &gradient);
       } else {
         lambda *= 8.0;
@@ -448,7 +448,7 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
   }
   problem.share();
   const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
-  problem.refine(&moving, false, 10);
+  problem.refine(&moving, false, 10, 0.1);  // within a pixel or two, for the registration
   problem.register_views(prior, lead_at, moving);
   TrackState parked = moving;
   const SE3 stand =
@@ -456,11 +456,13 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
   for (int k = 0; k < count; ++k)
     problem.place(k, stand, &parked.views[static_cast<std::size_t>(k)]);
 
-  if (problem.num_links() > 0) problem.refine(&moving, false, 25);
-  problem.refine(&parked, true, 25);
-  const double parked_cost = problem.evidence(parked, true);
-  const double moving_cost = problem.evidence(moving, false);
-  const bool stands = parked_cost < moving_cost;
+  const double moving_cost = problem.refine(&moving, false, 25, 0.01);
+  // Far from what a moving one explains, standing still need not be told exactly.
+  constexpr double kHopeless = 60.0;
+  double parked_cost = problem.refine(&parked, true, 8, 0.01);
+  if (parked_cost < moving_cost + kHopeless) parked_cost = problem.refine(&parked, true, 20, 0.01);
+  const bool stands = parked_cost < moving_cost + kHopeless &&
+                      problem.evidence(parked, true) < problem.evidence(moving, false);
   const TrackState& states = stands ? parked : moving;
   Eigen::MatrixXd hessian;
   Eigen::VectorXd gradient;
