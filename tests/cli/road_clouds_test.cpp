@@ -1,5 +1,6 @@
 // camber plane, camber patches and camber profile on a made road cloud.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -140,6 +141,69 @@ TEST_F(RoadClouds, FailuresAreOneSentence) {
     EXPECT_ONE_SENTENCE(run("cloud.ply", {"--up", "0,0,0"}), 2, "--up");
     EXPECT_FALSE(fs::exists(path("none"))) << command;
   }
+}
+
+/// A grid of 40 x 40 points 0.25 m apart at a height, as text.
+std::string level_sheet(double height) {
+  std::string out;
+  for (int i = 0; i < 1600; ++i) {
+    out += fmt::format("{} {} {}\n", 0.25 * (i % 40), 0.25 * (i / 40), height);
+  }
+  return out;
+}
+
+TEST_F(RoadClouds, DegenerateClouds) {
+  const auto write = [&](const char* name, const std::string& rows) {
+    std::ofstream(path(name)) << "x y z\n" << rows;
+  };
+  std::string equal, line;
+  for (int i = 0; i < 50; ++i) {
+    equal += "1 2 3\n";
+    line += fmt::format("{} {} {}\n", 0.5 * i, 0.25 * i, 0.1 * i);
+  }
+  write("equal.xyz", equal);
+  write("line.xyz", line);
+  write("flat.xyz", level_sheet(2.0));
+  write("sheets.xyz", level_sheet(0.0) + level_sheet(3.0));
+  write("far.xyz", level_sheet(2.0) + "1e9 1e9 1e9\n");
+  const auto plane = [&](const char* name) { return run_camber({"plane", path(name), "--json"}); };
+  const auto patches = [&](const char* name) {
+    return run_camber({"patches", path(name), "--json", "--out", path(std::string(name) + ".out")});
+  };
+  EXPECT_ONE_SENTENCE(plane("equal.xyz"), 1, "all points lie at one place");
+  EXPECT_ONE_SENTENCE(patches("equal.xyz"), 1, "all points lie at one place");
+  const auto collinear = plane("line.xyz");
+  ASSERT_EQ(collinear.exit_code, 0) << collinear.error;
+  EXPECT_EQ(json::parse(collinear.out)["plane"]["status"], "not_observable");
+  EXPECT_EQ(json::parse(collinear.out)["plane"]["reason"], "the points lie on a line");
+  EXPECT_ONE_SENTENCE(patches("line.xyz"), 1, "no planar ground was found");
+  EXPECT_FALSE(fs::exists(path("line.xyz.out")));
+  for (const char* name : {"flat.xyz", "far.xyz"}) {
+    const auto one = plane(name), model = patches(name);
+    ASSERT_EQ(one.exit_code, 0) << one.error;
+    ASSERT_EQ(model.exit_code, 0) << model.error;
+    const json fit = json::parse(one.out)["plane"], patch = json::parse(model.out)["patches"][0];
+    for (const json& p : {fit, patch}) {
+      EXPECT_EQ(p["status"], "ok") << name;
+      EXPECT_NEAR(p["normal"][2].get<double>(), 1.0, 1e-9);
+      // Floats hold heights of 2 m to 2e-7 m.
+      EXPECT_NEAR(p["offset"].get<double>(), -2.0, 1e-5);
+      EXPECT_EQ(p["inliers"], 1600);
+    }
+    EXPECT_EQ(json::parse(model.out)["patches"].size(), 1u) << name;
+  }
+  const auto one = plane("sheets.xyz"), both = patches("sheets.xyz");
+  ASSERT_EQ(one.exit_code, 0) << one.error;
+  ASSERT_EQ(both.exit_code, 0) << both.error;
+  EXPECT_EQ(json::parse(one.out)["plane"]["inliers"], 1600);
+  const json found = json::parse(both.out);
+  ASSERT_EQ(found["patches"].size(), 2u);
+  EXPECT_NEAR(std::abs(found["patches"][0]["offset"].get<double>() -
+                       found["patches"][1]["offset"].get<double>()),
+              3.0, 1e-5);
+  ASSERT_EQ(found["links"].size(), 1u);
+  EXPECT_EQ(found["links"][0]["valid"], false);
+  EXPECT_THAT(found["links"][0]["reason"].get<std::string>(), HasSubstr("above the other"));
 }
 
 TEST_F(RoadClouds, PatchesWriteAResult) {

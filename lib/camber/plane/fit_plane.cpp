@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -52,6 +53,7 @@ class Fitter {
   void order_by_neighbourhood();
   void split(std::size_t begin, std::size_t end);
   bool search();
+  bool take_line();
   double cost(const PivotPlane& plane, double bound) const;
   bool orient(PivotPlane* plane) const;
   bool refine_on_scored(PivotPlane* plane, double* cost_of_plane);
@@ -403,6 +405,32 @@ bool Fitter::search() {
   return !candidates_.empty();
 }
 
+/// Points on a line span no plane: the candidate is the one through them that is nearest to level.
+bool Fitter::take_line() {
+  if (hypotheses_ > 0) return false;
+  Vector3d mean = Vector3d::Zero();
+  for (std::size_t k = 0; k < usable_; ++k) mean += subset_.point(k);
+  mean /= static_cast<double>(usable_);
+  Matrix3d scatter = Matrix3d::Zero();
+  for (std::size_t k = 0; k < usable_; ++k) {
+    const Vector3d p = subset_.point(k) - mean;
+    scatter += p * p.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(scatter);
+  const Vector3d along = solver.eigenvectors().col(2);
+  const Vector3d level = up_ - up_.dot(along) * along;
+  if (!(solver.eigenvalues()[1] < 1e-8 * solver.eigenvalues()[2]) || !(level.norm() > 1e-9)) {
+    return false;
+  }
+  PlaneCandidate line;
+  line.plane.n = level.normalized();
+  line.plane.d = -line.plane.n.dot(mean);
+  if (!orient(&line.plane)) return false;
+  line.noise = noise_;
+  candidates_.push_back(line);
+  return true;
+}
+
 /// Points of the cloud on a candidate inside its window, by a fixed part of the cloud.
 double Fitter::count_support(const PlaneCandidate& c) const {
   const std::size_t blocks = (source_.size + kernels::kBlock - 1) / kernels::kBlock;
@@ -525,7 +553,7 @@ kernels::Moments Fitter::all_moments(const PlaneCandidate& c, bool finish, Plane
 
 /// Many points relative to the pivot: all, or evenly spread over the input.
 void Fitter::load_many(PointArrays* many) const {
-  constexpr std::size_t kMost = 65536;
+  constexpr std::size_t kMost = 131072;
   const std::size_t every = (source_.size + kMost - 1) / kMost;
   const std::size_t n = (source_.size + every - 1) / every;
   PointArrays& s = *many;
@@ -649,7 +677,7 @@ PlaneFit Fitter::run() {
     level.n = up_;
     scored_.weigh(noise_, level);
   }
-  if (!search()) return no_plane();
+  if (!search() && !take_line()) return no_plane();
 
   for (PlaneCandidate& c : candidates_) {
     c.window = PlaneWindow();

@@ -392,7 +392,8 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   out.covariance = turn * covariance * turn.transpose();
   out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
 
-  const bool line = !(thin > 1e-8 * wide) || !out.covariance.allFinite() ||
+  // Sums in float tell the two apart to about 1e-6.
+  const bool line = !(thin > 1e-6 * wide) || !out.covariance.allFinite() ||
                     std::sqrt(thin) < 3.0 * one / std::sqrt(points);
   if (line) {
     // The plane through the line that is nearest to level.
