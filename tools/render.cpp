@@ -89,6 +89,18 @@ constexpr OverlaySwitch kOverlaySwitches[] = {
     {"normals", &OverlayOptions::show_normals},   {"grade", &OverlayOptions::show_grade},
     {"mask", &OverlayOptions::show_mask}};
 
+struct BevSwitch {
+  const char* name;
+  bool BevPictureOptions::*shown;
+};
+constexpr BevSwitch kBevSwitches[] = {{"points", &BevPictureOptions::show_points},
+                                      {"truth-cloud", &BevPictureOptions::show_truth_cloud},
+                                      {"patches", &BevPictureOptions::show_patches},
+                                      {"links", &BevPictureOptions::show_links},
+                                      {"vehicles", &BevPictureOptions::show_vehicles},
+                                      {"truth", &BevPictureOptions::show_truth},
+                                      {"cameras", &BevPictureOptions::show_cameras}};
+
 /// Sets the switches that --show and --hide name. @param table has `name` and `shown`.
 template <typename Table, typename Options>
 void switch_parts(const Table& table, const Arguments& a, const std::string& view,
@@ -325,7 +337,12 @@ int run(const Command& command, Arguments& a) {
   options.show_links = a.links;
   OverlayOptions overlay_options;
   overlay_options.upscale = a.upscale;
-  if (overlay) {
+  BevPictureOptions bev_options;
+  bev_options.show_truth = options.show_truth;
+  bev_options.show_links = options.show_links;
+  if (bev) {
+    switch_parts(kBevSwitches, a, "bev", &bev_options);
+  } else if (overlay) {
     switch_parts(kOverlaySwitches, a, "overlay", &overlay_options);
     overlay_options.validate();
   } else {
@@ -338,13 +355,10 @@ int run(const Command& command, Arguments& a) {
     options.view = SceneView::kFree;
     options.free_view = free_view_of(a.camera);
   }
-  BevPictureOptions bev_options;
   bev_options.width = options.width;
   bev_options.height = options.height;
   bev_options.point_size = options.point_size;
   bev_options.color = options.color;
-  bev_options.show_truth = options.show_truth;
-  bev_options.show_links = options.show_links;
   bev ? bev_options.validate() : options.validate();
 
   StageTimer load(timings, "load");
@@ -536,6 +550,7 @@ void register_render(CLI::App& root) {
       ->capture_default_str();
   app.add_option("--show", a.show,
                  "parts to draw besides the usual ones. 3D: " + names_of(scene_switches()) +
+                     "; bev: " + names_of(kBevSwitches) +
                      "; overlay: " + names_of(kOverlaySwitches))
       ->delimiter(',')
       ->type_name("LIST");

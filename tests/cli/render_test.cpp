@@ -134,6 +134,7 @@ TEST_F(Render, SaysWhatIsWrongWithScenesAndTruth) {
   expect_failure({"render", path("folder"), "--out", path("x.png")}, 2, "found no run.json");
   expect_failure(render({"--show", "nonsense"}), 2, "'nonsense'");
   expect_failure(render({"--hide", "points,grade"}), 2, "'grade'");
+  expect_failure(render({"--view", "bev", "--show", "normals"}), 2, "'normals'");
   expect_failure(render({"--view", "overlay"}), 2, "expected --scene");
   expect_failure(render({"--truth", "scene"}), 2, "expected a --scene");
   expect_failure(render({"--truth", path("none.ply")}), 2, "none.ply");

@@ -167,6 +167,19 @@ TEST(BevPicture, TrueFootprintIsDrawnToScaleWhereItIs) {
   EXPECT_NEAR(moved.center().y() - red.center().y(), 2.0 * pixels_per_metre, 2.0);
 }
 
+TEST(BevPicture, EveryPartHasASwitch) {
+  const PictureScene scene;
+  const Image whole = render_bev_picture(scene.content(), small_bev());
+  for (bool BevPictureOptions::*part :
+       {&BevPictureOptions::show_points, &BevPictureOptions::show_patches,
+        &BevPictureOptions::show_vehicles, &BevPictureOptions::show_truth,
+        &BevPictureOptions::show_cameras}) {
+    BevPictureOptions without = small_bev();
+    without.*part = false;
+    EXPECT_NE(render_bev_picture(scene.content(), without).data, whole.data);
+  }
+}
+
 TEST(BevPicture, PointsHaveTheColoursOfTheirHeights) {
   const PictureScene scene;
   PictureContent content;

@@ -122,7 +122,21 @@ void BevPictureOptions::validate() const {
 
 Image render_bev_picture(const PictureContent& content, const BevPictureOptions& options) {
   options.validate();
-  const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
+  PictureSpace space = make_picture_space(content, options.show_truth, options.color);
+  const std::string summary = content_summary(content, space);
+  // What is not shown is taken out; the frame stays.
+  if (!options.show_points) {
+    space.points.clear();
+    space.colors.clear();
+    space.has_color_bar = false;
+  }
+  if (!options.show_truth_cloud) space.truth_points.clear();
+  if (!options.show_patches) space.patches.clear();
+  if (!options.show_vehicles) space.vehicles.clear();
+  if (!options.show_cameras) {
+    space.cameras.clear();
+    space.current_camera = -1;
+  }
   const int width = options.width, height = options.height;
   const double unit = std::max(0.5, std::min(width / 1600.0, height / 900.0));
   const double text = 20.0 * unit;
@@ -296,7 +310,7 @@ Image render_bev_picture(const PictureContent& content, const BevPictureOptions&
     canvas.text({text, line}, content.title, 1.25 * text, kInk, TextAnchor::kLeft, true);
     line += 1.5 * text;
   }
-  canvas.text({text, line}, content_summary(content, space), text, kFaintInk);
+  canvas.text({text, line}, summary, text, kFaintInk);
   const double bar_left = width - 9.2 * text;
   if (space.has_color_bar) {
     const double bar_top = frame.y1 + 1.2 * text * static_cast<double>(space.color_title.size());

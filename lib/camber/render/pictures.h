@@ -132,8 +132,13 @@ struct BevPictureOptions {
   int height = 900;         ///< pixels, 64 to 8192
   double point_size = 0.0;  ///< pixels, [0, 20]; 0: from the number of points
   PointColor color;
-  bool show_truth = true;
+  bool show_points = true;
+  bool show_truth_cloud = true;
+  bool show_patches = true;
   bool show_links = false;
+  bool show_vehicles = true;
+  bool show_truth = true;
+  bool show_cameras = true;  ///< the path and the field of view
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
