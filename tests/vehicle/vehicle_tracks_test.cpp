@@ -172,6 +172,13 @@ TEST(FindTracks, ListsOfDifferentLengthsAreRefused) {
   Clip clip = make_clip({}, {{1, 0.0}});
   clip.frames[0].supports.clear();
   EXPECT_THROW(find_tracks(clip.camera, clip.frames), std::invalid_argument);
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1), std::invalid_argument);
+}
+
+TEST(FitTracks, AScaleWithoutSpreadIsRefused) {
+  const Clip clip = make_clip({}, {{1, 0.0}});
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, 0.0), std::invalid_argument);
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, std::nan("")), std::invalid_argument);
 }
 
 }  // namespace

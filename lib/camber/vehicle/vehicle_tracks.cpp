@@ -578,6 +578,9 @@ std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera
                                                      const VehicleFitOptions& options,
                                                      int num_threads, double scale_sigma) {
   options.validate();
+  if (!(scale_sigma > 0.0)) {
+    throw std::invalid_argument(fmt::format("scale_sigma: {}, must be > 0", scale_sigma));
+  }
   const std::vector<std::vector<int>> numbers = find_tracks(camera, frames);
   std::map<int, std::vector<View>> tracks;
   std::vector<std::vector<VehicleEstimate>> out;

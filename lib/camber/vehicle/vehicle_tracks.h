@@ -42,7 +42,8 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 /// plane, shape errors) counts once. Views without trusted keypoints keep their own answer. With
 /// images the vehicle's grey values are registered (vehicle_registration.h), so that a parked
 /// vehicle is triangulated by its own parallax.
-/// @param scale_sigma  relative standard deviation of the way between the cameras; > 0.
+/// @param scale_sigma  relative standard deviation of the way between the cameras; > 0, else
+///                     std::invalid_argument.
 /// @return one a detection of each frame; that of fit_vehicle where there is one view only.
 std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
                                                      const std::vector<TrackFrame>& frames,
