@@ -553,7 +553,7 @@ kernels::Moments Fitter::all_moments(const PlaneCandidate& c, bool finish, Plane
 
 /// Many points relative to the pivot: all, or evenly spread over the input.
 void Fitter::load_many(PointArrays* many) const {
-  constexpr std::size_t kMost = 131072;
+  constexpr std::size_t kMost = 65536;
   const std::size_t every = (source_.size + kMost - 1) / kMost;
   const std::size_t n = (source_.size + every - 1) / every;
   PointArrays& s = *many;
