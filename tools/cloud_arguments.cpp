@@ -54,6 +54,15 @@ void add_output_arguments(CLI::App& app, OutputArguments& arguments) {
       ->check(CLI::IsMember({"binary", "ascii", "big-endian", "compressed", "commas"}));
 }
 
+void add_rewrite_arguments(CLI::App& app, RewriteArguments& arguments, const char* input_help) {
+  app.add_option("input", arguments.input, input_help)->required();
+  app.add_option("--out", arguments.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+      ->required();
+  add_cloud_arguments(app, arguments.cloud);
+  add_output_arguments(app, arguments.output);
+  app.add_flag("--json", arguments.as_json, "one JSON object on stdout");
+}
+
 void require_known_output(const std::string& path, const WriteOptions& options) {
   if (options.format || format_from_extension(path)) return;
   throw UsageError("--out: found '" + path +

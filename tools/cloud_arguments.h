@@ -34,6 +34,18 @@ struct OutputArguments {
 /// Adds --format and --encoding. `arguments` must live as long as the app.
 void add_output_arguments(CLI::App& app, OutputArguments& arguments);
 
+/// What `convert` and `filter` have in common: a cloud in, a cloud out.
+struct RewriteArguments {
+  std::string input, out;
+  CloudArguments cloud;
+  OutputArguments output;
+  bool as_json = false;
+};
+
+/// Adds the input, which `input_help` describes, --out, how to read and write them, and --json.
+/// `arguments` must live as long as the app.
+void add_rewrite_arguments(CLI::App& app, RewriteArguments& arguments, const char* input_help);
+
 /// Throws a UsageError where neither an option nor the extension tells the output's format.
 void require_known_output(const std::string& path, const WriteOptions& options);
 

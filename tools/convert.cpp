@@ -25,13 +25,10 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string input, out;
-  CloudArguments cloud;
-  OutputArguments output;
+  RewriteArguments files;
   std::string depth_encoding, camera, image, labels;
   double baseline = 0.0;
   double largest_depth = std::numeric_limits<double>::infinity();
-  bool as_json = false;
 };
 
 /// "fx,fy,cx,cy" in pixels, or a scene manifest.
@@ -67,13 +64,13 @@ RoadCloud read_depth(const Arguments& a, const LogSink& warn) {
   if (a.camera.empty()) {
     throw UsageError("--depth needs --camera: fx,fy,cx,cy in pixels, or a scene manifest");
   }
-  const PinholeCamera camera = read_camera(a.camera, a.input, warn);
+  const PinholeCamera camera = read_camera(a.camera, a.files.input, warn);
   DepthImage depth;
   if (a.depth_encoding == "kitti-disparity") {
     if (!(a.baseline > 0.0)) throw UsageError("--depth kitti-disparity needs --baseline, m");
-    depth = read_disparity_image(a.input, camera, a.baseline);
+    depth = read_disparity_image(a.files.input, camera, a.baseline);
   } else {
-    depth = read_depth_image(a.input, a.depth_encoding, camera);
+    depth = read_depth_image(a.files.input, a.depth_encoding, camera);
   }
   Image color, labels;
   if (!a.image.empty()) color = read_color_image(a.image);
@@ -99,11 +96,7 @@ void register_convert(CLI::App& root) {
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   CLI::App& app = *command->app;
-  app.add_option("input", a.input, "cloud file, folder of a COLMAP model, or depth image")
-      ->required();
-  app.add_option("--out", a.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")->required();
-  add_cloud_arguments(app, a.cloud);
-  add_output_arguments(app, a.output);
+  add_rewrite_arguments(app, a.files, "cloud file, folder of a COLMAP model, or depth image");
   app.add_option(
          "--depth", a.depth_encoding,
          "the input is a depth image: kitti (16 bits, m * 256), kitti-disparity, or synthia "
@@ -114,13 +107,12 @@ void register_convert(CLI::App& root) {
   app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m");
   app.add_option("--image", a.image, "colours for a depth image, same size");
   app.add_option("--labels", a.labels, "label image for a depth image, same size");
-  app.add_flag("--json", a.as_json, "one JSON object on stdout");
 
   command->run = [command, arguments] {
     const Arguments& args = *arguments;
     const LogSink warn = make_warning_sink(command->common);
-    const WriteOptions write = args.output.write_options();
-    require_known_output(args.out, write);
+    const WriteOptions write = args.files.output.write_options();
+    require_known_output(args.files.out, write);
     Timings timings;
     StageTimer load(timings, "load");
     RoadCloud cloud;
@@ -129,31 +121,31 @@ void register_convert(CLI::App& root) {
       cloud = read_depth(args, warn);
       source = make_point_source(cloud);
     } else {
-      source = open_typed_source(args.input, args.cloud.read_options());
-      if (args.cloud.lenient) source = drop_bad_points(std::move(source));
+      source = open_typed_source(args.files.input, args.files.cloud.read_options());
+      if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
     }
     load.stop();
     StageTimer writing(timings, "write");
     const std::uint64_t points =
-        write_points(*source, args.out, write, make_progress(command->common));
+        write_points(*source, args.files.out, write, make_progress(command->common));
     writing.stop();
     const ReadReport& report = source->report();
-    warn_about(args.input, report, warn);
+    warn_about(args.files.input, report, warn);
     if (report.faces > 0 && warn) {
-      warn(fmt::format("{}: {} faces are not written", args.input, report.faces));
+      warn(fmt::format("{}: {} faces are not written", args.files.input, report.faces));
     }
-    if (args.as_json) {
+    if (args.files.as_json) {
       json dropped = json::object();
       for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
       fmt::print("{}\n", json{{"version", kVersion},
                               {"seed", command->common.seed},
                               {"options",
-                               {{"lenient", args.cloud.lenient},
-                                {"encoding", args.output.encoding},
-                                {"format", args.output.format}}},
+                               {{"lenient", args.files.cloud.lenient},
+                                {"encoding", args.files.output.encoding},
+                                {"format", args.files.output.format}}},
                               {"timings_ms", cloud_timings(timings)},
-                              {"input", args.input},
-                              {"out", args.out},
+                              {"input", args.files.input},
+                              {"out", args.files.out},
                               {"points", points},
                               {"dropped", dropped},
                               {"notes", report.notes}}

@@ -24,9 +24,7 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string input, out;
-  CloudArguments cloud;
-  OutputArguments output;
+  RewriteArguments files;
   std::vector<double> box;
   bool outside = false;
   double range = 0.0;
@@ -36,7 +34,6 @@ struct Arguments {
   int normals = 0;
   std::vector<double> up, viewpoint;
   bool morton = false;
-  bool as_json = false;
 };
 
 Eigen::Vector3d vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
@@ -75,9 +72,7 @@ void register_filter(CLI::App& root) {
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   CLI::App& app = *command->app;
-  app.add_option("input", a.input, "cloud file")->required();
-  app.add_option("--out", a.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")->required();
-  add_cloud_arguments(app, a.cloud);
+  add_rewrite_arguments(app, a.files, "cloud file");
   app.add_flag("--drop-non-finite", a.drop_non_finite,
                "drop points with NaN or infinite coordinates");
   app.add_option("--box", a.box, "keep the inside of a box: min x,y,z, max x,y,z, m")
@@ -107,14 +102,12 @@ void register_filter(CLI::App& root) {
       ->expected(3);
   app.add_flag("--morton", a.morton,
                "sort so that near points are near in the file (Morton order)");
-  add_output_arguments(app, a.output);
-  app.add_flag("--json", a.as_json, "one JSON object on stdout");
 
   command->run = [command, arguments] {
     const Arguments& args = *arguments;
     const LogSink warn = make_warning_sink(command->common);
-    const WriteOptions write = args.output.write_options();
-    require_known_output(args.out, write);
+    const WriteOptions write = args.files.output.write_options();
+    require_known_output(args.files.out, write);
     Timings timings;
     json steps = json::array();
     const auto step = [&](const char* name, std::uint64_t left) {
@@ -123,8 +116,9 @@ void register_filter(CLI::App& root) {
 
     // What streams: selections, then thinning.
     StageTimer load(timings, "load");
-    std::unique_ptr<PointSource> source = open_typed_source(args.input, args.cloud.read_options());
-    const bool lenient = args.cloud.lenient;
+    std::unique_ptr<PointSource> source =
+        open_typed_source(args.files.input, args.files.cloud.read_options());
+    const bool lenient = args.files.cloud.lenient;
     if (lenient) source = drop_bad_points(std::move(source));
     if (args.drop_non_finite || !args.box.empty() || args.range > 0.0) {
       CropBox box;
@@ -202,11 +196,11 @@ void register_filter(CLI::App& root) {
 
     StageTimer writing(timings, "write");
     const std::uint64_t points =
-        write_points(*source, args.out, write, make_progress(command->common));
+        write_points(*source, args.files.out, write, make_progress(command->common));
     writing.stop();
     const ReadReport& report = input ? input->report() : source->report();
-    warn_about(args.input, report, warn);
-    if (args.as_json) {
+    warn_about(args.files.input, report, warn);
+    if (args.files.as_json) {
       json dropped = json::object();
       for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
       const json options = {{"box", args.box},
@@ -218,13 +212,13 @@ void register_filter(CLI::App& root) {
                             {"statistical", args.statistical},
                             {"normals", args.normals},
                             {"morton", args.morton},
-                            {"lenient", args.cloud.lenient}};
+                            {"lenient", args.files.cloud.lenient}};
       fmt::print("{}\n", json{{"version", kVersion},
                               {"seed", command->common.seed},
                               {"options", options},
                               {"timings_ms", cloud_timings(timings)},
-                              {"input", args.input},
-                              {"out", args.out},
+                              {"input", args.files.input},
+                              {"out", args.files.out},
                               {"steps", steps},
                               {"points", points},
                               {"dropped", dropped},

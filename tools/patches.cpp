@@ -40,28 +40,22 @@ void register_patches(CLI::App& root) {
       "  camber patches scan.pcd --out surface --up 0,0,1 --max-slope-deg 30 --json\n"
       "  camber patches road.ply --out surface --driven-line path.csv --consistency paper");
   struct Arguments {
-    std::string cloud, out, line;
-    CloudArguments reading;
-    UpArguments up;
+    RoadCloudArguments input;
+    std::string out, line;
     RoadSurfaceOptions options;
     double max_slope_deg = RoadSurfaceOptions().max_slope / kDegree;
     std::string consistency = "continuity";
-    bool overwrite = false, as_json = false;
+    bool overwrite = false;
   };
   const auto arguments = std::make_shared<Arguments>();
   RoadSurfaceOptions& bound = arguments->options;
   CLI::App& app = *command->app;
-  app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
+  add_road_cloud_arguments(app, arguments->input, bound.inlier_threshold);
   app.add_option("--out", arguments->out,
                  "folder for surface.json, labels.ply (the cloud with an int patch) and run.json")
       ->required();
   app.add_flag("--overwrite", arguments->overwrite, "replace a folder that is not a Camber result");
-  add_up_arguments(app, arguments->up);
   app.add_option("--max-slope-deg", arguments->max_slope_deg, "steepest ground, degrees from level")
-      ->capture_default_str();
-  app.add_option("--threshold", bound.inlier_threshold,
-                 "metres from a plane that make an inlier; 0: from the points' own uncertainty, or "
-                 "from the noise of the cloud")
       ->capture_default_str();
   app.add_option("--min-points", bound.min_patch_points, "patches on fewer points are dropped")
       ->capture_default_str();
@@ -82,8 +76,6 @@ void register_patches(CLI::App& root) {
   app.add_option("--link-distance", bound.consistency.link_distance,
                  "metres within which patches are neighbours")
       ->capture_default_str();
-  add_cloud_arguments(app, arguments->reading);
-  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
 
   command->run = [command, arguments] {
     RoadSurfaceOptions options = arguments->options;
@@ -95,19 +87,18 @@ void register_patches(CLI::App& root) {
     AtomicFolder folder(arguments->out, arguments->overwrite);
     Timings timings;
     StageTimer load(timings, "load");
-    CloudFile file = read_cloud_file(arguments->cloud, arguments->reading.read_options());
-    warn_about(arguments->cloud, file.report, make_warning_sink(command->common));
+    CloudFile file = arguments->input.read(command->common);
     if (!arguments->line.empty()) options.driven_line = read_line(arguments->line);
     load.stop();
-    options.up = arguments->up.up(file.cloud);
-    options.viewpoint = arguments->up.viewpoint();
+    options.up = arguments->input.up.up(file.cloud);
+    options.viewpoint = arguments->input.up.viewpoint();
     check_interrupted();
     StageTimer compute(timings, "compute");
     const RoadSurfaceFit fit =
         fit_road_surface(file.cloud, options, make_progress(command->common));
     compute.stop();
     if (fit.status == Status::kFailed) {
-      throw NoAnswerError(arguments->cloud + ": " + fit.reason);
+      throw NoAnswerError(arguments->input.cloud + ": " + fit.reason);
     }
 
     StageTimer write(timings, "write");
@@ -131,20 +122,20 @@ void register_patches(CLI::App& root) {
     run.metric = file.cloud.metric;
     run.points_kept = {{"on_patches", kept}};
     run.points_dropped = {{"on_no_patch", static_cast<long>(fit.labels.size()) - kept}};
-    run.input_hashes = {{arguments->cloud, hash_file(arguments->cloud)}};
+    run.input_hashes = {{arguments->input.cloud, hash_file(arguments->input.cloud)}};
     write.stop();
     run.timings = timings;
     json document = to_json(run);
     write_json(document, folder.staging() / "run.json");
     folder.commit();
 
-    if (arguments->as_json) {
+    if (arguments->input.as_json) {
       json out = surface;
       out["version"] = kVersion;
       out["seed"] = options.seed;
       out["options"] = run.options;
       out["timings_ms"] = cloud_timings(timings);
-      out["file"] = arguments->cloud;
+      out["file"] = arguments->input.cloud;
       out["points"] = file.cloud.size();
       out["points_on_patches"] = kept;
       out["noise"] = fit.noise;

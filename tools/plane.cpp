@@ -35,24 +35,16 @@ void register_plane(CLI::App& root) {
                                  "  camber plane scan.pcd --up 0,0,1 --max-tilt-deg 30 --json\n"
                                  "  camber plane road.ply --threshold 0.05 --engine pcl");
   struct Arguments {
-    std::string cloud;
-    CloudArguments reading;
-    UpArguments up;
+    RoadCloudArguments input;
     PlaneFitOptions options;
     double max_tilt_deg = PlaneFitOptions().max_tilt / kDegree;
     std::string engine = "camber";
-    bool as_json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& app = *command->app;
-  app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
-  add_up_arguments(app, arguments->up);
+  add_road_cloud_arguments(app, arguments->input, arguments->options.inlier_threshold);
   app.add_option("--max-tilt-deg", arguments->max_tilt_deg,
                  "largest angle between the normal and up, degrees")
-      ->capture_default_str();
-  app.add_option("--threshold", arguments->options.inlier_threshold,
-                 "metres from the plane that make an inlier; 0: from the points' own uncertainty, "
-                 "or from the noise of the cloud")
       ->capture_default_str();
   app.add_option("--max-hypotheses", arguments->options.max_hypotheses,
                  "most minimal samples that are scored")
@@ -64,8 +56,6 @@ void register_plane(CLI::App& root) {
                  "0.05 m unless given)")
       ->check(CLI::IsMember({"camber", "pcl"}))
       ->capture_default_str();
-  add_cloud_arguments(app, arguments->reading);
-  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
 
   command->run = [command, arguments] {
     PlaneFitOptions options = arguments->options;
@@ -76,18 +66,17 @@ void register_plane(CLI::App& root) {
     options.validate();
     Timings timings;
     StageTimer load(timings, "load");
-    const CloudFile file = read_cloud_file(arguments->cloud, arguments->reading.read_options());
-    warn_about(arguments->cloud, file.report, make_warning_sink(command->common));
+    const CloudFile file = arguments->input.read(command->common);
     load.stop();
-    options.up = arguments->up.up(file.cloud);
-    options.viewpoint = arguments->up.viewpoint();
+    options.up = arguments->input.up.up(file.cloud);
+    options.viewpoint = arguments->input.up.viewpoint();
     check_interrupted();
     StageTimer compute(timings, "compute");
     const bool pcl = arguments->engine == "pcl";
     const PlaneFit fit = pcl ? fit_plane_pcl(file.cloud, options) : fit_plane(file.cloud, options);
     compute.stop();
     if (fit.status == Status::kFailed) {
-      throw NoAnswerError(arguments->cloud + ": " + fit.reason);
+      throw NoAnswerError(arguments->input.cloud + ": " + fit.reason);
     }
     PlanePatch patch;
     patch.status = fit.status;
@@ -103,7 +92,7 @@ void register_plane(CLI::App& root) {
     align_patches_with_road(&surface);
     patch = surface.patches[0];
 
-    if (!arguments->as_json) {
+    if (!arguments->input.as_json) {
       const Plane& plane = patch.plane.plane;
       const Eigen::Matrix3d& c = patch.plane.covariance;
       fmt::print("status     {}{}{}\n", to_string(patch.status), patch.reason.empty() ? "" : ": ",
@@ -137,7 +126,7 @@ void register_plane(CLI::App& root) {
                   {"threshold", options.inlier_threshold},
                   {"max_hypotheses", options.max_hypotheses},
                   {"confidence", options.confidence}}},
-                {"file", arguments->cloud},
+                {"file", arguments->input.cloud},
                 {"points", file.cloud.size()},
                 {"frame", surface.frame},
                 {"metric", surface.metric},

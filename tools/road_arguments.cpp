@@ -32,6 +32,23 @@ void add_up_arguments(CLI::App& app, UpArguments& arguments) {
       ->expected(3);
 }
 
+CloudFile RoadCloudArguments::read(const CommonOptions& common) const {
+  CloudFile file = read_cloud_file(cloud, reading.read_options());
+  warn_about(cloud, file.report, make_warning_sink(common));
+  return file;
+}
+
+void add_road_cloud_arguments(CLI::App& app, RoadCloudArguments& arguments, double& threshold) {
+  app.add_option("cloud", arguments.cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
+  add_up_arguments(app, arguments.up);
+  app.add_option("--threshold", threshold,
+                 "metres from a plane that make an inlier; 0: from the points' own uncertainty, or "
+                 "from the noise of the cloud")
+      ->capture_default_str();
+  add_cloud_arguments(app, arguments.reading);
+  app.add_flag("--json", arguments.as_json, "one JSON object on stdout");
+}
+
 std::vector<Eigen::Vector3d> read_line(const std::string& path) {
   const RoadCloud cloud = read_cloud(path);
   std::vector<Eigen::Vector3d> line;

@@ -26,6 +26,21 @@ struct UpArguments {
 /// `arguments` must live as long as the app.
 void add_up_arguments(CLI::App& app, UpArguments& arguments);
 
+/// What `plane` and `patches` have in common: a cloud and how to look at it.
+struct RoadCloudArguments {
+  std::string cloud;
+  CloudArguments reading;
+  UpArguments up;
+  bool as_json = false;
+
+  /// Reads the cloud; warns of what its reader remarked.
+  CloudFile read(const CommonOptions& common) const;
+};
+
+/// Adds the cloud, --up, --viewpoint, --threshold (metres, 0: none), how to read the cloud, and
+/// --json. The references must live as long as the app.
+void add_road_cloud_arguments(CLI::App& app, RoadCloudArguments& arguments, double& threshold);
+
 /// The points of a file (any cloud format, in their order) as a polyline.
 /// @throws InputError if it cannot be read; NoAnswerError for fewer than two points.
 std::vector<Eigen::Vector3d> read_line(const std::string& path);
