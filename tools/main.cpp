@@ -1,5 +1,7 @@
 // The camber program: parses first, touching no file; then runs one command.
 
+#include <glog/logging.h>
+
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -28,6 +30,8 @@ int main(int argc, char** argv) {
   using namespace camber::tools;
   std::signal(SIGINT, [](int) { g_interrupted = true; });
   std::signal(SIGPIPE, SIG_IGN);
+  // Ceres tells of trial steps that lead nowhere; what it makes of them is in our statuses.
+  FLAGS_minloglevel = google::GLOG_FATAL;
 
   CLI::App root("Camber: metric road surfaces and vehicles from one moving camera", "camber");
   root.set_version_flag("--version", std::string("camber ") + camber::kVersion);

@@ -247,6 +247,10 @@ TEST_F(RoadClouds, PatchesWriteAResult) {
   for (const json& patch : said["patches"]) {
     EXPECT_EQ(counts[patch["id"].get<std::size_t>()], patch["inliers"]);
   }
+  // Pictures of the folder show its points.
+  const auto drawn = run_camber({"render", path("out"), "--out", path("scene.glb")});
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.error;
+  EXPECT_NE(test::read_bytes(folder_.path() / "scene.glb").find("\"points\""), std::string::npos);
 }
 
 TEST_F(RoadClouds, SameFilesForAnyNumberOfThreads) {

@@ -322,6 +322,26 @@ TEST(FitRoadSurface, CliffsAndWallsAreLeftOut) {
   EXPECT_LT(on_wall, 60);  // the wall's foot: 3 sigma of 6 m, and a margin
 }
 
+TEST(FitRoadSurface, ACamerasRoadLiesAheadOfItEvenBesideALargerSquare) {
+  RoadCloud cloud;
+  cloud.frame = CloudFrame::kCamera;
+  const CounterRandom random(21, 5);
+  for (std::uint64_t i = 0; i < 24000; ++i) {
+    const double x = random.uniform(3 * i, -3, 20);
+    const double level = x < 3 ? 1.65 : 1.50;  // beyond a kerb
+    cloud.points.emplace_back(static_cast<float>(x),
+                              static_cast<float>(level + 0.01 * random.normal(3 * i + 1)),
+                              static_cast<float>(random.uniform(3 * i + 2, 4, 24)));
+  }
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  const SurfaceQuery road = fit.surface.query({0.0, 1.65, 10.0}, 0.5);
+  const SurfaceQuery square = fit.surface.query({12.0, 1.5, 10.0}, 0.5);
+  ASSERT_GE(road.patch, 0);
+  ASSERT_GE(square.patch, 0);
+  EXPECT_EQ(fit.surface.find(road.patch)->kind, PatchKind::kRoad);
+  EXPECT_EQ(fit.surface.find(square.patch)->kind, PatchKind::kPavement);
+}
+
 TEST(FitRoadSurface, OptionsAreChecked) {
   RoadSurfaceOptions options;
   options.max_slope = 2.0;

@@ -81,7 +81,10 @@ LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& o
     throw InputError(path.string(), "found no run.json, expected the folder of a Camber result");
   }
   result.run = read_run(path / "run.json");
-  if (fs::exists(path / "road.ply", error)) load_cloud(path / "road.ply");
+  // A reconstruction has the road's cloud, the patches of a cloud have the cloud with their labels.
+  for (const char* name : {"road.ply", "labels.ply"}) {
+    if (!result.cloud && fs::exists(path / name, error)) load_cloud(path / name);
+  }
   if (fs::exists(path / "surface.json", error)) {
     result.surface = read_surface(path / "surface.json");
   }

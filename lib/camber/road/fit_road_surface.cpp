@@ -319,8 +319,9 @@ PlanPolygon outline(const PointTree& tree, const PlanarRegion& region, int id,
   return convex_hull(std::move(around));
 }
 
-/// Which patches are road: those that hang together smoothly with the largest one, or with the one
-/// under the driven line. Patches a kerb's height beside them are pavement.
+/// Which patches are road: those that hang together smoothly with the one under the driven line,
+/// for a camera's cloud without one with what lies ahead of the camera, else with the largest one.
+/// Patches a kerb's height beside them are pavement.
 /// @param borders  how many pairs of leaves of two patches touch, by id
 void classify(const ConsistencyOptions& options, const std::map<std::pair<int, int>, int>& borders,
               RoadSurface* surface) {
@@ -379,6 +380,14 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
     const PlanePatch& patch = surface->patches[static_cast<std::size_t>(answer.patch)];
     if (std::abs(patch.plane.plane.signed_distance(place)) < kDrivenOn) {
       driven_on[static_cast<std::size_t>(answer.patch)] = 1;
+    }
+  }
+  if (surface->driven_line.empty() && surface->frame == "camera" && surface->metric) {
+    // A camera that drives looks along the road: what lies ahead of it, in the middle and near.
+    for (double ahead = 3.0; ahead <= 12.0; ahead += 0.5) {
+      const SurfaceQuery answer = surface->query({0.0, 1.5, ahead}, 0.5);
+      if (answer.patch < 0) continue;
+      votes[static_cast<std::size_t>(component[static_cast<std::size_t>(answer.patch)])] += 1.0;
     }
   }
   const bool driven = *std::max_element(votes.begin(), votes.end()) > 0.0;
