@@ -7,6 +7,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/core/memory.h"
 #include "camber/core/version.h"
 #include "command.h"
 
@@ -57,6 +58,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   } else {
     frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
   }
+  keep_freed_memory();
   Reconstruction result = reconstruct(scene, frames, a.options, progress);
   result.run.extra["command"] = command.common.command_line;
   return result;

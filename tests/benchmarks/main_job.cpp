@@ -12,6 +12,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/core/memory.h"
 #include "camber/evaluate/metrics.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/plane/fit_plane.h"
@@ -341,6 +342,7 @@ void timing(const Scene& scene, const std::vector<int>& frames, const char* name
 
 int main(int argc, char** argv) {
   using namespace camber;
+  keep_freed_memory();  // as the command does
   // Arguments name the sections to run; none: all. --cars lists every vehicle of the steep scenes.
   std::set<std::string> sections;
   for (int i = 1; i < argc; ++i) {
