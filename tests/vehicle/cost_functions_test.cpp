@@ -247,10 +247,10 @@ TEST(BasePoint, PullsToTheGroundUnlessAsPrinted) {
   EXPECT_NEAR(printed, 0.0, 1e-12);
 }
 
-TEST(PlaneConsistency, DerivativesAgreeWithNumericOnes) {
+TEST(VehiclePlaneConsistency, DerivativesAgreeWithNumericOnes) {
   for (int i = 0; i < kTrials; ++i) {
     const Values v = draw(i, 0);
-    const std::unique_ptr<ceres::CostFunction> cost(PlaneConsistency::create(0.05, 0.2));
+    const std::unique_ptr<ceres::CostFunction> cost(VehiclePlaneConsistency::create(0.05, 0.2));
     check(*cost, {&kPlane, &kPlane}, {v.plane.data(), v.other_plane.data()});
   }
 }
@@ -284,14 +284,14 @@ TEST(PlaneContinuity, HoldsOnACurvedRoad) {
   const double* four[] = {pose1.data(), pose2.data(), plane1.data(), plane2.data()};
   ASSERT_TRUE(continuity->Evaluate(four, &gap, nullptr));
   EXPECT_NEAR(gap, 0.0, 1e-9);
-  const std::unique_ptr<ceres::CostFunction> consistency(PlaneConsistency::create(1.0, 1.0));
+  const std::unique_ptr<ceres::CostFunction> consistency(VehiclePlaneConsistency::create(1.0, 1.0));
   const double* two[] = {plane1.data(), plane2.data()};
   ASSERT_TRUE(consistency->Evaluate(two, difference, nullptr));
   EXPECT_GT(std::abs(difference[2]), 0.15);  // 12 m of a radius of 60 m
   EXPECT_GT(std::abs(difference[3]), 0.5);
 }
 
-TEST(PlanePrior, DerivativesAgreeWithNumericOnes) {
+TEST(VehiclePlanePrior, DerivativesAgreeWithNumericOnes) {
   for (int i = 0; i < kTrials; ++i) {
     const Values v = draw(i, 0);
     UncertainPlane known;
@@ -299,12 +299,12 @@ TEST(PlanePrior, DerivativesAgreeWithNumericOnes) {
     known.centroid = known.plane.foot({1.0, 1.5, 15.0});
     UncertainPlane::make_axes(known.plane.normal, {0, 0, 1}, &known.axis1, &known.axis2);
     known.covariance << 4e-4, 1e-5, 2e-5, 1e-5, 3e-4, -3e-5, 2e-5, -3e-5, 1e-3;
-    const std::unique_ptr<ceres::CostFunction> cost(PlanePrior::create(known));
+    const std::unique_ptr<ceres::CostFunction> cost(VehiclePlanePrior::create(known));
     check(*cost, {&kPlane}, {v.plane.data()});
   }
 }
 
-TEST(PlanePrior, IsTheMahalanobisDistance) {
+TEST(VehiclePlanePrior, IsTheMahalanobisDistance) {
   UncertainPlane known;
   known.plane = {{0.0, -1.0, 0.0}, 1.6};
   known.centroid = {2.0, 1.6, 15.0};
@@ -314,7 +314,7 @@ TEST(PlanePrior, IsTheMahalanobisDistance) {
   const Plane moved = known.perturbed(change);
   Eigen::Vector4d plane;
   plane << moved.normal, moved.offset;
-  const std::unique_ptr<ceres::CostFunction> cost(PlanePrior::create(known));
+  const std::unique_ptr<ceres::CostFunction> cost(VehiclePlanePrior::create(known));
   const double* parameters[] = {plane.data()};
   Eigen::Vector3d r;
   ASSERT_TRUE(cost->Evaluate(parameters, r.data(), nullptr));

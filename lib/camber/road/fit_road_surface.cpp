@@ -11,9 +11,9 @@
 #include <stdexcept>
 
 #include "camber/core/threads.h"
+#include "camber/road/ground_tree.h"
 #include "camber/road/patch_segmentation.h"
 #include "camber/road/plan_polygon.h"
-#include "camber/road/point_tree.h"
 
 namespace camber {
 
@@ -52,12 +52,12 @@ bool is_rough(PointArrays* points, const PlaneCandidate& candidate, const NoiseM
 }
 
 /// Fits one region on the points of its leaves.
-void refine_region(const PointTree& tree, double least_noise, double roughness, bool fixed_noise,
+void refine_region(const GroundTree& tree, double least_noise, double roughness, bool fixed_noise,
                    PlanarRegion* region) {
   const PointArrays& s = tree.points();
   std::vector<std::uint32_t> rows;
   for (const int leaf : region->leaves) {
-    const PointTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
+    const GroundTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
     for (std::size_t k = l.begin; k < l.end; ++k) rows.push_back(static_cast<std::uint32_t>(k));
   }
   PointArrays points;
@@ -88,7 +88,7 @@ struct LabelGate {
 
 /// From the residuals in a region's leaves: outwards until there are no more than twice as many
 /// points as farther out, or until there are more again (a pavement).
-LabelGate measure_gate(const PointTree& tree, const PlanarRegion& region) {
+LabelGate measure_gate(const GroundTree& tree, const PlanarRegion& region) {
   constexpr double kBin = 0.5, kReach = 10.0;
   constexpr std::size_t kBins = 20;
   std::array<double, kBins> above{}, below{};
@@ -96,7 +96,7 @@ LabelGate measure_gate(const PointTree& tree, const PlanarRegion& region) {
   const PlaneCandidate& c = region.candidate;
   std::array<float, 64> weights;
   for (const int leaf : region.leaves) {
-    const PointTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
+    const GroundTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
     const std::size_t b = l.begin, n = l.end - b;
     weights.fill(1.0f);
     c.noise.weigh(c.plane.n, c.plane.d, n, &s.x[b], &s.y[b], &s.z[b],
@@ -158,7 +158,7 @@ class CreaseCuts {
 /// Decides for points of one leaf which region they belong to.
 class LeafLabels {
  public:
-  LeafLabels(const Segmentation& segmentation, const PointTree& tree, const CreaseCuts& cuts,
+  LeafLabels(const Segmentation& segmentation, const GroundTree& tree, const CreaseCuts& cuts,
              const std::vector<LabelGate>& gates)
       : cuts_(cuts), gates_(gates) {
     choices_.resize(tree.leaves().size());
@@ -246,7 +246,7 @@ class RowLabeller {
 };
 
 /// Region of every row of the tree, -1: none.
-std::vector<int> label_rows(const PointTree& tree, const Segmentation& segmentation,
+std::vector<int> label_rows(const GroundTree& tree, const Segmentation& segmentation,
                             const LeafLabels& chooser, int num_threads) {
   std::vector<int> labels(tree.cloud_index().size(), -1);
   constexpr std::size_t kBatch = 256;
@@ -254,7 +254,7 @@ std::vector<int> label_rows(const PointTree& tree, const Segmentation& segmentat
   parallel_for((leaves + kBatch - 1) / kBatch, num_threads, [&](std::size_t batch) {
     RowLabeller labeller(segmentation, chooser);
     for (std::size_t leaf = batch * kBatch; leaf < std::min(leaves, (batch + 1) * kBatch); ++leaf) {
-      const PointTree::Leaf& l = tree.leaves()[leaf];
+      const GroundTree::Leaf& l = tree.leaves()[leaf];
       labeller.label(tree.points(), l.begin, l.end, leaf, labels.data() + l.begin);
     }
   });
@@ -262,7 +262,7 @@ std::vector<int> label_rows(const PointTree& tree, const Segmentation& segmentat
 }
 
 /// Region of every point of a cloud of which the tree holds only a part.
-std::vector<int> label_cloud(const RoadCloud& cloud, const PointTree& tree,
+std::vector<int> label_cloud(const RoadCloud& cloud, const GroundTree& tree,
                              const Segmentation& segmentation, const LeafLabels& chooser,
                              int num_threads) {
   std::vector<int> labels(cloud.size(), -1);
@@ -292,11 +292,11 @@ std::vector<int> label_cloud(const RoadCloud& cloud, const PointTree& tree,
 
 /// Outline of a region in plan: the hull of its points in its own leaves, without the strays that
 /// noise has carried out at the ends, and half their spacing around it.
-PlanPolygon outline(const PointTree& tree, const PlanarRegion& region, int id,
+PlanPolygon outline(const GroundTree& tree, const PlanarRegion& region, int id,
                     const std::vector<int>& row_labels) {
   std::vector<Vector2d> places;
   for (const int leaf : region.leaves) {
-    const PointTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
+    const GroundTree::Leaf& l = tree.leaves()[static_cast<std::size_t>(leaf)];
     for (std::size_t k = l.begin; k < l.end; ++k) {
       if (row_labels[k] != id) continue;
       const float x = tree.points().x[k], y = tree.points().y[k];
@@ -444,9 +444,9 @@ void classify(const ConsistencyOptions& options, const std::map<std::pair<int, i
 }
 
 /// Whether a good part of a leaf's points lie off its plane, but at one height above or below it.
-bool has_another_sheet(const PointTree& tree, std::size_t leaf, const PlanarRegion& region,
+bool has_another_sheet(const GroundTree& tree, std::size_t leaf, const PlanarRegion& region,
                        const std::vector<int>& row_labels) {
-  const PointTree::Leaf& l = tree.leaves()[leaf];
+  const GroundTree::Leaf& l = tree.leaves()[leaf];
   std::vector<double> off;
   for (std::size_t k = l.begin; k < l.end; ++k) {
     if (row_labels[k] < 0) off.push_back(region.candidate.plane.distance(tree.points().point(k)));
@@ -481,7 +481,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
                         const PatchLayer* known, const std::function<void(double)>& report) {
   PatchLayer layer;
   layer.labels.assign(cloud.size(), -1);
-  PointTree tree(cloud, up, options.seed, kMostPoints);
+  GroundTree tree(cloud, up, options.seed, kMostPoints);
   if (tree.size() < 3) {
     layer.reason = fmt::format("{} usable points, at least 3 are needed", tree.size());
     return layer;
@@ -550,7 +550,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   if (cloud.size() <= kMostPoints) {
     for (std::size_t k = 0; k < row_labels.size(); ++k) {
       const std::uint32_t index = tree.cloud_index()[k];
-      if (index != PointTree::kPadding) layer.labels[index] = row_labels[k];
+      if (index != GroundTree::kPadding) layer.labels[index] = row_labels[k];
     }
   } else {
     layer.labels = label_cloud(cloud, tree, segmentation, chooser, options.num_threads);

@@ -29,7 +29,7 @@ struct Proposal {
 
 class Segmenter {
  public:
-  Segmenter(PointTree& tree, NoiseModel start, const SegmentationOptions& options)
+  Segmenter(GroundTree& tree, NoiseModel start, const SegmentationOptions& options)
       : tree_(tree), options_(options), s_(tree.points()) {
     out_.noise = std::move(start);
   }
@@ -71,17 +71,17 @@ class Segmenter {
   double points_of(const std::vector<int>& leaves) const {
     double points = 0.0;
     for (const int leaf : leaves) {
-      const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+      const GroundTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
       points += static_cast<double>(l.end - l.begin);
     }
     return points;
   }
   double nothing(std::size_t leaf) const {
-    const PointTree::Leaf& l = tree_.leaves()[leaf];
+    const GroundTree::Leaf& l = tree_.leaves()[leaf];
     return kLimit * static_cast<double>(l.end - l.begin);
   }
 
-  PointTree& tree_;
+  GroundTree& tree_;
   const SegmentationOptions& options_;
   PointArrays& s_;
   Segmentation out_;
@@ -96,7 +96,7 @@ void Segmenter::learn_noise() {
   // them, without the padding.
   constexpr std::size_t kPiecePoints = 28, kMostPieces = 96;
   std::vector<std::pair<std::size_t, std::size_t>> groups;  // leaves [first, second)
-  for (const PointTree::Block& block : tree_.blocks()) {
+  for (const GroundTree::Block& block : tree_.blocks()) {
     std::size_t from = block.first, count = 0;
     for (std::size_t leaf = block.first; leaf < block.last; ++leaf) {
       count += tree_.leaves()[leaf].end - tree_.leaves()[leaf].begin;
@@ -122,7 +122,7 @@ void Segmenter::learn_noise() {
   for (const auto& group : groups) {
     const std::size_t begin = rows.size();
     for (std::size_t leaf = group.first; leaf < group.second; ++leaf) {
-      const PointTree::Leaf& l = tree_.leaves()[leaf];
+      const GroundTree::Leaf& l = tree_.leaves()[leaf];
       for (std::size_t k = l.begin; k < l.end; ++k) rows.push_back(static_cast<std::uint32_t>(k));
     }
     pieces.emplace_back(begin, rows.size());
@@ -144,7 +144,7 @@ void Segmenter::learn_noise() {
   if (!(options_.inlier_threshold > 0.0)) noise_.least = std::max(noise.least, options_.roughness);
   PivotPlane level;
   // Padding rows keep weight 0.
-  for (const PointTree::Leaf& leaf : tree_.leaves()) {
+  for (const GroundTree::Leaf& leaf : tree_.leaves()) {
     for (std::size_t k = leaf.begin; k < leaf.end; ++k) s_.w[k] = 1.0f;
     const std::size_t b = leaf.begin;
     if (noise.kind == NoiseKind::kRays) continue;
@@ -165,7 +165,7 @@ void Segmenter::learn_noise() {
 }
 
 kernels::PieceStatistics Segmenter::statistics(const PivotPlane& plane, std::size_t leaf) const {
-  const PointTree::Leaf& l = tree_.leaves()[leaf];
+  const GroundTree::Leaf& l = tree_.leaves()[leaf];
   const std::size_t b = l.begin, n = l.padded_end - b;
   const float* w = &s_.w[b];
   alignas(32) float rays[64];
@@ -209,7 +209,7 @@ kernels::Moments Segmenter::moments(const PivotPlane& plane, const PlaneWindow& 
 /// A leaf is on a plane if enough of its points are, and their mean is not off by more than the
 /// tolerance and chance.
 bool Segmenter::accepts(const kernels::PieceStatistics& stats, std::size_t leaf) const {
-  const PointTree::Leaf& l = tree_.leaves()[leaf];
+  const GroundTree::Leaf& l = tree_.leaves()[leaf];
   const double count = static_cast<double>(l.end - l.begin);
   if (stats.inliers < 4.0f || static_cast<double>(stats.inliers) < kLeastShare * count)
     return false;
@@ -234,16 +234,16 @@ bool Segmenter::refit(const std::vector<int>& leaves, int rounds, PivotPlane* pl
 /// Planes of one block: the best of some minimal samples, then the best of what that leaves.
 void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) const {
   constexpr int kSamples = 40;
-  const PointTree::Block& range = tree_.blocks()[block];
-  const PointTree::Leaf& head = tree_.leaves()[range.first];
-  const PointTree::Leaf& tail = tree_.leaves()[range.last - 1];
+  const GroundTree::Block& range = tree_.blocks()[block];
+  const GroundTree::Leaf& head = tree_.leaves()[range.first];
+  const GroundTree::Leaf& tail = tree_.leaves()[range.last - 1];
   const std::size_t begin = head.begin, end = tail.padded_end, n = end - begin;
   std::vector<float> weights(s_.w.begin() + static_cast<long>(begin),
                              s_.w.begin() + static_cast<long>(end));
   std::vector<float> scored(weights);
   std::vector<std::size_t> rows;
   for (std::size_t k = begin; k < end; ++k) {
-    if (tree_.cloud_index()[k] != PointTree::kPadding) rows.push_back(k);
+    if (tree_.cloud_index()[k] != GroundTree::kPadding) rows.push_back(k);
   }
   const CounterRandom random(options_.seed, range.name);
   const double least_cosine = std::cos(options_.max_slope);
@@ -353,7 +353,7 @@ void Segmenter::propose_beside(std::size_t leaf, std::vector<Proposal>* proposal
   std::sort(group.begin(), group.end());
   double points = 0.0;
   for (const int member : group) {
-    const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(member)];
+    const GroundTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(member)];
     points += static_cast<double>(l.end - l.begin);
   }
   Proposal best;
@@ -508,7 +508,7 @@ bool Segmenter::split() {
     Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
     std::vector<Eigen::Vector2d> middles;
     for (const int leaf : members) {
-      const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+      const GroundTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
       before += cost_of(static_cast<std::size_t>(leaf), planes_[region]);
       points += static_cast<double>(l.end - l.begin);
       middles.emplace_back(0.5 * (l.low + l.high).cast<double>().matrix());
@@ -599,7 +599,7 @@ bool Segmenter::merge() {
     }
     double points = 0.0;
     for (const int leaf : both) {
-      const PointTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
+      const GroundTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
       points += static_cast<double>(l.end - l.begin);
     }
     // A systematic misfit of a third of the tolerance is what a plane is allowed to have.
@@ -711,7 +711,8 @@ Segmentation Segmenter::run() {
 
 }  // namespace
 
-Segmentation segment_planes(PointTree& tree, NoiseModel start, const SegmentationOptions& options) {
+Segmentation segment_planes(GroundTree& tree, NoiseModel start,
+                            const SegmentationOptions& options) {
   return Segmenter(tree, std::move(start), options).run();
 }
 

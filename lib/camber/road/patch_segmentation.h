@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "camber/plane/plane_solver.h"
-#include "camber/road/point_tree.h"
+#include "camber/road/ground_tree.h"
 
 namespace camber {
 
@@ -44,6 +44,6 @@ struct Segmentation {
 /// compete for leaves by cost, with a preference for the neighbours' region (iterated conditional
 /// modes: Besag, JRSS B 1986), are refitted, merged where one plane does for two, and dropped where
 /// others explain their leaves as well (the label cost of PEARL: Isack and Boykov, IJCV 2012).
-Segmentation segment_planes(PointTree& tree, NoiseModel start, const SegmentationOptions& options);
+Segmentation segment_planes(GroundTree& tree, NoiseModel start, const SegmentationOptions& options);
 
 }  // namespace camber

@@ -251,7 +251,7 @@ class JointProblem {
             &huber_, b.pose.data(), b.plane.data());
       }
     }
-    problem_->AddResidualBlock(PlanePrior::create(supports_[b.index].plane), &huber_,
+    problem_->AddResidualBlock(VehiclePlanePrior::create(supports_[b.index].plane), &huber_,
                                b.plane.data());
     const Eigen::Index known = 3 + count;
     if (fixed) {
@@ -289,8 +289,8 @@ class JointProblem {
         links_.push_back(link);
         if (options_.links == PlaneLinks::kConsistency) {
           const double slack = options_.fixed_weights ? 1.0 : std::max(distance, 1.0) / 10.0;
-          problem_->AddResidualBlock(PlaneConsistency::create(0.05 * slack, 0.3 * slack), &huber_,
-                                     a.plane.data(), b.plane.data());
+          problem_->AddResidualBlock(VehiclePlaneConsistency::create(0.05 * slack, 0.3 * slack),
+                                     &huber_, a.plane.data(), b.plane.data());
         } else {
           // A kerb's height, and what the curvature's change leaves.
           problem_->AddResidualBlock(PlaneContinuity::create(0.1 + 0.005 * distance), &huber_,

@@ -10,7 +10,7 @@ namespace camber {
 /// (d1 - d2) / sigma_offset). On a curved road neighbours rightly differ in both: see
 /// PlaneContinuity.
 /// Parameter blocks: plane (4), plane (4).
-struct PlaneConsistency {
+struct VehiclePlaneConsistency {
   double sigma_normal = 1.0;  ///< rad
   double sigma_offset = 1.0;  ///< m
 
@@ -22,8 +22,8 @@ struct PlaneConsistency {
   }
 
   static ceres::CostFunction* create(double sigma_normal, double sigma_offset) {
-    return new ceres::AutoDiffCostFunction<PlaneConsistency, 4, 4, 4>(
-        new PlaneConsistency{sigma_normal, sigma_offset});
+    return new ceres::AutoDiffCostFunction<VehiclePlaneConsistency, 4, 4, 4>(
+        new VehiclePlaneConsistency{sigma_normal, sigma_offset});
   }
 };
 

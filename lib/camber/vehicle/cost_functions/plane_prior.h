@@ -12,7 +12,7 @@ namespace camber {
 /// A plane as the road gives it, with its covariance C: r = C^(-1/2) (tilt about axis1, tilt about
 /// axis2, height at the centroid), in standard deviations.
 /// Parameter block: plane (4).
-struct PlanePrior {
+struct VehiclePlanePrior {
   UncertainPlane known;
   Eigen::Matrix3d root_information;  ///< upper triangular U with U^T U = C^(-1)
 
@@ -31,8 +31,8 @@ struct PlanePrior {
 
   static ceres::CostFunction* create(const UncertainPlane& known) {
     const Eigen::Matrix3d information = known.covariance.inverse();
-    return new ceres::AutoDiffCostFunction<PlanePrior, 3, 4>(
-        new PlanePrior{known, information.llt().matrixU()});
+    return new ceres::AutoDiffCostFunction<VehiclePlanePrior, 3, 4>(
+        new VehiclePlanePrior{known, information.llt().matrixU()});
   }
 };
 

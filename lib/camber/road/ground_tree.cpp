@@ -1,4 +1,4 @@
-#include "camber/road/point_tree.h"
+#include "camber/road/ground_tree.h"
 
 #include <algorithm>
 #include <cmath>
@@ -46,7 +46,7 @@ bool usable(const Eigen::Vector3f& p) {
 /// Frame by the cloud itself: origin at the mean, x along the longer principal direction in plan,
 /// towards the longer tail. A cloud that was moved, turned about up or put in another order gets
 /// the same rows but for rounding.
-bool PointTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
+bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
   const std::size_t n = cloud.size();
   // A rough middle and size, from points drawn by their coordinates.
   const std::uint64_t share = n <= 4096 ? 1 : n / 2048;
@@ -132,8 +132,8 @@ bool PointTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
   return true;
 }
 
-PointTree::PointTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t seed,
-                     std::size_t most_points) {
+GroundTree::GroundTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t seed,
+                       std::size_t most_points) {
   const std::size_t n = cloud.size();
   if (!choose_frame(cloud, up.normalized())) return;
   const Eigen::Matrix3f turn = frame_.level_from_cloud.cast<float>();
@@ -205,7 +205,7 @@ PointTree::PointTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t s
 
 /// Counts the rows in a grid of small cells, of which the upper nodes of the tree are made: they
 /// need the cells' sums alone.
-void PointTree::sort_into_cells() {
+void GroundTree::sort_into_cells() {
   constexpr float kPerCell = 4.0f;
   Grid& g = grid_;
   Eigen::Array2f high = Eigen::Array2f::Zero();
@@ -261,7 +261,8 @@ void PointTree::sort_into_cells() {
 }
 
 /// Node of the cells [x0, x1) x [y0, y1).
-int PointTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block, std::uint64_t name) {
+int GroundTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block,
+                                 std::uint64_t name) {
   const Grid& g = grid_;
   const auto corner = [&](int x, int y) {
     return g.sum[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.columns + 1) +
@@ -337,7 +338,7 @@ int PointTree::build_from_cells(int x0, int x1, int y0, int y1, bool in_block, s
   return id;
 }
 
-void PointTree::join(int id, int axis, float split, int below, int above) {
+void GroundTree::join(int id, int axis, float split, int below, int above) {
   Node& node = nodes_[static_cast<std::size_t>(id)];
   const Node &b = nodes_[static_cast<std::size_t>(below)],
              &a = nodes_[static_cast<std::size_t>(above)];
@@ -350,8 +351,8 @@ void PointTree::join(int id, int axis, float split, int below, int above) {
 }
 
 /// @param low, high  of the part of the plan that the rows are in; strays may lie outside it
-int PointTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
-                     Eigen::Array2f high, std::uint64_t name) {
+int GroundTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
+                      Eigen::Array2f high, std::uint64_t name) {
   const int id = static_cast<int>(nodes_.size());
   nodes_.emplace_back();
   const bool new_block = !in_block && end - begin <= kBlockPoints;
@@ -444,7 +445,7 @@ int PointTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::A
   return id;
 }
 
-void PointTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name) {
+void GroundTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name) {
   std::sort(rows_.begin() + static_cast<long>(begin), rows_.begin() + static_cast<long>(end),
             [](const Row& l, const Row& r) {
               return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
@@ -476,7 +477,7 @@ void PointTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::uin
   leaves_.push_back(leaf);
 }
 
-void PointTree::find_neighbours() {
+void GroundTree::find_neighbours() {
   neighbours_.assign(leaves_.size(), {});
   if (nodes_.empty()) return;
   // The part of the plan that each leaf answers for.
@@ -553,7 +554,7 @@ void PointTree::find_neighbours() {
   }
 }
 
-int PointTree::locate(float x, float y) const {
+int GroundTree::locate(float x, float y) const {
   if (nodes_.empty()) return -1;
   std::size_t id = 0;
   while (nodes_[id].leaf < 0) {

@@ -29,7 +29,7 @@ struct LevelFrame {
 /// of the kernels' lane count. Built by halving in plan; far strays do not distort it. The frame
 /// and the halving depend on where the points lie among each other, not on their order, nor, but
 /// for rounding, on where and how turned about up the cloud is.
-class PointTree {
+class GroundTree {
  public:
   static constexpr std::uint32_t kPadding = 0xFFFFFFFFu;
 
@@ -46,8 +46,8 @@ class PointTree {
   };
 
   /// @param most_points  clouds with more are represented by about so many, drawn by place
-  PointTree(const RoadCloud& cloud, const Eigen::Vector3d& up, std::uint64_t seed,
-            std::size_t most_points);
+  GroundTree(const RoadCloud& cloud, const Eigen::Vector3d& up, std::uint64_t seed,
+             std::size_t most_points);
 
   const LevelFrame& frame() const { return frame_; }
   PointArrays& points() { return points_; }
