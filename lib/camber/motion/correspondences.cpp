@@ -11,13 +11,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
-#define CAMBER_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define CAMBER_CLONES
-#endif
+#include "camber/motion/single_threaded_opencv.h"
 
 namespace camber {
 namespace {
@@ -31,8 +27,9 @@ constexpr int kShiftsX = 2 * kReachX + 1, kShiftsY = 2 * kReachY + 1;
 /// @param window  kWindowHigh rows of kWindowWide, zero mean.
 /// @param energy  sum of its squares.
 /// @param from    the other image at the window's first pixel for the first shift.
-CAMBER_CLONES void correlate(const float* window, float energy, const float* from,
-                             std::ptrdiff_t stride, float* scores) {
+CAMBER_TARGET_CLONES("avx2")
+void correlate(const float* window, float energy, const float* from, std::ptrdiff_t stride,
+               float* scores) {
   using F8 = float __attribute__((vector_size(32)));
   constexpr int kLanes = 8;
   constexpr float kNoise = 4.0f * kWindowWide * kWindowHigh;  // 2 grey values, squared, summed
@@ -116,17 +113,6 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-/// OpenCV splits a flow into as many stripes as it has threads, which changes the result: one flow
-/// runs on one thread, several flows side by side.
-class SingleThreadedOpenCv {
- public:
-  SingleThreadedOpenCv() : before_(cv::getNumThreads()) { cv::setNumThreads(1); }
-  ~SingleThreadedOpenCv() { cv::setNumThreads(before_); }
-
- private:
-  int before_;
-};
-
 cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to) {
   const cv::Ptr<cv::DISOpticalFlow> dis =
       cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
@@ -182,8 +168,8 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
       }
       bool whole = true;
       for (int dy = -above; dy <= above && whole; dy += above / 2) {
-        for (int dx = -side; dx < side && whole; dx += side / 4) {
-          whole = other.usable(x + dx, y + dy, height + other.first);
+        for (const int dx : {-side, -side / 2, 0, side / 2, side - 1}) {
+          whole = whole && other.usable(x + dx, y + dy, height + other.first);
         }
       }
       if (!whole) continue;

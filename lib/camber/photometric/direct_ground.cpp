@@ -8,19 +8,10 @@
 #include <stdexcept>
 
 #include "camber/core/threads.h"
+#include "camber/motion/single_threaded_opencv.h"
 
 namespace camber {
 namespace {
-
-/// OpenCV on one thread: the same sums for any number of threads; images run side by side.
-class SingleThreadedOpenCv {
- public:
-  SingleThreadedOpenCv() : before_(cv::getNumThreads()) { cv::setNumThreads(1); }
-  ~SingleThreadedOpenCv() { cv::setNumThreads(before_); }
-
- private:
-  int before_;
-};
 
 /// Cells of pixels that only judge; fixed, so that before and after are compared on the same.
 bool is_held_out(int u, int v, double share) {

@@ -4,16 +4,16 @@
 #include <cmath>
 #include <cstring>
 
+#include "camber/core/target_clones.h"
+
 // One clone for machines with AVX2, one for any x86-64, chosen when the program starts; the sums
 // also with fused multiplication and addition where the machine has it, so that their last bits
 // depend on the type of machine.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
-#define CAMBER_CLONES __attribute__((target_clones("avx2", "default")))
 #define CAMBER_FUSED __attribute__((target("avx2,fma"), noinline))
 #include <immintrin.h>
-#else
-#define CAMBER_CLONES
 #endif
+#define CAMBER_CLONES CAMBER_TARGET_CLONES("avx2")
 
 namespace camber::plane_kernels {
 namespace {
