@@ -8,32 +8,19 @@
 #include <fstream>
 #include <sstream>
 
+#include "package/source_tree.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
 using camber::test::include_violations;
 using camber::test::link_violations;
+using camber::test::SourceTree;
 using camber::test::unlinked_includes;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
 namespace {
-
-/// A small tree of sources: file name below lib/ -> content.
-class Tree {
- public:
-  explicit Tree(const std::map<std::string, std::string>& files) {
-    for (const auto& [name, content] : files) {
-      fs::create_directories((folder_.path() / name).parent_path());
-      std::ofstream(folder_.path() / name) << content;
-    }
-  }
-  const fs::path& root() const { return folder_.path(); }
-
- private:
-  camber::test::TemporaryFolder folder_;
-};
 
 TEST(IncludeOrder, HoldsInTheWholeLibrary) {
   const fs::path root = camber::test::source_dir() / "lib";
@@ -42,7 +29,7 @@ TEST(IncludeOrder, HoldsInTheWholeLibrary) {
 }
 
 TEST(IncludeOrder, AcceptsIncludesOfFoldersAbove) {
-  const Tree tree(
+  const SourceTree tree(
       {{"camber/core/a.h", "#include <string>\n#include <opencv2/core.hpp>\n"},
        {"camber/road/b.h", "#include \"camber/core/a.h\"\n"},
        {"camber/road/b.cpp", "#include <camber/road/b.h>\n#include <pcl/point_types.h>\n"},
@@ -51,7 +38,7 @@ TEST(IncludeOrder, AcceptsIncludesOfFoldersAbove) {
 }
 
 TEST(IncludeOrder, FindsAnUpwardInclude) {
-  const Tree tree(
+  const SourceTree tree(
       {{"camber/core/a.h", "// comment\n#include \"camber/road/b.h\"\n"}, {"camber/road/b.h", ""}});
   EXPECT_THAT(include_violations(tree.root()),
               ElementsAre("camber/core/a.h:2: core includes camber/road/b.h, but road stands below "
@@ -59,30 +46,31 @@ TEST(IncludeOrder, FindsAnUpwardInclude) {
 }
 
 TEST(IncludeOrder, FindsAnUpwardIncludeInASourceFileAndInAngleBrackets) {
-  const Tree tree(
+  const SourceTree tree(
       {{"camber/vehicle/a.cpp", "  #  include <camber/scene/b.h>\n"}, {"camber/scene/b.h", ""}});
   EXPECT_THAT(include_violations(tree.root()), ElementsAre(HasSubstr("vehicle includes")));
 }
 
 TEST(IncludeOrder, FindsARelativeIncludeOfAnotherFolder) {
-  const Tree tree(
+  const SourceTree tree(
       {{"camber/motion/a.h", "#include \"../pipeline/b.h\"\n"}, {"camber/pipeline/b.h", ""}});
   EXPECT_THAT(include_violations(tree.root()), ElementsAre(HasSubstr("motion includes")));
 }
 
 TEST(IncludeOrder, FindsACycleWithinAFolder) {
-  const Tree tree({{"camber/road/a.h", "#include \"camber/road/b.h\"\n"},
-                   {"camber/road/b.h", "#include \"camber/road/c.h\"\n"},
-                   {"camber/road/c.h", "#include \"camber/road/a.h\"\n"}});
+  const SourceTree tree({{"camber/road/a.h", "#include \"camber/road/b.h\"\n"},
+                         {"camber/road/b.h", "#include \"camber/road/c.h\"\n"},
+                         {"camber/road/c.h", "#include \"camber/road/a.h\"\n"}});
   EXPECT_THAT(include_violations(tree.root()),
               ElementsAre("cycle: camber/road/a.h -> camber/road/b.h -> camber/road/c.h -> "
                           "camber/road/a.h"));
 }
 
 TEST(IncludeOrder, FindsAnUnknownFolderAMissingFileAndAHeavyHeader) {
-  const Tree tree({{"camber/misc/a.h", ""},
-                   {"camber/core/b.h", "#include \"camber/core/gone.h\"\n#include <vtkActor.h>\n"},
-                   {"camber/core/c.cpp", "#include \"gone_too.h\"\n"}});
+  const SourceTree tree(
+      {{"camber/misc/a.h", ""},
+       {"camber/core/b.h", "#include \"camber/core/gone.h\"\n#include <vtkActor.h>\n"},
+       {"camber/core/c.cpp", "#include \"gone_too.h\"\n"}});
   EXPECT_THAT(include_violations(tree.root()),
               ElementsAre("camber/core/b.h:1: no file camber/core/gone.h",
                           "camber/core/b.h:2: vtkActor.h belongs into a .cpp file",
@@ -117,7 +105,7 @@ TEST(LinkOrder, CoversAllIncludes) {
 }
 
 TEST(LinkOrder, FindsAnIncludeThatIsNotLinked) {
-  const Tree tree(
+  const SourceTree tree(
       {{"camber/core/a.h", ""},
        {"camber/geometry/b.h", "#include <camber/core/a.h>\n"},
        {"camber/cloud/c.h", "#include <camber/core/a.h>\n"},
