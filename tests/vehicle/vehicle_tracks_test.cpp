@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/core/random.h"
 #include "vehicle/simulated_vehicle.h"
 
 namespace camber {
@@ -166,6 +167,126 @@ TEST(FitTracks, SameBitsForAnyNumberOfThreads) {
       EXPECT_EQ(one[k][j].covariance, four[k][j].covariance);
     }
   }
+}
+
+constexpr double kCommon = 0.25;  // m, an error of height that all planes share
+
+/// Moves all planes by one common error that their covariances then hold.
+SharedGround share_ground(Clip* clip, double common) {
+  SharedGround out;
+  std::vector<std::size_t> vehicle;
+  std::vector<const SupportPlane*> supports;
+  for (TrackFrame& frame : clip->frames) {
+    for (std::size_t j = 0; j < frame.supports.size(); ++j) {
+      UncertainPlane& plane = frame.supports[j].plane;
+      plane.plane = plane.perturbed({0.0, 0.0, common});
+      plane.centroid = plane.plane.foot(plane.centroid);
+      vehicle.push_back(j);
+      supports.push_back(&frame.supports[j]);
+    }
+  }
+  const auto count = static_cast<Eigen::Index>(vehicle.size());
+  out.covariance = Eigen::MatrixXd::Zero(3 * count + 1, 3 * count + 1);
+  for (Eigen::Index a = 0; a < count; ++a) {
+    for (Eigen::Index b = 0; b < count; ++b) {
+      if (vehicle[static_cast<std::size_t>(a)] == vehicle[static_cast<std::size_t>(b)]) {
+        out.covariance.block<3, 3>(3 * a, 3 * b) =
+            supports[static_cast<std::size_t>(a)]->plane.covariance;
+      }
+      out.covariance(3 * a + 2, 3 * b + 2) += kCommon * kCommon;
+    }
+  }
+  out.covariance(3 * count, 3 * count) = 1e-4;
+  for (TrackFrame& frame : clip->frames) {
+    for (SupportPlane& s : frame.supports) s.plane.covariance(2, 2) += kCommon * kCommon;
+    frame.estimates = fit_vehicles(clip->camera, frame.detections, frame.supports, {}, 1);
+  }
+  return out;
+}
+
+// Near vehicles know the height of their ground, far ones do not: what they share comes through.
+TEST(FitTracks, VehiclesTellEachOtherOfASharedGround) {
+  constexpr int kScenes = 40;
+  double alone = 0.0, together = 0.0, inside = 0.0;
+  SimulationOptions options;
+  options.min_distance = 14.0;  // nobody passes the camera
+  options.max_distance = 40.0;
+  for (std::uint64_t i = 0; i < kScenes; ++i) {
+    Clip clip = make_clip(
+        options,
+        {{5 * i, 0.0}, {5 * i + 1, 7.0}, {5 * i + 2, 0.0}, {5 * i + 3, 9.0}, {5 * i + 4, 0.0}});
+    clip.frames.erase(clip.frames.begin() + 3, clip.frames.end());
+    const SharedGround ground = share_ground(&clip, kCommon * CounterRandom(17, i).normal(0));
+    const auto each = fit_tracks(clip.camera, clip.frames, {}, 1);
+    const auto all = fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground);
+    for (std::size_t j = 0; j < 5; ++j) {
+      alone += center_error(each[1][j], clip.truth[1][j]) / (5 * kScenes);
+      together += center_error(all[1][j], clip.truth[1][j]) / (5 * kScenes);
+      inside += covered(all[1][j], clip.truth[1][j]) ? 1.0 / (5 * kScenes) : 0.0;
+    }
+  }
+  EXPECT_LT(together, 0.85 * alone) << together << " " << alone;
+  EXPECT_GT(inside, 0.91);
+  EXPECT_LT(inside, 0.99);
+}
+
+TEST(FitTracks, PlanesWithNothingInCommonAreSolvedAsBefore) {
+  SimulationOptions options;
+  options.min_distance = 14.0;
+  Clip clip = make_clip(options, {{1, 0.0}, {2, 6.0}});
+  SharedGround ground = share_ground(&clip, 0.0);
+  for (Eigen::Index a = 0; a + 1 < ground.covariance.rows(); ++a) {
+    for (Eigen::Index b = 0; b + 1 < ground.covariance.rows(); ++b) {
+      if (a / 3 % 2 != b / 3 % 2) ground.covariance(a, b) = 0.0;
+    }
+  }
+  const auto each = fit_tracks(clip.camera, clip.frames, {}, 1);
+  const auto all = fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground);
+  for (std::size_t j = 0; j < 2; ++j) {
+    // But for the scale, which parked and moving vehicles share, and iterations going on.
+    EXPECT_LT((each[2][j].pose.center() - all[2][j].pose.center()).norm(), 0.03) << j;
+  }
+}
+
+TEST(FitTracks, ASharedGroundGivesTheSameBitsForAnyNumberOfThreads) {
+  Clip clip = make_clip({}, {{1, 0.0}, {2, 6.0}, {5, 0.0}});
+  const SharedGround ground = share_ground(&clip, 0.2);
+  const auto one = fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground);
+  const auto four = fit_tracks(clip.camera, clip.frames, {}, 4, 0.01, &ground);
+  for (int k = 0; k < kViews; ++k) {
+    for (std::size_t j = 0; j < one[k].size(); ++j) {
+      EXPECT_EQ(one[k][j].pose.bottom_center(), four[k][j].pose.bottom_center());
+      EXPECT_EQ(one[k][j].covariance, four[k][j].covariance);
+    }
+  }
+}
+
+// One view of one vehicle takes part too; a view whose names are swapped only listens to its own.
+TEST(FitTracks, OneViewOfAVehicleTakesPartInASharedGround) {
+  Clip clip = make_clip({}, {{1, 0.0}, {2, 0.0}, {5, 0.0}});
+  clip.frames.resize(1);
+  auto& keypoints = clip.frames[0].detections[2].keypoints;
+  for (int j = 0; j < kNumKeypoints / 2; ++j) {
+    std::swap(keypoints[j], keypoints[j + kNumKeypoints / 2]);
+  }
+  const SharedGround ground = share_ground(&clip, 0.3);
+  const auto& before = clip.frames[0].estimates;
+  const auto after = fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground);
+  for (std::size_t j = 0; j < 2; ++j) {
+    EXPECT_NE(after[0][j].pose.bottom_center(), before[j].pose.bottom_center());
+    EXPECT_LT(center_error(after[0][j], clip.truth[0][j]),
+              0.1 * clip.truth[0][j].truth.center().norm());
+  }
+  EXPECT_EQ(before[2].status, Status::kWeak);
+  EXPECT_EQ(after[0][2].status, Status::kWeak);
+  EXPECT_EQ(after[0][2].pose.bottom_center(), before[2].pose.bottom_center());
+}
+
+TEST(FitTracks, ASharedGroundOfOtherPlanesIsRefused) {
+  Clip clip = make_clip({}, {{1, 0.0}});
+  SharedGround ground = share_ground(&clip, 0.0);
+  ground.covariance.conservativeResize(ground.covariance.rows() - 1, ground.covariance.cols() - 1);
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground), std::invalid_argument);
 }
 
 TEST(FindTracks, ListsOfDifferentLengthsAreRefused) {

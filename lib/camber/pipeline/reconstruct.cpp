@@ -407,6 +407,7 @@ void refine_directly(Run& run) {
 /// A plane of the ground by the best field, and what became of the direct refinement there.
 struct JudgedPlane {
   LocalPlane fit;
+  const GroundField* field = nullptr;  // of the fit
   std::string refinement;
 };
 
@@ -414,6 +415,7 @@ JudgedPlane judged_plane(const Run& run, const Eigen::Vector2d& contact, const B
                          const LocalPlaneOptions& options) {
   JudgedPlane out;
   out.fit = fit_local_plane(*run.field, run.camera, contact, run.motion.covariance, options);
+  out.field = &*run.field;
   if (!run.direct) {
     if (!run.direct_refused.empty()) out.refinement = "refused: " + run.direct_refused;
     return out;
@@ -445,7 +447,64 @@ JudgedPlane judged_plane(const Run& run, const Eigen::Vector2d& contact, const B
     return out;
   }
   out.fit = std::move(direct);
+  out.field = &*run.direct;
   out.refinement = "accepted";
+  return out;
+}
+
+/// Joint covariance of the planes under all detections, metres: those of one field by that field,
+/// others each by itself, and the scale of the run, which they share.
+/// @param found  [frame][detection]; field null: not a plane of a field.
+SharedGround shared_ground(const Run& run, const std::vector<std::vector<JudgedPlane>>& found,
+                           const std::vector<TrackFrame>& views, double metres_per_unit,
+                           double scale_sigma) {
+  SharedGround out;
+  Eigen::Index count = 0;
+  for (const TrackFrame& view : views) count += static_cast<Eigen::Index>(view.supports.size());
+  out.covariance = Eigen::MatrixXd::Zero(3 * count + 1, 3 * count + 1);
+  Eigen::VectorXd by_scale = Eigen::VectorXd::Zero(3 * count + 1);
+  by_scale[3 * count] = 1.0;
+  struct Member {
+    std::size_t frame, detection;
+    Eigen::Index row;
+  };
+  std::vector<Member> own;
+  Eigen::Index row = 0;
+  for (std::size_t k = 0; k < views.size(); ++k) {
+    for (std::size_t j = 0; j < views[k].supports.size(); ++j, row += 3) {
+      if (found[k][j].field) {
+        own.push_back({k, j, row});
+      } else {
+        out.covariance.block<3, 3>(row, row) = views[k].supports[j].plane.covariance;
+      }
+    }
+  }
+  LocalPlaneOptions local;
+  local.metres_per_unit = metres_per_unit;
+  const Eigen::Vector3d unit(1.0, 1.0, metres_per_unit);
+  for (const GroundField* field : {&*run.field, run.direct ? &*run.direct : nullptr}) {
+    std::vector<LocalPlane> planes;
+    std::vector<Eigen::Index> rows;
+    for (const Member& m : own) {
+      const JudgedPlane& judged = found[m.frame][m.detection];
+      if (!field || judged.field != field) continue;
+      planes.push_back(judged.fit);
+      rows.push_back(m.row);
+      // A larger scale takes a plane below the camera farther down.
+      by_scale[m.row + 2] = -metres_per_unit * judged.fit.plane.plane.offset;
+    }
+    if (planes.empty()) continue;
+    const Eigen::MatrixXd joint = joint_covariance(*field, planes, run.motion.covariance, local);
+    for (std::size_t a = 0; a < rows.size(); ++a) {
+      for (std::size_t b = 0; b < rows.size(); ++b) {
+        out.covariance.block<3, 3>(rows[a], rows[b]) =
+            unit.asDiagonal() *
+            joint.block<3, 3>(3 * static_cast<Eigen::Index>(a), 3 * static_cast<Eigen::Index>(b)) *
+            unit.asDiagonal();
+      }
+    }
+  }
+  out.covariance += scale_sigma * scale_sigma * by_scale * by_scale.transpose();
   return out;
 }
 
@@ -822,10 +881,12 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     fit_options.trust_plane = options.method != "joint";
     std::vector<TrackFrame> views(count);
     std::vector<std::vector<int>> own_patches(count);
+    std::vector<std::vector<JudgedPlane>> local_planes(count);
     for (std::size_t k = 0; k < count; ++k) {
       const SceneFrame& frame = *run.frames[k];
       std::vector<SupportPlane> supports;
       std::vector<int> own_patch(frame.vehicles.size(), -1);  // index into surface.patches
+      local_planes[k].resize(frame.vehicles.size());
       for (const VehicleDetection& detection : frame.vehicles) {
         SupportPlane support;
         const UncertainPlane ego_here =
@@ -906,6 +967,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
             support.source = "patch " + std::to_string(patch.id);
             support.status = patch.status;
             own_patch[supports.size()] = static_cast<int>(surface.patches.size());
+            local_planes[k][supports.size()] = std::move(judged);
             surface.patches.push_back(std::move(patch));
           }
         }
@@ -928,7 +990,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     }
     std::vector<std::vector<VehicleEstimate>> found;
     if (options.method == "joint") {
-      found = fit_tracks(scene.camera, views, fit_options, options.num_threads, scale_sigma);
+      out.ground = shared_ground(run, local_planes, views, m, scale_sigma);
+      found = fit_tracks(scene.camera, views, fit_options, options.num_threads, scale_sigma,
+                         &out.ground);
     } else {
       for (const TrackFrame& view : views) found.push_back(view.estimates);
     }

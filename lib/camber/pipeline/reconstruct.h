@@ -10,6 +10,7 @@
 #include "camber/scene/image_io.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
+#include "camber/vehicle/vehicle_tracks.h"
 
 namespace camber {
 
@@ -35,6 +36,8 @@ struct Reconstruction {
   RoadCloud cloud;          ///< road points; labels["patch"]; colours; sigmas
   RoadSurface surface;
   VehicleDocument vehicles;
+  SharedGround
+      ground;  ///< of the planes under the vehicles (method joint), before they were fitted
   RunDocument run;
   std::vector<Image> images;  ///< colour, one a frame, as read
 };

@@ -8,7 +8,8 @@
 namespace camber {
 
 UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
-                                        const Eigen::Vector3d& centroid) {
+                                        const Eigen::Vector3d& centroid,
+                                        Eigen::Matrix3d* parameters) {
   // m = -n / d. Points of the plane satisfy m . x = 1.
   UncertainPlane out;
   const double length = m.norm();
@@ -34,8 +35,20 @@ UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::M
   j.row(1) = -(height(out.centroid + out.axis1) - at_centroid);  // - b (axis1 . r)
   j.row(2) = at_centroid;
   out.covariance = j * covariance * j.transpose();
+  if (parameters) *parameters = j;
   return out;
 }
+
+namespace {
+
+/// Of tilt, tilt and height.
+Eigen::Vector3d uneven_variances(const LocalPlaneOptions& options) {
+  const double height = options.uneven_height / options.metres_per_unit;
+  const double tilt = options.uneven_tilt * options.uneven_tilt;
+  return {tilt, tilt, height * height};
+}
+
+}  // namespace
 
 LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera,
                            const Eigen::Vector2d& contact, const Eigen::MatrixXd& shared_covariance,
@@ -132,13 +145,34 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
       options.inflation * field.covariance(pixels, coefficients, shared_covariance);
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) centroid += p / static_cast<double>(points.size());
-  out.plane = plane_from_inverse_depth(m, covariance, centroid);
-  const double height = options.uneven_height / options.metres_per_unit;
-  out.plane.covariance.diagonal() +=
-      Eigen::Vector3d(options.uneven_tilt * options.uneven_tilt,
-                      options.uneven_tilt * options.uneven_tilt, height * height);
+  Eigen::Matrix3d parameters;
+  out.plane = plane_from_inverse_depth(m, covariance, centroid, &parameters);
+  out.plane.covariance.diagonal() += uneven_variances(options);
+  out.by_field = parameters * coefficients;
+  out.pixels = std::move(pixels);
   out.support /= static_cast<double>(points.size());
   out.status = Status::kOk;
+  return out;
+}
+
+Eigen::MatrixXd joint_covariance(const GroundField& field, const std::vector<LocalPlane>& planes,
+                                 const Eigen::MatrixXd& shared_covariance,
+                                 const LocalPlaneOptions& options) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const LocalPlane& p : planes) pixels.insert(pixels.end(), p.pixels.begin(), p.pixels.end());
+  const auto count = static_cast<Eigen::Index>(planes.size());
+  Eigen::MatrixXd by_field =
+      Eigen::MatrixXd::Zero(3 * count, static_cast<Eigen::Index>(pixels.size()));
+  Eigen::Index column = 0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::MatrixXd& own = planes[static_cast<std::size_t>(i)].by_field;
+    by_field.block(3 * i, column, 3, own.cols()) = own;
+    column += own.cols();
+  }
+  Eigen::MatrixXd out = options.inflation * field.covariance(pixels, by_field, shared_covariance);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    out.diagonal().segment<3>(3 * i) += uneven_variances(options);
+  }
   return out;
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <vector>
 
 #include "camber/core/status.h"
 #include "camber/geometry/box.h"
@@ -29,6 +30,10 @@ struct LocalPlane {
   std::string reason;
   UncertainPlane plane;  ///< unit of the field; axis1 points away from the camera
   double support = 0.0;  ///< observations of the ground that carry the footprint
+  /// The plane's parameters as linear functions of the field: 3 x N, d(tilt, tilt, height) /
+  /// d(inverse depth at pixels).
+  std::vector<Eigen::Vector2d> pixels;
+  Eigen::MatrixXd by_field;
 };
 
 /// The plane of the ground under a vehicle: least squares over the footprint that begins where the
@@ -39,9 +44,17 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
                            const Eigen::Vector2d& contact, const Eigen::MatrixXd& shared_covariance,
                            const LocalPlaneOptions& options);
 
+/// Joint covariance of planes of one field, 3 rows a plane in their order: the blocks on the
+/// diagonal are the planes' own covariances.
+Eigen::MatrixXd joint_covariance(const GroundField& field, const std::vector<LocalPlane>& planes,
+                                 const Eigen::MatrixXd& shared_covariance,
+                                 const LocalPlaneOptions& options);
+
 /// A plane from its inverse-depth form rho = m . ray (n = -m d, up is negative y) with the
 /// covariance of m: centroid where the ray of `pixel` meets it, axis1 along the view.
+/// @param parameters  if not null, d(tilt, tilt, height) / dm.
 UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
-                                        const Eigen::Vector3d& centroid);
+                                        const Eigen::Vector3d& centroid,
+                                        Eigen::Matrix3d* parameters = nullptr);
 
 }  // namespace camber

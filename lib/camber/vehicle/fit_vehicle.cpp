@@ -141,7 +141,7 @@ void write_answer(const SingleViewProblem& problem, const VehiclePrior& prior, c
   const double sigma = std::sqrt(std::max(spread.eigenvalues().maxCoeff(), 0.0));
   if (rival < 3.0) {
     out->status = Status::kWeak;
-    out->reason = "two headings fit alike";
+    out->reason = kTwoHeadings;
   } else if (problem.plane_mahalanobis(s) > 25.0) {
     out->status = Status::kWeak;
     out->reason = "the keypoints contradict the plane";
@@ -270,7 +270,7 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
         write_answer(problem, prior, best.state, inverse_of(hessian), rival, &out);
         if (swapped && out.status == Status::kOk) {
           out.status = Status::kWeak;
-          out.reason = "the keypoints' left and right are swapped";
+          out.reason = kSidesSwapped;
         }
       }
     }

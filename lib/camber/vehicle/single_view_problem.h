@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/ground_exchange.h"
 
 namespace camber::internal {
 
@@ -24,6 +25,10 @@ constexpr int kPoseParameters = 6;  // translation in the camera, rotation in th
 constexpr int kSizeParameters = 3;  // length, width, height
 constexpr int kNumExtraPoints = 10;
 constexpr int kNumBodyPoints = kNumKeypoints + kNumExtraPoints;
+
+// Reasons of weak answers that more planes and views do not undo.
+inline constexpr char kTwoHeadings[] = "two headings fit alike";
+inline constexpr char kSidesSwapped[] = "the keypoints' left and right are swapped";
 
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxParameters, 1>;
 using Matrix =
@@ -482,6 +487,27 @@ class SingleViewProblem {
       box->y2 = std::max(box->y2, pixel.y());
     }
     return true;
+  }
+
+  /// The plane's part of the normal equations alone.
+  void plane_terms(const State& s, Matrix* hessian, Vector* gradient) const {
+    hessian->setZero(num_parameters_, num_parameters_);
+    gradient->setZero(num_parameters_);
+    double cost = 0.0;
+    add_plane(s, &cost, hessian, gradient);
+  }
+
+  /// How the vehicle stands on its plane.
+  StanceTerms stance_terms(const State& s) const {
+    StanceTerms out;
+    Eigen::Matrix3d unused;
+    stance(s, &out.value, &unused);
+    out.by_pose = stance_jacobian(s).leftCols<6>();
+    out.by_plane.setIdentity();
+    out.by_plane.row(2) = support_.plane.height_jacobian(s.translation);
+    const double tilt = std::pow(options_.stance_sigma_tilt, 2);
+    out.variance = {tilt, tilt, std::pow(options_.stance_sigma_height, 2)};
+    return out;
   }
 
   /// Squared Mahalanobis distance of the stance from the plane.

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
+#include "camber/vehicle/ground_exchange.h"
 #include "camber/vehicle/single_view_problem.h"
 #include "camber/vehicle/vehicle_registration.h"
 
@@ -28,6 +30,7 @@ constexpr double kAcceleration = 4.0;  // m / s^2
 constexpr double kSpeed = 15.0;        // m / s, standard deviation of a moving vehicle's speed
 // Squared standard deviations beyond which a registration loses its weight: it may have failed.
 constexpr double kLinkScale = 9.0;
+constexpr int kExchanges = 2;  // of what the vehicles say of their ground
 
 struct View {
   std::size_t frame = 0, detection = 0;
@@ -43,11 +46,16 @@ class TrackProblem {
  public:
   TrackProblem(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
                const std::vector<View>& views, const VehicleFitOptions& options, double scale_sigma)
-      : camera_(camera), frames_(frames), views_(views), scale_sigma_(scale_sigma) {
+      : camera_(camera),
+        frames_(frames),
+        views_(views),
+        scale_variance_(scale_sigma * scale_sigma) {
     for (const View& view : views) {
-      const TrackFrame& frame = frames[view.frame];
+      supports_.push_back(frames[view.frame].supports[view.detection]);
+    }
+    for (std::size_t k = 0; k < views.size(); ++k) {
       problems_.push_back(std::make_unique<SingleViewProblem>(
-          camera, frame.detections[view.detection], frame.supports[view.detection], options,
+          camera, frames[views[k].frame].detections[views[k].detection], supports_[k], options,
           /*use_keypoints=*/true, options.num_coefficients));
     }
     shared_ = kSizeParameters + problems_.front()->num_coefficients();
@@ -149,11 +157,12 @@ class TrackProblem {
       gradient->segment(6 * k, 6) += g.head(6);
       gradient->segment(6 * count_, shared_) += g.tail(shared_);
     }
-    const double scale_weight = 1.0 / (scale_sigma_ * scale_sigma_);
-    cost += 0.5 * scale_weight * state.log_scale * state.log_scale;
+    const double scale_weight = 1.0 / scale_variance_;
+    const double scale_off = state.log_scale - scale_mean_;
+    cost += 0.5 * scale_weight * scale_off * scale_off;
     if (hessian) {
       (*hessian)(total - 1, total - 1) += scale_weight;
-      (*gradient)[total - 1] += scale_weight * state.log_scale;
+      (*gradient)[total - 1] += scale_weight * scale_off;
     }
     add_motion(state, parked, &cost, hessian, gradient);
     if (!add_links(states, &cost, hessian, gradient)) return kInfinity;
@@ -174,6 +183,58 @@ class TrackProblem {
       cost += motion_sigma(state.views, k, parked).array().log().sum();
     }
     return cost;
+  }
+
+  /// What is known of view k's plane and of the scale: changes of the frame's own support plane and
+  /// their covariance.
+  void set_plane(int k, const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
+    const View& v = views_[static_cast<std::size_t>(k)];
+    UncertainPlane& plane = supports_[static_cast<std::size_t>(k)].plane;
+    plane = frames_[v.frame].supports[v.detection].plane;
+    plane.plane = plane.perturbed(mean);
+    plane.covariance = covariance;
+  }
+  void set_scale(double mean, double variance) {
+    scale_mean_ = mean;
+    scale_variance_ = variance;
+  }
+
+  /// What the vehicle says of the plane under view `lead` (as changes of the frame's own support
+  /// plane) and of the log scale, without what it was told of them.
+  std::optional<GroundMessage> message(int lead, const TrackState& state, bool parked) const {
+    for (const bool observed : {true, false}) {
+      Eigen::MatrixXd hessian;
+      Eigen::VectorXd gradient;
+      if (!std::isfinite(evaluate(state, parked, &hessian, &gradient, observed))) continue;
+      Matrix h;
+      Vector g;
+      for (int k = 0; k < count_; ++k) {
+        // A plane speaks of the pose alone.
+        problems_[static_cast<std::size_t>(k)]->plane_terms(
+            state.views[static_cast<std::size_t>(k)], &h, &g);
+        hessian.block(6 * k, 6 * k, 6, 6) -= h.topLeftCorner(6, 6);
+        gradient.segment(6 * k, 6) -= g.head(6);
+      }
+      const Eigen::Index rest = hessian.rows() - 1;
+      hessian(rest, rest) -= 1.0 / scale_variance_;
+      gradient[rest] -= (state.log_scale - scale_mean_) / scale_variance_;
+
+      auto out = ground_message(hessian, gradient, 6 * lead,
+                                problems_[static_cast<std::size_t>(lead)]->stance_terms(
+                                    state.views[static_cast<std::size_t>(lead)]));
+      if (!out) continue;
+      // From the changes at this state to those of the frame's own plane.
+      const View& v = views_[static_cast<std::size_t>(lead)];
+      const UncertainPlane& own = frames_[v.frame].supports[v.detection].plane;
+      const UncertainPlane& now = supports_[static_cast<std::size_t>(lead)].plane;
+      Eigen::Vector4d moved;
+      const Eigen::Vector3d turn = now.plane.normal - own.plane.normal;
+      moved << -own.axis2.dot(turn), own.axis1.dot(turn),
+          -(now.plane.signed_distance(own.centroid)), state.log_scale;
+      out->pull += out->information * moved;
+      return out;
+    }
+    return std::nullopt;
   }
 
   double refine(TrackState* state, bool parked, int max_iterations, double tolerance) const {
@@ -381,7 +442,8 @@ class TrackProblem {
   const PinholeCamera& camera_;
   const std::vector<TrackFrame>& frames_;
   std::vector<View> views_;
-  double scale_sigma_;
+  std::vector<SupportPlane> supports_;  // one a view
+  double scale_mean_ = 0.0, scale_variance_;
   std::vector<Link> links_;
   std::vector<std::unique_ptr<SingleViewProblem>> problems_;
   int count_ = 0, shared_ = 0;
@@ -393,17 +455,29 @@ double center_spread(const VehicleEstimate& e) {
   return e.covariance.topLeftCorner<3, 3>().trace();
 }
 
-/// Solves one track; leaves `out` as it is where the views cannot be joined.
-void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
-               std::vector<View> views, const VehicleFitOptions& options, double scale_sigma,
-               std::vector<std::vector<VehicleEstimate>>* out) {
+/// One vehicle being solved.
+struct TrackFit {
+  std::vector<View> views;  // of one opinion
+  int lead = 0;             // the surest of them
+  std::unique_ptr<TrackProblem> problem;
+  TrackState moving, parked;
+  bool stands = false;  // parked, by the evidence
+  const TrackState& answer() const { return stands ? parked : moving; }
+};
+
+/// Chooses the views of a track that can be joined and starts from their single fits.
+/// @return nothing if fewer than `least_views` are left.
+std::optional<TrackFit> start_track(const PinholeCamera& camera,
+                                    const std::vector<TrackFrame>& frames, std::vector<View> views,
+                                    const VehicleFitOptions& options, double scale_sigma,
+                                    std::size_t least_views) {
   const auto single = [&](const View& v) -> const VehicleEstimate& {
     return frames[v.frame].estimates[v.detection];
   };
   views.erase(std::remove_if(views.begin(), views.end(),
                              [&](const View& v) { return !trusted(single(v)); }),
               views.end());
-  if (views.size() < 2) return;
+  if (views.size() < least_views) return std::nullopt;
   // The surest view says the heading; views that see another one are not of its opinion.
   const auto best = std::min_element(views.begin(), views.end(), [&](const View& a, const View& b) {
     return center_spread(single(a)) < center_spread(single(b));
@@ -420,15 +494,19 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
                                return other.dot(ahead) < 0.9;
                              }),
               views.end());
-  if (views.size() < 2) return;
+  // Its keypoints' names stay swapped here: its own fit knows better.
+  if (views.size() < std::max<std::size_t>(least_views, 1) ||
+      (views.size() == 1 && lead.reason == kSidesSwapped)) {
+    return std::nullopt;
+  }
 
-  TrackProblem problem(camera, frames, views, options, scale_sigma);
+  TrackFit out;
+  out.problem = std::make_unique<TrackProblem>(camera, frames, views, options, scale_sigma);
+  TrackProblem& problem = *out.problem;
   const int count = problem.num_views();
-  TrackState moving;
-  int lead_at = 0;
   for (int k = 0; k < count; ++k) {
     const View& v = views[static_cast<std::size_t>(k)];
-    if (v.frame == lead_view.frame) lead_at = k;
+    if (v.frame == lead_view.frame) out.lead = k;
     const VehicleEstimate& e = single(v);
     State s = problem.problem(k).mean_state();
     s.rotation = e.pose.camera_from_vehicle.rotation_matrix();
@@ -444,46 +522,123 @@ void fit_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frame
       s.shape[static_cast<int>(i)] = lead.shape[i];
     }
     s.size = {lead.pose.dimensions.length, lead.pose.dimensions.width, lead.pose.dimensions.height};
-    moving.views.push_back(s);
+    out.moving.views.push_back(s);
   }
   problem.share();
-  const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
-  problem.refine(&moving, false, 10, 0.1);  // within a pixel or two, for the registration
-  problem.register_views(prior, lead_at, moving);
-  TrackState parked = moving;
-  const SE3 stand =
-      problem.world_from_vehicle(lead_at, moving.views[static_cast<std::size_t>(lead_at)]);
-  for (int k = 0; k < count; ++k)
-    problem.place(k, stand, &parked.views[static_cast<std::size_t>(k)]);
+  out.views = std::move(views);
+  return out;
+}
 
-  const double moving_cost = problem.refine(&moving, false, 25, 0.01);
+/// Both hypotheses from where they are; the one of greater evidence.
+void choose_hypothesis(TrackFit* fit) {
+  const TrackProblem& problem = *fit->problem;
+  // Along the viewing ray the valley is long and flat.
+  constexpr int kIterations = 60;
+  constexpr double kTolerance = 5e-4;
+  const double moving_cost = problem.refine(&fit->moving, false, kIterations, kTolerance);
+  if (problem.num_views() < 2) return;
   // Far from what a moving one explains, standing still need not be told exactly.
   constexpr double kHopeless = 60.0;
-  double parked_cost = problem.refine(&parked, true, 8, 0.01);
-  if (parked_cost < moving_cost + kHopeless) parked_cost = problem.refine(&parked, true, 20, 0.01);
-  const bool stands = parked_cost < moving_cost + kHopeless &&
-                      problem.evidence(parked, true) < problem.evidence(moving, false);
-  const TrackState& states = stands ? parked : moving;
+  double parked_cost = problem.refine(&fit->parked, true, 8, 0.01);
+  if (parked_cost < moving_cost + kHopeless) {
+    parked_cost = problem.refine(&fit->parked, true, kIterations, kTolerance);
+  }
+  fit->stands = parked_cost < moving_cost + kHopeless &&
+                problem.evidence(fit->parked, true) < problem.evidence(fit->moving, false);
+}
+
+void solve_track(const VehiclePrior& prior, TrackFit* fit) {
+  TrackProblem& problem = *fit->problem;
+  problem.refine(&fit->moving, false, 10, 0.1);  // within a pixel or two, for the registration
+  problem.register_views(prior, fit->lead, fit->moving);
+  fit->parked = fit->moving;
+  const SE3 stand =
+      problem.world_from_vehicle(fit->lead, fit->moving.views[static_cast<std::size_t>(fit->lead)]);
+  for (int k = 0; k < problem.num_views(); ++k) {
+    problem.place(k, stand, &fit->parked.views[static_cast<std::size_t>(k)]);
+  }
+  choose_hypothesis(fit);
+}
+
+/// Leaves `out` as it is where the solution is not to be trusted.
+void write_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
+                 const VehiclePrior& prior, TrackFit& fit,
+                 std::vector<std::vector<VehicleEstimate>>* out) {
+  TrackProblem& problem = *fit.problem;
+  const TrackState& states = fit.answer();
   Eigen::MatrixXd hessian;
   Eigen::VectorXd gradient;
-  if (!std::isfinite(problem.evaluate(states, stands, &hessian, &gradient, /*observed=*/true)))
+  if (!std::isfinite(
+          problem.evaluate(states, fit.stands, &hessian, &gradient, /*observed=*/true))) {
     return;
+  }
   const Eigen::LDLT<Eigen::MatrixXd> factors(hessian);
   if (factors.info() != Eigen::Success || !factors.isPositive()) return;
   const Eigen::MatrixXd covariance =
       factors.solve(Eigen::MatrixXd::Identity(hessian.rows(), hessian.cols()));
-  for (int k = 0; k < count; ++k) {
-    const View& v = views[static_cast<std::size_t>(k)];
+  for (int k = 0; k < problem.num_views(); ++k) {
+    const View& v = fit.views[static_cast<std::size_t>(k)];
     const State& s = states.views[static_cast<std::size_t>(k)];
     const TrackFrame& frame = frames[v.frame];
-    VehicleEstimate answer = single(v);
+    VehicleEstimate answer = frame.estimates[v.detection];
     if (!distrust_of(problem.problem(k), s, camera, frame.detections[v.detection].box).empty())
       continue;
     write_answer(problem.problem(k), prior, s, problem.covariance(k, covariance), kInfinity,
                  &answer);
+    if (problem.num_views() == 1 && answer.status == Status::kOk &&
+        frame.estimates[v.detection].reason == kTwoHeadings) {
+      answer.status = Status::kWeak;
+      answer.reason = kTwoHeadings;
+    }
     finish_answer(frame.supports[v.detection], &answer);
     if (answer.status != Status::kFailed) (*out)[v.frame][v.detection] = answer;
   }
+}
+
+/// First row of each detection's plane in a shared ground, [frame][detection].
+std::vector<std::vector<Eigen::Index>> ground_rows(const std::vector<TrackFrame>& frames,
+                                                   const Eigen::MatrixXd& covariance) {
+  std::vector<std::vector<Eigen::Index>> out;
+  Eigen::Index next = 0;
+  for (const TrackFrame& f : frames) {
+    out.emplace_back();
+    for (std::size_t j = 0; j < f.supports.size(); ++j, next += 3) out.back().push_back(next);
+  }
+  if (covariance.rows() != next + 1 || covariance.cols() != next + 1) {
+    throw std::invalid_argument(fmt::format("ground.covariance: {} x {}, must be {} square",
+                                            covariance.rows(), covariance.cols(), next + 1));
+  }
+  return out;
+}
+
+/// Every vehicle says what it knows of its ground and is solved again with what the others said.
+void exchange_ground(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
+                     const Eigen::MatrixXd& covariance,
+                     const std::vector<std::vector<Eigen::Index>>& rows, int num_threads,
+                     std::vector<TrackFit>* fits) {
+  std::vector<GroundSpeaker> speakers(fits->size());
+  parallel_for(fits->size(), num_threads, [&](std::size_t i) {
+    const TrackFit& fit = (*fits)[i];
+    for (const View& v : fit.views) speakers[i].rows.push_back(rows[v.frame][v.detection]);
+    speakers[i].lead = static_cast<std::size_t>(fit.lead);
+    const View& lead = fit.views[speakers[i].lead];
+    if (distrust_of(fit.problem->problem(fit.lead), fit.answer().views[speakers[i].lead], camera,
+                    frames[lead.frame].detections[lead.detection].box)
+            .empty()) {
+      speakers[i].said = fit.problem->message(fit.lead, fit.answer(), fit.stands);
+    }
+  });
+  const std::vector<GroundPrior> priors = exchange_messages(covariance, speakers);
+  parallel_for(fits->size(), num_threads, [&](std::size_t i) {
+    TrackFit& fit = (*fits)[i];
+    for (int k = 0; k < fit.problem->num_views(); ++k) {
+      fit.problem->set_plane(k, priors[i].mean.segment(3 * k, 3),
+                             priors[i].covariance.block(3 * k, 3 * k, 3, 3));
+    }
+    const Eigen::Index last = priors[i].mean.size() - 1;
+    fit.problem->set_scale(priors[i].mean[last], priors[i].covariance(last, last));
+    choose_hypothesis(&fit);
+  });
 }
 
 /// Overlap of an earlier vehicle's box with a later detection: as if it stood still, or as it was.
@@ -576,12 +731,18 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
                                                      const std::vector<TrackFrame>& frames,
                                                      const VehicleFitOptions& options,
-                                                     int num_threads, double scale_sigma) {
+                                                     int num_threads, double scale_sigma,
+                                                     const SharedGround* ground) {
   options.validate();
   if (!(scale_sigma > 0.0)) {
     throw std::invalid_argument(fmt::format("scale_sigma: {}, must be > 0", scale_sigma));
   }
   const std::vector<std::vector<int>> numbers = find_tracks(camera, frames);
+  const bool shared = ground && ground->covariance.size() > 0;
+  std::vector<std::vector<Eigen::Index>> rows;
+  if (shared) rows = ground_rows(frames, ground->covariance);
+  // One view alone has something to say and to hear where the ground is shared.
+  const std::size_t least_views = shared ? 1 : 2;
   std::map<int, std::vector<View>> tracks;
   std::vector<std::vector<VehicleEstimate>> out;
   for (std::size_t t = 0; t < frames.size(); ++t) {
@@ -595,11 +756,25 @@ std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera
     views.erase(std::unique(views.begin(), views.end(),
                             [](const View& a, const View& b) { return a.frame == b.frame; }),
                 views.end());
-    if (views.size() > 1) lists.push_back(views);
+    if (views.size() >= least_views) lists.push_back(views);
   }
+  const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
+  std::vector<std::optional<TrackFit>> started(lists.size());
   parallel_for(lists.size(), num_threads, [&](std::size_t i) {
-    fit_track(camera, frames, lists[i], options, scale_sigma, &out);
+    started[i] = start_track(camera, frames, lists[i], options, scale_sigma, least_views);
+    if (started[i]) solve_track(prior, &*started[i]);
   });
+  std::vector<TrackFit> fits;
+  for (std::optional<TrackFit>& f : started) {
+    if (f) fits.push_back(std::move(*f));
+  }
+  if (shared) {
+    for (int round = 0; round < kExchanges; ++round) {
+      exchange_ground(camera, frames, ground->covariance, rows, num_threads, &fits);
+    }
+  }
+  parallel_for(fits.size(), num_threads,
+               [&](std::size_t i) { write_track(camera, frames, prior, fits[i], &out); });
   return out;
 }
 

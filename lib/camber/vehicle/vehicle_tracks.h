@@ -23,6 +23,15 @@ struct TrackFrame {
   double pose_sigma_shift = 0.001;  ///< m
 };
 
+/// How the errors of the planes under all detections hang together: one ground gave them.
+struct SharedGround {
+  /// 3 rows a detection, frame by frame in the order of their detections: (tilt about axis1, tilt
+  /// about axis2, height at the centroid) of its support plane, rad and m, the blocks on the
+  /// diagonal being the supports' own covariances; then one row for the logarithm of the way's
+  /// scale. Empty: planes have nothing in common.
+  Eigen::MatrixXd covariance;
+};
+
 /// Track numbers of all detections, [frame][detection], from 0 in order of appearance.
 ///
 /// Detections of neighbouring frames belong together if the box that the earlier vehicle, standing
@@ -42,13 +51,21 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 /// plane, shape errors) counts once. Views without trusted keypoints keep their own answer. With
 /// images the vehicle's grey values are registered (vehicle_registration.h), so that a parked
 /// vehicle is triangulated by its own parallax.
+///
+/// With a shared ground the vehicles tell each other where it lies: what each of them says of its
+/// plane and of the scale beside that plane's prior goes to the others as a normal distribution,
+/// and each is solved again with what the others left of its prior (expectation propagation; Minka,
+/// UAI 2001). A vehicle that contradicts the rest by far has less of a say.
 /// @param scale_sigma  relative standard deviation of the way between the cameras; > 0, else
 ///                     std::invalid_argument.
-/// @return one a detection of each frame; that of fit_vehicle where there is one view only.
+/// @param ground       not owned; nullptr: every vehicle by itself.
+/// @return one a detection of each frame; that of fit_vehicle where there is one view only and no
+///         shared ground.
+/// @throws std::invalid_argument if the shared ground's covariance has another number of rows.
 std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
                                                      const std::vector<TrackFrame>& frames,
                                                      const VehicleFitOptions& options,
-                                                     int num_threads = 0,
-                                                     double scale_sigma = 0.01);
+                                                     int num_threads = 0, double scale_sigma = 0.01,
+                                                     const SharedGround* ground = nullptr);
 
 }  // namespace camber

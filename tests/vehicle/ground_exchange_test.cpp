@@ -1,0 +1,179 @@
+#include "camber/vehicle/ground_exchange.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+
+#include "camber/core/random.h"
+
+namespace camber::internal {
+namespace {
+
+Eigen::MatrixXd random_matrix(std::uint64_t stream, Eigen::Index rows, Eigen::Index columns) {
+  const CounterRandom random(3, stream);
+  Eigen::MatrixXd out(rows, columns);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    for (Eigen::Index k = 0; k < columns; ++k) {
+      out(i, k) = random.normal(static_cast<std::uint64_t>(i * columns + k));
+    }
+  }
+  return out;
+}
+
+Eigen::MatrixXd random_covariance(std::uint64_t stream, Eigen::Index size) {
+  const Eigen::MatrixXd root = random_matrix(stream, size, 2 * size);
+  return root * root.transpose() / static_cast<double>(size);
+}
+
+// A vehicle with its plane in one dense problem: the message times the plane's prior must be the
+// same posterior.
+TEST(GroundMessage, IsWhatTheDenseProblemSays) {
+  constexpr Eigen::Index kParameters = 9, kPose = 2;  // the last: log scale
+  const Eigen::MatrixXd hessian = random_covariance(1, kParameters);
+  const Eigen::VectorXd gradient = random_matrix(2, kParameters, 1);
+  StanceTerms stance;
+  stance.value = random_matrix(3, 3, 1);
+  stance.variance = {0.2, 0.3, 0.1};
+  stance.by_pose = random_matrix(4, 3, 6);
+  stance.by_plane = random_matrix(5, 3, 3);
+  const auto said = ground_message(hessian, gradient, kPose, stance);
+  ASSERT_TRUE(said);
+
+  // Dense: parameters, then the plane; a prior on (plane, log scale).
+  const Eigen::MatrixXd prior = random_covariance(6, 4).inverse();
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(3, kParameters + 3);
+  rows.block(0, kPose, 3, 6) = stance.by_pose;
+  rows.rightCols(3) = -stance.by_plane;
+  const Eigen::MatrixXd weight = stance.variance.cwiseInverse().asDiagonal();
+  Eigen::MatrixXd dense = rows.transpose() * weight * rows;
+  Eigen::VectorXd right = -rows.transpose() * (weight * stance.value);
+  dense.topLeftCorner(kParameters, kParameters) += hessian;
+  right.head(kParameters) -= gradient;
+  const Eigen::Index at[4] = {kParameters, kParameters + 1, kParameters + 2, kParameters - 1};
+  for (int a = 0; a < 4; ++a) {
+    for (int b = 0; b < 4; ++b) dense(at[a], at[b]) += prior(a, b);
+  }
+  const Eigen::MatrixXd covariance = dense.inverse();
+  const Eigen::VectorXd mean = covariance * right;
+  const Eigen::MatrixXd joined = (said->information + prior).inverse();
+  const Eigen::VectorXd joined_mean = joined * said->pull;
+  for (int a = 0; a < 4; ++a) {
+    EXPECT_NEAR(joined_mean[a], mean[at[a]], 1e-9);
+    for (int b = 0; b < 4; ++b) EXPECT_NEAR(joined(a, b), covariance(at[a], at[b]), 1e-9);
+  }
+}
+
+TEST(GroundMessage, NothingFromAProblemWithoutAMinimum) {
+  Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(9, 9);
+  hessian(8 - 1, 8 - 1) = -1.0;
+  StanceTerms stance;
+  stance.value.setZero();
+  stance.variance.setOnes();
+  stance.by_pose.setZero();
+  stance.by_plane.setIdentity();
+  EXPECT_FALSE(ground_message(hessian, Eigen::VectorXd::Zero(9), 0, stance));
+}
+
+struct Scene {
+  Eigen::MatrixXd covariance;  // of four planes and the scale
+  std::vector<GroundSpeaker> speakers;
+};
+
+/// Three vehicles; the last has two planes and speaks of the second.
+Scene make_scene() {
+  Scene out;
+  out.covariance = random_covariance(7, 13);
+  out.speakers.resize(3);
+  out.speakers[0].rows = {0};
+  out.speakers[1].rows = {3};
+  out.speakers[2].rows = {6, 9};
+  out.speakers[2].lead = 1;
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    GroundMessage said;
+    said.information = random_covariance(20 + i, 4);
+    said.pull = said.information * (0.3 * random_matrix(30 + i, 4, 1));
+    out.speakers[i].said = said;
+  }
+  return out;
+}
+
+TEST(GroundExchange, IsDenseInferenceWithoutOnesOwnWord) {
+  const Scene scene = make_scene();
+  const auto priors = exchange_messages(scene.covariance, scene.speakers);
+  ASSERT_EQ(priors.size(), 3u);
+  const Eigen::MatrixXd inverse = scene.covariance.inverse();
+  for (std::size_t i = 0; i < 3; ++i) {
+    // The weights of messages that nothing contradicts are near 1; here they are not to matter.
+    Eigen::MatrixXd dense = inverse;
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(13);
+    for (std::size_t j = 0; j < 3; ++j) {
+      if (j == i) continue;
+      const GroundSpeaker& s = scene.speakers[j];
+      const Eigen::Index first = s.rows[s.lead];
+      const Eigen::Index at[4] = {first, first + 1, first + 2, 12};
+      for (int a = 0; a < 4; ++a) {
+        right[at[a]] += s.said->pull[a];
+        for (int b = 0; b < 4; ++b) dense(at[a], at[b]) += s.said->information(a, b);
+      }
+    }
+    const Eigen::MatrixXd covariance = dense.inverse();
+    const Eigen::VectorXd mean = covariance * right;
+    std::vector<Eigen::Index> wanted;
+    for (const Eigen::Index row : scene.speakers[i].rows) {
+      for (int a = 0; a < 3; ++a) wanted.push_back(row + a);
+    }
+    wanted.push_back(12);
+    for (std::size_t a = 0; a < wanted.size(); ++a) {
+      const auto at = static_cast<Eigen::Index>(a);
+      const double sigma = std::sqrt(covariance(wanted[a], wanted[a]));
+      EXPECT_NEAR(priors[i].mean[at], mean[wanted[a]], 0.1 * sigma) << i << " " << a;
+      EXPECT_NEAR(priors[i].covariance(at, at), sigma * sigma, 0.1 * sigma * sigma);
+    }
+  }
+}
+
+TEST(GroundExchange, ListenersAndPlanesOfTheirOwnChangeNothing) {
+  Scene scene = make_scene();
+  // Nothing in common with the others, not even the scale.
+  scene.covariance.block(0, 3, 3, 10).setZero();
+  scene.covariance.block(3, 0, 10, 3).setZero();
+  const auto before = exchange_messages(scene.covariance, scene.speakers);
+  EXPECT_LT(before[0].mean.head(3).norm(), 1e-12);
+  EXPECT_LT(
+      (before[0].covariance.topLeftCorner(3, 3) - scene.covariance.topLeftCorner(3, 3)).norm(),
+      1e-12);
+  for (GroundSpeaker& s : scene.speakers) s.said.reset();
+  const auto alone = exchange_messages(scene.covariance, scene.speakers);
+  EXPECT_LT((alone[2].covariance.topLeftCorner(6, 6) - scene.covariance.block(6, 6, 6, 6)).norm(),
+            1e-12);
+}
+
+// Three vehicles on one plane; one of them says what the two others cannot believe.
+TEST(GroundExchange, OneThatContradictsTheRestHasLittleToSay) {
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(10, 10);
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) covariance(3 * i + 2, 3 * k + 2) = 0.04;
+    covariance.diagonal().segment<3>(3 * i) += Eigen::Vector3d(1e-4, 1e-4, 4e-4);
+  }
+  covariance(9, 9) = 1e-4;
+  std::vector<GroundSpeaker> speakers(3);
+  const auto says = [&](int i, double height) {
+    speakers[static_cast<std::size_t>(i)].rows = {3 * i};
+    GroundMessage said;
+    said.information(2, 2) = 1.0 / (0.03 * 0.03);
+    said.pull[2] = height / (0.03 * 0.03);
+    speakers[static_cast<std::size_t>(i)].said = said;
+  };
+  says(0, 0.10);
+  says(1, 0.12);
+  says(2, 0.90);
+  const auto heard = exchange_messages(covariance, speakers);
+  EXPECT_NEAR(heard[0].mean[2], 0.12, 0.06);  // 0.5 if both counted alike
+  EXPECT_NEAR(heard[2].mean[2], 0.11, 0.03);
+  EXPECT_LT(heard[2].covariance(2, 2), 0.05 * 0.05);  // from 0.2
+}
+
+}  // namespace
+}  // namespace camber::internal
