@@ -6,8 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <set>
 
 #include "camber/core/random.h"
+#include "camber/plane/noise_model.h"
+#include "camber/plane/plane_solver.h"
 #include "plane/road_scene_maker.h"
 
 namespace camber {
@@ -245,6 +248,47 @@ TEST(FitPlane, OrderAndPlaceHardlyMatter) {
     back.offset += back.normal.dot(shift);
     EXPECT_LT((difference(fit.plane, back).array().abs() / sigma.array()).maxCoeff(), 0.1);
   }
+}
+
+TEST(NoiseModel, TheCoreOfResidualsDoesNotDependOnWhereTheSearchBegins) {
+  // Normal with deviation 1 and 3 % over an even background. The deviation of the expectation
+  // maximisation may stand still for a step while the share of the background still changes.
+  const CounterRandom random(3, 9);
+  std::vector<float> residuals;
+  for (std::uint64_t i = 0; i < 5000; ++i) {
+    const double value = i % 33 == 0 ? random.uniform(100000 + i, -12.0, 12.0) : random.normal(i);
+    residuals.push_back(static_cast<float>(value));
+  }
+  const double from_one = core_deviation(residuals.data(), residuals.size(), 1.0, 6.0);
+  EXPECT_NEAR(from_one, 1.0, 0.04);  // 3 sigma of 5,000 residuals 0.03, and what the bins add
+  // Other units are another start and other bins. 1e-2: a fifth of the 7 % that it was off where
+  // the search ended at its first standstill.
+  for (double unit = 0.8; unit < 1.3; unit += 0.002) {
+    std::vector<float> other;
+    for (const float r : residuals) other.push_back(r / static_cast<float>(unit));
+    ASSERT_NEAR(unit * core_deviation(other.data(), other.size(), 1.0, 6.0), from_one, 1e-2)
+        << "unit " << unit;
+  }
+}
+
+TEST(KeyedDraws, OneRowMoreChangesFewDraws) {
+  KeyedDraws all, less;
+  const CounterRandom keys(1, 2), random(4, 5);
+  for (std::uint32_t row = 0; row < 300; ++row) {
+    all.add(keys.bits(row), row);
+    if (row != 41) less.add(keys.bits(row), row);
+  }
+  int same = 0;
+  std::set<std::uint32_t> drawn;
+  for (std::uint64_t k = 0; k < 1000; ++k) {
+    drawn.insert(all.draw(random.bits(k)));
+    same += all.draw(random.bits(k)) == less.draw(random.bits(k));
+  }
+  EXPECT_GE(same, 960);           // a slot of 256 and the empty ones before it
+  EXPECT_GE(drawn.size(), 120u);  // of about 175 slots that hold a row
+  KeyedDraws one;
+  one.add(7, 5);
+  for (std::uint64_t k = 0; k < 10; ++k) EXPECT_EQ(one.draw(random.bits(k)), 5u);
 }
 
 TEST(FitPlane, OptionsAreChecked) {

@@ -125,7 +125,7 @@ double core_deviation(const float* residuals, std::size_t n, double start, doubl
   }
   if (total < 20.0) return start;
   double deviation = start, share = 0.8;
-  for (int iteration = 0; iteration < 30; ++iteration) {
+  for (int iteration = 0; iteration < 60; ++iteration) {
     double in = 0.0, squares = 0.0;
     // exp(-a^2 / 2 s^2) at a = (k + 1/2) width, from bin to bin.
     const double unit = width / deviation;
@@ -142,9 +142,12 @@ double core_deviation(const float* residuals, std::size_t n, double start, doubl
     }
     if (!(in > 0.0)) return start;
     const double next = std::sqrt(std::max(squares / in, width * width / 12.0));
-    share = std::clamp(in / total, 0.05, 0.999);
-    const bool settled = std::abs(next - deviation) < 1e-4 * deviation;
+    const double next_share = std::clamp(in / total, 0.05, 0.999);
+    // Both: the deviation alone may stand still for a step on its way.
+    const bool settled =
+        std::abs(next - deviation) < 1e-5 * deviation && std::abs(next_share - share) < 1e-5;
     deviation = next;
+    share = next_share;
     if (settled) break;
   }
   return deviation;

@@ -23,87 +23,173 @@ constexpr double kWeakTilt = 0.02;    // rad
 constexpr double kRangeNoise = 0.01;  // relative, along unknown rays
 constexpr double kRayTilt = 0.08;     // see UnknownRays
 
-/// Where along one axis the points lie evenly and on the plane: the run of bins that are at least
-/// 40 % full and whose mean residual stays below one standard deviation; the run's ends come from
-/// quantiles of the points in it, which hardly depend on single points.
+/// Ends of the range in which all but a share of the values at either end lie, from counts in bins,
+/// anew inside that range while strays make it wide: ends that single points hardly move.
+bool inner_range(const float* values, std::size_t n, double share, double* low, double* high) {
+  constexpr std::size_t kBins = 512;
+  float least = values[0], most = values[0];
+  for (std::size_t i = 1; i < n; ++i) {
+    least = std::min(least, values[i]);
+    most = std::max(most, values[i]);
+  }
+  *low = static_cast<double>(least);
+  *high = static_cast<double>(most);
+  for (int zoom = 0; zoom < 6; ++zoom) {
+    const double from = *low, width = (*high - from) / kBins;
+    if (!(width > 0.0)) return false;
+    std::array<std::uint32_t, kBins + 2> bins{};
+    const float f = static_cast<float>(from), per_width = static_cast<float>(1.0 / width);
+    for (std::size_t i = 0; i < n; ++i) {
+      const float place = (values[i] - f) * per_width + 1.0f;
+      ++bins[static_cast<std::uint32_t>(
+          std::min(std::max(place, 0.0f), static_cast<float>(kBins + 1)))];
+    }
+    const auto end = [&](bool upper) {
+      double rest = share * static_cast<double>(n);
+      for (std::size_t k = 0; k < kBins + 2; ++k) {
+        const std::size_t bin = upper ? kBins + 1 - k : k;
+        const double count = static_cast<double>(bins[bin]);
+        if (count > 0.0 && count >= rest) {
+          const double inside = rest / count;
+          return from + (static_cast<double>(bin) - 1.0 + (upper ? 1.0 - inside : inside)) * width;
+        }
+        rest -= count;
+      }
+      return from;
+    };
+    const double first = end(false), last = end(true);
+    *low = first;
+    *high = last;
+    if (!(last > first)) return false;
+    if (last - first > 0.1 * kBins * width) break;
+    // A bin around it: its ends were found to a bin's width.
+    *low -= width;
+    *high += width;
+  }
+  return *high > *low;
+}
+
+/// Where along one axis the points lie evenly and on the plane: the run of places around which
+/// there are at least 40 % as many points as where there are many, and whose mean residual stays
+/// below one standard deviation; the run's ends come from quantiles of the points in it. Everything
+/// here changes steadily with the points: places near the bounds count in part.
 bool even_run(const float* along, const float* normalised, std::size_t n, double* low,
               double* high) {
   if (n < 200) return false;
-  std::vector<float> some;
-  for (std::size_t i = 0; i < n; i += std::max<std::size_t>(1, n / 1024)) some.push_back(along[i]);
-  const double first = quantile(some, 0.003), last = quantile(some, 0.997);
-  if (!(last > first)) return false;
-  // Fine bins for the quantiles; `bins` coarse ones for the run.
-  constexpr std::size_t kFine = 16;
-  const std::size_t bins = std::clamp<std::size_t>(n / 40, 8, 64);
-  const double width = (last - first) / static_cast<double>(bins);
-  const double fine_width = width / kFine;
-  const float from = static_cast<float>(first), per_width = static_cast<float>(1.0 / fine_width);
+  double first = 0.0, last = 0.0;
+  if (!inner_range(along, n, 0.003, &first, &last)) return false;
+  constexpr std::size_t kBins = 256;
+  const double width = (last - first) / static_cast<double>(kBins);
+  const float from = static_cast<float>(first), per_width = static_cast<float>(1.0 / width);
   // Bin 0 and the last hold what lies outside.
-  const float last_place = static_cast<float>(bins * kFine + 1);
-  std::vector<std::uint32_t> number(bins * kFine + 2, 0);
-  std::vector<float> residuals(bins * kFine + 2, 0.0f);
+  const float last_place = static_cast<float>(kBins + 1);
+  std::array<std::uint32_t, kBins + 2> number{};
+  std::array<float, kBins + 2> residuals{};
   for (std::size_t i = 0; i < n; ++i) {
     const float place = (along[i] - from) * per_width + 1.0f;
     const auto bin = static_cast<std::uint32_t>(std::min(std::max(place, 0.0f), last_place));
     ++number[bin];
     residuals[bin] += normalised[i];
   }
-  std::vector<double> fine(bins * kFine), count(bins, 0.0), sum(bins, 0.0);
-  for (std::size_t k = 0; k < fine.size(); ++k) {
-    fine[k] = static_cast<double>(number[k + 1]);
-    sum[k / kFine] += static_cast<double>(residuals[k + 1]);
+  // Sums from the first bin on, and with them the points around a place: +- `reach` bins.
+  std::array<double, kBins + 1> points{}, pull{};
+  for (std::size_t k = 0; k < kBins; ++k) {
+    points[k + 1] = points[k] + static_cast<double>(number[k + 1]);
+    pull[k + 1] = pull[k] + static_cast<double>(residuals[k + 1]);
   }
-  for (std::size_t k = 0; k < fine.size(); ++k) count[k / kFine] += fine[k];
-  std::vector<double> ordered = count;
-  const auto upper = ordered.begin() + static_cast<long>(bins * 3 / 4);
+  const double pieces = std::clamp(static_cast<double>(n) / 40.0, 8.0, 64.0);
+  const double reach = 0.5 * static_cast<double>(kBins) / pieces;
+  const auto up_to = [](const std::array<double, kBins + 1>& sums, double place) {
+    place = std::clamp(place, 0.0, static_cast<double>(kBins));
+    const auto below = std::min(static_cast<std::size_t>(place), kBins - 1);
+    return sums[below] + (place - static_cast<double>(below)) * (sums[below + 1] - sums[below]);
+  };
+  std::array<double, kBins> count{}, mean{}, share{};
+  for (std::size_t k = 0; k < kBins; ++k) {
+    // At the ends as many bins, on one side.
+    const double middle =
+        std::clamp(static_cast<double>(k) + 0.5, reach, static_cast<double>(kBins) - reach);
+    count[k] = up_to(points, middle + reach) - up_to(points, middle - reach);
+    mean[k] = count[k] > 0.0
+                  ? std::abs(up_to(pull, middle + reach) - up_to(pull, middle - reach)) / count[k]
+                  : 1e30;
+  }
+  std::array<double, kBins> ordered = count;
+  const auto upper = ordered.begin() + kBins * 3 / 4;
   std::nth_element(ordered.begin(), upper, ordered.end());
   const double plateau = *upper;
   if (!(plateau > 0.0)) return false;
-  const auto good = [&](std::size_t k) {
-    return count[k] >= 0.4 * plateau &&
-           std::abs(sum[k] / count[k]) < std::max(1.0, 4.0 / std::sqrt(count[k]));
+  for (std::size_t k = 0; k < kBins; ++k) {
+    const double bound = std::max(1.0, 4.0 / std::sqrt(std::max(count[k], 1e-9)));
+    share[k] = std::clamp((count[k] / plateau - 0.3) / 0.2, 0.0, 1.0) *
+               std::clamp((1.25 - mean[k] / bound) / 0.5, 0.0, 1.0);
+  }
+  // A gap as short as the points around one place does not end it: a morphological closing.
+  const auto gap = static_cast<std::size_t>(2.0 * reach) + 1;
+  std::vector<double> closed(gap, 0.0);
+  closed.insert(closed.end(), share.begin(), share.end());
+  const auto slide = [&](bool most) {
+    // In place: the extreme of [k, k + gap) for `most`, else of (k - gap, k].
+    for (std::size_t done = 1; done < gap;) {
+      const std::size_t step = std::min(done, gap - done);
+      for (std::size_t i = step; i < closed.size(); ++i) {
+        if (most) {
+          closed[i - step] = std::max(closed[i - step], closed[i]);
+        } else {
+          const std::size_t k = closed.size() - 1 - (i - step);
+          closed[k] = std::min(closed[k], closed[k - step]);
+        }
+      }
+      done += step;
+    }
   };
-  // The run with the most points; a single bad bin inside does not end it.
+  slide(true);
+  slide(false);
+  closed.erase(closed.begin(), closed.begin() + static_cast<long>(gap));
+  // The run with the most points.
   std::size_t best_begin = 0, best_end = 0;
   double best = 0.0;
-  for (std::size_t k = 0; k < bins;) {
-    if (!good(k)) {
+  for (std::size_t k = 0; k < kBins;) {
+    if (!(closed[k] > 0.5)) {
       ++k;
       continue;
     }
-    std::size_t end = k + 1, last_good = k + 1;
-    double points = count[k];
-    while (end < bins && (good(end) || (end + 1 < bins && good(end + 1)))) {
-      points += count[end];
-      if (good(end)) last_good = end + 1;
-      ++end;
-    }
-    if (points > best) {
-      best = points;
+    std::size_t end = k;
+    while (end < kBins && closed[end] > 0.5) ++end;
+    const double inside = points[end] - points[k];
+    if (inside > best) {
+      best = inside;
       best_begin = k;
-      best_end = last_good;
+      best_end = end;
     }
     k = end;
   }
   if (best < 100.0) return false;
-  double inside = 0.0;
-  for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) inside += fine[k];
-  const auto quantile_of_run = [&](double share) {
-    double rest = share * inside;
-    for (std::size_t k = best_begin * kFine; k < best_end * kFine; ++k) {
-      if (fine[k] > 0.0 && fine[k] >= rest) {
-        return first + (static_cast<double>(k) + rest / fine[k]) * fine_width;
+  // Outwards from its middle no place counts more than one before it.
+  const double half = 0.5 * (points[best_begin] + points[best_end]);
+  std::size_t center = best_begin;
+  while (center + 1 < best_end && points[center + 1] < half) ++center;
+  for (std::size_t k = center + 1; k < kBins; ++k) closed[k] = std::min(closed[k], closed[k - 1]);
+  for (std::size_t k = center; k-- > 0;) closed[k] = std::min(closed[k], closed[k + 1]);
+  double inside = 0.0, begin = static_cast<double>(center), end = begin;
+  for (std::size_t k = 0; k < kBins; ++k) {
+    inside += closed[k] * static_cast<double>(number[k + 1]);
+    (k < center ? begin : end) += k < center ? -closed[k] : closed[k];
+  }
+  const auto quantile_of_run = [&](double part) {
+    double rest = part * inside;
+    for (std::size_t k = 0; k < kBins; ++k) {
+      const double here = closed[k] * static_cast<double>(number[k + 1]);
+      if (here > 0.0 && here >= rest) {
+        return first + (static_cast<double>(k) + rest / here) * width;
       }
-      rest -= fine[k];
+      rest -= here;
     }
-    return first + static_cast<double>(best_end) * width;
+    return last;
   };
   const double tenth = quantile_of_run(0.1), ninetieth = quantile_of_run(0.9);
-  *low = std::max(first + static_cast<double>(best_begin) * width,
-                  tenth - 0.125 * (ninetieth - tenth));
-  *high = std::min(first + static_cast<double>(best_end) * width,
-                   ninetieth + 0.125 * (ninetieth - tenth));
+  *low = std::max(first + begin * width, tenth - 0.125 * (ninetieth - tenth));
+  *high = std::min(first + end * width, ninetieth + 0.125 * (ninetieth - tenth));
   return *high > *low;
 }
 
@@ -159,17 +245,17 @@ struct Projection {
 };
 
 /// Re-estimates the noise from the residuals of the refined plane inside its window.
-void rescale_noise(PointArrays* points, double least_noise, PlaneCandidate* c,
+/// @param power  of the factor to the deviations found: 1, less to change them less
+void rescale_noise(PointArrays* points, double least_noise, double power, PlaneCandidate* c,
                    Projection* projection) {
   const PointArrays& s = *points;
   points->weigh(c->noise, c->plane);
   projection->update(s, *c);
   std::vector<float>& normalised = projection->normalised;
-  const std::size_t every = s.size > 4096 && s.size <= 16384 ? 2 : 1;
   const float half_u = static_cast<float>(c->window.half_u),
               half_v = static_cast<float>(c->window.half_v);
   std::size_t filled = 0;
-  for (std::size_t k = 0; k < s.size; k += every) {
+  for (std::size_t k = 0; k < s.size; ++k) {
     const float r = normalised[k];
     normalised[filled] = r;
     filled += (std::abs(projection->u[k]) <= half_u) & (std::abs(projection->v[k]) <= half_v) &
@@ -178,8 +264,12 @@ void rescale_noise(PointArrays* points, double least_noise, PlaneCandidate* c,
                   : 0;
   }
   const bool same = c->noise.kind == NoiseKind::kSame;
-  if (filled < (same ? 30u : 200u)) return;
+  // Fewer residuals tell less, and so few nothing.
+  const double few = same ? 20.0 : 150.0, enough = same ? 40.0 : 250.0;
+  const double trust = std::clamp((static_cast<double>(filled) - few) / (enough - few), 0.0, 1.0);
+  if (!(trust > 0.0)) return;
   double factor = std::clamp(core_deviation(normalised.data(), filled, 1.0, 6.0), 0.3, 4.0);
+  factor = std::pow(factor, power * trust);
   if (same) factor = std::max(factor, least_noise / c->noise.scale);
   c->noise.rescale(factor);
 }
@@ -423,14 +513,33 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   return result;
 }
 
+KeyedDraws::KeyedDraws() { clear(); }
+
+void KeyedDraws::clear() {
+  key_.fill(~static_cast<std::uint64_t>(0));
+  row_.fill(kNone);
+}
+
+void KeyedDraws::add(std::uint64_t key, std::uint32_t row) {
+  const std::size_t slot = key >> 56;
+  if (row_[slot] != kNone && key >= key_[slot]) return;
+  key_[slot] = key;
+  row_[slot] = row;
+}
+
+std::uint32_t KeyedDraws::draw(std::uint64_t bits) const {
+  std::size_t slot = bits >> 56;
+  while (row_[slot] == kNone) slot = (slot + 1) % kSlots;
+  return row_[slot];
+}
+
 void learn_local_noise(const PointArrays& s,
                        const std::vector<std::pair<std::size_t, std::size_t>>& leaves,
-                       const std::vector<std::uint64_t>& names, const Vector3d& up, double max_tilt,
+                       const std::vector<std::uint64_t>& keys, const Vector3d& up, double max_tilt,
                        double least, std::uint64_t seed, NoiseModel* model) {
   constexpr std::size_t kMostLeaves = 36;
   constexpr int kSamples = 9;
-  const std::size_t step =
-      names.empty() ? std::max<std::size_t>(1, leaves.size() / kMostLeaves) : 1;
+  const std::size_t step = keys.empty() ? std::max<std::size_t>(1, leaves.size() / kMostLeaves) : 1;
   std::vector<float> deviations;
   std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
   std::vector<float> residuals, sorted;
@@ -439,8 +548,16 @@ void learn_local_noise(const PointArrays& s,
     const auto [begin, end] = leaves[leaf];
     const std::size_t m = end - begin;
     if (m < 6) continue;
-    const CounterRandom random(seed, names.empty() ? 1000 + leaf : names[leaf]);
+    const CounterRandom random(seed, keys.empty() ? 1000 + leaf : 1000);
+    KeyedDraws draws;
+    for (std::size_t k = 0; k < m && !keys.empty(); ++k) {
+      draws.add(keys[begin + k], static_cast<std::uint32_t>(k));
+    }
     std::uint64_t counter = 0;
+    const auto draw = [&]() -> std::size_t {
+      const std::uint64_t index = counter++;
+      return keys.empty() ? random.below(index, m) : draws.draw(random.bits(index));
+    };
     PivotPlane best;
     double best_quantile = std::numeric_limits<double>::infinity();
     const auto measure = [&, first = begin](const PivotPlane& plane) {
@@ -451,9 +568,7 @@ void learn_local_noise(const PointArrays& s,
       }
     };
     for (int sample = 0; sample < kSamples; ++sample) {
-      const std::size_t i = random.below(counter, m), j = random.below(counter + 1, m),
-                        k = random.below(counter + 2, m);
-      counter += 3;
+      const std::size_t i = draw(), j = draw(), k = draw();
       const Vector3d p = s.point(begin + i);
       const Vector3d cross = (s.point(begin + j) - p).cross(s.point(begin + k) - p);
       const double norm = cross.norm();
@@ -514,7 +629,20 @@ void learn_local_noise(const PointArrays& s,
     }
   }
   double typical = least;
-  if (!deviations.empty()) typical = std::max(quantile(deviations, 0.35), least);
+  if (!deviations.empty()) {
+    // About the quantile at 0.35: the mean of a range, which no single neighbourhood decides.
+    std::sort(deviations.begin(), deviations.end());
+    const double count = static_cast<double>(deviations.size());
+    double sum = 0.0, weight = 0.0;
+    for (std::size_t k = 0; k < deviations.size(); ++k) {
+      // How much of the k-th of the parts of [0, 1] lies within the range.
+      const double share = std::min(static_cast<double>(k + 1), 0.45 * count) -
+                           std::max(static_cast<double>(k), 0.25 * count);
+      sum += std::max(share, 0.0) * static_cast<double>(deviations[k]);
+      weight += std::max(share, 0.0);
+    }
+    typical = std::max(sum / weight, least);
+  }
   if (model->kind == NoiseKind::kSame) {
     model->scale = typical;
     return;
@@ -563,11 +691,14 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
   if (!again) {
     refine_candidate(points, up, c);
     if (!fixed_noise) {
-      rescale_noise(points, least_noise, c, &projection);
+      rescale_noise(points, least_noise, 1.0, c, &projection);
       refine_candidate(points, up, c, true);
     }
   }
   std::vector<float>&u = projection.u, &v = projection.v, &normalised = projection.normalised;
+  // With few points the window opens, over a range of their number so that none of them decides.
+  constexpr double kManyInWindow = 600.0, kSteady = 200.0;
+  double open = 0.0;
   for (int round = again ? 1 : 0; round < 2; ++round) {
     points->weigh(c->noise, c->plane);
     const PlaneWindow wide = c->window;
@@ -585,7 +716,9 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
       normalised[filled] = r;
       filled += (std::abs(r) < 3.0f) & (std::abs(a) <= most_u) & (std::abs(b) <= most_v) ? 1 : 0;
     }
-    if (filled < 400) return;
+    if (round == 0)
+      open = std::clamp((kManyInWindow - static_cast<double>(filled)) / kSteady, 0.0, 1.0);
+    if (!(open < 1.0)) return;
     for (std::size_t k = 0; k < filled; ++k) {
       const double a = static_cast<double>(u[k]), b = static_cast<double>(v[k]);
       su += a;
@@ -621,13 +754,13 @@ void refine_and_window(PointArrays* points, const Vector3d& up, double least_noi
     window.b = -sine * wide.a + cosine * wide.b;
     window.center = wide.center + 0.5 * (low + high) * window.a + 0.5 * (left + right) * window.b;
     // Nothing at the very edges, full weight from 14 % inwards.
-    window.half_u = 0.48 * (high - low);
-    window.half_v = 0.48 * (right - left);
-    window.ramp_u = 0.12 * (high - low);
-    window.ramp_v = 0.12 * (right - left);
+    window.half_u = 0.48 * (high - low) / (1.0 - open);
+    window.half_v = 0.48 * (right - left) / (1.0 - open);
+    window.ramp_u = 0.12 * (high - low) / (1.0 - open);
+    window.ramp_v = 0.12 * (right - left) / (1.0 - open);
     if (!again) refine_candidate(points, up, c, true);
     if (fixed_noise) continue;
-    rescale_noise(points, least_noise, c, &projection);
+    rescale_noise(points, least_noise, 1.0 - open, c, &projection);
     if (!again) refine_candidate(points, up, c, true);
   }
 }

@@ -117,16 +117,33 @@ struct PlaneCandidate {
   double support = 0.0;  ///< points on it
 };
 
+/// Draws rows of a set by numbers that the rows bear, not by their place in it: a row more or less
+/// changes few draws, where the k-th of the set would be another row from there on.
+class KeyedDraws {
+ public:
+  KeyedDraws();
+  void clear();
+  void add(std::uint64_t key, std::uint32_t row);
+  /// A row for 64 random bits; at least one row must have been added.
+  std::uint32_t draw(std::uint64_t bits) const;
+
+ private:
+  static constexpr std::size_t kSlots = 256;
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
+  std::array<std::uint64_t, kSlots> key_;  // the least in each slot
+  std::array<std::uint32_t, kSlots> row_;
+};
+
 /// Noise by neighbourhoods of points that lie in rows [first, second): in each the best of a few
 /// minimal samples (least quantile of squares), then the residuals of a refit; the noise of the
 /// cloud is a low quantile over neighbourhoods, so that those with kerbs, cars or creases do not
 /// count. Sets model->scale for kSame; for kPower the law, or kIsotropic if it cannot be learnt.
-/// @param names  a number for each neighbourhood that its random samples depend on; empty: its
-/// index
+/// @param keys  a number for each row by which rows are drawn (see KeyedDraws); empty: by their
+/// place in the neighbourhood
 /// @param least  m, the smallest deviation to answer, > 0
 void learn_local_noise(const PointArrays& points,
                        const std::vector<std::pair<std::size_t, std::size_t>>& neighbourhoods,
-                       const std::vector<std::uint64_t>& names, const Eigen::Vector3d& up,
+                       const std::vector<std::uint64_t>& keys, const Eigen::Vector3d& up,
                        double max_tilt, double least, std::uint64_t seed, NoiseModel* model);
 
 /// Refines a candidate on its points: reweighted, then by Newton's steps, to convergence. Points'
@@ -138,11 +155,10 @@ void refine_candidate(PointArrays* points, const Eigen::Vector3d& up, PlaneCandi
 /// Refines a candidate, re-estimates its noise (unless `fixed_noise`), finds the part of the plane
 /// that the points cover evenly, and refines inside it. Outside it and towards its edges points
 /// count less: noise along viewing rays carries points out over an edge on one side only, and
-/// beyond a crease the next plane begins. Both would tilt the fit. With fewer than 400 inliers the
-/// window stays open.
+/// beyond a crease the next plane begins. Both would tilt the fit. With fewer than 600 inliers the
+/// window widens, and below 400 it is open.
 /// @param again  the candidate has been refined so on a part of these points already: its window
-/// and
-///               its noise are found again, the plane is left as it is
+/// and its noise are found again, the plane is left as it is
 void refine_and_window(PointArrays* points, const Eigen::Vector3d& up, double least_noise,
                        bool fixed_noise, PlaneCandidate* candidate, bool again = false);
 

@@ -116,13 +116,19 @@ LabelGate measure_gate(const GroundTree& tree, const PlanarRegion& region) {
     // Background: what lies between 7 and 10 standard deviations.
     double background = 0.0;
     for (std::size_t k = 14; k < kBins; ++k) background += counts[k] / 6.0;
-    auto k = static_cast<std::size_t>(kLeastLabelSigmas / kBin);
-    while (k < static_cast<std::size_t>(kMostLabelSigmas / kBin) &&
-           counts[k] > 2.0 * background + 1.0 &&
-           counts[k] < 0.9 * counts[k - 1] + 2.0 * std::sqrt(counts[k - 1])) {
-      ++k;
+    const auto first = static_cast<std::size_t>(kLeastLabelSigmas / kBin),
+               last = static_cast<std::size_t>(kMostLabelSigmas / kBin);
+    // A bin that is nearly too full or too empty counts in part, so that no single point decides.
+    double sum = static_cast<double>(first), share = 1.0;
+    for (std::size_t k = first; k < last && share > 0.0; ++k) {
+      const double least = 2.0 * background + 1.0,
+                   most = 0.9 * counts[k - 1] + 2.0 * std::sqrt(counts[k - 1]);
+      const double slack = 0.5 * std::sqrt(std::max(counts[k], 4.0));
+      share *= std::clamp((counts[k] - least) / slack + 0.5, 0.0, 1.0) *
+               std::clamp((most - counts[k]) / slack + 0.5, 0.0, 1.0);
+      sum += share;
     }
-    return static_cast<double>(k) * kBin;
+    return sum * kBin;
   };
   return {reach(below), reach(above)};
 }

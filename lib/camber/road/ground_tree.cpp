@@ -554,6 +554,29 @@ void GroundTree::find_neighbours() {
   }
 }
 
+std::vector<std::uint64_t> GroundTree::keys(std::size_t first, std::size_t last) const {
+  constexpr float kCellsAlong = 16.0f;
+  Eigen::Array2f low = leaves_[first].low, high = leaves_[first].high;
+  for (std::size_t leaf = first; leaf < last; ++leaf) {
+    low = low.min(leaves_[leaf].low);
+    high = high.max(leaves_[leaf].high);
+  }
+  // A power of two, so that it does not follow the extent.
+  const float size = std::max((high - low).maxCoeff() / kCellsAlong, 1e-30f);
+  const float per_cell = std::exp2(-std::floor(std::log2(size)));
+  const auto cell = [&](float value) {
+    return static_cast<std::uint64_t>(
+        static_cast<std::int64_t>(std::floor(std::clamp(value * per_cell, -1e15f, 1e15f))));
+  };
+  std::vector<std::uint64_t> keys;
+  for (std::size_t leaf = first; leaf < last; ++leaf) {
+    for (std::size_t k = leaves_[leaf].begin; k < leaves_[leaf].end; ++k) {
+      keys.push_back(hash_of(cell(points_.x[k]), cell(points_.y[k]), cell(points_.z[k])));
+    }
+  }
+  return keys;
+}
+
 int GroundTree::locate(float x, float y) const {
   if (nodes_.empty()) return -1;
   std::size_t id = 0;

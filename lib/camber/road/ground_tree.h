@@ -59,6 +59,10 @@ class GroundTree {
   /// Leaves whose boxes touch a leaf's, or whose parts of the plan do, with no wide gap between the
   /// points; ascending, itself not included.
   const std::vector<std::vector<int>>& neighbours() const { return neighbours_; }
+  /// For the points of leaves [first, last), in the order of their rows, numbers by the small cells
+  /// of the leaves' extent that they are in: what draws points by them draws the same ones of a
+  /// cloud that was moved.
+  std::vector<std::uint64_t> keys(std::size_t first, std::size_t last) const;
   std::size_t size() const { return size_; }  ///< points that are represented
   double spread() const { return spread_; }   ///< m, about 90 % lie within it of the pivot
 

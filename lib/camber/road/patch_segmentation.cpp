@@ -118,7 +118,6 @@ void Segmenter::learn_noise() {
   }
   std::vector<std::uint32_t> rows;
   std::vector<std::pair<std::size_t, std::size_t>> pieces;
-  std::vector<std::uint64_t> names;
   for (const auto& group : groups) {
     const std::size_t begin = rows.size();
     for (std::size_t leaf = group.first; leaf < group.second; ++leaf) {
@@ -126,7 +125,6 @@ void Segmenter::learn_noise() {
       for (std::size_t k = l.begin; k < l.end; ++k) rows.push_back(static_cast<std::uint32_t>(k));
     }
     pieces.emplace_back(begin, rows.size());
-    names.push_back(name_of(group));
   }
   const double least = std::max(4e-7 * tree_.spread(), 1e-9);
   NoiseModel& noise = out_.noise;
@@ -138,7 +136,12 @@ void Segmenter::learn_noise() {
   } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {
     PointArrays some;
     some.take(s_, rows);
-    learn_local_noise(some, pieces, names, kUp, options_.max_slope, least, options_.seed, &noise);
+    std::vector<std::uint64_t> keys;
+    for (const auto& [first, last] : groups) {
+      const std::vector<std::uint64_t> more = tree_.keys(first, last);
+      keys.insert(keys.end(), more.begin(), more.end());
+    }
+    learn_local_noise(some, pieces, keys, kUp, options_.max_slope, least, options_.seed, &noise);
   }
   noise_ = noise;
   if (!(options_.inlier_threshold > 0.0)) noise_.least = std::max(noise.least, options_.roughness);
@@ -245,9 +248,13 @@ void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) con
   for (std::size_t k = begin; k < end; ++k) {
     if (tree_.cloud_index()[k] != GroundTree::kPadding) rows.push_back(k);
   }
+  std::vector<std::uint64_t> keys(n);
+  const std::vector<std::uint64_t> known = tree_.keys(range.first, range.last);
+  for (std::size_t k = 0; k < rows.size(); ++k) keys[rows[k] - begin] = known[k];
   const CounterRandom random(options_.seed, range.name);
   const double least_cosine = std::cos(options_.max_slope);
   std::uint64_t counter = 0;
+  KeyedDraws draws;
   std::vector<int> leaves;
   for (std::size_t leaf = range.first; leaf < range.last; ++leaf) {
     leaves.push_back(static_cast<int>(leaf));
@@ -255,10 +262,12 @@ void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) con
   for (int turn = 0; turn < 2 && rows.size() >= 12; ++turn) {
     double best = std::numeric_limits<double>::infinity();
     PivotPlane best_plane;
+    draws.clear();
+    for (const std::size_t k : rows) draws.add(keys[k - begin], static_cast<std::uint32_t>(k));
     for (int sample = 0; sample < kSamples; ++sample) {
-      const std::size_t i = rows[random.below(counter, rows.size())],
-                        j = rows[random.below(counter + 1, rows.size())],
-                        k = rows[random.below(counter + 2, rows.size())];
+      const std::size_t i = draws.draw(random.bits(counter)),
+                        j = draws.draw(random.bits(counter + 1)),
+                        k = draws.draw(random.bits(counter + 2));
       counter += 3;
       const Vector3d p = s_.point(i), a = s_.point(j) - p, b = s_.point(k) - p;
       const Vector3d cross = a.cross(b);
