@@ -19,7 +19,6 @@ namespace kernels = plane_kernels;
 
 namespace {
 
-constexpr double kWeakTilt = 0.02;    // rad
 constexpr double kRangeNoise = 0.01;  // relative, along unknown rays
 constexpr double kRayTilt = 0.08;     // see UnknownRays
 
@@ -265,7 +264,8 @@ void rescale_noise(PointArrays* points, double least_noise, double power, PlaneC
   }
   const bool same = c->noise.kind == NoiseKind::kSame;
   // Fewer residuals tell less, and so few nothing.
-  const double few = same ? 20.0 : 150.0, enough = same ? 40.0 : 250.0;
+  const bool learnt = same || c->noise.kind == NoiseKind::kPower;
+  const double few = learnt ? 20.0 : 150.0, enough = learnt ? 40.0 : 250.0;
   const double trust = std::clamp((static_cast<double>(filled) - few) / (enough - few), 0.0, 1.0);
   if (!(trust > 0.0)) return;
   double factor = std::clamp(core_deviation(normalised.data(), filled, 1.0, 6.0), 0.3, 4.0);
@@ -414,7 +414,8 @@ UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const Pl
 
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const kernels::Moments& full, const kernels::Moments& s,
-                                  const Vector3d& up, const std::optional<UnknownRays>& rays) {
+                                  const Vector3d& up, const std::optional<UnknownRays>& rays,
+                                  double shared) {
   PlaneEstimate result;
   // Everything about the weighted centroid (mu, mv) of the window's coordinates.
   const double mu = full.u / full.weight, mv = full.v / full.weight;
@@ -469,6 +470,11 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
       covariance(0, 0) += rays->slope_u * rays->slope_u;
       covariance(1, 1) += rays->slope_v * rays->slope_v;
       covariance(2, 2) += 0.25 * rays->rise * rays->rise;
+    }
+    if (shared > 0.0 && thin > 0.0) {
+      // As one point's at a root mean square distance from the middle, along either axis.
+      covariance.topLeftCorner<2, 2>() += shared * shared * scatter.inverse();
+      covariance(2, 2) += shared * shared;
     }
   }
   // The surface raised by alpha u + beta v + gamma has the normal n - alpha a - beta b; a turn
@@ -533,6 +539,26 @@ std::uint32_t KeyedDraws::draw(std::uint64_t bits) const {
   return row_[slot];
 }
 
+namespace {
+
+/// About the quantile at 0.35: the mean of a range, which no single value decides.
+/// @param values  not empty
+double mean_of_quiet(std::vector<float> values) {
+  std::sort(values.begin(), values.end());
+  const double count = static_cast<double>(values.size());
+  double sum = 0.0, weight = 0.0;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    // How much of the k-th of the parts of [0, 1] lies within the range.
+    const double share = std::min(static_cast<double>(k + 1), 0.45 * count) -
+                         std::max(static_cast<double>(k), 0.25 * count);
+    sum += std::max(share, 0.0) * static_cast<double>(values[k]);
+    weight += std::max(share, 0.0);
+  }
+  return sum / weight;
+}
+
+}  // namespace
+
 void learn_local_noise(const PointArrays& s,
                        const std::vector<std::pair<std::size_t, std::size_t>>& leaves,
                        const std::vector<std::uint64_t>& keys, const Vector3d& up, double max_tilt,
@@ -541,7 +567,8 @@ void learn_local_noise(const PointArrays& s,
   constexpr int kSamples = 9;
   const std::size_t step = keys.empty() ? std::max<std::size_t>(1, leaves.size() / kMostLeaves) : 1;
   std::vector<float> deviations;
-  std::vector<std::pair<float, float>> pairs;  // sigma, |residual|
+  std::vector<std::pair<std::size_t, std::size_t>> measured;  // rows of each
+  std::vector<std::pair<float, float>> pairs;                 // sigma, |residual|
   std::vector<float> residuals, sorted;
   const double least_cosine = std::cos(std::min(max_tilt, 1.5));
   for (std::size_t leaf = step / 2; leaf < leaves.size(); leaf += step) {
@@ -620,6 +647,7 @@ void learn_local_noise(const PointArrays& s,
     if (used < 5) continue;
     deviation = curved_deviation(s, begin, m, best, deviation, least);
     deviations.push_back(static_cast<float>(deviation));
+    measured.emplace_back(begin, end);
     if (model->kind == NoiseKind::kPower) {
       measure(best);
       for (std::size_t k = 0; k < m; ++k) {
@@ -628,28 +656,31 @@ void learn_local_noise(const PointArrays& s,
       }
     }
   }
-  double typical = least;
-  if (!deviations.empty()) {
-    // About the quantile at 0.35: the mean of a range, which no single neighbourhood decides.
-    std::sort(deviations.begin(), deviations.end());
-    const double count = static_cast<double>(deviations.size());
-    double sum = 0.0, weight = 0.0;
-    for (std::size_t k = 0; k < deviations.size(); ++k) {
-      // How much of the k-th of the parts of [0, 1] lies within the range.
-      const double share = std::min(static_cast<double>(k + 1), 0.45 * count) -
-                           std::max(static_cast<double>(k), 0.25 * count);
-      sum += std::max(share, 0.0) * static_cast<double>(deviations[k]);
-      weight += std::max(share, 0.0);
-    }
-    typical = std::max(sum / weight, least);
-  }
+  const double typical = deviations.empty() ? least : std::max(mean_of_quiet(deviations), least);
   if (model->kind == NoiseKind::kSame) {
     model->scale = typical;
     return;
   }
   model->kind = NoiseKind::kIsotropic;
   model->scale = 1.0;
-  learn_power_law(pairs, typical, least, model);
+  if (!learn_power_law(pairs, typical, least, model)) return;
+  // The law's shape is that of all neighbourhoods, its size that of the quiet ones.
+  std::vector<float> ratios;
+  for (std::size_t k = 0; k < measured.size(); ++k) {
+    const auto [begin, end] = measured[k];
+    double squares = 0.0, count = 0.0;
+    for (std::size_t row = begin; row < end; ++row) {
+      const double sigma = static_cast<double>(s.sigma[row]);
+      if (!(sigma > 1e-12 && sigma < 1e12)) continue;
+      const double deviation = model->scale * std::pow(sigma, model->exponent);
+      squares += deviation * deviation;
+      count += 1.0;
+    }
+    if (squares > 0.0) {
+      ratios.push_back(deviations[k] / static_cast<float>(std::sqrt(squares / count)));
+    }
+  }
+  if (!ratios.empty()) model->rescale(mean_of_quiet(ratios));
 }
 
 void refine_candidate(PointArrays* points, const Vector3d& up, PlaneCandidate* c, bool near) {

@@ -21,6 +21,7 @@ namespace camber {
 
 inline constexpr double kBiweight = 4.685;    ///< standard deviations; 95 % efficient, normal noise
 inline constexpr double kInlierSigmas = 2.5;  ///< standard deviations
+inline constexpr double kWeakTilt = 0.02;     ///< rad, standard deviation above which a fit is weak
 
 /// A plane relative to the pivot: n . p + d = 0, |n| = 1.
 struct PivotPlane {
@@ -100,13 +101,16 @@ UnknownRays unknown_rays(const PointArrays& points, const PivotPlane& plane,
 /// Covariance of the M-estimator, condition and status. axis1 is the direction of largest spread.
 /// @param full        kNewton sums at the plane over all points
 /// @param influence   kNewton sums with psi^2 over all or a part of them
+/// @param shared      m, standard deviation of an error that all points may share, and that may
+/// vary
+///                    over them as slowly as a plane's height does; the covariance holds it
 /// @param rays        given where viewing rays are not known: the plane is lowered by the rise, and
 ///                    the covariance holds what is not known of it
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const plane_kernels::Moments& full,
                                   const plane_kernels::Moments& influence,
-                                  const Eigen::Vector3d& up,
-                                  const std::optional<UnknownRays>& rays);
+                                  const Eigen::Vector3d& up, const std::optional<UnknownRays>& rays,
+                                  double shared = 0.0);
 
 /// One plane of several that may be the answer.
 struct PlaneCandidate {

@@ -31,6 +31,7 @@ constexpr double kRoughness = 0.01;    // m, of ground; its points lie on no pla
 constexpr double kDrivenOn = 0.5;      // m, between the driven line and the patch it lies on
 constexpr double kSharedBorder = 0.1;  // share of a patch's borders that joins it to the road
 constexpr double kHighestKerb = 0.35, kLevel = 0.25;  // m and rad, of a pavement to its neighbours
+constexpr int kFewInliers = 12;                       // whose spread does not tell the noise
 constexpr double kCrowded = 0.12;  // share of crowded leaves that tells another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
 
@@ -52,8 +53,9 @@ bool is_rough(PointArrays* points, const PlaneCandidate& candidate, const NoiseM
 }
 
 /// Fits one region on the points of its leaves.
+/// @param shared  share of the stated deviations that points have in common
 void refine_region(const GroundTree& tree, double least_noise, double roughness, bool fixed_noise,
-                   PlanarRegion* region) {
+                   double shared, PlanarRegion* region) {
   const PointArrays& s = tree.points();
   std::vector<std::uint32_t> rows;
   for (const int leaf : region->leaves) {
@@ -68,7 +70,8 @@ void refine_region(const GroundTree& tree, double least_noise, double roughness,
     rough.least = std::max(rough.least, roughness);
     if (is_rough(&points, c, rough)) c.noise = rough;
   }
-  refine_and_window(&points, kLevelUp, least_noise, fixed_noise, &c);
+  // Errors in common bend the ground: what they are is stated, and not seen as scatter.
+  refine_and_window(&points, kLevelUp, least_noise, fixed_noise || shared > 0.0, &c);
   points.weigh(c.noise, c.plane);
   const kernels::Moments moments =
       sum_moments(points, c.plane, c.window, kBiweight * kBiweight, kernels::Loss::kNewton, true);
@@ -78,7 +81,9 @@ void refine_region(const GroundTree& tree, double least_noise, double roughness,
   }
   std::optional<UnknownRays> rays;
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(points, c.plane, c.window);
-  region->estimate = estimate_covariance(c.plane, c.window, moments, moments, kLevelUp, rays);
+  const double in_common = shared * std::sqrt(moments.count / moments.weight);
+  region->estimate =
+      estimate_covariance(c.plane, c.window, moments, moments, kLevelUp, rays, in_common);
 }
 
 /// How far above and below its plane a region's points reach, in standard deviations.
@@ -479,6 +484,7 @@ struct PatchLayer {
   double crowded = 0.0;  ///< share of the patches' leaves that hold another sheet as well
   NoiseModel model;      ///< of the whole cloud
   double typical = 0.0;  ///< m
+  double shared = 0.0;   ///< as in Segmentation
 };
 
 /// @param known  the noise, if an earlier layer has told it already
@@ -523,6 +529,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   segmentation_options.roughness = cloud.metric ? kRoughness : 0.0;
   segmentation_options.min_points = options.min_patch_points;
   segmentation_options.noise_is_known = known != nullptr;
+  segmentation_options.shared = known ? known->shared : 0.0;
   Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
   report(0.6);
   if (segmentation.regions.empty()) {
@@ -533,9 +540,10 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   const double least_noise = std::max(4e-7 * tree.spread(), 1e-9);
   parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
     refine_region(tree, least_noise, segmentation_options.roughness, fixed_noise,
-                  &segmentation.regions[region]);
+                  segmentation.shared, &segmentation.regions[region]);
   });
   layer.model = segmentation.noise;
+  layer.shared = segmentation.shared;
   layer.typical = segmentation.typical_noise;
   if (known && known->typical > 0.0) {
     // What is left over by another layer may be rubbish: only what is as smooth counts.
@@ -701,6 +709,15 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
   classify(options.consistency, borders, &surface);
   align_patches_with_road(&surface);
   optimise_surface(options.consistency, &surface);
+  // What a patch alone leaves open its neighbours may tell.
+  for (PlanePatch& patch : surface.patches) {
+    const Eigen::Vector3d variance = patch.plane.covariance.diagonal();
+    if (patch.status == Status::kWeak && patch.inliers >= kFewInliers &&
+        std::max(variance[0], variance[1]) <= kWeakTilt * kWeakTilt) {
+      patch.status = Status::kOk;
+      patch.reason.clear();
+    }
+  }
   // The ego patch: the road under the camera or at the start of the driven line.
   std::optional<Vector3d> ego = viewpoint;
   if (!surface.driven_line.empty()) ego = surface.driven_line.front();

@@ -1,5 +1,6 @@
 #include "camber/road/patch_segmentation.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -20,6 +21,9 @@ constexpr double kLimit = kInlierSigmas * kInlierSigmas;
 constexpr double kLeastShare = 0.3;  // of a leaf's points that a plane must hold to have it
 constexpr double kSmoothness = 4.0;  // cost of a leaf whose neighbours are all of other regions
 constexpr double kNewPlane = 10.0;   // cost that a plane of its own must save
+// Scatter among neighbours, in stated deviations, from which on errors are independent, and up to
+// which they are in common.
+constexpr double kIndependent = 0.7, kInCommon = 0.35;
 
 struct Proposal {
   PivotPlane plane;
@@ -38,6 +42,7 @@ class Segmenter {
 
  private:
   void learn_noise();
+  void measure_shared();
   kernels::PieceStatistics statistics(const PivotPlane& plane, std::size_t leaf) const;
   kernels::Moments moments(const PivotPlane& plane, const PlaneWindow& window,
                            const std::vector<int>& leaves, double limit) const;
@@ -75,6 +80,12 @@ class Segmenter {
       points += static_cast<double>(l.end - l.begin);
     }
     return points;
+  }
+  /// Misfit that the points of a region may have, as a cost: chance, and for each point a third of
+  /// the tolerance, or all of it where the points' errors are in common and bend the ground.
+  double allowed_misfit(double points) const {
+    const double share = (1.0 + 8.0 * out_.shared) / 9.0;
+    return kNewPlane + points * tolerance_ * tolerance_ * share;
   }
   double nothing(std::size_t leaf) const {
     const GroundTree::Leaf& l = tree_.leaves()[leaf];
@@ -129,7 +140,7 @@ void Segmenter::learn_noise() {
   const double least = std::max(4e-7 * tree_.spread(), 1e-9);
   NoiseModel& noise = out_.noise;
   if (options_.noise_is_known) {
-    // Nothing to learn.
+    out_.shared = options_.shared;
   } else if (options_.inlier_threshold > 0.0) {
     noise.kind = NoiseKind::kSame;
     noise.scale = options_.inlier_threshold / kInlierSigmas;
@@ -165,6 +176,50 @@ void Segmenter::learn_noise() {
   if (out_.typical_noise > 0.0) {
     tolerance_ = std::max(tolerance_, options_.tolerance / out_.typical_noise);
   }
+}
+
+/// How much less points scatter about the ground of their own leaf than they are stated to, by the
+/// planes of the regions.
+void Segmenter::measure_shared() {
+  if (out_.noise.kind != NoiseKind::kRays && out_.noise.kind != NoiseKind::kCovariance) return;
+  if (options_.noise_is_known || options_.inlier_threshold > 0.0) return;
+  constexpr double kFewest = 10.0;
+  std::vector<float> ratios, weights;
+  for (std::size_t leaf = 0; leaf < out_.leaf_region.size(); ++leaf) {
+    if (out_.leaf_region[leaf] < 0) continue;
+    const PivotPlane& plane = planes_[static_cast<std::size_t>(out_.leaf_region[leaf])];
+    const GroundTree::Leaf& l = tree_.leaves()[leaf];
+    const std::size_t b = l.begin, n = l.end - l.begin;
+    weights.assign(n, 1.0f);
+    // As stated: without the ground's roughness.
+    out_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b],
+                     s_.sigma.empty() ? nullptr : &s_.sigma[b],
+                     s_.covariance.empty() ? nullptr : &s_.covariance[b], weights.data());
+    // Residuals about a plane of the leaf's own.
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Vector3d right = Vector3d::Zero();
+    double squares = 0.0, count = 0.0, variance = 0.0;
+    const Vector3d from = s_.point(b);
+    for (std::size_t k = 0; k < n; ++k) {
+      const double r = plane.distance(s_.point(b + k)), w = static_cast<double>(weights[k]);
+      if (!(w > 0.0) || !(r * r * w < kLimit)) continue;
+      const Vector3d p = s_.point(b + k) - from;
+      const Vector3d row(1.0, p.x(), p.y());
+      normal += row * row.transpose();
+      right += r * row;
+      squares += r * r;
+      count += 1.0;
+      variance += 1.0 / w;
+    }
+    if (count < kFewest) continue;
+    const Vector3d solution = normal.ldlt().solve(right);
+    if (!solution.allFinite()) continue;
+    const double rest = std::max(squares - solution.dot(right), 0.0) / (count - 3.0);
+    ratios.push_back(static_cast<float>(rest * count / variance));
+  }
+  if (ratios.empty()) return;
+  const double scatter = std::sqrt(quantile(ratios, 0.5));
+  out_.shared = std::clamp((kIndependent - scatter) / (kIndependent - kInCommon), 0.0, 1.0);
 }
 
 kernels::PieceStatistics Segmenter::statistics(const PivotPlane& plane, std::size_t leaf) const {
@@ -529,8 +584,7 @@ bool Segmenter::split() {
       scatter += d * d.transpose();
     }
     const double angle = 0.5 * std::atan2(2.0 * scatter(0, 1), scatter(0, 0) - scatter(1, 1));
-    const double allowed = kNewPlane + points * tolerance_ * tolerance_ / 9.0;
-    double best = allowed;
+    double best = allowed_misfit(points);
     std::vector<int> best_rest;
     PivotPlane best_plane, best_other;
     for (const double turn : {0.0, 0.5 * M_PI}) {
@@ -611,9 +665,8 @@ bool Segmenter::merge() {
       const GroundTree::Leaf& l = tree_.leaves()[static_cast<std::size_t>(leaf)];
       points += static_cast<double>(l.end - l.begin);
     }
-    // A systematic misfit of a third of the tolerance is what a plane is allowed to have.
-    const double allowed = kNewPlane + points * tolerance_ * tolerance_ / 9.0;
-    if ((together - apart) * quieter(apart, points) > allowed || accepted < both.size() * 95 / 100)
+    if ((together - apart) * quieter(apart, points) > allowed_misfit(points) ||
+        accepted < both.size() * 95 / 100)
       continue;
     for (const int leaf : members_[b]) {
       out_.leaf_region[static_cast<std::size_t>(leaf)] = static_cast<int>(a);
@@ -688,6 +741,7 @@ Segmentation Segmenter::run() {
     }
     if (!grow(proposals, 0.5)) break;
   }
+  measure_shared();
   for (int round = 0; round < 4; ++round) {
     compete();
     const bool parted = round < 3 && split();

@@ -20,6 +20,7 @@ struct SegmentationOptions {
   double roughness = 0.01;      ///< m, of ground: points lie on no plane more tightly
   int min_points = 60;          ///< of a patch
   bool noise_is_known = false;  ///< the noise given is complete and not learnt again
+  double shared = 0.0;          ///< as in Segmentation, if the noise is known
 };
 
 /// A planar piece of ground in the tree's level frame.
@@ -35,6 +36,9 @@ struct Segmentation {
   std::vector<int> leaf_region;  ///< index of a region, or -1
   NoiseModel noise;  ///< of the whole cloud, before the regions' own and without roughness
   double typical_noise = 0.0;  ///< m
+  /// Share of the points' stated deviations that neighbours have in common, for they scatter less
+  /// among themselves: 0 for independent errors, 1 at most.
+  double shared = 0.0;
 };
 
 /// Finds the planar pieces of a road. The number of planes is not told.
