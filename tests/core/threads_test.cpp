@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <numeric>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 namespace camber {
@@ -22,6 +24,18 @@ TEST(ResolveNumThreads, TakesTheRequestThenTheEnvironmentThenTheMachine) {
   }
   ::unsetenv("OMP_NUM_THREADS");
   EXPECT_GE(resolve_num_threads(0), 1);
+}
+
+TEST(ResolveNumThreads, StaysWhereStacksHaveMemory) {
+  const int most = resolve_num_threads(2000000000);
+  EXPECT_GE(most, 64);
+  EXPECT_LE(most, std::max(64u, 4 * std::thread::hardware_concurrency()));
+  ::setenv("OMP_NUM_THREADS", "1000000", 1);
+  EXPECT_EQ(resolve_num_threads(0), most);
+  ::unsetenv("OMP_NUM_THREADS");
+  std::atomic<int> calls{0};
+  parallel_for(100000, 2000000000, [&](std::size_t) { ++calls; });
+  EXPECT_EQ(calls.load(), 100000);
 }
 
 TEST(ParallelFor, CallsEveryIndexOnce) {

@@ -4,6 +4,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <optional>
 #include <thread>
@@ -11,13 +12,15 @@
 namespace camber {
 
 int resolve_num_threads(int requested) {
-  if (requested > 0) return requested;
+  const unsigned count = std::thread::hardware_concurrency();
+  const int machine = count > 0 ? static_cast<int>(count) : 1;
+  const int most = std::max(64, 4 * machine);
+  if (requested > 0) return std::min(requested, most);
   if (const char* text = std::getenv("OMP_NUM_THREADS")) {
     const int value = std::atoi(text);
-    if (value > 0) return value;
+    if (value > 0) return std::min(value, most);
   }
-  const unsigned count = std::thread::hardware_concurrency();
-  return count > 0 ? static_cast<int>(count) : 1;
+  return machine;
 }
 
 void parallel_for(std::size_t count, int num_threads,

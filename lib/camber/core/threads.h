@@ -6,7 +6,8 @@
 namespace camber {
 
 /// Threads to use for a requested number: itself if positive, else OMP_NUM_THREADS if set to a
-/// positive number, else all of the machine's.
+/// positive number, else all of the machine's. At most four for each of the machine's, or 64: a
+/// hundred thousand have no memory for their stacks, and results do not depend on the number.
 int resolve_num_threads(int requested);
 
 /// Calls body(i) for every i in [0, count), on at most `num_threads` threads (<= 0: see
