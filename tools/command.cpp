@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <charconv>
+#include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <list>
 #include <memory>
@@ -12,14 +15,55 @@
 
 namespace camber::tools {
 
-std::atomic<bool> g_interrupted{false};  // set by main's SIGINT handler
-
 namespace {
+
+std::atomic<bool> g_interrupted{false};
+
 std::list<Command>& commands() {
   static std::list<Command> all;
   return all;
 }
+
+extern "C" void on_signal(int signal) {
+  if (!g_interrupted.exchange(true)) return;
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+CLI::Validator number_check(bool zero_too, const std::string& name) {
+  return {[zero_too](std::string& text) {
+            double value = 0.0;
+            const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) &&
+                              (zero_too ? value >= 0.0 : value > 0.0);
+            return good ? std::string()
+                        : "found '" + text + "', expected a number " +
+                              (zero_too ? "of at least 0" : "above 0");
+          },
+          name};
+}
+
+/// Digits alone: the parser takes -1 for 2^64 - 1.
+std::string check_seed(std::string& text) {
+  std::uint64_t value = 0;
+  const char* end = text.data() + text.size();
+  const auto [at, error] = std::from_chars(text.data(), end, value);
+  return error == std::errc() && at == end
+             ? ""
+             : "found '" + text + "', expected a whole number from 0 to 18446744073709551615";
+}
+
 }  // namespace
+
+CLI::Validator positive_number() { return number_check(false, "POSITIVE"); }
+CLI::Validator non_negative_number() { return number_check(true, "NONNEGATIVE"); }
+
+void watch_signals() {
+  std::signal(SIGINT, on_signal);
+  for (const int signal : {SIGTERM, SIGHUP}) {
+    // nohup has them ignored, and so they stay.
+    if (std::signal(signal, on_signal) == SIG_IGN) std::signal(signal, SIG_IGN);
+  }
+}
 
 /// The command that was parsed, or nullptr.
 Command* parsed_command() {
@@ -35,11 +79,12 @@ Command* add_command(CLI::App& root, const std::string& name, const std::string&
   command.app = root.add_subcommand(name, description);
   command.app->footer("Examples:\n" + examples);
   command.app->add_option("--seed", command.common.seed, "seed of all random numbers")
+      ->check(CLI::Validator(check_seed, ""))
       ->capture_default_str();
   command.app
       ->add_option("--threads", command.common.threads,
                    "threads to use; default: all, or OMP_NUM_THREADS")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command.app->add_flag("--quiet", command.common.quiet, "no progress and no warnings");
   return &command;
 }

@@ -30,6 +30,10 @@ struct Command {
 Command* add_command(CLI::App& root, const std::string& name, const std::string& description,
                      const std::string& examples);
 
+/// Checks of an option's value: a finite number above 0, or of at least 0.
+CLI::Validator positive_number();
+CLI::Validator non_negative_number();
+
 /// A progress bar on stderr if that is a terminal and --quiet is not given, else silent. Throws
 /// InterruptedError once the user has pressed Ctrl-C.
 Progress make_progress(const CommonOptions& options);
@@ -37,8 +41,12 @@ Progress make_progress(const CommonOptions& options);
 /// Prints "camber: warning: SENTENCE" to stderr unless --quiet.
 LogSink make_warning_sink(const CommonOptions& options);
 
-/// Throws InterruptedError once SIGINT has arrived.
+/// Throws InterruptedError once a signal to stop has arrived.
 void check_interrupted();
+
+/// From now on the first signal to stop (SIGINT, SIGTERM, SIGHUP) makes check_interrupted() throw,
+/// so that nothing half-written stays; the second ends the program at once.
+void watch_signals();
 
 // One function a source file of this folder; each registers its subcommand.
 void register_reconstruct(CLI::App& root);

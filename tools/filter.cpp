@@ -80,9 +80,9 @@ void register_filter(CLI::App& root) {
       ->expected(6);
   app.add_flag("--outside", a.outside, "with --box: keep the outside");
   app.add_option("--range", a.range, "keep points at most so far from the coordinates' origin, m")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   app.add_option("--voxel", a.voxel, "one point for each cube of this edge, m")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   app.add_option("--radius", a.radius, "R,N: drop points with fewer than N others at most R m away")
       ->delimiter(',')
       ->expected(2);

@@ -88,12 +88,12 @@ void register_kitti(CLI::App& import) {
   app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5");
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(non_negative_number());
   app.add_option("--camera", a.camera,
                  "camera of the images; default: by a folder name like image_02")
       ->check(CLI::Range(0, 3));
   app.add_option("--camera-height", a.options.camera_height, "metres above the road")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
       ->delimiter(',')
@@ -144,7 +144,7 @@ void register_synthia_sf(CLI::App& import) {
   app.add_option("--frames", a.options.frames, "frame ids: 67,68,69 or 67:69 or 0:100:5");
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(non_negative_number());
   app.add_option("--detections", a.detections,
                  "a detector's boxes in KITTI's label form: a tracking file, or a folder of object "
                  "files");
@@ -152,8 +152,8 @@ void register_synthia_sf(CLI::App& import) {
                "take the true labels as segmentation and say so");
   app.add_option("--camera-height", a.camera_height,
                  "metres above the road; without it results are up to scale")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--frame-rate", a.frame_rate, "frames a second")->check(CLI::PositiveNumber);
+      ->check(positive_number());
+  app.add_option("--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
       ->delimiter(',')
       ->capture_default_str();

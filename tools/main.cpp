@@ -2,7 +2,6 @@
 
 #include <glog/logging.h>
 
-#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -13,7 +12,6 @@
 #include "command.h"
 
 namespace camber::tools {
-extern std::atomic<bool> g_interrupted;
 Command* parsed_command();
 }  // namespace camber::tools
 
@@ -28,7 +26,7 @@ int report(const char* message, int exit_code) {
 
 int main(int argc, char** argv) {
   using namespace camber::tools;
-  std::signal(SIGINT, [](int) { g_interrupted = true; });
+  watch_signals();
   std::signal(SIGPIPE, SIG_IGN);
   // Ceres tells of trial steps that lead nowhere; what it makes of them is in our statuses.
   FLAGS_minloglevel = google::GLOG_FATAL;

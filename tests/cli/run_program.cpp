@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <csignal>
 #include <stdexcept>
 #include <thread>
 
@@ -17,7 +16,8 @@ extern char** environ;
 
 namespace camber::test {
 
-ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms) {
+ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms,
+                         int signal) {
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out", error = folder.path() / "error";
   std::vector<std::string> words = {CAMBER_PROGRAM};
@@ -38,7 +38,7 @@ ProgramResult run_camber(const std::vector<std::string>& arguments, int interrup
   if (failed != 0) throw std::runtime_error("cannot start " + words[0]);
   if (interrupt_after_ms > 0) {
     std::this_thread::sleep_for(std::chrono::milliseconds(interrupt_after_ms));
-    ::kill(child, SIGINT);
+    ::kill(child, signal);
   }
   int status = 0;
   if (::waitpid(child, &status, 0) != child) throw std::runtime_error("waitpid failed");

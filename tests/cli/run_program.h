@@ -1,5 +1,6 @@
 #pragma once
 
+#include <csignal>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -15,8 +16,9 @@ struct ProgramResult {
 };
 
 /// Runs the camber program that was just built, with standard input empty.
-/// @param interrupt_after_ms > 0: sends it SIGINT after that time, as Ctrl-C does.
-ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms = 0);
+/// @param interrupt_after_ms > 0: sends it `signal` after that time, SIGINT as Ctrl-C does.
+ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms = 0,
+                         int signal = SIGINT);
 
 /// Every file below a folder with its content, folders with "/"; to see what a run left behind.
 std::map<std::string, std::string> snapshot(const std::filesystem::path& folder);
