@@ -78,6 +78,9 @@ TEST_F(LabelFile, ReadsObjectRowsAndScores) {
   EXPECT_EQ(file.labels[0].occluded, 2);
   EXPECT_EQ(file.labels[0].frame, -1);
   EXPECT_EQ(file.labels[1].score, -0.35);
+  const KittiLabelFile marked = read_kitti_labels(put(std::string("\xEF\xBB\xBF") + kObjectRow));
+  ASSERT_EQ(marked.labels.size(), 1u);
+  EXPECT_EQ(marked.labels[0].type, "Pedestrian");
   EXPECT_TRUE(read_kitti_labels(put("")).labels.empty());
   EXPECT_TRUE(read_kitti_labels(put("\n \t\n")).labels.empty());
 }

@@ -275,6 +275,49 @@ TEST(ResultReaders, NameThePlaceOfAnError) {
               HasSubstr("seed: found -1, expected an integer of at least 0"));
 }
 
+TEST(ResultReaders, IdsStandOnceAndVariancesAreNotNegative) {
+  const auto surface_error = [](const json& surface) {
+    return error_of(surface.dump(), [](const fs::path& p) { read_surface(p); });
+  };
+  const auto vehicles_error = [](const json& vehicles) {
+    return error_of(vehicles.dump(), [](const fs::path& p) { read_vehicles(p); });
+  };
+  const json surface = to_json(make_surface()), vehicles = to_json(make_vehicles());
+  json changed = surface;
+  changed["patches"].push_back(surface["patches"][0]);
+  EXPECT_THAT(surface_error(changed), HasSubstr("a second time, expected ids that differ among the "
+                                                "patches"));
+  changed = surface;
+  changed["patches"][0]["covariance"][4] = -1e-9;
+  EXPECT_EQ(surface_error(changed),
+            "patches[0].covariance: found the variance -1e-09, expected numbers of at least 0 on "
+            "the diagonal");
+  changed = vehicles;
+  changed["frames"].push_back(vehicles["frames"][0]);
+  EXPECT_THAT(vehicles_error(changed), HasSubstr("expected ids that differ among the frames"));
+  changed = vehicles;
+  json& list = changed["frames"][0]["vehicles"];
+  list.push_back(vehicles["frames"][0]["vehicles"][0]);
+  EXPECT_THAT(vehicles_error(changed),
+              HasSubstr("expected ids that differ among the vehicles of a frame"));
+  changed = vehicles;
+  changed["frames"][0]["vehicles"][0]["covariance"][80] = -1;
+  EXPECT_THAT(vehicles_error(changed), HasSubstr("covariance: found the variance -1"));
+  json run = to_json(make_run());
+  run["cameras"].push_back(run["cameras"][0]);
+  EXPECT_THAT(error_of(run.dump(), [](const fs::path& p) { read_run(p); }),
+              HasSubstr("expected ids that differ among the cameras"));
+}
+
+TEST(VehiclesJson, WithoutAnAnswerThereAreNoKeypoints) {
+  VehicleDocument document;
+  document.frames.push_back({0, {VehicleEstimate()}});
+  const json out = to_json(document);
+  for (const json& row : out["frames"][0]["vehicles"][0]["keypoints"]) {
+    EXPECT_EQ(row, json({nullptr, nullptr, nullptr}));
+  }
+}
+
 TEST(ResultReaders, AnyCutOfAFileIsAnInputError) {
   const std::string texts[3] = {to_json(make_surface()).dump(), to_json(make_vehicles()).dump(),
                                 to_json(make_run()).dump()};

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
@@ -150,6 +151,29 @@ int require_id(JsonObject& object, const char* key) {
   return object.require(key, "an integer id").integer(-1, kMaxId, "an integer id");
 }
 
+/// The id of one of several things, which no other of them may have.
+int require_new_id(JsonObject& object, const std::string& among, std::set<int>* known) {
+  const JsonCursor cursor = object.require("id", "an integer id");
+  const int id = cursor.integer(-1, kMaxId, "an integer id");
+  if (!known->insert(id).second) {
+    cursor.fail_because("found " + std::to_string(id) +
+                        " a second time, expected ids that differ among the " + among);
+  }
+  return id;
+}
+
+/// @param covariance  size x size numbers, row by row; NaN is taken.
+void refuse_negative_variances(const JsonCursor& cursor, const std::vector<double>& covariance,
+                               std::size_t size) {
+  for (std::size_t i = 0; i < size; ++i) {
+    const double variance = covariance[i * (size + 1)];
+    if (variance < 0.0) {
+      cursor.fail_because("found the variance " + number_json(variance).dump() +
+                          ", expected numbers of at least 0 on the diagonal");
+    }
+  }
+}
+
 json plane_json(const UncertainPlane& plane) {
   return {
       {"normal", vector_json(plane.plane.normal)}, {"offset", number_json(plane.plane.offset)},
@@ -168,16 +192,17 @@ UncertainPlane read_plane(JsonObject& object, bool complete) {
       object.require("centroid", "3 numbers [x, y, z]").vector3("3 numbers [x, y, z]", !complete);
   out.axis1 = read_direction(object.require("axis1", unit), complete);
   out.axis2 = read_direction(object.require("axis2", unit), complete);
-  const std::vector<double> c =
-      object.require("covariance", "9 numbers").numbers(9, "9 numbers", true);
+  const JsonCursor covariance = object.require("covariance", "9 numbers");
+  const std::vector<double> c = covariance.numbers(9, "9 numbers", true);
+  refuse_negative_variances(covariance, c, 3);
   out.covariance = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(c.data());
   return out;
 }
 
-PlanePatch read_patch(const JsonCursor& cursor) {
+PlanePatch read_patch(const JsonCursor& cursor, std::set<int>* ids) {
   JsonObject object(cursor, "a patch {\"id\", \"normal\", ...}");
   PlanePatch out;
-  out.id = require_id(object, "id");
+  out.id = require_new_id(object, "patches", ids);
   out.status = read_status(object);
   out.reason = find_text(object, "reason");
   const bool complete = has_answer(out.status);
@@ -220,10 +245,10 @@ PatchLink read_link(const JsonCursor& cursor) {
   return out;
 }
 
-VehicleEstimate read_vehicle(const JsonCursor& cursor) {
+VehicleEstimate read_vehicle(const JsonCursor& cursor, std::set<int>* ids) {
   JsonObject object(cursor, "a vehicle {\"id\", \"status\", ...}");
   VehicleEstimate out;
-  out.id = require_id(object, "id");
+  out.id = require_new_id(object, "vehicles of a frame", ids);
   out.vehicle_class = find_text(object, "class");
   out.status = read_status(object);
   out.reason = find_text(object, "reason");
@@ -282,6 +307,7 @@ VehicleEstimate read_vehicle(const JsonCursor& cursor) {
   }
   if (const auto v = object.find("covariance")) {
     const std::vector<double> c = v->numbers(81, "81 numbers", true);
+    refuse_negative_variances(*v, c, 9);
     out.covariance = Eigen::Map<const Eigen::Matrix<double, 9, 9, Eigen::RowMajor>>(c.data());
   }
   out.reprojection_rmse_px = find_number(object, "reprojection_rmse_px", kNaN);
@@ -391,9 +417,10 @@ RoadSurface read_surface(const fs::path& path) {
   if (const auto v = object.find("ego_patch")) {
     out.ego_patch = v->integer(-1, kMaxId, "a patch id, or -1");
   }
+  std::set<int> ids;
   for (const JsonCursor& patch :
        object.require("patches", "an array of patches").items("an array of patches")) {
-    out.patches.push_back(read_patch(patch));
+    out.patches.push_back(read_patch(patch, &ids));
   }
   if (const auto v = object.find("links")) {
     for (const JsonCursor& link : v->items("an array of links"))
@@ -410,14 +437,16 @@ VehicleDocument read_vehicles(const fs::path& path) {
   out.method = find_text(object, "method");
   out.detections_source = find_text(object, "detections_source");
   out.metric = find_boolean(object, "metric", true);
+  std::set<int> frame_ids;
   for (const JsonCursor& cursor :
        object.require("frames", "an array of frames").items("an array of frames")) {
     JsonObject frame(cursor, "a frame {\"id\", \"vehicles\"}");
     VehicleFrame read;
-    read.id = require_id(frame, "id");
+    read.id = require_new_id(frame, "frames", &frame_ids);
+    std::set<int> ids;
     for (const JsonCursor& vehicle :
          frame.require("vehicles", "an array of vehicles").items("an array of vehicles")) {
-      read.vehicles.push_back(read_vehicle(vehicle));
+      read.vehicles.push_back(read_vehicle(vehicle, &ids));
     }
     out.frames.push_back(std::move(read));
   }
@@ -443,9 +472,10 @@ RunDocument read_run(const fs::path& path) {
     }
   }
   if (const auto v = object.find("cameras")) {
+    std::set<int> ids;
     for (const JsonCursor& cursor : v->items("an array of cameras")) {
       JsonObject camera(cursor, "a camera {\"id\", \"reference_from_camera\"}");
-      const int id = require_id(camera, "id");
+      const int id = require_new_id(camera, "cameras", &ids);
       out.cameras.push_back(
           {id, camera.require("reference_from_camera", "16 numbers, row by row").pose()});
     }

@@ -32,7 +32,7 @@ bool parse_number(std::string_view word, double* value) {
 TextRows::TextRows(const std::filesystem::path& path)
     : file_(path.string()), text_(read_whole_file(path)) {
   int line = 1;
-  std::size_t line_start = 0;
+  std::size_t line_start = text_.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
   while (line_start < text_.size()) {
     std::size_t line_end = text_.find('\n', line_start);
     if (line_end == std::string::npos) line_end = text_.size();

@@ -20,7 +20,7 @@ struct TextRow {
 };
 
 /// A text file as words divided by blanks; blank lines are left out, the last line may lack its
-/// end, Windows line ends are taken.
+/// end, Windows line ends and a byte order mark are taken.
 class TextRows {
  public:
   /// @throws InputError if the file cannot be read or holds a null byte.
