@@ -210,6 +210,12 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
     out.reason = "the detection box has no area";
     return out;
   }
+  if (box.x2 < -0.5 || box.y2 < -0.5 || box.x1 > camera.width - 0.5 ||
+      box.y1 > camera.height - 0.5) {
+    out.status = Status::kFailed;
+    out.reason = "the detection box lies outside the image";
+    return out;
+  }
 
   int finite_keypoints = 0;
   for (const KeypointObservation& k : detection.keypoints) {

@@ -40,6 +40,13 @@ struct SupportPlane {
   Status status = Status::kOk;  ///< of the patch
 };
 
+/// Keypoints of which nothing is known: NaN.
+inline std::array<Eigen::Vector3d, kNumKeypoints> unknown_keypoints() {
+  std::array<Eigen::Vector3d, kNumKeypoints> out;
+  out.fill(Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  return out;
+}
+
 /// A vehicle in the camera frame of its own image, metres (or up to scale).
 struct VehicleEstimate {
   int id = 0;
@@ -47,8 +54,8 @@ struct VehicleEstimate {
   Box2 box;
   Status status = Status::kNotRun;
   std::string reason;
-  OrientedBox pose;                                                      ///< full box, on its plane
-  std::array<Eigen::Vector3d, kNumKeypoints> keypoints{};                ///< camera frame, m
+  OrientedBox pose;  ///< full box, on its plane
+  std::array<Eigen::Vector3d, kNumKeypoints> keypoints = unknown_keypoints();  ///< camera frame, m
   Plane plane;                                                           ///< the ground under it
   double plane_sigma_height = std::numeric_limits<double>::quiet_NaN();  ///< m, at the contact
   std::string plane_source;
