@@ -251,8 +251,9 @@ void register_compare(CLI::App& root) {
     if (!args.pairs.empty() && options.alignment == Alignment::kNone) {
       throw UsageError("--pairs needs --align scale, rigid or similarity");
     }
+    const std::vector<fs::path> inputs = {args.estimate, args.truth, args.transform, args.pairs};
     std::optional<AtomicFolder> folder;
-    if (!args.out.empty()) folder.emplace(args.out, args.overwrite);
+    if (!args.out.empty()) folder.emplace(args.out, args.overwrite, inputs);
     const LogSink warn = make_warning_sink(command->common);
     Timings timings;
     StageTimer load(timings, "load");

@@ -84,7 +84,8 @@ void register_patches(CLI::App& root) {
     options.max_slope = arguments->max_slope_deg * kDegree;
     options.consistency.consistency = kConsistencies.at(arguments->consistency);
     options.validate();
-    AtomicFolder folder(arguments->out, arguments->overwrite);
+    AtomicFolder folder(arguments->out, arguments->overwrite,
+                        {arguments->input.cloud, arguments->line});
     Timings timings;
     StageTimer load(timings, "load");
     CloudFile file = arguments->input.read(command->common);

@@ -31,7 +31,7 @@ void add_scene_options(CLI::App& app, Arguments& a) {
       "it takes to see the road move");
   app.add_option("--rounds", a.options.rounds,
                  "times that images are matched again with the ground known")
-      ->check(CLI::NonNegativeNumber)
+      ->check(non_negative_number())
       ->capture_default_str();
   app.add_option("--ground", a.options.ground,
                  "what the ground is fitted to: matches (triangulated points), grey (direct "
@@ -100,6 +100,7 @@ void register_reconstruct(CLI::App& root) {
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;
+    options.inputs = {args.scene};
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
     if (args.json) return print_json(result);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "cli/run_program.h"
@@ -262,6 +263,54 @@ TEST_F(SteepHill, InterruptedRunsLeaveNothing) {
   const auto result = run_camber(
       {"reconstruct", scene(), "--rounds", "1000", "--no-pictures", "--out", path("result")}, 1500);
   EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
+}
+
+TEST_F(SteepHill, RunsThatAreToldToEndLeaveNothing) {
+  for (const int signal : {SIGTERM, SIGHUP}) {
+    const auto result = run_camber(
+        {"reconstruct", scene(), "--rounds", "1000", "--out", path("result")}, 1000, signal);
+    EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+    EXPECT_TRUE(fs::is_empty(folder_.path()));
+  }
+}
+
+TEST_F(SteepHill, AFolderThatHoldsTheSceneIsNotReplaced) {
+  fs::copy(scene(), path("scene"), fs::copy_options::recursive);
+  const auto before = snapshot(folder_.path());
+  ASSERT_TRUE(before.count("scene/run.json"));  // made by camber synth, so it looks like a result
+  for (const std::string out : {"scene", "scene/", "scene/."}) {
+    EXPECT_ONE_SENTENCE(run_camber({"reconstruct", path("scene/scene.json"), "--no-pictures",
+                                    "--overwrite", "--out", path(out)}),
+                        2, "holds the input");
+  }
+  EXPECT_ONE_SENTENCE(run_camber({"patches", path("scene/truth/road.ply"), "--out", path("scene")}),
+                      2, "holds the input");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"compare", path("scene/truth/road.ply"), path("scene/truth/road.ply"), "--out",
+                  path("scene/truth"), "--overwrite"}),
+      2, "holds the input");
+  EXPECT_EQ(snapshot(folder_.path()), before);
+}
+
+TEST_F(SteepHill, MoreThreadsThanTheMachineCanHold) {
+  const auto result = run_camber(
+      {"reconstruct", scene(), "--threads", "100000", "--no-pictures", "--out", path("result")});
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+}
+
+TEST_F(SteepHill, NumbersThatAreNoneAreNamedWithWhatWasExpected) {
+  const std::vector<std::array<std::string, 3>> cases = {
+      {"--seed", "-1", "found '-1', expected a whole number from 0 to 18446744073709551615"},
+      {"--seed", "99999999999999999999", "expected a whole number from 0"},
+      {"--threads", "0", "found '0', expected a number above 0"},
+      {"--rounds", "-1", "found '-1', expected a number of at least 0"},
+      {"--out", "", "found an empty name"}};
+  for (const auto& [option, value, part] : cases) {
+    std::vector<std::string> arguments = {"reconstruct", scene(), "--no-pictures", option, value};
+    if (option != "--out") arguments.insert(arguments.end(), {"--out", path("result")});
+    EXPECT_ONE_SENTENCE(run_camber(arguments), 2, part);
+  }
   EXPECT_TRUE(fs::is_empty(folder_.path()));
 }
 

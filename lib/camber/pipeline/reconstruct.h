@@ -65,6 +65,8 @@ ChosenFrames choose_frames(const Scene& scene);
 struct WriteReconstructionOptions {
   bool pictures = true;
   bool overwrite = false;  ///< also replace a foreign folder that is not empty
+  /// What was read, beside the images: no folder that holds any of it is replaced.
+  std::vector<std::filesystem::path> inputs;
 };
 
 /// Writes the result folder (road.ply, surface.json, vehicles.json, run.json, metrics.json where

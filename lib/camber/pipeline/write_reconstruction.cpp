@@ -23,7 +23,9 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
   const auto report = [&](const std::string& stage, double share) {
     if (progress) progress(stage, share);
   };
-  AtomicFolder out(folder, options.overwrite);
+  std::vector<fs::path> inputs = options.inputs;
+  for (const auto& [path, hash] : result.run.input_hashes) inputs.emplace_back(path);
+  AtomicFolder out(folder, options.overwrite, inputs);
   const fs::path& staging = out.staging();
   Timings& timings = result.run.timings;
 
