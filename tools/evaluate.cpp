@@ -14,6 +14,7 @@
 #include "camber/pipeline/kitti_boxes.h"
 #include "camber/render/result_plots.h"
 #include "command.h"
+#include "road_arguments.h"
 
 namespace camber::tools {
 namespace {
@@ -85,7 +86,7 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
   out.detections_source = vehicles.detections_source;
   if (folder && fs::exists(fs::path(estimate) / "surface.json") &&
       fs::exists(fs::path(estimate) / "run.json")) {
-    out.metrics = evaluate_scene(scene, read_surface(fs::path(estimate) / "surface.json"), vehicles,
+    out.metrics = evaluate_scene(scene, read_camera_surface(estimate), vehicles,
                                  read_run(fs::path(estimate) / "run.json"));
   } else {
     out.metrics = evaluate_vehicles(scene, vehicles);
@@ -175,7 +176,7 @@ void register_evaluate(CLI::App& root) {
   app.add_option("--image-size", a.image_size, "width,height of the label files' images, px")
       ->delimiter(',')
       ->expected(2)
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   app.add_option("--subset", a.subset,
                  "file that names a subset for a row of its own, a line each: scene [frame "
@@ -225,7 +226,11 @@ void register_evaluate(CLI::App& root) {
         {"tables", tables_json(tables)}};
     if (!args.out.empty()) {
       const StageTimer timer(timings, "write");
-      AtomicFolder folder(args.out, args.overwrite);
+      std::vector<fs::path> inputs(args.truth.begin(), args.truth.end());
+      inputs.insert(inputs.end(), args.estimate.begin(), args.estimate.end());
+      inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
+      inputs.emplace_back(args.subset);
+      AtomicFolder folder(args.out, args.overwrite, inputs);
       write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
       write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(scenes));
       write_json(json, folder.staging() / "tables.json");

@@ -5,10 +5,12 @@
 #include <map>
 #include <memory>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
 #include "camber/pipeline/kitti_boxes.h"
 #include "command.h"
+#include "road_arguments.h"
 
 namespace camber::tools {
 namespace {
@@ -53,7 +55,7 @@ void register_lift(CLI::App& root) {
                  "frame id of a file in the object form; default: the result's reference frame");
   app.add_option("--depth-sigma", a.options.depth_sigma,
                  "standard deviation of the detector's distance, as a share of it")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   app.add_flag("--json", a.json, "print what was done as JSON");
   command->run = [command, arguments] {
@@ -66,13 +68,9 @@ void register_lift(CLI::App& root) {
     {
       const StageTimer timer(timings, "load");
       labels = read_kitti_labels(args.labels);
-      surface = read_surface(fs::path(args.surface) / "surface.json");
+      surface = read_camera_surface(args.surface);
       run = read_run(fs::path(args.surface) / "run.json");
       camera = read_kitti_calibration(args.calibration).camera(args.camera);
-    }
-    if (surface.frame != "camera") {
-      throw InputError((fs::path(args.surface) / "surface.json").string(), "frame",
-                       "found \"" + surface.frame + "\", expected \"camera\"");
     }
     if (!surface.metric) {
       throw NoAnswerError(args.surface + ": the surface is up to scale, boxes are in metres");
@@ -114,8 +112,11 @@ void register_lift(CLI::App& root) {
       const StageTimer timer(timings, "write");
       KittiLabelFile out{labels.form, {}};
       for (const LiftedBox& b : lifted) out.labels.push_back(b.label);
-      write_tilts(lifted, tilt_file(args.out));
-      write_kitti_labels(out, args.out);
+      AtomicFiles files;
+      const fs::path labels_file = files.stage(args.out);
+      write_tilts(lifted, files.stage(tilt_file(args.out)));
+      write_kitti_labels(out, labels_file);
+      files.commit();
     }
     if (args.json) {
       nlohmann::json json = {{"version", kVersion},

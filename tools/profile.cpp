@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -90,9 +91,22 @@ void register_profile(CLI::App& root) {
       throw NoAnswerError(surface_path.string() +
                           ": holds no driven line; give a line with --along FILE");
     }
+    const bool moves = std::any_of(line.begin(), line.end(), [&](const Eigen::Vector3d& place) {
+      return surface.up.cross(place - line.front()).norm() > 1e-9;
+    });
+    if (!moves) {
+      throw NoAnswerError((arguments->line.empty() ? surface_path.string() : arguments->line) +
+                          ": the line does not leave its first point");
+    }
     StageTimer compute(timings, "compute");
     const std::vector<ProfilePoint> profile = road_profile(surface, line, options);
     compute.stop();
+    std::size_t covered = 0;
+    for (const ProfilePoint& point : profile) covered += point.status != Status::kFailed ? 1 : 0;
+    if (covered == 0) {
+      throw NoAnswerError(fmt::format("{}: none of the line's {} stations is covered",
+                                      surface_path.string(), profile.size()));
+    }
 
     // Drawn before the first file is written: without an answer nothing is.
     std::string svg;
@@ -108,13 +122,12 @@ void register_profile(CLI::App& root) {
     }
 
     StageTimer write(timings, "write");
+    AtomicFiles files;
     if (!svg.empty()) {
-      write_file_atomically(plot_path, svg);
+      write_file_atomically(files.stage(plot_path), svg);
     } else if (!arguments->plot.empty()) {
-      write_png(picture, plot_path);
+      write_png(picture, files.stage(plot_path));
     }
-    std::size_t covered = 0;
-    for (const ProfilePoint& point : profile) covered += point.status != Status::kFailed ? 1 : 0;
     if (extension == ".csv") {
       std::string text =
           "station_m,x,y,z,height_m,grade_percent,cross_slope_percent,vertical_radius_m,"
@@ -127,7 +140,7 @@ void register_profile(CLI::App& root) {
             cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
             p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)));
       }
-      write_file_atomically(out_path, text);
+      write_file_atomically(files.stage(out_path), text);
     } else if (extension == ".json") {
       json stations = json::array();
       for (const ProfilePoint& p : profile) {
@@ -153,8 +166,9 @@ void register_profile(CLI::App& root) {
                   {"covered_stations", covered},
                   {"stations", std::move(stations)}};
       out["timings_ms"] = cloud_timings(timings);
-      write_json(out, out_path);
+      write_json(out, files.stage(out_path));
     }
+    files.commit();
     write.stop();
     if (!command->common.quiet && covered < profile.size()) {
       make_warning_sink(command->common)(fmt::format("{} of {} stations are not covered",

@@ -2,6 +2,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/scene/results.h"
 
 namespace camber::tools {
 
@@ -59,6 +60,16 @@ std::vector<Eigen::Vector3d> read_line(const std::string& path) {
     throw NoAnswerError(path + ": a line needs at least two points");
   }
   return line;
+}
+
+RoadSurface read_camera_surface(const std::string& folder) {
+  const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
+  RoadSurface surface = read_surface(path);
+  if (surface.frame != "camera") {
+    throw InputError(path.string(), "frame",
+                     "found \"" + surface.frame + "\", expected \"camera\"");
+  }
+  return surface;
 }
 
 }  // namespace camber::tools

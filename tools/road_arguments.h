@@ -8,6 +8,7 @@
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/core/stopwatch.h"
+#include "camber/road/road_surface.h"
 #include "cloud_arguments.h"
 #include "command.h"
 
@@ -44,5 +45,9 @@ void add_road_cloud_arguments(CLI::App& app, RoadCloudArguments& arguments, doub
 /// The points of a file (any cloud format, in their order) as a polyline.
 /// @throws InputError if it cannot be read; NoAnswerError for fewer than two points.
 std::vector<Eigen::Vector3d> read_line(const std::string& path);
+
+/// The surface of a result folder of `reconstruct`: in the reference camera's frame.
+/// @throws InputError if it cannot be read or is in another frame.
+RoadSurface read_camera_surface(const std::string& folder);
 
 }  // namespace camber::tools

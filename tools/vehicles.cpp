@@ -1,14 +1,17 @@
 // camber vehicles: vehicles alone, from given detections, keypoints and planes.
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
 #include "camber/pipeline/estimate_vehicles.h"
 #include "camber/pipeline/kitti_boxes.h"
 #include "command.h"
+#include "road_arguments.h"
 
 namespace camber::tools {
 namespace {
@@ -22,6 +25,27 @@ struct Arguments {
   bool one_problem = false, no_tracks = false;
   bool json = false;
 };
+
+/// A surface tells of the frames of its own run alone.
+void require_common_frames(const std::string& folder, const RunDocument& run,
+                           const std::vector<int>& frames, const LogSink& warn) {
+  std::string missing;
+  std::size_t count = 0;
+  for (const int frame : frames) {
+    const bool known = std::any_of(run.cameras.begin(), run.cameras.end(),
+                                   [&](const RunDocument::CameraPose& c) { return c.id == frame; });
+    if (known) continue;
+    ++count;
+    missing += (missing.empty() ? "" : ", ") + std::to_string(frame);
+  }
+  if (count == frames.size()) {
+    throw UsageError("--surface " + folder + ": its run has none of the frames " + missing);
+  }
+  if (count > 0 && warn) {
+    warn(folder + ": its run has no frame " + missing +
+         ": vehicles there stand on planes of the scene");
+  }
+}
 
 }  // namespace
 
@@ -64,11 +88,11 @@ void register_vehicles(CLI::App& root) {
       ->capture_default_str();
   app.add_option("--given-sigma-height", a.options.support.given_sigma_height,
                  "m, standard deviation of a given plane's height")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   app.add_option("--given-sigma-tilt", a.options.support.given_sigma_tilt,
                  "rad, standard deviation of a given plane's tilt")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   app.add_option(
       "--surface", a.surface,
@@ -112,8 +136,9 @@ void register_vehicles(CLI::App& root) {
       scene = read_scene(args.scene, make_warning_sink(command->common));
       frames = select_frames(scene, args.frames);
       if (!args.surface.empty()) {
-        surface = read_surface(std::filesystem::path(args.surface) / "surface.json");
+        surface = read_camera_surface(args.surface);
         run = read_run(std::filesystem::path(args.surface) / "run.json");
+        require_common_frames(args.surface, run, frames, make_warning_sink(command->common));
         args.options.surface = &surface;
         args.options.cameras = &run.cameras;
       }
@@ -150,14 +175,17 @@ void register_vehicles(CLI::App& root) {
     nlohmann::json json = to_json(document);
     {
       const StageTimer timer(timings, "write");
+      AtomicFiles files;
+      const std::filesystem::path result_file = files.stage(args.out);
       if (!args.kitti_labels.empty()) {
         const std::vector<LiftedBox> rows = kitti_from_vehicles(document, scene, offset);
         KittiLabelFile file{KittiLabelForm::kTracking, {}};
         for (const LiftedBox& row : rows) file.labels.push_back(row.label);
-        write_tilts(rows, tilt_file(args.kitti_labels));
-        write_kitti_labels(file, args.kitti_labels);
+        write_tilts(rows, files.stage(tilt_file(args.kitti_labels)));
+        write_kitti_labels(file, files.stage(args.kitti_labels));
       }
-      write_json(json, args.out);
+      write_json(json, result_file);
+      files.commit();
     }
     if (args.json) {
       json["version"] = kVersion;

@@ -371,7 +371,14 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(run_camber({"profile", path("out"), "--along", path("elsewhere.csv"),
                                   "--plot", path("plot.png")}),
                       1, "covered");
+  EXPECT_ONE_SENTENCE(run("out", "elsewhere.csv", "old.csv"), 1, "stations is covered");
   fs::remove(path("elsewhere.csv"));
+  std::ofstream(path("still.csv")) << "x y z\n1 0 0\n1 0 0\n1 0 2\n";
+  EXPECT_ONE_SENTENCE(run("out", "still.csv", "old.csv"), 1, "does not leave its first point");
+  fs::remove(path("still.csv"));
+  EXPECT_ONE_SENTENCE(with({"--out", path("old.csv"), "--step", "1e-9"}), 2, "step is 1e-09");
+  EXPECT_ONE_SENTENCE(with({"--plot", path("plot.png"), "--out", path("missing/p.csv")}), 3,
+                      "missing/p.csv");
   EXPECT_EQ(test::snapshot(folder_.path()), before);
 }
 

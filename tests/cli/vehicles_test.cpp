@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <array>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -403,7 +404,53 @@ TEST_F(LiftedLabels, FailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(run_camber({"lift", path("other.txt"), "--surface", folder_.path().string(),
                                   "--calib", path("calib.txt"), "--out", path("x.txt")}),
                       1, "no frame 9");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"lift", path("found.txt"), "--surface", folder_.path().string(), "--calib",
+                  path("calib.txt"), "--depth-sigma", "1e300", "--out", path("x.txt")}),
+      2, "depth_sigma: 1e+300, must be in (0, 10]");
+  // The tilts' name is taken: the labels do not stay alone.
+  fs::create_directory(path("x.tilt.csv"));
+  EXPECT_ONE_SENTENCE(run_camber({"lift", path("found.txt"), "--surface", folder_.path().string(),
+                                  "--calib", path("calib.txt"), "--out", path("x.txt")}),
+                      3, "x.tilt.csv");
   EXPECT_FALSE(fs::exists(path("x.txt")));
+}
+
+TEST_F(VehicleScene, ASurfaceOfOtherFramesOrAxesIsRefused) {
+  const auto put = [&](const std::string& name, const std::string& text) {
+    std::ofstream(path(name)) << text;
+  };
+  put("run.json",
+      R"({"cameras": [{"id": 77, "reference_from_camera": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]}]})");
+  const std::vector<std::string> command = {"vehicles", path("scene.json"), "--surface", path(""),
+                                            "--out",    path("v.json")};
+  put("surface.json", R"({"frame": "z-up", "patches": []})");
+  EXPECT_ONE_SENTENCE(run_camber(command), 2, "found \"z-up\", expected \"camera\"");
+  put("surface.json", R"({"frame": "camera", "patches": []})");
+  EXPECT_ONE_SENTENCE(run_camber(command), 2, "its run has none of the frames 0, 1, 2, 3, 4, 5");
+  EXPECT_FALSE(fs::exists(path("v.json")));
+  put("run.json",
+      R"({"cameras": [{"id": 3, "reference_from_camera": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]}]})");
+  const auto some = run_camber(command);
+  EXPECT_EQ(some.exit_code, 0);
+  EXPECT_THAT(some.error, HasSubstr("its run has no frame 0, 1, 2, 4, 5:"));
+}
+
+TEST_F(VehicleScene, AVehicleWithoutAnAnswerHasNoKeypoints) {
+  scene_.frames[0].vehicles[0].box.x2 = scene_.frames[0].vehicles[0].box.x1;
+  scene_.frames[1].vehicles[0].box = {5000.0, 5000.0, 5100.0, 5080.0};
+  write_scene(scene_, path("scene.json"));
+  const auto placed = run_camber({"vehicles", path("scene.json"), "--out", path("v.json")});
+  ASSERT_EQ(placed.exit_code, 0) << placed.error;
+  const json document = read("v.json");
+  const std::array<const char*, 2> reasons = {"the detection box has no area",
+                                              "the detection box lies outside the image"};
+  for (std::size_t k = 0; k < reasons.size(); ++k) {
+    const json& vehicle = document["frames"][k]["vehicles"][0];
+    EXPECT_EQ(vehicle["status"], "failed");
+    EXPECT_EQ(vehicle["reason"], reasons[k]);
+    for (const json& row : vehicle["keypoints"]) EXPECT_EQ(row, json({nullptr, nullptr, nullptr}));
+  }
 }
 
 }  // namespace

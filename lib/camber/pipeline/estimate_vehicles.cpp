@@ -81,7 +81,7 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
   VehicleDocument out;
   out.method = options.method;
   out.detections_source = scene.detections_source;
-  out.metric = scene.height_above_road.has_value();
+  out.metric = options.surface ? options.surface->metric : scene.height_above_road.has_value();
   JointFitOptions joint = options.joint;
   joint.prior = options.fit.prior;
   joint.keypoint_set = options.fit.keypoint_set;

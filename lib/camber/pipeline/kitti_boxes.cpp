@@ -68,8 +68,8 @@ BoxTilt tilt_of(const Eigen::Matrix3d& camera_from_vehicle) {
 }
 
 void LiftOptions::validate() const {
-  if (!(depth_sigma > 0.0)) {
-    throw std::invalid_argument(fmt::format("depth_sigma: {}, must be > 0", depth_sigma));
+  if (!(depth_sigma > 0.0 && depth_sigma <= 10.0)) {
+    throw std::invalid_argument(fmt::format("depth_sigma: {}, must be in (0, 10]", depth_sigma));
   }
   if (!(pixel_sigma >= 0.0) || !(height_sigma >= 0.0)) {
     throw std::invalid_argument(

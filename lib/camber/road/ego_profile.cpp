@@ -1,5 +1,7 @@
 #include "camber/road/ego_profile.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -179,8 +181,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
       }
     }
     if (used < 30) {
-      return fail("too few road points within " + std::to_string(options.reach) +
-                  " m ahead: " + std::to_string(used));
+      return fail(fmt::format("too few road points within {:g} m ahead: {}", options.reach, used));
     }
     const auto add_prior = [&](std::initializer_list<std::pair<int, double>> terms, double mean,
                                double sigma) {

@@ -80,6 +80,12 @@ std::vector<ProfilePoint> road_profile(const RoadSurface& surface,
   std::vector<Vector3d> lefts;
   std::size_t piece = 0;
   const double total = stations.back();
+  constexpr double kMostStations = 1e6;
+  if (!(total / options.step < kMostStations)) {
+    throw std::invalid_argument(
+        fmt::format("ProfileOptions::step is {:g}, expected more than {:g} m for a line of {:g} m",
+                    options.step, total / kMostStations, total));
+  }
   const auto steps = static_cast<std::size_t>(std::floor(total / options.step + 1e-9));
   for (std::size_t k = 0; k <= steps; ++k) {
     const double station = std::min(static_cast<double>(k) * options.step, total);

@@ -39,8 +39,8 @@ struct ProfilePoint {
 /// slope of the heights over `length` of road around it, and the vertical radius that of the
 /// parabola through them, both given only where most of that length is covered. The heights of the
 /// line's points only choose between patches above one another.
-/// @throws std::invalid_argument for a line of fewer than two places, or if options.validate()
-/// fails.
+/// @throws std::invalid_argument for a line of fewer than two places, for one of more than a
+/// million stations, or if options.validate() fails.
 std::vector<ProfilePoint> road_profile(const RoadSurface& surface,
                                        const std::vector<Eigen::Vector3d>& line,
                                        const ProfileOptions& options);
