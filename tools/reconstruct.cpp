@@ -19,6 +19,7 @@ struct Arguments {
   ReconstructOptions options;
   bool no_pictures = false;
   bool no_masks = false;
+  bool no_markings = false;
   bool overwrite = false;
   bool json = false;
 };
@@ -40,6 +41,8 @@ void add_scene_options(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
+  app.add_flag("--no-markings", a.no_markings,
+               "do not use painted markings whose sizes the scene gives (markings_m)");
 }
 
 Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
@@ -48,6 +51,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.use_masks = !a.no_masks;
+  a.options.use_markings = !a.no_markings;
   std::vector<int> frames;
   if (a.frames.empty()) {
     const ChosenFrames chosen = choose_frames(scene);

@@ -336,7 +336,7 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
 /// true contact against what they state, and the centres with planes from images, without planes,
 /// with true planes, and with true planes made wrong by a known amount that their covariance
 /// states.
-void budget(const std::vector<Clip>& clips) {
+void budget(const std::vector<Clip>& clips, bool cars) {
   const VehicleFitOptions fit;
   using Errors = std::vector<std::map<int, VehicleError>>;  // [clip][detection]
   const auto run = [&](const Supports& support) {
@@ -390,6 +390,13 @@ void budget(const std::vector<Clip>& clips) {
           const double off = s.plane.plane.signed_distance(foot);
           squares += off * off;
           stated += off * off / s.plane.height_variance(foot);
+          if (cars) {
+            std::printf("    %s %2d %5.1f m: plane %+.3f +- %.3f, seen at %+.4f rad, %s\n",
+                        clip.scene.name.c_str(), e.truth_id, e.distance, off,
+                        std::sqrt(s.plane.height_variance(foot)),
+                        -t.plane->normal.dot(t.pose.bottom_center().normalized()),
+                        t.moving ? "moving" : "parked");
+          }
         }
         const std::size_t clip_index = k;
         const int vehicle = id;
@@ -550,7 +557,7 @@ int main(int argc, char** argv) {
     if (fs::exists(data / "steep-scenes")) {
       const std::vector<Clip> clips = read_clips(data / "steep-scenes", keep);
       if (only == "budget") {
-        budget(clips);
+        budget(clips, cars);
       } else {
         steep_roads(clips, cars, &prior);
         ablation(clips, cars, &prior);

@@ -110,6 +110,40 @@ TEST_F(BrokenFrames, OneFrameRepeatedIsRefused) {
   }
 }
 
+/// A broken line and a crossing painted on the ground.
+double painted(double x, double z, int) {
+  const bool stroke = std::abs(x + 1.0) < 0.06 && z > 5.0 && std::fmod(z - 5.0, 9.0) < 3.0;
+  const bool stripe = z > 11.0 && z < 15.0 && x > -0.5 && x < 5.5 && std::fmod(x + 0.5, 1.0) < 0.5;
+  return stroke || stripe ? 2.2 : 1.0;
+}
+
+TEST_F(BrokenFrames, MarkingsOfKnownSizeGiveMetresWithoutACameraHeight) {
+  DrawnRoad road = street(flat);
+  road.light = painted;
+  Scene scene = make_scene(road);
+  scene.height_above_road.reset();
+  EXPECT_FALSE(reconstruct(scene, {0, 1, 2}, {}).run.metric);
+  scene.markings_m = {{"dash_length", 3.0},
+                      {"dash_gap", 6.0},
+                      {"line_width", 0.12},
+                      {"zebra_stripe_width", 0.5},
+                      {"zebra_gap", 0.5}};
+  const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
+  ASSERT_TRUE(result.run.metric) << result.run.extra["markings"].dump();
+  EXPECT_EQ(result.run.extra["markings"]["status"], "used");
+  const double step = result.run.cameras[2].reference_from_camera.translation().norm();
+  EXPECT_LT(result.surface.scale_sigma, 0.1);
+  EXPECT_NEAR(step / 0.8, 1.0, 3.0 * result.surface.scale_sigma);
+  EXPECT_NEAR(step / 0.8, 1.0, 0.04);
+  EXPECT_GE(check(result, road, 1.5), 6);
+
+  // Against sizes that are wrong by a quarter the camera's height stands.
+  scene.height_above_road = kHeight;
+  for (auto& [name, size] : scene.markings_m) size *= 1.25;
+  const Reconstruction wrong = reconstruct(scene, {0, 1, 2}, {});
+  EXPECT_NEAR(wrong.run.cameras[2].reference_from_camera.translation().norm() / 0.8, 1.0, 0.03);
+}
+
 TEST_F(BrokenFrames, TruckAheadWithoutMasks) {
   // Keeps its distance and hides the road ahead: half of the image does not move.
   DrawnRoad road = street(flat);

@@ -215,6 +215,16 @@ TEST_F(SteepHillRun, WithoutACameraHeightTheResultIsUpToScale) {
   EXPECT_GT(result.cloud.size(), 5000u);
 }
 
+TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {
+  EXPECT_EQ(result_->run.extra["markings"]["status"], "used");
+  EXPECT_GE(result_->run.extra["markings"]["dashes"], 2);
+  ReconstructOptions options;
+  options.use_markings = false;
+  const Reconstruction without = reconstruct(*scene_, {0, 1, 2}, options);
+  EXPECT_EQ(without.run.extra["markings"]["status"], "not run");
+  EXPECT_LT(result_->surface.scale_sigma, without.surface.scale_sigma);
+}
+
 TEST_F(SteepHillRun, TheRoadAlone) {
   ReconstructOptions options;
   options.with_vehicles = false;

@@ -232,5 +232,90 @@ TEST(GroundField, BadInputThrows) {
   EXPECT_THROW(GroundField(kCamera, good, kLevel, options), std::invalid_argument);
 }
 
+GroundField level_field() {
+  return GroundField(kCamera, observe(flat, 40.0), kLevel, GroundFieldOptions());
+}
+
+TEST(GroundField, ACertainStatementIsMetAndItsNeighboursFollow) {
+  GroundField field = level_field();
+  const std::vector<Eigen::Vector2d> pixels = {{320, 125}, {320, 130}, {40, 230}};
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(3, 3);
+  const Eigen::MatrixXd before = field.covariance(pixels, unit, {});
+  const double at = field.inverse_depth(pixels[0]), beside = field.inverse_depth(pixels[1]);
+  const double far_away = field.inverse_depth(pixels[2]);
+  GroundField::MetricStatements statements;
+  statements.pixels = {pixels[0]};
+  statements.coefficients = Eigen::MatrixXd::Identity(1, 1);
+  statements.values = Eigen::VectorXd::Constant(1, 2.0 * std::sqrt(before(0, 0)));
+  statements.noise = Eigen::MatrixXd::Constant(1, 1, 1e-6 * before(0, 0));
+  double scale_sigma = 0.0;
+  EXPECT_EQ(field.condition(statements, {}, 1.0, &scale_sigma), 0.0);
+  EXPECT_EQ(scale_sigma, 0.0);
+  EXPECT_TRUE(field.conditioned());
+  EXPECT_NEAR(field.inverse_depth(pixels[0]) - at, statements.values[0],
+              1e-4 * statements.values[0]);
+  // Elsewhere by regression on what is stated, and the covariance loses what is explained.
+  const double ratio = before(0, 1) / before(0, 0);
+  EXPECT_NEAR(field.inverse_depth(pixels[1]) - beside, ratio * statements.values[0],
+              1e-4 * statements.values[0]);
+  EXPECT_NEAR(field.inverse_depth(pixels[2]), far_away, 0.05 * statements.values[0]);
+  const Eigen::MatrixXd after = field.covariance(pixels, unit, {});
+  EXPECT_LT(after(0, 0), 1e-4 * before(0, 0));
+  EXPECT_NEAR(after(1, 1), before(1, 1) - ratio * before(0, 1), 1e-4 * before(1, 1));
+  EXPECT_NEAR(after(2, 2), before(2, 2), 0.01 * before(2, 2));
+  EXPECT_THROW(field.condition(statements, {}, 1.0, &scale_sigma), std::logic_error);
+}
+
+TEST(GroundField, AStatementOfLengthIsSharedBetweenScaleAndGround) {
+  const std::vector<Eigen::Vector2d> pixels = {{320, 170}};
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(1, 1);
+  for (const double inflation : {1.0, 4.0}) {
+    GroundField field = level_field();
+    const double own = inflation * field.covariance(pixels, unit, {})(0, 0);
+    const double rho = field.inverse_depth(pixels[0]);
+    const double before = 0.02;  // of the scale
+    const double shared = before * before * rho * rho;
+    EXPECT_NEAR(field.metric_covariance(pixels, {}, inflation, before)(0, 0), own + shared,
+                1e-9 * (own + shared));
+    GroundField::MetricStatements statements;
+    statements.pixels = pixels;
+    statements.coefficients = unit;
+    statements.values = Eigen::VectorXd::Constant(1, -0.03 * rho);  // 3 % farther
+    statements.noise = Eigen::MatrixXd::Constant(1, 1, 1e-8 * shared);
+    double sigma = before;
+    const double change = field.condition(statements, {}, inflation, &sigma);
+    const double share = shared / (own + shared);
+    EXPECT_NEAR(change, 0.03 * share, 1e-4);
+    EXPECT_NEAR(sigma, before * std::sqrt(1.0 - share), 1e-4 * before);
+    EXPECT_NEAR(field.inverse_depth(pixels[0]), 0.97 * rho, 1e-5 * rho);
+    // The users' inflation applied again gives what is left: nothing but the noise.
+    EXPECT_LT(inflation * field.covariance(pixels, unit, {})(0, 0), 1e-4 * (own + shared));
+    // The metric depth is known, so what the scale may still be wrong by, the field's own depth
+    // makes up for: nothing is left in common with a metric depth.
+    EXPECT_NEAR(field.scale_covariance(pixels, unit)[0], 0.0, 1e-4 * before * before * rho);
+    // In the unit of the new scale the ground's share remains.
+    field.rescale(std::exp(change));
+    EXPECT_NEAR(field.inverse_depth(pixels[0]) / rho, 0.97 * std::exp(change), 1e-5);
+  }
+}
+
+TEST(GroundField, AnUpdateForgetsStatementsAndBadOnesAreRefused) {
+  GroundField field = level_field();
+  GroundField::MetricStatements statements;
+  statements.pixels = {{320, 150}};
+  statements.coefficients = Eigen::MatrixXd::Identity(1, 1);
+  statements.values = Eigen::VectorXd::Zero(2);
+  statements.noise = Eigen::MatrixXd::Identity(2, 2);
+  double sigma = 0.01;
+  EXPECT_THROW(field.condition(statements, {}, 1.0, &sigma), std::invalid_argument);
+  EXPECT_THROW(field.rescale(0.0), std::invalid_argument);
+  statements.values = Eigen::VectorXd::Zero(1);
+  statements.noise = Eigen::MatrixXd::Identity(1, 1);
+  field.condition(statements, {}, 1.0, &sigma);
+  EXPECT_TRUE(field.conditioned());
+  field.update(observe(flat, 40.0), 1);
+  EXPECT_FALSE(field.conditioned());
+}
+
 }  // namespace
 }  // namespace camber

@@ -11,10 +11,12 @@
 #include "camber/core/hash.h"
 #include "camber/core/threads.h"
 #include "camber/motion/correspondences.h"
+#include "camber/motion/lane_markings.h"
 #include "camber/motion/motion.h"
 #include "camber/motion/triangulation.h"
 #include "camber/photometric/direct_ground.h"
 #include "camber/pipeline/frame_masks.h"
+#include "camber/pipeline/marking_statements.h"
 #include "camber/pipeline/standing_plane.h"
 #include "camber/road/ego_profile.h"
 #include "camber/road/ground_field.h"
@@ -29,6 +31,10 @@ namespace {
 
 /// Height of the camera that an up-to-scale result is fitted with; its unit is then one of these.
 constexpr double kNominalHeight = 1.65;
+/// Relative standard deviation of that height where nothing is known of the camera: cars to vans.
+constexpr double kUnknownHeight = 0.2;
+/// A scale from markings alone that is known no better than this is not called metric.
+constexpr double kMetricSigma = 0.1;
 
 /// State of a run between its stages.
 struct Run {
@@ -53,6 +59,9 @@ struct Run {
   DirectEvidence evidence;            // of held-out pixels for the latter
   std::string direct_refused;         // why there is no direct field
   double metres_per_unit = 1.0;
+  double scale_sigma = 0.0;    // relative
+  MarkingStatements markings;  // what took part in scale and ground
+  double scale_change = 0.0;   // of its logarithm, by markings
 };
 
 int at(const Eigen::Vector2f& pixel, int width) {
@@ -404,6 +413,90 @@ void refine_directly(Run& run) {
   run.direct.emplace(std::move(refined));
 }
 
+LaneMarkingSizes marking_sizes(const Scene& scene) {
+  const auto size = [&](const char* name) {
+    const auto found = scene.markings_m.find(name);
+    return found == scene.markings_m.end() ? 0.0 : found->second;
+  };
+  return {size("dash_length"), size("dash_gap"), size("line_width"), size("zebra_stripe_width"),
+          size("zebra_gap")};
+}
+
+/// The ground in the reference image, metric, with where it is clear of vehicles.
+GroundRaster ground_raster(const Run& run, const GroundField& field) {
+  GroundRaster out;
+  out.top = std::max(0, static_cast<int>(field.top()) + 1);
+  const int width = run.camera.width, height = run.camera.height;
+  const auto stored = static_cast<std::size_t>(width) * static_cast<std::size_t>(height - out.top);
+  out.inverse_depth.resize(stored);
+  parallel_for(static_cast<std::size_t>(height - out.top), run.options.num_threads,
+               [&](std::size_t row) {
+                 const double v = out.top + static_cast<double>(row);
+                 float* values = &out.inverse_depth[row * static_cast<std::size_t>(width)];
+                 for (int u = 0; u < width; ++u) {
+                   values[u] = static_cast<float>(field.inverse_depth({static_cast<double>(u), v}) /
+                                                  run.metres_per_unit);
+                 }
+               });
+  // Near ground, since masks have holes where there is paint.
+  constexpr int kReach = 10;  // px
+  std::vector<std::uint8_t> seen = ground_pixels(run);
+  cv::Mat grown;
+  cv::dilate(cv::Mat(height, width, CV_8UC1, seen.data()), grown,
+             cv::getStructuringElement(cv::MORPH_RECT, {2 * kReach + 1, 2 * kReach + 1}));
+  const std::vector<std::uint8_t>& vehicle = run.masks[run.reference].vehicle;
+  out.visible.resize(stored);
+  for (std::size_t i = 0, skipped = vehicle.size() - stored; i < stored; ++i) {
+    out.visible[i] = grown.data[skipped + i] != 0 && vehicle[skipped + i] == 0;
+  }
+  return out;
+}
+
+/// Scale and far ground from painted markings of known size in the reference image.
+void use_markings(Run& run) {
+  const LaneMarkingSizes sizes = marking_sizes(run.scene);
+  if (!sizes.dashes() && !sizes.stripes()) {
+    run.markings.reason = "the scene gives no sizes of markings";
+    return;
+  }
+  GroundField& best = run.direct ? *run.direct : *run.field;
+  const double inflation = LocalPlaneOptions().inflation;
+  const bool guessed = !run.known_unit && !run.scene.height_above_road;
+  const double unit_before = run.metres_per_unit;
+  LaneMarkings found;
+  // A guessed scale hides markings: with that of the first ones found more are.
+  for (int round = 0; round < (guessed ? 3 : 1); ++round) {
+    found =
+        find_lane_markings(run.grey[run.reference], run.camera, ground_raster(run, best),
+                           travel_direction(run), sizes, run.scale_sigma, run.options.num_threads);
+    run.markings = marking_statements(best, run.camera, found, sizes, run.metres_per_unit,
+                                      run.scale_sigma, run.motion.covariance, inflation);
+    if (run.markings.statements.values.size() == 0) break;
+    if (!guessed || round == 2 || std::abs(run.markings.scale_change) < 0.02) break;
+    run.metres_per_unit *= std::exp(run.markings.scale_change);
+  }
+  if (run.markings.statements.values.size() == 0) {
+    run.metres_per_unit = unit_before;
+    return;
+  }
+  const double m = run.metres_per_unit;
+  if (run.direct) {
+    // The ground by matches alone hears the same, so that the two can still be compared.
+    const MarkingStatements plain = marking_statements(
+        *run.field, run.camera, found, sizes, m, run.scale_sigma, run.motion.covariance, inflation);
+    double sigma = run.scale_sigma;
+    if (plain.statements.values.size() > 0) {
+      run.field->condition(plain.statements, run.motion.covariance, inflation, &sigma);
+    }
+  }
+  const double change =
+      best.condition(run.markings.statements, run.motion.covariance, inflation, &run.scale_sigma);
+  run.metres_per_unit = m * std::exp(change);
+  run.scale_change = std::log(run.metres_per_unit / unit_before);
+  run.field->rescale(std::exp(change));
+  if (run.direct) run.direct->rescale(std::exp(change));
+}
+
 /// A plane of the ground by the best field, and what became of the direct refinement there.
 struct JudgedPlane {
   LocalPlane fit;
@@ -490,8 +583,16 @@ SharedGround shared_ground(const Run& run, const std::vector<std::vector<JudgedP
       if (!field || judged.field != field) continue;
       planes.push_back(judged.fit);
       rows.push_back(m.row);
-      // A larger scale takes a plane below the camera farther down.
-      by_scale[m.row + 2] = -metres_per_unit * judged.fit.plane.plane.offset;
+      if (field->conditioned()) {
+        // By its own field, which has the scale's share in its covariance.
+        const Eigen::Vector3d with_scale =
+            unit.cwiseProduct(field->scale_covariance(judged.fit.pixels, judged.fit.by_field));
+        out.covariance.block<3, 1>(m.row, 3 * count) = with_scale;
+        out.covariance.block<1, 3>(3 * count, m.row) = with_scale.transpose();
+      } else {
+        // A larger scale takes a plane below the camera farther down.
+        by_scale[m.row + 2] = -metres_per_unit * judged.fit.plane.plane.offset;
+      }
     }
     if (planes.empty()) continue;
     const Eigen::MatrixXd joint = joint_covariance(*field, planes, run.motion.covariance, local);
@@ -657,8 +758,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.frame_ids = frame_ids;
   out.reference_frame = choose_reference_frame(scene, frame_ids);
   Timings& timings = out.run.timings;
-  Run run{scene, options, {}, 0,  scene.camera, {}, {}, false, {}, {},
-          {},    {},      {}, {}, {},           {}, {}, {},    {}, 1.0};
+  Run run{scene, options, {}, 0,  scene.camera, {}, {}, false, {},  {}, {}, {},
+          {},    {},      {}, {}, {},           {}, {}, 1.0,   0.0, {}, 0.0};
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);
     if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(id));
@@ -777,10 +878,28 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   }
   const GroundField& ground = run.direct ? *run.direct : *run.field;
 
+  run.scale_sigma = run.known_unit                        ? 0.003 / *run.known_unit
+                    : scene.height_above_road.has_value() ? run.ego.relative_sigma
+                                                          : kUnknownHeight;
+  if (options.use_markings) {
+    report("surface", 0.83);
+    const StageTimer timer(timings, "surface");
+    use_markings(run);
+  }
+  const bool marked = run.markings.statements.values.size() > 0;
+
   // Results, in metres and in the reference camera's frame.
-  const bool metric = scene.height_above_road.has_value() || run.known_unit.has_value();
+  if (marked && run.scale_sigma > kMetricSigma) {
+    run.markings.reason = "they tell the scale to " +
+                          std::to_string(100.0 * run.scale_sigma).substr(0, 4) +
+                          " % only: the result stays up to scale";
+  }
+  const bool metric = scene.height_above_road.has_value() || run.known_unit.has_value() ||
+                      (marked && run.scale_sigma <= kMetricSigma);
   const double m = run.metres_per_unit;
-  const double scale_sigma = run.known_unit ? 0.003 / *run.known_unit : run.ego.relative_sigma;
+  const double scale_sigma = metric ? run.scale_sigma : run.ego.relative_sigma;
+  // A field that knows metric lengths has the scale's share in its covariance.
+  const double plane_scale_sigma = marked ? 0.0 : scale_sigma;
   std::vector<SE3> frame_from_reference, reference_from_frame;
   for (const SE3& pose : run.motion.frame_from_reference) {
     frame_from_reference.push_back(scaled(pose, m));
@@ -802,6 +921,16 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     ego.plane.covariance(2, 2) = run.known_unit
                                      ? std::pow(run.ego.relative_sigma * run.ego.height * m, 2)
                                      : std::pow(EgoProfileOptions().camera_height_sigma, 2);
+    if (marked && !run.known_unit) {
+      if (scene.height_above_road) {
+        // The camera height fixes this patch; what the markings say against it is the road's bend.
+        ego.plane.plane.offset = *scene.height_above_road;
+        ego.plane.centroid = ego.plane.plane.foot(Eigen::Vector3d::Zero());
+      } else {
+        ego.plane.covariance(2, 2) =
+            std::pow(std::hypot(run.ego.relative_sigma, scale_sigma) * run.ego.height * m, 2);
+      }
+    }
     ego.inliers = run.ego.points;
     ego.status = run.ego.status;
     ego.reason = run.ego.reason;
@@ -845,7 +974,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       if (fit.status == Status::kFailed) break;
       PlanePatch patch;
       patch.id = static_cast<int>(surface.patches.size());
-      patch.plane = scaled(fit.plane, m, scale_sigma);
+      patch.plane = scaled(fit.plane, m, plane_scale_sigma);
       patch.inliers = static_cast<int>(std::lround(fit.support));
       patch.refinement = judged.refinement;
       if (std::sqrt(patch.plane.covariance(2, 2)) > 0.5) break;
@@ -946,7 +1075,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           } else {
             PlanePatch patch;
             patch.id = static_cast<int>(surface.patches.size());
-            patch.plane = scaled(fit.plane, m, scale_sigma);
+            patch.plane = scaled(fit.plane, m, plane_scale_sigma);
             patch.inliers = count_points(run, around);
             patch.refinement = judged.refinement;
             set_status(patch, patch.inliers < 20 ? "only " + std::to_string(patch.inliers) +
@@ -1087,7 +1216,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
                       {"rounds", options.rounds},
                       {"ground", options.ground},
                       {"joint_planes", options.joint_planes},
-                      {"use_masks", options.use_masks}};
+                      {"use_masks", options.use_masks},
+                      {"use_markings", options.use_markings}};
   for (std::size_t k = 0; k < count; ++k) {
     document.cameras.push_back({run.frames[k]->id, reference_from_frame[k]});
   }
@@ -1115,15 +1245,29 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     document.extra["direct"]["held_out_cost_before"] = costs.before;
     document.extra["direct"]["held_out_cost_after"] = costs.after;
   }
+  document.extra["markings"] = {{"status", marked                 ? "used"
+                                           : options.use_markings ? "not used"
+                                                                  : "not run"},
+                                {"reason", run.markings.reason}};
+  if (marked) {
+    document.extra["markings"]["dashes"] = run.markings.dashes;
+    document.extra["markings"]["crossings"] = run.markings.crossings;
+    document.extra["markings"]["farthest"] = run.markings.farthest;
+    document.extra["markings"]["misfit_before"] = run.markings.misfit_before;
+    document.extra["markings"]["misfit_after"] = run.markings.misfit_after;
+    document.extra["markings"]["scale_change"] = std::expm1(run.scale_change);
+  }
   if (!run.known_unit) {
     // How far the road bends before it is seen, and what that does to the scale.
     const double mounting =
         EgoProfileOptions().camera_height_sigma / scene.height_above_road.value_or(kNominalHeight);
     document.extra["scale_from"] = {
-        {"source", "camera height over the ego plane"},
+        {"source", !marked                   ? "camera height over the ego plane"
+                   : scene.height_above_road ? "camera height over the ego plane, and markings"
+                                             : "markings"},
         {"sigma_camera_height", mounting},
         {"sigma_road_shape",
-         std::sqrt(std::max(0.0, scale_sigma * scale_sigma - mounting * mounting))},
+         std::sqrt(std::max(0.0, std::pow(run.ego.relative_sigma, 2) - mounting * mounting))},
         {"bend_correction", run.ego.height / run.ego.near_plane_height - 1.0}};
   }
   document.extra["road_from"] = run.has_masks ? "mask" : "geometry";

@@ -25,8 +25,10 @@ struct ReconstructOptions {
   /// Take what vehicles say of the ground under them back into the surface (method joint).
   bool joint_planes = true;
   bool with_vehicles = true;  ///< false: the road alone
-  bool use_masks = true;      ///< false: segmentation and road masks are not read
-  void validate() const;      ///< throws std::invalid_argument
+  /// Take scale and far ground also from painted markings whose sizes the scene knows.
+  bool use_markings = true;
+  bool use_masks = true;  ///< false: segmentation and road masks are not read
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 /// Everything that a run finds, in the reference camera's frame.

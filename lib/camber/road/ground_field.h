@@ -61,6 +61,37 @@ class GroundField {
                                      double correlation, const Eigen::MatrixXd& information,
                                      const Eigen::VectorXd& moved, Eigen::MatrixXd* covariance);
 
+  /// What metric lengths on the ground say, of the field and of its scale.
+  struct MetricStatements {
+    std::vector<Eigen::Vector2d> pixels;
+    /// Row k weighs the metric inverse depths (those of the field over its scale, in the field's
+    /// unit) at the pixels; linear to first order.
+    Eigen::MatrixXd coefficients;
+    Eigen::VectorXd values;  ///< wanted minus present
+    Eigen::MatrixXd noise;   ///< covariance of the values, without the field's part
+  };
+
+  /// Conditions the field and the logarithm of its scale (metres a unit) on statements, as Gaussian
+  /// variables: exact for linear ones. From then on, until the next update, covariance() is that
+  /// of the metric ground: it holds the scale's share.
+  /// @param shared_covariance  as that of covariance().
+  /// @param inflation  factor on the field's covariance, as its users apply it, >= 1.
+  /// @param scale_sigma  standard deviation of the logarithm of the scale; in: before, out: after.
+  /// @return change of the logarithm of the scale; the field keeps its unit until rescale().
+  double condition(const MetricStatements& statements, const Eigen::MatrixXd& shared_covariance,
+                   double inflation, double* scale_sigma);
+  /// Covariance of the metric inverse depths at pixels, field's unit, before any statement.
+  Eigen::MatrixXd metric_covariance(const std::vector<Eigen::Vector2d>& pixels,
+                                    const Eigen::MatrixXd& shared_covariance, double inflation,
+                                    double scale_sigma) const;
+  bool conditioned() const;  ///< since the last update
+  /// Covariance of linear functions of the metric inverse depths (as for covariance()) with the
+  /// logarithm of the scale, after condition() (inflation applied); zero before.
+  Eigen::VectorXd scale_covariance(const std::vector<Eigen::Vector2d>& pixels,
+                                   const Eigen::MatrixXd& coefficients) const;
+  /// Divides the field's unit of length by `factor` > 0: inverse depths grow by it.
+  void rescale(double factor);
+
   /// The copy has the nodes but no covariance and no weights until it is updated.
   GroundField(const GroundField& other);
   GroundField& operator=(const GroundField&) = delete;
