@@ -542,19 +542,38 @@ std::uint32_t KeyedDraws::draw(std::uint64_t bits) const {
 namespace {
 
 /// About the quantile at 0.35: the mean of a range, which no single value decides.
-/// @param values  not empty
-double mean_of_quiet(std::vector<float> values) {
-  std::sort(values.begin(), values.end());
-  const double count = static_cast<double>(values.size());
+/// @param sorted  not empty
+double mean_of_quiet(const std::vector<float>& sorted) {
+  const double count = static_cast<double>(sorted.size());
   double sum = 0.0, weight = 0.0;
-  for (std::size_t k = 0; k < values.size(); ++k) {
+  for (std::size_t k = 0; k < sorted.size(); ++k) {
     // How much of the k-th of the parts of [0, 1] lies within the range.
     const double share = std::min(static_cast<double>(k + 1), 0.45 * count) -
                          std::max(static_cast<double>(k), 0.25 * count);
-    sum += std::max(share, 0.0) * static_cast<double>(values[k]);
+    sum += std::max(share, 0.0) * static_cast<double>(sorted[k]);
     weight += std::max(share, 0.0);
   }
   return sum / weight;
+}
+
+/// That of the neighbourhoods' deviations. Where most neighbourhoods lie on no plane at all (trees
+/// and facades around a scanner) that of the others, which are quieter by far.
+/// @param values  not empty
+double typical_of(std::vector<float> values) {
+  constexpr double kByFar = 4.0;
+  constexpr std::size_t kFewest = 3;
+  std::sort(values.begin(), values.end());
+  for (;;) {
+    const double typical = mean_of_quiet(values);
+    const auto below = static_cast<std::size_t>(
+        std::lower_bound(values.begin(), values.end(), static_cast<float>(typical)) -
+        values.begin());
+    if (below < kFewest || below == values.size() ||
+        !(typical > kByFar * static_cast<double>(values[below / 2]))) {
+      return typical;
+    }
+    values.resize(below);
+  }
 }
 
 }  // namespace
@@ -656,7 +675,7 @@ void learn_local_noise(const PointArrays& s,
       }
     }
   }
-  const double typical = deviations.empty() ? least : std::max(mean_of_quiet(deviations), least);
+  const double typical = deviations.empty() ? least : std::max(typical_of(deviations), least);
   if (model->kind == NoiseKind::kSame) {
     model->scale = typical;
     return;
@@ -680,7 +699,9 @@ void learn_local_noise(const PointArrays& s,
       ratios.push_back(deviations[k] / static_cast<float>(std::sqrt(squares / count)));
     }
   }
-  if (!ratios.empty()) model->rescale(mean_of_quiet(ratios));
+  if (ratios.empty()) return;
+  std::sort(ratios.begin(), ratios.end());
+  model->rescale(mean_of_quiet(ratios));
 }
 
 void refine_candidate(PointArrays* points, const Vector3d& up, PlaneCandidate* c, bool near) {
