@@ -75,6 +75,12 @@ double mean_of(const std::vector<double>& values) {
                               static_cast<double>(values.size());
 }
 
+double share_below(const std::vector<double>& values, double bound) {
+  const auto below =
+      std::count_if(values.begin(), values.end(), [&](double v) { return v < bound; });
+  return static_cast<double>(below) / std::max(static_cast<double>(values.size()), 1.0);
+}
+
 /// Least CPU milliseconds of a few calls.
 double least_ms(int repeats, const std::function<void()>& call) {
   double least = 1e300;
@@ -420,12 +426,14 @@ void repeat() {
       }
       std::printf(
           "%-7s %-27s one plane: median %.3f, worst %.3f sigma; patches: median %.3f, 90 %% %.3f, "
-          "worst %.3f sigma, labels equal %.3f %% (worst scene %.3f %%), as many patches in %.0f "
+          "99 %% %.3f, worst %.3f sigma, %.2f %% within 0.1, labels equal %.3f %% (worst scene "
+          "%.3f %%), as many patches in %.0f "
           "%%\n",
           sigmas ? "sigmas" : "x y z", kind.name, quantile_of(plane_sigmas, 0.5),
           quantile_of(plane_sigmas, 1.0), quantile_of(patch_sigmas, 0.5),
-          quantile_of(patch_sigmas, 0.9), quantile_of(patch_sigmas, 1.0), 100 * mean_of(equal),
-          100 * quantile_of(equal, 0.0), 100 * mean_of(counts));
+          quantile_of(patch_sigmas, 0.9), quantile_of(patch_sigmas, 0.99),
+          quantile_of(patch_sigmas, 1.0), 100 * share_below(patch_sigmas, 0.1),
+          100 * mean_of(equal), 100 * quantile_of(equal, 0.0), 100 * mean_of(counts));
     }
   }
 }
@@ -686,7 +694,9 @@ void forest_road() {
       {"200000 places", 200000, 25.0f, false},  {"200000 places", 200000, 25.0f, true}};
   for (const Input& input : inputs) {
     std::vector<double> grade_errors, height_errors, covered, patch_counts;
-    for (std::uint64_t seed = 0; seed < 5; ++seed) {
+    // One scene more or less moves the mean of a few sparse ones by a tenth.
+    const std::uint64_t scenes = input.points > 100000 ? 5 : 16;
+    for (std::uint64_t seed = 0; seed < scenes; ++seed) {
       RoadCloud cloud;
       cloud.frame = CloudFrame::kZUp;
       CameraNoise noise(line, seed);

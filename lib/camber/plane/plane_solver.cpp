@@ -265,7 +265,7 @@ void rescale_noise(PointArrays* points, double least_noise, double power, PlaneC
   const bool same = c->noise.kind == NoiseKind::kSame;
   // Fewer residuals tell less, and so few nothing.
   const bool learnt = same || c->noise.kind == NoiseKind::kPower;
-  const double few = learnt ? 20.0 : 150.0, enough = learnt ? 40.0 : 250.0;
+  const double few = learnt ? 20.0 : 150.0, enough = learnt ? 100.0 : 250.0;
   const double trust = std::clamp((static_cast<double>(filled) - few) / (enough - few), 0.0, 1.0);
   if (!(trust > 0.0)) return;
   double factor = std::clamp(core_deviation(normalised.data(), filled, 1.0, 6.0), 0.3, 4.0);
