@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <vector>
 
 namespace camber {
 namespace {
@@ -68,6 +69,31 @@ TEST(FitLocalPlane, FartherPlanesAreLessCertain) {
     EXPECT_GT(variance, before);
     before = variance;
   }
+}
+
+TEST(JointCovariance, OwnCovariancesOnTheDiagonalAndNeighboursHangTogether) {
+  const GroundField field = field_of({{0, -1, 0}, 1.65});
+  const LocalPlaneOptions options;
+  std::vector<LocalPlane> planes;
+  // Side by side and far away, then near.
+  for (const Eigen::Vector2d& contact :
+       {Eigen::Vector2d(300, 118), Eigen::Vector2d(330, 118), Eigen::Vector2d(320, 200)}) {
+    planes.push_back(fit_local_plane(field, kCamera, contact, {}, options));
+    ASSERT_EQ(planes.back().status, Status::kOk);
+  }
+  const Eigen::MatrixXd joint = joint_covariance(field, planes, {}, options);
+  ASSERT_EQ(joint.rows(), 9);
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Matrix3d& own = planes[static_cast<std::size_t>(i)].plane.covariance;
+    EXPECT_LT((joint.block<3, 3>(3 * i, 3 * i) - own).norm(), 1e-9 * own.norm()) << i;
+  }
+  EXPECT_LT((joint - joint.transpose()).norm(), 1e-12 * joint.norm());
+  const auto correlation = [&](int i, int k) {
+    return joint(3 * i + 2, 3 * k + 2) /
+           std::sqrt(joint(3 * i + 2, 3 * i + 2) * joint(3 * k + 2, 3 * k + 2));
+  };
+  EXPECT_GT(correlation(0, 1), 0.3);
+  EXPECT_LT(std::abs(correlation(0, 2)), correlation(0, 1));
 }
 
 TEST(FitLocalPlane, TheSkyIsNoGround) {
