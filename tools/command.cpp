@@ -30,14 +30,12 @@ extern "C" void on_signal(int signal) {
   std::raise(signal);
 }
 
-CLI::Validator number_check(bool zero_too, const std::string& name) {
-  return {[zero_too](std::string& text) {
+CLI::Validator number_check(bool (*holds)(double), const char* expected, const char* name) {
+  return {[holds, expected](std::string& text) {
             double value = 0.0;
-            const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) &&
-                              (zero_too ? value >= 0.0 : value > 0.0);
-            return good ? std::string()
-                        : "found '" + text + "', expected a number " +
-                              (zero_too ? "of at least 0" : "above 0");
+            const bool good =
+                CLI::detail::lexical_cast(text, value) && std::isfinite(value) && holds(value);
+            return good ? std::string() : "found '" + text + "', expected " + expected;
           },
           name};
 }
@@ -54,8 +52,16 @@ std::string check_seed(std::string& text) {
 
 }  // namespace
 
-CLI::Validator positive_number() { return number_check(false, "POSITIVE"); }
-CLI::Validator non_negative_number() { return number_check(true, "NONNEGATIVE"); }
+CLI::Validator finite_number() {
+  return number_check([](double) { return true; }, "a number", "");
+}
+CLI::Validator positive_number() {
+  return number_check([](double value) { return value > 0.0; }, "a number above 0", "POSITIVE");
+}
+CLI::Validator non_negative_number() {
+  return number_check([](double value) { return value >= 0.0; }, "a number of at least 0",
+                      "NONNEGATIVE");
+}
 
 void watch_signals() {
   std::signal(SIGINT, on_signal);

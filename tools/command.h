@@ -30,7 +30,8 @@ struct Command {
 Command* add_command(CLI::App& root, const std::string& name, const std::string& description,
                      const std::string& examples);
 
-/// Checks of an option's value: a finite number above 0, or of at least 0.
+/// Checks of an option's value: a finite number, one above 0, or one of at least 0.
+CLI::Validator finite_number();
 CLI::Validator positive_number();
 CLI::Validator non_negative_number();
 

@@ -44,7 +44,8 @@ void register_ground(CLI::App& root) {
   app.add_option("--out", arguments->out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
       ->required();
   app.add_option("--sensor-height", bound.sensor_height,
-                 "metres of the coordinates' zero above the ground below it; default: unknown");
+                 "metres of the coordinates' zero above the ground below it; default: unknown")
+      ->check(finite_number());
   app.add_option("--up", arguments->up.up_values,
                  "up direction x,y,z; default: the camera's (0,-1,0) for clouds that Camber wrote "
                  "in a camera's frame, else 0,0,1")

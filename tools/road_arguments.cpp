@@ -29,6 +29,7 @@ void add_up_arguments(CLI::App& app, UpArguments& arguments) {
   app.add_option("--viewpoint", arguments.viewpoint_values,
                  "place x,y,z from which all points were seen: sigmas are then along the rays; "
                  "default: the origin for clouds in a camera's frame, else unknown")
+      ->check(finite_number())
       ->delimiter(',')
       ->expected(3);
 }

@@ -139,6 +139,7 @@ TEST_F(RoadClouds, FailuresAreOneSentence) {
     EXPECT_ONE_SENTENCE(run("nan.xyz"), 1, "0 usable points, at least 3 are needed");
     EXPECT_ONE_SENTENCE(run("two.xyz"), 1, "2 usable points, at least 3 are needed");
     EXPECT_ONE_SENTENCE(run("cloud.ply", {"--up", "0,0,0"}), 2, "--up");
+    EXPECT_ONE_SENTENCE(run("cloud.ply", {"--viewpoint", "nan,0,0"}), 2, "found 'nan'");
     EXPECT_FALSE(fs::exists(path("none"))) << command;
   }
 }
