@@ -1066,10 +1066,11 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           if (contact) judged = judged_plane(run, *contact, around, local);
           const LocalPlane& fit = judged.fit;
           if (fit.status == Status::kFailed) {
-            // Beyond what is seen: the last road patch, known to a metre and a few degrees.
+            // Beyond what is seen: the last road patch, known to a metre and six degrees, which a
+            // road of the field's curvature bends by in 8 m.
             support.plane =
                 surface.patches[road_patches - 1].plane.transformed(frame_from_reference[k]);
-            support.plane.covariance.diagonal() += Eigen::Vector3d(0.05 * 0.05, 0.05 * 0.05, 1.0);
+            support.plane.covariance.diagonal() += Eigen::Vector3d(0.1 * 0.1, 0.05 * 0.05, 1.0);
             support.source = "patch " + std::to_string(surface.patches[road_patches - 1].id);
             support.status = Status::kNotObservable;
           } else {

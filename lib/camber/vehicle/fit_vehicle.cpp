@@ -132,7 +132,8 @@ void write_answer(const SingleViewProblem& problem, const VehiclePrior& prior, c
                   const Matrix& covariance, double rival, VehicleEstimate* out) {
   write_state(prior, s, out);
   out->covariance = report_covariance(s, covariance);
-  out->plane = problem.posterior_plane(s, covariance, &out->plane_sigma_height);
+  out->plane = problem.posterior_plane(s, covariance, out->covariance.topLeftCorner<3, 3>(),
+                                       &out->plane_sigma_height);
   out->reprojection_rmse_px = problem.agreement(s).rmse_px;
   out->status = Status::kOk;
   out->reason.clear();

@@ -521,7 +521,9 @@ class SingleViewProblem {
   /// The ground as the vehicle that stands on it shows it too: posterior mean of the plane, and the
   /// standard deviation of its height at the vehicle, from the posterior covariance of the solved
   /// parameters. The ego plane and a level one, which other vehicles stand on too, stay.
-  Plane posterior_plane(const State& s, const Matrix& covariance, double* sigma_height) const {
+  /// @param place  covariance of the vehicle's centre, m^2: where it truly stands.
+  Plane posterior_plane(const State& s, const Matrix& covariance, const Eigen::Matrix3d& place,
+                        double* sigma_height) const {
     const UncertainPlane& known = support_.plane;
     if (support_.source == "ego" || support_.source == "level") {
       *sigma_height = std::sqrt(std::max(known.height_variance(s.translation), 0.0));
@@ -543,7 +545,14 @@ class SingleViewProblem {
     const Eigen::Matrix3d spread =
         prior - gain * m * prior +
         gain * (jacobian * covariance * jacobian.transpose()) * gain.transpose();
-    *sigma_height = std::sqrt(std::max((m.row(2) * spread).dot(m.row(2)), 0.0));
+    // The vehicle may stand elsewhere on the plane, whose tilt then counts.
+    Eigen::Matrix<double, 2, 3> arm;
+    arm.row(0) = known.axis2.transpose();
+    arm.row(1) = -known.axis1.transpose();
+    const double elsewhere =
+        spread.topLeftCorner<2, 2>().cwiseProduct(arm * place * arm.transpose()).sum();
+    *sigma_height =
+        std::sqrt(std::max((m.row(2) * spread).dot(m.row(2)), 0.0) + std::max(elsewhere, 0.0));
     return known.perturbed(gain * e);
   }
 
