@@ -565,7 +565,8 @@ SharedGround shared_ground(const Run& run, const std::vector<std::vector<JudgedP
   Eigen::Index row = 0;
   for (std::size_t k = 0; k < views.size(); ++k) {
     for (std::size_t j = 0; j < views[k].supports.size(); ++j, row += 3) {
-      if (found[k][j].field) {
+      // What no road point shows is the smoothness prior's word, not one that others can use.
+      if (found[k][j].field && views[k].supports[j].status != Status::kNotObservable) {
         own.push_back({k, j, row});
       } else {
         out.covariance.block<3, 3>(row, row) = views[k].supports[j].plane.covariance;
@@ -1066,11 +1067,10 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           if (contact) judged = judged_plane(run, *contact, around, local);
           const LocalPlane& fit = judged.fit;
           if (fit.status == Status::kFailed) {
-            // Beyond what is seen: the last road patch, known to a metre and six degrees, which a
-            // road of the field's curvature bends by in 8 m.
+            // Beyond what is seen: the last road patch, known to a metre and a few degrees.
             support.plane =
                 surface.patches[road_patches - 1].plane.transformed(frame_from_reference[k]);
-            support.plane.covariance.diagonal() += Eigen::Vector3d(0.1 * 0.1, 0.05 * 0.05, 1.0);
+            support.plane.covariance.diagonal() += Eigen::Vector3d(0.05 * 0.05, 0.05 * 0.05, 1.0);
             support.source = "patch " + std::to_string(surface.patches[road_patches - 1].id);
             support.status = Status::kNotObservable;
           } else {
