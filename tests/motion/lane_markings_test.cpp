@@ -193,6 +193,21 @@ TEST(LaneMarkings, SizesThatDisagreeAreRefused) {
   EXPECT_THROW(find(draw([](double, double) { return false; }), cut), std::invalid_argument);
 }
 
+TEST(LaneMarkings, AbsurdSizesFindNothing) {
+  const GrayImage image = draw([](double x, double z) {
+    return dashed(x, z, 0.5, 7.0) || (z > 14.0 && z < 18.0 && std::fmod(x + 50.0, 1.0) < 0.5);
+  });
+  for (const double size : {1e-300, 1e300}) {
+    const LaneMarkings found = find_lane_markings(image, kCamera, level_ground(), kAhead,
+                                                  {size, size, size, size, size}, 0.01, 1);
+    EXPECT_TRUE(found.dashes.empty());
+    EXPECT_TRUE(found.crossings.empty());
+    const LaneMarkings mixed = find_lane_markings(image, kCamera, level_ground(), kAhead,
+                                                  {3.0, size, 0.12, 0.5, size}, 0.01, 1);
+    EXPECT_TRUE(mixed.crossings.empty());
+  }
+}
+
 TEST(LaneMarkings, SizesThatAreNotKnownAreNotLookedFor) {
   const GrayImage image = draw([](double x, double z) { return dashed(x, z, 0.5, 7.0); });
   const LaneMarkings found =

@@ -302,11 +302,9 @@ class DashFinder {
     if (!near || !far) return std::nullopt;
     const int seen = near_row - far_row + 1;
     const double metres = (*far - *near).norm(), per_row = metres / seen;
-    const double gap_rows = sizes_.dash_gap / per_row;
+    const double gap_rows = std::min(sizes_.dash_gap / per_row, 1e3);
     if (gap_rows < 2.0) return std::nullopt;  // strokes run into each other
-    if (!plausible(metres, near->z(), 1.5 * per_row)) {
-      return std::nullopt;
-    }
+    if (!plausible(metres, near->z(), 1.5 * per_row)) return std::nullopt;
     // Contrast along the line, with a margin into the gaps.
     const int margin = std::clamp(static_cast<int>(std::floor(0.4 * gap_rows)), 1, 2);
     std::vector<double> profile;
@@ -449,7 +447,8 @@ class CrossingFinder {
     const double rho = finder_.inverse_depth(c, v);
     if (!(rho > 0)) return std::nullopt;
     const double px = period_ * camera_.fx * rho;
-    if (px < 8.0) return std::nullopt;  // too fine to tell from other patterns
+    // Too fine to tell from other patterns, or wider than what is seen.
+    if (px < 8.0 || px > image_.width) return std::nullopt;
     const std::uint8_t* row = image_.row(v);
     const int reach = static_cast<int>(std::lround(0.45 * px));
     if (c - reach < 4 || c + reach > image_.width - 6) return std::nullopt;
