@@ -53,7 +53,6 @@ class Solver {
   Eigen::Index size() const { return start_.size(); }
   const Eigen::VectorXd& start() const { return start_; }
   const Eigen::MatrixXd& prior() const { return prior_; }
-  const Mark& mark(std::size_t i) const { return marks_[i]; }
 
   Eigen::Vector3d point(const Eigen::VectorXd& x, std::size_t i) const {
     return metres_per_unit_ / x[static_cast<Eigen::Index>(i)] * camera_.ray(marks_[i].pixel);

@@ -493,8 +493,10 @@ void use_markings(Run& run) {
       best.condition(run.markings.statements, run.motion.covariance, inflation, &run.scale_sigma);
   run.metres_per_unit = m * std::exp(change);
   run.scale_change = std::log(run.metres_per_unit / unit_before);
-  run.field->rescale(std::exp(change));
-  if (run.direct) run.direct->rescale(std::exp(change));
+  // What is conditioned is metric in the unit before; the other is in units, which are new ones.
+  for (GroundField* field : {&*run.field, run.direct ? &*run.direct : nullptr}) {
+    if (field && field->conditioned()) field->rescale(std::exp(change));
+  }
 }
 
 /// A plane of the ground by the best field, and what became of the direct refinement there.
@@ -900,7 +902,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   const double m = run.metres_per_unit;
   const double scale_sigma = metric ? run.scale_sigma : run.ego.relative_sigma;
   // A field that knows metric lengths has the scale's share in its covariance.
-  const double plane_scale_sigma = marked ? 0.0 : scale_sigma;
+  const auto plane_scale_sigma = [&](const JudgedPlane& judged) {
+    return judged.field->conditioned() ? 0.0 : scale_sigma;
+  };
   std::vector<SE3> frame_from_reference, reference_from_frame;
   for (const SE3& pose : run.motion.frame_from_reference) {
     frame_from_reference.push_back(scaled(pose, m));
@@ -975,7 +979,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       if (fit.status == Status::kFailed) break;
       PlanePatch patch;
       patch.id = static_cast<int>(surface.patches.size());
-      patch.plane = scaled(fit.plane, m, plane_scale_sigma);
+      patch.plane = scaled(fit.plane, m, plane_scale_sigma(judged));
       patch.inliers = static_cast<int>(std::lround(fit.support));
       patch.refinement = judged.refinement;
       if (std::sqrt(patch.plane.covariance(2, 2)) > 0.5) break;
@@ -1076,7 +1080,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
           } else {
             PlanePatch patch;
             patch.id = static_cast<int>(surface.patches.size());
-            patch.plane = scaled(fit.plane, m, plane_scale_sigma);
+            patch.plane = scaled(fit.plane, m, plane_scale_sigma(judged));
             patch.inliers = count_points(run, around);
             patch.refinement = judged.refinement;
             set_status(patch, patch.inliers < 20 ? "only " + std::to_string(patch.inliers) +
