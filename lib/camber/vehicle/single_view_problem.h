@@ -138,12 +138,10 @@ class SingleViewProblem {
   }
 
   /// Pixel of a body point; false if it is not in front of the camera.
-  bool project(const BodyPoint& point, const State& s, Eigen::Vector2d* pixel,
-               double* depth = nullptr) const {
+  bool project(const BodyPoint& point, const State& s, Eigen::Vector2d* pixel) const {
     const Eigen::Vector3d x = s.rotation * point_in_vehicle(point, s) + s.translation;
     if (!(x.z() > 0.3)) return false;
     *pixel = {camera_.fx * x.x() / x.z() + camera_.cx, camera_.fy * x.y() / x.z() + camera_.cy};
-    if (depth) *depth = x.z();
     return true;
   }
 
@@ -174,8 +172,14 @@ class SingleViewProblem {
   }
 
   /// Share of keypoints that the network is expected to have seen, from the side that the car
-  /// shows at this state (and from the confidences once they are trusted).
+  /// shows at this state (and from the confidences once they are trusted), and how large shape
+  /// errors look. These stay as they are while a state is refined: were the spread of a keypoint to
+  /// follow the state, its normaliser would pull towards small, far vehicles, the more so the more
+  /// views share the errors.
   void update_visibility(const State& s) {
+    // Shape errors grow with the vehicle: a larger one farther away looks the same.
+    const double size = s.size.sum() / prior_mean_.head<3>().sum() / s.translation.z();
+    shape_error_scale_ = size * size * camera_.fx * camera_.fy / (cell_u_ * cell_v_);
     const Eigen::Vector3d eye = s.rotation.transpose() * -s.translation;  // vehicle frame
     for (std::size_t j = 0; j < used_.size(); ++j) {
       const int i = used_[j];
@@ -227,13 +231,9 @@ class SingleViewProblem {
     return std::log(total);
   }
 
-  /// Variance of keypoint j's pixel from its shape error, cells^2. Shape errors grow with the
-  /// vehicle: a larger one farther away looks the same and is as likely by its keypoints.
-  double model_variance(std::size_t j, double depth, const State& s) const {
-    const double size = s.size.sum() / prior_mean_.head<3>().sum();
-    const double scale =
-        size * size * camera_.fx * camera_.fy / (depth * depth * cell_u_ * cell_v_);
-    return model_variance_[used_[j]] * scale;
+  /// Variance of keypoint j's pixel from its shape error, cells^2.
+  double model_variance(std::size_t j) const {
+    return model_variance_[used_[j]] * shape_error_scale_;
   }
 
   /// Minus log posterior; optionally with the normal equations of a Gauss-Newton step (a weighted
@@ -404,10 +404,9 @@ class SingleViewProblem {
     PointJacobian unused;
     for (std::size_t j = 0; j < used_.size(); ++j) {
       Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(body_[used_[j]], s, &pixel, &depth)) return;
+      if (!project(body_[used_[j]], s, &pixel)) return;
       const double squared = squared_error(j, pixel);
-      const double model = model_variance(j, depth, s);
+      const double model = model_variance(j);
       const double seen = noise_.seen * noise_scale_;
       double weight = 0.0;
       log_density(squared, seen_share_[j], model, &weight, nullptr);
@@ -442,12 +441,11 @@ class SingleViewProblem {
     std::vector<Seen> out;
     for (std::size_t j = 0; j < used_.size(); ++j) {
       Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(body_[used_[j]], s, &pixel, &depth)) continue;
+      if (!project(body_[used_[j]], s, &pixel)) continue;
       const bool seen = seen_share_[j] > 0.5;
       const double cells =
           seen ? noise_.seen * noise_scale_ : 0.5 * (noise_.guessed + noise_.guessed_far);
-      const double sigma = std::sqrt(cells * cells + model_variance(j, depth, s));
+      const double sigma = std::sqrt(cells * cells + model_variance(j));
       out.push_back({&body_[used_[j]], pixels_[j], seen, {sigma * cell_u_, sigma * cell_v_}});
     }
     return out;
@@ -463,11 +461,9 @@ class SingleViewProblem {
     double sum = 0.0;
     for (std::size_t j = 0; j < used_.size(); ++j) {
       Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(body_[used_[j]], s, &pixel, &depth)) continue;
+      if (!project(body_[used_[j]], s, &pixel)) continue;
       double kept = 0.0;
-      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j, depth, s), nullptr,
-                  &kept);
+      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j), nullptr, &kept);
       out.kept += kept;
       sum += kept * (pixel - pixels_[j]).squaredNorm();
     }
@@ -666,11 +662,10 @@ class SingleViewProblem {
     for (int j = 0; j < count; ++j) {
       const BodyPoint& point = body_[used_[j]];
       Eigen::Vector2d pixel;
-      double depth = 0.0;
-      if (!project(point, s, &pixel, &depth)) return false;
+      if (!project(point, s, &pixel)) return false;
       double weight = 0.0, along = 1.0;
       const double squared = squared_error(j, pixel);
-      *cost -= log_density(squared, seen_share_[j], model_variance(j, depth, s), &weight, nullptr,
+      *cost -= log_density(squared, seen_share_[j], model_variance(j), &weight, nullptr,
                            observed ? &along : nullptr);
       if (!hessian) continue;
       point_jacobian(point, s, &jacobian);
@@ -798,6 +793,7 @@ class SingleViewProblem {
   std::array<double, kNumKeypoints> model_variance_{};  // m^2
   NoiseModel noise_;
   double noise_scale_ = 1.0;
+  double shape_error_scale_ = 1.0;  // cells^2 / m^2
   double shared_weight_ = 1.0;
   double body_height_px_ = 0.0;
   bool use_confidence_ = false;
