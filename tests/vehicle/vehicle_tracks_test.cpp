@@ -88,10 +88,32 @@ TEST(FitTracks, FiveViewsAreBetterThanOneAndSayHowMuch) {
       yaw_one += turn(a) / kCount;
       yaw_five += turn(b) / kCount;
     }
-    EXPECT_LT(five, 0.92 * one) << speed;          // 0.78 and 0.85 measured
-    EXPECT_LT(yaw_five, 0.88 * yaw_one) << speed;  // 0.81 and 0.67 measured
-    EXPECT_GT(inside, 0.91) << speed;              // 0.95 and 0.94 measured, of 150
+    EXPECT_LT(five, (speed > 0 ? 0.87 : 0.60) * one) << speed;  // 0.78 and 0.47 measured
+    EXPECT_LT(yaw_five, 0.82 * yaw_one) << speed;               // 0.66 and 0.76 measured
+    EXPECT_GT(inside, 0.91) << speed;                           // 0.94 and 0.95, of 150
     EXPECT_LT(inside, 0.99) << speed;
+  }
+}
+
+// Front and rear of a far vehicle look alike: the surest view may have taken one for the other.
+TEST(FitTracks, ViewsAgreeOnTheHeadingEvenAgainstTheSurest) {
+  SimulationOptions options;
+  options.min_distance = 20.0;
+  options.max_distance = 40.0;
+  for (int i = 0; i < 8; ++i) {
+    Clip clip = make_clip(options, {{i, 8.0}});
+    VehicleEstimate& wrong = clip.frames[1].estimates[0];
+    wrong.covariance *= 0.1;
+    Eigen::Matrix3d turned = wrong.pose.camera_from_vehicle.rotation_matrix();
+    turned.col(0) *= -1.0;
+    turned.col(2) *= -1.0;
+    wrong.pose.camera_from_vehicle = SE3(turned, wrong.pose.bottom_center());
+    const auto joined = fit_tracks(clip.camera, clip.frames, {}, 1);
+    for (int k = 0; k < kViews; ++k) {
+      const Eigen::Vector3d ahead = joined[k][0].pose.camera_from_vehicle.rotation_matrix().col(0);
+      EXPECT_GT(ahead.dot(clip.truth[k][0].truth.camera_from_vehicle.rotation_matrix().col(0)), 0.9)
+          << i << " " << k;
+    }
   }
 }
 

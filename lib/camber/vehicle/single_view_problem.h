@@ -56,6 +56,16 @@ struct State {
   Vector shape;                                            // coefficients
 };
 
+/// What the coefficients leave of a vehicle's keypoints, m in its frame at the prior's mean size.
+using ShapeErrors = Eigen::Matrix<double, 3, kNumKeypoints>;
+
+/// Normal equations of one keypoint's shape error: its own, and with the solved parameters.
+struct ShapeErrorTerms {
+  Eigen::Matrix3d own = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxParameters> cross;
+};
+
 /// A point of the body as shares of the box, linear in the shape coefficients.
 struct BodyPoint {
   Eigen::Vector3d mean;  // x / l, y / h, z / w
@@ -107,11 +117,11 @@ class SingleViewProblem {
     if (use_keypoints) read_keypoints(detection);
   }
 
-  /// Makes this one of `count` views of the same vehicle: what all views share (prior, plane, what
-  /// the coefficients leave of the shape) counts once over all of them.
+  /// Makes this one of `count` views of the same vehicle: what all views share (prior, plane, body
+  /// edges) counts once over all of them. What the coefficients leave of the shape is then given to
+  /// evaluate().
   void share_among(int count) {
     shared_weight_ = 1.0 / count;
-    for (double& v : model_variance_) v *= count;
     // The body's own edges are off the prior's points by the same in all views.
     const double body = kBodyEdgeShare * body_height_px_;
     for (BoxEdge& e : edges_) e.sigma = std::sqrt(e.sigma * e.sigma + (count - 1) * body * body);
@@ -120,6 +130,7 @@ class SingleViewProblem {
 
   int num_coefficients() const { return num_coefficients_; }
   int num_keypoints() const { return static_cast<int>(used_.size()); }
+  const std::vector<int>& used_keypoints() const { return used_; }
   const Vector& prior_mean() const { return prior_mean_; }
   double cell_u() const { return cell_u_; }
   double cell_v() const { return cell_v_; }
@@ -178,8 +189,13 @@ class SingleViewProblem {
   /// views share the errors.
   void update_visibility(const State& s) {
     // Shape errors grow with the vehicle: a larger one farther away looks the same.
-    const double size = s.size.sum() / prior_mean_.head<3>().sum() / s.translation.z();
-    shape_error_scale_ = size * size * camera_.fx * camera_.fy / (cell_u_ * cell_v_);
+    const double size = s.size.sum() / prior_mean_.head<3>().sum();
+    const Eigen::Vector3d ray = s.translation / s.translation.z();
+    const double scale_u = size * camera_.fx / (s.translation.z() * cell_u_);
+    const double scale_v = size * camera_.fy / (s.translation.z() * cell_v_);
+    shape_error_scale_ = scale_u * scale_v;
+    cells_by_shape_error_.row(0) = scale_u * (s.rotation.row(0) - ray.x() * s.rotation.row(2));
+    cells_by_shape_error_.row(1) = scale_v * (s.rotation.row(1) - ray.y() * s.rotation.row(2));
     const Eigen::Vector3d eye = s.rotation.transpose() * -s.translation;  // vehicle frame
     for (std::size_t j = 0; j < used_.size(); ++j) {
       const int i = used_[j];
@@ -231,6 +247,9 @@ class SingleViewProblem {
     return std::log(total);
   }
 
+  /// Standard deviation of a keypoint's shape error, m, each axis.
+  double shape_error_sigma(int keypoint) const { return std::sqrt(model_variance_[keypoint]); }
+
   /// Variance of keypoint j's pixel from its shape error, cells^2.
   double model_variance(std::size_t j) const {
     return model_variance_[used_[j]] * shape_error_scale_;
@@ -241,13 +260,20 @@ class SingleViewProblem {
   /// @param observed  the keypoints' own second derivatives in place of the step's, which takes
   /// their
   ///                  components for known and so is a little too sure.
-  double evaluate(const State& s, Matrix* hessian, Vector* gradient, bool observed = false) const {
+  /// @param errors  what the coefficients leave of the shape, if it is solved for too: its terms
+  ///                (without prior) go to *error_terms, of the keypoints that have a pixel. Without
+  ///                it, it is integrated out.
+  double evaluate(const State& s, Matrix* hessian, Vector* gradient, bool observed = false,
+                  const ShapeErrors* errors = nullptr,
+                  std::array<ShapeErrorTerms, kNumKeypoints>* error_terms = nullptr) const {
     double cost = 0.0;
     if (hessian) {
       hessian->setZero(num_parameters_, num_parameters_);
       gradient->setZero(num_parameters_);
     }
-    if (!add_keypoints(s, &cost, hessian, gradient, observed)) return kInfinity;
+    if (!add_keypoints(s, &cost, hessian, gradient, observed, errors, error_terms)) {
+      return kInfinity;
+    }
     if (!add_box(s, &cost, hessian, gradient)) return kInfinity;
     add_plane(s, &cost, hessian, gradient);
     add_prior(s, &cost, hessian, gradient);
@@ -405,7 +431,7 @@ class SingleViewProblem {
     for (std::size_t j = 0; j < used_.size(); ++j) {
       Eigen::Vector2d pixel;
       if (!project(body_[used_[j]], s, &pixel)) return;
-      const double squared = squared_error(j, pixel);
+      const double squared = error(j, pixel).squaredNorm();
       const double model = model_variance(j);
       const double seen = noise_.seen * noise_scale_;
       double weight = 0.0;
@@ -463,7 +489,7 @@ class SingleViewProblem {
       Eigen::Vector2d pixel;
       if (!project(body_[used_[j]], s, &pixel)) continue;
       double kept = 0.0;
-      log_density(squared_error(j, pixel), seen_share_[j], model_variance(j), nullptr, &kept);
+      log_density(error(j, pixel).squaredNorm(), seen_share_[j], model_variance(j), nullptr, &kept);
       out.kept += kept;
       sum += kept * (pixel - pixels_[j]).squaredNorm();
     }
@@ -641,14 +667,14 @@ class SingleViewProblem {
     }
   }
 
-  double squared_error(std::size_t j, const Eigen::Vector2d& pixel) const {
-    const double ru = (pixel.x() - pixels_[j].x()) / cell_u_;
-    const double rv = (pixel.y() - pixels_[j].y()) / cell_v_;
-    return ru * ru + rv * rv;
+  /// cells
+  Eigen::Vector2d error(std::size_t j, const Eigen::Vector2d& pixel) const {
+    return {(pixel.x() - pixels_[j].x()) / cell_u_, (pixel.y() - pixels_[j].y()) / cell_v_};
   }
 
   bool add_keypoints(const State& s, double* cost, Matrix* hessian, Vector* gradient,
-                     bool observed = false) const {
+                     bool observed = false, const ShapeErrors* errors = nullptr,
+                     std::array<ShapeErrorTerms, kNumKeypoints>* error_terms = nullptr) const {
     // Rows are weighted and stacked, then multiplied at once.
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, 2 * kNumKeypoints>
         rows;
@@ -663,25 +689,33 @@ class SingleViewProblem {
       const BodyPoint& point = body_[used_[j]];
       Eigen::Vector2d pixel;
       if (!project(point, s, &pixel)) return false;
+      Eigen::Vector2d off = error(static_cast<std::size_t>(j), pixel);
+      if (errors) off += cells_by_shape_error_ * errors->col(used_[j]);
       double weight = 0.0, along = 1.0;
-      const double squared = squared_error(j, pixel);
-      *cost -= log_density(squared, seen_share_[j], model_variance(j), &weight, nullptr,
-                           observed ? &along : nullptr);
+      const double squared = off.squaredNorm();
+      *cost -= log_density(squared, seen_share_[j], errors ? 0.0 : model_variance(j), &weight,
+                           nullptr, observed ? &along : nullptr);
       if (!hessian) continue;
       point_jacobian(point, s, &jacobian);
+      jacobian.row(0) /= cell_u_;
+      jacobian.row(1) /= cell_v_;
       const double root = std::sqrt(weight);
-      if (observed && along < 1.0) {
-        const Eigen::Vector2d away = Eigen::Vector2d((pixel.x() - pixels_[j].x()) / cell_u_,
-                                                     (pixel.y() - pixels_[j].y()) / cell_v_) /
-                                     std::sqrt(squared);
-        const Vector row = (away.x() / cell_u_) * jacobian.row(0).transpose() +
-                           (away.y() / cell_v_) * jacobian.row(1).transpose();
-        hessian->noalias() -= (1.0 - along) * weight * row * row.transpose();
+      rows.middleCols<2>(2 * j) = root * jacobian.transpose();
+      residuals.segment<2>(2 * j) = root * off;
+      const double less = along < 1.0 ? (1.0 - along) * weight / squared : 0.0;
+      if (less > 0.0) {
+        const Vector row = jacobian.transpose() * off;
+        hessian->noalias() -= less * row * row.transpose();
       }
-      rows.col(2 * j) = (root / cell_u_) * jacobian.row(0).transpose();
-      rows.col(2 * j + 1) = (root / cell_v_) * jacobian.row(1).transpose();
-      residuals[2 * j] = root * (pixel.x() - pixels_[j].x()) / cell_u_;
-      residuals[2 * j + 1] = root * (pixel.y() - pixels_[j].y()) / cell_v_;
+      if (error_terms) {
+        ShapeErrorTerms& terms = (*error_terms)[static_cast<std::size_t>(used_[j])];
+        const Eigen::Matrix2d information =
+            weight * Eigen::Matrix2d::Identity() - less * off * off.transpose();
+        const Eigen::Matrix<double, 3, 2> pulled = cells_by_shape_error_.transpose() * information;
+        terms.own = pulled * cells_by_shape_error_;
+        terms.gradient = weight * cells_by_shape_error_.transpose() * off;
+        terms.cross = pulled * jacobian;
+      }
     }
     if (hessian && count > 0) {
       hessian->noalias() += rows * rows.transpose();
@@ -794,6 +828,7 @@ class SingleViewProblem {
   NoiseModel noise_;
   double noise_scale_ = 1.0;
   double shape_error_scale_ = 1.0;  // cells^2 / m^2
+  Eigen::Matrix<double, 2, 3> cells_by_shape_error_ = Eigen::Matrix<double, 2, 3>::Zero();  // 1/m
   double shared_weight_ = 1.0;
   double body_height_px_ = 0.0;
   bool use_confidence_ = false;

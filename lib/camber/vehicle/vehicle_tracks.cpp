@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <optional>
@@ -39,6 +42,17 @@ struct View {
 struct TrackState {
   std::vector<State> views;  // one size and shape for all
   double log_scale = 0.0;    // of the way between the cameras
+  ShapeErrors errors = ShapeErrors::Zero();
+};
+
+/// Normal equations of a track; the shape errors are eliminated.
+struct TrackEquations {
+  Eigen::MatrixXd hessian;  // of the others, once the shape errors follow
+  Eigen::VectorXd gradient;
+  // errors = -(errors_at + errors_by * step) for a step of the others
+  Eigen::Matrix<double, 3 * kNumKeypoints, Eigen::Dynamic> errors_by;
+  Eigen::Matrix<double, 3 * kNumKeypoints, 1> errors_at;
+  double errors_log_determinant = 0.0;
 };
 
 /// One vehicle in several images: a pose for each, one size and one shape.
@@ -131,24 +145,32 @@ class TrackProblem {
   }
   double time(int k) const { return frames_[views_[static_cast<std::size_t>(k)].frame].time_s; }
 
-  /// Parameters: poses of the views, size and coefficients, log scale of the cameras' way.
-  double evaluate(const TrackState& state, bool parked, Eigen::MatrixXd* hessian,
-                  Eigen::VectorXd* gradient, bool observed = false) const {
+  /// Minus log posterior. Parameters: poses of the views, size and coefficients, log scale of the
+  /// cameras' way; and what the coefficients leave of the shape, the same in all views.
+  double evaluate(const TrackState& state, bool parked, TrackEquations* equations,
+                  bool observed = false) const {
     const std::vector<State>& states = state.views;
     const int total = 6 * count_ + shared_ + 1;
-    if (hessian) {
+    Eigen::MatrixXd* hessian = equations ? &equations->hessian : nullptr;
+    Eigen::VectorXd* gradient = equations ? &equations->gradient : nullptr;
+    if (equations) {
       hessian->setZero(total, total);
       gradient->setZero(total);
     }
+    // One view's shape errors are integrated out exactly.
+    const ShapeErrors* errors = count_ > 1 ? &state.errors : nullptr;
+    std::vector<std::array<ShapeErrorTerms, kNumKeypoints>> terms;
+    if (equations && errors) terms.resize(static_cast<std::size_t>(count_));
     double cost = 0.0;
     Matrix h;
     Vector g;
     for (int k = 0; k < count_; ++k) {
-      cost += problems_[static_cast<std::size_t>(k)]->evaluate(states[static_cast<std::size_t>(k)],
-                                                               hessian ? &h : nullptr,
-                                                               hessian ? &g : nullptr, observed);
+      const auto at = static_cast<std::size_t>(k);
+      cost +=
+          problems_[at]->evaluate(states[at], equations ? &h : nullptr, equations ? &g : nullptr,
+                                  observed, errors, terms.empty() ? nullptr : &terms[at]);
       if (!std::isfinite(cost)) return kInfinity;
-      if (!hessian) continue;
+      if (!equations) continue;
       hessian->block(6 * k, 6 * k, 6, 6) += h.topLeftCorner(6, 6);
       hessian->block(6 * k, 6 * count_, 6, shared_) += h.topRightCorner(6, shared_);
       hessian->block(6 * count_, 6 * k, shared_, 6) += h.bottomLeftCorner(shared_, 6);
@@ -160,25 +182,30 @@ class TrackProblem {
     const double scale_weight = 1.0 / scale_variance_;
     const double scale_off = state.log_scale - scale_mean_;
     cost += 0.5 * scale_weight * scale_off * scale_off;
-    if (hessian) {
+    if (equations) {
       (*hessian)(total - 1, total - 1) += scale_weight;
       (*gradient)[total - 1] += scale_weight * scale_off;
     }
     add_motion(state, parked, &cost, hessian, gradient);
     if (!add_links(states, &cost, hessian, gradient)) return kInfinity;
+    if (errors) {
+      for (int i = 0; i < kNumKeypoints; ++i) {
+        cost += 0.5 * error_weight(i) * errors->col(i).squaredNorm();
+      }
+    }
+    if (!terms.empty()) eliminate_errors(*errors, terms, equations);
     return cost;
   }
 
   /// Minus log evidence of a hypothesis (Laplace), up to what both share.
   double evidence(const TrackState& state, bool parked) const {
-    Eigen::MatrixXd hessian;
-    Eigen::VectorXd gradient;
-    double cost = evaluate(state, parked, &hessian, &gradient);
-    const Eigen::LDLT<Eigen::MatrixXd> factors(hessian);
+    TrackEquations equations;
+    double cost = evaluate(state, parked, &equations);
+    const Eigen::LDLT<Eigen::MatrixXd> factors(equations.hessian);
     if (!std::isfinite(cost) || factors.info() != Eigen::Success || !factors.isPositive()) {
       return kInfinity;
     }
-    cost += 0.5 * factors.vectorD().array().log().sum();
+    cost += 0.5 * (factors.vectorD().array().log().sum() + equations.errors_log_determinant);
     for (int k = 0; k + 1 < count_; ++k) {
       cost += motion_sigma(state.views, k, parked).array().log().sum();
     }
@@ -203,9 +230,10 @@ class TrackProblem {
   /// plane) and of the log scale, without what it was told of them.
   std::optional<GroundMessage> message(int lead, const TrackState& state, bool parked) const {
     for (const bool observed : {true, false}) {
-      Eigen::MatrixXd hessian;
-      Eigen::VectorXd gradient;
-      if (!std::isfinite(evaluate(state, parked, &hessian, &gradient, observed))) continue;
+      TrackEquations equations;
+      if (!std::isfinite(evaluate(state, parked, &equations, observed))) continue;
+      Eigen::MatrixXd& hessian = equations.hessian;
+      Eigen::VectorXd& gradient = equations.gradient;
       Matrix h;
       Vector g;
       for (int k = 0; k < count_; ++k) {
@@ -238,16 +266,20 @@ class TrackProblem {
   }
 
   double refine(TrackState* state, bool parked, int max_iterations, double tolerance) const {
-    Eigen::MatrixXd hessian;
-    Eigen::VectorXd gradient;
-    double cost = evaluate(*state, parked, &hessian, &gradient);
+    TrackEquations equations;
+    double cost = evaluate(*state, parked, &equations);
     double lambda = 1e-3;
     for (int i = 0; i < max_iterations && std::isfinite(cost); ++i) {
-      Eigen::MatrixXd damped = hessian;
+      Eigen::MatrixXd damped = equations.hessian;
       damped.diagonal() *= 1.0 + lambda;
-      const Eigen::VectorXd step = -damped.ldlt().solve(gradient);
+      const Eigen::VectorXd step = -damped.ldlt().solve(equations.gradient);
       TrackState candidate = *state;
       candidate.log_scale += step[step.size() - 1];
+      if (count_ > 1) {
+        const Eigen::Matrix<double, 3 * kNumKeypoints, 1> moved =
+            equations.errors_at + equations.errors_by * step;
+        candidate.errors.reshaped() -= moved;
+      }
       for (int k = 0; k < count_; ++k) {
         Vector own(6 + shared_);
         own.head(6) = step.segment(6 * k, 6);
@@ -257,14 +289,14 @@ class TrackProblem {
         const auto at = static_cast<std::size_t>(k);
         candidate.views[at] = problems_[at]->moved(candidate.views[at], own);
       }
-      const double next = evaluate(candidate, parked, nullptr, nullptr);
+      const double next = evaluate(candidate, parked, nullptr);
       if (next < cost) {
         const double gain = cost - next;
         *state = std::move(candidate);
         cost = next;
         lambda = std::max(lambda * 0.2, 1e-8);
         if (gain < tolerance) break;
-        evaluate(*state, parked, &hessian, &gradient);
+        evaluate(*state, parked, &equations);
       } else {
         lambda *= 8.0;
         if (lambda > 1e8) break;
@@ -284,6 +316,46 @@ class TrackProblem {
   }
 
  private:
+  double error_weight(int keypoint) const {
+    const double sigma = problems_.front()->shape_error_sigma(keypoint);
+    return 1.0 / std::max(sigma * sigma, 1e-8);
+  }
+
+  /// Schur complement of the shape errors, 3 x 3 each.
+  void eliminate_errors(const ShapeErrors& errors,
+                        const std::vector<std::array<ShapeErrorTerms, kNumKeypoints>>& terms,
+                        TrackEquations* equations) const {
+    const Eigen::Index total = equations->hessian.rows();
+    std::array<Eigen::Matrix3d, kNumKeypoints> own;
+    Eigen::Matrix<double, 3 * kNumKeypoints, 1> gradient;
+    Eigen::Matrix<double, 3 * kNumKeypoints, Eigen::Dynamic> cross;
+    cross.setZero(3 * kNumKeypoints, total);
+    for (int i = 0; i < kNumKeypoints; ++i) {
+      own[static_cast<std::size_t>(i)] = error_weight(i) * Eigen::Matrix3d::Identity();
+      gradient.segment<3>(3 * i) = error_weight(i) * errors.col(i);
+    }
+    for (int k = 0; k < count_; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      for (const int i : problems_[at]->used_keypoints()) {
+        const ShapeErrorTerms& t = terms[at][static_cast<std::size_t>(i)];
+        own[static_cast<std::size_t>(i)] += t.own;
+        gradient.segment<3>(3 * i) += t.gradient;
+        cross.block<3, 6>(3 * i, 6 * k) += t.cross.leftCols<6>();
+        cross.block(3 * i, 6 * count_, 3, shared_) += t.cross.rightCols(shared_);
+      }
+    }
+    equations->errors_by.resize(3 * kNumKeypoints, total);
+    equations->errors_log_determinant = 0.0;
+    for (int i = 0; i < kNumKeypoints; ++i) {
+      const Eigen::Matrix3d inverse = own[static_cast<std::size_t>(i)].inverse();
+      equations->errors_by.middleRows<3>(3 * i).noalias() = inverse * cross.middleRows<3>(3 * i);
+      equations->errors_at.segment<3>(3 * i) = inverse * gradient.segment<3>(3 * i);
+      equations->errors_log_determinant -= std::log(inverse.determinant());
+    }
+    equations->hessian.noalias() -= cross.transpose() * equations->errors_by;
+    equations->gradient.noalias() -= cross.transpose() * equations->errors_at;
+  }
+
   /// Shift and turn from view k to k + 1 in the vehicle's frame at k, with derivatives: rows shift
   /// then turn, columns the six parameters of each pose.
   using Step = Eigen::Matrix<double, 6, 1>;
@@ -465,67 +537,128 @@ struct TrackFit {
   const TrackState& answer() const { return stands ? parked : moving; }
 };
 
+/// A view of a track and where its vehicle is refined from.
+struct TrackStart {
+  View view;
+  State state;
+  double spread = 0.0;    // of the single fit's centre, m^2
+  Eigen::Vector3d ahead;  // the vehicle's heading, world
+  const VehicleEstimate* own = nullptr;
+};
+
+State state_of(const VehicleEstimate& e, const SingleViewProblem& problem) {
+  State s = problem.mean_state();
+  s.rotation = e.pose.camera_from_vehicle.rotation_matrix();
+  s.translation = e.pose.bottom_center();
+  const auto kept = std::min<std::size_t>(e.shape.size(), static_cast<std::size_t>(s.shape.size()));
+  for (std::size_t i = 0; i < kept; ++i) s.shape[static_cast<int>(i)] = e.shape[i];
+  s.size = {e.pose.dimensions.length, e.pose.dimensions.width, e.pose.dimensions.height};
+  return s;
+}
+
+/// Views that see the vehicle the other way round: front and rear of a far one look alike in each
+/// of them, but not in all. Every view says what it thinks of both headings, and all take the
+/// likelier one; a view that is sure of the other is dropped.
+void agree_on_heading(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
+                      const VehicleFitOptions& options, const Eigen::Vector3d& ahead,
+                      std::vector<TrackStart>* starts) {
+  constexpr double kSure = 15.0;  // log likelihood
+  struct Opinion {
+    double cost[2];  // along `ahead`, and the other way
+    State state[2];
+  };
+  std::vector<Opinion> opinions;
+  double difference = 0.0;
+  for (const TrackStart& start : *starts) {
+    const TrackFrame& frame = frames[start.view.frame];
+    SingleViewProblem problem(camera, frame.detections[start.view.detection],
+                              frame.supports[start.view.detection], options,
+                              /*use_keypoints=*/true, options.num_coefficients);
+    State turned = start.state;
+    turned.rotation.col(0) *= -1.0;
+    turned.rotation.col(2) *= -1.0;
+    const int same = start.ahead.dot(ahead) > 0.0 ? 0 : 1;
+    Opinion opinion;
+    opinion.state[same] = start.state;
+    opinion.state[1 - same] = turned;
+    for (int i = 0; i < 2; ++i) {
+      for (int round = 0; round < 3; ++round) {
+        problem.update_visibility(opinion.state[i]);
+        opinion.cost[i] = problem.refine(&opinion.state[i], 8, 1e-2);
+      }
+    }
+    difference += std::clamp(opinion.cost[1] - opinion.cost[0], -kSure, kSure);
+    opinions.push_back(opinion);
+  }
+  const int chosen = difference < 0.0 ? 1 : 0;
+  std::vector<TrackStart> out;
+  for (std::size_t i = 0; i < starts->size(); ++i) {
+    TrackStart start = (*starts)[i];
+    const Opinion& opinion = opinions[i];
+    if (!(opinion.cost[chosen] < opinion.cost[1 - chosen] + kSure)) continue;
+    if ((start.ahead.dot(ahead) > 0.0 ? 0 : 1) != chosen) start.state = opinion.state[chosen];
+    out.push_back(std::move(start));
+  }
+  *starts = std::move(out);
+}
+
 /// Chooses the views of a track that can be joined and starts from their single fits.
 /// @return nothing if fewer than `least_views` are left.
 std::optional<TrackFit> start_track(const PinholeCamera& camera,
-                                    const std::vector<TrackFrame>& frames, std::vector<View> views,
+                                    const std::vector<TrackFrame>& frames,
+                                    const std::vector<View>& track,
                                     const VehicleFitOptions& options, double scale_sigma,
                                     std::size_t least_views) {
-  const auto single = [&](const View& v) -> const VehicleEstimate& {
-    return frames[v.frame].estimates[v.detection];
+  std::vector<TrackStart> starts;
+  for (const View& v : track) {
+    const TrackFrame& frame = frames[v.frame];
+    const VehicleEstimate& e = frame.estimates[v.detection];
+    if (!trusted(e)) continue;
+    const SingleViewProblem problem(camera, frame.detections[v.detection],
+                                    frame.supports[v.detection], options, /*use_keypoints=*/true,
+                                    options.num_coefficients);
+    starts.push_back(
+        {v, state_of(e, problem), center_spread(e),
+         frame.world_from_camera.rotation() * e.pose.camera_from_vehicle.rotation_matrix().col(0),
+         &e});
+  }
+  if (starts.size() < std::max<std::size_t>(least_views, 1)) return std::nullopt;
+  const auto surest = [&] {
+    return std::min_element(
+        starts.begin(), starts.end(),
+        [](const TrackStart& a, const TrackStart& b) { return a.spread < b.spread; });
   };
-  views.erase(std::remove_if(views.begin(), views.end(),
-                             [&](const View& v) { return !trusted(single(v)); }),
-              views.end());
-  if (views.size() < least_views) return std::nullopt;
-  // The surest view says the heading; views that see another one are not of its opinion.
-  const auto best = std::min_element(views.begin(), views.end(), [&](const View& a, const View& b) {
-    return center_spread(single(a)) < center_spread(single(b));
-  });
-  const VehicleEstimate& lead = single(*best);
-  const Eigen::Vector3d ahead = frames[best->frame].world_from_camera.rotation() *
-                                lead.pose.camera_from_vehicle.rotation_matrix().col(0);
-  const View lead_view = *best;
-  views.erase(std::remove_if(views.begin(), views.end(),
-                             [&](const View& v) {
-                               const Eigen::Vector3d other =
-                                   frames[v.frame].world_from_camera.rotation() *
-                                   single(v).pose.camera_from_vehicle.rotation_matrix().col(0);
-                               return other.dot(ahead) < 0.9;
-                             }),
-              views.end());
+  // The surest view says the heading, but for its sense; views that see another one are not of its
+  // opinion.
+  const Eigen::Vector3d ahead = surest()->ahead;
+  starts.erase(
+      std::remove_if(starts.begin(), starts.end(),
+                     [&](const TrackStart& s) { return std::abs(s.ahead.dot(ahead)) < 0.9; }),
+      starts.end());
+  if (std::any_of(starts.begin(), starts.end(),
+                  [&](const TrackStart& s) { return s.ahead.dot(ahead) < 0.0; })) {
+    agree_on_heading(camera, frames, options, ahead, &starts);
+  }
   // Its keypoints' names stay swapped here: its own fit knows better.
-  if (views.size() < std::max<std::size_t>(least_views, 1) ||
-      (views.size() == 1 && lead.reason == kSidesSwapped)) {
+  if (starts.size() < std::max<std::size_t>(least_views, 1) ||
+      (starts.size() == 1 && starts.front().own->reason == kSidesSwapped)) {
     return std::nullopt;
   }
 
   TrackFit out;
-  out.problem = std::make_unique<TrackProblem>(camera, frames, views, options, scale_sigma);
-  TrackProblem& problem = *out.problem;
-  const int count = problem.num_views();
-  for (int k = 0; k < count; ++k) {
-    const View& v = views[static_cast<std::size_t>(k)];
-    if (v.frame == lead_view.frame) out.lead = k;
-    const VehicleEstimate& e = single(v);
-    State s = problem.problem(k).mean_state();
-    s.rotation = e.pose.camera_from_vehicle.rotation_matrix();
-    s.translation = e.pose.bottom_center();
-    const auto kept =
-        std::min<std::size_t>(e.shape.size(), static_cast<std::size_t>(s.shape.size()));
-    for (std::size_t i = 0; i < kept; ++i) s.shape[static_cast<int>(i)] = e.shape[i];
-    s.size = {e.pose.dimensions.length, e.pose.dimensions.width, e.pose.dimensions.height};
-    problem.problem(k).prepare(s);
+  for (const TrackStart& s : starts) out.views.push_back(s.view);
+  const auto lead = surest();
+  out.lead = static_cast<int>(lead - starts.begin());
+  out.problem = std::make_unique<TrackProblem>(camera, frames, out.views, options, scale_sigma);
+  for (std::size_t k = 0; k < starts.size(); ++k) {
+    State s = starts[k].state;
+    out.problem->problem(static_cast<int>(k)).prepare(s);
     // One size and shape for all.
-    s.shape = Vector::Zero(s.shape.size());
-    for (std::size_t i = 0; i < std::min(kept, lead.shape.size()); ++i) {
-      s.shape[static_cast<int>(i)] = lead.shape[i];
-    }
-    s.size = {lead.pose.dimensions.length, lead.pose.dimensions.width, lead.pose.dimensions.height};
+    s.size = lead->state.size;
+    s.shape = lead->state.shape;
     out.moving.views.push_back(s);
   }
-  problem.share();
-  out.views = std::move(views);
+  out.problem->share();
   return out;
 }
 
@@ -566,12 +699,9 @@ void write_track(const PinholeCamera& camera, const std::vector<TrackFrame>& fra
                  std::vector<std::vector<VehicleEstimate>>* out) {
   TrackProblem& problem = *fit.problem;
   const TrackState& states = fit.answer();
-  Eigen::MatrixXd hessian;
-  Eigen::VectorXd gradient;
-  if (!std::isfinite(
-          problem.evaluate(states, fit.stands, &hessian, &gradient, /*observed=*/true))) {
-    return;
-  }
+  TrackEquations equations;
+  if (!std::isfinite(problem.evaluate(states, fit.stands, &equations, /*observed=*/true))) return;
+  const Eigen::MatrixXd& hessian = equations.hessian;
   const Eigen::LDLT<Eigen::MatrixXd> factors(hessian);
   if (factors.info() != Eigen::Success || !factors.isPositive()) return;
   const Eigen::MatrixXd covariance =

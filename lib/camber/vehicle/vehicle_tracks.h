@@ -48,7 +48,9 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 ///
 /// Both hypotheses are solved: parked (one pose in the world) and moving (along its heading, with a
 /// speed that changes little); the one of greater evidence is kept. What all views share (priors,
-/// plane, shape errors) counts once. Views without trusted keypoints keep their own answer. With
+/// plane) counts once; what the shape coefficients leave of each keypoint is solved for as well, the
+/// same in all views. Views that see the vehicle the other way round say what they think of both
+/// headings. Views without trusted keypoints keep their own answer. With
 /// images the vehicle's grey values are registered (vehicle_registration.h), so that a parked
 /// vehicle is triangulated by its own parallax.
 ///
