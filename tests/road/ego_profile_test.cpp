@@ -77,8 +77,10 @@ TEST(FitEgoPlane, OnAFlatRoadHeightAndScaleAreExact) {
 TEST(FitEgoPlane, TurnsWithTheCamera) {
   const SE3 camera_from_road(rotation_from_vector({0.15, -0.1, 0.2}), Eigen::Vector3d::Zero());
   RoadPoints road = make_road(bend, 1.0, 0.0, 1);
+  for (const double z : {-1.6, -0.8, 0.8, 1.6}) road.camera_path.emplace_back(0.0, 0.002 * z, z);
   const EgoPlane level = fit_ego_plane(road, kTravel, kUp, {}, {});
   for (Eigen::Vector3d& p : road.points) p = camera_from_road * p;
+  for (Eigen::Vector3d& p : road.camera_path) p = camera_from_road * p;
   const EgoPlane turned =
       fit_ego_plane(road, camera_from_road * kTravel, camera_from_road * kUp, {}, {});
   ASSERT_NE(turned.status, Status::kFailed) << turned.reason;
@@ -115,6 +117,64 @@ TEST(FitEgoPlane, AUsualBendIsCarriedBackWithinItsStatedError) {
   }
   // Within two stated standard deviations.
   EXPECT_LT(std::sqrt(squares), 2.0);
+}
+
+/// Where the camera is, kHeight above the road, 1 and 2 m
+/// behind and ahead, risen and fallen by `bounce`, m.
+std::vector<Eigen::Vector3d> camera_path(const std::function<double(double)>& rise, double unit,
+                                         double bounce, std::uint64_t seed) {
+  std::vector<Eigen::Vector3d> out;
+  const CounterRandom random(seed);
+  for (const double z : {-2.0, -1.0, 1.0, 2.0}) {
+    const double slope = (rise(z + 0.01) - rise(z - 0.01)) / 0.02;
+    const Eigen::Vector3d up = Eigen::Vector3d(0, -1, -slope).normalized();
+    const Eigen::Vector3d road(0, kHeight - rise(z), z);
+    out.push_back((road + (kHeight + bounce * random.normal(out.size())) * up) / unit);
+  }
+  return out;
+}
+
+// Straight below the camera, bent where the road is first seen: only the way that the camera itself
+// takes over the road between says where the bend begins.
+TEST(FitEgoPlane, TheCamerasWayTellsOfTheRoadThatIsPassedUnseen) {
+  for (const double unit : {1.0, 0.8}) {
+    SCOPED_TRACE(unit);
+    double without = 0.0, with = 0.0, stated = 0.0;
+    constexpr int kTrials = 20;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const auto seed = static_cast<std::uint64_t>(trial);
+      RoadPoints road = make_road(usual_bend, unit, 1.0, seed);
+      const std::vector<Eigen::Vector3d> way = camera_path(usual_bend, unit, 0.003, seed + 100);
+      const Eigen::Vector3d travel = (way[2] - way[1]).normalized();
+      const EgoPlane alone = fit_ego_plane(road, travel, kUp, {}, {});
+      road.camera_path = way;
+      const EgoPlane found = fit_ego_plane(road, travel, kUp, {}, {});
+      ASSERT_NE(found.status, Status::kFailed) << found.reason;
+      EXPECT_LT(found.relative_sigma, 0.9 * alone.relative_sigma);
+      without += std::pow(alone.height * unit / kHeight - 1.0, 2) / kTrials;
+      const double error = found.height * unit / kHeight - 1.0;
+      with += error * error / kTrials;
+      stated += std::pow(error / found.relative_sigma, 2) / kTrials;
+    }
+    EXPECT_LT(std::sqrt(with), 0.75 * std::sqrt(without));  // 0.63 measured
+    EXPECT_LT(std::sqrt(with), 0.016);                      // 0.013 measured
+    EXPECT_LT(std::sqrt(stated), 1.3);                      // 0.81 measured
+  }
+}
+
+TEST(FitEgoPlane, AWayThatSaysNothingChangesNothing) {
+  RoadPoints road = make_road(flat, 1.0, 0.0, 1);
+  road.camera_path = camera_path(flat, 1.0, 0.0, 1);
+  // Far away and beside the way: not of this road.
+  road.camera_path.emplace_back(0.0, 1.0, 200.0);
+  road.camera_path.emplace_back(30.0, 0.0, 3.0);
+  road.camera_path.emplace_back(0.0, 0.001, 0.0001);  // standing: says nothing
+  const EgoPlane found = fit_ego_plane(road, kTravel, kUp, {}, independent());
+  ASSERT_EQ(found.status, Status::kOk) << found.reason;
+  EXPECT_NEAR(found.height, kHeight, 1e-5);
+  ASSERT_FALSE(found.line.empty());
+  EXPECT_NEAR(found.line.front().z(), 0.0,
+              1e-9);  // the foot, however far behind the profile begins
 }
 
 TEST(FitEgoPlane, CrestsWorkTheSameWay) {

@@ -148,6 +148,10 @@ void fit_ego(Run& run) {
         static_cast<float>(-run.points.inverse_depth[chosen[k]]);
   }
   options.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
+  for (std::size_t k = 0; k < run.frames.size(); ++k) {
+    if (k == run.reference) continue;
+    road.camera_path.push_back(run.motion.frame_from_reference[k].inverse().translation());
+  }
   EgoPlane ego = fit_ego_plane(road, travel_direction(run), Eigen::Vector3d(0, -1, 0),
                                run.motion.covariance, options);
   if (ego.status == Status::kFailed) {

@@ -31,6 +31,22 @@ Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noi
   return x;
 }
 
+/// Positions on one side of the camera, outwards, at least `reach` apart; the farthest if none is.
+std::vector<Eigen::Vector3d> thinned(std::vector<Eigen::Vector3d> side, double reach) {
+  std::sort(side.begin(), side.end(), [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
+    return std::abs(p.y()) < std::abs(q.y());
+  });
+  std::vector<Eigen::Vector3d> out;
+  double last = 0.0;
+  for (const Eigen::Vector3d& p : side) {
+    if (std::abs(p.y()) - last < reach) continue;
+    out.push_back(p);
+    last = std::abs(p.y());
+  }
+  if (out.empty() && !side.empty()) out.push_back(side.back());
+  return out;
+}
+
 }  // namespace
 
 void EgoProfileOptions::validate() const {
@@ -46,6 +62,7 @@ void EgoProfileOptions::validate() const {
   require(reach > 8, "reach", reach, "> 8");
   require(half_width > 0, "half_width", half_width, "> 0");
   require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");
+  require(travel_reach > 0, "travel_reach", travel_reach, "> 0");
   require(curvature > 0, "curvature", curvature, "> 0");
   require(curvature_walk > 0, "curvature_walk", curvature_walk, "> 0");
   require(bank_walk > 0, "bank_walk", bank_walk, "> 0");
@@ -128,9 +145,24 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const Eigen::Vector3d level = (up - up.dot(forward) * forward).normalized();
   const double level_cross_slope = -rightward.dot(level) / upward.dot(level);
 
-  // Profile in metres: nodes from one step behind the camera to the reach.
+  // The camera's way in that frame: b ahead and behind, as far as roads bend evenly.
+  constexpr double kShortestWay = 0.02, kLongestWay = 10.0;  // m, to either side
+  std::vector<Eigen::Vector3d> path;
+  double behind_way = 0.0;
+  for (const Eigen::Vector3d& p : road.camera_path) {
+    const Eigen::Vector3d q(rightward.dot(p), forward.dot(p), upward.dot(p));
+    const double way = metres_per_unit * std::abs(q.y());
+    if (!(way > kShortestWay) || !(way < kLongestWay) || !(q.norm() < 1.2 * std::abs(q.y()))) {
+      continue;
+    }
+    path.push_back(q);
+    behind_way = std::max(behind_way, -1.25 * metres_per_unit * q.y());
+  }
+
+  // Profile in metres: nodes from at least one step behind the camera to the reach.
   const double step = options.node_spacing;
-  const int nodes = static_cast<int>(std::ceil(options.reach / step)) + 2;
+  const int foot = 1 + static_cast<int>(behind_way / step);  // the node under the camera
+  const int nodes = foot + static_cast<int>(std::ceil(options.reach / step)) + 1;
   const auto size = static_cast<Eigen::Index>(2 * nodes);  // heights, then cross slopes
   Eigen::VectorXd x = Eigen::VectorXd::Zero(size);
   x.head(nodes).setConstant(-options.camera_height);
@@ -150,7 +182,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
     seen_from = options.reach;
     for (std::size_t i = 0; i < count; ++i) {
       const Eigen::Vector3d p = metres_per_unit * abu[i];
-      const double at = p.y() / step + 1.0;  // node 1 is under the camera
+      const double at = p.y() / step + foot;
       if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(p.x()) > options.half_width) continue;
       const int j = static_cast<int>(at);
       const double f = at - j;
@@ -183,18 +215,56 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
     if (used < 30) {
       return fail(fmt::format("too few road points within {:g} m ahead: {}", options.reach, used));
     }
-    const auto add_prior = [&](std::initializer_list<std::pair<int, double>> terms, double mean,
+    const auto add_prior = [&](const std::vector<std::pair<int, double>>& terms, double mean,
                                double sigma) {
       for (const auto& [j, cj] : terms) {
         for (const auto& [k, ck] : terms) normal(j, k) += cj * ck / (sigma * sigma);
         right[j] += cj * mean / (sigma * sigma);
       }
     };
-    add_prior({{0, -0.5 / step}, {2, 0.5 / step}}, 0.0, options.travel_sigma);
+    if (path.empty()) {
+      add_prior({{foot - 1, -0.5 / step}, {foot + 1, 0.5 / step}}, 0.0, options.travel_sigma);
+    }
+    for (const double side : {-1.0, 1.0}) {
+      std::vector<Eigen::Vector3d> way;
+      for (const Eigen::Vector3d& p : path) {
+        if (side * p.y() > 0) way.push_back(metres_per_unit * p);
+      }
+      // The road below the camera at a position: where, and how high against the camera's height.
+      struct Foot {
+        double ahead, right, up;
+      };
+      const auto foot_below = [&](const Eigen::Vector3d& p) {
+        const double at = std::clamp(p.y() / step + foot, 0.5, nodes - 1.5);
+        const int j = std::clamp(static_cast<int>(std::lround(at)), 1, nodes - 2);
+        const double slope = (x[j + 1] - x[j - 1]) / (2 * step), cross = x[nodes + j];
+        const double h = options.camera_height / std::sqrt(1 + slope * slope + cross * cross);
+        return Foot{p.y() + h * slope, p.x() + h * cross, p.z() + options.camera_height - h};
+      };
+      Foot last_foot = foot_below(Eigen::Vector3d::Zero());
+      for (const Eigen::Vector3d& p : thinned(way, options.travel_reach)) {
+        const Foot next = foot_below(p);
+        std::vector<std::pair<int, double>> terms;
+        for (const auto& [f, sign] : {std::pair(last_foot, -1.0), std::pair(next, 1.0)}) {
+          const double at = std::clamp(f.ahead / step + foot, 0.0, nodes - 1.001);
+          const int j = static_cast<int>(at);
+          const double share = at - j;
+          terms.insert(terms.end(), {{j, sign * (1 - share)},
+                                     {j + 1, sign * share},
+                                     {nodes + j, sign * (1 - share) * f.right},
+                                     {nodes + j + 1, sign * share * f.right}});
+        }
+        const double apart = std::abs(next.ahead - last_foot.ahead);
+        add_prior(terms, next.up - last_foot.up,
+                  std::sqrt(2.0) * options.travel_sigma *
+                      std::sqrt(apart * std::min(apart, options.travel_reach)));
+        last_foot = next;
+      }
+    }
     const double walk = options.curvature_walk * std::sqrt(step);
     for (int j = 0; j + 2 < nodes; ++j) {
       add_prior({{j, 1 / (step * step)}, {j + 1, -2 / (step * step)}, {j + 2, 1 / (step * step)}},
-                0.0, options.curvature * std::sqrt(nodes / 4.0));
+                0.0, options.curvature * std::sqrt((nodes - foot + 1) / 4.0));
       if (j + 3 < nodes) {
         const double s2 = step * step;
         add_prior({{j, -1 / s2}, {j + 1, 3 / s2}, {j + 2, -3 / s2}, {j + 3, 1 / s2}}, 0.0, walk);
@@ -204,32 +274,32 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
       add_prior({{nodes + j, -1.0}, {nodes + j + 1, 1.0}}, 0.0,
                 options.bank_walk * std::sqrt(step));
     }
-    add_prior({{nodes + 1, 1.0}}, level_cross_slope, options.roll_sigma);
+    add_prior({{nodes + foot, 1.0}}, level_cross_slope, options.roll_sigma);
     normal.diagonal().array() += 1e-8;
     const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal);
     x = ldlt.solve(right);
     if (last) {
       covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
       if (columns > 0) shared = ldlt.solve(shared_right);
-    } else if (x[1] < 0) {
+    } else if (x[foot] < 0) {
       // New scale: the profile passes camera_height below the camera along its normal.
-      const double slope = (x[2] - x[0]) / (2 * step);
-      const double height = -x[1] / std::sqrt(1.0 + slope * slope + x[nodes + 1] * x[nodes + 1]);
+      const double slope = (x[foot + 1] - x[foot - 1]) / (2 * step), cross = x[nodes + foot];
+      const double height = -x[foot] / std::sqrt(1.0 + slope * slope + cross * cross);
       const double change = std::clamp(options.camera_height / height, 0.8, 1.25);
       metres_per_unit *= change;
       x *= change;
     }
   }
-  if (!(x[1] < 0)) return fail("the road ahead does not pass below the camera");
+  if (!(x[foot] < 0)) return fail("the road ahead does not pass below the camera");
   covariance *= options.inflation;
   if (columns > 0 && shared_covariance.size() > 0) {
     covariance += shared * shared_covariance * shared.transpose();
   }
 
   // Tangent plane under the camera.
-  const double slope = (x[2] - x[0]) / (2 * step), cross = x[nodes + 1];
+  const double slope = (x[foot + 1] - x[foot - 1]) / (2 * step), cross = x[nodes + foot];
   const Eigen::Vector3d normal_vector = (upward - slope * forward - cross * rightward).normalized();
-  const Eigen::Vector3d foot_on_axis = upward * (x[1] / metres_per_unit);
+  const Eigen::Vector3d foot_on_axis = upward * (x[foot] / metres_per_unit);
   Plane plane = Plane::through(foot_on_axis, normal_vector);
   out.height = plane.offset;
   out.metres_per_unit = options.camera_height / out.height;
@@ -239,16 +309,16 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   // axis1 is forward, axis2 = n x axis1 is to the left; a tilt about axis1 is a change of the cross
   // slope, a tilt about axis2 one of the slope (see UncertainPlane: h + a axis2.r - b axis1.r).
   Eigen::MatrixXd functional = Eigen::MatrixXd::Zero(3, size);
-  functional(0, nodes + 1) = -1.0;
-  functional(1, 2) = -0.5 / step;
-  functional(1, 0) = 0.5 / step;
-  functional(2, 1) = 1.0 / metres_per_unit;
+  functional(0, nodes + foot) = -1.0;
+  functional(1, foot + 1) = -0.5 / step;
+  functional(1, foot - 1) = 0.5 / step;
+  functional(2, foot) = 1.0 / metres_per_unit;
   out.plane.covariance = functional * covariance * functional.transpose();
   const double height_share = options.camera_height_sigma / options.camera_height;
   out.relative_sigma = std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) +
                                  height_share * height_share);
-  for (int j = 1; j < nodes; ++j) {
-    out.line.push_back((forward * ((j - 1) * step) + upward * x[j]) / metres_per_unit);
+  for (int j = foot; j < nodes; ++j) {
+    out.line.push_back((forward * ((j - foot) * step) + upward * x[j]) / metres_per_unit);
   }
   out.points = used;
   out.status = out.relative_sigma < 0.08 ? Status::kOk : Status::kWeak;

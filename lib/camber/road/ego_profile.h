@@ -16,6 +16,9 @@ struct RoadPoints {
   std::vector<double> relative_sigma;
   /// d(log distance) / d(shared parameters), one row a point; no columns: nothing is shared.
   Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> shared_jacobian;
+  /// Other positions of the same camera on its way, same frame and unit, in any order; may be
+  /// empty. The road below them is the camera's height lower.
+  std::vector<Eigen::Vector3d> camera_path;
 };
 
 struct EgoProfileOptions {
@@ -25,12 +28,15 @@ struct EgoProfileOptions {
   double reach = 30.0;                ///< m ahead that is used, > 8
   double half_width = 2.5;            ///< m to each side that is used, > 0
   double travel_sigma = 0.0042;       ///< rad, between the direction of travel and the road, > 0
-  double curvature = 0.007;           ///< 1/m, standard deviation of the vertical curvature, > 0
-  double curvature_walk = 0.0014;     ///< 1/m per sqrt(m), change of curvature, > 0
-  double bank_walk = 0.0028;          ///< rad per sqrt(m), change of the cross slope, > 0
-  double roll_sigma = 0.004;          ///< rad, of the camera's roll against the road, > 0
-  double surface_sigma = 0.015;       ///< m, unevenness of the road, > 0
-  double correlation = 16.0;          ///< information of neighbours is divided by this, >= 1
+  /// m: over longer ways than this, to either side, what the camera rises and falls against the
+  /// road is a random walk, > 0.
+  double travel_reach = 0.65;
+  double curvature = 0.007;        ///< 1/m, standard deviation of the vertical curvature, > 0
+  double curvature_walk = 0.0014;  ///< 1/m per sqrt(m), change of curvature, > 0
+  double bank_walk = 0.0028;       ///< rad per sqrt(m), change of the cross slope, > 0
+  double roll_sigma = 0.004;       ///< rad, of the camera's roll against the road, > 0
+  double surface_sigma = 0.015;    ///< m, unevenness of the road, > 0
+  double correlation = 16.0;       ///< information of neighbours is divided by this, >= 1
   /// Factor on the covariance, >= 1: roads bend less evenly than a random walk, and their points
   /// share errors over whole stretches. Calibrated on rendered scenes.
   double inflation = 2.0;
@@ -54,7 +60,8 @@ struct EgoPlane {
 /// Estimates the tangent plane of the road under the camera, which is not seen: the road begins 5
 /// to 8 m ahead and may bend before that. A profile of heights and cross slopes along the direction
 /// of travel is fitted to the points with a random walk in curvature as prior, and carried back to
-/// the camera with the direction of travel, along which the road under the wheels lies.
+/// the camera with the direction of travel, along which the road under the wheels lies, or with the
+/// camera's path, where it is given: it follows the road that is passed unseen.
 /// @param travel  unit vector, the camera's direction of travel at this moment, camera frame.
 /// @param up      rough up direction in the camera frame.
 EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
