@@ -304,6 +304,31 @@ TEST(FitTracks, OneViewOfAVehicleTakesPartInASharedGround) {
   EXPECT_EQ(after[0][2].pose.bottom_center(), before[2].pose.bottom_center());
 }
 
+// What no road point shows is the smoothness prior's word, which others cannot use.
+TEST(FitTracks, AVehicleOnUnseenGroundListensButDoesNotSpeak) {
+  const auto scene = [](bool seen) {
+    Clip clip = make_clip({}, {{1, 0.0}, {2, 0.0}});
+    const SharedGround ground = share_ground(&clip, 0.3);
+    if (!seen) {
+      for (TrackFrame& frame : clip.frames) frame.supports[1].status = Status::kNotObservable;
+    }
+    return fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground)[2];
+  };
+  Clip single = make_clip({}, {{1, 0.0}});
+  const SharedGround own = share_ground(&single, 0.3);
+  const auto alone = fit_tracks(single.camera, single.frames, {}, 1, 0.01, &own)[2][0];
+  const auto both = scene(true), one = scene(false);
+  EXPECT_LT((one[0].pose.center() - alone.pose.center()).norm(), 1e-6);
+  EXPECT_GT((both[0].pose.center() - alone.pose.center()).norm(), 1e-3);
+  // It hears the same, but for where the other is when it says so for the second time.
+  Clip other = make_clip({}, {{2, 0.0}});
+  const SharedGround others = share_ground(&other, 0.3);
+  const auto unheard = fit_tracks(other.camera, other.frames, {}, 1, 0.01, &others)[2][0];
+  const double moved = (one[1].pose.center() - unheard.pose.center()).norm();
+  EXPECT_GT(moved, 1e-3);
+  EXPECT_LT((one[1].pose.center() - both[1].pose.center()).norm(), 0.2 * moved);
+}
+
 TEST(FitTracks, ASharedGroundOfOtherPlanesIsRefused) {
   Clip clip = make_clip({}, {{1, 0.0}});
   SharedGround ground = share_ground(&clip, 0.0);

@@ -571,8 +571,7 @@ SharedGround shared_ground(const Run& run, const std::vector<std::vector<JudgedP
   Eigen::Index row = 0;
   for (std::size_t k = 0; k < views.size(); ++k) {
     for (std::size_t j = 0; j < views[k].supports.size(); ++j, row += 3) {
-      // What no road point shows is the smoothness prior's word, not one that others can use.
-      if (found[k][j].field && views[k].supports[j].status != Status::kNotObservable) {
+      if (found[k][j].field) {
         own.push_back({k, j, row});
       } else {
         out.covariance.block<3, 3>(row, row) = views[k].supports[j].plane.covariance;

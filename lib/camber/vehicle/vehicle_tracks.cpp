@@ -752,9 +752,11 @@ void exchange_ground(const PinholeCamera& camera, const std::vector<TrackFrame>&
     for (const View& v : fit.views) speakers[i].rows.push_back(rows[v.frame][v.detection]);
     speakers[i].lead = static_cast<std::size_t>(fit.lead);
     const View& lead = fit.views[speakers[i].lead];
-    if (distrust_of(fit.problem->problem(fit.lead), fit.answer().views[speakers[i].lead], camera,
-                    frames[lead.frame].detections[lead.detection].box)
-            .empty()) {
+    // What no road point shows is the smoothness prior's word, which others cannot use.
+    const bool seen = frames[lead.frame].supports[lead.detection].status != Status::kNotObservable;
+    if (seen && distrust_of(fit.problem->problem(fit.lead), fit.answer().views[speakers[i].lead],
+                            camera, frames[lead.frame].detections[lead.detection].box)
+                    .empty()) {
       speakers[i].said = fit.problem->message(fit.lead, fit.answer(), fit.stands);
     }
   });

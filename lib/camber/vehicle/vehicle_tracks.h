@@ -57,7 +57,8 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
 /// With a shared ground the vehicles tell each other where it lies: what each of them says of its
 /// plane and of the scale beside that plane's prior goes to the others as a normal distribution,
 /// and each is solved again with what the others left of its prior (expectation propagation; Minka,
-/// UAI 2001). A vehicle that contradicts the rest by far has less of a say.
+/// UAI 2001). A vehicle that contradicts the rest by far has less of a say; one whose ground is not
+/// observable listens only.
 /// @param scale_sigma  relative standard deviation of the way between the cameras; > 0, else
 ///                     std::invalid_argument.
 /// @param ground       not owned; nullptr: every vehicle by itself.
