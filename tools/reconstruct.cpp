@@ -20,6 +20,7 @@ struct Arguments {
   bool no_pictures = false;
   bool no_masks = false;
   bool no_markings = false;
+  bool no_road_width = false;
   bool overwrite = false;
   bool json = false;
 };
@@ -43,6 +44,8 @@ void add_scene_options(CLI::App& app, Arguments& a) {
                "do not read segmentations and road masks: find the road by geometry");
   app.add_flag("--no-markings", a.no_markings,
                "do not use painted markings whose sizes the scene gives (markings_m)");
+  app.add_flag("--no-road-width", a.no_road_width,
+               "do not use that the road's width hardly changes along it");
 }
 
 Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
@@ -52,6 +55,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   a.options.num_threads = command.common.threads;
   a.options.use_masks = !a.no_masks;
   a.options.use_markings = !a.no_markings;
+  a.options.use_road_width = !a.no_road_width;
   std::vector<int> frames;
   if (a.frames.empty()) {
     const ChosenFrames chosen = choose_frames(scene);

@@ -225,6 +225,21 @@ TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {
   EXPECT_LT(result_->surface.scale_sigma, without.surface.scale_sigma);
 }
 
+TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
+  EXPECT_EQ(result_->run.extra["road_width"]["status"], "used");
+  EXPECT_GE(result_->run.extra["road_width"]["places"], 8);
+  EXPECT_GT(result_->run.extra["road_width"]["farthest"], 25.0);
+  ReconstructOptions options;
+  options.use_road_width = false;
+  options.with_vehicles = false;
+  EXPECT_EQ(reconstruct(*scene_, {0, 1, 2}, options).run.extra["road_width"]["status"], "not run");
+  options.use_road_width = true;
+  options.use_masks = false;
+  const Reconstruction blind = reconstruct(*scene_, {0, 1, 2}, options);
+  EXPECT_EQ(blind.run.extra["road_width"]["status"], "not used");
+  EXPECT_EQ(blind.run.extra["road_width"]["reason"], "no mask shows where the road ends");
+}
+
 TEST_F(SteepHillRun, TheRoadAlone) {
   ReconstructOptions options;
   options.with_vehicles = false;

@@ -13,11 +13,13 @@
 #include "camber/motion/correspondences.h"
 #include "camber/motion/lane_markings.h"
 #include "camber/motion/motion.h"
+#include "camber/motion/road_borders.h"
 #include "camber/motion/triangulation.h"
 #include "camber/photometric/direct_ground.h"
 #include "camber/pipeline/frame_masks.h"
 #include "camber/pipeline/marking_statements.h"
 #include "camber/pipeline/standing_plane.h"
+#include "camber/pipeline/width_statements.h"
 #include "camber/road/ego_profile.h"
 #include "camber/road/ground_field.h"
 #include "camber/road/grow_road.h"
@@ -61,7 +63,8 @@ struct Run {
   double metres_per_unit = 1.0;
   double scale_sigma = 0.0;    // relative
   MarkingStatements markings;  // what took part in scale and ground
-  double scale_change = 0.0;   // of its logarithm, by markings
+  WidthStatements widths;
+  double scale_change = 0.0;  // of its logarithm, by markings
 };
 
 int at(const Eigen::Vector2f& pixel, int width) {
@@ -456,45 +459,97 @@ GroundRaster ground_raster(const Run& run, const GroundField& field) {
   return out;
 }
 
-/// Scale and far ground from painted markings of known size in the reference image.
-void use_markings(Run& run) {
+/// Painted markings of known size in the reference image and what they say of a field.
+LaneMarkings look_for_markings(Run& run, const GroundField& field) {
   const LaneMarkingSizes sizes = marking_sizes(run.scene);
   if (!sizes.dashes() && !sizes.stripes()) {
     run.markings.reason = "the scene gives no sizes of markings";
-    return;
+    return {};
   }
-  GroundField& best = run.direct ? *run.direct : *run.field;
-  const double inflation = LocalPlaneOptions().inflation;
   const bool guessed = !run.known_unit && !run.scene.height_above_road;
   const double unit_before = run.metres_per_unit;
   LaneMarkings found;
   // A guessed scale hides markings: with that of the first ones found more are.
   for (int round = 0; round < (guessed ? 3 : 1); ++round) {
     found =
-        find_lane_markings(run.grey[run.reference], run.camera, ground_raster(run, best),
+        find_lane_markings(run.grey[run.reference], run.camera, ground_raster(run, field),
                            travel_direction(run), sizes, run.scale_sigma, run.options.num_threads);
-    run.markings = marking_statements(best, run.camera, found, sizes, run.metres_per_unit,
-                                      run.scale_sigma, run.motion.covariance, inflation);
+    run.markings =
+        marking_statements(field, run.camera, found, sizes, run.metres_per_unit, run.scale_sigma,
+                           run.motion.covariance, LocalPlaneOptions().inflation);
     if (run.markings.statements.values.size() == 0) break;
     if (!guessed || round == 2 || std::abs(run.markings.scale_change) < 0.02) break;
     run.metres_per_unit *= std::exp(run.markings.scale_change);
   }
-  if (run.markings.statements.values.size() == 0) {
-    run.metres_per_unit = unit_before;
-    return;
+  if (run.markings.statements.values.size() == 0) run.metres_per_unit = unit_before;
+  return found;
+}
+
+/// Statements of which each kind knows nothing of the other's, as one.
+GroundField::MetricStatements joined(const GroundField::MetricStatements& a,
+                                     const GroundField::MetricStatements& b) {
+  GroundField::MetricStatements out;
+  out.pixels = a.pixels;
+  out.pixels.insert(out.pixels.end(), b.pixels.begin(), b.pixels.end());
+  const Eigen::Index m = a.values.size(), n = b.values.size();
+  out.coefficients = Eigen::MatrixXd::Zero(m + n, static_cast<Eigen::Index>(out.pixels.size()));
+  out.coefficients.topLeftCorner(m, a.coefficients.cols()) = a.coefficients;
+  out.coefficients.bottomRightCorner(n, b.coefficients.cols()) = b.coefficients;
+  out.values.resize(m + n);
+  out.values << a.values, b.values;
+  out.noise = Eigen::MatrixXd::Zero(m + n, m + n);
+  out.noise.topLeftCorner(m, m) = a.noise;
+  out.noise.bottomRightCorner(n, n) = b.noise;
+  return out;
+}
+
+/// Scale and far ground from what is known of the road in the reference image: painted markings of
+/// known size, a width that hardly changes.
+void use_known_lengths(Run& run) {
+  GroundField& best = run.direct ? *run.direct : *run.field;
+  const double inflation = LocalPlaneOptions().inflation;
+  const double unit_before = run.metres_per_unit;
+  LaneMarkings painted;
+  if (run.options.use_markings) painted = look_for_markings(run, best);
+  RoadBorders borders;
+  if (run.options.use_road_width) {
+    if (run.has_masks) {
+      borders =
+          find_road_borders(run.grey[run.reference], run.camera, ground_raster(run, best),
+                            run.masks[run.reference].roadway, run.masks[run.reference].vehicle,
+                            travel_direction(run), run.options.num_threads);
+      run.widths = width_statements(best, run.camera, borders, run.metres_per_unit, run.scale_sigma,
+                                    run.motion.covariance, inflation);
+    } else {
+      run.widths.reason = "no mask shows where the road ends";
+    }
   }
+  const auto said = [](const auto& of) { return of.statements.values.size() > 0; };
+  const auto both = [&](const MarkingStatements& markings, const WidthStatements& widths) {
+    if (!said(markings)) return widths.statements;
+    return said(widths) ? joined(markings.statements, widths.statements) : markings.statements;
+  };
+  if (!said(run.markings) && !said(run.widths)) return;
   const double m = run.metres_per_unit;
   if (run.direct) {
     // The ground by matches alone hears the same, so that the two can still be compared.
-    const MarkingStatements plain = marking_statements(
-        *run.field, run.camera, found, sizes, m, run.scale_sigma, run.motion.covariance, inflation);
+    MarkingStatements markings;
+    WidthStatements widths;
+    if (said(run.markings)) {
+      markings = marking_statements(*run.field, run.camera, painted, marking_sizes(run.scene), m,
+                                    run.scale_sigma, run.motion.covariance, inflation);
+    }
+    if (said(run.widths)) {
+      widths = width_statements(*run.field, run.camera, borders, m, run.scale_sigma,
+                                run.motion.covariance, inflation);
+    }
     double sigma = run.scale_sigma;
-    if (plain.statements.values.size() > 0) {
-      run.field->condition(plain.statements, run.motion.covariance, inflation, &sigma);
+    if (said(markings) || said(widths)) {
+      run.field->condition(both(markings, widths), run.motion.covariance, inflation, &sigma);
     }
   }
-  const double change =
-      best.condition(run.markings.statements, run.motion.covariance, inflation, &run.scale_sigma);
+  const double change = best.condition(both(run.markings, run.widths), run.motion.covariance,
+                                       inflation, &run.scale_sigma);
   run.metres_per_unit = m * std::exp(change);
   run.scale_change = std::log(run.metres_per_unit / unit_before);
   // What is conditioned is metric in the unit before; the other is in units, which are new ones.
@@ -765,7 +820,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.reference_frame = choose_reference_frame(scene, frame_ids);
   Timings& timings = out.run.timings;
   Run run{scene, options, {}, 0,  scene.camera, {}, {}, false, {},  {}, {}, {},
-          {},    {},      {}, {}, {},           {}, {}, 1.0,   0.0, {}, 0.0};
+          {},    {},      {}, {}, {},           {}, {}, 1.0,   0.0, {}, {}, 0.0};
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);
     if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(id));
@@ -887,10 +942,10 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   run.scale_sigma = run.known_unit                        ? 0.003 / *run.known_unit
                     : scene.height_above_road.has_value() ? run.ego.relative_sigma
                                                           : kUnknownHeight;
-  if (options.use_markings) {
+  if (options.use_markings || options.use_road_width) {
     report("surface", 0.83);
     const StageTimer timer(timings, "surface");
-    use_markings(run);
+    use_known_lengths(run);
   }
   const bool marked = run.markings.statements.values.size() > 0;
 
@@ -1225,7 +1280,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
                       {"ground", options.ground},
                       {"joint_planes", options.joint_planes},
                       {"use_masks", options.use_masks},
-                      {"use_markings", options.use_markings}};
+                      {"use_markings", options.use_markings},
+                      {"use_road_width", options.use_road_width}};
   for (std::size_t k = 0; k < count; ++k) {
     document.cameras.push_back({run.frames[k]->id, reference_from_frame[k]});
   }
@@ -1264,6 +1320,19 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     document.extra["markings"]["misfit_before"] = run.markings.misfit_before;
     document.extra["markings"]["misfit_after"] = run.markings.misfit_after;
     document.extra["markings"]["scale_change"] = std::expm1(run.scale_change);
+  }
+  const bool wide = run.widths.statements.values.size() > 0;
+  document.extra["road_width"] = {{"status", wide                     ? "used"
+                                             : options.use_road_width ? "not used"
+                                                                      : "not run"},
+                                  {"reason", run.widths.reason}};
+  if (wide) {
+    document.extra["road_width"]["places"] = run.widths.places;
+    document.extra["road_width"]["refused"] = run.widths.refused;
+    document.extra["road_width"]["width"] = run.widths.width;
+    document.extra["road_width"]["farthest"] = run.widths.farthest;
+    document.extra["road_width"]["misfit_before"] = run.widths.misfit_before;
+    document.extra["road_width"]["misfit_after"] = run.widths.misfit_after;
   }
   if (!run.known_unit) {
     // How far the road bends before it is seen, and what that does to the scale.

@@ -27,6 +27,8 @@ struct ReconstructOptions {
   bool with_vehicles = true;  ///< false: the road alone
   /// Take scale and far ground also from painted markings whose sizes the scene knows.
   bool use_markings = true;
+  /// Take far ground also from the road's width, which hardly changes along it (needs masks).
+  bool use_road_width = true;
   bool use_masks = true;  ///< false: segmentation and road masks are not read
   void validate() const;  ///< throws std::invalid_argument
 };
