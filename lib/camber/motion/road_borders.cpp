@@ -14,14 +14,16 @@ namespace {
 
 constexpr double kNearest = 4.0, kFarthest = 80.0;  // m
 constexpr double kWindow = 0.8;                     // m of mask on both sides
-constexpr int kMostStep = 24;                       // px by which a border moves from row to row
-constexpr float kLeastStep = 0.55F;                 // of the mask over the windows, of 1
-constexpr double kMaskSigma = 6.0;                  // px, by which a mask's border is off
-constexpr double kSample = 0.025;                   // m between samples across a border
-constexpr int kReach = 24;                          // samples by which the coarse place may be off
-constexpr int kHalf = 24;                           // samples to each side of a cross section
-constexpr int kMove = 3;                            // samples from row to row
-constexpr float kTexture = 2.0F;  // grey values: fainter cross sections are like nothing
+constexpr int kStride = 2;           // px between the columns in which a mask is followed
+constexpr int kMostStep = 24;        // px by which a border moves from row to row
+constexpr float kLeastStep = 0.55F;  // of the mask over the windows, of 1
+constexpr float kNever = -1e9F;
+constexpr double kMaskSigma = 6.0;  // px, by which a mask's border is off
+constexpr double kSample = 0.025;   // m between samples across a border
+constexpr int kReach = 24;          // samples by which the coarse place may be off
+constexpr int kHalf = 24;           // samples to each side of a cross section
+constexpr int kMove = 3;            // samples from row to row
+constexpr float kTexture = 2.0F;    // grey values: fainter cross sections are like nothing
 constexpr float kLeastLikeness = 0.6F;
 constexpr int kBridged = 4;  // rows in a row that may be unlike the others
 constexpr int kFewest = 12;  // rows of a border
@@ -85,7 +87,7 @@ class BorderFinder {
     const int count = rows();
     std::vector<float> steps(columns * static_cast<std::size_t>(count));
     std::vector<std::int16_t> from(steps.size());
-    std::vector<float> best(columns, 0.0F), next(columns);
+    std::vector<float> best(columns, kNever), next(columns, kNever);
     std::vector<int> sum(columns + 1), known(columns + 1);
     for (int v = bottom_; v >= top_; --v) {
       const std::size_t row = static_cast<std::size_t>(v) * columns;
@@ -97,7 +99,7 @@ class BorderFinder {
       }
       float* step = &steps[columns * static_cast<std::size_t>(v - top_)];
       std::int16_t* back = &from[columns * static_cast<std::size_t>(v - top_)];
-      for (int u = 0; u < width; ++u) {
+      for (int u = 0; u < width; u += kStride) {
         const double rho = inverse_depth(u, v);
         float s = 0.0F;
         const int window =
@@ -124,12 +126,12 @@ class BorderFinder {
         const auto tolerance = static_cast<float>(1.0 + 0.15 * ahead * camera_.fx * rho);
         const auto expected =
             static_cast<float>(std::clamp(slope(u, v + 1), 4.0 - kMostStep, kMostStep - 4.0));
-        const int reach = static_cast<int>(4.0F * tolerance) + 1;
-        const int middle = static_cast<int>(std::lround(-expected));
-        float most = -1e9F;
+        const int reach = kStride * (static_cast<int>(4.0F * tolerance / kStride) + 1);
+        const int middle = kStride * static_cast<int>(std::lround(-expected / kStride));
+        float most = kNever;
         int chosen = 0;
         for (int k = std::max(-kMostStep, middle - reach); k <= std::min(kMostStep, middle + reach);
-             ++k) {
+             k += kStride) {
           const int w = u + k;  // in the row below
           if (w < 0 || w >= width) continue;
           const float off = (static_cast<float>(-k) - expected) / tolerance;
