@@ -274,7 +274,17 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
         Matrix hessian;
         Vector gradient;
         problem.evaluate(best.state, &hessian, &gradient, /*observed=*/true);
-        write_answer(problem, prior, best.state, inverse_of(hessian), rival, &out);
+        const Matrix covariance = inverse_of(hessian);
+        // The answer is the maximum once the shape is integrated out.
+        State answer = best.state;
+        const int shape = problem.num_coefficients();
+        if (shape > 0) {
+          const Matrix of_shape = inverse_of(hessian.bottomRightCorner(shape, shape));
+          answer =
+              problem.moved(best.state, -covariance.leftCols(kPoseParameters + kSizeParameters) *
+                                            problem.shape_pull(best.state, of_shape));
+        }
+        write_answer(problem, prior, answer, covariance, rival, &out);
         if (swapped && out.status == Status::kOk) {
           out.status = Status::kWeak;
           out.reason = kSidesSwapped;

@@ -320,6 +320,75 @@ class SingleViewProblem {
     return cost;
   }
 
+  /// Gradient, by pose and size, of half the log determinant of the coefficients' information: what
+  /// integrating them out adds to the gradient of the minus log posterior. The coefficients are
+  /// shares of the size, so each that the keypoints measure is known to depth over size: at the
+  /// joint maximum of pose and shape a vehicle is too near and too large (0.7 and 1.5 %).
+  /// @param covariance      of the coefficients, pose and size held.
+  /// @param errors          as in evaluate().
+  /// @param errors_by_shape  how the errors follow the coefficients, rows as errors.reshaped().
+  Eigen::Matrix<double, kPoseParameters + kSizeParameters, 1> shape_pull(
+      const State& s, const Eigen::Ref<const Eigen::MatrixXd>& covariance,
+      const ShapeErrors* errors = nullptr,
+      const Eigen::Ref<const Eigen::MatrixXd>& errors_by_shape = Eigen::MatrixXd()) const {
+    constexpr int kOthers = kPoseParameters + kSizeParameters;
+    using ByShape = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxCoefficients>;
+    Eigen::Matrix<double, kOthers, 1> pull = Eigen::Matrix<double, kOthers, 1>::Zero();
+    if (num_coefficients_ == 0) return pull;
+    struct Term {
+      const BodyPoint* point;
+      ByShape weight;  // of the point's derivatives by the coefficients, weights held
+    };
+    std::vector<Term> terms;
+    PointJacobian jacobian;
+    for (std::size_t j = 0; j < used_.size(); ++j) {
+      const BodyPoint& point = body_[used_[j]];
+      Eigen::Vector2d pixel;
+      if (!project(point, s, &pixel)) return pull;
+      Eigen::Vector2d off = error(j, pixel);
+      if (errors) off += cells_by_shape_error_ * errors->col(used_[j]);
+      double weight = 0.0;
+      log_density(off.squaredNorm(), seen_share_[j], errors ? 0.0 : model_variance(j), &weight,
+                  nullptr);
+      point_jacobian(point, s, &jacobian);
+      ByShape by_shape = jacobian.rightCols(num_coefficients_);
+      by_shape.row(0) /= cell_u_;
+      by_shape.row(1) /= cell_v_;
+      if (errors) by_shape -= cells_by_shape_error_ * errors_by_shape.middleRows<3>(3 * used_[j]);
+      by_shape = (weight * by_shape * covariance).eval();
+      by_shape.row(0) /= cell_u_;
+      by_shape.row(1) /= cell_v_;
+      terms.push_back({&point, by_shape});
+    }
+    std::array<BoxRow, 4> rows;
+    const int count = box_rows(s, &rows);
+    for (int i = 0; i < count; ++i) {
+      const BoxEdge& edge = edges_[rows[i].edge];
+      const BodyPoint& point = body_[rows[i].point];
+      point_jacobian(point, s, &jacobian);
+      ByShape by_shape = ByShape::Zero(2, num_coefficients_);
+      by_shape.row(edge.axis) = rows[i].weight / (edge.sigma * edge.sigma) *
+                                jacobian.row(edge.axis).tail(num_coefficients_) * covariance;
+      terms.push_back({&point, by_shape});
+    }
+    const auto sum = [&](int parameter, double step) {
+      Vector change = Vector::Zero(num_parameters_);
+      change[parameter] = step;
+      const State at = moved(s, change);
+      double out = 0.0;
+      for (const Term& t : terms) {
+        point_jacobian(*t.point, at, &jacobian);
+        out += t.weight.cwiseProduct(jacobian.rightCols(num_coefficients_)).sum();
+      }
+      return out;
+    };
+    for (int i = 0; i < kOthers; ++i) {
+      const double step = i < 3 ? 1e-4 * s.translation.norm() : 1e-4;
+      pull[i] = (sum(i, step) - sum(i, -step)) / (2.0 * step);
+    }
+    return pull;
+  }
+
   /// Start poses of one heading: the linear problem in the position, twice reweighted, from two
   /// guesses. @return cost of the better one (minus log posterior with the mean vehicle).
   double start_at(double yaw, const std::vector<Eigen::Vector3d>& guesses, State* best) {
@@ -724,13 +793,23 @@ class SingleViewProblem {
     return true;
   }
 
-  bool add_box(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
+  /// A side of the box and the point of the body that makes it.
+  struct BoxRow {
+    int point = 0, edge = 0;
+    double beyond = 0.0;  // sigmas, outwards
+    double weight = 0.0;
+  };
+  // Cauchy beyond 3 sigma: boxes of hidden vehicles may be far off.
+  static constexpr double kBoxScale = 9.0;
+
+  /// @return how many; -1 if part of the body is behind the camera.
+  int box_rows(const State& s, std::array<BoxRow, 4>* rows) const {
     std::array<double, 4> extreme;
     extreme.fill(-kInfinity);
     std::array<int, 4> point_of{};
     for (int i = 0; i < kNumBodyPoints; ++i) {
       Eigen::Vector2d pixel;
-      if (!project(body_[i], s, &pixel)) return false;
+      if (!project(body_[i], s, &pixel)) return -1;
       for (int e = 0; e < 4; ++e) {
         const double value = edges_[e].sign * pixel[edges_[e].axis];
         if (value > extreme[e]) {
@@ -739,21 +818,31 @@ class SingleViewProblem {
         }
       }
     }
-    PointJacobian jacobian;
+    int count = 0;
     for (int e = 0; e < 4; ++e) {
       const BoxEdge& edge = edges_[e];
       const double beyond = extreme[e] - edge.sign * edge.pixel;  // px, outwards
       if (edge.at_border && beyond >= 0.0) continue;
-      // Cauchy beyond 3 sigma: boxes of hidden vehicles may be far off.
-      constexpr double kScale = 9.0;
       const double r = beyond / edge.sigma;
-      *cost += 0.5 * kScale * std::log1p(r * r / kScale);
+      (*rows)[count++] = {point_of[e], e, r, 1.0 / (1.0 + r * r / kBoxScale)};
+    }
+    return count;
+  }
+
+  bool add_box(const State& s, double* cost, Matrix* hessian, Vector* gradient) const {
+    std::array<BoxRow, 4> rows;
+    const int count = box_rows(s, &rows);
+    if (count < 0) return false;
+    PointJacobian jacobian;
+    for (int i = 0; i < count; ++i) {
+      const BoxRow& r = rows[i];
+      const BoxEdge& edge = edges_[r.edge];
+      *cost += 0.5 * kBoxScale * std::log1p(r.beyond * r.beyond / kBoxScale);
       if (!hessian) continue;
-      const double weight = 1.0 / (1.0 + r * r / kScale);
-      point_jacobian(body_[point_of[e]], s, &jacobian);
+      point_jacobian(body_[r.point], s, &jacobian);
       const Vector row = (edge.sign / edge.sigma) * jacobian.row(edge.axis).transpose();
-      hessian->noalias() += weight * row * row.transpose();
-      gradient->noalias() += weight * r * row;
+      hessian->noalias() += r.weight * row * row.transpose();
+      gradient->noalias() += r.weight * r.beyond * row;
     }
     return true;
   }

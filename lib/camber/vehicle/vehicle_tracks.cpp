@@ -197,6 +197,43 @@ class TrackProblem {
     return cost;
   }
 
+  /// What integrating out the shape adds to the gradient (SingleViewProblem::shape_pull).
+  Eigen::VectorXd shape_pull(const TrackState& state, const TrackEquations& equations) const {
+    Eigen::VectorXd pull = Eigen::VectorXd::Zero(equations.hessian.rows());
+    const int shape = shared_ - kSizeParameters, size_at = 6 * count_;
+    if (shape == 0) return pull;
+    const int shape_at = size_at + kSizeParameters;
+    const Eigen::MatrixXd block = equations.hessian.block(shape_at, shape_at, shape, shape);
+    const Eigen::MatrixXd of_shape = block.ldlt().solve(Eigen::MatrixXd::Identity(shape, shape));
+    const ShapeErrors* errors = count_ > 1 ? &state.errors : nullptr;
+    Eigen::MatrixXd errors_by_shape;
+    if (errors) errors_by_shape = equations.errors_by.middleCols(shape_at, shape);
+    for (int k = 0; k < count_; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      const auto own =
+          problems_[at]->shape_pull(state.views[at], of_shape, errors, errors_by_shape);
+      pull.segment(6 * k, 6) += own.head<kPoseParameters>();
+      pull.segment<kSizeParameters>(size_at) += own.tail<kSizeParameters>();
+    }
+    return pull;
+  }
+
+  /// Moved by a step of all parameters.
+  TrackState moved(const TrackState& state, const Eigen::VectorXd& step) const {
+    TrackState out = state;
+    out.log_scale += step[step.size() - 1];
+    for (int k = 0; k < count_; ++k) {
+      Vector own(6 + shared_);
+      own.head(6) = step.segment(6 * k, 6);
+      own.tail(shared_) = step.segment(6 * count_, shared_);
+      const double turn = own.segment<3>(3).norm();
+      if (turn > 0.3) own.segment<3>(3) *= 0.3 / turn;
+      const auto at = static_cast<std::size_t>(k);
+      out.views[at] = problems_[at]->moved(out.views[at], own);
+    }
+    return out;
+  }
+
   /// Minus log evidence of a hypothesis (Laplace), up to what both share.
   double evidence(const TrackState& state, bool parked) const {
     TrackEquations equations;
@@ -273,21 +310,11 @@ class TrackProblem {
       Eigen::MatrixXd damped = equations.hessian;
       damped.diagonal() *= 1.0 + lambda;
       const Eigen::VectorXd step = -damped.ldlt().solve(equations.gradient);
-      TrackState candidate = *state;
-      candidate.log_scale += step[step.size() - 1];
+      TrackState candidate = moved(*state, step);
       if (count_ > 1) {
-        const Eigen::Matrix<double, 3 * kNumKeypoints, 1> moved =
+        const Eigen::Matrix<double, 3 * kNumKeypoints, 1> change =
             equations.errors_at + equations.errors_by * step;
-        candidate.errors.reshaped() -= moved;
-      }
-      for (int k = 0; k < count_; ++k) {
-        Vector own(6 + shared_);
-        own.head(6) = step.segment(6 * k, 6);
-        own.tail(shared_) = step.segment(6 * count_, shared_);
-        const double turn = own.segment<3>(3).norm();
-        if (turn > 0.3) own.segment<3>(3) *= 0.3 / turn;
-        const auto at = static_cast<std::size_t>(k);
-        candidate.views[at] = problems_[at]->moved(candidate.views[at], own);
+        candidate.errors.reshaped() -= change;
       }
       const double next = evaluate(candidate, parked, nullptr);
       if (next < cost) {
@@ -698,14 +725,18 @@ void write_track(const PinholeCamera& camera, const std::vector<TrackFrame>& fra
                  const VehiclePrior& prior, TrackFit& fit,
                  std::vector<std::vector<VehicleEstimate>>* out) {
   TrackProblem& problem = *fit.problem;
-  const TrackState& states = fit.answer();
   TrackEquations equations;
-  if (!std::isfinite(problem.evaluate(states, fit.stands, &equations, /*observed=*/true))) return;
+  if (!std::isfinite(problem.evaluate(fit.answer(), fit.stands, &equations, /*observed=*/true))) {
+    return;
+  }
   const Eigen::MatrixXd& hessian = equations.hessian;
   const Eigen::LDLT<Eigen::MatrixXd> factors(hessian);
   if (factors.info() != Eigen::Success || !factors.isPositive()) return;
   const Eigen::MatrixXd covariance =
       factors.solve(Eigen::MatrixXd::Identity(hessian.rows(), hessian.cols()));
+  // The answer is the maximum once the shape is integrated out.
+  const TrackState states = problem.moved(
+      fit.answer(), Eigen::VectorXd(-covariance * problem.shape_pull(fit.answer(), equations)));
   for (int k = 0; k < problem.num_views(); ++k) {
     const View& v = fit.views[static_cast<std::size_t>(k)];
     const State& s = states.views[static_cast<std::size_t>(k)];
