@@ -14,6 +14,10 @@
 namespace camber {
 namespace {
 
+/// Change of the cross slope from node to node, however far apart they are: a crown of 4 % to both
+/// sides.
+constexpr double kCrossBreak = 0.08;
+
 struct Footprint {
   int node[4];
   double weight[4];
@@ -157,7 +161,7 @@ struct GroundField::Impl {
     if (d.pixels_u == 0) {
       rise = along * step_along * step_along;
     } else if (d.pixels_v == 0) {
-      rise = across * step_across * step_across;
+      rise = std::min(across * step_across, kCrossBreak) * step_across;
     } else {
       rise = std::sqrt(along * across) * step_along * step_across;
     }
