@@ -271,6 +271,7 @@ class TrackProblem {
       if (!std::isfinite(evaluate(state, parked, &equations, observed))) continue;
       Eigen::MatrixXd& hessian = equations.hessian;
       Eigen::VectorXd& gradient = equations.gradient;
+      gradient += shape_pull(state, equations);
       Matrix h;
       Vector g;
       for (int k = 0; k < count_; ++k) {
