@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
@@ -111,6 +112,32 @@ std::vector<Solution> coarse_starts(SingleViewProblem& coarse, const Box2& box, 
   return starts;
 }
 
+double wrapped(double angle) { return std::remainder(angle, 2.0 * kPi); }
+
+double heading(const State& s) { return std::atan2(s.rotation(0, 0), s.rotation(2, 0)); }
+
+/// The best start of each heading, at most three, refined with all coefficients; best first.
+std::vector<Solution> with_coefficients(SingleViewProblem& problem,
+                                        const std::vector<Solution>& starts) {
+  std::vector<Solution> ends;
+  for (const Solution& s : starts) {
+    const bool known = std::any_of(ends.begin(), ends.end(), [&](const Solution& other) {
+      return std::abs(wrapped(heading(s.state) - heading(other.state))) < 0.35;
+    });
+    const bool hopeless = !ends.empty() && s.cost > ends.front().cost + 25.0;
+    if (!known && !hopeless && ends.size() < 3) ends.push_back(s);
+  }
+  for (Solution& s : ends) {
+    s.state.shape = Vector::Zero(problem.num_coefficients());
+    for (const int iterations : {4, 6}) {
+      problem.update_visibility(s.state);
+      s.cost = problem.refine(&s.state, iterations, 1e-2);
+    }
+  }
+  keep_best(3, &ends);
+  return ends;
+}
+
 VehicleDetection with_sides_swapped(const VehicleDetection& detection) {
   VehicleDetection out = detection;
   for (int i = 0; i < kNumSideKeypoints; ++i) {
@@ -119,10 +146,6 @@ VehicleDetection with_sides_swapped(const VehicleDetection& detection) {
   }
   return out;
 }
-
-double wrapped(double angle) { return std::remainder(angle, 2.0 * kPi); }
-
-double heading(const State& s) { return std::atan2(s.rotation(0, 0), s.rotation(2, 0)); }
 
 }  // namespace
 
@@ -232,30 +255,26 @@ VehicleEstimate fit_vehicle(const PinholeCamera& camera, const VehicleDetection&
     SingleViewProblem coarse_mirrored(camera, mirrored, support, options, /*use_keypoints=*/true,
                                       0);
     std::vector<Solution> mirrored_starts = coarse_starts(coarse_mirrored, box, options.num_yaws);
+    SingleViewProblem own(camera, detection, support, options, /*use_keypoints=*/true,
+                          options.num_coefficients);
+    std::vector<Solution> ends = with_coefficients(own, starts);
+    // Mean shapes tell the namings apart but roughly.
     constexpr double kSwapEvidence = 3.0;  // log likelihood
-    const bool swapped =
-        !mirrored_starts.empty() &&
-        (starts.empty() || mirrored_starts.front().cost + kSwapEvidence < starts.front().cost);
-    if (swapped) starts = std::move(mirrored_starts);
-    SingleViewProblem problem(camera, swapped ? mirrored : detection, support, options,
-                              /*use_keypoints=*/true, options.num_coefficients);
-    // One of each heading.
-    std::vector<Solution> ends;
-    for (const Solution& s : starts) {
-      const bool known = std::any_of(ends.begin(), ends.end(), [&](const Solution& other) {
-        return std::abs(wrapped(heading(s.state) - heading(other.state))) < 0.35;
-      });
-      const bool hopeless = !ends.empty() && s.cost > ends.front().cost + 25.0;
-      if (!known && !hopeless && ends.size() < 3) ends.push_back(s);
-    }
-    for (Solution& s : ends) {
-      s.state.shape = Vector::Zero(problem.num_coefficients());
-      for (const int iterations : {4, 6}) {
-        problem.update_visibility(s.state);
-        s.cost = problem.refine(&s.state, iterations, 1e-2);
+    std::optional<SingleViewProblem> other;
+    if (!mirrored_starts.empty() &&
+        (starts.empty() || mirrored_starts.front().cost + kSwapEvidence < starts.front().cost)) {
+      other.emplace(camera, mirrored, support, options, /*use_keypoints=*/true,
+                    options.num_coefficients);
+      std::vector<Solution> mirrored_ends = with_coefficients(*other, mirrored_starts);
+      if (!mirrored_ends.empty() &&
+          (ends.empty() || mirrored_ends.front().cost + kSwapEvidence < ends.front().cost)) {
+        ends = std::move(mirrored_ends);
+      } else {
+        other.reset();
       }
     }
-    keep_best(3, &ends);
+    const bool swapped = other.has_value();
+    SingleViewProblem& problem = swapped ? *other : own;
     if (ends.empty()) {
       distrust = "no pose fits the keypoints";
     } else {
