@@ -938,7 +938,12 @@ struct Solution {
   double cost = kInfinity;
 };
 
-/// Rows of the reported parameters in terms of the solved ones.
+/// How far the middle of the box is off that of the keypoints, as a share of its sides: bumpers,
+/// roofs and mirrors of one car reach farther beyond its keypoints than those of another.
+constexpr double kCentreShare = 0.004;
+
+/// Rows of the reported parameters in terms of the solved ones; the centre with what the prior does
+/// not know of it.
 inline Eigen::Matrix<double, 9, 9> report_covariance(const State& s, const Matrix& covariance) {
   Eigen::Matrix<double, 9, Eigen::Dynamic, 0, 9, kMaxParameters> j;
   j.setZero(9, covariance.cols());
@@ -947,7 +952,11 @@ inline Eigen::Matrix<double, 9, 9> report_covariance(const State& s, const Matri
   j.block<3, 3>(0, 3) = -s.rotation * skew(middle);
   j.block<3, 1>(0, 8) = 0.5 * s.rotation.col(1);
   j.block<6, 6>(3, 3).setIdentity();
-  return j * covariance * j.transpose();
+  Eigen::Matrix<double, 9, 9> out = j * covariance * j.transpose();
+  const Eigen::Vector3d margins = kCentreShare * Eigen::Vector3d(s.size[0], s.size[2], s.size[1]);
+  out.topLeftCorner<3, 3>() +=
+      s.rotation * margins.cwiseAbs2().asDiagonal() * s.rotation.transpose();
+  return out;
 }
 
 inline void write_state(const VehiclePrior& prior, const State& s, VehicleEstimate* out) {
