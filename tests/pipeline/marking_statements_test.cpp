@@ -5,29 +5,21 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
+
+#include "pipeline/profile_road.h"
 
 namespace camber {
 namespace {
 
-constexpr double kHeight = 1.65;  // m
-const PinholeCamera kCamera{960, 400, 600.0, 600.0, 480.0, 150.0};
-const LaneMarkingSizes kSizes{3.0, 6.0, 0.12, 0.5, 0.5};
+using namespace test;
 
-/// Depth at which a row meets the ground y = height(z), camera frame, by bisection.
-double depth_of(double v, const std::function<double(double)>& height) {
-  const double slope = (v - kCamera.cy) / kCamera.fy;
-  double low = 1.0, high = 120.0;
-  for (int i = 0; i < 80; ++i) {
-    const double middle = 0.5 * (low + high);
-    (slope * middle < height(middle) ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
-}
+const PinholeCamera& kCamera = kRoadCamera;
+constexpr double kHeight = kRoadHeight;
+const LaneMarkingSizes kSizes{3.0, 6.0, 0.12, 0.5, 0.5};
 
 /// A field of a ground whose inverse depths are off by `bias` of themselves at 40 m, as the square
 /// of the depth, and all lengths by `scale`.
-GroundField field_of(const std::function<double(double)>& height, double scale, double bias) {
+GroundField field_of(const Profile& height, double scale, double bias) {
   GroundObservations observations;
   for (int v = 110; v < kCamera.height; v += 2) {
     const double z = depth_of(v, height);
@@ -42,17 +34,10 @@ GroundField field_of(const std::function<double(double)>& height, double scale, 
                      GroundFieldOptions());
 }
 
-double level(double) { return kHeight; }
-/// A hill that begins 12 m ahead, with a radius of 200 m.
-double hill(double z) { return kHeight - (z > 12.0 ? (z - 12.0) * (z - 12.0) / 400.0 : 0.0); }
-
-double row_at(double z, const std::function<double(double)>& height) {
-  return kCamera.cy + kCamera.fy * height(z) / z;
-}
+double row_at(double z, const Profile& height) { return kCamera.cy + kCamera.fy * height(z) / z; }
 
 /// Strokes on the ground at x = -1, as they are seen.
-std::vector<PaintedDash> strokes(const std::vector<double>& starts,
-                                 const std::function<double(double)>& height) {
+std::vector<PaintedDash> strokes(const std::vector<double>& starts, const Profile& height) {
   std::vector<PaintedDash> out;
   // Stations run along the ground, not along z.
   const auto depth_at = [&](double station) {
@@ -80,8 +65,7 @@ std::vector<PaintedDash> strokes(const std::vector<double>& starts,
 }
 
 TEST(MarkingStatements, ABrokenLineTellsTheScaleAndTheFarGround) {
-  for (const auto& height :
-       {std::function<double(double)>(level), std::function<double(double)>(hill)}) {
+  for (const auto& height : {Profile(level), Profile(hill)}) {
     GroundField field = field_of(height, 1.0, 0.06);
     LaneMarkings markings;
     markings.dashes = strokes({8, 17, 26, 35, 44}, height);

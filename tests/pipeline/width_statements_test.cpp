@@ -5,30 +5,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <vector>
+
+#include "pipeline/profile_road.h"
 
 namespace camber {
 namespace {
 
-constexpr double kHeight = 1.65;  // m
-const PinholeCamera kCamera{960, 400, 600.0, 600.0, 480.0, 150.0};
-using Profile = std::function<double(double)>;  // by the distance ahead, m
+using namespace test;
 
-double level(double) { return kHeight; }
-/// A hill that begins 12 m ahead, with a radius of 200 m.
-double hill(double z) { return kHeight - (z > 12.0 ? (z - 12.0) * (z - 12.0) / 400.0 : 0.0); }
-
-/// Depth at which a row meets the ground y = height(z), camera frame, by bisection.
-double depth_of(double v, const Profile& height) {
-  const double slope = (v - kCamera.cy) / kCamera.fy;
-  double low = 1.0, high = 120.0;
-  for (int i = 0; i < 80; ++i) {
-    const double middle = 0.5 * (low + high);
-    (slope * middle < height(middle) ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
-}
+const PinholeCamera& kCamera = kRoadCamera;
+constexpr double kHeight = kRoadHeight;
 
 /// A field of a ground whose inverse depths are off by `bias` of themselves at 40 m, as the square
 /// of the depth; the shared parameter (of the motion, say) is that bias.

@@ -183,6 +183,24 @@ TEST(GroundField, SharedErrorsMoveTheWholeField) {
   EXPECT_GT(with(0, 1) - alone(0, 1), 0.0);
 }
 
+// Far nodes lie metres apart: what is seen at the road's borders must still tell of its middle.
+TEST(GroundField, AFarCrossSectionBendsLittle) {
+  GroundObservations all = observe(flat, 90.0), seen;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const bool middle = std::abs(all.pixels[i].x() - kCamera.cx) < 70.0;
+    if (middle && all.inverse_depth[i] < 1.0 / 40.0) continue;
+    seen.pixels.push_back(all.pixels[i]);
+    seen.inverse_depth.push_back(all.inverse_depth[i]);
+    seen.sigma.push_back(0.05 * all.sigma[i]);
+  }
+  const GroundField field(kCamera, seen, kLevel, {});
+  const double z = 75.0;
+  const Eigen::Vector2d pixel(kCamera.cx, kCamera.cy + kCamera.fy * kHeight / z);
+  const double sigma =
+      std::sqrt(field.covariance({pixel}, Eigen::MatrixXd::Identity(1, 1), {})(0, 0));
+  EXPECT_LT(sigma * z * kHeight, 0.35);  // m; 0.25 measured, 0.49 by the curvature alone
+}
+
 TEST(GroundField, UpdateTakesNewObservations) {
   const GroundObservations first = observe(flat, 40.0);
   GroundField field(kCamera, first, kLevel, {});

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "camber/core/random.h"
+#include "camber/vehicle/single_view_problem.h"
 #include "support/test_data.h"
 #include "vehicle/simulated_vehicle.h"
 
@@ -347,6 +348,32 @@ TEST(FitVehicle, SwappedLeftAndRightAreRightOrSaid) {
     right_or_said += right || e.status != Status::kOk ? 1 : 0;
   }
   EXPECT_GE(right_or_said, 54);
+}
+
+// However well the keypoints are known, the box's middle is off theirs by a share of its sides.
+TEST(FitVehicle, StatesWhatThePriorDoesNotKnowOfTheBoxsMiddle) {
+  internal::State s;
+  s.size = {4.5, 1.8, 1.5};
+  s.shape = internal::Vector::Zero(0);
+  s.rotation = rotation_from_vector({0.2, 0.7, -0.1}).toRotationMatrix();
+  const auto c = internal::report_covariance(s, internal::Matrix::Zero(9, 9));
+  const Eigen::Matrix3d own = s.rotation.transpose() * c.topLeftCorner<3, 3>() * s.rotation;
+  EXPECT_LT((own.diagonal().cwiseSqrt() - 0.004 * Eigen::Vector3d(4.5, 1.5, 1.8)).norm(), 1e-12);
+  EXPECT_NEAR(c.norm(), own.diagonal().norm(), 1e-12);
+}
+
+// Mean shapes alone call one of them mirrored and turn it round.
+TEST(FitVehicle, FarVehiclesKeepTheirNamesAndHeadings) {
+  SimulationOptions far;
+  far.min_distance = 30.0;
+  far.max_distance = 60.0;
+  far.plane_sigma_height = 0.3;
+  for (int i = 0; i < 600; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(far, i);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    if (!std::isfinite(e.reprojection_rmse_px)) continue;
+    EXPECT_LT(yaw_error(e, s), 1.5) << i << " " << e.reason;
+  }
 }
 
 TEST(FitVehicle, ACarCutByTheImagesEdge) {

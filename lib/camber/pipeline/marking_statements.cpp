@@ -7,6 +7,8 @@
 #include <optional>
 #include <vector>
 
+#include "camber/pipeline/iterated_update.h"
+
 namespace camber {
 namespace {
 
@@ -82,11 +84,7 @@ class Solver {
     }
   }
 
-  struct Stack {
-    Eigen::MatrixXd by_field;
-    Eigen::VectorXd missing;  // wanted minus present
-    Eigen::MatrixXd noise;
-  };
+  using Stack = internal::StatementStack;
   Stack stack(const Eigen::VectorXd& x, const std::vector<KnownLength>& lengths) const {
     Stack out;
     const auto n = static_cast<Eigen::Index>(lengths.size());
@@ -108,17 +106,9 @@ class Solver {
   /// Iterated Kalman update of the marks' inverse depths.
   void solve(const std::vector<KnownLength>& lengths, Eigen::VectorXd* x,
              Eigen::MatrixXd* covariance) const {
-    *x = start_;
-    for (int iteration = 0; iteration < 5; ++iteration) {
-      const Stack s = stack(*x, lengths);
-      const Eigen::MatrixXd side = prior_ * s.by_field.transpose();
-      const Eigen::LDLT<Eigen::MatrixXd> inner(s.by_field * side + s.noise);
-      const Eigen::VectorXd next =
-          start_ + side * inner.solve(s.missing + s.by_field * (*x - start_));
-      *covariance = prior_ - side * inner.solve(side.transpose());
-      if (!(next.minCoeff() > 0.25 * start_.minCoeff()) || !next.allFinite()) return;
-      *x = next;
-    }
+    internal::iterated_update(
+        start_, prior_, [&](const Eigen::VectorXd& at) { return stack(at, lengths); }, x,
+        covariance);
   }
 
  private:

@@ -7,6 +7,8 @@
 #include <optional>
 #include <vector>
 
+#include "camber/pipeline/iterated_update.h"
+
 namespace camber {
 namespace {
 
@@ -210,11 +212,7 @@ class Solver {
     return {near, far, variance};
   }
 
-  struct Stack {
-    Eigen::MatrixXd by_field;
-    Eigen::VectorXd missing;  // wanted minus present
-    Eigen::MatrixXd noise;
-  };
+  using Stack = internal::StatementStack;
   Stack stack(const Eigen::VectorXd& x, const std::vector<Change>& changes) const {
     const auto n = static_cast<Eigen::Index>(changes.size());
     Stack out;
@@ -252,18 +250,9 @@ class Solver {
   /// Iterated Kalman update of the inverse depths at the edges.
   void solve(const std::vector<Change>& changes, Eigen::VectorXd* x,
              Eigen::MatrixXd* covariance) const {
-    *x = start_;
-    *covariance = prior_;
-    for (int iteration = 0; iteration < 5 && !changes.empty(); ++iteration) {
-      const Stack s = stack(*x, changes);
-      const Eigen::MatrixXd side = prior_ * s.by_field.transpose();
-      const Eigen::LDLT<Eigen::MatrixXd> inner(s.by_field * side + s.noise);
-      const Eigen::VectorXd next =
-          start_ + side * inner.solve(s.missing + s.by_field * (*x - start_));
-      *covariance = prior_ - side * inner.solve(side.transpose());
-      if (!next.allFinite() || !((next.array() / start_.array()).minCoeff() > 0.25)) return;
-      *x = next;
-    }
+    internal::iterated_update(
+        start_, prior_, [&](const Eigen::VectorXd& at) { return stack(at, changes); }, x,
+        covariance);
   }
 
  private:

@@ -323,7 +323,7 @@ class SingleViewProblem {
   /// Gradient, by pose and size, of half the log determinant of the coefficients' information: what
   /// integrating them out adds to the gradient of the minus log posterior. The coefficients are
   /// shares of the size, so each that the keypoints measure is known to depth over size: at the
-  /// joint maximum of pose and shape a vehicle is too near and too large (0.7 and 1.5 %).
+  /// joint maximum of pose and shape a vehicle is too near and too large.
   /// @param covariance      of the coefficients, pose and size held.
   /// @param errors          as in evaluate().
   /// @param errors_by_shape  how the errors follow the coefficients, rows as errors.reshaped().

@@ -568,10 +568,9 @@ struct TrackFit {
 /// A view of a track and where its vehicle is refined from.
 struct TrackStart {
   View view;
-  State state;
-  double spread = 0.0;    // of the single fit's centre, m^2
-  Eigen::Vector3d ahead;  // the vehicle's heading, world
   const VehicleEstimate* own = nullptr;
+  Eigen::Vector3d ahead;        // the vehicle's heading, world
+  std::optional<State> turned;  // in place of the single fit: the other way round
 };
 
 State state_of(const VehicleEstimate& e, const SingleViewProblem& problem) {
@@ -602,12 +601,13 @@ void agree_on_heading(const PinholeCamera& camera, const std::vector<TrackFrame>
     SingleViewProblem problem(camera, frame.detections[start.view.detection],
                               frame.supports[start.view.detection], options,
                               /*use_keypoints=*/true, options.num_coefficients);
-    State turned = start.state;
+    const State own = state_of(*start.own, problem);
+    State turned = own;
     turned.rotation.col(0) *= -1.0;
     turned.rotation.col(2) *= -1.0;
     const int same = start.ahead.dot(ahead) > 0.0 ? 0 : 1;
     Opinion opinion;
-    opinion.state[same] = start.state;
+    opinion.state[same] = own;
     opinion.state[1 - same] = turned;
     for (int i = 0; i < 2; ++i) {
       for (int round = 0; round < 3; ++round) {
@@ -624,7 +624,7 @@ void agree_on_heading(const PinholeCamera& camera, const std::vector<TrackFrame>
     TrackStart start = (*starts)[i];
     const Opinion& opinion = opinions[i];
     if (!(opinion.cost[chosen] < opinion.cost[1 - chosen] + kSure)) continue;
-    if ((start.ahead.dot(ahead) > 0.0 ? 0 : 1) != chosen) start.state = opinion.state[chosen];
+    if ((start.ahead.dot(ahead) > 0.0 ? 0 : 1) != chosen) start.turned = opinion.state[chosen];
     out.push_back(std::move(start));
   }
   *starts = std::move(out);
@@ -642,19 +642,17 @@ std::optional<TrackFit> start_track(const PinholeCamera& camera,
     const TrackFrame& frame = frames[v.frame];
     const VehicleEstimate& e = frame.estimates[v.detection];
     if (!trusted(e)) continue;
-    const SingleViewProblem problem(camera, frame.detections[v.detection],
-                                    frame.supports[v.detection], options, /*use_keypoints=*/true,
-                                    options.num_coefficients);
     starts.push_back(
-        {v, state_of(e, problem), center_spread(e),
+        {v, &e,
          frame.world_from_camera.rotation() * e.pose.camera_from_vehicle.rotation_matrix().col(0),
-         &e});
+         std::nullopt});
   }
   if (starts.size() < std::max<std::size_t>(least_views, 1)) return std::nullopt;
   const auto surest = [&] {
-    return std::min_element(
-        starts.begin(), starts.end(),
-        [](const TrackStart& a, const TrackStart& b) { return a.spread < b.spread; });
+    return std::min_element(starts.begin(), starts.end(),
+                            [](const TrackStart& a, const TrackStart& b) {
+                              return center_spread(*a.own) < center_spread(*b.own);
+                            });
   };
   // The surest view says the heading, but for its sense; views that see another one are not of its
   // opinion.
@@ -675,16 +673,19 @@ std::optional<TrackFit> start_track(const PinholeCamera& camera,
 
   TrackFit out;
   for (const TrackStart& s : starts) out.views.push_back(s.view);
-  const auto lead = surest();
-  out.lead = static_cast<int>(lead - starts.begin());
+  out.lead = static_cast<int>(surest() - starts.begin());
   out.problem = std::make_unique<TrackProblem>(camera, frames, out.views, options, scale_sigma);
   for (std::size_t k = 0; k < starts.size(); ++k) {
-    State s = starts[k].state;
-    out.problem->problem(static_cast<int>(k)).prepare(s);
-    // One size and shape for all.
-    s.size = lead->state.size;
-    s.shape = lead->state.shape;
+    SingleViewProblem& problem = out.problem->problem(static_cast<int>(k));
+    State s = starts[k].turned ? *starts[k].turned : state_of(*starts[k].own, problem);
+    problem.prepare(s);
     out.moving.views.push_back(s);
+  }
+  // One size and shape for all.
+  const State lead = out.moving.views[static_cast<std::size_t>(out.lead)];
+  for (State& s : out.moving.views) {
+    s.size = lead.size;
+    s.shape = lead.shape;
   }
   out.problem->share();
   return out;
