@@ -153,6 +153,37 @@ TEST_F(RefineMatches, CorrectsABiasedPrediction) {
   EXPECT_LT(median_error(found, 0, kFirst, 13000), 0.1);
 }
 
+/// Share of the inner grid points that have a match, with a prediction off by (8, -6) px.
+double found_again(const Eigen::Vector2d& shift) {
+  const std::vector<GrayImage> images{waves({0, 0}), waves(shift)};
+  PredictedImage prediction;
+  prediction.frame = 1;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      prediction.pixels.push_back(
+          (Eigen::Vector2d(x, y) + shift + Eigen::Vector2d(8.0, -6.0)).cast<float>());
+    }
+  }
+  prediction.ignored.assign(prediction.pixels.size(), 0);
+  const Correspondences found =
+      refine_matches(images, match_images(images, 0, {}), {prediction}, 0, {});
+  double all = 0.0, right = 0.0;
+  for (std::size_t i = 0; i < found.pixels.size(); ++i) {
+    const Eigen::Vector2f there = found.pixels[i] + shift.cast<float>();
+    if (!inside(found.pixels[i]) || !inside(there)) continue;
+    all += 1.0;
+    right += std::isfinite(found.matches[0].round_trip_px[i]) &&
+             (found.matches[0].pixels[i] - there).norm() < 0.3f;
+  }
+  return right / all;
+}
+
+// Ten pixels off are a tenth of the way of a near pixel on a fast drive, and a mistake elsewhere.
+TEST_F(RefineMatches, APredictionMayBeOffByAShareOfTheWay) {
+  EXPECT_GT(found_again({-70.0, 40.0}), 0.8);
+  EXPECT_LT(found_again({-7.0, 4.0}), 0.05);
+}
+
 constexpr float kByWindow = 0.3f;  // px, round trip that a window's match is given
 
 TEST_F(RefineMatches, WindowsFindTheShift) {

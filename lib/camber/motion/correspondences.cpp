@@ -148,6 +148,8 @@ struct CarriedImage {
   }
 };
 constexpr float kNoPrediction = -1000.0f;
+// A prediction may be off by this much: px, or a share of the way that a fast near pixel goes.
+constexpr float kCorrection = 6.0f, kCorrectionShare = 0.3f;
 
 /// Matches the searched grid points by windows, each on its own; marks those that were found.
 void match_windows(const cv::Mat& reference, const CarriedImage& other, const Correspondences& grid,
@@ -352,6 +354,8 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         continue;
       }
       const cv::Point2f p = sample_flow(map, tx, ty);
+      const float moved_x = p.x - static_cast<float>(x);
+      const float moved_y = p.y - static_cast<float>(y + first);
       // Where the flow varies quickly it crosses a border or has lost its way.
       const int step = 4;
       const auto fx = flow.at<cv::Point2f>(y, std::min(x + step, base.width - 1)) -
@@ -361,7 +365,8 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       const float variation =
           0.5f * std::sqrt(fx.x * fx.x + fx.y * fx.y + fy.x * fy.x + fy.y * fy.y);
       if (variation <= static_cast<float>(options.forward_backward_px) &&
-          std::hypot(f.x, f.y) < 6.0f) {
+          std::hypot(f.x, f.y) <
+              std::max(kCorrection, kCorrectionShare * std::hypot(moved_x, moved_y))) {
         match.pixels[i] = {p.x, p.y};
         match.round_trip_px[i] = variation;
       }

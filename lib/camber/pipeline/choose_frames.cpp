@@ -13,7 +13,7 @@ namespace camber {
 namespace {
 
 constexpr int kShrink = 3;
-constexpr double kEnoughAngle = 0.02;  // rad, parallax of the near road
+constexpr double kEnoughAngle = 0.025;  // rad, parallax of the near road
 
 GrayImage small_image(const Scene& scene, std::size_t index) {
   const SceneFrame& frame = scene.frames[index];
