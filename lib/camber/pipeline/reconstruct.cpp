@@ -126,43 +126,103 @@ std::vector<std::uint8_t> static_points(const Run& run) {
   return usable;
 }
 
-void fit_ego(Run& run) {
+/// Ground points that carry the ego profile.
+struct ProfilePoints {
   RoadPoints road;
+  double correlation = 1.0;  // see EgoProfileOptions
+};
+
+/// The triangulated ones, thinned: neighbours share their errors, one in a few says as much.
+ProfilePoints matched_profile(const Run& run) {
+  constexpr std::size_t kMost = 5000;
   std::vector<std::size_t> chosen;
   for (std::size_t i = 0; i < run.points.size(); ++i) {
     if (run.roadway[static_cast<std::size_t>(run.points.grid[i])]) chosen.push_back(i);
   }
-  // Neighbours share their errors: one in a few says as much.
-  EgoProfileOptions options;
-  const std::size_t stride = std::max<std::size_t>(1, chosen.size() / 5000);
+  const std::size_t stride = std::max<std::size_t>(1, chosen.size() / kMost);
   std::size_t kept = 0;
   for (std::size_t k = 0; k < chosen.size(); k += stride) chosen[kept++] = chosen[k];
   chosen.resize(kept);
-  options.correlation = std::max(1.0, options.correlation / static_cast<double>(stride));
+  ProfilePoints out;
+  out.correlation = std::max(1.0, EgoProfileOptions().correlation / static_cast<double>(stride));
   for (const std::size_t i : chosen) {
-    road.points.push_back(run.points.point(i));
-    road.relative_sigma.push_back(run.points.sigma_own[i] / run.points.inverse_depth[i]);
+    out.road.points.push_back(run.points.point(i));
+    out.road.relative_sigma.push_back(run.points.sigma_own[i] / run.points.inverse_depth[i]);
   }
-  road.shared_jacobian.resize(static_cast<Eigen::Index>(chosen.size()),
-                              run.points.pose_jacobian.cols());
+  out.road.shared_jacobian.resize(static_cast<Eigen::Index>(chosen.size()),
+                                  run.points.pose_jacobian.cols());
   for (std::size_t k = 0; k < chosen.size(); ++k) {
-    road.shared_jacobian.row(static_cast<Eigen::Index>(k)) =
+    out.road.shared_jacobian.row(static_cast<Eigen::Index>(k)) =
         run.points.pose_jacobian.row(static_cast<Eigen::Index>(chosen[k])) /
         static_cast<float>(-run.points.inverse_depth[chosen[k]]);
   }
+  return out;
+}
+
+/// What the grey values say, in cells of a few pixels. The nearest road decides how the profile is
+/// carried back to the camera, and a flow bends at the lower border of the image.
+ProfilePoints grey_profile(const Run& run, const GroundObservations& grey) {
+  constexpr int kCellWide = 8, kCellHigh = 4;  // px
+  constexpr double kMostRelativeSigma = 0.1;   // of a cell's distance
+  struct Cell {
+    double weight = 0.0, inverse_depth = 0.0;
+    Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+    Eigen::RowVectorXd jacobian;
+  };
+  const Eigen::Index shared = grey.shared_jacobian.cols();
+  const int columns = run.camera.width / kCellWide + 1;
+  std::vector<Cell> cells(static_cast<std::size_t>(columns) *
+                          static_cast<std::size_t>(run.camera.height / kCellHigh + 1));
+  for (std::size_t i = 0; i < grey.size(); ++i) {
+    const int x = static_cast<int>(grey.pixels[i].x()), y = static_cast<int>(grey.pixels[i].y());
+    const int step = run.matches.step;
+    if (!run.roadway[static_cast<std::size_t>(y / step * run.matches.columns + x / step)]) continue;
+    Cell& cell = cells[static_cast<std::size_t>(y / kCellHigh * columns + x / kCellWide)];
+    if (cell.weight == 0.0) cell.jacobian.setZero(shared);
+    const double weight = 1.0 / (grey.sigma[i] * grey.sigma[i]);
+    cell.weight += weight;
+    cell.inverse_depth += weight * grey.inverse_depth[i];
+    cell.pixel += weight * grey.pixels[i];
+    cell.jacobian += weight * grey.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+  }
+  ProfilePoints out;
+  out.correlation = DirectOptions().correlation;
+  std::vector<Eigen::RowVectorXf> rows;
+  for (const Cell& cell : cells) {
+    if (!(cell.inverse_depth > 0.0)) continue;
+    const double rho = cell.inverse_depth / cell.weight;
+    const double relative_sigma = 1.0 / (std::sqrt(cell.weight) * rho);
+    if (!(std::sqrt(out.correlation) * relative_sigma < kMostRelativeSigma)) continue;
+    out.road.points.push_back(run.camera.ray(Eigen::Vector2d(cell.pixel / cell.weight)) / rho);
+    out.road.relative_sigma.push_back(relative_sigma);
+    rows.emplace_back((-cell.jacobian / cell.inverse_depth).cast<float>());
+  }
+  out.road.shared_jacobian.resize(static_cast<Eigen::Index>(rows.size()), shared);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    out.road.shared_jacobian.row(static_cast<Eigen::Index>(k)) = rows[k];
+  }
+  return out;
+}
+
+/// @return whether there is a new plane; without one the last is kept.
+/// @throws NoAnswerError if there has been none yet.
+bool fit_ego(Run& run, ProfilePoints points) {
+  EgoProfileOptions options;
+  options.correlation = points.correlation;
   options.camera_height = run.scene.height_above_road.value_or(kNominalHeight);
   for (std::size_t k = 0; k < run.frames.size(); ++k) {
     if (k == run.reference) continue;
-    road.camera_path.push_back(run.motion.frame_from_reference[k].inverse().translation());
+    points.road.camera_path.push_back(run.motion.frame_from_reference[k].inverse().translation());
   }
-  EgoPlane ego = fit_ego_plane(road, travel_direction(run), Eigen::Vector3d(0, -1, 0),
+  EgoPlane ego = fit_ego_plane(points.road, travel_direction(run), Eigen::Vector3d(0, -1, 0),
                                run.motion.covariance, options);
   if (ego.status == Status::kFailed) {
-    if (run.ego.status == Status::kOk || run.ego.status == Status::kWeak) return;  // keep the last
+    if (run.ego.status == Status::kOk || run.ego.status == Status::kWeak) return false;
     throw NoAnswerError("no road plane under the camera: " + ego.reason);
   }
   run.ego = std::move(ego);
   run.metres_per_unit = run.known_unit.value_or(run.ego.metres_per_unit);
+  return true;
 }
 
 GroundObservations ground_observations(const Run& run) {
@@ -381,7 +441,7 @@ void refine_directly(Run& run) {
   run.motion.frame_from_reference = result.frame_from_reference;
   run.motion.covariance = result.covariance;
   triangulate_ground(run, false);
-  fit_ego(run);
+  if (!fit_ego(run, grey_profile(run, result.observations))) fit_ego(run, matched_profile(run));
 
   // Matches and grey values together, at the refined motion.
   GroundObservations all = ground_observations(run);
@@ -900,7 +960,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   {
     report("surface", 0.5);
     const StageTimer timer(timings, "surface");
-    fit_ego(run);
+    fit_ego(run, matched_profile(run));
     field_options.metres_per_unit = run.metres_per_unit;
     field_options.num_threads = options.num_threads;
     run.field.emplace(scene.camera, ground_observations(run), run.ego.plane.plane, field_options);
@@ -928,7 +988,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     }
     report("surface", share);
     const StageTimer timer(timings, "surface");
-    fit_ego(run);
+    fit_ego(run, matched_profile(run));
     run.field->update(ground_observations(run), 2);
   }
 
