@@ -14,9 +14,14 @@ struct VehicleShift {
   Eigen::Vector3d anchor;        ///< a place on its surface, camera frame of the first image
   Eigen::Vector2d displacement;  ///< px, of the anchor's pixel, first image to second
   double log_depth_ratio = 0.0;  ///< of the anchor: log(depth in the second / in the first)
-  /// Covariances of (displacement, log_depth_ratio): by the noise of the grey values; and by what
-  /// the depths assumed leave of the body, which the registrations of one template share.
-  Eigen::Matrix3d noise, systematic;
+  /// Covariances of (displacement, log_depth_ratio): by the noise of the grey values and what the
+  /// second image shows otherwise than it should (sampling, reflections); and by the same of the
+  /// first image, an error that all registrations of one template have in common.
+  Eigen::Matrix3d noise, shared;
+  /// d(displacement, log_depth_ratio) / d(relative error of the body's depth), and that error's
+  /// standard deviation: in common, too.
+  Eigen::Vector3d by_depth;
+  double depth_sigma = 0.0;
   double correlation = 0.0;  ///< of the grey values, registered
 };
 

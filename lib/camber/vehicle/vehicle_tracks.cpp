@@ -124,11 +124,14 @@ class TrackProblem {
       shifts.push_back(*shift);
       links_.push_back(link);
     }
-    // What the registrations share counts once over all of them.
     for (std::size_t i = 0; i < links_.size(); ++i) {
-      links_[i].information =
-          (shifts[i].noise + static_cast<double>(links_.size()) * shifts[i].systematic).inverse();
+      links_[i].information = shifts[i].noise.inverse();
+      links_[i].by_common << Eigen::Matrix3d::Identity(), shifts[i].by_depth;
     }
+    if (links_.empty()) return;
+    common_information_.setZero();  // one template has them all
+    common_information_.topLeftCorner<3, 3>() = shifts.front().shared.inverse();
+    common_information_(3, 3) = 1.0 / (shifts.front().depth_sigma * shifts.front().depth_sigma);
   }
   int num_links() const { return static_cast<int>(links_.size()); }
 
@@ -490,24 +493,72 @@ class TrackProblem {
     }
   }
 
-  /// What the registered grey values say of the pose of one view against another.
+  /// A registration at a state: where its place on the body is, and what is missing.
+  struct LinkRow {
+    Eigen::Vector3d body, xa, xb;  // vehicle's frame; cameras of the two views
+    Eigen::Vector3d residual;
+  };
+
+  /// Errors that all registrations have in common (the lead image's own, the depth of the body),
+  /// given the residuals; `information` is what is then known of them.
+  Eigen::Vector4d common_errors(const std::vector<LinkRow>& rows,
+                                Eigen::Matrix4d* information) const {
+    Eigen::Vector4d common = Eigen::Vector4d::Zero();
+    for (int round = 0; round < 20; ++round) {
+      *information = common_information_;
+      Eigen::Vector4d right = Eigen::Vector4d::Zero();
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        const Link& link = links_[i];
+        const Eigen::Vector3d r = rows[i].residual - link.by_common * common;
+        const double weight = 1.0 / (1.0 + r.dot(link.information * r) / kLinkScale);
+        const Eigen::Matrix<double, 4, 3> weighted =
+            weight * link.by_common.transpose() * link.information;
+        *information += weighted * link.by_common;
+        right += weighted * rows[i].residual;
+      }
+      const Eigen::Vector4d next = information->ldlt().solve(right);
+      const Eigen::Vector4d change = next - common;
+      common = next;
+      if (change.dot(*information * change) < 1e-10) break;
+    }
+    return common;
+  }
+
+  /// What the registered grey values say of the poses of all views against the lead's. The errors
+  /// that they have in common are solved for at every state and eliminated.
   bool add_links(const std::vector<State>& states, double* cost, Eigen::MatrixXd* hessian,
                  Eigen::VectorXd* gradient) const {
+    if (links_.empty()) return true;
+    std::vector<LinkRow> rows;
     for (const Link& link : links_) {
       const State& sa = states[static_cast<std::size_t>(link.a)];
       const State& sb = states[static_cast<std::size_t>(link.b)];
-      const Eigen::Vector3d c(link.share.x() * sa.size[0], link.share.y() * sa.size[2],
-                              link.share.z() * sa.size[1]);
-      const Eigen::Vector3d xa = sa.rotation * c + sa.translation;
-      const Eigen::Vector3d xb = sb.rotation * c + sb.translation;
-      if (!(xa.z() > 0.3) || !(xb.z() > 0.3)) return false;
-      Eigen::Vector3d r;
-      r << camera_.fx * (xb.x() / xb.z() - xa.x() / xa.z()),
-          camera_.fy * (xb.y() / xb.z() - xa.y() / xa.z()), std::log(xb.z() / xa.z());
-      r -= link.measured;
+      LinkRow row;
+      row.body = {link.share.x() * sa.size[0], link.share.y() * sa.size[2],
+                  link.share.z() * sa.size[1]};
+      row.xa = sa.rotation * row.body + sa.translation;
+      row.xb = sb.rotation * row.body + sb.translation;
+      if (!(row.xa.z() > 0.3) || !(row.xb.z() > 0.3)) return false;
+      row.residual << camera_.fx * (row.xb.x() / row.xb.z() - row.xa.x() / row.xa.z()),
+          camera_.fy * (row.xb.y() / row.xb.z() - row.xa.y() / row.xa.z()),
+          std::log(row.xb.z() / row.xa.z());
+      row.residual -= link.measured;
+      rows.push_back(row);
+    }
+    Eigen::Matrix4d common_information;
+    const Eigen::Vector4d common = common_errors(rows, &common_information);
+    *cost += 0.5 * common.dot(common_information_ * common);
+    Eigen::Matrix<double, 4, Eigen::Dynamic> common_by_state;
+    if (hessian) common_by_state.setZero(4, hessian->cols());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const Link& link = links_[i];
+      const LinkRow& row = rows[i];
+      const Eigen::Vector3d r = row.residual - link.by_common * common;
       const double squared = r.dot(link.information * r);
       *cost += 0.5 * kLinkScale * std::log1p(squared / kLinkScale);
       if (!hessian) continue;
+      const State& sa = states[static_cast<std::size_t>(link.a)];
+      const State& sb = states[static_cast<std::size_t>(link.b)];
       const Eigen::Matrix3d information = link.information / (1.0 + squared / kLinkScale);
       const auto to_measured = [&](const Eigen::Vector3d& x) {
         Eigen::Matrix3d j;
@@ -517,11 +568,11 @@ class TrackProblem {
         return j;
       };
       Eigen::Matrix<double, 3, 15> j;  // pose of a, pose of b, size
-      const Eigen::Matrix3d ja = -to_measured(xa), jb = to_measured(xb);
+      const Eigen::Matrix3d ja = -to_measured(row.xa), jb = to_measured(row.xb);
       j.block<3, 3>(0, 0) = ja;
-      j.block<3, 3>(0, 3) = -ja * sa.rotation * skew(c);
+      j.block<3, 3>(0, 3) = -ja * sa.rotation * skew(row.body);
       j.block<3, 3>(0, 6) = jb;
-      j.block<3, 3>(0, 9) = -jb * sb.rotation * skew(c);
+      j.block<3, 3>(0, 9) = -jb * sb.rotation * skew(row.body);
       const Eigen::Matrix3d turned = ja * sa.rotation + jb * sb.rotation;
       j.col(12) = turned.col(0) * link.share.x();
       j.col(13) = turned.col(2) * link.share.z();
@@ -529,6 +580,13 @@ class TrackProblem {
       const Eigen::Matrix<double, 3, 15> weighted = information * j;
       scatter<15>(j.transpose() * weighted, weighted.transpose() * r,
                   {{6 * link.a, 0, 6}, {6 * link.b, 6, 6}, {6 * count_, 12, 3}}, hessian, gradient);
+      const Eigen::Matrix<double, 4, 15> own = link.by_common.transpose() * weighted;
+      common_by_state.middleCols(6 * link.a, 6) += own.leftCols(6);
+      common_by_state.middleCols(6 * link.b, 6) += own.middleCols(6, 6);
+      common_by_state.middleCols(6 * count_, 3) += own.rightCols(3);
+    }
+    if (hessian) {
+      *hessian -= common_by_state.transpose() * common_information.ldlt().solve(common_by_state);
     }
     return true;
   }
@@ -537,6 +595,7 @@ class TrackProblem {
     int a = 0, b = 0;  // views
     Eigen::Vector3d share = Eigen::Vector3d::Zero(), measured = Eigen::Vector3d::Zero();
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 3, 4> by_common = Eigen::Matrix<double, 3, 4>::Zero();
   };
 
   const PinholeCamera& camera_;
@@ -545,6 +604,7 @@ class TrackProblem {
   std::vector<SupportPlane> supports_;  // one a view
   double scale_mean_ = 0.0, scale_variance_;
   std::vector<Link> links_;
+  Eigen::Matrix4d common_information_ = Eigen::Matrix4d::Identity();  // on what the links share
   std::vector<std::unique_ptr<SingleViewProblem>> problems_;
   int count_ = 0, shared_ = 0;
 };
