@@ -390,10 +390,10 @@ std::vector<PredictedImage> predict(const Run& run, int top) {
 }
 
 /// Leaves matches beside vehicles and contradicted pixels nearly without weight: a flow carries
-/// what moves there several pixels out.
+/// what moves there a patch or two out.
 void distrust_beside(const Run& run, const std::vector<std::uint8_t>& contradicted,
                      GroundObservations& observations) {
-  constexpr int kReachU = 12, kReachV = 6;  // px
+  constexpr int kReachU = 24, kReachV = 12;  // px
   std::vector<std::uint8_t> near = contradicted;
   const std::vector<std::uint8_t>& vehicle = run.masks[run.reference].vehicle;
   for (std::size_t i = 0; i < near.size(); ++i) near[i] |= vehicle[i];
