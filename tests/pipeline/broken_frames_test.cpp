@@ -89,6 +89,25 @@ TEST_F(BrokenFrames, SoundFramesAreRight) {
   EXPECT_GE(check(reconstruct(make_scene(road), {0, 1, 2}, {}), road), 8);
 }
 
+// A flow bends at the lower border of the image, and the nearest road carries the scale.
+TEST_F(BrokenFrames, TheScaleIsThatOfTheGreyValues) {
+  constexpr double kStep = 0.8;
+  const Scene scene = make_scene(street(flat), {-1, 0, 1}, {}, kStep);
+  const auto scale_error = [&](const char* ground) {
+    ReconstructOptions options;
+    options.ground = ground;
+    const Reconstruction result = reconstruct(scene, {0, 1, 2}, options);
+    double way = 0.0;
+    for (const RunDocument::CameraPose& camera : result.run.cameras) {
+      way += camera.reference_from_camera.translation().norm();
+    }
+    return std::abs(way / (2.0 * kStep) - 1.0);
+  };
+  const double both = scale_error("both");
+  EXPECT_LT(both, 0.003);                         // 0.0004 measured
+  EXPECT_LT(both, 0.5 * scale_error("matches"));  // 0.0081 measured
+}
+
 TEST_F(BrokenFrames, WrongExposureOfOneFrame) {
   const DrawnRoad road = street(climbing);
   const Scene scene = make_scene(road, {-1, 0, 1}, [](int k, std::vector<std::uint8_t>& image) {
