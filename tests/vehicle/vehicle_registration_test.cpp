@@ -174,11 +174,12 @@ TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
   options.max_distance = 40.0;
   options.plane_sigma_height = 0.4;  // the road far away is hardly known
   options.occluded_share = 0.0;
-  constexpr int kViews = 4, kCount = 24;
+  constexpr int kViews = 4;
   const CounterRandom random(17);
   for (const double speed : {0.0, 8.0}) {
     double without = 0.0, with = 0.0, inside = 0.0, used = 0.0;
-    for (int i = 0; i < kCount; ++i) {
+    const int count = speed > 0.0 ? 24 : 80;
+    for (int i = 0; i < count; ++i) {
       PinholeCamera camera;
       std::vector<TrackFrame> frames;
       std::vector<GrayImage> images(kViews);
@@ -219,11 +220,12 @@ TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
     }
     ASSERT_GT(used, 8.0);
     if (speed == 0.0) {
-      EXPECT_LT(with, 0.7 * without);  // 0.63 measured, of 56
+      // 0.63 measured, of 56; 0.68 where the first image's error is not taken for a common one.
+      EXPECT_LT(with, 0.66 * without);
     } else {
-      EXPECT_LT(with, 1.15 * without);  // 0.97 measured, of 80
+      EXPECT_LT(with, 1.15 * without);  // 1.06 measured, of 24; 0.97 of 80
     }
-    EXPECT_GT(inside, 0.84 * used) << speed;  // 0.96 and 0.96 measured, of 56 and 80
+    EXPECT_GT(inside, 0.84 * used) << speed;  // 0.96 measured
   }
 }
 
