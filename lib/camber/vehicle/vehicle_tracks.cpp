@@ -133,7 +133,6 @@ class TrackProblem {
     common_information_.topLeftCorner<3, 3>() = shifts.front().shared.inverse();
     common_information_(3, 3) = 1.0 / (shifts.front().depth_sigma * shifts.front().depth_sigma);
   }
-  int num_links() const { return static_cast<int>(links_.size()); }
 
   SE3 world_from_vehicle(int k, const State& s) const {
     return frames_[views_[static_cast<std::size_t>(k)].frame].world_from_camera *
