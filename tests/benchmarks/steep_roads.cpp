@@ -217,7 +217,8 @@ EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
   document.method = row.name;
   document.frames.push_back(
       {clip.middle, row.views ? fit_tracks(clip.scene.camera, frames, row.fit, 0, run.scale_sigma,
-                                           row.shared ? &(clip.*row.views).ground : nullptr)[middle]
+                                           row.shared ? &(clip.*row.views).ground : nullptr)
+                                    .estimates[middle]
                               : frames[middle].estimates});
   EvaluatedScene out;
   out.scene = clip.scene.name;

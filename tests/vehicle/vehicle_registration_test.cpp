@@ -208,11 +208,11 @@ TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
       const Eigen::Vector3d center = truth[1].truth.center();
       if (speed == 0.0 && std::abs(center.x()) < 3.0) continue;  // hardly any parallax
       used += 1.0;
-      without += (fit_tracks(camera, frames, {}, 1)[1][0].pose.center() - center).norm();
+      without += (fit_tracks(camera, frames, {}, 1).estimates[1][0].pose.center() - center).norm();
       for (int k = 0; k < kViews; ++k) {
         frames[static_cast<std::size_t>(k)].image = &images[static_cast<std::size_t>(k)];
       }
-      const VehicleEstimate e = fit_tracks(camera, frames, {}, 1)[1][0];
+      const VehicleEstimate e = fit_tracks(camera, frames, {}, 1).estimates[1][0];
       const Eigen::Vector3d d = e.pose.center() - center;
       const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
       with += d.norm();

@@ -144,7 +144,7 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
   std::vector<std::vector<VehicleEstimate>> vehicles;
   if (options.tracks && options.method == "joint" && !options.one_problem && poses_known &&
       frames.size() > 1) {
-    vehicles = fit_tracks(scene.camera, frames, fit, options.num_threads);
+    vehicles = fit_tracks(scene.camera, frames, fit, options.num_threads).estimates;
   } else {
     for (TrackFrame& f : frames) vehicles.push_back(std::move(f.estimates));
   }

@@ -1244,7 +1244,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     if (options.method == "joint") {
       out.ground = shared_ground(run, local_planes, views, m, scale_sigma);
       found = fit_tracks(scene.camera, views, fit_options, options.num_threads, scale_sigma,
-                         &out.ground);
+                         &out.ground)
+                  .estimates;
     } else {
       for (const TrackFrame& view : views) found.push_back(view.estimates);
     }

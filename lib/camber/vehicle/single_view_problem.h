@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "camber/vehicle/detail/ground_propagation.h"
 #include "camber/vehicle/fit_vehicle.h"
-#include "camber/vehicle/ground_exchange.h"
 
 namespace camber::internal {
 

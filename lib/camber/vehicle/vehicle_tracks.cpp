@@ -13,7 +13,7 @@
 #include <stdexcept>
 
 #include "camber/core/threads.h"
-#include "camber/vehicle/ground_exchange.h"
+#include "camber/vehicle/detail/ground_propagation.h"
 #include "camber/vehicle/single_view_problem.h"
 #include "camber/vehicle/vehicle_registration.h"
 
@@ -33,11 +33,9 @@ constexpr double kAcceleration = 4.0;  // m / s^2
 constexpr double kSpeed = 15.0;        // m / s, standard deviation of a moving vehicle's speed
 // Squared standard deviations beyond which a registration loses its weight: it may have failed.
 constexpr double kLinkScale = 9.0;
-constexpr int kExchanges = 2;  // of what the vehicles say of their ground
+constexpr int kGroundRounds = 2;  // of message passing
 
-struct View {
-  std::size_t frame = 0, detection = 0;
-};
+using View = TrackView;
 
 struct TrackState {
   std::vector<State> views;  // one size and shape for all
@@ -265,8 +263,8 @@ class TrackProblem {
     scale_variance_ = variance;
   }
 
-  /// What the vehicle says of the plane under view `lead` (as changes of the frame's own support
-  /// plane) and of the log scale, without what it was told of them.
+  /// What the vehicle measures of the plane under view `lead` (as changes of the frame's own
+  /// support plane) and of the log scale: its posterior without their priors.
   std::optional<GroundMessage> message(int lead, const TrackState& state, bool parked) const {
     for (const bool observed : {true, false}) {
       TrackEquations equations;
@@ -277,7 +275,7 @@ class TrackProblem {
       Matrix h;
       Vector g;
       for (int k = 0; k < count_; ++k) {
-        // A plane speaks of the pose alone.
+        // A plane depends on the pose alone.
         problems_[static_cast<std::size_t>(k)]->plane_terms(
             state.views[static_cast<std::size_t>(k)], &h, &g);
         hessian.block(6 * k, 6 * k, 6, 6) -= h.topLeftCorner(6, 6);
@@ -298,8 +296,9 @@ class TrackProblem {
       Eigen::Vector4d moved;
       const Eigen::Vector3d turn = now.plane.normal - own.plane.normal;
       moved << -own.axis2.dot(turn), own.axis1.dot(turn),
-          -(now.plane.signed_distance(own.centroid)), state.log_scale;
-      out->pull += out->information * moved;
+          own.plane.signed_distance(own.centroid) - now.plane.signed_distance(own.centroid),
+          state.log_scale;
+      out->information_vector += out->information * moved;
       return out;
     }
     return std::nullopt;
@@ -615,7 +614,7 @@ double center_spread(const VehicleEstimate& e) {
 }
 
 /// One vehicle being solved.
-struct TrackFit {
+struct SolvedTrack {
   std::vector<View> views;  // of one opinion
   int lead = 0;             // the surest of them
   std::unique_ptr<TrackProblem> problem;
@@ -691,11 +690,11 @@ void agree_on_heading(const PinholeCamera& camera, const std::vector<TrackFrame>
 
 /// Chooses the views of a track that can be joined and starts from their single fits.
 /// @return nothing if fewer than `least_views` are left.
-std::optional<TrackFit> start_track(const PinholeCamera& camera,
-                                    const std::vector<TrackFrame>& frames,
-                                    const std::vector<View>& track,
-                                    const VehicleFitOptions& options, double scale_sigma,
-                                    std::size_t least_views) {
+std::optional<SolvedTrack> start_track(const PinholeCamera& camera,
+                                       const std::vector<TrackFrame>& frames,
+                                       const std::vector<View>& track,
+                                       const VehicleFitOptions& options, double scale_sigma,
+                                       std::size_t least_views) {
   std::vector<TrackStart> starts;
   for (const View& v : track) {
     const TrackFrame& frame = frames[v.frame];
@@ -730,7 +729,7 @@ std::optional<TrackFit> start_track(const PinholeCamera& camera,
     return std::nullopt;
   }
 
-  TrackFit out;
+  SolvedTrack out;
   for (const TrackStart& s : starts) out.views.push_back(s.view);
   out.lead = static_cast<int>(surest() - starts.begin());
   out.problem = std::make_unique<TrackProblem>(camera, frames, out.views, options, scale_sigma);
@@ -751,7 +750,7 @@ std::optional<TrackFit> start_track(const PinholeCamera& camera,
 }
 
 /// Both hypotheses from where they are; the one of greater evidence.
-void choose_hypothesis(TrackFit* fit) {
+void choose_hypothesis(SolvedTrack* fit) {
   const TrackProblem& problem = *fit->problem;
   // Along the viewing ray the valley is long and flat.
   constexpr int kIterations = 60;
@@ -768,7 +767,7 @@ void choose_hypothesis(TrackFit* fit) {
                 problem.evidence(fit->parked, true) < problem.evidence(fit->moving, false);
 }
 
-void solve_track(const VehiclePrior& prior, TrackFit* fit) {
+void solve_track(const VehiclePrior& prior, SolvedTrack* fit) {
   TrackProblem& problem = *fit->problem;
   problem.refine(&fit->moving, false, 10, 0.1);  // within a pixel or two, for the registration
   problem.register_views(prior, fit->lead, fit->moving);
@@ -783,7 +782,7 @@ void solve_track(const VehiclePrior& prior, TrackFit* fit) {
 
 /// Leaves `out` as it is where the solution is not to be trusted.
 void write_track(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
-                 const VehiclePrior& prior, TrackFit& fit,
+                 const VehiclePrior& prior, SolvedTrack& fit,
                  std::vector<std::vector<VehicleEstimate>>* out) {
   TrackProblem& problem = *fit.problem;
   TrackEquations equations;
@@ -833,36 +832,98 @@ std::vector<std::vector<Eigen::Index>> ground_rows(const std::vector<TrackFrame>
   return out;
 }
 
-/// Every vehicle says what it knows of its ground and is solved again with what the others said.
-void exchange_ground(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
-                     const Eigen::MatrixXd& covariance,
-                     const std::vector<std::vector<Eigen::Index>>& rows, int num_threads,
-                     std::vector<TrackFit>* fits) {
-  std::vector<GroundSpeaker> speakers(fits->size());
-  parallel_for(fits->size(), num_threads, [&](std::size_t i) {
-    const TrackFit& fit = (*fits)[i];
-    for (const View& v : fit.views) speakers[i].rows.push_back(rows[v.frame][v.detection]);
-    speakers[i].lead = static_cast<std::size_t>(fit.lead);
-    const View& lead = fit.views[speakers[i].lead];
-    // What no road point shows is the smoothness prior's word, which others cannot use.
-    const bool seen = frames[lead.frame].supports[lead.detection].status != Status::kNotObservable;
-    if (seen && distrust_of(fit.problem->problem(fit.lead), fit.answer().views[speakers[i].lead],
-                            camera, frames[lead.frame].detections[lead.detection].box)
-                    .empty()) {
-      speakers[i].said = fit.problem->message(fit.lead, fit.answer(), fit.stands);
+/// One round of message passing: every vehicle's message, and what follows from those of the
+/// others.
+struct GroundRound {
+  std::vector<GroundNode> nodes;     // one a fit
+  std::vector<std::string> reasons;  // why a node has no message
+  GroundPropagation result;
+};
+
+GroundRound pass_messages(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
+                          const Eigen::MatrixXd& covariance,
+                          const std::vector<std::vector<Eigen::Index>>& rows, int num_threads,
+                          const std::vector<SolvedTrack>& fits) {
+  GroundRound out;
+  out.nodes.resize(fits.size());
+  out.reasons.resize(fits.size());
+  parallel_for(fits.size(), num_threads, [&](std::size_t i) {
+    const SolvedTrack& fit = fits[i];
+    GroundNode& node = out.nodes[i];
+    std::string& reason = out.reasons[i];
+    for (const View& v : fit.views) node.rows.push_back(rows[v.frame][v.detection]);
+    node.lead = static_cast<std::size_t>(fit.lead);
+    const View& lead = fit.views[node.lead];
+    // What no road point shows is the smoothness prior's, which others have already.
+    if (frames[lead.frame].supports[lead.detection].status == Status::kNotObservable) {
+      reason = "the plane below it is not observable";
+      return;
     }
+    reason = distrust_of(fit.problem->problem(fit.lead), fit.answer().views[node.lead], camera,
+                         frames[lead.frame].detections[lead.detection].box);
+    if (!reason.empty()) return;
+    node.message = fit.problem->message(fit.lead, fit.answer(), fit.stands);
+    if (!node.message) reason = "its problem has no minimum";
   });
-  const std::vector<GroundPrior> priors = exchange_messages(covariance, speakers);
+  out.result = propagate(covariance, out.nodes);
+  return out;
+}
+
+/// Every vehicle is solved again with what the others' messages leave of its planes' prior.
+void solve_with_cavities(const GroundRound& round, int num_threads,
+                         std::vector<SolvedTrack>* fits) {
   parallel_for(fits->size(), num_threads, [&](std::size_t i) {
-    TrackFit& fit = (*fits)[i];
+    SolvedTrack& fit = (*fits)[i];
+    const GroundCavity& cavity = round.result.cavities[i];
     for (int k = 0; k < fit.problem->num_views(); ++k) {
-      fit.problem->set_plane(k, priors[i].mean.segment(3 * k, 3),
-                             priors[i].covariance.block(3 * k, 3 * k, 3, 3));
+      fit.problem->set_plane(k, cavity.mean.segment(3 * k, 3),
+                             cavity.covariance.block(3 * k, 3 * k, 3, 3));
     }
-    const Eigen::Index last = priors[i].mean.size() - 1;
-    fit.problem->set_scale(priors[i].mean[last], priors[i].covariance(last, last));
+    const Eigen::Index last = cavity.mean.size() - 1;
+    fit.problem->set_scale(cavity.mean[last], cavity.covariance(last, last));
     choose_hypothesis(&fit);
   });
+}
+
+std::vector<TrackMessage> report_messages(const GroundRound& round,
+                                          const std::vector<SolvedTrack>& fits) {
+  std::vector<TrackMessage> out(fits.size());
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    const View& lead = fits[i].views[static_cast<std::size_t>(fits[i].lead)];
+    out[i].lead = lead;
+    out[i].views = fits[i].views;
+    out[i].reason = round.reasons[i];
+    if (!round.nodes[i].message) continue;
+    out[i].message = *round.nodes[i].message;
+    out[i].weight = round.result.weights[i];
+    out[i].mahalanobis = std::sqrt(round.result.squared_distances[i]);
+    out[i].accepted = out[i].weight >= 0.5;
+    if (!out[i].accepted) {
+      out[i].reason = fmt::format("{:.1f} standard deviations off the road and the other vehicles",
+                                  out[i].mahalanobis);
+    }
+  }
+  return out;
+}
+
+/// Numbers of tracks of more than one detection; given ones stay, the others come after them.
+std::vector<std::vector<int>> report_tracks(const std::vector<TrackFrame>& frames,
+                                            const std::vector<std::vector<int>>& numbers,
+                                            const std::map<int, std::vector<View>>& tracks) {
+  int next = 0;
+  for (const TrackFrame& f : frames) {
+    for (const VehicleDetection& d : f.detections) next = std::max(next, d.track + 1);
+  }
+  std::vector<std::vector<int>> out;
+  for (const std::vector<int>& n : numbers) out.emplace_back(n.size(), -1);
+  for (const auto& [number, views] : tracks) {
+    (void)number;
+    const int given = frames[views.front().frame].detections[views.front().detection].track;
+    if (given < 0 && views.size() < 2) continue;
+    const int reported = given < 0 ? next++ : given;
+    for (const View& v : views) out[v.frame][v.detection] = reported;
+  }
+  return out;
 }
 
 /// Overlap of an earlier vehicle's box with a later detection: as if it stood still, or as it was.
@@ -952,11 +1013,9 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
   return out;
 }
 
-std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera,
-                                                     const std::vector<TrackFrame>& frames,
-                                                     const VehicleFitOptions& options,
-                                                     int num_threads, double scale_sigma,
-                                                     const SharedGround* ground) {
+TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
+                    const VehicleFitOptions& options, int num_threads, double scale_sigma,
+                    const SharedGround* ground) {
   options.validate();
   if (!(scale_sigma > 0.0)) {
     throw std::invalid_argument(fmt::format("scale_sigma: {}, must be > 0", scale_sigma));
@@ -965,12 +1024,12 @@ std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera
   const bool shared = ground && ground->covariance.size() > 0;
   std::vector<std::vector<Eigen::Index>> rows;
   if (shared) rows = ground_rows(frames, ground->covariance);
-  // One view alone has something to say and to hear where the ground is shared.
+  // One view alone has a message and takes those of others where the ground is shared.
   const std::size_t least_views = shared ? 1 : 2;
   std::map<int, std::vector<View>> tracks;
-  std::vector<std::vector<VehicleEstimate>> out;
+  TrackFit out;
   for (std::size_t t = 0; t < frames.size(); ++t) {
-    out.push_back(frames[t].estimates);
+    out.estimates.push_back(frames[t].estimates);
     for (std::size_t j = 0; j < numbers[t].size(); ++j) tracks[numbers[t][j]].push_back({t, j});
   }
   std::vector<std::vector<View>> lists;
@@ -982,23 +1041,27 @@ std::vector<std::vector<VehicleEstimate>> fit_tracks(const PinholeCamera& camera
                 views.end());
     if (views.size() >= least_views) lists.push_back(views);
   }
+  out.tracks = report_tracks(frames, numbers, tracks);
   const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
-  std::vector<std::optional<TrackFit>> started(lists.size());
+  std::vector<std::optional<SolvedTrack>> started(lists.size());
   parallel_for(lists.size(), num_threads, [&](std::size_t i) {
     started[i] = start_track(camera, frames, lists[i], options, scale_sigma, least_views);
     if (started[i]) solve_track(prior, &*started[i]);
   });
-  std::vector<TrackFit> fits;
-  for (std::optional<TrackFit>& f : started) {
+  std::vector<SolvedTrack> fits;
+  for (std::optional<SolvedTrack>& f : started) {
     if (f) fits.push_back(std::move(*f));
   }
   if (shared) {
-    for (int round = 0; round < kExchanges; ++round) {
-      exchange_ground(camera, frames, ground->covariance, rows, num_threads, &fits);
-    }
+    const auto round = [&] {
+      return pass_messages(camera, frames, ground->covariance, rows, num_threads, fits);
+    };
+    for (int i = 0; i < kGroundRounds; ++i) solve_with_cavities(round(), num_threads, &fits);
+    out.messages = report_messages(round(), fits);
+    for (TrackMessage& m : out.messages) m.track = out.tracks[m.lead.frame][m.lead.detection];
   }
   parallel_for(fits.size(), num_threads,
-               [&](std::size_t i) { write_track(camera, frames, prior, fits[i], &out); });
+               [&](std::size_t i) { write_track(camera, frames, prior, fits[i], &out.estimates); });
   return out;
 }
 

@@ -1,4 +1,4 @@
-#include "camber/vehicle/ground_exchange.h"
+#include "camber/vehicle/detail/ground_propagation.h"
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ Eigen::MatrixXd random_covariance(std::uint64_t stream, Eigen::Index size) {
 
 // A vehicle with its plane in one dense problem: the message times the plane's prior must be the
 // same posterior.
-TEST(GroundMessage, IsWhatTheDenseProblemSays) {
+TEST(GroundMessage, IsThatOfTheDenseProblem) {
   constexpr Eigen::Index kParameters = 9, kPose = 2;  // the last: log scale
   const Eigen::MatrixXd hessian = random_covariance(1, kParameters);
   const Eigen::VectorXd gradient = random_matrix(2, kParameters, 1);
@@ -38,8 +38,8 @@ TEST(GroundMessage, IsWhatTheDenseProblemSays) {
   stance.variance = {0.2, 0.3, 0.1};
   stance.by_pose = random_matrix(4, 3, 6);
   stance.by_plane = random_matrix(5, 3, 3);
-  const auto said = ground_message(hessian, gradient, kPose, stance);
-  ASSERT_TRUE(said);
+  const auto message = ground_message(hessian, gradient, kPose, stance);
+  ASSERT_TRUE(message);
 
   // Dense: parameters, then the plane; a prior on (plane, log scale).
   const Eigen::MatrixXd prior = random_covariance(6, 4).inverse();
@@ -57,8 +57,8 @@ TEST(GroundMessage, IsWhatTheDenseProblemSays) {
   }
   const Eigen::MatrixXd covariance = dense.inverse();
   const Eigen::VectorXd mean = covariance * right;
-  const Eigen::MatrixXd joined = (said->information + prior).inverse();
-  const Eigen::VectorXd joined_mean = joined * said->pull;
+  const Eigen::MatrixXd joined = (message->information + prior).inverse();
+  const Eigen::VectorXd joined_mean = joined * message->information_vector;
   for (int a = 0; a < 4; ++a) {
     EXPECT_NEAR(joined_mean[a], mean[at[a]], 1e-9);
     for (int b = 0; b < 4; ++b) EXPECT_NEAR(joined(a, b), covariance(at[a], at[b]), 1e-9);
@@ -78,30 +78,30 @@ TEST(GroundMessage, NothingFromAProblemWithoutAMinimum) {
 
 struct Scene {
   Eigen::MatrixXd covariance;  // of four planes and the scale
-  std::vector<GroundSpeaker> speakers;
+  std::vector<GroundNode> nodes;
 };
 
-/// Three vehicles; the last has two planes and speaks of the second.
+/// Three vehicles; the last has two planes and measures the second.
 Scene make_scene() {
   Scene out;
   out.covariance = random_covariance(7, 13);
-  out.speakers.resize(3);
-  out.speakers[0].rows = {0};
-  out.speakers[1].rows = {3};
-  out.speakers[2].rows = {6, 9};
-  out.speakers[2].lead = 1;
+  out.nodes.resize(3);
+  out.nodes[0].rows = {0};
+  out.nodes[1].rows = {3};
+  out.nodes[2].rows = {6, 9};
+  out.nodes[2].lead = 1;
   for (std::uint64_t i = 0; i < 3; ++i) {
-    GroundMessage said;
-    said.information = random_covariance(20 + i, 4);
-    said.pull = said.information * (0.3 * random_matrix(30 + i, 4, 1));
-    out.speakers[i].said = said;
+    GroundMessage message;
+    message.information = random_covariance(20 + i, 4);
+    message.information_vector = message.information * (0.3 * random_matrix(30 + i, 4, 1));
+    out.nodes[i].message = message;
   }
   return out;
 }
 
-TEST(GroundExchange, IsDenseInferenceWithoutOnesOwnWord) {
+TEST(GroundPropagation, IsDenseInferenceWithoutOnesOwnMessage) {
   const Scene scene = make_scene();
-  const auto priors = exchange_messages(scene.covariance, scene.speakers);
+  const auto priors = propagate(scene.covariance, scene.nodes).cavities;
   ASSERT_EQ(priors.size(), 3u);
   const Eigen::MatrixXd inverse = scene.covariance.inverse();
   for (std::size_t i = 0; i < 3; ++i) {
@@ -110,18 +110,18 @@ TEST(GroundExchange, IsDenseInferenceWithoutOnesOwnWord) {
     Eigen::VectorXd right = Eigen::VectorXd::Zero(13);
     for (std::size_t j = 0; j < 3; ++j) {
       if (j == i) continue;
-      const GroundSpeaker& s = scene.speakers[j];
+      const GroundNode& s = scene.nodes[j];
       const Eigen::Index first = s.rows[s.lead];
       const Eigen::Index at[4] = {first, first + 1, first + 2, 12};
       for (int a = 0; a < 4; ++a) {
-        right[at[a]] += s.said->pull[a];
-        for (int b = 0; b < 4; ++b) dense(at[a], at[b]) += s.said->information(a, b);
+        right[at[a]] += s.message->information_vector[a];
+        for (int b = 0; b < 4; ++b) dense(at[a], at[b]) += s.message->information(a, b);
       }
     }
     const Eigen::MatrixXd covariance = dense.inverse();
     const Eigen::VectorXd mean = covariance * right;
     std::vector<Eigen::Index> wanted;
-    for (const Eigen::Index row : scene.speakers[i].rows) {
+    for (const Eigen::Index row : scene.nodes[i].rows) {
       for (int a = 0; a < 3; ++a) wanted.push_back(row + a);
     }
     wanted.push_back(12);
@@ -134,45 +134,53 @@ TEST(GroundExchange, IsDenseInferenceWithoutOnesOwnWord) {
   }
 }
 
-TEST(GroundExchange, ListenersAndPlanesOfTheirOwnChangeNothing) {
+TEST(GroundPropagation, NodesWithoutMessageAndPlanesOfTheirOwnChangeNothing) {
   Scene scene = make_scene();
   // Nothing in common with the others, not even the scale.
   scene.covariance.block(0, 3, 3, 10).setZero();
   scene.covariance.block(3, 0, 10, 3).setZero();
-  const auto before = exchange_messages(scene.covariance, scene.speakers);
+  const auto before = propagate(scene.covariance, scene.nodes).cavities;
   EXPECT_LT(before[0].mean.head(3).norm(), 1e-12);
   EXPECT_LT(
       (before[0].covariance.topLeftCorner(3, 3) - scene.covariance.topLeftCorner(3, 3)).norm(),
       1e-12);
-  for (GroundSpeaker& s : scene.speakers) s.said.reset();
-  const auto alone = exchange_messages(scene.covariance, scene.speakers);
+  for (GroundNode& s : scene.nodes) s.message.reset();
+  const auto alone = propagate(scene.covariance, scene.nodes).cavities;
   EXPECT_LT((alone[2].covariance.topLeftCorner(6, 6) - scene.covariance.block(6, 6, 6, 6)).norm(),
             1e-12);
 }
 
-// Three vehicles on one plane; one of them says what the two others cannot believe.
-TEST(GroundExchange, OneThatContradictsTheRestHasLittleToSay) {
+// Three vehicles on one plane; one of them contradicts the two others.
+TEST(GroundPropagation, AMessageThatContradictsTheRestIsDownWeighted) {
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(10, 10);
   for (int i = 0; i < 3; ++i) {
     for (int k = 0; k < 3; ++k) covariance(3 * i + 2, 3 * k + 2) = 0.04;
     covariance.diagonal().segment<3>(3 * i) += Eigen::Vector3d(1e-4, 1e-4, 4e-4);
   }
   covariance(9, 9) = 1e-4;
-  std::vector<GroundSpeaker> speakers(3);
-  const auto says = [&](int i, double height) {
-    speakers[static_cast<std::size_t>(i)].rows = {3 * i};
-    GroundMessage said;
-    said.information(2, 2) = 1.0 / (0.03 * 0.03);
-    said.pull[2] = height / (0.03 * 0.03);
-    speakers[static_cast<std::size_t>(i)].said = said;
+  std::vector<GroundNode> nodes(3);
+  const auto measures = [&](int i, double height) {
+    nodes[static_cast<std::size_t>(i)].rows = {3 * i};
+    GroundMessage message;
+    message.information(2, 2) = 1.0 / (0.03 * 0.03);
+    message.information_vector[2] = height / (0.03 * 0.03);
+    nodes[static_cast<std::size_t>(i)].message = message;
   };
-  says(0, 0.10);
-  says(1, 0.12);
-  says(2, 0.90);
-  const auto heard = exchange_messages(covariance, speakers);
-  EXPECT_NEAR(heard[0].mean[2], 0.12, 0.06);  // 0.5 if both counted alike
-  EXPECT_NEAR(heard[2].mean[2], 0.11, 0.03);
-  EXPECT_LT(heard[2].covariance(2, 2), 0.05 * 0.05);  // from 0.2
+  measures(0, 0.10);
+  measures(1, 0.12);
+  measures(2, 0.90);
+  const GroundPropagation result = propagate(covariance, nodes);
+  const auto& cavities = result.cavities;
+  EXPECT_NEAR(cavities[0].mean[2], 0.12, 0.06);  // 0.5 if both counted alike
+  EXPECT_NEAR(cavities[2].mean[2], 0.11, 0.03);
+  EXPECT_LT(cavities[2].covariance(2, 2), 0.05 * 0.05);  // from 0.2
+  // The third is 0.79 m off a cavity and a message of 0.03 m each: beyond 15 standard deviations.
+  EXPECT_GT(result.squared_distances[2], 15.0 * 15.0);
+  EXPECT_LT(result.weights[2], 0.07);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_LT(result.squared_distances[static_cast<std::size_t>(i)], 9.0);
+    EXPECT_GT(result.weights[static_cast<std::size_t>(i)], 0.6);
+  }
 }
 
 }  // namespace
