@@ -15,12 +15,10 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, frames;
+  std::string scene, out, frames, method = "joint";
   ReconstructOptions options;
   bool no_pictures = false;
   bool no_masks = false;
-  bool no_markings = false;
-  bool no_road_width = false;
   bool overwrite = false;
   bool json = false;
 };
@@ -31,21 +29,8 @@ void add_scene_options(CLI::App& app, Arguments& a) {
       "--frames", a.frames,
       "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all; default: three, as far apart as "
       "it takes to see the road move");
-  app.add_option("--rounds", a.options.rounds,
-                 "times that images are matched again with the ground known")
-      ->check(non_negative_number())
-      ->capture_default_str();
-  app.add_option("--ground", a.options.ground,
-                 "what the ground is fitted to: matches (triangulated points), grey (direct "
-                 "alignment of the images) or both")
-      ->check(CLI::IsMember({"matches", "grey", "both"}))
-      ->capture_default_str();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
-  app.add_flag("--no-markings", a.no_markings,
-               "do not use painted markings whose sizes the scene gives (markings_m)");
-  app.add_flag("--no-road-width", a.no_road_width,
-               "do not use that the road's width hardly changes along it");
 }
 
 Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
@@ -53,9 +38,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   scene = read_scene(a.scene, make_warning_sink(command.common));
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
-  a.options.use_masks = !a.no_masks;
-  a.options.use_markings = !a.no_markings;
-  a.options.use_road_width = !a.no_road_width;
+  a.options.load.use_masks = !a.no_masks;
   std::vector<int> frames;
   if (a.frames.empty()) {
     const ChosenFrames chosen = choose_frames(scene);
@@ -69,6 +52,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   keep_freed_memory();
   Reconstruction result = reconstruct(scene, frames, a.options, progress);
   result.run.extra["command"] = command.common.command_line;
+  result.run.scene = a.scene;
   return result;
 }
 
@@ -93,7 +77,7 @@ void register_reconstruct(CLI::App& root) {
   CLI::App& app = *command->app;
   add_scene_options(app, a);
   app.add_option("--out", a.out, "result folder; an earlier result there is replaced")->required();
-  app.add_option("--method", a.options.method,
+  app.add_option("--method", a.method,
                  "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "
                  "plane at the camera's height)")
       ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
@@ -103,6 +87,7 @@ void register_reconstruct(CLI::App& root) {
   app.add_flag("--json", a.json, "print run.json to stdout");
   command->run = [command, arguments] {
     Arguments& args = *arguments;
+    args.options.vehicles.method = vehicle_method_from_string(args.method);
     Scene scene;
     Reconstruction result = run(*command, args, scene);
     WriteReconstructionOptions options;
@@ -149,7 +134,6 @@ void register_triangulate(CLI::App& root) {
                        ": unknown extension, expected .ply, .pcd, .bin, "
                        ".xyz, .csv or .las");
     }
-    args.options.with_vehicles = false;
     Scene scene;
     Reconstruction result = run(*command, args, scene);
     {

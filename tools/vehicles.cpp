@@ -17,12 +17,12 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, kitti_labels, frames, prior, surface,
-      preset = "default", schedule = "together", links = "continuity";
+  std::string scene, out, kitti_labels, frames, prior, surface, method = "joint",
+                                                                preset = "default";
   EstimateVehiclesOptions options;
   std::vector<std::filesystem::path> calibration;
   int camera = 2;
-  bool one_problem = false, no_tracks = false;
+  bool no_tracks = false;
   bool json = false;
 };
 
@@ -73,24 +73,21 @@ void register_vehicles(CLI::App& root) {
   app.add_option("--camera", a.camera, "the scene's camera in that calibration")
       ->check(CLI::Range(0, 3))
       ->capture_default_str();
-  app.add_option("--method", a.options.method,
+  app.add_option("--method", a.method,
                  "joint (own planes, weighed by how well they are known), coplanar (ego plane for "
                  "all), flat (level plane at the camera's height)")
       ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
       ->capture_default_str();
   app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
-  app.add_option("--keypoint-set", a.options.fit.keypoint_set, "keypoints to use: 36 or 14")
+  app.add_option("--keypoint-set", a.options.vehicles.fit.keypoint_set,
+                 "keypoints to use: 36 or 14")
       ->check(CLI::IsMember({36, 14}))
       ->capture_default_str();
-  app.add_option("--coefficients", a.options.fit.num_coefficients,
-                 "shape coefficients to estimate; 0: mean shape")
-      ->check(CLI::Range(0, 20))
-      ->capture_default_str();
-  app.add_option("--given-sigma-height", a.options.support.given_sigma_height,
+  app.add_option("--given-sigma-height", a.options.vehicles.support.given_sigma_height,
                  "m, standard deviation of a given plane's height")
       ->check(positive_number())
       ->capture_default_str();
-  app.add_option("--given-sigma-tilt", a.options.support.given_sigma_tilt,
+  app.add_option("--given-sigma-tilt", a.options.vehicles.support.given_sigma_tilt,
                  "rad, standard deviation of a given plane's tilt")
       ->check(positive_number())
       ->capture_default_str();
@@ -104,18 +101,6 @@ void register_vehicles(CLI::App& root) {
          "default, or paper: the paper's equations as printed, hand-set weights, one problem "
          "over all vehicles and planes of a frame")
       ->check(CLI::IsMember({"default", "paper"}))
-      ->capture_default_str();
-  app.add_flag("--one-problem", a.one_problem,
-               "all vehicles and planes of a frame in one problem, every term weighed by its "
-               "standard deviation");
-  app.add_option("--schedule", a.schedule,
-                 "of that problem: together, or alternating (pose, shape)")
-      ->check(CLI::IsMember({"together", "alternating"}))
-      ->capture_default_str();
-  app.add_option("--links", a.links,
-                 "of that problem, between neighbouring planes: none, consistency (equal planes), "
-                 "continuity (equal heights midway)")
-      ->check(CLI::IsMember({"none", "consistency", "continuity"}))
       ->capture_default_str();
   app.add_option("--prior", a.prior, "vehicle prior file; default: the shipped one");
   app.add_flag("--json", a.json, "print the result with options and timings to stdout");
@@ -147,26 +132,15 @@ void register_vehicles(CLI::App& root) {
       }
       if (!args.prior.empty()) {
         prior = read_vehicle_prior(args.prior);
-        args.options.fit.prior = &prior;
+        args.options.vehicles.fit.prior = &prior;
       }
     }
-    args.options.fit.seed = command->common.seed;
-    args.options.num_threads = command->common.threads;
-    args.options.tracks = !args.no_tracks;
-    args.options.one_problem = args.one_problem || args.preset == "paper" ||
-                               command->app->count("--schedule") > 0 ||
-                               command->app->count("--links") > 0;
-    JointFitOptions& joint = args.options.joint;
-    if (args.preset == "paper") joint = JointFitOptions::paper();
-    if (args.preset != "paper" || command->app->count("--links") > 0) {
-      joint.links = args.links == "none"          ? PlaneLinks::kNone
-                    : args.links == "consistency" ? PlaneLinks::kConsistency
-                                                  : PlaneLinks::kContinuity;
-    }
-    joint.alternating = args.schedule == "alternating";
-    if (command->app->count("--coefficients") > 0) {
-      joint.num_coefficients = args.options.fit.num_coefficients;
-    }
+    stages::VehicleOptions& options = args.options.vehicles;
+    options.method = vehicle_method_from_string(args.method);
+    options.num_threads = command->common.threads;
+    options.tracks = !args.no_tracks;
+    args.options.one_problem = args.preset == "paper";
+    if (args.options.one_problem) args.options.joint = JointFitOptions::paper();
     VehicleDocument document;
     {
       const StageTimer timer(timings, "compute");
@@ -190,18 +164,14 @@ void register_vehicles(CLI::App& root) {
     if (args.json) {
       json["version"] = kVersion;
       json["seed"] = command->common.seed;
-      json["options"] = {{"method", args.options.method},
+      json["options"] = {{"method", args.method},
                          {"frames", frames},
                          {"surface", args.surface},
-                         {"tracks", args.options.tracks},
+                         {"tracks", options.tracks},
                          {"preset", args.preset},
-                         {"one_problem", args.options.one_problem},
-                         {"schedule", args.schedule},
-                         {"links", args.links},
-                         {"keypoint_set", args.options.fit.keypoint_set},
-                         {"coefficients", args.options.fit.num_coefficients},
-                         {"given_sigma_height", args.options.support.given_sigma_height},
-                         {"given_sigma_tilt", args.options.support.given_sigma_tilt},
+                         {"keypoint_set", options.fit.keypoint_set},
+                         {"given_sigma_height", options.support.given_sigma_height},
+                         {"given_sigma_tilt", options.support.given_sigma_tilt},
                          {"prior", args.prior.empty() ? "shipped" : args.prior}};
       for (const auto& [stage, milliseconds] : timings.stages()) {
         json["timings_ms"][stage] = milliseconds;

@@ -391,33 +391,28 @@ int main(int argc, char** argv) {
       steep_scenes(steep, first, last, title, options);
     };
     row("Ablation: flow and one plane (ego plane for all)", 1, 3, [](ReconstructOptions& o) {
-      o.method = "coplanar";
+      o.vehicles.method = VehicleMethod::kCoplanar;
       o.rounds = 0;
-      o.ground = "matches";
+      o.photometric = false;
     });
     row("Ablation: flow, smooth ground", 1, 3, [](ReconstructOptions& o) {
       o.rounds = 0;
-      o.ground = "matches";
-      o.joint_planes = false;
+      o.photometric = false;
     });
-    row("Ablation: matched again with the ground known", 1, 3, [](ReconstructOptions& o) {
-      o.ground = "matches";
-      o.joint_planes = false;
-    });
-    row("Ablation: grey values alone", 1, 3, [](ReconstructOptions& o) {
-      o.ground = "grey";
-      o.joint_planes = false;
-    });
-    row("Ablation: matches and grey values", 1, 3,
-        [](ReconstructOptions& o) { o.joint_planes = false; });
-    row("Ablation: matches and grey values, planes solved with the vehicles", 1, 3,
+    row("Ablation: matched again with the ground known", 1, 3,
+        [](ReconstructOptions& o) { o.photometric = false; });
+    row("Ablation: without painted markings", 1, 3,
+        [](ReconstructOptions& o) { o.scale.use_markings = false; });
+    row("Ablation: without the road's width", 1, 3,
+        [](ReconstructOptions& o) { o.scale.use_road_width = false; });
+    row("Ablation: matches, intensities, markings, width and vehicles", 1, 3,
         [](ReconstructOptions&) {});
     row("Ablation: the same, two frames", 1, 2, [](ReconstructOptions&) {});
     row("Ablation: the same, five frames", 0, 4, [](ReconstructOptions&) {});
     row("Ablation: the same, three frames, masks not read", 1, 3,
-        [](ReconstructOptions& o) { o.use_masks = false; });
+        [](ReconstructOptions& o) { o.load.use_masks = false; });
     row("Ablation: the same, five frames, masks not read", 0, 4,
-        [](ReconstructOptions& o) { o.use_masks = false; });
+        [](ReconstructOptions& o) { o.load.use_masks = false; });
   }
   if (!wanted("time")) return 0;
   std::printf("\n## Time of the computing stages, pictures left out, median of five runs\n");

@@ -23,8 +23,8 @@
 
 #include "camber/core/errors.h"
 #include "camber/evaluate/tables.h"
+#include "camber/image/image_io.h"
 #include "camber/pipeline/reconstruct.h"
-#include "camber/scene/image_io.h"
 #include "camber/scene/results.h"
 #include "camber/synth/synthesise.h"
 #include "camber/vehicle/fit_vehicle.h"
@@ -74,7 +74,6 @@ Road find_road(const Scene& scene, const std::vector<int>& frames, const fs::pat
   Road road;
   if (!kept.empty() && read_road(kept, &road)) return road;
   ReconstructOptions options;
-  options.joint_planes = false;  // the road alone: no vehicle has told of it yet
   Reconstruction result = reconstruct(scene, frames, options);
   road.surface = std::move(result.surface);
   road.run = std::move(result.run);
@@ -110,7 +109,7 @@ std::vector<Clip> read_clips(const fs::path& folder, const fs::path& keep) {
                           kept.empty() ? kept : kept / "five");
     for (const SceneFrame& f : clip.scene.frames) {
       FrameImage image = read_frame_image(f.image, clip.scene.camera);
-      clip.images[f.id] = {image.grey.width, image.grey.height, std::move(image.grey.data)};
+      clip.images[f.id] = std::move(image.gray);
     }
     out.push_back(std::move(clip));
   }
@@ -138,7 +137,9 @@ SupportPlane found_support(const Road& road, int frame, const VehicleDetection& 
                                                             : road.surface.ego_patch;
       const PlanePatch* patch = road.surface.find(id);
       SupportPlane out;
-      out.plane = patch->plane.transformed(frame_from_reference);
+      // By the road alone: the vehicles are about to enter again.
+      const UncertainPlane& plane = patch->without_vehicle ? *patch->without_vehicle : patch->plane;
+      out.plane = plane.transformed(frame_from_reference);
       out.source = v.plane_source;
       out.status = patch->status;
       return out;

@@ -259,17 +259,17 @@ TEST_F(SteepHill, PicturesComeWithAReportAndAScene) {
 }
 
 TEST_F(SteepHill, InterruptedRunsLeaveNothing) {
-  // Rounds enough for minutes; interrupted after a second and a half.
-  const auto result = run_camber(
-      {"reconstruct", scene(), "--rounds", "1000", "--no-pictures", "--out", path("result")}, 1500);
+  // With one thread and pictures a run takes some two seconds.
+  const auto result =
+      run_camber({"reconstruct", scene(), "--threads", "1", "--out", path("result")}, 400);
   EXPECT_ONE_SENTENCE(result, 130, "interrupted");
   EXPECT_TRUE(fs::is_empty(folder_.path()));
 }
 
 TEST_F(SteepHill, RunsThatAreToldToEndLeaveNothing) {
   for (const int signal : {SIGTERM, SIGHUP}) {
-    const auto result = run_camber(
-        {"reconstruct", scene(), "--rounds", "1000", "--out", path("result")}, 1000, signal);
+    const auto result =
+        run_camber({"reconstruct", scene(), "--threads", "1", "--out", path("result")}, 400, signal);
     EXPECT_ONE_SENTENCE(result, 130, "interrupted");
     EXPECT_TRUE(fs::is_empty(folder_.path()));
   }
@@ -304,7 +304,6 @@ TEST_F(SteepHill, NumbersThatAreNoneAreNamedWithWhatWasExpected) {
       {"--seed", "-1", "found '-1', expected a whole number from 0 to 18446744073709551615"},
       {"--seed", "99999999999999999999", "expected a whole number from 0"},
       {"--threads", "0", "found '0', expected a number above 0"},
-      {"--rounds", "-1", "found '-1', expected a number of at least 0"},
       {"--out", "", "found an empty name"}};
   for (const auto& [option, value, part] : cases) {
     std::vector<std::string> arguments = {"reconstruct", scene(), "--no-pictures", option, value};

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "cli/run_program.h"
 #include "scene/write_image.h"
 #include "support/test_data.h"

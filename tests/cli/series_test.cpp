@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "cli/run_program.h"
 #include "support/test_data.h"
 

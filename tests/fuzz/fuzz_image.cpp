@@ -1,7 +1,7 @@
 // Any bytes as a PNG or JPEG image: decoded completely, or refused with an InputError.
 
 #include "camber/core/errors.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "memory_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

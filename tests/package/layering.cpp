@@ -72,8 +72,8 @@ std::string module_of(const std::string& target) {
 
 const std::vector<std::string>& folder_order() {
   static const std::vector<std::string> order{
-      "core",    "geometry", "cloud",    "plane",  "road",  "motion",    "photometric",
-      "vehicle", "scene",    "evaluate", "render", "synth", "keypoints", "pipeline"};
+      "core",    "geometry", "image",  "cloud", "plane",    "road",   "motion", "photometric", "scale",
+      "vehicle", "detect",   "scene",  "evaluate", "export", "render", "synth",  "tiles", "pipeline"};
   return order;
 }
 

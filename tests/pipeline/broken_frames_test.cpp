@@ -90,22 +90,22 @@ TEST_F(BrokenFrames, SoundFramesAreRight) {
 }
 
 // A flow bends at the lower border of the image, and the nearest road carries the scale.
-TEST_F(BrokenFrames, TheScaleIsThatOfTheGreyValues) {
+TEST_F(BrokenFrames, TheScaleIsThatOfTheIntensities) {
   constexpr double kStep = 0.8;
   const Scene scene = make_scene(street(flat), {-1, 0, 1}, {}, kStep);
-  const auto scale_error = [&](const char* ground) {
+  const auto scale_error = [&](bool photometric) {
     ReconstructOptions options;
-    options.ground = ground;
+    options.photometric = photometric;
     const Reconstruction result = reconstruct(scene, {0, 1, 2}, options);
-    double way = 0.0;
+    double length = 0.0;
     for (const RunDocument::CameraPose& camera : result.run.cameras) {
-      way += camera.reference_from_camera.translation().norm();
+      length += camera.reference_from_camera.translation().norm();
     }
-    return std::abs(way / (2.0 * kStep) - 1.0);
+    return std::abs(length / (2.0 * kStep) - 1.0);
   };
-  const double both = scale_error("both");
-  EXPECT_LT(both, 0.003);                         // 0.0004 measured
-  EXPECT_LT(both, 0.5 * scale_error("matches"));  // 0.0081 measured
+  const double with = scale_error(true);
+  EXPECT_LT(with, 0.003);                     // 0.0004 measured
+  EXPECT_LT(with, 0.5 * scale_error(false));  // 0.0081 measured
 }
 
 TEST_F(BrokenFrames, WrongExposureOfOneFrame) {

@@ -140,6 +140,17 @@ void expect_identical(const Reconstruction& a, const Reconstruction& b) {
   EXPECT_EQ(a.cloud.scalars, b.cloud.scalars);
 }
 
+/// The same points of the same road, whose scale differs by less than its uncertainty.
+void expect_same_road(const Reconstruction& a, const Reconstruction& b) {
+  EXPECT_LT(std::abs(std::log(a.run.scale / b.run.scale)), 0.5 * a.run.scale_sigma);
+  EXPECT_EQ(a.run.points_kept, b.run.points_kept);
+  ASSERT_EQ(a.cloud.size(), b.cloud.size());
+  for (std::size_t i = 0; i < a.cloud.size(); ++i) {
+    const float sigma = std::max(a.cloud.sigmas[i], b.cloud.sigmas[i]);
+    ASSERT_LT((a.cloud.points[i] - b.cloud.points[i]).norm(), 3.0f * sigma) << i;
+  }
+}
+
 TEST_F(SteepHillRun, TwoThreadsFindTheSame) {
   ReconstructOptions options;
   options.num_threads = 2;
@@ -154,7 +165,7 @@ TEST_F(SteepHillRun, TruthIsNotRead) {
 
 TEST_F(SteepHillRun, WithoutMasksTheRoadIsFoundByGeometry) {
   ReconstructOptions options;
-  options.use_masks = false;
+  options.load.use_masks = false;
   const Reconstruction result = reconstruct(*scene_, {0, 1, 2}, options);
   const SceneMetrics found = metrics(*scene_, result);
   EXPECT_LT(std::abs(found.scale_error), 0.03);
@@ -181,12 +192,11 @@ TEST_F(SteepHillRun, FlatAndCoplanarPutAllVehiclesOnOnePlane) {
   for (const char* method : {"flat", "coplanar"}) {
     SCOPED_TRACE(method);
     ReconstructOptions options;
-    options.method = method;
+    options.vehicles.method = vehicle_method_from_string(method);
     const Reconstruction result = reconstruct(*scene_, {0, 1, 2}, options);
     EXPECT_EQ(result.vehicles.method, method);
-    // The motion and the road's points do not depend on it.
-    EXPECT_EQ(result.run.scale, result_->run.scale);
-    EXPECT_EQ(result.cloud.points, result_->cloud.points);
+    // What joint vehicles measure of the road is small beside its own uncertainty.
+    expect_same_road(result, *result_);
     for (const VehicleFrame& frame : result.vehicles.frames) {
       ASSERT_FALSE(frame.vehicles.empty());
       const Plane& first = frame.vehicles[0].plane;
@@ -219,7 +229,7 @@ TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {
   EXPECT_EQ(result_->run.extra["markings"]["status"], "used");
   EXPECT_GE(result_->run.extra["markings"]["dashes"], 2);
   ReconstructOptions options;
-  options.use_markings = false;
+  options.scale.use_markings = false;
   const Reconstruction without = reconstruct(*scene_, {0, 1, 2}, options);
   EXPECT_EQ(without.run.extra["markings"]["status"], "not run");
   EXPECT_LT(result_->surface.scale_sigma, without.surface.scale_sigma);
@@ -230,11 +240,11 @@ TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
   EXPECT_GE(result_->run.extra["road_width"]["places"], 8);
   EXPECT_GT(result_->run.extra["road_width"]["farthest"], 25.0);
   ReconstructOptions options;
-  options.use_road_width = false;
-  options.with_vehicles = false;
+  options.scale.use_road_width = false;
+  options.vehicles.enabled = false;
   EXPECT_EQ(reconstruct(*scene_, {0, 1, 2}, options).run.extra["road_width"]["status"], "not run");
-  options.use_road_width = true;
-  options.use_masks = false;
+  options.scale.use_road_width = true;
+  options.load.use_masks = false;
   const Reconstruction blind = reconstruct(*scene_, {0, 1, 2}, options);
   EXPECT_EQ(blind.run.extra["road_width"]["status"], "not used");
   EXPECT_EQ(blind.run.extra["road_width"]["reason"], "no mask shows where the road ends");
@@ -242,10 +252,10 @@ TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
 
 TEST_F(SteepHillRun, TheRoadAlone) {
   ReconstructOptions options;
-  options.with_vehicles = false;
+  options.vehicles.enabled = false;
   const Reconstruction result = reconstruct(*scene_, {0, 1, 2}, options);
   for (const VehicleFrame& frame : result.vehicles.frames) EXPECT_TRUE(frame.vehicles.empty());
-  EXPECT_EQ(result.cloud.points, result_->cloud.points);
+  expect_same_road(result, *result_);
 }
 
 TEST_F(SteepHillRun, FramesThatCannotAnswerSaySo) {
@@ -278,14 +288,12 @@ TEST_F(SteepHillRun, ProgressIsToldAndMayInterrupt) {
 TEST(ReconstructOptions, ValidateNamesTheField) {
   ReconstructOptions options;
   EXPECT_NO_THROW(options.validate());
-  options.method = "best";
   try {
-    options.validate();
+    vehicle_method_from_string("best");
     ADD_FAILURE();
   } catch (const std::invalid_argument& e) {
     EXPECT_THAT(e.what(), HasSubstr("best"));
   }
-  options = {};
   options.rounds = -1;
   EXPECT_THROW(options.validate(), std::invalid_argument);
 }

@@ -6,14 +6,18 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <memory>
 #include <vector>
+
+#include "support/made_road.h"
 
 namespace camber {
 namespace {
 
 const PinholeCamera kCamera{640, 240, 400.0, 400.0, 320.0, 100.0};
 
-GroundField field_of(const Plane& plane) {
+/// Whose scale is known to 0.1 %.
+RoadPosterior road_of(const Plane& plane) {
   GroundObservations observations;
   const Eigen::Vector3d m = -plane.normal / plane.offset;
   for (int v = 100; v < kCamera.height; v += 2) {
@@ -25,15 +29,17 @@ GroundField field_of(const Plane& plane) {
       observations.sigma.push_back(0.003);
     }
   }
-  return GroundField(kCamera, observations, plane, {});
+  return test::road_posterior(
+      std::make_shared<GroundField>(kCamera, observations, plane, GroundFieldOptions()), {}, 1.65,
+      1.0, 0.001);
 }
 
 TEST(FitLocalPlane, FindsTheInclinedPlaneThatTheFieldIs) {
   const Plane truth{Eigen::Vector3d(0.04, -1.0, -0.08).normalized(), 1.65};
-  const GroundField field = field_of(truth);
+  const RoadPosterior road = road_of(truth);
   for (const Eigen::Vector2d& contact : {Eigen::Vector2d(320, 200), Eigen::Vector2d(150, 160),
                                          Eigen::Vector2d(420, 130), Eigen::Vector2d(330, 100)}) {
-    const LocalPlane found = fit_local_plane(field, kCamera, contact, {}, {});
+    const LocalPlane found = fit_local_plane(road, kCamera, contact, {});
     ASSERT_EQ(found.status, Status::kOk) << found.reason;
     // The field is that plane to 1e-6 of each inverse depth; a footprint of 4.3 m seen from 30 m
     // multiplies that by some hundred.
@@ -42,7 +48,7 @@ TEST(FitLocalPlane, FindsTheInclinedPlaneThatTheFieldIs) {
     EXPECT_NEAR(found.plane.plane.signed_distance(found.plane.centroid), 0.0, 1e-9);
     EXPECT_GT(found.support, 0.0);
     // The footprint lies behind the contact.
-    const double depth = 1.0 / field.inverse_depth(contact);
+    const double depth = 1.0 / road.inverse_depth(contact);
     EXPECT_GT(found.plane.centroid.z(), depth);
     EXPECT_LT(found.plane.centroid.z(), depth + 4.3);
     EXPECT_GT(found.plane.axis1.z(), 0.9);
@@ -54,17 +60,17 @@ TEST(FitLocalPlane, AWallIsNoRoad) {
   // Leaning back by 40 degrees from upright, 12 m ahead.
   const Eigen::Vector3d normal = Eigen::Vector3d(0.0, -0.64, -0.77).normalized();
   const Plane wall = Plane::through({0.0, 1.0, 12.0}, normal);
-  const GroundField field = field_of(wall);
-  const LocalPlane found = fit_local_plane(field, kCamera, {320, 140}, {}, {});
+  const RoadPosterior road = road_of(wall);
+  const LocalPlane found = fit_local_plane(road, kCamera, {320, 140}, {});
   EXPECT_EQ(found.status, Status::kFailed);
   EXPECT_NE(found.reason.find("steep"), std::string::npos) << found.reason;
 }
 
 TEST(FitLocalPlane, FartherPlanesAreLessCertain) {
-  const GroundField field = field_of({{0, -1, 0}, 1.65});
+  const RoadPosterior road = road_of({{0, -1, 0}, 1.65});
   double before = 0.0;
   for (const double v : {200.0, 160.0, 130.0, 120.0}) {
-    const LocalPlane found = fit_local_plane(field, kCamera, {320, v}, {}, {});
+    const LocalPlane found = fit_local_plane(road, kCamera, {320, v}, {});
     const double variance = found.plane.height_variance(found.plane.centroid);
     EXPECT_GT(variance, before);
     before = variance;
@@ -72,16 +78,16 @@ TEST(FitLocalPlane, FartherPlanesAreLessCertain) {
 }
 
 TEST(JointCovariance, OwnCovariancesOnTheDiagonalAndNeighboursHangTogether) {
-  const GroundField field = field_of({{0, -1, 0}, 1.65});
+  const RoadPosterior road = road_of({{0, -1, 0}, 1.65});
   const LocalPlaneOptions options;
   std::vector<LocalPlane> planes;
   // Side by side and far away, then near.
   for (const Eigen::Vector2d& contact :
        {Eigen::Vector2d(300, 118), Eigen::Vector2d(330, 118), Eigen::Vector2d(320, 200)}) {
-    planes.push_back(fit_local_plane(field, kCamera, contact, {}, options));
+    planes.push_back(fit_local_plane(road, kCamera, contact, options));
     ASSERT_EQ(planes.back().status, Status::kOk);
   }
-  const Eigen::MatrixXd joint = joint_covariance(field, planes, {}, options);
+  const Eigen::MatrixXd joint = joint_covariance(road, planes, options);
   ASSERT_EQ(joint.rows(), 9);
   for (int i = 0; i < 3; ++i) {
     const Eigen::Matrix3d& own = planes[static_cast<std::size_t>(i)].plane.covariance;
@@ -97,8 +103,8 @@ TEST(JointCovariance, OwnCovariancesOnTheDiagonalAndNeighboursHangTogether) {
 }
 
 TEST(FitLocalPlane, TheSkyIsNoGround) {
-  const GroundField field = field_of({Eigen::Vector3d(0, -1, 0), 1.65});
-  const LocalPlane found = fit_local_plane(field, kCamera, {320, 20}, {}, {});
+  const RoadPosterior road = road_of({Eigen::Vector3d(0, -1, 0), 1.65});
+  const LocalPlane found = fit_local_plane(road, kCamera, {320, 20}, {});
   // Above its top the field goes on as its top row, 60 m away: the answer is that or none, and a
   // plane there is not certain.
   if (found.status != Status::kFailed) {

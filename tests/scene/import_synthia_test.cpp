@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "camber/core/errors.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "scene/write_image.h"
 #include "support/test_data.h"
 

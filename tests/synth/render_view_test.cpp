@@ -6,7 +6,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/scene.h"
 #include "camber/synth/synthesise.h"
 #include "camber/synth/triangle_ids.h"

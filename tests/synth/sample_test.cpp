@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/scene.h"
 #include "camber/synth/synthesise.h"
 #include "support/test_data.h"

@@ -13,7 +13,7 @@
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
-#include "camber/motion/single_threaded_opencv.h"
+#include "camber/image/detail/single_threaded_opencv.h"
 
 namespace camber {
 namespace {

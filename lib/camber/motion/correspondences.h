@@ -4,20 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "camber/core/progress.h"
+#include "camber/image/image.h"
 
 namespace camber {
-
-/// 8-bit grey image, rows from the top, no padding.
-struct GrayImage {
-  int width = 0, height = 0;
-  std::vector<std::uint8_t> pixels;
-
-  bool empty() const { return pixels.empty(); }
-  const std::uint8_t* row(int y) const {
-    return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
-  }
-};
 
 struct CorrespondenceOptions {
   int step = 2;                      ///< pixels between grid points, >= 1
@@ -46,6 +35,12 @@ struct Correspondences {
   /// falls with e' S e.
   std::vector<Eigen::Vector3f> texture;
   std::vector<MatchedImage> matches;  ///< one for every image but the reference, in order
+
+  /// Row-major index of a grid point's pixel in an image of that width.
+  std::size_t image_index(std::size_t point, int width) const {
+    return static_cast<std::size_t>(pixels[point].y()) * static_cast<std::size_t>(width) +
+           static_cast<std::size_t>(pixels[point].x());
+  }
 };
 
 /// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,

@@ -394,4 +394,52 @@ MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences&
   return out;
 }
 
+MotionEstimate motion_from_known_poses(const std::vector<SE3>& frame_from_reference,
+                                       std::size_t reference, const KnownPoseOptions& options) {
+  MotionEstimate out;
+  double longest = 0.0;
+  for (const SE3& pose : frame_from_reference) {
+    longest = std::max(longest, pose.translation().norm());
+  }
+  if (reference >= frame_from_reference.size()) {
+    throw std::invalid_argument("reference = " + std::to_string(reference) +
+                                ", expected an index into the poses");
+  }
+  if (!(longest > options.shortest_baseline)) {
+    out.status = Status::kFailed;
+    out.reason = "the camera stands still: the given poses are less than 2 cm apart";
+    return out;
+  }
+  out.frame_from_reference = frame_from_reference;
+  for (SE3& pose : out.frame_from_reference) pose.set_translation(pose.translation() / longest);
+  const auto n = static_cast<Eigen::Index>(6 * (frame_from_reference.size() - 1));
+  out.covariance = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double sigma = i % 6 < 3 ? options.rotation_sigma : options.translation_sigma / longest;
+    out.covariance(i, i) = sigma * sigma;
+  }
+  out.pixel_sigma = options.pixel_sigma;
+  out.metres_per_baseline = longest;
+  out.baseline_sigma = options.translation_sigma / longest;
+  out.status = Status::kOk;
+  return out;
+}
+
+Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t reference) {
+  const auto position = [&](std::size_t k) -> Eigen::Vector3d {
+    return motion.frame_from_reference[k].inverse().translation();
+  };
+  Eigen::Vector3d direction;
+  if (reference > 0 && reference + 1 < motion.frame_from_reference.size()) {
+    const Eigen::Vector3d before = position(reference - 1), after = position(reference + 1);
+    const double l1 = before.norm(), l2 = after.norm();
+    direction = after * (l1 / l2) - before * (l2 / l1);
+  } else {
+    direction = reference > 0 ? Eigen::Vector3d(-position(reference - 1)) : position(reference + 1);
+  }
+  // A camera that looks back along its trajectory (reversing) still sees the road ahead of it.
+  if (direction.z() < 0) direction = -direction;
+  return direction.normalized();
+}
+
 }  // namespace camber

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,7 +39,35 @@ struct MotionEstimate {
   double pixel_sigma = 0.0;   ///< px, robust standard deviation of a match's coordinate
   int points = 0;             ///< static points in the bundle adjustment
   double inlier_ratio = 0.0;  ///< share of the sampled matches that obey the motion
+  /// Length of the longest baseline, m, where the poses were given; none: up to scale.
+  std::optional<double> metres_per_baseline;
+  double baseline_sigma = 0.0;  ///< relative standard deviation of that length
 };
+
+/// How well given poses are taken to be known, against each other.
+struct KnownPoseOptions {
+  double rotation_sigma = 1e-4;      ///< rad, > 0
+  double translation_sigma = 0.003;  ///< m, > 0
+  double pixel_sigma = 0.2;          ///< px, of a match's coordinate, > 0
+  double shortest_baseline = 0.02;   ///< m, below which the camera stands, > 0
+};
+
+/// The motion of a camera whose poses are given, in metres.
+/// @param frame_from_reference  one an image, the identity for the reference.
+/// @return kFailed where no two poses are shortest_baseline apart.
+MotionEstimate motion_from_known_poses(const std::vector<SE3>& frame_from_reference,
+                                       std::size_t reference, const KnownPoseOptions& options);
+
+/// An image's pose from the reference camera, m.
+inline SE3 metric_pose(const MotionEstimate& motion, std::size_t image,
+                       double metres_per_baseline) {
+  const SE3& pose = motion.frame_from_reference[image];
+  return {pose.rotation(), pose.translation() * metres_per_baseline};
+}
+
+/// Direction of travel at the reference image, unit, its camera frame, forward (z > 0): derivative
+/// of the parabola through the neighbouring positions, or the baseline to the only neighbour.
+Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t reference);
 
 /// Estimates the motion from dense correspondences of static points: a robust essential matrix
 /// (MAGSAC) for the image with the widest motion, the others by resection on the points

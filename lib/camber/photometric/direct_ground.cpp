@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "camber/core/threads.h"
-#include "camber/motion/single_threaded_opencv.h"
+#include "camber/image/detail/single_threaded_opencv.h"
 
 namespace camber {
 namespace {

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "camber/core/errors.h"
+#include "camber/image/image_io.h"
 #include "camber/motion/correspondences.h"
 #include "camber/pipeline/reconstruct.h"
-#include "camber/scene/image_io.h"
 
 namespace camber {
 namespace {
@@ -22,7 +22,7 @@ GrayImage small_image(const Scene& scene, std::size_t index) {
                         " has no image in the manifest; reconstruction needs images");
   }
   FrameImage image = read_frame_image(frame.image, scene.camera);
-  const cv::Mat full(image.grey.height, image.grey.width, CV_8UC1, image.grey.data.data());
+  const cv::Mat full(image.gray.height, image.gray.width, CV_8UC1, image.gray.pixels.data());
   GrayImage out;
   out.width = std::max(16, full.cols / kShrink);
   out.height = std::max(16, full.rows / kShrink);

@@ -1,35 +1,38 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/core/progress.h"
-#include "camber/scene/image_io.h"
+#include "camber/pipeline/stages/assemble.h"
+#include "camber/pipeline/stages/ground.h"
+#include "camber/pipeline/stages/load.h"
+#include "camber/pipeline/stages/match.h"
+#include "camber/pipeline/stages/motion.h"
+#include "camber/pipeline/stages/scale.h"
+#include "camber/pipeline/stages/surface.h"
+#include "camber/pipeline/stages/vehicles.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
-#include "camber/vehicle/vehicle_tracks.h"
 
 namespace camber {
 
+/// Options of the main job: those of its stages. Seed and threads are handed down to all of them.
 struct ReconstructOptions {
-  std::string method = "joint";  ///< "joint", "coplanar" or "flat"
   std::uint64_t seed = 0;
-  int num_threads = 0;  ///< <= 0: see resolve_num_threads
-  int rounds = 2;       ///< of matching again with the ground known, >= 0
-  /// What the ground is fitted to: "matches" (triangulated points), "grey" (direct alignment, after
-  /// a start from matches) or "both".
-  std::string ground = "both";
-  /// Take what vehicles say of the ground under them back into the surface (method joint).
-  bool joint_planes = true;
-  bool with_vehicles = true;  ///< false: the road alone
-  /// Take scale and far ground also from painted markings whose sizes the scene knows.
-  bool use_markings = true;
-  /// Take far ground also from the road's width, which hardly changes along it (needs masks).
-  bool use_road_width = true;
-  bool use_masks = true;  ///< false: segmentation and road masks are not read
+  int num_threads = 0;      ///< <= 0: see resolve_num_threads
+  int rounds = 2;           ///< of matching again with the ground known, >= 0
+  bool photometric = true;  ///< refine motion and ground on the intensities of all images
+  stages::LoadOptions load;
+  stages::MatchOptions match;
+  MotionOptions motion;
+  stages::GroundOptions ground;
+  stages::ScaleOptions scale;
+  stages::SurfaceOptions surface;
+  stages::VehicleOptions vehicles;
   void validate() const;  ///< throws std::invalid_argument
 };
 
@@ -40,8 +43,8 @@ struct Reconstruction {
   RoadCloud cloud;          ///< road points; labels["patch"]; colours; sigmas
   RoadSurface surface;
   VehicleDocument vehicles;
-  SharedGround
-      ground;  ///< of the planes under the vehicles (method joint), before they were fitted
+  /// Of the planes under the vehicles (method joint), before the vehicles were placed.
+  SharedGround ground;
   RunDocument run;
   std::vector<Image> images;  ///< colour, one a frame, as read
 };

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "camber/geometry/box.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "camber/evaluate/compare.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 

@@ -2,7 +2,7 @@
 
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/road/road_surface.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/results.h"
 
 namespace camber {

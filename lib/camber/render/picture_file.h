@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 
@@ -15,7 +15,7 @@ Image make_picture(int width, int height, std::uint8_t grey);
 void require_picture(const Image& picture, const char* name);
 
 /// A PNG of a colour picture in memory; the same pixels give the same bytes. Into a file:
-/// write_png() of camber/scene/image_io.h.
+/// write_png() of camber/image/image_io.h.
 /// @throws std::invalid_argument as require_picture().
 std::vector<std::uint8_t> encode_png(const Image& picture);
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -62,16 +61,6 @@ struct GroundField::Impl {
   bool analysed = false;
   double last_correlation = 1.0;
 
-  /// What condition() took off the covariance, and the scale's share that it put in.
-  struct Conditioned {
-    Eigen::MatrixXd gain_side;    // covariance of nodes and statements, one column a statement
-    Eigen::MatrixXd information;  // inverse covariance of the statements
-    Eigen::VectorXd scale;        // nodes: d(nodes) / d(log of the scale), up to sign
-    Eigen::VectorXd by_scale;     // information times covariance of statements and scale
-    double scale_variance = 0.0, inflation = 1.0;
-  };
-  std::optional<Conditioned> conditioned;
-
   /// Columns: functionals of the nodes from those of inverse depths at pixels.
   Eigen::MatrixXd functional(const std::vector<Eigen::Vector2d>& pixels,
                              const Eigen::MatrixXd& coefficients) const {
@@ -89,18 +78,6 @@ struct GroundField::Impl {
       }
     }
     return out;
-  }
-
-  /// Covariance of all nodes with functionals of them, metric, before any statement.
-  Eigen::MatrixXd metric_side(const Eigen::MatrixXd& functionals,
-                              const Eigen::MatrixXd& shared_covariance, double inflation,
-                              double scale_sigma) const {
-    Eigen::MatrixXd out = solver.solve(functionals);
-    if (shared_covariance.size() > 0 && shared.size() > 0) {
-      out += shared * (shared_covariance * (shared.transpose() * functionals));
-    }
-    return inflation * out +
-           scale_sigma * scale_sigma * nodes * (nodes.transpose() * functionals).eval();
   }
 
   void make_differences() {
@@ -290,7 +267,6 @@ struct GroundField::Impl {
     if (columns_shared > 0) shared = solver.solve(shared_right);
     weights = std::move(weight);
     last_correlation = correlation;
-    conditioned.reset();
   }
 };
 
@@ -429,88 +405,32 @@ double GroundField::support(const Eigen::Vector2d& pixel) const {
 
 double GroundField::top() const { return impl_->top; }
 
-double GroundField::condition(const MetricStatements& statements,
-                              const Eigen::MatrixXd& shared_covariance, double inflation,
-                              double* scale_sigma) {
-  Impl& m = *impl_;
-  const Eigen::Index count = statements.values.size();
-  if (statements.coefficients.rows() != count || statements.noise.rows() != count ||
-      statements.noise.cols() != count) {
-    throw std::invalid_argument("statements: " + std::to_string(count) +
-                                " values, other coefficients or noise");
-  }
-  if (m.conditioned)
-    throw std::logic_error("the field is conditioned already: join the statements");
-  const double variance = *scale_sigma * *scale_sigma;
-  const Eigen::MatrixXd functionals = m.functional(statements.pixels, statements.coefficients);
-  Impl::Conditioned made;
-  made.gain_side = m.metric_side(functionals, shared_covariance, inflation, *scale_sigma);
-  Eigen::MatrixXd covariance = functionals.transpose() * made.gain_side + statements.noise;
-  covariance = 0.5 * (covariance + covariance.transpose()).eval();
-  const Eigen::LDLT<Eigen::MatrixXd> ldlt(covariance);
-  made.information = ldlt.solve(Eigen::MatrixXd::Identity(count, count));
-  made.scale = m.nodes;
-  made.scale_variance = variance;
-  made.inflation = inflation;
-  const Eigen::VectorXd weighted = ldlt.solve(statements.values);
-  // A larger scale lowers all metric inverse depths.
-  const Eigen::VectorXd with_scale = -variance * (functionals.transpose() * m.nodes);
-  const double change = with_scale.dot(weighted);
-  m.nodes += made.gain_side * weighted;
-  made.by_scale = made.information * with_scale;
-  const double left = variance - with_scale.dot(made.by_scale);
-  *scale_sigma = std::sqrt(std::max(0.0, left));
-  m.conditioned.emplace(std::move(made));
-  return change;
+double GroundField::interpolated(const Eigen::Vector2d& pixel,
+                                 const Eigen::VectorXd& node_values) const {
+  return impl_->value(impl_->footprint(pixel), node_values);
 }
 
-Eigen::MatrixXd GroundField::metric_covariance(const std::vector<Eigen::Vector2d>& pixels,
-                                               const Eigen::MatrixXd& shared_covariance,
-                                               double inflation, double scale_sigma) const {
-  const auto n = static_cast<Eigen::Index>(pixels.size());
-  const Eigen::MatrixXd functionals = impl_->functional(pixels, Eigen::MatrixXd::Identity(n, n));
-  const Eigen::MatrixXd out =
-      functionals.transpose() *
-      impl_->metric_side(functionals, shared_covariance, inflation, scale_sigma);
-  return 0.5 * (out + out.transpose());
+const Eigen::VectorXd& GroundField::nodes() const { return impl_->nodes; }
+
+const Eigen::MatrixXd& GroundField::shared() const { return impl_->shared; }
+
+Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pixels,
+                                         const Eigen::MatrixXd& coefficients) const {
+  return impl_->functional(pixels, coefficients);
 }
 
-Eigen::VectorXd GroundField::scale_covariance(const std::vector<Eigen::Vector2d>& pixels,
-                                              const Eigen::MatrixXd& coefficients) const {
-  const Impl& m = *impl_;
-  if (!m.conditioned) return Eigen::VectorXd::Zero(coefficients.rows());
-  const Impl::Conditioned& c = *m.conditioned;
-  const Eigen::MatrixXd functional = m.functional(pixels, coefficients);
-  return -c.scale_variance * (functional.transpose() * c.scale) -
-         functional.transpose() * (c.gain_side * c.by_scale);
+Eigen::MatrixXd GroundField::solve(const Eigen::MatrixXd& of_nodes) const {
+  return impl_->solver.solve(of_nodes);
 }
-
-void GroundField::rescale(double factor) {
-  if (!(factor > 0) || !std::isfinite(factor)) {
-    throw std::invalid_argument("factor = " + std::to_string(factor) + ", expected > 0");
-  }
-  impl_->nodes *= factor;
-}
-
-bool GroundField::conditioned() const { return impl_->conditioned.has_value(); }
 
 Eigen::MatrixXd GroundField::covariance(const std::vector<Eigen::Vector2d>& pixels,
                                         const Eigen::MatrixXd& coefficients,
                                         const Eigen::MatrixXd& shared_covariance) const {
-  const Impl& m = *impl_;
-  const Eigen::MatrixXd functional = m.functional(pixels, coefficients);
-  Eigen::MatrixXd out = functional.transpose() * m.solver.solve(functional);
-  if (shared_covariance.size() > 0 && m.shared.size() > 0) {
-    const Eigen::MatrixXd j = functional.transpose() * m.shared;
+  const Eigen::MatrixXd of_nodes = functionals(pixels, coefficients);
+  Eigen::MatrixXd out = of_nodes.transpose() * solve(of_nodes);
+  if (shared_covariance.size() > 0 && shared().size() > 0) {
+    const Eigen::MatrixXd j = of_nodes.transpose() * shared();
     out += j * shared_covariance * j.transpose();
-  }
-  if (m.conditioned) {
-    const Impl::Conditioned& c = *m.conditioned;
-    const Eigen::VectorXd scale = functional.transpose() * c.scale;
-    const Eigen::MatrixXd side = functional.transpose() * c.gain_side;
-    out +=
-        (c.scale_variance * scale * scale.transpose() - side * c.information * side.transpose()) /
-        c.inflation;
   }
   return 0.5 * (out + out.transpose());
 }

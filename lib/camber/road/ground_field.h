@@ -61,37 +61,6 @@ class GroundField {
                                      double correlation, const Eigen::MatrixXd& information,
                                      const Eigen::VectorXd& moved, Eigen::MatrixXd* covariance);
 
-  /// What metric lengths on the ground say, of the field and of its scale.
-  struct MetricStatements {
-    std::vector<Eigen::Vector2d> pixels;
-    /// Row k weighs the metric inverse depths (those of the field over its scale, in the field's
-    /// unit) at the pixels; linear to first order.
-    Eigen::MatrixXd coefficients;
-    Eigen::VectorXd values;  ///< wanted minus present
-    Eigen::MatrixXd noise;   ///< covariance of the values, without the field's part
-  };
-
-  /// Conditions the field and the logarithm of its scale (metres a unit) on statements, as Gaussian
-  /// variables: exact for linear ones. From then on, until the next update, covariance() is that
-  /// of the metric ground: it holds the scale's share.
-  /// @param shared_covariance  as that of covariance().
-  /// @param inflation  factor on the field's covariance, as its users apply it, >= 1.
-  /// @param scale_sigma  standard deviation of the logarithm of the scale; in: before, out: after.
-  /// @return change of the logarithm of the scale; the field keeps its unit until rescale().
-  double condition(const MetricStatements& statements, const Eigen::MatrixXd& shared_covariance,
-                   double inflation, double* scale_sigma);
-  /// Covariance of the metric inverse depths at pixels, field's unit, before any statement.
-  Eigen::MatrixXd metric_covariance(const std::vector<Eigen::Vector2d>& pixels,
-                                    const Eigen::MatrixXd& shared_covariance, double inflation,
-                                    double scale_sigma) const;
-  bool conditioned() const;  ///< since the last update
-  /// Covariance of linear functions of the metric inverse depths (as for covariance()) with the
-  /// logarithm of the scale, after condition() (inflation applied); zero before.
-  Eigen::VectorXd scale_covariance(const std::vector<Eigen::Vector2d>& pixels,
-                                   const Eigen::MatrixXd& coefficients) const;
-  /// Divides the field's unit of length by `factor` > 0: inverse depths grow by it.
-  void rescale(double factor);
-
   /// The copy has the nodes but no covariance and no weights until it is updated.
   GroundField(const GroundField& other);
   GroundField& operator=(const GroundField&) = delete;
@@ -106,11 +75,22 @@ class GroundField {
   /// Topmost row of the grid, px.
   double top() const;
 
+  /// The grid's inverse depths, and their derivatives by the shared parameters (none: no columns).
+  const Eigen::VectorXd& nodes() const;
+  const Eigen::MatrixXd& shared() const;
+  /// Values at the nodes, interpolated at a pixel as inverse_depth() is.
+  double interpolated(const Eigen::Vector2d& pixel, const Eigen::VectorXd& node_values) const;
+  /// Linear functions of the nodes, one a column: row k of `coefficients` weighs inverse_depth at
+  /// the pixels.
+  Eigen::MatrixXd functionals(const std::vector<Eigen::Vector2d>& pixels,
+                              const Eigen::MatrixXd& coefficients) const;
   /// Covariance of linear functions of the field: row k of `coefficients` weighs inverse_depth at
   /// the pixels. @param shared_covariance of the shared parameters; may be empty.
   Eigen::MatrixXd covariance(const std::vector<Eigen::Vector2d>& pixels,
                              const Eigen::MatrixXd& coefficients,
                              const Eigen::MatrixXd& shared_covariance) const;
+  /// The nodes' covariance, shared parameters held, times the columns. Not before an update.
+  Eigen::MatrixXd solve(const Eigen::MatrixXd& of_nodes) const;
   /// Final weight in (0, 1] of each observation, in their order.
   const std::vector<double>& weights() const;
 

@@ -7,6 +7,8 @@
 
 namespace camber {
 
+constexpr double kFarthest = 300.0;  // m, of a contact
+
 UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
                                         const Eigen::Vector3d& centroid,
                                         Eigen::Matrix3d* parameters) {
@@ -39,55 +41,40 @@ UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::M
   return out;
 }
 
-namespace {
-
-/// Of tilt, tilt and height.
-Eigen::Vector3d uneven_variances(const LocalPlaneOptions& options) {
-  const double height = options.uneven_height / options.metres_per_unit;
-  const double tilt = options.uneven_tilt * options.uneven_tilt;
-  return {tilt, tilt, height * height};
-}
-
-}  // namespace
-
-LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera,
-                           const Eigen::Vector2d& contact, const Eigen::MatrixXd& shared_covariance,
-                           const LocalPlaneOptions& options) {
+LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camera,
+                           const Eigen::Vector2d& contact, const LocalPlaneOptions& options) {
   LocalPlane out;
-  const double rho0 = field.inverse_depth(contact);
-  if (!(rho0 > options.metres_per_unit / 300.0)) {
+  const double rho0 = road.inverse_depth(contact);
+  if (!(rho0 > 1.0 / kFarthest)) {
     out.status = Status::kFailed;
     out.reason = "the ray to the contact does not meet the ground";
     return out;
   }
-  const double length = options.length / options.metres_per_unit;
-  const double half_width = options.half_width / options.metres_per_unit;
-  const double overhang = options.bumper_overhang / options.metres_per_unit;
-  const double near = 1.0 / rho0 + overhang, far = near + length;
+  const double near = 1.0 / rho0 + options.bumper_overhang, far = near + options.length;
 
   // Rows of the image from the contact upwards (and a little below) that see the footprint.
   std::vector<Eigen::Vector2d> pixels;
   std::vector<double> weights;
   std::vector<Eigen::Vector3d> points;
   double last_depth = 0.0;
-  const double step = std::clamp((contact.y() - field.top()) / 60.0, 0.5, 4.0);
-  for (double v = contact.y() + 2.0 * step; v > field.top(); v -= step) {
-    const double rho_mid = field.inverse_depth({contact.x(), v});
+  const double step = std::clamp((contact.y() - road.top()) / 60.0, 0.5, 4.0);
+  for (double v = contact.y() + 2.0 * step; v > road.top(); v -= step) {
+    const double rho_mid = road.inverse_depth({contact.x(), v});
     if (!(rho_mid > 0)) break;
     const double depth = 1.0 / rho_mid;
     if (depth < last_depth) break;  // beyond a crest: another stretch of road
     last_depth = depth;
     if (depth > far) break;
-    if (depth < near - 0.1 * length) continue;
-    const double half_px = half_width * camera.fx * rho_mid;
+    if (depth < near - 0.1 * options.length) continue;
+    const double half_px = options.half_width * camera.fx * rho_mid;
     for (const double side : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
       const Eigen::Vector2d pixel(contact.x() + side * half_px, v);
-      const double rho = field.inverse_depth(pixel);
+      const double rho = road.inverse_depth(pixel);
       if (!(rho > 0)) continue;
       pixels.push_back(pixel);
       points.push_back(camera.ray(pixel) / rho);
       weights.push_back(1.0);
-      out.support += field.support(pixel);
+      out.support += road.support(pixel);
     }
   }
   if (points.size() < 15) {
@@ -95,16 +82,16 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
     pixels.clear();
     points.clear();
     weights.clear();
-    const double half_px = std::max(2.0, half_width * camera.fx * rho0);
+    const double half_px = std::max(2.0, options.half_width * camera.fx * rho0);
     for (const double dv : {1.5, 0.5, -0.5, -1.5}) {
       for (const double side : {-1.0, 0.0, 1.0}) {
         const Eigen::Vector2d pixel(contact.x() + side * half_px, contact.y() + dv);
-        const double rho = field.inverse_depth(pixel);
+        const double rho = road.inverse_depth(pixel);
         if (!(rho > 0)) continue;
         pixels.push_back(pixel);
         points.push_back(camera.ray(pixel) / rho);
         weights.push_back(1.0);
-        out.support += field.support(pixel);
+        out.support += road.support(pixel);
       }
     }
   }
@@ -141,37 +128,28 @@ LocalPlane fit_local_plane(const GroundField& field, const PinholeCamera& camera
     out.reason = "what is seen there is too steep for a road";
     return out;
   }
-  const Eigen::Matrix3d covariance =
-      options.inflation * field.covariance(pixels, coefficients, shared_covariance);
+  const Eigen::Matrix3d covariance = road.covariance(road.of_inverse_depths(pixels, coefficients));
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) centroid += p / static_cast<double>(points.size());
   Eigen::Matrix3d parameters;
   out.plane = plane_from_inverse_depth(m, covariance, centroid, &parameters);
-  out.plane.covariance.diagonal() += uneven_variances(options);
-  out.by_field = parameters * coefficients;
+  out.plane.covariance.diagonal() += options.uneven_variances();
+  out.by_inverse_depth = parameters * coefficients;
   out.pixels = std::move(pixels);
   out.support /= static_cast<double>(points.size());
   out.status = Status::kOk;
   return out;
 }
 
-Eigen::MatrixXd joint_covariance(const GroundField& field, const std::vector<LocalPlane>& planes,
-                                 const Eigen::MatrixXd& shared_covariance,
+Eigen::MatrixXd joint_covariance(const RoadPosterior& road, const std::vector<LocalPlane>& planes,
                                  const LocalPlaneOptions& options) {
-  std::vector<Eigen::Vector2d> pixels;
-  for (const LocalPlane& p : planes) pixels.insert(pixels.end(), p.pixels.begin(), p.pixels.end());
-  const auto count = static_cast<Eigen::Index>(planes.size());
-  Eigen::MatrixXd by_field =
-      Eigen::MatrixXd::Zero(3 * count, static_cast<Eigen::Index>(pixels.size()));
-  Eigen::Index column = 0;
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const Eigen::MatrixXd& own = planes[static_cast<std::size_t>(i)].by_field;
-    by_field.block(3 * i, column, 3, own.cols()) = own;
-    column += own.cols();
+  std::vector<RoadFunctionals> parts;
+  for (const LocalPlane& p : planes) {
+    parts.push_back(road.of_inverse_depths(p.pixels, p.by_inverse_depth));
   }
-  Eigen::MatrixXd out = options.inflation * field.covariance(pixels, by_field, shared_covariance);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    out.diagonal().segment<3>(3 * i) += uneven_variances(options);
+  Eigen::MatrixXd out = planes.empty() ? Eigen::MatrixXd() : road.covariance(joined(parts));
+  for (Eigen::Index i = 0; i < out.rows(); i += 3) {
+    out.diagonal().segment<3>(i) += options.uneven_variances();
   }
   return out;
 }

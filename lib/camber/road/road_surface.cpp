@@ -19,6 +19,44 @@ PlanPolygon in_plan(const std::vector<Eigen::Vector3d>& boundary, const GroundAx
   return polygon;
 }
 
+/// Whether vehicles can stand on a patch.
+bool is_ground(const PlanePatch& patch) {
+  return patch.kind != PatchKind::kOther && patch.status != Status::kFailed &&
+         patch.status != Status::kNotRun;
+}
+
+/// @param distance  of the place from the patch's boundary, m; 0: inside.
+SurfaceQuery answer(const PlanePatch* patch, const Eigen::Vector3d& place, double distance,
+                    const Eigen::Vector3d& unit_up) {
+  SurfaceQuery out;
+  if (!patch) {
+    out.status = Status::kFailed;
+    out.reason = "not covered";
+    return out;
+  }
+  out.status = patch->status;
+  out.reason = patch->reason;
+  out.patch = patch->id;
+  out.plane = patch->plane;
+  const Plane& plane = patch->plane.plane;
+  out.point = place - plane.signed_distance(place) / plane.normal.dot(unit_up) * unit_up;
+  double variance = patch->plane.height_variance(out.point);
+  if (distance > 0.0) {
+    const double tilt = kUnseenCurvature * distance;
+    const double sag = 0.5 * tilt * distance;
+    out.plane.covariance(0, 0) += tilt * tilt;
+    out.plane.covariance(1, 1) += tilt * tilt;
+    out.plane.covariance(2, 2) += sag * sag;
+    variance += sag * sag;
+    if (out.status == Status::kOk) {
+      out.status = Status::kWeak;
+      out.reason = "extrapolated beyond the patch's boundary";
+    }
+  }
+  out.sigma_height = std::sqrt(std::max(0.0, variance));
+  return out;
+}
+
 }  // namespace
 
 std::string_view to_string(PatchKind kind) {
@@ -47,10 +85,7 @@ SurfaceQuery RoadSurface::query(const Eigen::Vector3d& place, double reach) cons
   const PlanePatch* best = nullptr;
   double best_distance = std::max(reach, 0.0), best_climb = 0.0;
   for (const PlanePatch& patch : patches) {
-    if (patch.kind == PatchKind::kOther || patch.status == Status::kFailed ||
-        patch.status == Status::kNotRun) {
-      continue;
-    }
+    if (!is_ground(patch)) continue;
     const double slant = patch.plane.plane.normal.dot(unit_up);
     if (!(std::abs(slant) > 1e-3)) continue;
     const double distance = distance_to_polygon(in_plan(patch.boundary, axes), flat);
@@ -62,33 +97,31 @@ SurfaceQuery RoadSurface::query(const Eigen::Vector3d& place, double reach) cons
     best_distance = distance;
     best_climb = climb;
   }
-  SurfaceQuery out;
-  if (!best) {
-    out.status = Status::kFailed;
-    out.reason = "not covered";
-    return out;
+  return answer(best, place, best_distance, unit_up);
+}
+
+SurfaceQuery RoadSurface::query_ray(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                                    double reach) const {
+  const Eigen::Vector3d unit_up = up.normalized();
+  const GroundAxes axes(unit_up);
+  const PlanePatch* best = nullptr;
+  Eigen::Vector3d place = origin;
+  double best_distance = std::max(reach, 0.0), best_along = 0.0;
+  for (const PlanePatch& patch : patches) {
+    if (!is_ground(patch) || !(std::abs(patch.plane.plane.normal.dot(unit_up)) > 1e-3)) continue;
+    const double along = -patch.plane.plane.signed_distance(origin) /
+                         patch.plane.plane.normal.dot(direction);
+    if (!(along > 0.0) || !std::isfinite(along)) continue;
+    const Eigen::Vector3d hit = origin + along * direction;
+    const double distance = distance_to_polygon(in_plan(patch.boundary, axes), axes(hit));
+    if (distance > best_distance) continue;
+    if (best && distance == best_distance && along >= best_along) continue;
+    best = &patch;
+    best_distance = distance;
+    best_along = along;
+    place = hit;
   }
-  out.status = best->status;
-  out.reason = best->reason;
-  out.patch = best->id;
-  out.plane = best->plane;
-  const Plane& plane = best->plane.plane;
-  out.point = place - plane.signed_distance(place) / plane.normal.dot(unit_up) * unit_up;
-  double variance = best->plane.height_variance(out.point);
-  if (best_distance > 0.0) {
-    const double tilt = kUnseenCurvature * best_distance;
-    const double sag = 0.5 * tilt * best_distance;
-    out.plane.covariance(0, 0) += tilt * tilt;
-    out.plane.covariance(1, 1) += tilt * tilt;
-    out.plane.covariance(2, 2) += sag * sag;
-    variance += sag * sag;
-    if (out.status == Status::kOk) {
-      out.status = Status::kWeak;
-      out.reason = "extrapolated beyond the patch's boundary";
-    }
-  }
-  out.sigma_height = std::sqrt(std::max(0.0, variance));
-  return out;
+  return answer(best, place, best_distance, unit_up);
 }
 
 }  // namespace camber

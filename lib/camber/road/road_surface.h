@@ -69,6 +69,12 @@ struct RoadSurface {
   /// `up`) or, within `reach` metres of a boundary, the nearest patch, with the covariance grown by
   /// the extrapolation. Farther away the status is kFailed, reason "not covered".
   SurfaceQuery query(const Eigen::Vector3d& place, double reach = 2.0) const;
+
+  /// The patch that a ray meets: the nearest along the ray of those whose boundary holds the hit
+  /// (seen along `up`) or, within `reach` metres, the one whose boundary is nearest to its hit; the
+  /// covariance grows by the extrapolation. kFailed where it meets none.
+  SurfaceQuery query_ray(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                         double reach = 2.0) const;
 };
 
 }  // namespace camber

@@ -4,7 +4,7 @@
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/geometry/pinhole_camera.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 

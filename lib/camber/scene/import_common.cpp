@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "camber/core/errors.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/json_reader.h"
 
 namespace fs = std::filesystem;

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "camber/core/errors.h"
-#include "camber/scene/image_io.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/import_common.h"
 
 namespace fs = std::filesystem;

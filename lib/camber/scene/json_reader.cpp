@@ -183,42 +183,6 @@ std::string format_json(const json& value) {
   return out + "\n";
 }
 
-std::string read_whole_file(const std::filesystem::path& path, std::size_t max_bytes) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) {
-    throw InputError(path.string(), "is a folder, expected a file");
-  }
-  errno = 0;
-  std::ifstream in(path, std::ios::binary);
-  if (!in) {
-    const int reason = errno;
-    throw InputError(path.string(), reason == ENOENT || reason == ENOTDIR
-                                        ? "no such file"
-                                        : std::string("cannot be opened: ") +
-                                              (reason ? std::strerror(reason) : "unknown reason"));
-  }
-  std::string text;
-  const auto size = std::filesystem::file_size(path, error);
-  if (!error && size <= max_bytes) text.reserve(static_cast<std::size_t>(size));
-  std::vector<char> buffer(1 << 16);
-  while (in.read(buffer.data(), static_cast<std::streamsize>(buffer.size())), in.gcount() > 0) {
-    if (text.size() + static_cast<std::size_t>(in.gcount()) > max_bytes) {
-      throw InputError(path.string(),
-                       fmt::format("is larger than {} bytes, the most that is read", max_bytes));
-    }
-    text.append(buffer.data(), static_cast<std::size_t>(in.gcount()));
-  }
-  if (in.bad()) throw InputError(path.string(), "reading failed");
-  return text;
-}
-
-std::string printable(std::string_view text, std::size_t max_length) {
-  std::string out;
-  for (const char c : text.substr(0, max_length)) out += (c >= 0x20 && c < 0x7f) ? c : '?';
-  if (text.size() > max_length) out += "...";
-  return out;
-}
-
 nlohmann::json parse_json(const std::string& text, const std::string& file) {
   DocumentBuilder builder(text, file);
   json::sax_parse(text, &builder);

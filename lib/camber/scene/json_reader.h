@@ -12,18 +12,11 @@
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/core/read_file.h"
 #include "camber/geometry/plane.h"
 #include "camber/geometry/se3.h"
 
 namespace camber {
-
-/// The whole of a file of at most `max_bytes`. @throws InputError if it is missing, a folder,
-/// unreadable or larger.
-std::string read_whole_file(const std::filesystem::path& path,
-                            std::size_t max_bytes = std::size_t{1} << 30);
-
-/// Text from outside, made fit for a message: control and non-ASCII bytes as '?', clipped.
-std::string printable(std::string_view text, std::size_t max_length = 40);
 
 /// Parses JSON that may be damaged or hostile. Stricter than the standard parser: duplicate keys,
 /// nesting deeper than 64 and numbers beyond the range of double are refused.

@@ -58,29 +58,31 @@ json vehicle_json(const VehicleEstimate& vehicle) {
   }
   json shape = json::array();
   for (const double v : vehicle.shape) shape.push_back(number_json(v));
-  return {{"id", vehicle.id},
-          {"class", vehicle.vehicle_class},
-          {"box", json::array({number_json(vehicle.box.x1), number_json(vehicle.box.y1),
-                               number_json(vehicle.box.x2), number_json(vehicle.box.y2)})},
-          {"status", to_string(vehicle.status)},
-          {"reason", vehicle.reason},
-          {"center", vector_json(pose.center())},
-          {"bottom_center", vector_json(pose.bottom_center())},
-          {"rotation", matrix_json(rotation)},
-          {"rotation_y", number_json(rotation_y(rotation))},
-          {"dimensions",
-           {{"length", number_json(pose.dimensions.length)},
-            {"width", number_json(pose.dimensions.width)},
-            {"height", number_json(pose.dimensions.height)}}},
-          {"keypoints", std::move(keypoints)},
-          {"plane",
-           {{"normal", vector_json(vehicle.plane.normal)},
-            {"offset", number_json(vehicle.plane.offset)},
-            {"sigma_height", number_json(vehicle.plane_sigma_height)},
-            {"source", vehicle.plane_source}}},
-          {"shape", std::move(shape)},
-          {"covariance", std::move(covariance)},
-          {"reprojection_rmse_px", number_json(vehicle.reprojection_rmse_px)}};
+  json out = {{"id", vehicle.id},
+              {"class", vehicle.vehicle_class},
+              {"box", json::array({number_json(vehicle.box.x1), number_json(vehicle.box.y1),
+                                   number_json(vehicle.box.x2), number_json(vehicle.box.y2)})},
+              {"status", to_string(vehicle.status)},
+              {"reason", vehicle.reason},
+              {"center", vector_json(pose.center())},
+              {"bottom_center", vector_json(pose.bottom_center())},
+              {"rotation", matrix_json(rotation)},
+              {"rotation_y", number_json(rotation_y(rotation))},
+              {"dimensions",
+               {{"length", number_json(pose.dimensions.length)},
+                {"width", number_json(pose.dimensions.width)},
+                {"height", number_json(pose.dimensions.height)}}},
+              {"keypoints", std::move(keypoints)},
+              {"plane",
+               {{"normal", vector_json(vehicle.plane.normal)},
+                {"offset", number_json(vehicle.plane.offset)},
+                {"sigma_height", number_json(vehicle.plane_sigma_height)},
+                {"source", vehicle.plane_source}}},
+              {"shape", std::move(shape)},
+              {"covariance", std::move(covariance)},
+              {"reprojection_rmse_px", number_json(vehicle.reprojection_rmse_px)}};
+  if (vehicle.track >= 0) out["track"] = vehicle.track;
+  return out;
 }
 
 /// Reads one result file; what is absent keeps its default unless it is required.
@@ -98,15 +100,17 @@ class ResultReader {
   JsonContext context_;
 };
 
-Status read_status(JsonObject& object) {
-  const char* expectation = "\"ok\", \"weak\", \"not_observable\", \"failed\" or \"not_run\"";
-  const JsonCursor cursor = object.require("status", expectation);
+constexpr char kStatusWords[] = "\"ok\", \"weak\", \"not_observable\", \"failed\" or \"not_run\"";
+
+Status status_at(const JsonCursor& cursor) {
   try {
-    return status_from_string(cursor.text(expectation));
+    return status_from_string(cursor.text(kStatusWords));
   } catch (const std::invalid_argument&) {
-    cursor.fail(expectation);
+    cursor.fail(kStatusWords);
   }
 }
+
+Status read_status(JsonObject& object) { return status_at(object.require("status", kStatusWords)); }
 
 /// Whether an estimate with this status must be complete.
 bool has_answer(Status status) { return status != Status::kFailed && status != Status::kNotRun; }
@@ -250,6 +254,7 @@ VehicleEstimate read_vehicle(const JsonCursor& cursor, std::set<int>* ids) {
   VehicleEstimate out;
   out.id = require_new_id(object, "vehicles of a frame", ids);
   out.vehicle_class = find_text(object, "class");
+  if (const auto v = object.find("track")) out.track = v->integer(0, kMaxId, "a track number");
   out.status = read_status(object);
   out.reason = find_text(object, "reason");
   const bool complete = has_answer(out.status);
@@ -311,6 +316,18 @@ VehicleEstimate read_vehicle(const JsonCursor& cursor, std::set<int>* ids) {
     out.covariance = Eigen::Map<const Eigen::Matrix<double, 9, 9, Eigen::RowMajor>>(c.data());
   }
   out.reprojection_rmse_px = find_number(object, "reprojection_rmse_px", kNaN);
+  return out;
+}
+
+ConstraintReport read_constraint(const JsonCursor& cursor) {
+  JsonObject object(cursor, "a constraint {\"name\", \"source\", \"residual_sigma\", ...}");
+  ConstraintReport out;
+  out.name = object.require("name", "a word").text();
+  out.source = find_text(object, "source");
+  const auto residual = object.find("residual_sigma");
+  out.residual_sigma = residual ? residual->number_or_null() : kNaN;
+  out.accepted = find_boolean(object, "accepted", false);
+  out.reason = find_text(object, "reason");
   return out;
 }
 
@@ -395,6 +412,21 @@ json to_json(const RunDocument& document) {
   out["metric"] = document.metric;
   out["scale"] = number_json(document.scale);
   out["scale_sigma"] = number_json(document.scale_sigma);
+  out["scale_status"] = to_string(document.scale_status);
+  out["scale_reason"] = document.scale_reason;
+  out["scene"] = document.scene;
+  out["warnings"] = json::array();
+  for (const RunDocument::Warning& warning : document.warnings) {
+    out["warnings"].push_back({{"code", warning.code}, {"text", warning.text}});
+  }
+  out["constraints"] = json::array();
+  for (const ConstraintReport& constraint : document.constraints) {
+    out["constraints"].push_back({{"name", constraint.name},
+                                  {"source", constraint.source},
+                                  {"residual_sigma", number_json(constraint.residual_sigma)},
+                                  {"accepted", constraint.accepted},
+                                  {"reason", constraint.reason}});
+  }
   out["points"] = {{"kept", counts_json(document.points_kept)},
                    {"dropped", counts_json(document.points_dropped)}};
   out["gl_backend"] = document.gl_backend;
@@ -483,6 +515,21 @@ RunDocument read_run(const fs::path& path) {
   out.metric = find_boolean(object, "metric", true);
   out.scale = find_number(object, "scale", kNaN);
   out.scale_sigma = find_number(object, "scale_sigma", kNaN);
+  if (const auto v = object.find("scale_status")) out.scale_status = status_at(*v);
+  out.scale_reason = find_text(object, "scale_reason");
+  out.scene = find_text(object, "scene");
+  if (const auto v = object.find("warnings")) {
+    for (const JsonCursor& cursor : v->items("an array of {\"code\", \"text\"}")) {
+      JsonObject warning(cursor, "an object {\"code\", \"text\"}");
+      const std::string code = warning.require("code", "a word").text();
+      out.warnings.push_back({code, warning.require("text", "a sentence").text()});
+    }
+  }
+  if (const auto v = object.find("constraints")) {
+    for (const JsonCursor& cursor : v->items("an array of constraints")) {
+      out.constraints.push_back(read_constraint(cursor));
+    }
+  }
   if (const auto v = object.find("points")) {
     JsonObject points(*v, "an object {\"kept\", \"dropped\"}");
     if (const auto kept = points.find("kept")) out.points_kept = read_counts(*kept);

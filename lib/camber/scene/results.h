@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "camber/core/stopwatch.h"
+#include "camber/road/constraint.h"
 #include "camber/road/road_surface.h"
 #include "camber/vehicle/vehicle_estimate.h"
 
@@ -37,8 +38,16 @@ struct RunDocument {
   };
   std::vector<CameraPose> cameras;
   bool metric = true;
-  double scale = 1.0;                                        ///< metres per unit of the motion
-  double scale_sigma = 0.0;                                  ///< relative standard deviation
+  double scale = 1.0;        ///< metres per baseline of the motion
+  double scale_sigma = 0.0;  ///< relative standard deviation
+  Status scale_status = Status::kNotRun;
+  std::string scale_reason;
+  std::string scene;  ///< path of the scene, empty: from memory
+  struct Warning {
+    std::string code, text;
+  };
+  std::vector<Warning> warnings;
+  std::vector<ConstraintReport> constraints;  ///< every source of road and scale, accepted or not
   std::vector<std::pair<std::string, long>> points_kept;     ///< "road": 12000, ...
   std::vector<std::pair<std::string, long>> points_dropped;  ///< reason: count
   std::string gl_backend;

@@ -51,6 +51,7 @@ inline std::array<Eigen::Vector3d, kNumKeypoints> unknown_keypoints() {
 struct VehicleEstimate {
   int id = 0;
   std::string vehicle_class;
+  int track = -1;  ///< joins frames; -1: unknown
   Box2 box;
   Status status = Status::kNotRun;
   std::string reason;

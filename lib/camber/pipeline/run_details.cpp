@@ -1,0 +1,111 @@
+#include "camber/pipeline/run_details.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace camber {
+namespace {
+
+nlohmann::json photometric_json(const ReconstructOptions& options, const PinholeCamera& camera,
+                                const PhotometricGround& ground) {
+  nlohmann::json out = {{"status", !options.photometric ? "not run"
+                                   : ground.field       ? "accepted"
+                                                        : "refused"},
+                        {"reason", ground.rejection}};
+  if (ground.field) {
+    const DirectEvidence::Costs costs = ground.evidence.within(
+        Eigen::Vector2d::Zero(), Eigen::Vector2d(camera.width, camera.height));
+    out["held_out_pixels"] = costs.pixels;
+    out["held_out_cost_before"] = costs.before;
+    out["held_out_cost_after"] = costs.after;
+  }
+  return out;
+}
+
+const ConstraintReport* report_of(const ScaledRoad& scaled, const std::string& name) {
+  const auto found = std::find_if(scaled.reports.begin(), scaled.reports.end(),
+                                  [&](const ConstraintReport& r) { return r.name == name; });
+  return found == scaled.reports.end() ? nullptr : &*found;
+}
+
+/// "used", "not used" or "not run", with the reason.
+nlohmann::json source_json(const ScaledRoad& scaled, const std::string& name, bool wanted) {
+  const ConstraintReport* report = report_of(scaled, name);
+  const bool used = report && report->accepted;
+  return {{"status", used     ? "used"
+                     : wanted ? "not used"
+                              : "not run"},
+          {"reason", report ? report->reason : ""}};
+}
+
+nlohmann::json markings_json(const ReconstructOptions& options, const ScaledRoad& scaled) {
+  nlohmann::json out = source_json(scaled, "lane_markings", options.scale.use_markings);
+  if (out["status"] != "used") return out;
+  const LaneMarkingConstraint& m = scaled.markings;
+  out.update({{"dashes", m.dashes},
+              {"crossings", m.crossings},
+              {"farthest", m.farthest},
+              {"misfit_before", m.misfit_before},
+              {"misfit_after", m.misfit_after},
+              {"scale_change", std::expm1(scaled.scale_change)}});
+  return out;
+}
+
+nlohmann::json width_json(const ReconstructOptions& options, const ScaledRoad& scaled) {
+  nlohmann::json out = source_json(scaled, "road_width", options.scale.use_road_width);
+  if (out["status"] != "used") return out;
+  const RoadWidthConstraint& w = scaled.width;
+  out.update({{"places", w.places},
+              {"refused", w.rejected},
+              {"width", w.width},
+              {"farthest", w.farthest},
+              {"misfit_before", w.misfit_before},
+              {"misfit_after", w.misfit_after}});
+  return out;
+}
+
+/// How far the road bends before it is seen, and what that does to the scale.
+nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGround& ground,
+                                 const ScaledRoad& scaled, const ScaleNoise& noise) {
+  const ConstraintReport* markings = report_of(scaled, "lane_markings");
+  const bool marked = markings && markings->accepted;
+  const EgoPlane& ego = ground.ground.ego;
+  return {{"source", !marked                      ? "camera height over the ego plane"
+                     : frames.known.camera_height ? "camera height over the ego plane, and markings"
+                                                  : "markings"},
+          {"sigma_camera_height",
+           noise.camera_height / frames.known.camera_height.value_or(noise.unknown_camera_height)},
+          {"sigma_road_shape", std::sqrt(ego.plane.covariance(2, 2)) / ego.height},
+          {"bend_correction", ego.height / ego.near_plane_height - 1.0}};
+}
+
+}  // namespace
+
+void describe_run(const ReconstructOptions& options, const std::vector<int>& frame_ids,
+                  const LoadedFrames& frames, const PhotometricGround& ground,
+                  const ScaledRoad& scaled, RunDocument* document) {
+  document->seed = options.seed;
+  document->options = {{"method", to_string(options.vehicles.method)},
+                       {"frames", frame_ids},
+                       {"rounds", options.rounds},
+                       {"photometric", options.photometric},
+                       {"use_masks", options.load.use_masks},
+                       {"use_markings", options.scale.use_markings},
+                       {"use_road_width", options.scale.use_road_width},
+                       {"tracks", options.vehicles.tracks},
+                       {"keypoint_set", 36}};
+  nlohmann::json& extra = document->extra;
+  extra["reference_frame"] = frames.frames[frames.reference].id;
+  extra["motion"] = {{"pixel_sigma", ground.motion.pixel_sigma},
+                     {"inlier_ratio", ground.motion.inlier_ratio},
+                     {"known_poses", ground.motion.metres_per_baseline.has_value()}};
+  extra["direct"] = photometric_json(options, frames.camera, ground);
+  extra["markings"] = markings_json(options, scaled);
+  extra["road_width"] = width_json(options, scaled);
+  if (!ground.motion.metres_per_baseline) {
+    extra["scale_from"] = scale_source_json(frames, ground, scaled, options.scale.noise);
+  }
+  extra["road_from"] = frames.has_masks() ? "mask" : "geometry";
+}
+
+}  // namespace camber

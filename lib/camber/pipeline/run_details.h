@@ -1,0 +1,14 @@
+#pragma once
+
+#include <vector>
+
+#include "camber/pipeline/reconstruct.h"
+
+namespace camber {
+
+/// Puts the options and what the stages found out beside their results into a run's document.
+void describe_run(const ReconstructOptions& options, const std::vector<int>& frame_ids,
+                  const LoadedFrames& frames, const PhotometricGround& ground,
+                  const ScaledRoad& scaled, RunDocument* document);
+
+}  // namespace camber

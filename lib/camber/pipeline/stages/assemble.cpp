@@ -1,0 +1,395 @@
+#include "camber/pipeline/stages/assemble.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "camber/core/threads.h"
+#include "camber/pipeline/stages/detail/patch_status.h"
+#include "camber/scale/fusion.h"
+
+namespace camber::stages {
+namespace {
+
+/// The road given the vehicles, and the planes under them given all but those that contradict it.
+struct FinalRoad {
+  RoadPosterior road;
+  std::vector<ConstraintReport> reports;  // of the vehicles, in their order
+  Eigen::VectorXd plane_changes;          // as SharedGround's rows; empty without vehicles
+  Eigen::MatrixXd plane_covariance;
+};
+
+FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles) {
+  std::vector<Constraint> constraints;
+  for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
+  FusedRoad fused = fuse(scaled.road, constraints);
+  FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, vehicles.ground.covariance};
+  const Eigen::Index rows = out.plane_covariance.rows();
+  if (rows == 0) return out;
+  // The planes themselves: functions of the road and of the unevenness under each vehicle.
+  out.plane_changes = Eigen::VectorXd::Zero(rows);
+  Eigen::Index count = 0;
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    if (out.reports[i].accepted) count += constraints[i].size();
+  }
+  if (count == 0) return out;
+  Eigen::MatrixXd by_ground(count, rows);
+  Eigen::VectorXd residual(count), variance(count);
+  Eigen::Index at = 0;
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    if (!out.reports[i].accepted) continue;
+    const VehicleConstraint& v = vehicles.constraints[i];
+    const Eigen::Index size = v.variance.size();
+    by_ground.middleRows(at, size) = v.by_ground;
+    residual.segment(at, size) = v.constraint.residual;
+    variance.segment(at, size) = v.variance;
+    at += size;
+  }
+  const Eigen::MatrixXd side = out.plane_covariance * by_ground.transpose();
+  Eigen::MatrixXd spread = by_ground * side;
+  spread.diagonal() += variance;
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(spread);
+  out.plane_changes = side * ldlt.solve(residual);
+  out.plane_covariance -= side * ldlt.solve(side.transpose());
+  return out;
+}
+
+/// Rise of a plane along a direction, over its level run.
+double slope_along(const Eigen::Vector3d& along, const Eigen::Vector3d& up) {
+  const double rise = along.dot(up);
+  return std::atan2(rise, (along - rise * up).norm());
+}
+
+void set_extent(PlanePatch& patch, double ahead, double behind, double half_width,
+                const Eigen::Vector3d& up) {
+  patch.boundary.clear();
+  for (const auto& [a, b] : {std::pair{ahead, half_width}, std::pair{ahead, -half_width},
+                             std::pair{-behind, -half_width}, std::pair{-behind, half_width}}) {
+    patch.boundary.emplace_back(patch.plane.centroid + a * patch.plane.axis1 +
+                                b * patch.plane.axis2);
+  }
+  patch.grade = slope_along(patch.plane.axis1, up);
+  patch.bank = slope_along(patch.plane.axis2, up);
+}
+
+PatchLink make_link(const PlanePatch& a, const PlanePatch& b) {
+  PatchLink link;
+  link.a = a.id;
+  link.b = b.id;
+  const Eigen::Vector3d between = 0.5 * (a.plane.centroid + b.plane.centroid);
+  link.distance = (a.plane.centroid - b.plane.centroid).norm();
+  link.height_step =
+      a.plane.plane.signed_distance(between) - b.plane.plane.signed_distance(between);
+  link.angle = angle_between(a.plane.plane.normal, b.plane.plane.normal);
+  const double variance =
+      a.plane.height_variance(between) + b.plane.height_variance(between) + 1e-6;
+  link.weight = 1.0 / variance;
+  // Continuity is contradicted by a step beyond both planes' uncertainty and a road's unevenness.
+  if (std::abs(link.height_step) > 0.1 + 3.0 * std::sqrt(variance)) {
+    link.valid = false;
+    link.reason = fmt::format("height step of {:.2f} m", std::abs(link.height_step));
+  }
+  return link;
+}
+
+/// What became of the photometric refinement where a patch lies.
+std::string refinement_of(const PhotometricGround& ground, const Box2& around) {
+  if (!ground.field) return ground.rejection.empty() ? "" : "refused: " + ground.rejection;
+  return ground.rejected_blocks.share(around) > 0.5
+             ? "refused: pixels left out agree less than before"
+             : "accepted";
+}
+
+PlanePatch ego_patch(const EgoPlane& ego, const RoadPosterior& road, const Eigen::Vector3d& up) {
+  PlanePatch out;
+  out.plane = road.ego();
+  out.inliers = ego.points;
+  out.status = ego.status;
+  out.reason = ego.reason;
+  set_extent(out, 5.0, 2.0, 2.0, up);
+  return out;
+}
+
+PlanePatch road_patch(const PhotometricGround& ground, const RoadPosterior& road,
+                      const PinholeCamera& camera, const PatchFootprint& footprint,
+                      const Eigen::Vector3d& up) {
+  PlanePatch out;
+  out.id = footprint.id;
+  out.kind = footprint.kind;
+  const LocalPlane fit = fit_local_plane(road, camera, footprint.contact, footprint.local);
+  out.inliers = footprint.inliers;
+  out.refinement = refinement_of(ground, footprint.around);
+  if (fit.status == Status::kFailed) {
+    out.status = Status::kFailed;
+    out.reason = fit.reason;
+    return out;
+  }
+  out.plane = fit.plane;
+  const detail::Judgement judged = detail::patch_status(out.plane, footprint.unobserved);
+  out.status = judged.status;
+  out.reason = judged.reason;
+  set_extent(out, footprint.ahead, 0.5 * footprint.local.length, footprint.local.half_width, up);
+  return out;
+}
+
+/// The plane of a detection's support after the vehicles' messages, frame of the support.
+UncertainPlane changed(const UncertainPlane& before, const Eigen::Vector3d& change,
+                       const Eigen::Matrix3d& covariance) {
+  UncertainPlane out = before;
+  out.plane = before.perturbed(change);
+  out.centroid = out.plane.foot(before.centroid);
+  UncertainPlane::make_axes(out.plane.normal, before.axis1, &out.axis1, &out.axis2);
+  out.covariance = covariance;
+  return out;
+}
+
+/// The plane under one detection: by the road and the other vehicles and, where the vehicle was
+/// placed with it, by its own fit, which down-weights a plane that it contradicts.
+UncertainPlane plane_under(const SupportPlane& support, const VehicleEstimate& vehicle,
+                           const Eigen::Vector3d& change, const Eigen::Matrix3d& covariance) {
+  UncertainPlane out = changed(support.plane, change, covariance);
+  const bool placed = vehicle.status != Status::kFailed && vehicle.status != Status::kNotRun &&
+                      std::isfinite(vehicle.reprojection_rmse_px) &&
+                      std::isfinite(vehicle.plane_sigma_height);
+  if (!placed) return out;
+  out.plane = vehicle.plane;
+  out.centroid = vehicle.plane.foot(vehicle.pose.bottom_center());
+  UncertainPlane::make_axes(out.plane.normal, support.plane.axis1, &out.axis1, &out.axis2);
+  out.covariance.row(2).setZero();
+  out.covariance.col(2).setZero();
+  out.covariance(2, 2) = vehicle.plane_sigma_height * vehicle.plane_sigma_height;
+  return out;
+}
+
+/// Where a vehicle contradicts its ground one of the two is wrong: the plane's spread holds both.
+void widen(const SupportPlane& support, const std::string& reason, UncertainPlane* plane,
+           PlanePatch* patch) {
+  const double step = support.plane.plane.signed_distance(plane->centroid);
+  const double tilt = angle_between(support.plane.plane.normal, plane->plane.normal);
+  plane->covariance.diagonal() += Eigen::Vector3d(tilt * tilt, tilt * tilt, step * step);
+  patch->status = Status::kWeak;
+  patch->reason = reason;
+}
+
+/// For each detection why its vehicle contradicts its ground; empty: it does not.
+std::vector<std::vector<std::string>> contradictions(const FinalRoad& road,
+                                                     const PlacedVehicles& placed) {
+  std::vector<std::vector<std::string>> out;
+  for (const TrackFrame& view : placed.views) out.emplace_back(view.detections.size());
+  for (std::size_t i = 0; i < placed.constraints.size(); ++i) {
+    if (road.reports[i].accepted) continue;
+    for (const TrackView& at : placed.constraints[i].views) {
+      out[at.frame][at.detection] =
+          fmt::format("the vehicle on it contradicts it by {:.1f} standard deviations",
+                      road.reports[i].residual_sigma);
+    }
+  }
+  return out;
+}
+
+/// Patches under vehicles with their links, and the vehicles' stated planes.
+void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& ground,
+                         const FinalRoad& final_road, const SurfacePlan& plan,
+                         const PlacedVehicles& placed, std::size_t road_patches,
+                         RoadSurface* surface, std::vector<std::vector<VehicleEstimate>>* out) {
+  const std::vector<std::vector<std::string>> contradicted = contradictions(final_road, placed);
+  Eigen::Index row = 0;
+  for (std::size_t k = 0; k < placed.views.size(); ++k) {
+    const SE3& reference_from_frame = placed.views[k].world_from_camera;
+    for (std::size_t j = 0; j < placed.views[k].detections.size(); ++j, row += 3) {
+      const std::optional<PatchFootprint>& footprint = plan.under_vehicles[k][j];
+      if (!footprint) continue;
+      const SupportPlane& support = placed.views[k].supports[j];
+      VehicleEstimate& vehicle = (*out)[k][j];
+      UncertainPlane here = plane_under(support, vehicle, final_road.plane_changes.segment<3>(row),
+                                        final_road.plane_covariance.block<3, 3>(row, row));
+      PlanePatch patch =
+          road_patch(ground, final_road.road, frames.camera, *footprint, surface->up);
+      if (!contradicted[k][j].empty()) widen(support, contradicted[k][j], &here, &patch);
+      patch.without_vehicle = support.plane.transformed(reference_from_frame);
+      patch.plane = here.transformed(reference_from_frame);
+      set_extent(patch, footprint->ahead, 0.5 * footprint->local.length,
+                 footprint->local.half_width, surface->up);
+      vehicle.plane = here.plane;
+      vehicle.plane_sigma_height = std::sqrt(here.height_variance(vehicle.pose.bottom_center()));
+      const auto nearest =
+          std::min_element(surface->patches.begin(),
+                           surface->patches.begin() + static_cast<std::ptrdiff_t>(road_patches),
+                           [&](const PlanePatch& a, const PlanePatch& b) {
+                             return (a.plane.centroid - patch.plane.centroid).norm() <
+                                    (b.plane.centroid - patch.plane.centroid).norm();
+                           });
+      surface->links.push_back(make_link(*nearest, patch));
+      surface->patches.push_back(std::move(patch));
+    }
+  }
+}
+
+/// Standard deviation of the road along the viewing rays over the distance, scale included, from a
+/// coarse grid of pixels.
+class RelativeSigma {
+ public:
+  RelativeSigma(const RoadPosterior& road, const PinholeCamera& camera)
+      : top_(road.top()),
+        du_((camera.width - 1.0) / (kColumns - 1)),
+        dv_((camera.height - 1.0 - top_) / (kRows - 1)) {
+    std::vector<Eigen::Vector2d> pixels;
+    for (int r = 0; r < kRows; ++r) {
+      for (int c = 0; c < kColumns; ++c) pixels.emplace_back(c * du_, top_ + r * dv_);
+    }
+    const auto n = static_cast<Eigen::Index>(pixels.size());
+    const Eigen::VectorXd variance =
+        road.covariance(road.of_inverse_depths(pixels, Eigen::MatrixXd::Identity(n, n))).diagonal();
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const double rho = std::max(road.inverse_depth(pixels[i]), 1e-3);
+      values_.push_back(std::min(1.0, std::sqrt(variance[static_cast<Eigen::Index>(i)]) / rho));
+    }
+  }
+
+  double at(const Eigen::Vector2d& pixel) const {
+    const double x = std::clamp(pixel.x() / du_, 0.0, kColumns - 1.001);
+    const double y = std::clamp((pixel.y() - top_) / dv_, 0.0, kRows - 1.001);
+    const int c = static_cast<int>(x), r = static_cast<int>(y);
+    const double ax = x - c, ay = y - r;
+    const auto value = [&](int row, int column) {
+      return values_[static_cast<std::size_t>(row * kColumns + column)];
+    };
+    return (1 - ay) * ((1 - ax) * value(r, c) + ax * value(r, c + 1)) +
+           ay * ((1 - ax) * value(r + 1, c) + ax * value(r + 1, c + 1));
+  }
+
+ private:
+  static constexpr int kColumns = 12, kRows = 12;
+  double top_, du_, dv_;
+  std::vector<double> values_;
+};
+
+RoadCloud road_cloud(const LoadedFrames& frames, const Correspondences& matches,
+                     const PhotometricGround& ground, const RoadPosterior& road, bool metric,
+                     const RoadSurface& surface, std::size_t road_patches, int num_threads) {
+  constexpr double kPatchReach = 4.0;  // m along the road
+  constexpr std::size_t kPiece = 2048;
+  RoadCloud cloud;
+  cloud.frame = CloudFrame::kCamera;
+  cloud.metric = metric;
+  const TriangulatedPoints& points = ground.ground.seen.points;
+  const Image& image = frames.color[frames.reference];
+  const std::vector<double>& weights = ground.ground.field->weights();
+  const double m = road.metres_per_baseline();
+  const RelativeSigma of_road(road, frames.camera);
+  const std::size_t count = points.size();
+  cloud.points.resize(count);
+  cloud.sigmas.resize(count);
+  cloud.colors.resize(count);
+  std::vector<int>& labels = cloud.labels["patch"];
+  labels.assign(count, -1);
+  parallel_for((count + kPiece - 1) / kPiece, num_threads, [&](std::size_t piece) {
+    for (std::size_t i = kPiece * piece; i < std::min(count, kPiece * (piece + 1)); ++i) {
+      const auto grid = static_cast<std::size_t>(points.grid[i]);
+      const Eigen::Vector2d at = matches.pixels[grid].cast<double>();
+      // A point moves with the ground around it, as far as the sources have moved that.
+      const double before = points.inverse_depth[i] / m;
+      const double moved = before + road.inverse_depth(at) - road.field().inverse_depth(at) / m;
+      const Eigen::Vector3d p = points.rays[i] / (moved > 0.25 * before ? moved : before);
+      cloud.points[i] = p.cast<float>();
+      const double relative =
+          std::hypot(points.sigma_own[i] / points.inverse_depth[i], of_road.at(at));
+      cloud.sigmas[i] = static_cast<float>(p.norm() * relative);
+      const std::size_t pixel = matches.image_index(grid, frames.camera.width);
+      cloud.colors[i] = {image.data[3 * pixel], image.data[3 * pixel + 1],
+                         image.data[3 * pixel + 2]};
+      if (i >= weights.size() || !(weights[i] > 0.1)) continue;
+      double best = kPatchReach;
+      for (std::size_t j = 0; j < road_patches; ++j) {
+        const PlanePatch& patch = surface.patches[j];
+        const double along = std::abs((p - patch.plane.centroid).dot(patch.plane.axis1));
+        if (along < best) {
+          best = along;
+          labels[i] = patch.id;
+        }
+      }
+    }
+  });
+  return cloud;
+}
+
+/// Vehicles frame by frame; a frame without any keeps its entry.
+VehicleDocument vehicle_document(const LoadedFrames& frames, const PlacedVehicles& placed,
+                                 std::vector<std::vector<VehicleEstimate>> vehicles,
+                                 VehicleMethod method, bool metric) {
+  VehicleDocument out;
+  out.method = to_string(method);
+  out.detections_source = frames.detections_source;
+  out.metric = metric;
+  for (std::size_t k = 0; k < vehicles.size(); ++k) {
+    for (std::size_t j = 0; j < vehicles[k].size(); ++j) vehicles[k][j].track = placed.tracks[k][j];
+    out.frames.push_back({frames.frames[k].id, std::move(vehicles[k])});
+  }
+  return out;
+}
+
+RunDocument run_document(const LoadedFrames& frames, const PhotometricGround& ground,
+                         const ScaledRoad& scaled, const FinalRoad& final_road) {
+  RunDocument out;
+  const double m = final_road.road.metres_per_baseline();
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    out.cameras.push_back({frames.frames[k].id, metric_pose(ground.motion, k, m).inverse()});
+  }
+  out.input_hashes = frames.input_hashes;
+  out.metric = scaled.metric;
+  out.scale = m;
+  out.scale_sigma = final_road.road.scale_sigma();
+  const detail::Judgement judged = detail::scale_status(out.scale_sigma);
+  out.scale_status = scaled.metric ? judged.status : Status::kNotObservable;
+  out.scale_reason = scaled.metric ? judged.reason : "no source of metres";
+  out.constraints = scaled.reports;
+  out.constraints.insert(out.constraints.end(), final_road.reports.begin(),
+                         final_road.reports.end());
+  out.points_kept.emplace_back("road", static_cast<long>(ground.ground.seen.points.size()));
+  out.points_kept.emplace_back("motion", ground.motion.points);
+  for (std::size_t r = 0; r < kNumDropReasons; ++r) {
+    out.points_dropped.emplace_back(to_string(static_cast<DropReason>(r)),
+                                    ground.ground.seen.points.dropped[r]);
+  }
+  return out;
+}
+
+}  // namespace
+
+AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matches,
+                       const PhotometricGround& ground, const ScaledRoad& scaled,
+                       const SurfacePlan& plan, const PlacedVehicles& placed, VehicleMethod method,
+                       const AssembleOptions& options) {
+  const FinalRoad final_road = condition_on_vehicles(scaled, placed);
+  const RoadPosterior& road = final_road.road;
+  AssembledRoad out;
+  RoadSurface& surface = out.surface;
+  surface.metric = scaled.metric;
+  surface.scale_sigma = road.scale_sigma();
+  surface.ego_patch = 0;
+  surface.patches.push_back(ego_patch(ground.ground.ego, road, surface.up));
+  for (const PatchFootprint& footprint : plan.road) {
+    surface.patches.push_back(road_patch(ground, road, frames.camera, footprint, surface.up));
+  }
+  const std::size_t road_patches = surface.patches.size();
+  for (std::size_t k = 1; k < road_patches; ++k) {
+    surface.links.push_back(make_link(surface.patches[k - 1], surface.patches[k]));
+  }
+  for (const Eigen::Vector3d& p : ground.ground.ego.line) {
+    surface.driven_line.push_back(road.metres_per_baseline() * p);
+  }
+  std::vector<std::vector<VehicleEstimate>> vehicles = placed.estimates;
+  if (method == VehicleMethod::kJoint) {
+    add_vehicle_patches(frames, ground, final_road, plan, placed, road_patches, &surface,
+                        &vehicles);
+  }
+  out.vehicles = vehicle_document(frames, placed, std::move(vehicles), method, scaled.metric);
+  out.cloud = road_cloud(frames, matches, ground, road, scaled.metric, surface, road_patches,
+                         options.num_threads);
+  out.run = run_document(frames, ground, scaled, final_road);
+  return out;
+}
+
+}  // namespace camber::stages

@@ -1,0 +1,27 @@
+#pragma once
+
+// Steps that the ground stage and its photometric refinement share.
+
+#include "camber/pipeline/stages/ground.h"
+
+namespace camber::stages::detail {
+
+/// Road points that carry the ego plane, up to scale.
+struct ProfilePoints {
+  RoadPoints road;
+  double correlation = 1.0;  // see EgoPlaneOptions
+};
+
+/// The triangulated ones, thinned: neighbours share their errors.
+ProfilePoints matched_profile(const GroundPoints& seen);
+
+EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, ProfilePoints points,
+                 const GroundOptions& options);
+
+/// Takes an ego plane and its scale, unless it failed. @return whether it was taken.
+bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground);
+
+GroundObservations ground_observations(const Correspondences& matches,
+                                       const TriangulatedPoints& points);
+
+}  // namespace camber::stages::detail

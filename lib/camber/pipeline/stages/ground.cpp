@@ -1,0 +1,216 @@
+#include "camber/pipeline/stages/ground.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "camber/core/errors.h"
+#include "camber/pipeline/stages/detail/ground_steps.h"
+#include "camber/road/grow_road.h"
+
+namespace camber {
+
+bool RejectedBlocks::at(double u, double v) const {
+  if (rejected.empty()) return false;
+  const auto rows = static_cast<int>(rejected.size()) / columns;
+  const int c = std::clamp(static_cast<int>(u) / kWide, 0, columns - 1);
+  const int r = std::clamp(static_cast<int>(v) / kHigh, 0, rows - 1);
+  return rejected[static_cast<std::size_t>(r * columns + c)] != 0;
+}
+
+double RejectedBlocks::share(const Box2& box) const {
+  if (rejected.empty()) return 0.0;
+  int all = 0, found = 0;
+  for (double v = box.y1; v <= box.y2 + kHigh; v += kHigh) {
+    for (double u = box.x1; u <= box.x2 + kWide; u += kWide) {
+      ++all;
+      found += at(std::min(u, box.x2), std::min(v, box.y2));
+    }
+  }
+  return all > 0 ? static_cast<double>(found) / all : 0.0;
+}
+
+namespace stages {
+
+namespace {
+
+/// Grid points below the line on which level ground would vanish, with a margin for climbing roads.
+std::vector<std::uint8_t> below_horizon(const LoadedFrames& frames, const Correspondences& matches,
+                                        const Eigen::Vector3d& travel) {
+  const PinholeCamera& camera = frames.camera;
+  const double horizon =
+      camera.cy + camera.fy * travel.y() / std::max(0.1, travel.z()) - 0.2 * camera.fy;
+  std::vector<std::uint8_t> out(matches.pixels.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const std::size_t p = matches.image_index(i, camera.width);
+    out[i] = !frames.reference_masks().vehicle[p] && matches.pixels[i].y() > horizon;
+  }
+  return out;
+}
+
+/// The road that grows from the near ground, one a grid point.
+GrownRoad grown_road(const LoadedFrames& frames, const Correspondences& matches,
+                     const TriangulatedPoints& all, const Eigen::Vector3d& travel,
+                     const GroundOptions& options) {
+  GridInverseDepth grid;
+  grid.columns = matches.columns;
+  grid.rows = matches.rows;
+  grid.step = matches.step;
+  grid.inverse_depth.assign(matches.pixels.size(), std::numeric_limits<double>::quiet_NaN());
+  grid.sigma.assign(matches.pixels.size(), 0.0);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const auto i = static_cast<std::size_t>(all.grid[k]);
+    grid.inverse_depth[i] = all.inverse_depth[k];
+    grid.sigma[i] = all.sigma_own[k];
+  }
+  GrowRoadOptions grow;
+  grow.camera_height = frames.known.camera_height.value_or(options.unknown_camera_height);
+  return grow_road(frames.camera, grid, travel, grow);
+}
+
+}  // namespace
+
+GroundPoints triangulate(const LoadedFrames& frames, const Correspondences& matches,
+                         const MotionEstimate& motion, const GroundPoints* before,
+                         const GroundOptions& options) {
+  TriangulationOptions triangulation;
+  triangulation.num_threads = options.num_threads;
+  const std::size_t total = matches.pixels.size();
+  GroundPoints out;
+  if (frames.has_masks()) {
+    const FrameMasks& masks = frames.reference_masks();
+    out.is_ground.resize(total);
+    out.is_roadway.resize(total);
+    for (std::size_t i = 0; i < total; ++i) {
+      const std::size_t p = matches.image_index(i, frames.camera.width);
+      out.is_ground[i] = masks.ground[p];
+      out.is_roadway[i] = masks.roadway[p];
+    }
+    out.points = camber::triangulate(frames.camera, matches, motion, out.is_ground, triangulation);
+    return out;
+  }
+  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
+  const TriangulatedPoints all = camber::triangulate(
+      frames.camera, matches, motion, below_horizon(frames, matches, travel), triangulation);
+  const GrownRoad grown = grown_road(frames, matches, all, travel, options);
+  if (grown.status != Status::kFailed) {
+    out.is_ground = out.is_roadway = grown.ground;
+  } else if (before) {
+    out.is_ground = before->is_ground;
+    out.is_roadway = before->is_roadway;
+  } else {
+    throw NoAnswerError("no road found in the cloud: " + grown.reason);
+  }
+  out.points = all.chosen(out.is_ground);
+  return out;
+}
+
+namespace detail {
+
+ProfilePoints matched_profile(const GroundPoints& seen) {
+  constexpr std::size_t kMost = 5000;
+  const TriangulatedPoints& points = seen.points;
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (seen.is_roadway[static_cast<std::size_t>(points.grid[i])]) chosen.push_back(i);
+  }
+  const std::size_t stride = std::max<std::size_t>(1, chosen.size() / kMost);
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < chosen.size(); k += stride) chosen[kept++] = chosen[k];
+  chosen.resize(kept);
+  ProfilePoints out;
+  out.correlation = std::max(1.0, EgoPlaneOptions().correlation / static_cast<double>(stride));
+  out.road.shared_jacobian.resize(static_cast<Eigen::Index>(chosen.size()),
+                                  points.pose_jacobian.cols());
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    const std::size_t i = chosen[k];
+    out.road.points.push_back(points.point(i));
+    out.road.relative_sigma.push_back(points.sigma_own[i] / points.inverse_depth[i]);
+    out.road.shared_jacobian.row(static_cast<Eigen::Index>(k)) =
+        points.pose_jacobian.row(static_cast<Eigen::Index>(i)) /
+        static_cast<float>(-points.inverse_depth[i]);
+  }
+  return out;
+}
+
+EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, ProfilePoints points,
+                 const GroundOptions& options) {
+  EgoPlaneOptions ego;
+  ego.correlation = points.correlation;
+  ego.camera_height = frames.known.camera_height.value_or(options.unknown_camera_height);
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (k == frames.reference) continue;
+    points.road.camera_path.push_back(motion.frame_from_reference[k].inverse().translation());
+  }
+  return fit_ego_plane(points.road, travel_direction(motion, frames.reference),
+                       Eigen::Vector3d(0, -1, 0), motion.covariance, ego);
+}
+
+bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground) {
+  if (ego.status == Status::kFailed) return false;
+  ground->ego = std::move(ego);
+  ground->metres_per_baseline = motion.metres_per_baseline.value_or(ground->ego.metres_per_unit);
+  return true;
+}
+
+GroundObservations ground_observations(const Correspondences& matches,
+                                       const TriangulatedPoints& points) {
+  GroundObservations out;
+  out.pixels.reserve(points.size());
+  for (const int i : points.grid) {
+    out.pixels.push_back(matches.pixels[static_cast<std::size_t>(i)].cast<double>());
+  }
+  out.inverse_depth = points.inverse_depth;
+  out.sigma = points.sigma_own;
+  out.shared_jacobian = points.pose_jacobian;
+  return out;
+}
+
+}  // namespace detail
+
+Ground ground(const LoadedFrames& frames, const Correspondences& matches,
+              const MotionEstimate& motion, GroundPoints points, const Ground* before,
+              const GroundOptions& options) {
+  Ground out;
+  if (before) out = *before;
+  out.seen = std::move(points);
+  EgoPlane ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
+  const std::string reason = ego.reason;
+  if (!detail::set_ego(motion, std::move(ego), &out) && !before) {
+    throw NoAnswerError("no road plane under the camera: " + reason);
+  }
+  const GroundObservations observed = detail::ground_observations(matches, out.seen.points);
+  if (before) {
+    auto field = std::make_shared<GroundField>(*before->field);
+    field->update(observed, 2);
+    out.field = std::move(field);
+  } else {
+    GroundFieldOptions field;
+    field.metres_per_unit = out.metres_per_baseline;
+    field.num_threads = options.num_threads;
+    out.field = std::make_shared<GroundField>(frames.camera, observed, out.ego.plane.plane, field);
+  }
+  return out;
+}
+
+std::vector<std::uint8_t> ground_pixels(const LoadedFrames& frames, const Correspondences& matches,
+                                        const Ground& ground) {
+  if (frames.has_masks()) return frames.reference_masks().ground;
+  const PinholeCamera& camera = frames.camera;
+  const auto width = static_cast<std::size_t>(camera.width);
+  std::vector<std::uint8_t> out(width * static_cast<std::size_t>(camera.height), 0);
+  for (std::size_t i = 0; i < ground.seen.is_ground.size(); ++i) {
+    if (!ground.seen.is_ground[i]) continue;
+    const int x = static_cast<int>(matches.pixels[i].x());
+    const int y = static_cast<int>(matches.pixels[i].y());
+    for (int v = y; v < std::min(camera.height, y + matches.step); ++v) {
+      for (int u = x; u < std::min(camera.width, x + matches.step); ++u) {
+        out[static_cast<std::size_t>(v) * width + static_cast<std::size_t>(u)] = 1;
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace stages
+}  // namespace camber

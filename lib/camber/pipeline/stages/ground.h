@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "camber/motion/correspondences.h"
+#include "camber/motion/motion.h"
+#include "camber/motion/triangulation.h"
+#include "camber/photometric/direct_ground.h"
+#include "camber/pipeline/stages/load.h"
+#include "camber/road/ground_field.h"
+#include "camber/scale/ego_plane.h"
+
+namespace camber {
+
+/// Points of the ground, up to scale (longest baseline 1), reference camera.
+struct GroundPoints {
+  std::vector<std::uint8_t> is_ground;   ///< one a grid point of the correspondences
+  std::vector<std::uint8_t> is_roadway;  ///< one a grid point: carries the ego plane
+  TriangulatedPoints points;             ///< of the ground
+};
+
+/// The ground ahead as far as it is found, up to scale (longest baseline 1), reference camera.
+struct Ground {
+  GroundPoints seen;
+  EgoPlane ego;                      ///< the tangent plane under the camera
+  double metres_per_baseline = 1.0;  ///< by the camera's height, or by known poses
+  std::shared_ptr<const GroundField> field;
+};
+
+/// Blocks of an image, row by row.
+struct RejectedBlocks {
+  static constexpr int kWide = 128, kHigh = 24;  ///< px
+  int columns = 0;
+  std::vector<std::uint8_t> rejected;  ///< non-zero: yes; empty: none is
+
+  bool at(double u, double v) const;
+  /// Share of a box's blocks that are rejected.
+  double share(const Box2& box) const;
+};
+
+/// A ground and the motion that belongs to it.
+struct PhotometricGround {
+  Ground ground;          ///< its field by the matches alone
+  MotionEstimate motion;  ///< refined where accepted
+  /// By matches and intensities; null where not accepted, rejection says why.
+  std::shared_ptr<const GroundField> field;
+  DirectEvidence evidence;  ///< of held-out pixels for that field
+  std::string rejection;
+  /// Blocks of the image in which the intensities are left out: pixels that took no part agree less
+  /// with them than without.
+  RejectedBlocks rejected_blocks;
+};
+
+namespace stages {
+
+struct GroundOptions {
+  double unknown_camera_height = 1.65;  ///< m, taken where none is known: the unit of the result
+  int num_threads = 0;                  ///< <= 0: see resolve_num_threads
+};
+
+/// Triangulates the ground: what the masks show, or what grows from the near road.
+/// @param before  of an earlier round, whose extent is kept where no road grows; may be null.
+/// @throws NoAnswerError where no road grows and there was none before.
+GroundPoints triangulate(const LoadedFrames& frames, const Correspondences& matches,
+                         const MotionEstimate& motion, const GroundPoints* before,
+                         const GroundOptions& options);
+
+/// Fits the tangent plane under the camera and the ground field.
+/// @param before  of an earlier round, from which the field starts and whose ego plane is kept
+/// where
+///                no new one is found; may be null.
+/// @throws NoAnswerError where there is no plane under the camera.
+Ground ground(const LoadedFrames& frames, const Correspondences& matches,
+              const MotionEstimate& motion, GroundPoints points, const Ground* before,
+              const GroundOptions& options);
+
+/// Refines the motion and the ground on the intensities of all images; accepted where the pixels
+/// left out of it agree better than before.
+PhotometricGround refine_photometrically(const LoadedFrames& frames, const Correspondences& matches,
+                                         const MotionEstimate& motion, const Ground& before,
+                                         const GroundOptions& options);
+
+/// Ground seen in the reference image, one byte a pixel.
+std::vector<std::uint8_t> ground_pixels(const LoadedFrames& frames, const Correspondences& matches,
+                                        const Ground& ground);
+
+}  // namespace stages
+}  // namespace camber

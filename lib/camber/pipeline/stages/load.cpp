@@ -1,0 +1,99 @@
+#include "camber/pipeline/stages/load.h"
+
+#include <stdexcept>
+
+#include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/core/threads.h"
+#include "camber/image/image_io.h"
+
+namespace camber::stages {
+namespace {
+
+std::vector<int> label_values(const Scene& scene, const std::string& name) {
+  const auto found = scene.segmentation_classes.find(name);
+  return found == scene.segmentation_classes.end() ? std::vector<int>() : found->second;
+}
+
+FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, bool use_masks) {
+  MaskInputs inputs;
+  inputs.classes = {label_values(scene, "road"), label_values(scene, "pavement"),
+                    label_values(scene, "vehicle")};
+  for (const VehicleDetection& v : frame.vehicles) inputs.vehicle_boxes.push_back(v.box);
+  const bool shows_ground = !inputs.classes.road.empty() || !inputs.classes.pavement.empty();
+  if (use_masks && !frame.segmentation.empty() && shows_ground) {
+    inputs.segmentation = read_label_image(frame.segmentation, scene.camera);
+  } else if (use_masks && !frame.road_mask.empty()) {
+    inputs.road_mask = read_label_image(frame.road_mask, scene.camera);
+  }
+  return make_frame_masks(scene.camera, inputs);
+}
+
+LaneMarkingSizes marking_sizes(const Scene& scene) {
+  const auto size = [&](const char* name) {
+    const auto found = scene.markings_m.find(name);
+    return found == scene.markings_m.end() ? 0.0 : found->second;
+  };
+  return {size("dash_length"), size("dash_gap"), size("line_width"), size("zebra_stripe_width"),
+          size("zebra_gap")};
+}
+
+void require_different_images(const LoadedFrames& frames) {
+  for (std::size_t a = 0; a < frames.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) {
+      if (frames.gray[a].pixels == frames.gray[b].pixels) {
+        throw NoAnswerError("frames " + std::to_string(frames.frames[b].id) + " and " +
+                            std::to_string(frames.frames[a].id) +
+                            " have the same image: no parallax between them");
+      }
+    }
+  }
+}
+
+}  // namespace
+
+LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
+                  const LoadOptions& options) {
+  if (frame_ids.size() < 2) {
+    throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
+                        std::to_string(frame_ids.size()) + " given");
+  }
+  LoadedFrames out;
+  out.camera = scene.camera;
+  out.known = {scene.height_above_road, marking_sizes(scene)};
+  out.detections_source = scene.detections_source;
+  out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
+  const int reference = choose_reference_frame(scene, frame_ids);
+  for (const int id : frame_ids) {
+    const SceneFrame* frame = scene.find_frame(id);
+    if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(id));
+    if (id == reference) out.reference = out.frames.size();
+    out.frames.push_back(*frame);
+  }
+  const std::size_t count = out.size();
+  out.gray.resize(count);
+  out.color.resize(count);
+  out.masks.resize(count);
+  std::vector<std::vector<std::pair<std::string, std::string>>> hashes(count);
+  parallel_for(count, options.num_threads, [&](std::size_t k) {
+    const SceneFrame& frame = out.frames[k];
+    if (frame.image.empty()) {
+      throw NoAnswerError("frame " + std::to_string(frame.id) +
+                          " has no image in the manifest; reconstruction needs images");
+    }
+    FrameImage image = read_frame_image(frame.image, scene.camera);
+    out.gray[k] = std::move(image.gray);
+    out.color[k] = std::move(image.color);
+    out.masks[k] = read_masks(scene, frame, options.use_masks);
+    for (const auto& path : {frame.image, frame.segmentation, frame.road_mask}) {
+      if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
+    }
+  });
+  for (auto& list : hashes) {
+    out.input_hashes.insert(out.input_hashes.end(), list.begin(), list.end());
+  }
+  require_different_images(out);
+  return out;
+}
+
+}  // namespace camber::stages

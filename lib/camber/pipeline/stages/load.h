@@ -1,0 +1,57 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/image/frame_masks.h"
+#include "camber/image/image.h"
+#include "camber/scale/lane_marking_detection.h"
+#include "camber/scene/scene.h"
+
+namespace camber {
+
+/// What is known of a run's metres beside its images.
+struct KnownMetres {
+  std::optional<double> camera_height;  ///< m, above the road under the camera
+  LaneMarkingSizes markings;            ///< of painted markings
+};
+
+/// The images of a run with what is known of their pixels, one entry a frame, ascending ids.
+struct LoadedFrames {
+  PinholeCamera camera;
+  std::vector<SceneFrame> frames;
+  std::size_t reference = 0;      ///< index of the frame whose camera is the world of the run
+  std::vector<GrayImage> gray;    ///< intensities
+  std::vector<Image> color;       ///< 3 channels
+  std::vector<FrameMasks> masks;  ///< of every image
+  KnownMetres known;
+  std::string detections_source;  ///< as the scene declares it
+  double frame_rate = 10.0;       ///< Hz, for frames without a time
+  /// Path as the scene gives it and hash of its content, of all files that were read.
+  std::vector<std::pair<std::string, std::string>> input_hashes;
+
+  std::size_t size() const { return frames.size(); }
+  const FrameMasks& reference_masks() const { return masks[reference]; }
+  /// Whether a segmentation or road mask shows the road of the reference image.
+  bool has_masks() const { return masks[reference].has_mask; }
+};
+
+namespace stages {
+
+struct LoadOptions {
+  bool use_masks = true;  ///< false: segmentations and road masks are not read
+  int num_threads = 0;    ///< <= 0: see resolve_num_threads
+};
+
+/// Decodes the images and masks of the frames.
+/// @param frame_ids  at least two ids of the scene, ascending; else std::invalid_argument.
+/// @throws InputError for missing, damaged or mismatching images; NoAnswerError for one frame, for
+///         a frame without an image and for two frames with the same image.
+LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
+                  const LoadOptions& options);
+
+}  // namespace stages
+}  // namespace camber

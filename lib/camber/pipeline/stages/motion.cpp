@@ -1,0 +1,58 @@
+#include "camber/pipeline/stages/motion.h"
+
+#include <algorithm>
+
+#include "camber/core/errors.h"
+
+namespace camber::stages {
+namespace {
+
+bool poses_known(const LoadedFrames& frames) {
+  return std::all_of(frames.frames.begin(), frames.frames.end(),
+                     [](const SceneFrame& f) { return f.world_from_camera.has_value(); });
+}
+
+MotionEstimate motion_from_poses(const LoadedFrames& frames) {
+  std::vector<SE3> frame_from_reference;
+  for (const SceneFrame& frame : frames.frames) {
+    frame_from_reference.push_back(frame.world_from_camera->inverse() *
+                                   *frames.frames[frames.reference].world_from_camera);
+  }
+  return motion_from_known_poses(frame_from_reference, frames.reference, {});
+}
+
+/// One entry a grid point: not on or beside a vehicle or detection of the reference image.
+std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
+                                        const Correspondences& matches) {
+  const std::vector<std::uint8_t>& vehicle_near = frames.reference_masks().vehicle_near;
+  std::vector<std::uint8_t> out(matches.pixels.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = !vehicle_near[matches.image_index(i, frames.camera.width)];
+  }
+  return out;
+}
+
+}  // namespace
+
+MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
+                      const MotionOptions& options) {
+  if (poses_known(frames)) {
+    MotionEstimate known = motion_from_poses(frames);
+    if (known.status == Status::kFailed) throw NoAnswerError(known.reason);
+    return known;
+  }
+  MotionEstimate out =
+      estimate_motion(frames.camera, matches, static_points(frames, matches), options);
+  if (out.status == Status::kFailed) throw NoAnswerError(out.reason);
+  return out;
+}
+
+MotionEstimate motion_again(const LoadedFrames& frames, const Correspondences& matches,
+                            const MotionEstimate& start, const MotionOptions& options) {
+  if (start.metres_per_baseline) return start;
+  MotionEstimate refined =
+      refine_motion(frames.camera, matches, static_points(frames, matches), start, options);
+  return refined.status == Status::kOk ? refined : start;
+}
+
+}  // namespace camber::stages

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "camber/motion/correspondences.h"
+#include "camber/motion/motion.h"
+#include "camber/pipeline/stages/load.h"
+
+namespace camber::stages {
+
+/// Motion of the camera over the frames: from their poses where all of them are known (then metric,
+/// see MotionEstimate::metres_per_baseline), else from correspondences of points that stand still.
+/// @throws NoAnswerError for a standing camera, a pure rotation, too little texture.
+MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
+                      const MotionOptions& options);
+
+/// Bundle adjustment with better correspondences; known poses stay, and so does the start where the
+/// adjustment fails.
+MotionEstimate motion_again(const LoadedFrames& frames, const Correspondences& matches,
+                            const MotionEstimate& start, const MotionOptions& options);
+
+}  // namespace camber::stages

@@ -1,0 +1,184 @@
+#include "camber/pipeline/stages/scale.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "camber/core/threads.h"
+#include "camber/scale/camera_height_constraint.h"
+#include "camber/scale/fusion.h"
+#include "camber/scale/known_poses_constraint.h"
+
+namespace camber::stages {
+namespace {
+
+/// Of the logarithm of the scale before any source: hardly anything is known.
+constexpr double kOpenLogScale = 1.0;
+
+RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_baseline,
+                         const ScaleOptions& options) {
+  const EgoPlane& ego = ground.ground.ego;
+  return {ground.field ? ground.field : ground.ground.field,
+          ground.motion.covariance,
+          options.ground_inflation,
+          {ego.plane, ego.by_shared},
+          metres_per_baseline,
+          kOpenLogScale};
+}
+
+/// What gives a run its metres before the road's own features are looked at.
+std::vector<Constraint> anchors(const RoadPosterior& road, const LoadedFrames& frames,
+                                const MotionEstimate& motion, const ScaleNoise& noise) {
+  std::vector<Constraint> out;
+  if (motion.metres_per_baseline) {
+    out.push_back(known_poses_constraint(road, *motion.metres_per_baseline, motion.baseline_sigma));
+  } else if (frames.known.camera_height) {
+    out.push_back(camera_height_constraint(road, *frames.known.camera_height, noise.camera_height));
+  } else {
+    out.push_back(camera_height_constraint(road, noise.unknown_camera_height,
+                                           noise.unknown_camera_height_sigma));
+    out.back().source = "not given: " + out.back().source;
+  }
+  return out;
+}
+
+Constraint all_of(const std::vector<Constraint>& constraints) {
+  std::vector<const Constraint*> parts;
+  for (const Constraint& c : constraints) parts.push_back(&c);
+  return stacked(parts);
+}
+
+/// The ground in the reference image, with where it is clear of vehicles.
+GroundRaster ground_raster(const LoadedFrames& frames, const Correspondences& matches,
+                           const Ground& ground, const RoadPosterior& road, int num_threads) {
+  GroundRaster out;
+  out.top = std::max(0, static_cast<int>(road.top()) + 1);
+  const int width = frames.camera.width, height = frames.camera.height;
+  const auto stored = static_cast<std::size_t>(width) * static_cast<std::size_t>(height - out.top);
+  out.inverse_depth.resize(stored);
+  parallel_for(static_cast<std::size_t>(height - out.top), num_threads, [&](std::size_t row) {
+    const double v = out.top + static_cast<double>(row);
+    float* values = &out.inverse_depth[row * static_cast<std::size_t>(width)];
+    for (int u = 0; u < width; ++u) {
+      values[u] = static_cast<float>(road.inverse_depth({static_cast<double>(u), v}));
+    }
+  });
+  // Near ground, since masks have holes where there is paint.
+  constexpr int kReach = 10;  // px
+  std::vector<std::uint8_t> seen = ground_pixels(frames, matches, ground);
+  cv::Mat grown;
+  cv::dilate(cv::Mat(height, width, CV_8UC1, seen.data()), grown,
+             cv::getStructuringElement(cv::MORPH_RECT, {2 * kReach + 1, 2 * kReach + 1}));
+  const std::vector<std::uint8_t>& vehicle = frames.reference_masks().vehicle;
+  out.visible.resize(stored);
+  for (std::size_t i = 0, skipped = vehicle.size() - stored; i < stored; ++i) {
+    out.visible[i] = grown.data[skipped + i] != 0 && vehicle[skipped + i] == 0;
+  }
+  return out;
+}
+
+LaneMarkingConstraint measure_markings(const LoadedFrames& frames, const GroundRaster& raster,
+                                       const Eigen::Vector3d& travel, const RoadPosterior& road,
+                                       const ScaleOptions& options) {
+  LaneMarkingConstraint out;
+  out.constraint.name = "lane_markings";
+  const LaneMarkingSizes& sizes = frames.known.markings;
+  if (!options.use_markings) return out;
+  if (!sizes.dashes() && !sizes.stripes()) {
+    out.reason = "the scene gives no sizes of markings";
+    return out;
+  }
+  const LaneMarkings found =
+      detect_lane_markings(frames.gray[frames.reference], frames.camera, raster, travel, sizes,
+                           road.scale_sigma(), options.num_threads);
+  return lane_marking_constraint(road, frames.camera, found, sizes, options.noise);
+}
+
+RoadWidthConstraint measure_width(const LoadedFrames& frames, const GroundRaster& raster,
+                                  const Eigen::Vector3d& travel, const RoadPosterior& road,
+                                  const ScaleOptions& options) {
+  RoadWidthConstraint out;
+  out.constraint.name = "road_width";
+  if (!options.use_road_width) return out;
+  if (!frames.has_masks()) {
+    out.reason = "no mask shows where the road ends";
+    return out;
+  }
+  const FrameMasks& masks = frames.reference_masks();
+  const RoadEdges edges =
+      detect_road_edges(frames.gray[frames.reference], frames.camera, raster, masks.roadway,
+                        masks.vehicle, travel, options.num_threads);
+  return road_width_constraint(road, frames.camera, edges, options.noise);
+}
+
+/// The sources that nothing was measured by keep their reason.
+void set_reason(const std::string& name, const std::string& reason,
+                std::vector<ConstraintReport>* reports) {
+  for (ConstraintReport& report : *reports) {
+    if (report.name == name && !report.accepted && report.reason.empty()) report.reason = reason;
+  }
+}
+
+bool accepted(const std::vector<ConstraintReport>& reports, const std::string& name) {
+  return std::any_of(reports.begin(), reports.end(),
+                     [&](const ConstraintReport& r) { return r.name == name && r.accepted; });
+}
+
+}  // namespace
+
+ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
+                 const PhotometricGround& ground, const ScaleOptions& options) {
+  const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
+  const bool guessed = !ground.motion.metres_per_baseline && !frames.known.camera_height;
+  const double start = ground.ground.metres_per_baseline;
+  // A guessed scale hides markings: with that of the first ones found more are.
+  constexpr int kMostRounds = 3;
+  double m = start;
+  for (int round = 0;; ++round) {
+    const RoadPosterior prior = prior_road(ground, m, options);
+    std::vector<Constraint> constraints = anchors(prior, frames, ground.motion, options.noise);
+    const RoadPosterior anchored = prior.conditioned(all_of(constraints));
+    const GroundRaster raster =
+        ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
+    LaneMarkingConstraint markings = measure_markings(frames, raster, travel, anchored, options);
+    RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
+    constraints.push_back(prior.relinearised(markings.constraint, anchored));
+    constraints.push_back(prior.relinearised(width.constraint, anchored));
+    FusedRoad fused = fuse(prior, constraints);
+    const double change = std::log(fused.road.metres_per_baseline() / m);
+    if (guessed && accepted(fused.reports, "lane_markings") && std::abs(change) >= 0.02 &&
+        round + 1 < kMostRounds) {
+      m *= std::exp(change);
+      continue;
+    }
+    const double sigma = fused.road.scale_sigma();
+    const bool metric = !guessed || (accepted(fused.reports, "lane_markings") &&
+                                     sigma <= options.noise.metric_limit);
+    if (!metric) {
+      // Lengths in nominal heights of the camera; only what does not depend on metres is used.
+      if (accepted(fused.reports, "lane_markings")) {
+        markings.reason = fmt::format(
+            "they measure the scale to {:.1f} % only: the result stays up to scale", 100.0 * sigma);
+      }
+      const RoadPosterior nominal = prior_road(ground, start, options);
+      const Constraint height = camera_height_constraint(
+          nominal, options.noise.unknown_camera_height, options.noise.camera_height);
+      std::vector<ConstraintReport> reports = fused.reports;
+      fused = fuse(nominal, {height, nominal.relinearised(width.constraint, anchored)});
+      for (ConstraintReport& report : reports) {
+        if (report.name != "road_width") report.accepted = false;
+      }
+      set_reason("camera_height", "not given", &reports);
+      fused.reports = std::move(reports);
+    }
+    set_reason("lane_markings", markings.reason, &fused.reports);
+    set_reason("road_width", width.reason, &fused.reports);
+    const double scale_change = std::log(fused.road.metres_per_baseline() / start);
+    return {std::move(fused.road), metric,           std::move(fused.reports),
+            std::move(markings),   std::move(width), scale_change};
+  }
+}
+
+}  // namespace camber::stages

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "camber/pipeline/stages/ground.h"
+#include "camber/pipeline/stages/load.h"
+#include "camber/road/road_posterior.h"
+#include "camber/scale/lane_marking_constraint.h"
+#include "camber/scale/road_width_constraint.h"
+#include "camber/scale/scale_noise.h"
+
+namespace camber {
+
+/// The road with its metres: the posterior given all sources that agree.
+struct ScaledRoad {
+  RoadPosterior road;
+  bool metric = true;  ///< false: lengths are in nominal camera heights
+  std::vector<ConstraintReport> reports;
+  LaneMarkingConstraint markings;
+  RoadWidthConstraint width;
+  double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
+};
+
+namespace stages {
+
+struct ScaleOptions {
+  bool use_markings = true;    ///< painted markings whose sizes the scene knows
+  bool use_road_width = true;  ///< the road's nearly constant width, where a mask shows it
+  /// Factor on the covariance of the ground field, >= 1: errors of the matches that whole stretches
+  /// of road share (moving shadows, reflections). Measured by bench_main_job's heights.
+  double ground_inflation = 4.0;
+  ScaleNoise noise;
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
+};
+
+/// Collects what every source measures of the road and its scale, and fuses those that agree.
+ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
+                 const PhotometricGround& ground, const ScaleOptions& options);
+
+}  // namespace stages
+}  // namespace camber

@@ -1,0 +1,37 @@
+#pragma once
+
+namespace camber {
+
+/// Standard deviations, correlation lengths and gates of the sources of scale, with where each was
+/// measured. "Rendered roads": the vehicles' and markings' tables of bench_steep_roads and
+/// bench_main_job, which measure them again.
+struct ScaleNoise {
+  // The camera's mounting.
+  double camera_height = 0.01;  ///< m, a given height: suspension, load (scene.json's default)
+  double unknown_camera_height = 1.65;        ///< m, of a camera on a car to a van
+  double unknown_camera_height_sigma = 0.33;  ///< m; 20 %
+  /// Relative standard deviation of a scale beyond which a result without a camera height or known
+  /// poses is called up to scale.
+  double metric_limit = 0.1;
+
+  double known_pose_scale =
+      0.01;  ///< relative, of baselines between poses that a scene gives (assumed)
+
+  // Painted markings of known size.
+  double painted_end = 0.02;  ///< m, ends of paint off their place (assumed; rendered roads agree)
+  double mark_column_px = 0.2;   ///< px, a stroke's middle line (tests of the detector)
+  double mark_end_row_px = 0.3;  ///< px, the end of a stroke of many rows (tests of the detector)
+  double marking_gate = 3.0;     ///< standard deviations, of one length
+
+  // The road's width.
+  double width_walk = 0.01;          ///< of the width's logarithm over width_walk_length (assumed)
+  double width_walk_length = 10.0;   ///< m
+  double road_edge = 0.02;           ///< m, by which an edge is off its place (rendered roads)
+  double other_road_edge = 0.12;     ///< m, the same from one side of a gap to the other (a kerb)
+  double uneven_edge = 0.02;         ///< m, of the ground at an edge off the field (rendered roads)
+  double edge_column_px = 0.25;      ///< px, that all rows of a place share
+  double rows_with_one_error = 4.0;  ///< neighbouring rows of an edge
+  double width_gate = 3.0;           ///< standard deviations, of one change of width
+};
+
+}  // namespace camber
