@@ -12,12 +12,16 @@ if(TARGET camber)
 endif()
 foreach(module IN LISTS modules)
   string(REGEX REPLACE "^camber_" "" folder ${module})
+  if(NOT IS_DIRECTORY ${PROJECT_SOURCE_DIR}/lib/camber/${folder})
+    continue()  # a target within a folder: its headers come with the folder's
+  endif()
   install(
     DIRECTORY lib/camber/${folder}
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/camber
     COMPONENT development
     FILES_MATCHING
-    PATTERN "*.h")
+    PATTERN "*.h"
+    PATTERN "detail" EXCLUDE)
 endforeach()
 
 # The packages that a project must find before it can link the static libraries: a line for each

@@ -1,5 +1,6 @@
 # camber_add_module(NAME SOURCES ... [PUBLIC targets...] [PRIVATE targets...])
-# One folder of lib/camber is one static library camber_NAME with the alias camber::NAME.
+# One folder of lib/camber is one static library camber_NAME with the alias camber::NAME. A folder
+# within it that needs more than the rest may be a library of its own, camber_NAME_FOLDER.
 function(camber_add_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   add_library(camber_${name} STATIC ${ARG_SOURCES})

@@ -21,7 +21,7 @@ struct Arguments {
                                                                 preset = "default";
   EstimateVehiclesOptions options;
   std::vector<std::filesystem::path> calibration;
-  int camera = 2;
+  int camera = 2, keypoint_set = 36;
   bool no_tracks = false;
   bool json = false;
 };
@@ -79,7 +79,7 @@ void register_vehicles(CLI::App& root) {
       ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
       ->capture_default_str();
   app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
-  app.add_option("--keypoint-set", a.options.vehicles.fit.keypoint_set,
+  app.add_option("--keypoint-set", a.keypoint_set,
                  "keypoints to use: 36 or 14")
       ->check(CLI::IsMember({36, 14}))
       ->capture_default_str();
@@ -138,9 +138,10 @@ void register_vehicles(CLI::App& root) {
     stages::VehicleOptions& options = args.options.vehicles;
     options.method = vehicle_method_from_string(args.method);
     options.num_threads = command->common.threads;
+    options.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
     options.tracks = !args.no_tracks;
     args.options.one_problem = args.preset == "paper";
-    if (args.options.one_problem) args.options.joint = JointFitOptions::paper();
+    if (args.options.one_problem) args.options.joint = paper::JointFitOptions::paper();
     VehicleDocument document;
     {
       const StageTimer timer(timings, "compute");
@@ -169,7 +170,7 @@ void register_vehicles(CLI::App& root) {
                          {"surface", args.surface},
                          {"tracks", options.tracks},
                          {"preset", args.preset},
-                         {"keypoint_set", options.fit.keypoint_set},
+                         {"keypoint_set", args.keypoint_set},
                          {"given_sigma_height", options.support.given_sigma_height},
                          {"given_sigma_tilt", options.support.given_sigma_tilt},
                          {"prior", args.prior.empty() ? "shipped" : args.prior}};

@@ -7,7 +7,7 @@
 #include <ctime>
 #include <functional>
 
-#include "camber/vehicle/joint_fit.h"
+#include "camber/vehicle/paper/joint_fit.h"
 #include "vehicle/simulated_vehicle.h"
 
 namespace camber {
@@ -60,12 +60,12 @@ int main() {
   for (const bool with_covariance : {false, true}) {
     double times[2] = {0.0, 0.0};
     for (const bool analytic : {true, false}) {
-      JointFitOptions options;
+      paper::JointFitOptions options;
       options.analytic = analytic;
       options.with_covariance = with_covariance;
-      JointFit fit;
+      paper::JointFit fit;
       times[analytic ? 0 : 1] =
-          least_ms([&] { fit = fit_joint(camera, detections, supports, rough, options); });
+          least_ms([&] { fit = paper::fit_joint(camera, detections, supports, rough, options); });
       std::printf("%s derivatives%s: %.2f ms, %d vehicles, %d iterations, cost %.2f to %.2f\n",
                   analytic ? "analytic" : "automatic", with_covariance ? ", with covariance" : "",
                   times[analytic ? 0 : 1], fit.solved, fit.iterations, fit.initial_cost,

@@ -28,7 +28,7 @@
 #include "camber/scene/results.h"
 #include "camber/synth/synthesise.h"
 #include "camber/vehicle/fit_vehicle.h"
-#include "camber/vehicle/joint_fit.h"
+#include "camber/vehicle/paper/joint_fit.h"
 #include "camber/vehicle/support_plane.h"
 #include "camber/vehicle/vehicle_tracks.h"
 #include "support/test_data.h"
@@ -185,9 +185,9 @@ struct Row {
   VehicleFitOptions fit;
   // The frames of that road, with the tracks that the program finds; none: the middle one alone.
   const Road Clip::*views = nullptr;
-  bool images = true;                      // and the vehicles' grey values
-  bool shared = false;                     // the vehicles tell each other of the ground
-  const JointFitOptions* joint = nullptr;  // the frame's vehicles and planes in one problem
+  bool images = true;                             // and the vehicles' grey values
+  bool shared = false;                            // the vehicles tell each other of the ground
+  const paper::JointFitOptions* joint = nullptr;  // the frame's vehicles and planes in one problem
 };
 
 EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
@@ -212,7 +212,8 @@ EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
   if (row.joint) {
     TrackFrame& f = frames[middle];
     f.estimates =
-        fit_joint(clip.scene.camera, f.detections, f.supports, f.estimates, *row.joint).vehicles;
+        paper::fit_joint(clip.scene.camera, f.detections, f.supports, f.estimates, *row.joint)
+            .vehicles;
   }
   VehicleDocument document;
   document.method = row.name;
@@ -450,16 +451,16 @@ void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* pri
   };
   VehicleFitOptions fit;
   fit.prior = prior;
-  std::vector<std::pair<const char*, JointFitOptions>> variants;
-  JointFitOptions base;
+  std::vector<std::pair<const char*, paper::JointFitOptions>> variants;
+  paper::JointFitOptions base;
   base.prior = prior;
-  base.links = PlaneLinks::kNone;
+  base.links = paper::PlaneLinks::kNone;
   variants.emplace_back("5 coefficients, no links", base);
-  base.links = PlaneLinks::kContinuity;
+  base.links = paper::PlaneLinks::kContinuity;
   variants.emplace_back("5 coefficients, continuity", base);
-  base.links = PlaneLinks::kConsistency;
+  base.links = paper::PlaneLinks::kConsistency;
   variants.emplace_back("5 coefficients, consistency (eq. 8)", base);
-  base.links = PlaneLinks::kContinuity;
+  base.links = paper::PlaneLinks::kContinuity;
   base.num_coefficients = 20;
   variants.emplace_back("20 coefficients, continuity", base);
   base.as_printed = true;
@@ -470,7 +471,7 @@ void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* pri
   base.fixed_weights = false;
   base.alternating = true;
   variants.emplace_back("the same, alternating (eq. 2)", base);
-  JointFitOptions paper = JointFitOptions::paper();
+  paper::JointFitOptions paper = paper::JointFitOptions::paper();
   paper.prior = prior;
   variants.emplace_back("preset paper", paper);
   print_header();

@@ -68,6 +68,11 @@ std::string module_of(const std::string& target) {
              : "";
 }
 
+/// "vehicle_paper", the target of vehicle/paper alone, -> "vehicle".
+std::string folder_of_module(const std::string& module) {
+  return module.substr(0, module.find('_'));
+}
+
 }  // namespace
 
 const std::vector<std::string>& folder_order() {
@@ -148,12 +153,14 @@ std::vector<std::string> link_violations(
     const std::map<std::string, std::vector<std::string>>& links) {
   std::vector<std::string> violations;
   for (const auto& [folder, names] : links) {
-    const int rank = rank_of(folder);
+    const std::string own = folder_of_module(folder);
+    const int rank = rank_of(own);
     if (rank < 0) violations.push_back("target " + folder + " is not in the layout");
     for (const std::string& name : names) {
       const std::string other = module_of(name);
-      if (other.empty()) continue;
-      if (rank_of(other) < 0 || rank_of(other) >= rank) {
+      if (other.empty() || (other == own && other != folder)) continue;
+      const int other_rank = rank_of(folder_of_module(other));
+      if (other_rank < 0 || other_rank >= rank) {
         violations.push_back("target " + folder + " links " + other +
                              ", which does not stand above it in the layout");
       }

@@ -118,6 +118,20 @@ TEST(LinkOrder, FindsAnIncludeThatIsNotLinked) {
                           "target road includes files of cloud but does not link it"));
 }
 
+TEST(LinkOrder, ATargetWithinAFolderMayLinkThatOfTheFolderButNotTheOtherWayRound) {
+  EXPECT_THAT(link_violations({{"vehicle_paper", {"camber::vehicle", "camber::core"}},
+                               {"pipeline", {"camber::vehicle_paper"}}}),
+              IsEmpty());
+  EXPECT_THAT(
+      link_violations({{"vehicle", {"camber::vehicle_paper"}},
+                       {"vehicle_paper", {"camber::pipeline"}},
+                       {"attic_paper", {}}}),
+      ElementsAre("target attic_paper is not in the layout",
+                  "target vehicle links vehicle_paper, which does not stand above it in the layout",
+                  "target vehicle_paper links pipeline, which does not stand above it in the "
+                  "layout"));
+}
+
 TEST(LinkOrder, FindsALinkDownAndToItself) {
   EXPECT_THAT(link_violations({{"core", {"fmt::fmt", "camber::geometry"}},
                                {"road", {"camber::core", "camber_road"}}}),

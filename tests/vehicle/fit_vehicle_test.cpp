@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "camber/core/random.h"
-#include "camber/vehicle/single_view_problem.h"
+#include "camber/vehicle/detail/vehicle_answer.h"
 #include "support/test_data.h"
 #include "vehicle/simulated_vehicle.h"
 
@@ -224,7 +224,7 @@ TEST(FitVehicle, FourteenKeypointsMissing) {
 
 TEST(FitVehicle, SmallKeypointSet) {
   VehicleFitOptions options;
-  options.keypoint_set = 14;
+  options.keypoint_set = KeypointSet::kSmall14;
   const Population p = fit_population({}, 150, options);
   EXPECT_LE(p.flipped, 1);
   EXPECT_LT(p.median, 0.55);
@@ -352,12 +352,12 @@ TEST(FitVehicle, SwappedLeftAndRightAreRightOrSaid) {
 
 // However well the keypoints are known, the box's middle is off theirs by a share of its sides.
 TEST(FitVehicle, StatesWhatThePriorDoesNotKnowOfTheBoxsMiddle) {
-  internal::State s;
-  s.size = {4.5, 1.8, 1.5};
-  s.shape = internal::Vector::Zero(0);
-  s.rotation = rotation_from_vector({0.2, 0.7, -0.1}).toRotationMatrix();
-  const auto c = internal::report_covariance(s, internal::Matrix::Zero(9, 9));
-  const Eigen::Matrix3d own = s.rotation.transpose() * c.topLeftCorner<3, 3>() * s.rotation;
+  internal::Form form;
+  form.size = {4.5, 1.8, 1.5};
+  internal::ViewPose pose;
+  pose.rotation = rotation_from_vector({0.2, 0.7, -0.1}).toRotationMatrix();
+  const auto c = internal::report_covariance(pose, form, Eigen::MatrixXd::Zero(9, 9), {});
+  const Eigen::Matrix3d own = pose.rotation.transpose() * c.topLeftCorner<3, 3>() * pose.rotation;
   EXPECT_LT((own.diagonal().cwiseSqrt() - 0.004 * Eigen::Vector3d(4.5, 1.5, 1.8)).norm(), 1e-12);
   EXPECT_NEAR(c.norm(), own.diagonal().norm(), 1e-12);
 }
@@ -495,10 +495,10 @@ TEST(FitVehicle, BadInputIsRefusedOrSaid) {
   bad.box.x2 = std::nan("");
   EXPECT_EQ(fit_vehicle(s.camera, bad, s.support, {}).status, Status::kFailed);
   VehicleFitOptions options;
-  options.keypoint_set = 20;
+  options.keypoint_set = static_cast<KeypointSet>(20);
   EXPECT_THROW(fit_vehicle(s.camera, s.detection, s.support, options), std::invalid_argument);
   options = {};
-  options.keypoint_sigma = 0.0;
+  options.noise.keypoint.cell_share = 0.0;
   EXPECT_THROW(fit_vehicle(s.camera, s.detection, s.support, options), std::invalid_argument);
   EXPECT_THROW(fit_vehicles(s.camera, {s.detection}, {}, {}), std::invalid_argument);
 }

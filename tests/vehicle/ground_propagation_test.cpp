@@ -33,22 +33,22 @@ TEST(GroundMessage, IsThatOfTheDenseProblem) {
   constexpr Eigen::Index kParameters = 9, kPose = 2;  // the last: log scale
   const Eigen::MatrixXd hessian = random_covariance(1, kParameters);
   const Eigen::VectorXd gradient = random_matrix(2, kParameters, 1);
-  StanceTerms stance;
-  stance.value = random_matrix(3, 3, 1);
-  stance.variance = {0.2, 0.3, 0.1};
-  stance.by_pose = random_matrix(4, 3, 6);
-  stance.by_plane = random_matrix(5, 3, 3);
-  const auto message = ground_message(hessian, gradient, kPose, stance);
+  ContactTerms contact;
+  contact.residual = random_matrix(3, 3, 1);
+  contact.variance = {0.2, 0.3, 0.1};
+  contact.by_pose = random_matrix(4, 3, 6);
+  contact.by_plane = random_matrix(5, 3, 3);
+  const auto message = eliminate_to_ground({hessian, gradient}, kPose, contact);
   ASSERT_TRUE(message);
 
   // Dense: parameters, then the plane; a prior on (plane, log scale).
   const Eigen::MatrixXd prior = random_covariance(6, 4).inverse();
   Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(3, kParameters + 3);
-  rows.block(0, kPose, 3, 6) = stance.by_pose;
-  rows.rightCols(3) = -stance.by_plane;
-  const Eigen::MatrixXd weight = stance.variance.cwiseInverse().asDiagonal();
+  rows.block(0, kPose, 3, 6) = contact.by_pose;
+  rows.rightCols(3) = -contact.by_plane;
+  const Eigen::MatrixXd weight = contact.variance.cwiseInverse().asDiagonal();
   Eigen::MatrixXd dense = rows.transpose() * weight * rows;
-  Eigen::VectorXd right = -rows.transpose() * (weight * stance.value);
+  Eigen::VectorXd right = -rows.transpose() * (weight * contact.residual);
   dense.topLeftCorner(kParameters, kParameters) += hessian;
   right.head(kParameters) -= gradient;
   const Eigen::Index at[4] = {kParameters, kParameters + 1, kParameters + 2, kParameters - 1};
@@ -68,13 +68,15 @@ TEST(GroundMessage, IsThatOfTheDenseProblem) {
 TEST(GroundMessage, NothingFromAProblemWithoutAMinimum) {
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(9, 9);
   hessian(8 - 1, 8 - 1) = -1.0;
-  StanceTerms stance;
-  stance.value.setZero();
-  stance.variance.setOnes();
-  stance.by_pose.setZero();
-  stance.by_plane.setIdentity();
-  EXPECT_FALSE(ground_message(hessian, Eigen::VectorXd::Zero(9), 0, stance));
+  ContactTerms contact;
+  contact.residual.setZero();
+  contact.variance.setOnes();
+  contact.by_pose.setZero();
+  contact.by_plane.setIdentity();
+  EXPECT_FALSE(eliminate_to_ground({hessian, Eigen::VectorXd::Zero(9)}, 0, contact));
 }
+
+constexpr double kGate = 4.0;
 
 struct Scene {
   Eigen::MatrixXd covariance;  // of four planes and the scale
@@ -101,7 +103,7 @@ Scene make_scene() {
 
 TEST(GroundPropagation, IsDenseInferenceWithoutOnesOwnMessage) {
   const Scene scene = make_scene();
-  const auto priors = propagate(scene.covariance, scene.nodes).cavities;
+  const auto priors = propagate(scene.covariance, scene.nodes, kGate).cavities;
   ASSERT_EQ(priors.size(), 3u);
   const Eigen::MatrixXd inverse = scene.covariance.inverse();
   for (std::size_t i = 0; i < 3; ++i) {
@@ -139,13 +141,13 @@ TEST(GroundPropagation, NodesWithoutMessageAndPlanesOfTheirOwnChangeNothing) {
   // Nothing in common with the others, not even the scale.
   scene.covariance.block(0, 3, 3, 10).setZero();
   scene.covariance.block(3, 0, 10, 3).setZero();
-  const auto before = propagate(scene.covariance, scene.nodes).cavities;
+  const auto before = propagate(scene.covariance, scene.nodes, kGate).cavities;
   EXPECT_LT(before[0].mean.head(3).norm(), 1e-12);
   EXPECT_LT(
       (before[0].covariance.topLeftCorner(3, 3) - scene.covariance.topLeftCorner(3, 3)).norm(),
       1e-12);
   for (GroundNode& s : scene.nodes) s.message.reset();
-  const auto alone = propagate(scene.covariance, scene.nodes).cavities;
+  const auto alone = propagate(scene.covariance, scene.nodes, kGate).cavities;
   EXPECT_LT((alone[2].covariance.topLeftCorner(6, 6) - scene.covariance.block(6, 6, 6, 6)).norm(),
             1e-12);
 }
@@ -169,7 +171,7 @@ TEST(GroundPropagation, AMessageThatContradictsTheRestIsDownWeighted) {
   measures(0, 0.10);
   measures(1, 0.12);
   measures(2, 0.90);
-  const GroundPropagation result = propagate(covariance, nodes);
+  const GroundPropagation result = propagate(covariance, nodes, kGate);
   const auto& cavities = result.cavities;
   EXPECT_NEAR(cavities[0].mean[2], 0.12, 0.06);  // 0.5 if both counted alike
   EXPECT_NEAR(cavities[2].mean[2], 0.11, 0.03);

@@ -1,4 +1,4 @@
-#include "camber/vehicle/vehicle_registration.h"
+#include "camber/vehicle/detail/vehicle_registration.h"
 
 #include <gtest/gtest.h>
 
@@ -13,6 +13,9 @@
 
 namespace camber {
 namespace {
+
+using internal::VehicleShift;
+using internal::VehicleTemplate;
 
 /// A grey value for every place: waves of a few decimetres.
 double texture(const Eigen::Vector3d& x, double phase) {

@@ -117,14 +117,14 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
   out.method = to_string(options.vehicles.method);
   out.detections_source = scene.detections_source;
   out.metric = options.surface ? options.surface->metric : scene.height_above_road.has_value();
-  JointFitOptions joint = options.joint;
+  paper::JointFitOptions joint = options.joint;
   joint.prior = options.vehicles.fit.prior;
   joint.keypoint_set = options.vehicles.fit.keypoint_set;
   for (std::size_t k = 0; k < frame_ids.size(); ++k) {
     std::vector<VehicleEstimate> vehicles = placed.estimates[k];
     if (options.one_problem) {
-      vehicles = fit_joint(scene.camera, placed.views[k].detections, placed.views[k].supports,
-                           vehicles, joint)
+      vehicles = paper::fit_joint(scene.camera, placed.views[k].detections,
+                                  placed.views[k].supports, vehicles, joint)
                      .vehicles;
     }
     for (std::size_t j = 0; j < vehicles.size(); ++j) vehicles[j].track = placed.tracks[k][j];

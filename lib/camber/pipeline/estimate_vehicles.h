@@ -6,7 +6,7 @@
 #include "camber/pipeline/stages/vehicles.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
-#include "camber/vehicle/joint_fit.h"
+#include "camber/vehicle/paper/joint_fit.h"
 
 namespace camber {
 
@@ -14,7 +14,7 @@ struct EstimateVehiclesOptions {
   stages::VehicleOptions vehicles;
   /// Solves all vehicles and planes of a frame in one problem instead, from the single fits.
   bool one_problem = false;
-  JointFitOptions joint;  ///< of that problem
+  paper::JointFitOptions joint;  ///< of that problem
   /// The road of a run, in place of the scene's planes, and its cameras, in place of the scene's
   /// poses; not owned, both or neither.
   const RoadSurface* surface = nullptr;

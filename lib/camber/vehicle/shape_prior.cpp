@@ -13,7 +13,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
-#include "camber/vehicle/shipped_prior.h"
+#include "camber/vehicle/detail/shipped_prior.h"
 
 namespace camber {
 

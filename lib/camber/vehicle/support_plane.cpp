@@ -1,9 +1,5 @@
 #include "camber/vehicle/support_plane.h"
 
-#include <fmt/format.h>
-
-#include <stdexcept>
-
 namespace camber {
 
 namespace {
@@ -25,17 +21,6 @@ SupportPlane make_support(const Plane& plane, const Eigen::Vector3d& centroid, d
 }
 
 }  // namespace
-
-void SupportOptions::validate() const {
-  const std::pair<const char*, double> fields[] = {
-      {"given_sigma_height", given_sigma_height}, {"given_sigma_tilt", given_sigma_tilt},
-      {"ego_sigma_height", ego_sigma_height},     {"ego_sigma_tilt", ego_sigma_tilt},
-      {"level_sigma_height", level_sigma_height}, {"level_sigma_tilt", level_sigma_tilt}};
-  for (const auto& [name, value] : fields) {
-    if (!(value > 0.0))
-      throw std::invalid_argument(fmt::format("{}: {}, must be > 0", name, value));
-  }
-}
 
 SupportPlane given_support(const PinholeCamera& camera, const VehicleDetection& detection,
                            const SupportOptions& options) {
@@ -63,7 +48,7 @@ SupportPlane level_support(double height, const SupportOptions& options) {
 
 SupportPlane certain_support(const Plane& plane, const std::string& source) {
   const Plane up = plane.oriented(kUp);
-  return make_support(up, up.foot(Eigen::Vector3d::Zero()), 1e-3, 1e-3, source);
+  return make_support(up, up.foot(Eigen::Vector3d::Zero()), kCertainSigma, kCertainSigma, source);
 }
 
 }  // namespace camber

@@ -39,11 +39,12 @@ struct SharedGround {
 ///
 /// Detections of neighbouring frames belong together if the box that the earlier vehicle, standing
 /// still, would have in the later image overlaps the later box, or the boxes overlap as they are
-/// (vehicles that move with the camera); greedily, best overlap first, at least 0.3; one missing
-/// frame is bridged. Detections with a `track` are joined by it alone.
+/// (vehicles that move with the camera); greedily, best overlap first, at least gates.overlap; one
+/// missing frame is bridged. Detections with a `track` are joined by it alone.
 /// @throws std::invalid_argument if a frame's lists differ in length.
 std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
-                                          const std::vector<TrackFrame>& frames);
+                                          const std::vector<TrackFrame>& frames,
+                                          const AssociationGates& gates = {});
 
 /// One detection of a vehicle.
 struct TrackView {

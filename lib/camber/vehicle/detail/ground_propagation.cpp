@@ -6,41 +6,6 @@
 
 namespace camber::internal {
 
-std::optional<GroundMessage> ground_message(const Eigen::MatrixXd& hessian,
-                                            const Eigen::VectorXd& gradient, Eigen::Index pose_at,
-                                            const StanceTerms& stance) {
-  const Eigen::Index rest = hessian.rows() - 1;
-  const Eigen::MatrixXd weight = stance.variance.cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd m = stance.by_plane, j = stance.by_pose;
-  // Of (plane, log scale), of all else, and between them.
-  Eigen::MatrixXd kept = Eigen::MatrixXd::Zero(4, 4);
-  Eigen::VectorXd kept_right(4);
-  kept.topLeftCorner(3, 3) = m.transpose() * weight * m;
-  kept(3, 3) = hessian(rest, rest);
-  kept_right << m.transpose() * (weight * stance.value), -gradient[rest];
-  Eigen::MatrixXd inner = hessian.topLeftCorner(rest, rest);
-  Eigen::VectorXd inner_right = -gradient.head(rest);
-  inner.block(pose_at, pose_at, 6, 6) += j.transpose() * weight * j;
-  inner_right.segment(pose_at, 6) -= j.transpose() * (weight * stance.value);
-  Eigen::MatrixXd between = Eigen::MatrixXd::Zero(rest, 4);
-  between.block(pose_at, 0, 6, 3) = -j.transpose() * weight * m;
-  between.col(3) = hessian.col(rest).head(rest);
-  const Eigen::LDLT<Eigen::MatrixXd> factors(inner);
-  if (factors.info() != Eigen::Success || !factors.isPositive()) return std::nullopt;
-  const Eigen::MatrixXd information = kept - between.transpose() * factors.solve(between);
-  const Eigen::VectorXd vector = kept_right - between.transpose() * factors.solve(inner_right);
-  if (!information.allFinite() || !vector.allFinite()) return std::nullopt;
-  GroundMessage out;
-  out.information = 0.5 * (information + information.transpose());
-  out.information_vector = vector;
-  // A scale that the vehicle does not measure may have come out a rounding error below nothing.
-  const double least = 1e-9 * out.information.trace();
-  const Eigen::LDLT<Eigen::MatrixXd> check(
-      Eigen::MatrixXd(out.information + least * Eigen::Matrix4d::Identity()));
-  if (!check.isPositive()) return std::nullopt;
-  return out;
-}
-
 namespace {
 
 Eigen::MatrixXd submatrix(const Eigen::MatrixXd& all, const std::vector<Eigen::Index>& rows,
@@ -131,10 +96,8 @@ class JointGround {
 
 }  // namespace
 
-GroundPropagation propagate(const Eigen::MatrixXd& covariance,
-                            const std::vector<GroundNode>& nodes) {
-  // Beyond 4 standard deviations a message loses its weight, as planes do in the fits.
-  constexpr double kContradiction = 16.0;
+GroundPropagation propagate(const Eigen::MatrixXd& covariance, const std::vector<GroundNode>& nodes,
+                            double gate) {
   constexpr int kReweightings = 3;
   const JointGround ground(covariance, nodes);
   GroundPropagation out;
@@ -145,8 +108,7 @@ GroundPropagation propagate(const Eigen::MatrixXd& covariance,
       if (nodes[i].message) out.squared_distances[i] = ground.squared_distance(i, out.weights);
     }
     for (std::size_t i = 0; i < nodes.size(); ++i) {
-      if (nodes[i].message)
-        out.weights[i] = 1.0 / (1.0 + out.squared_distances[i] / kContradiction);
+      if (nodes[i].message) out.weights[i] = 1.0 / (1.0 + out.squared_distances[i] / (gate * gate));
     }
   }
   for (std::size_t i = 0; i < nodes.size(); ++i) {

@@ -6,26 +6,26 @@
 #include <optional>
 #include <vector>
 
+#include "camber/vehicle/detail/vehicle_posterior.h"
 #include "camber/vehicle/ground_message.h"
 
 namespace camber::internal {
 
-/// How a vehicle stands on its plane: e = M theta + error for a plane error theta (tilt, tilt,
-/// height).
-struct StanceTerms {
-  Eigen::Vector3d value, variance;      ///< e; of the error
-  Eigen::Matrix<double, 3, 6> by_pose;  ///< de / d(translation, rotation)
-  Eigen::Matrix3d by_plane;             ///< M
-};
-
 /// What is known of (plane, log scale) from a vehicle's normal equations without their priors: all
 /// other parameters are eliminated.
-/// @param pose_at   of the pose that stands on the plane, among the parameters; the last of them is
-///                  the log scale.
+/// @param pose_at  of the pose that touches the plane, among the parameters; the last of them is
+///                 the log scale.
 /// @return changes from where the normal equations were formed; nothing if they are not positive.
-std::optional<GroundMessage> ground_message(const Eigen::MatrixXd& hessian,
-                                            const Eigen::VectorXd& gradient, Eigen::Index pose_at,
-                                            const StanceTerms& stance);
+std::optional<GroundMessage> eliminate_to_ground(const NormalEquations& equations,
+                                                 Eigen::Index pose_at, const ContactTerms& contact);
+
+/// What a vehicle measures of the plane under one of its views and of the log scale: its posterior
+/// (the shape integrated out) without their priors.
+/// @param reference  the plane whose changes the message is about.
+/// @return nothing where the state is no minimum.
+std::optional<GroundMessage> ground_message(const VehiclePosterior& posterior,
+                                            const VehicleState& state, int view,
+                                            const UncertainPlane& reference);
 
 /// One vehicle among several on a shared ground.
 struct GroundNode {
@@ -50,8 +50,8 @@ struct GroundPropagation {
 
 /// One round of expectation propagation over the ground planes (Minka, UAI 2001).
 /// @param covariance  joint prior of all planes (3 rows each), mean 0; its last row the log scale.
-/// Messages that the rest contradicts by far are down-weighted.
-GroundPropagation propagate(const Eigen::MatrixXd& covariance,
-                            const std::vector<GroundNode>& nodes);
+/// @param gate        standard deviations from which on a message is down-weighted.
+GroundPropagation propagate(const Eigen::MatrixXd& covariance, const std::vector<GroundNode>& nodes,
+                            double gate);
 
 }  // namespace camber::internal

@@ -2,9 +2,9 @@
 
 #include <ceres/autodiff_cost_function.h>
 
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// The vehicle stands on its plane, equation 5 of the paper: r = (n . t + d) / sigma with t the
 /// bottom centre. As printed n is the vehicle's own up axis; the default takes the ground's normal.
@@ -27,4 +27,4 @@ struct GroundContact {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

@@ -2,9 +2,9 @@
 
 #include <ceres/autodiff_cost_function.h>
 
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// Which way is up, equation 7 of the paper. Equation 6 holds for a vehicle on its roof as well. As
 /// printed the term is even in the normal, r = (1 - (up . g)^2) / sigma, and cannot tell either;
@@ -35,4 +35,4 @@ struct NormalDisambiguation {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

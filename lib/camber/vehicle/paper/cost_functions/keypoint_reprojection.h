@@ -4,9 +4,9 @@
 #include <ceres/cost_function.h>
 
 #include "camber/geometry/pinhole_camera.h"
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// A keypoint of the wireframe as shares of the vehicle's box: mean + basis a, to be multiplied by
 /// (length, height, width).
@@ -129,4 +129,4 @@ inline ceres::CostFunction* KeypointReprojection::create(const KeypointReproject
   return new internal::AnalyticKeypointReprojection(term);
 }
 
-}  // namespace camber
+}  // namespace camber::paper

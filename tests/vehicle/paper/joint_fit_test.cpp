@@ -1,4 +1,4 @@
-#include "camber/vehicle/joint_fit.h"
+#include "camber/vehicle/paper/joint_fit.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "vehicle/simulated_vehicle.h"
 
-namespace camber {
+namespace camber::paper {
 namespace {
 
 using test::simulate_vehicle;
@@ -178,4 +178,4 @@ TEST(JointFit, BadInputIsRefused) {
 }
 
 }  // namespace
-}  // namespace camber
+}  // namespace camber::paper

@@ -2,9 +2,9 @@
 
 #include <ceres/autodiff_cost_function.h>
 
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// The vehicle's up axis is its plane's normal, equation 6 of the paper: r = (up x n) / sigma,
 /// three sines of tilt, rad. Parameter blocks: pose (7), plane (4).
@@ -24,4 +24,4 @@ struct NormalAlignment {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

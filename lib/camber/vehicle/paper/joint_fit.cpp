@@ -1,29 +1,29 @@
-#include "camber/vehicle/joint_fit.h"
+#include "camber/vehicle/paper/joint_fit.h"
 
 #include <ceres/ceres.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 
-#include "camber/vehicle/cost_functions/base_point.h"
-#include "camber/vehicle/cost_functions/form_prior.h"
-#include "camber/vehicle/cost_functions/ground_contact.h"
-#include "camber/vehicle/cost_functions/keypoint_reprojection.h"
-#include "camber/vehicle/cost_functions/normal_alignment.h"
-#include "camber/vehicle/cost_functions/normal_disambiguation.h"
-#include "camber/vehicle/cost_functions/plane_consistency.h"
-#include "camber/vehicle/cost_functions/plane_prior.h"
+#include "camber/vehicle/detail/vehicle_answer.h"
+#include "camber/vehicle/paper/cost_functions/base_point.h"
+#include "camber/vehicle/paper/cost_functions/form_prior.h"
+#include "camber/vehicle/paper/cost_functions/ground_contact.h"
+#include "camber/vehicle/paper/cost_functions/keypoint_reprojection.h"
+#include "camber/vehicle/paper/cost_functions/normal_alignment.h"
+#include "camber/vehicle/paper/cost_functions/normal_disambiguation.h"
+#include "camber/vehicle/paper/cost_functions/plane_consistency.h"
+#include "camber/vehicle/paper/cost_functions/plane_prior.h"
 #include "camber/vehicle/shape_prior.h"
-#include "camber/vehicle/single_view_problem.h"
 
-namespace camber {
+namespace camber::paper {
 
 namespace {
 
-using namespace internal;
+using namespace camber::internal;
 
 /// Standard deviations of the terms.
 struct Weights {
@@ -35,19 +35,17 @@ struct Weights {
 
 /// One vehicle's blocks.
 struct Blocks {
-  std::size_t index = 0;  // of the detection
-  std::unique_ptr<VehicleFitOptions> fit;
-  std::unique_ptr<SingleViewProblem> view;
+  std::size_t index = 0;                        // of the detection
+  std::unique_ptr<VehiclePosterior> posterior;  // of the vehicle by itself
   SE3 pose;
   Eigen::VectorXd form;
   Eigen::Vector4d plane;
 
-  State state() const {
-    State s;
-    s.rotation = pose.rotation_matrix();
-    s.translation = pose.translation();
-    s.size = form.head<3>();
-    s.shape = form.tail(form.size() - 3);
+  VehicleState state() const {
+    VehicleState s;
+    s.poses.assign(1, {pose.rotation_matrix(), pose.translation()});
+    s.form.size = form.head<3>();
+    s.form.shape = form.tail(form.size() - 3);
     return s;
   }
 };
@@ -82,16 +80,14 @@ class JointProblem {
       if (!std::isfinite(starts[i].reprojection_rmse_px)) continue;
       Blocks b;
       b.index = i;
-      b.fit = std::make_unique<VehicleFitOptions>();
-      b.fit->num_coefficients = options.num_coefficients;
-      b.fit->keypoint_set = options.keypoint_set;
-      b.fit->prior = options.prior;
-      b.view =
-          std::make_unique<SingleViewProblem>(camera, detections[i], supports[i], *b.fit,
-                                              /*use_keypoints=*/true, options.num_coefficients);
+      VehicleFitOptions fit;
+      fit.keypoint_set = options.keypoint_set;
+      fit.prior = options.prior;
+      b.posterior = std::make_unique<VehiclePosterior>(camera, detections[i], supports[i], fit,
+                                                       options.num_coefficients);
       const VehicleEstimate& start = starts[i];
       b.pose = start.pose.camera_from_vehicle;
-      const int count = b.view->num_coefficients();
+      const int count = b.posterior->num_coefficients();
       b.form = Eigen::VectorXd::Zero(3 + count);
       b.form.head<3>() << start.pose.dimensions.length, start.pose.dimensions.width,
           start.pose.dimensions.height;
@@ -157,7 +153,7 @@ class JointProblem {
   /// Covariance of (translation, rotation vector in the vehicle's frame, form) of every vehicle;
   /// empty where the problem is singular. (ceres::Covariance orders blocks by address, which would
   /// make the last bits differ from run to run.)
-  std::vector<Matrix> covariances() {
+  std::vector<Eigen::MatrixXd> covariances() {
     ceres::Problem::EvaluateOptions options;
     std::vector<Eigen::Index> first;
     Eigen::Index total = 0;
@@ -169,7 +165,7 @@ class JointProblem {
     }
     options.num_threads = 1;
     ceres::CRSMatrix jacobian;
-    std::vector<Matrix> out;
+    std::vector<Eigen::MatrixXd> out;
     if (!problem_->Evaluate(options, nullptr, nullptr, nullptr, &jacobian)) return out;
     Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(total, total);
     for (int row = 0; row < jacobian.num_rows; ++row) {
@@ -216,12 +212,14 @@ class JointProblem {
     problem_->AddParameterBlock(b.plane.data(), 4, &plane_manifold_);
     const bool fixed = options_.fixed_weights;
     const ShapePrior& shape = prior_.shape(vehicle_class);
-    b.view->prepare(b.state());
-    for (const SingleViewProblem::Seen& k : b.view->keypoints(b.state())) {
+    const VehicleState state = b.state();
+    const BodyView at = b.posterior->view(0, state);
+    b.posterior->keypoints(0).prepare(at);
+    for (const ObservedKeypoint& k : b.posterior->keypoints(0).observed(at)) {
       KeypointReprojection term;
       term.camera = camera_;
-      term.point.mean = k.point->mean;
-      term.point.basis = k.point->basis;
+      term.point.mean = b.posterior->body().mean(k.point);
+      term.point.basis = b.posterior->body().basis(k.point);
       term.pixel = k.pixel;
       term.sigma =
           fixed ? Eigen::Vector2d::Constant(k.seen ? 1.0 : 3.0) : Eigen::Vector2d(k.sigma_px);
@@ -335,7 +333,8 @@ void JointFitOptions::validate() const {
   require(rounds >= 1, "rounds", rounds, ">= 1");
   require(huber > 0.0, "huber", huber, "> 0");
   require(max_iterations >= 1, "max_iterations", max_iterations, ">= 1");
-  require(keypoint_set == 14 || keypoint_set == 36, "keypoint_set", keypoint_set, "14 or 36");
+  require(keypoint_set == KeypointSet::kSmall14 || keypoint_set == KeypointSet::kAll36,
+          "keypoint_set", static_cast<int>(keypoint_set), "14 or 36");
 }
 
 JointFit fit_joint(const PinholeCamera& camera, const std::vector<VehicleDetection>& detections,
@@ -354,30 +353,32 @@ JointFit fit_joint(const PinholeCamera& camera, const std::vector<VehicleDetecti
   out.solved = static_cast<int>(problem.blocks().size());
   if (out.solved == 0) return out;
   problem.solve(&out);
-  std::vector<Matrix> covariances;
+  std::vector<Eigen::MatrixXd> covariances;
   if (options.with_covariance) covariances = problem.covariances();
   const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
   for (std::size_t k = 0; k < problem.blocks().size(); ++k) {
     Blocks& b = problem.blocks()[k];
-    const State s = b.state();
-    if (!s.translation.allFinite() || !(s.translation.z() > 0.3)) continue;
+    const VehicleState s = b.state();
+    const ViewPose& pose = s.poses.front();
+    if (!pose.translation.allFinite() || !(pose.translation.z() > 0.3)) continue;
     VehicleEstimate& vehicle = out.vehicles[b.index];
     const Eigen::Vector3d normal = b.plane.head<3>();
     out.planes[b.index] = {normal, b.plane[3]};
-    const std::string distrust = distrust_of(*b.view, s, camera, detections[b.index].box);
+    const std::string unreliable = unreliable_reason(*b.posterior, 0, s, detections[b.index].box);
     if (!covariances.empty()) {
-      write_answer(*b.view, prior, s, covariances[k], kInfinity, &vehicle);
+      write_answer(*b.posterior, 0, prior, s, covariances[k],
+                   std::numeric_limits<double>::infinity(), &vehicle);
     } else {
-      write_state(prior, s, &vehicle);
+      write_pose_and_form(prior, pose, s.form, &vehicle);
     }
     vehicle.plane = out.planes[b.index];
     finish_answer(supports[b.index], &vehicle);
-    if (!distrust.empty() && vehicle.status != Status::kFailed) {
+    if (!unreliable.empty() && vehicle.status != Status::kFailed) {
       vehicle.status = Status::kNotObservable;
-      vehicle.reason = distrust;
+      vehicle.reason = unreliable;
     }
   }
   return out;
 }
 
-}  // namespace camber
+}  // namespace camber::paper

@@ -10,17 +10,17 @@
 
 #include "camber/core/random.h"
 #include "camber/geometry/se3.h"
-#include "camber/vehicle/cost_functions/base_point.h"
-#include "camber/vehicle/cost_functions/form_prior.h"
-#include "camber/vehicle/cost_functions/ground_contact.h"
-#include "camber/vehicle/cost_functions/keypoint_reprojection.h"
-#include "camber/vehicle/cost_functions/normal_alignment.h"
-#include "camber/vehicle/cost_functions/normal_disambiguation.h"
-#include "camber/vehicle/cost_functions/plane_consistency.h"
-#include "camber/vehicle/cost_functions/plane_prior.h"
+#include "camber/vehicle/paper/cost_functions/base_point.h"
+#include "camber/vehicle/paper/cost_functions/form_prior.h"
+#include "camber/vehicle/paper/cost_functions/ground_contact.h"
+#include "camber/vehicle/paper/cost_functions/keypoint_reprojection.h"
+#include "camber/vehicle/paper/cost_functions/normal_alignment.h"
+#include "camber/vehicle/paper/cost_functions/normal_disambiguation.h"
+#include "camber/vehicle/paper/cost_functions/plane_consistency.h"
+#include "camber/vehicle/paper/cost_functions/plane_prior.h"
 #include "camber/vehicle/shape_prior.h"
 
-namespace camber {
+namespace camber::paper {
 namespace {
 
 // Extrapolated differences are good to about 1e-9 of the derivative; 1e-6 leaves room for their
@@ -344,4 +344,4 @@ TEST(FormTerms, DerivativesAgreeWithNumericOnes) {
 }
 
 }  // namespace
-}  // namespace camber
+}  // namespace camber::paper

@@ -5,7 +5,7 @@
 
 #include "camber/vehicle/fit_vehicle.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// What ties the planes of neighbouring vehicles together.
 enum class PlaneLinks {
@@ -34,8 +34,8 @@ struct JointFitOptions {
   bool analytic = true;
   double huber = 2.0;  ///< standard deviations, of every term, > 0
   int max_iterations = 30;
-  bool with_covariance = true;          ///< false: that of the starts is kept
-  int keypoint_set = 36;                ///< 36 or 14
+  bool with_covariance = true;  ///< false: that of the starts is kept
+  KeypointSet keypoint_set = KeypointSet::kAll36;
   const VehiclePrior* prior = nullptr;  ///< not owned; nullptr: the shipped one
 
   /// The paper's problem: equations as printed, hand-set weights, global consistency, conjugate
@@ -63,4 +63,4 @@ JointFit fit_joint(const PinholeCamera& camera, const std::vector<VehicleDetecti
                    const std::vector<SupportPlane>& supports,
                    const std::vector<VehicleEstimate>& starts, const JointFitOptions& options);
 
-}  // namespace camber
+}  // namespace camber::paper

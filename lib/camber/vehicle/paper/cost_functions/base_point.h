@@ -2,9 +2,9 @@
 
 #include <ceres/autodiff_cost_function.h>
 
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// A base point (a wheel's contact, a bumper's lower corner) keeps its height above the ground,
 /// equation 9 of the paper: r = (n . (R b + t) + d - h) / sigma, with b fixed in the vehicle frame,
@@ -36,4 +36,4 @@ struct BasePoint {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

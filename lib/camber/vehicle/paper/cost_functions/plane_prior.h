@@ -5,9 +5,9 @@
 #include <Eigen/Cholesky>
 
 #include "camber/geometry/plane.h"
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// A plane as the road gives it, with its covariance C: r = C^(-1/2) (tilt about axis1, tilt about
 /// axis2, height at the centroid), in standard deviations.
@@ -36,4 +36,4 @@ struct VehiclePlanePrior {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

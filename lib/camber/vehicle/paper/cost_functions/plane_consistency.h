@@ -2,9 +2,9 @@
 
 #include <ceres/autodiff_cost_function.h>
 
-#include "camber/vehicle/cost_functions/vehicle_blocks.h"
+#include "camber/vehicle/paper/cost_functions/vehicle_blocks.h"
 
-namespace camber {
+namespace camber::paper {
 
 /// Neighbouring planes agree, equation 8 of the paper: r = ((n1 - n2) / sigma_normal,
 /// (d1 - d2) / sigma_offset). On a curved road neighbours rightly differ in both: see
@@ -48,4 +48,4 @@ struct PlaneContinuity {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

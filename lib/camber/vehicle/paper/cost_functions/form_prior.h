@@ -5,7 +5,7 @@
 
 #include <Eigen/Cholesky>
 
-namespace camber {
+namespace camber::paper {
 
 /// Size and shape as the prior knows them, together: r = C^(-1/2) (form - mean), in standard
 /// deviations.
@@ -42,4 +42,4 @@ struct ShapeRegulariser {
   }
 };
 
-}  // namespace camber
+}  // namespace camber::paper

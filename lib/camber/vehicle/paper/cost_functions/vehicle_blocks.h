@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace camber {
+namespace camber::paper {
 
 // Parameter blocks of the vehicles' joint problem. Camera frame, metres.
 //   pose   camera_from_vehicle [qx qy qz qw tx ty tz] (7); the vehicle frame stands on the ground
@@ -39,4 +39,4 @@ T height_above(const T* plane, const Eigen::Matrix<T, 3, 1>& x) {
   return plane[0] * x.x() + plane[1] * x.y() + plane[2] * x.z() + plane[3];
 }
 
-}  // namespace camber
+}  // namespace camber::paper

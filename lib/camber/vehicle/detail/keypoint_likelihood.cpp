@@ -1,0 +1,278 @@
+#include "camber/vehicle/detail/keypoint_likelihood.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace camber::internal {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+bool in_set(KeypointSet set, int keypoint) {
+  constexpr bool kInSmallSet[kNumSideKeypoints] = {true,  true,  false, false, false, false,
+                                                   false, false, false, false, false, true,
+                                                   false, true,  true,  true,  true,  false};
+  return set == KeypointSet::kAll36 || kInSmallSet[keypoint % kNumSideKeypoints];
+}
+
+/// Whether the camera is on the side of the vehicle on which a keypoint can be seen.
+/// @param eye, p  the camera and the keypoint, vehicle frame.
+bool shown(int keypoint, const Eigen::Vector3d& eye, const Eigen::Vector3d& p) {
+  const int row = keypoint % kNumSideKeypoints;
+  const double side = keypoint < kNumSideKeypoints ? -1.0 : 1.0;
+  if (side * (eye.z() - p.z()) > 0.0) return true;
+  // Corners are seen from their end of the car as well; roof corners from above.
+  if (row >= 10 && row <= 12) return eye.x() < p.x();
+  if (row >= 15) return eye.x() > p.x();
+  if (row == 13) return eye.x() < p.x() || eye.y() > p.y();
+  if (row == 14) return eye.x() > p.x() || eye.y() > p.y();
+  return false;
+}
+
+}  // namespace
+
+double ErrorDensity::share_along(double squared_error) const {
+  const double mean = weight();
+  return std::max(1.0 - (by_squared_precision / total - mean * mean) * squared_error / mean, 0.0);
+}
+
+ErrorDensity error_density(const KeypointNoise& noise, double squared_error, double seen_share,
+                           double seen_scale, double shape_variance) {
+  const double good = 1.0 - noise.gross_share;
+  const double shares[3] = {good * seen_share, good * (1.0 - seen_share) * (1.0 - noise.far_share),
+                            good * (1.0 - seen_share) * noise.far_share};
+  const double sigmas[3] = {noise.seen * seen_scale, noise.guessed, noise.guessed_far};
+  ErrorDensity out;
+  out.total = noise.gross_share * noise.cell_share * noise.cell_share;
+  for (int c = 0; c < 3; ++c) {
+    const double variance = sigmas[c] * sigmas[c] + shape_variance;
+    const double density =
+        shares[c] * std::exp(-0.5 * squared_error / variance) / (2.0 * kPi * variance);
+    const double by_precision = density / variance;
+    out.total += density;
+    out.by_precision += by_precision;
+    out.by_squared_precision += by_precision / variance;
+    if (c == 0) out.seen = density;
+    if (c < 2) out.near += density;
+  }
+  return out;
+}
+
+KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
+                                       const VehicleDetection& detection, KeypointSet keypoint_set,
+                                       const KeypointNoise& noise,
+                                       const std::array<double, kNumKeypoints>& shape_variance,
+                                       const Eigen::Vector3d& mean_size)
+    : noise_(noise),
+      focal_(camera.fx, camera.fy),
+      shape_variance_(shape_variance),
+      mean_size_(mean_size.sum()),
+      cell_u_(std::max(detection.box.width() * noise.cell_share, noise.min_cell_px)),
+      cell_v_(std::max(detection.box.height() * noise.cell_share, noise.min_cell_px)) {
+  bool all_confident = true;
+  std::vector<double> confidence;
+  for (int i = 0; i < static_cast<int>(detection.keypoints.size()); ++i) {
+    const KeypointObservation& k = detection.keypoints[static_cast<std::size_t>(i)];
+    if (!k.pixel.allFinite() || !in_set(keypoint_set, i)) continue;
+    points_.push_back(i);
+    pixels_.push_back(k.pixel);
+    rays_.push_back(camera.ray(k.pixel));
+    confidence.push_back(k.confidence);
+    all_confident &= std::isfinite(k.confidence);
+  }
+  seen_share_.assign(points_.size(), 0.5);
+  if (!all_confident || points_.size() < 8) return;
+  // Ranks, shared among equals: any monotone scale serves.
+  const double count = static_cast<double>(points_.size());
+  rank_.resize(points_.size());
+  for (std::size_t j = 0; j < points_.size(); ++j) {
+    double below = 0.0;
+    for (double other : confidence) {
+      below += other < confidence[j] ? 1.0 : (other == confidence[j] ? 0.5 : 0.0);
+    }
+    rank_[j] = below / count;
+  }
+}
+
+void KeypointLikelihood::clear() {
+  points_.clear();
+  pixels_.clear();
+  rays_.clear();
+  rank_.clear();
+  seen_share_.clear();
+}
+
+void KeypointLikelihood::update_visibility(const BodyView& at) {
+  // Shape errors grow with the vehicle: a larger one farther away looks the same.
+  const double size = at.form().size.sum() / mean_size_;
+  const Eigen::Matrix3d& rotation = at.pose().rotation;
+  const Eigen::Vector3d& translation = at.pose().translation;
+  const Eigen::Vector3d ray = translation / translation.z();
+  const double scale_u = size * focal_.x() / (translation.z() * cell_u_);
+  const double scale_v = size * focal_.y() / (translation.z() * cell_v_);
+  shape_error_scale_ = scale_u * scale_v;
+  cells_by_shape_error_.row(0) = scale_u * (rotation.row(0) - ray.x() * rotation.row(2));
+  cells_by_shape_error_.row(1) = scale_v * (rotation.row(1) - ray.y() * rotation.row(2));
+  const Eigen::Vector3d eye = rotation.transpose() * -translation;  // vehicle frame
+  for (std::size_t j = 0; j < points_.size(); ++j) {
+    double share = shown(points_[j], eye, at.in_vehicle(points_[j])) ? noise_.seen_share_shown
+                                                                     : noise_.seen_share_hidden;
+    if (use_confidence_) {
+      const double odds =
+          share / (1.0 - share) * std::exp(noise_.confidence_log_odds * (rank_[j] - 0.5));
+      share = odds / (1.0 + odds);
+    }
+    seen_share_[j] = share;
+  }
+}
+
+void KeypointLikelihood::prepare(const BodyView& at) {
+  update_visibility(at);
+  decide_on_confidence(at);
+  adapt_noise(at);
+  update_visibility(at);
+}
+
+void KeypointLikelihood::decide_on_confidence(const BodyView& at) {
+  if (rank_.empty()) return;
+  use_confidence_ = false;
+  update_visibility(at);
+  if (!at.in_front()) return;
+  const double without = add(at, nullptr, false, nullptr, nullptr);
+  use_confidence_ = true;
+  update_visibility(at);
+  const double with = add(at, nullptr, false, nullptr, nullptr);
+  if (!(with < without - noise_.confidence_evidence)) {
+    use_confidence_ = false;
+    update_visibility(at);
+  }
+}
+
+void KeypointLikelihood::adapt_noise(const BodyView& at) {
+  if (!at.in_front()) return;
+  double sum = noise_.adapt_prior_count, count = noise_.adapt_prior_count;
+  for (std::size_t j = 0; j < points_.size(); ++j) {
+    const double squared = error(j, at, nullptr).squaredNorm();
+    const ErrorDensity d = density(j, squared, true);
+    const double share = d.seen / d.total;
+    sum += share * std::max(squared - 2.0 * shape_variance(j), 0.0) / (noise_.seen * noise_.seen);
+    count += 2.0 * share;
+  }
+  seen_scale_ = std::clamp(std::sqrt(sum / count), noise_.adapt_min, noise_.adapt_max);
+}
+
+double KeypointLikelihood::shape_variance(std::size_t j) const {
+  return shape_variance_[static_cast<std::size_t>(points_[j])] * shape_error_scale_;
+}
+
+Eigen::Vector2d KeypointLikelihood::error(std::size_t j, const BodyView& at,
+                                          const ShapeErrors* errors) const {
+  const Eigen::Vector2d& pixel = at.pixel(points_[j]);
+  Eigen::Vector2d out((pixel.x() - pixels_[j].x()) / cell_u_,
+                      (pixel.y() - pixels_[j].y()) / cell_v_);
+  if (errors) out += cells_by_shape_error_ * errors->col(points_[j]);
+  return out;
+}
+
+ErrorDensity KeypointLikelihood::density(std::size_t j, double squared_error,
+                                         bool integrate_shape) const {
+  return error_density(noise_, squared_error, seen_share_[j], seen_scale_,
+                       integrate_shape ? shape_variance(j) : 0.0);
+}
+
+double KeypointLikelihood::add(const BodyView& at, const ShapeErrors* errors, bool observed,
+                               NormalEquations* equations,
+                               ShapeErrorEquations* error_equations) const {
+  double cost = 0.0;
+  const auto count = static_cast<Eigen::Index>(points_.size());
+  const Eigen::Index parameters = at.num_parameters();
+  // Derivatives of the errors, two columns a keypoint; weighted, then multiplied at once.
+  Eigen::MatrixXd rows;
+  Eigen::VectorXd residuals;
+  if (equations) {
+    rows.resize(parameters, 2 * count);
+    residuals.resize(2 * count);
+  }
+  for (Eigen::Index j = 0; j < count; ++j) {
+    const int point = points_[static_cast<std::size_t>(j)];
+    const Eigen::Vector2d off = error(static_cast<std::size_t>(j), at, errors);
+    const double squared = off.squaredNorm();
+    const ErrorDensity d = density(static_cast<std::size_t>(j), squared, errors == nullptr);
+    cost -= std::log(d.total);
+    if (!equations) continue;
+    const double weight = d.weight();
+    const double along = observed ? d.share_along(squared) : 1.0;
+    const double less = along < 1.0 ? (1.0 - along) * weight / squared : 0.0;
+    Eigen::MatrixXd::ColXpr du = rows.col(2 * j), dv = rows.col(2 * j + 1);
+    at.jacobian(point, du.data(), dv.data());
+    du /= cell_u_;
+    dv /= cell_v_;
+    if (less > 0.0) {
+      const Eigen::VectorXd row = du * off.x() + dv * off.y();
+      equations->hessian.noalias() -= (less * row) * row.transpose();
+    }
+    if (error_equations) {
+      const Eigen::Matrix2d information =
+          weight * Eigen::Matrix2d::Identity() - less * off * off.transpose();
+      const Eigen::Matrix<double, 3, 2> weighted = cells_by_shape_error_.transpose() * information;
+      error_equations->own[static_cast<std::size_t>(point)] = weighted * cells_by_shape_error_;
+      error_equations->gradient.col(point) = weight * (cells_by_shape_error_.transpose() * off);
+      for (Eigen::Index p = 0; p < parameters; ++p) {
+        error_equations->cross.block<3, 1>(3 * point, p) =
+            weighted.col(0) * du[p] + weighted.col(1) * dv[p];
+      }
+    }
+    const double root = std::sqrt(weight);
+    du *= root;
+    dv *= root;
+    residuals.segment<2>(2 * j) = root * off;
+  }
+  if (equations && count > 0) {
+    equations->hessian.noalias() += rows * rows.transpose();
+    equations->gradient.noalias() += rows * residuals;
+  }
+  return cost;
+}
+
+std::vector<double> KeypointLikelihood::weights(const BodyView& at,
+                                                const ShapeErrors* errors) const {
+  std::vector<double> out(points_.size());
+  for (std::size_t j = 0; j < points_.size(); ++j) {
+    out[j] = density(j, error(j, at, errors).squaredNorm(), errors == nullptr).weight();
+  }
+  return out;
+}
+
+KeypointLikelihood::Agreement KeypointLikelihood::agreement(const BodyView& at) const {
+  Agreement out;
+  double sum = 0.0;
+  for (std::size_t j = 0; j < points_.size(); ++j) {
+    if (!at.in_front(points_[j])) continue;
+    const ErrorDensity d = density(j, error(j, at, nullptr).squaredNorm(), true);
+    const double near = d.near / d.total;
+    out.count += near;
+    sum += near * (at.pixel(points_[j]) - pixels_[j]).squaredNorm();
+  }
+  if (out.count > 0.5) out.rmse_px = std::sqrt(sum / out.count);
+  return out;
+}
+
+std::vector<ObservedKeypoint> KeypointLikelihood::observed(const BodyView& at) const {
+  std::vector<ObservedKeypoint> out;
+  for (std::size_t j = 0; j < points_.size(); ++j) {
+    if (!at.in_front(points_[j])) continue;
+    ObservedKeypoint k;
+    k.point = points_[j];
+    k.pixel = pixels_[j];
+    k.seen = seen_share_[j] > 0.5;
+    const double cells =
+        k.seen ? noise_.seen * seen_scale_ : 0.5 * (noise_.guessed + noise_.guessed_far);
+    const double sigma = std::sqrt(cells * cells + shape_variance(j));
+    k.sigma_px = {sigma * cell_u_, sigma * cell_v_};
+    out.push_back(k);
+  }
+  return out;
+}
+
+}  // namespace camber::internal

@@ -1,0 +1,128 @@
+#include "camber/vehicle/detail/vehicle_answer.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "camber/vehicle/detail/box_likelihood.h"
+
+namespace camber::internal {
+
+Eigen::MatrixXd report_jacobian(const ViewPose& pose, const Form& form, Eigen::Index parameters) {
+  Eigen::MatrixXd j = Eigen::MatrixXd::Zero(9, parameters);
+  j.block<3, 3>(0, 0).setIdentity();
+  const Eigen::Vector3d middle(0.0, 0.5 * form.size[2], 0.0);
+  j.block<3, 3>(0, 3) = -pose.rotation * skew(middle);
+  j.block<3, 1>(0, 8) = 0.5 * pose.rotation.col(1);
+  j.block<6, 6>(3, 3).setIdentity();
+  return j;
+}
+
+ReportCovariance report_covariance(const ViewPose& pose, const Form& form,
+                                   const Eigen::MatrixXd& covariance, const FormNoise& noise) {
+  const Eigen::MatrixXd j = report_jacobian(pose, form, covariance.cols());
+  ReportCovariance out = j * covariance * j.transpose();
+  const Eigen::Vector3d margins = noise.centre_share * form.along_axes();
+  out.topLeftCorner<3, 3>() +=
+      pose.rotation * margins.cwiseAbs2().asDiagonal() * pose.rotation.transpose();
+  return out;
+}
+
+void write_pose_and_form(const VehiclePrior& prior, const ViewPose& pose, const Form& form,
+                         VehicleEstimate* out) {
+  out->pose.camera_from_vehicle = SE3(pose.rotation, pose.translation);
+  out->pose.dimensions = {form.size[0], form.size[1], form.size[2]};
+  out->shape.assign(form.shape.data(), form.shape.data() + form.shape.size());
+  const ShapePrior& shape = prior.shape(out->vehicle_class);
+  const KeypointMatrix keypoints = shape.keypoints(out->pose.dimensions, out->shape);
+  for (int i = 0; i < kNumKeypoints; ++i) {
+    out->keypoints[static_cast<std::size_t>(i)] =
+        pose.rotation * keypoints.col(i) + pose.translation;
+  }
+}
+
+std::string unreliable_reason(const VehiclePosterior& posterior, int view,
+                              const VehicleState& state, const Box2& box) {
+  const AnswerGates& gates = posterior.noise().answer;
+  const PinholeCamera& camera = posterior.camera();
+  const BodyView at = posterior.view(view, state);
+  const KeypointLikelihood& keypoints = posterior.keypoints(view);
+  const auto count = static_cast<double>(keypoints.points().size());
+  if (keypoints.agreement(at).count <
+      std::max(gates.agreeing_keypoints, gates.agreeing_share * count)) {
+    return "too few keypoints agree";
+  }
+  if (at.in_front() &&
+      intersection_over_union(outline(at).clipped(camera.width, camera.height),
+                              box.clipped(camera.width, camera.height)) < gates.box_overlap) {
+    return "the keypoints do not fit the box";
+  }
+  return "";
+}
+
+PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleState& state) {
+  PosteriorMean out;
+  out.state = state;
+  PosteriorEquations equations;
+  if (!std::isfinite(posterior.evaluate(state, &equations, /*observed=*/true))) return out;
+  const Eigen::LDLT<Eigen::MatrixXd> factors(equations.hessian);
+  const Eigen::Index size = equations.hessian.rows();
+  out.minimum = factors.info() == Eigen::Success && factors.isPositive();
+  out.covariance = factors.solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::VectorXd gradient = posterior.shape_marginal_gradient(state, equations);
+  out.state = posterior.moved(state, -out.covariance * gradient);
+  return out;
+}
+
+void write_answer(const VehiclePosterior& posterior, int view, const VehiclePrior& prior,
+                  const VehicleState& state, const Eigen::MatrixXd& covariance, double rival,
+                  VehicleEstimate* out) {
+  const ViewPose& pose = state.poses[static_cast<std::size_t>(view)];
+  const VehicleNoise& noise = posterior.noise();
+  const GroundContact& contact = posterior.contact(view);
+  write_pose_and_form(prior, pose, state.form, out);
+  out->covariance = report_covariance(pose, state.form, covariance, noise.form);
+  const Eigen::Matrix3d place = out->covariance.topLeftCorner<3, 3>();
+  out->plane = contact.posterior_plane(pose, covariance.topLeftCorner<6, 6>(), place,
+                                       &out->plane_sigma_height);
+  out->reprojection_rmse_px =
+      posterior.keypoints(view).agreement(posterior.view(view, state)).rmse_px;
+  out->status = Status::kOk;
+  out->reason.clear();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(place, Eigen::EigenvaluesOnly);
+  const double sigma = std::sqrt(std::max(spread.eigenvalues().maxCoeff(), 0.0));
+  const double contradiction = noise.contact.contradiction * noise.contact.contradiction;
+  if (rival < noise.hypotheses.rival_heading) {
+    out->status = Status::kWeak;
+    out->reason = kTwoHeadings;
+  } else if (contact.squared_distance(pose) > contradiction) {
+    out->status = Status::kWeak;
+    out->reason = "the keypoints contradict the plane";
+  } else if (sigma > noise.answer.relative_sigma * pose.translation.norm()) {
+    out->status = Status::kWeak;
+    out->reason = fmt::format("position known to {:.1f} m only", sigma);
+  }
+}
+
+void finish_answer(const SupportPlane& support, VehicleEstimate* out) {
+  if (support.status == Status::kNotObservable || support.status == Status::kFailed) {
+    out->status = Status::kNotObservable;
+    if (out->reason.empty()) out->reason = "the plane below it is not observable";
+  } else if (support.status == Status::kWeak && out->status == Status::kOk) {
+    out->status = Status::kWeak;
+    out->reason = "the plane below it is weak";
+  }
+  if (!std::isfinite(out->plane_sigma_height)) {
+    out->plane_sigma_height =
+        std::sqrt(std::max(support.plane.height_variance(out->pose.bottom_center()), 0.0));
+  }
+  if (!out->covariance.allFinite() || !out->pose.bottom_center().allFinite()) {
+    out->status = Status::kFailed;
+    out->reason = "the fit did not converge";
+  }
+}
+
+}  // namespace camber::internal
