@@ -51,8 +51,10 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   GroundPoints points = run("triangulation", 0.4, [&] {
     return stages::triangulate(frames, matches, motion, nullptr, o.ground);
   });
+  const PlaneSearchResult search =
+      run("ground", 0.5, [&] { return stages::search_plane(frames, motion, o.ground); });
   Ground ground = run("ground", 0.5, [&] {
-    return stages::ground(frames, matches, motion, std::move(points), nullptr, o.ground);
+    return stages::first_ground(frames, matches, motion, std::move(points), search, o.ground);
   });
   for (int round = 0; round < o.rounds; ++round) {
     const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
@@ -64,7 +66,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       return stages::triangulate(frames, matches, motion, &ground.seen, o.ground);
     });
     ground = run("ground", share, [&] {
-      return stages::ground(frames, matches, motion, std::move(points), &ground, o.ground);
+      return stages::ground(frames, matches, motion, std::move(points), ground, o.ground);
     });
   }
   const PhotometricGround refined = run("ground", 0.8, [&] {

@@ -153,6 +153,52 @@ bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground) {
   return true;
 }
 
+EgoPlane ego_of(const LoadedFrames& frames, const MotionEstimate& motion,
+                const RoadHypothesis& hypothesis, const GroundOptions& options) {
+  EgoPlane out;
+  out.height = std::exp(-hypothesis.log_baseline);
+  out.near_plane_height = out.height;
+  out.metres_per_unit =
+      frames.known.camera_height.value_or(options.unknown_camera_height) / out.height;
+  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
+  const Eigen::Vector3d normal = road_normal(travel, hypothesis.roll);
+  out.plane.plane = {normal, out.height};
+  out.plane.centroid = -out.height * normal;
+  UncertainPlane::make_axes(normal, travel, &out.plane.axis1, &out.plane.axis2);
+  out.status = Status::kWeak;
+  out.reason = "by the plane search alone";
+  return out;
+}
+
+void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
+                    const RoadHypothesis& hypothesis, GroundObservations* observed) {
+  constexpr int kStep = 4;                 // px
+  constexpr double kReach = 8.0;           // camera heights ahead
+  constexpr double kHalfWidth = 1.5;       // camera heights
+  constexpr double kRelativeSigma = 0.03;  // of the hypothesis' inverse depths
+  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
+  const double per_height = std::exp(hypothesis.log_baseline);
+  const std::vector<std::uint8_t>& ground = frames.reference_masks().ground;
+  const auto width = static_cast<std::size_t>(frames.camera.width);
+  for (int v = frames.camera.height - 1; v >= 0; v -= kStep) {
+    for (int u = 0; u < frames.camera.width; u += kStep) {
+      if (!ground[static_cast<std::size_t>(v) * width + static_cast<std::size_t>(u)]) continue;
+      const Eigen::Vector2d pixel(u, v);
+      const double rho = road_inverse_depth(frames.camera, travel, hypothesis, pixel);
+      if (!(rho > 1.0 / kReach)) continue;
+      const Eigen::Vector3d point = frames.camera.ray(pixel) / rho;
+      if (std::abs(point.x() - travel.x() / travel.z() * point.z()) > kHalfWidth) continue;
+      observed->pixels.push_back(pixel);
+      observed->inverse_depth.push_back(rho * per_height);
+      observed->sigma.push_back(kRelativeSigma * rho * per_height);
+    }
+  }
+  const auto rows = observed->shared_jacobian.rows();
+  const auto more = static_cast<Eigen::Index>(observed->size()) - rows;
+  observed->shared_jacobian.conservativeResize(rows + more, Eigen::NoChange);
+  observed->shared_jacobian.bottomRows(more).setZero();
+}
+
 GroundObservations ground_observations(const Correspondences& matches,
                                        const TriangulatedPoints& points) {
   GroundObservations out;
@@ -168,28 +214,56 @@ GroundObservations ground_observations(const Correspondences& matches,
 
 }  // namespace detail
 
-Ground ground(const LoadedFrames& frames, const Correspondences& matches,
-              const MotionEstimate& motion, GroundPoints points, const Ground* before,
-              const GroundOptions& options) {
+PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
+                               const GroundOptions& options) {
+  std::vector<PlaneSearchImage> images;
+  MotionEstimate neighbours;
+  std::size_t reference = 0;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (k + 1 < frames.reference || k > frames.reference + 1) continue;
+    if (k == frames.reference) reference = images.size();
+    images.push_back({&frames.gray[k], &frames.masks[k].vehicle});
+    neighbours.frame_from_reference.push_back(motion.frame_from_reference[k]);
+  }
+  PlaneSearchOptions search;
+  search.num_threads = options.num_threads;
+  return PlaneSearch(frames.camera, images, reference, search).search(neighbours);
+}
+
+Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
+                    const MotionEstimate& motion, GroundPoints points,
+                    const PlaneSearchResult& search, const GroundOptions& options) {
   Ground out;
-  if (before) out = *before;
   out.seen = std::move(points);
-  EgoPlane ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
-  const std::string reason = ego.reason;
-  if (!detail::set_ego(motion, std::move(ego), &out) && !before) {
-    throw NoAnswerError("no road plane under the camera: " + reason);
-  }
-  const GroundObservations observed = detail::ground_observations(matches, out.seen.points);
-  if (before) {
-    auto field = std::make_shared<GroundField>(*before->field);
-    field->update(observed, 2);
-    out.field = std::move(field);
+  GroundObservations observed = detail::ground_observations(matches, out.seen.points);
+  if (search.informative) {
+    out.ego = detail::ego_of(frames, motion, search.best, options);
+    out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_unit);
+    detail::add_hypothesis(frames, motion, search.best, &observed);
   } else {
-    GroundFieldOptions field;
-    field.metres_per_unit = out.metres_per_baseline;
-    field.num_threads = options.num_threads;
-    out.field = std::make_shared<GroundField>(frames.camera, observed, out.ego.plane.plane, field);
+    EgoPlane ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
+    const std::string reason = ego.reason;
+    if (!detail::set_ego(motion, std::move(ego), &out)) {
+      throw NoAnswerError("no road plane under the camera: " + reason);
+    }
   }
+  GroundFieldOptions field;
+  field.metres_per_unit = out.metres_per_baseline;
+  field.num_threads = options.num_threads;
+  out.field = std::make_shared<GroundField>(frames.camera, observed, out.ego.plane.plane, field);
+  return out;
+}
+
+Ground ground(const LoadedFrames& frames, const Correspondences& matches,
+              const MotionEstimate& motion, GroundPoints points, const Ground& before,
+              const GroundOptions& options) {
+  Ground out = before;
+  out.seen = std::move(points);
+  detail::set_ego(
+      motion, detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options), &out);
+  auto field = std::make_shared<GroundField>(*before.field);
+  field->update(detail::ground_observations(matches, out.seen.points), 2);
+  out.field = std::move(field);
   return out;
 }
 

@@ -9,6 +9,7 @@
 #include "camber/motion/motion.h"
 #include "camber/motion/triangulation.h"
 #include "camber/photometric/direct_ground.h"
+#include "camber/photometric/plane_search.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/road/ground_field.h"
 #include "camber/scale/ego_plane.h"
@@ -61,6 +62,12 @@ struct GroundOptions {
   int num_threads = 0;                  ///< <= 0: see resolve_num_threads
 };
 
+/// Searches for the length of the baselines in camera heights on the intensities of the near road,
+/// with the images next to the reference. It needs no matches on the ground: those may agree on a
+/// wrong depth where the road moves fast.
+PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
+                               const GroundOptions& options);
+
 /// Triangulates the ground: what the masks show, or what grows from the near road.
 /// @param before  of an earlier round, whose extent is kept where no road grows; may be null.
 /// @throws NoAnswerError where no road grows and there was none before.
@@ -68,13 +75,17 @@ GroundPoints triangulate(const LoadedFrames& frames, const Correspondences& matc
                          const MotionEstimate& motion, const GroundPoints* before,
                          const GroundOptions& options);
 
-/// Fits the tangent plane under the camera and the ground field.
-/// @param before  of an earlier round, from which the field starts and whose ego plane is kept
-/// where
-///                no new one is found; may be null.
+/// The first ground: by the plane search where that is informative, and by the points.
 /// @throws NoAnswerError where there is no plane under the camera.
+Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
+                    const MotionEstimate& motion, GroundPoints points,
+                    const PlaneSearchResult& search, const GroundOptions& options);
+
+/// Fits the tangent plane under the camera and the ground field.
+/// @param before  of an earlier round: the field starts from its field, and its ego plane stays
+///                where no new one is found.
 Ground ground(const LoadedFrames& frames, const Correspondences& matches,
-              const MotionEstimate& motion, GroundPoints points, const Ground* before,
+              const MotionEstimate& motion, GroundPoints points, const Ground& before,
               const GroundOptions& options);
 
 /// Refines the motion and the ground on the intensities of all images; accepted where the pixels

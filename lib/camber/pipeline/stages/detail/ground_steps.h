@@ -21,6 +21,14 @@ EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, Profi
 /// Takes an ego plane and its scale, unless it failed. @return whether it was taken.
 bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground);
 
+/// The ego plane of a plane search's hypothesis.
+EgoPlane ego_of(const LoadedFrames& frames, const MotionEstimate& motion,
+                const RoadHypothesis& hypothesis, const GroundOptions& options);
+
+/// Adds the near road of a hypothesis as observations of the ground.
+void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
+                    const RoadHypothesis& hypothesis, GroundObservations* observed);
+
 GroundObservations ground_observations(const Correspondences& matches,
                                        const TriangulatedPoints& points);
 

@@ -1,0 +1,409 @@
+#include "camber/photometric/plane_search.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "camber/core/threads.h"
+#include "camber/image/detail/single_threaded_opencv.h"
+
+namespace camber {
+namespace {
+
+/// Right, ahead and up of the road under the camera.
+struct RoadAxes {
+  Eigen::Vector3d right, ahead, up;
+
+  RoadAxes(const Eigen::Vector3d& travel, double roll) {
+    ahead = travel;
+    const Eigen::Vector3d level(0, -1, 0);
+    const Eigen::Vector3d up0 = (level - level.dot(ahead) * ahead).normalized();
+    up = std::cos(roll) * up0 + std::sin(roll) * ahead.cross(up0);
+    right = ahead.cross(up);
+  }
+};
+
+/// Inverse depth, 1/camera height, of the bending road on a ray with these components ahead and up;
+/// 0: it misses the road.
+double inverse_depth_on(double ahead, double up, double curvature) {
+  const double under = up * up + 2.0 * curvature * ahead * ahead;
+  if (!(ahead > 0.0) || !(under > 0.0)) return 0.0;
+  return std::max(0.0, 0.5 * (std::sqrt(under) - up));
+}
+
+/// Curvature of the driven path to the right, 1/baseline.
+double path_curvature(const MotionEstimate& motion) {
+  std::size_t farthest = 0;
+  double longest = 0.0;
+  for (std::size_t k = 0; k < motion.frame_from_reference.size(); ++k) {
+    const double length = motion.frame_from_reference[k].translation().norm();
+    if (length > longest) {
+      longest = length;
+      farthest = k;
+    }
+  }
+  if (!(longest > 0.0)) return 0.0;
+  const SE3 there = motion.frame_from_reference[farthest].inverse();
+  const Eigen::Vector3d ahead = there.rotation() * Eigen::Vector3d::UnitZ();
+  const double turn = std::atan2(ahead.x(), ahead.z());
+  return there.translation().z() >= 0.0 ? turn / longest : -turn / longest;
+}
+
+constexpr int kLevels = 3;
+constexpr int kWindowWide = 16, kWindowHigh = 6;  // px of the finest level
+constexpr double kPixelsPerSample = 9.0;          // one in three columns and rows
+
+/// Where the corridor of a hypothesis lies in one row of an image, and its inverse depths.
+struct CorridorRow {
+  int from = 0, to = 0;              // columns
+  std::vector<float> inverse_depth;  // one a column of the image; 0: outside
+};
+
+/// The corridor row by row: components of the rays are linear in the column.
+class Corridor {
+ public:
+  Corridor(const PinholeCamera& camera, const Eigen::Vector3d& travel,
+           const RoadHypothesis& hypothesis, double bend, const PlaneSearchOptions& options)
+      : camera_(camera),
+        axes_(travel, hypothesis.roll),
+        curvature_(hypothesis.curvature),
+        bend_(bend),
+        options_(options),
+        focus_(camera.cx + camera.fx * travel.x() / std::max(0.1, travel.z())) {}
+
+  /// @return false: this row and those above it are beyond the reach.
+  bool row(int v, CorridorRow* out) const {
+    const Eigen::Vector3d middle_ray = camera_.ray({focus_, static_cast<double>(v)});
+    const double rho =
+        inverse_depth_on(axes_.ahead.dot(middle_ray), axes_.up.dot(middle_ray), curvature_);
+    const double ahead = axes_.ahead.dot(middle_ray) / rho;
+    out->from = out->to = 0;
+    if (!(rho > 0.0) || !(ahead < 1.1 * options_.reach)) return false;
+    const double middle = focus_ + camera_.fx * rho * 0.5 * bend_ * ahead * ahead;
+    const double half = 1.2 * camera_.fx * rho * options_.half_width + 2.0;
+    out->from = std::clamp(static_cast<int>(middle - half), 0, camera_.width);
+    out->to = std::clamp(static_cast<int>(middle + half), out->from, camera_.width);
+    out->inverse_depth.resize(static_cast<std::size_t>(camera_.width));
+    const Eigen::Vector3d first =
+        camera_.ray({static_cast<double>(out->from), static_cast<double>(v)});
+    const auto step = static_cast<float>(1.0 / camera_.fx);
+    const auto along0 = static_cast<float>(axes_.ahead.dot(first));
+    const auto up0 = static_cast<float>(axes_.up.dot(first));
+    const auto right0 = static_cast<float>(axes_.right.dot(first));
+    const auto along1 = static_cast<float>(axes_.ahead.x()) * step;
+    const auto up1 = static_cast<float>(axes_.up.x()) * step;
+    const auto right1 = static_cast<float>(axes_.right.x()) * step;
+    const auto twice = static_cast<float>(2.0 * curvature_);
+    const auto bend = static_cast<float>(0.5 * bend_);
+    const auto reach = static_cast<float>(options_.reach);
+    const auto width = static_cast<float>(options_.half_width);
+    float* values = out->inverse_depth.data() + out->from;
+    const int count = out->to - out->from;
+    for (int k = 0; k < count; ++k) {
+      const auto x = static_cast<float>(k);
+      const float along = along0 + x * along1, up = up0 + x * up1, right = right0 + x * right1;
+      const float under = up * up + twice * along * along;
+      const float inverse = 0.5F * (std::sqrt(std::max(under, 0.0F)) - up);
+      const float away = along / std::max(inverse, 1e-6F);
+      const float beside = right / std::max(inverse, 1e-6F) - bend * away * away;
+      const bool inside = under > 0.0F && inverse > 0.0F && along > 0.0F && away < reach &&
+                          std::abs(beside) < width;
+      values[k] = inside ? inverse : 0.0F;
+    }
+    return true;
+  }
+
+ private:
+  const PinholeCamera& camera_;
+  RoadAxes axes_;
+  double curvature_, bend_;
+  const PlaneSearchOptions& options_;
+  double focus_;
+};
+
+/// Sums over one window of both images.
+struct Window {
+  float count = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+};
+
+/// A view of the reference's road at one baseline: p = rotation * ray + inverse depth * shift.
+struct WarpedView {
+  std::size_t image = 0;
+  Eigen::Matrix3f rotation;
+  Eigen::Vector3f shift;
+  std::vector<Window> windows;  // of the rows at hand
+};
+
+}  // namespace
+
+/// The images at one resolution.
+struct PlaneSearch::Level {
+  PinholeCamera camera;
+  int window_wide = kWindowWide, window_high = kWindowHigh;
+  double noise = 4.0;            // grey values squared, of a window without texture
+  std::vector<cv::Mat> gray;     // float, of all images
+  std::vector<cv::Mat> ignored;  // bytes
+
+  /// Adds one row of the corridor to a view's windows.
+  void add_row(const CorridorRow& row, int v, std::size_t reference, WarpedView* view) const;
+};
+
+void PlaneSearch::Level::add_row(const CorridorRow& row, int v, std::size_t reference,
+                                 WarpedView* view) const {
+  const cv::Mat& image = gray[view->image];
+  const cv::Mat& hidden = ignored[view->image];
+  const float* here = gray[reference].ptr<float>(v);
+  const auto* hidden_here = ignored[reference].ptr<std::uint8_t>(v);
+  const auto fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
+  const auto cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
+  const Eigen::Vector3f by_column = view->rotation.col(0) / fx;
+  const Eigen::Vector3f start =
+      view->rotation * Eigen::Vector3f(-cx / fx, (static_cast<float>(v) - cy) / fy, 1.0F);
+  const auto right = static_cast<float>(image.cols - 1);
+  const auto bottom = static_cast<float>(image.rows - 1);
+  for (int u = row.from; u < row.to; ++u) {
+    const float rho = row.inverse_depth[static_cast<std::size_t>(u)];
+    if (rho == 0.0F || hidden_here[u]) continue;
+    const Eigen::Vector3f p = start + static_cast<float>(u) * by_column + rho * view->shift;
+    if (!(p.z() > 0.02F)) continue;
+    const float inverse = 1.0F / p.z();
+    const float x = fx * p.x() * inverse + cx, y = fy * p.y() * inverse + cy;
+    if (!(x >= 0.0F && y >= 0.0F && x < right && y < bottom)) continue;
+    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    if (hidden.ptr<std::uint8_t>(y0)[x0]) continue;
+    const float s = x - static_cast<float>(x0), t = y - static_cast<float>(y0);
+    const float* r0 = image.ptr<float>(y0) + x0;
+    const float* r1 = image.ptr<float>(y0 + 1) + x0;
+    const float upper = r0[0] + s * (r0[1] - r0[0]), lower = r1[0] + s * (r1[1] - r1[0]);
+    const float b = upper + t * (lower - upper), a = here[u];
+    Window& w = view->windows[static_cast<std::size_t>(u / window_wide)];
+    w.count += 1.0F;
+    w.a += a;
+    w.b += b;
+    w.aa += a * a;
+    w.bb += b * b;
+    w.ab += a * b;
+  }
+}
+
+PlaneSearch::~PlaneSearch() = default;
+
+PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSearchImage>& images,
+                         std::size_t reference, const PlaneSearchOptions& options)
+    : options_(options), reference_(reference) {
+  const std::size_t total =
+      static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  if (reference >= images.size()) {
+    throw std::invalid_argument("plane search: the reference is no index into the images");
+  }
+  const SingleThreadedOpenCv guard;
+  for (int k = 0; k < kLevels; ++k) {
+    Level level;
+    const int shrink = 1 << k;
+    const cv::Size size(camera.width / shrink, camera.height / shrink);
+    const cv::Rect whole(0, 0, size.width * shrink, size.height * shrink);
+    level.camera = {size.width,
+                    size.height,
+                    camera.fx / shrink,
+                    camera.fy / shrink,
+                    (camera.cx + 0.5) / shrink - 0.5,
+                    (camera.cy + 0.5) / shrink - 0.5};
+    level.window_wide = std::max(8, kWindowWide / shrink);
+    level.window_high = std::max(4, kWindowHigh / shrink);
+    level.noise /= shrink;
+    for (const PlaneSearchImage& image : images) {
+      if (!image.image || image.image->pixels.size() != total ||
+          (image.ignored && image.ignored->size() != total)) {
+        throw std::invalid_argument("plane search: an image or its mask does not fit the camera");
+      }
+      const cv::Mat full(camera.height, camera.width, CV_8UC1,
+                         const_cast<std::uint8_t*>(image.image->pixels.data()));
+      cv::Mat small, gray;
+      cv::resize(full(whole), small, size, 0, 0, cv::INTER_AREA);
+      small.convertTo(gray, CV_32F);
+      level.gray.push_back(gray);
+      cv::Mat ignored(size, CV_8UC1, cv::Scalar(0));
+      if (image.ignored) {
+        const cv::Mat mask(camera.height, camera.width, CV_8UC1,
+                           const_cast<std::uint8_t*>(image.ignored->data()));
+        cv::resize(mask(whole), ignored, size, 0, 0, cv::INTER_NEAREST);
+      }
+      level.ignored.push_back(ignored);
+    }
+    levels_.push_back(std::move(level));
+  }
+}
+
+double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& motion,
+                                   const RoadHypothesis& hypothesis, int* samples) const {
+  const double baseline = std::exp(hypothesis.log_baseline);
+  const Corridor corridor(level.camera, travel_direction(motion, reference_), hypothesis,
+                          path_curvature(motion) / baseline, options_);
+  std::vector<WarpedView> views;
+  const int columns = level.camera.width / level.window_wide + 1;
+  for (std::size_t k = 0; k < level.gray.size(); ++k) {
+    if (k == reference_) continue;
+    const SE3& pose = motion.frame_from_reference[k];
+    views.push_back({k, pose.rotation_matrix().cast<float>(),
+                     (baseline * pose.translation()).cast<float>(),
+                     std::vector<Window>(static_cast<std::size_t>(columns))});
+  }
+  const auto least = 0.6F * static_cast<float>(level.window_wide * level.window_high);
+  double sum = 0.0, total = 0.0, pixels = 0.0;
+  const auto finish_windows = [&](WarpedView& view) {
+    for (Window& w : view.windows) {
+      if (w.count >= least) {
+        const double n = w.count, ma = w.a / n, mb = w.b / n;
+        const double va = std::max(0.0, w.aa / n - ma * ma), vb = std::max(0.0, w.bb / n - mb * mb);
+        const double weight = va / (va + level.noise);
+        sum += weight * (w.ab / n - ma * mb) / std::sqrt((va + 1e-3) * (vb + 1e-3));
+        total += weight;
+        pixels += n;
+      }
+      w = {};
+    }
+  };
+  CorridorRow row;
+  for (int v = level.camera.height - 1; v >= 0; --v) {
+    const bool within = corridor.row(v, &row);
+    if (within) {
+      for (WarpedView& view : views) level.add_row(row, v, reference_, &view);
+    }
+    if (!within || v == 0 || (level.camera.height - v) % level.window_high == 0) {
+      for (WarpedView& view : views) finish_windows(view);
+    }
+    if (!within) break;
+  }
+  if (samples) *samples = static_cast<int>(pixels / kPixelsPerSample);
+  return total > 0.0 ? sum / total : -1.0;
+}
+
+double PlaneSearch::correlation(const MotionEstimate& motion, const RoadHypothesis& hypothesis,
+                                int* samples) const {
+  return correlation_at(levels_.front(), motion, hypothesis, samples);
+}
+
+std::vector<double> PlaneSearch::correlations(const Level& level, const MotionEstimate& motion,
+                                              const std::vector<RoadHypothesis>& hypotheses) const {
+  std::vector<double> out(hypotheses.size());
+  parallel_for(hypotheses.size(), options_.num_threads, [&](std::size_t i) {
+    out[i] = correlation_at(level, motion, hypotheses[i], nullptr);
+  });
+  return out;
+}
+
+void PlaneSearch::climb(const Level& level, const MotionEstimate& motion, int rounds, double step,
+                        RoadHypothesis* best, double* correlation) const {
+  const double curvature_step = 0.25 * options_.max_curvature, roll_step = 0.2 * options_.max_roll;
+  *correlation = correlation_at(level, motion, *best, nullptr);
+  for (int round = 0; round < rounds; ++round) {
+    std::vector<RoadHypothesis> tried;
+    const auto add = [&](double along, double curvature, double roll) {
+      const RoadHypothesis h{best->log_baseline + along, best->curvature + curvature,
+                             best->roll + roll};
+      if (std::abs(h.curvature) <= 1.001 * options_.max_curvature &&
+          std::abs(h.roll) <= 1.001 * options_.max_roll) {
+        tried.push_back(h);
+      }
+    };
+    for (const int i : {-3, -2, -1, 1, 2, 3}) add(i * step, 0.0, 0.0);
+    // A road that bends up looks like a shorter baseline: both at once.
+    for (const int i : {-2, -1, 1, 2}) {
+      for (const int k : {-1, 0, 1}) add(k * step, i * curvature_step, 0.0);
+    }
+    for (const double i : {-1.0, -0.5, 0.5, 1.0}) add(0.0, 0.0, i * roll_step);
+    const std::vector<double> found = correlations(level, motion, tried);
+    const auto at = std::max_element(found.begin(), found.end()) - found.begin();
+    if (!(found[static_cast<std::size_t>(at)] > *correlation)) break;
+    *correlation = found[static_cast<std::size_t>(at)];
+    *best = tried[static_cast<std::size_t>(at)];
+  }
+}
+
+std::vector<RoadHypothesis> PlaneSearch::sweep(const MotionEstimate& motion) const {
+  constexpr double kStep = 0.03;
+  constexpr int kRolls = 3;  // to each side
+  constexpr std::size_t kPeaks = 3;
+  std::vector<RoadHypothesis> tried;
+  for (int r = -kRolls; r <= kRolls; ++r) {
+    for (double s = options_.least_log_baseline; s <= options_.greatest_log_baseline; s += kStep) {
+      tried.push_back({s, 0.0, options_.max_roll * r / kRolls});
+    }
+  }
+  const std::size_t count = tried.size() / (2 * kRolls + 1);
+  const std::vector<double> swept = correlations(levels_.back(), motion, tried);
+  struct Peak {
+    double correlation;
+    std::size_t at;
+  };
+  std::vector<Peak> best(count);
+  for (std::size_t i = 0; i < tried.size(); ++i) {
+    Peak& peak = best[i % count];
+    if (i < count || swept[i] > peak.correlation) peak = {swept[i], i};
+  }
+  std::vector<Peak> peaks;
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool rising = i == 0 || best[i].correlation >= best[i - 1].correlation;
+    const bool falling = i + 1 == count || best[i].correlation > best[i + 1].correlation;
+    if (rising && falling) peaks.push_back(best[i]);
+  }
+  std::stable_sort(peaks.begin(), peaks.end(),
+                   [](const Peak& a, const Peak& b) { return a.correlation > b.correlation; });
+  std::vector<RoadHypothesis> out;
+  for (std::size_t i = 0; i < std::min(kPeaks, peaks.size()); ++i)
+    out.push_back(tried[peaks[i].at]);
+  return out;
+}
+
+PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
+  constexpr double kStep = 0.015;
+  PlaneSearchResult out;
+  out.correlation = -1.0;
+  for (RoadHypothesis h : sweep(motion)) {
+    double correlation = 0.0;
+    climb(levels_[2], motion, 6, kStep, &h, &correlation);
+    climb(levels_[1], motion, 3, 0.5 * kStep, &h, &correlation);
+    if (correlation > out.correlation) {
+      out.correlation = correlation;
+      out.best = h;
+    }
+  }
+  const Level& fine = levels_.front();
+  climb(fine, motion, 2, 0.25 * kStep, &out.best, &out.correlation);
+  out.correlation = correlation_at(fine, motion, out.best, &out.samples);
+  // How far the logarithm may go.
+  constexpr double kLoss = 0.05, kFineStep = 0.02;
+  constexpr int kFarthest = 8;
+  std::vector<RoadHypothesis> around;
+  for (int i = -kFarthest; i <= kFarthest; ++i) {
+    around.push_back(out.best);
+    around.back().log_baseline += i * kFineStep;
+  }
+  const std::vector<double> near = correlations(fine, motion, around);
+  int low = kFarthest, high = kFarthest;
+  const auto close = [&](int i) {
+    return near[static_cast<std::size_t>(i)] > out.correlation - kLoss;
+  };
+  while (low > 0 && close(low - 1)) --low;
+  while (high < 2 * kFarthest && close(high + 1)) ++high;
+  out.interval = (high - low) * kFineStep;
+  out.informative = out.correlation > options_.least_correlation &&
+                    out.samples > options_.least_samples && out.interval < options_.widest_interval;
+  return out;
+}
+
+Eigen::Vector3d road_normal(const Eigen::Vector3d& travel, double roll) {
+  return RoadAxes(travel, roll).up;
+}
+
+double road_inverse_depth(const PinholeCamera& camera, const Eigen::Vector3d& travel,
+                          const RoadHypothesis& hypothesis, const Eigen::Vector2d& pixel) {
+  const RoadAxes axes(travel, hypothesis.roll);
+  const Eigen::Vector3d ray = camera.ray(pixel);
+  return inverse_depth_on(axes.ahead.dot(ray), axes.up.dot(ray), hypothesis.curvature);
+}
+
+}  // namespace camber

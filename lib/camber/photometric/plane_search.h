@@ -1,0 +1,94 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/image/image.h"
+#include "camber/motion/motion.h"
+
+namespace camber {
+
+/// One image of a plane search.
+struct PlaneSearchImage {
+  const GrayImage* image = nullptr;
+  /// One byte a pixel, row-major: non-zero where something stands or moves; null: nowhere.
+  const std::vector<std::uint8_t>* ignored = nullptr;
+};
+
+/// The road under the camera as the search sees it: it touches the plane through the foot under the
+/// camera, along the direction of travel, and bends evenly ahead.
+struct RoadHypothesis {
+  double log_baseline = 0.0;  ///< logarithm of the longest baseline over the camera's height
+  double curvature = 0.0;     ///< vertical, 1/camera height, positive: a sag
+  double roll = 0.0;          ///< rad, of the camera about the direction of travel
+};
+
+struct PlaneSearchOptions {
+  double half_width = 0.75;  ///< of the corridor along the driven path, camera heights, > 0
+  double reach = 10.0;       ///< ahead, camera heights, > 0
+  double least_log_baseline = -4.0, greatest_log_baseline = 1.3;
+  double max_curvature = 0.027;  ///< 1/camera height, >= 0
+  double max_roll = 0.09;        ///< rad, >= 0
+  /// Limits for an informative search: correlation, samples, and how far the logarithm may go for
+  /// a correlation of 0.05 less.
+  double least_correlation = 0.6;
+  int least_samples = 1500;
+  double widest_interval = 0.16;
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
+};
+
+struct PlaneSearchResult {
+  RoadHypothesis best;
+  double correlation = 0.0;  ///< of the best
+  int samples = 0;           ///< windows that were compared there
+  double interval = 0.0;     ///< width in the logarithm within 0.05 of the best correlation
+  bool informative = false;  ///< the near road fixes the baseline
+};
+
+/// Searches for the length of the baselines, in camera heights, with which the intensities of the
+/// near road agree best, over the whole range that a drive can have (plane sweep; Collins, "A
+/// Space-Sweep Approach to True Multi-Image Matching", CVPR 1996): it needs no start and no match.
+/// Windows are compared by normalised cross-correlation. A start and a check, no measurement: where
+/// the near road is out of view or without texture it is not informative.
+class PlaneSearch {
+ public:
+  /// @param reference  index into the images.
+  /// @throws std::invalid_argument for sizes that disagree. The images must outlive this.
+  PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSearchImage>& images,
+              std::size_t reference, const PlaneSearchOptions& options);
+  ~PlaneSearch();
+
+  PlaneSearchResult search(const MotionEstimate& motion) const;
+
+  /// Correlation of one hypothesis; *samples receives the number of windows.
+  double correlation(const MotionEstimate& motion, const RoadHypothesis& hypothesis,
+                     int* samples = nullptr) const;
+
+ private:
+  struct Level;
+  double correlation_at(const Level& level, const MotionEstimate& motion,
+                        const RoadHypothesis& hypothesis, int* samples) const;
+  std::vector<double> correlations(const Level& level, const MotionEstimate& motion,
+                                   const std::vector<RoadHypothesis>& hypotheses) const;
+  /// Climbs from a hypothesis to a maximum of the correlation nearby.
+  void climb(const Level& level, const MotionEstimate& motion, int rounds, double step,
+             RoadHypothesis* best, double* correlation) const;
+  /// The best hypotheses of the whole range at the coarsest resolution.
+  std::vector<RoadHypothesis> sweep(const MotionEstimate& motion) const;
+
+  PlaneSearchOptions options_;
+  std::size_t reference_ = 0;
+  std::vector<Level> levels_;  // finest first
+};
+
+/// Unit normal, up, of a hypothesis' road under the camera.
+Eigen::Vector3d road_normal(const Eigen::Vector3d& travel, double roll);
+
+/// Inverse depth, 1/camera height, of a hypothesis' road at a pixel; 0: the ray misses it.
+/// @param travel  unit direction of travel, camera frame.
+double road_inverse_depth(const PinholeCamera& camera, const Eigen::Vector3d& travel,
+                          const RoadHypothesis& hypothesis, const Eigen::Vector2d& pixel);
+
+}  // namespace camber
