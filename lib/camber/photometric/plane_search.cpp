@@ -55,6 +55,7 @@ double path_curvature(const MotionEstimate& motion) {
 constexpr int kLevels = 3;
 constexpr int kWindowWide = 16, kWindowHigh = 6;  // px of the finest level
 constexpr double kPixelsPerSample = 9.0;          // one in three columns and rows
+constexpr double kLeastShare = 0.25;              // of the windows of a level corridor
 
 /// Where the corridor of a hypothesis lies in one row of an image, and its inverse depths.
 struct CorridorRow {
@@ -237,6 +238,18 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
   }
 }
 
+double PlaneSearch::corridor_windows(const Level& level, const MotionEstimate& motion) const {
+  const Corridor corridor(level.camera, travel_direction(motion, reference_), {}, 0.0, options_);
+  CorridorRow row;
+  double pixels = 0.0;
+  for (int v = level.camera.height - 1; v >= 0 && corridor.row(v, &row); --v) {
+    for (int u = row.from; u < row.to; ++u) {
+      pixels += row.inverse_depth[static_cast<std::size_t>(u)] > 0.0F;
+    }
+  }
+  return pixels / (level.window_wide * level.window_high);
+}
+
 double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& motion,
                                    const RoadHypothesis& hypothesis, int* samples) const {
   const double baseline = std::exp(hypothesis.log_baseline);
@@ -278,7 +291,10 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
     if (!within) break;
   }
   if (samples) *samples = static_cast<int>(pixels / kPixelsPerSample);
-  return total > 0.0 ? sum / total : -1.0;
+  // A hypothesis that leaves but few windows in view proves nothing by them.
+  const double least_weight =
+      kLeastShare * static_cast<double>(views.size()) * corridor_windows(level, motion);
+  return total > 0.0 ? sum / std::max(total, least_weight) : -1.0;
 }
 
 double PlaneSearch::correlation(const MotionEstimate& motion, const RoadHypothesis& hypothesis,
@@ -295,31 +311,57 @@ std::vector<double> PlaneSearch::correlations(const Level& level, const MotionEs
   return out;
 }
 
+bool PlaneSearch::within(const RoadHypothesis& h) const {
+  return std::abs(h.curvature) <= 1.001 * options_.max_curvature &&
+         std::abs(h.roll) <= 1.001 * options_.max_roll;
+}
+
+bool PlaneSearch::take_best(const Level& level, const MotionEstimate& motion,
+                            const std::vector<RoadHypothesis>& tried, RoadHypothesis* best,
+                            double* correlation) const {
+  const std::vector<double> found = correlations(level, motion, tried);
+  const auto at =
+      static_cast<std::size_t>(std::max_element(found.begin(), found.end()) - found.begin());
+  if (tried.empty() || !(found[at] > *correlation)) return false;
+  *correlation = found[at];
+  *best = tried[at];
+  return true;
+}
+
+void PlaneSearch::bend(const Level& level, const MotionEstimate& motion, double step,
+                       RoadHypothesis* best, double* correlation) const {
+  constexpr int kSteps = 7, kCurvatures = 4;  // to each side
+  *correlation = correlation_at(level, motion, *best, nullptr);
+  std::vector<RoadHypothesis> tried;
+  for (int c = -kCurvatures; c <= kCurvatures; ++c) {
+    for (int i = -kSteps; i <= kSteps; ++i) {
+      tried.push_back(
+          {best->log_baseline + i * step, options_.max_curvature * c / kCurvatures, best->roll});
+    }
+  }
+  take_best(level, motion, tried, best, correlation);
+}
+
 void PlaneSearch::climb(const Level& level, const MotionEstimate& motion, int rounds, double step,
-                        RoadHypothesis* best, double* correlation) const {
-  const double curvature_step = 0.25 * options_.max_curvature, roll_step = 0.2 * options_.max_roll;
+                        double share, RoadHypothesis* best, double* correlation) const {
+  const double curvature_step = 0.125 * share * options_.max_curvature;
+  const double roll_step = 0.1 * share * options_.max_roll;
   *correlation = correlation_at(level, motion, *best, nullptr);
   for (int round = 0; round < rounds; ++round) {
     std::vector<RoadHypothesis> tried;
     const auto add = [&](double along, double curvature, double roll) {
-      const RoadHypothesis h{best->log_baseline + along, best->curvature + curvature,
-                             best->roll + roll};
-      if (std::abs(h.curvature) <= 1.001 * options_.max_curvature &&
-          std::abs(h.roll) <= 1.001 * options_.max_roll) {
-        tried.push_back(h);
-      }
+      const RoadHypothesis h{best->log_baseline + along * step,
+                             best->curvature + curvature * curvature_step,
+                             best->roll + roll * roll_step};
+      if (within(h)) tried.push_back(h);
     };
-    for (const int i : {-3, -2, -1, 1, 2, 3}) add(i * step, 0.0, 0.0);
+    for (const double i : {-2.0, -1.0, -0.5, 0.5, 1.0, 2.0}) add(i, 0.0, 0.0);
     // A road that bends up looks like a shorter baseline: both at once.
     for (const int i : {-2, -1, 1, 2}) {
-      for (const int k : {-1, 0, 1}) add(k * step, i * curvature_step, 0.0);
+      for (const int k : {-2, -1, 0, 1, 2}) add(k, i, 0.0);
     }
-    for (const double i : {-1.0, -0.5, 0.5, 1.0}) add(0.0, 0.0, i * roll_step);
-    const std::vector<double> found = correlations(level, motion, tried);
-    const auto at = std::max_element(found.begin(), found.end()) - found.begin();
-    if (!(found[static_cast<std::size_t>(at)] > *correlation)) break;
-    *correlation = found[static_cast<std::size_t>(at)];
-    *best = tried[static_cast<std::size_t>(at)];
+    for (const double i : {-2.0, -1.0, 1.0, 2.0}) add(0.0, 0.0, i);
+    if (!take_best(level, motion, tried, best, correlation)) break;
   }
 }
 
@@ -362,17 +404,32 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   constexpr double kStep = 0.015;
   PlaneSearchResult out;
   out.correlation = -1.0;
-  for (RoadHypothesis h : sweep(motion)) {
+  std::vector<std::pair<double, RoadHypothesis>> ends;
+  std::vector<RoadHypothesis> starts;
+  for (const RoadHypothesis& peak : sweep(motion)) {
     double correlation = 0.0;
-    climb(levels_[2], motion, 6, kStep, &h, &correlation);
-    climb(levels_[1], motion, 3, 0.5 * kStep, &h, &correlation);
+    starts.push_back(peak);
+    starts.push_back(peak);
+    bend(levels_[2], motion, kStep, &starts.back(), &correlation);
+  }
+  for (RoadHypothesis h : starts) {
+    double correlation = 0.0;
+    climb(levels_[2], motion, 3, kStep, 1.0, &h, &correlation);
+    climb(levels_[1], motion, 3, 0.5 * kStep, 0.7, &h, &correlation);
+    ends.emplace_back(correlation, h);
     if (correlation > out.correlation) {
       out.correlation = correlation;
       out.best = h;
     }
   }
+  for (const auto& [correlation, h] : ends) {
+    if (std::abs(h.log_baseline - out.best.log_baseline) > 0.1) {
+      out.rival = std::max(out.rival, correlation);
+    }
+  }
+  out.lead = out.correlation - out.rival;
   const Level& fine = levels_.front();
-  climb(fine, motion, 2, 0.25 * kStep, &out.best, &out.correlation);
+  climb(fine, motion, 2, 0.25 * kStep, 0.5, &out.best, &out.correlation);
   out.correlation = correlation_at(fine, motion, out.best, &out.samples);
   // How far the logarithm may go.
   constexpr double kLoss = 0.05, kFineStep = 0.02;
@@ -391,7 +448,8 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   while (high < 2 * kFarthest && close(high + 1)) ++high;
   out.interval = (high - low) * kFineStep;
   out.informative = out.correlation > options_.least_correlation &&
-                    out.samples > options_.least_samples && out.interval < options_.widest_interval;
+                    out.lead > options_.least_lead && out.samples > options_.least_samples &&
+                    out.interval < options_.widest_interval;
   return out;
 }
 

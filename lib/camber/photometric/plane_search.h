@@ -31,10 +31,11 @@ struct PlaneSearchOptions {
   double least_log_baseline = -4.0, greatest_log_baseline = 1.3;
   double max_curvature = 0.027;  ///< 1/camera height, >= 0
   double max_roll = 0.09;        ///< rad, >= 0
-  /// Limits for an informative search: correlation, samples, and how far the logarithm may go for
+  /// Limits for an informative search: correlations, samples, and how far the logarithm may go for
   /// a correlation of 0.05 less.
-  double least_correlation = 0.6;
-  int least_samples = 1500;
+  double least_correlation = 0.3;
+  double least_lead = 0.2;  ///< of the best correlation over that of any other baseline
+  int least_samples = 1000;
   double widest_interval = 0.16;
   int num_threads = 0;  ///< <= 0: see resolve_num_threads
 };
@@ -43,6 +44,8 @@ struct PlaneSearchResult {
   RoadHypothesis best;
   double correlation = 0.0;  ///< of the best
   int samples = 0;           ///< windows that were compared there
+  double rival = -1.0;       ///< correlation of the best baseline elsewhere, half the resolution
+  double lead = 0.0;         ///< of the best over that, at the same resolution
   double interval = 0.0;     ///< width in the logarithm within 0.05 of the best correlation
   bool informative = false;  ///< the near road fixes the baseline
 };
@@ -72,9 +75,20 @@ class PlaneSearch {
                         const RoadHypothesis& hypothesis, int* samples) const;
   std::vector<double> correlations(const Level& level, const MotionEstimate& motion,
                                    const std::vector<RoadHypothesis>& hypotheses) const;
+  /// How many windows the corridor of a level road has in view.
+  double corridor_windows(const Level& level, const MotionEstimate& motion) const;
+  bool within(const RoadHypothesis& hypothesis) const;
+  /// The best of several, if it is better than the best so far. @return whether it is.
+  bool take_best(const Level& level, const MotionEstimate& motion,
+                 const std::vector<RoadHypothesis>& tried, RoadHypothesis* best,
+                 double* correlation) const;
+  /// The best of all curvatures with baselines nearby.
+  void bend(const Level& level, const MotionEstimate& motion, double step, RoadHypothesis* best,
+            double* correlation) const;
   /// Climbs from a hypothesis to a maximum of the correlation nearby.
+  /// @param share  of the usual steps of curvature and roll.
   void climb(const Level& level, const MotionEstimate& motion, int rounds, double step,
-             RoadHypothesis* best, double* correlation) const;
+             double share, RoadHypothesis* best, double* correlation) const;
   /// The best hypotheses of the whole range at the coarsest resolution.
   std::vector<RoadHypothesis> sweep(const MotionEstimate& motion) const;
 
