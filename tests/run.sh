@@ -7,7 +7,7 @@ usage() {
 Usage: tests/run.sh [--no-install] [--asan] [--fuzz] [--benchmarks] [-- CTEST_OPTIONS...]
 
 Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests:
-ctest says how many passed, failed and were skipped. Then, where Clang with libFuzzer is present, the
+ctest says how many passed and failed, a line after it how many were skipped and why. Then, where Clang with libFuzzer is present, the
 fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that; 0: not at all).
 
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
@@ -49,7 +49,7 @@ if $install; then
 fi
 
 log=$(mktemp)
-trap 'rm -f "$log" "$log.fuzzer"' EXIT
+trap 'rm -f "$log" "$log.fuzzer" "$log.xml"' EXIT
 # Runs a step and shows its output only if it fails.
 quietly() {
   local what=$1
@@ -65,12 +65,33 @@ build() {
   quietly "configuring" cmake --preset "$@"
   quietly "the build" cmake --build --preset "$1" --parallel "$(nproc)"
 }
+# One line: how many tests were skipped and why, from ctest's JUnit file. The line after
+# GoogleTest's "FILE:LINE: Skipped" is the reason, up to its first colon, behind which stands what
+# differs from test to test; without one it is what ctest says itself.
+count_skipped() {
+  local reasons
+  reasons=$(awk '
+    /<testcase / { skipped = 0; is_reason = 0 }
+    /<skipped / { skipped = 1; reason = $0; sub(/.*message="/, "", reason); sub(/".*/, "", reason) }
+    is_reason { reason = $0; sub(/: .*/, "", reason); is_reason = 0 }
+    /: Skipped$/ { is_reason = 1 }
+    /<\/testcase>/ && skipped { print reason }' "$1" |
+    sed -e "s/&quot;/\"/g; s/&apos;/'/g; s/&lt;/</g; s/&gt;/>/g; s/&amp;/\&/g")
+  if [ -z "$reasons" ]; then
+    echo "0 skipped"
+    return
+  fi
+  sort <<<"$reasons" | uniq -c | sort -k1,1nr -k2 |
+    awk '{ all += $1; $1 = $1; list = list (NR == 1 ? ": " : ", ") $0 }
+         END { print all " skipped" list }'
+}
 # ctest without the lines of the tests that pass.
 run_ctest() {
   local status=0
-  ctest --test-dir "build/$1" --output-on-failure --parallel 2 "${ctest_options[@]}" "${@:2}" \
-    >"$log" 2>&1 || status=$?
+  ctest --test-dir "build/$1" --output-on-failure --parallel 2 --output-junit "$log.xml" \
+    --test-output-size-passed 65536 "${ctest_options[@]}" "${@:2}" >"$log" 2>&1 || status=$?
   grep -vE '^ +Start +[0-9]+: |^ *[0-9]+/[0-9]+ Test .* +Passed +[0-9.]+ sec$' "$log" || true
+  if [ -s "$log.xml" ]; then count_skipped "$log.xml"; fi
   return $status
 }
 

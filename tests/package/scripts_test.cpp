@@ -1,4 +1,5 @@
-// The two commands for a bare machine and the list of packages, with stand-ins for apt and dpkg.
+// The two commands for a bare machine and the list of packages, with stand-ins for apt and dpkg;
+// and the summary of the tests, with ctest on tests of its own.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -41,10 +42,11 @@ class Scripts : public testing::Test {
     stand_in("dpkg-query", "echo 'ii  cmake'; echo 'hi  g++'; echo 'rc  ninja-build'; exit 1");
   }
 
-  int run(const std::string& command) {
+  /// Runs a script of the checkout, or of a copy of it.
+  int run(const std::string& command, const fs::path& root = camber::test::source_dir()) {
     const std::string line = "cd '" + folder_.path().string() + "' && LOG='" + log_path().string() +
                              "' PATH='" + folder_.path().string() + "/bin':\"$PATH\" '" +
-                             camber::test::source_dir().string() + "'/" + command + " >'" +
+                             root.string() + "'/" + command + " >'" +
                              (folder_.path() / "out").string() + "' 2>'" +
                              (folder_.path() / "err").string() + "' </dev/null";
     const int status = std::system(line.c_str());
@@ -54,6 +56,17 @@ class Scripts : public testing::Test {
   }
 
   fs::path log_path() const { return folder_.path() / "log"; }
+
+  /// A checkout whose tests are those of a CTestTestfile.cmake, and whose builds do nothing.
+  fs::path checkout_with_tests(const std::string& tests) {
+    stand_in("cmake", "exit 0");
+    const fs::path root = folder_.path() / "checkout";
+    fs::create_directories(root / "tests");
+    fs::create_directories(root / "build" / "release");
+    fs::copy_file(camber::test::source_dir() / "tests" / "run.sh", root / "tests" / "run.sh");
+    std::ofstream(root / "build" / "release" / "CTestTestfile.cmake") << tests;
+    return root;
+  }
 
   camber::test::TemporaryFolder folder_;
   std::string out_, err_;
@@ -131,6 +144,44 @@ TEST_F(Scripts, UseSudoWhereItAsksForNothing) {
   stand_in("apt-get", "echo \"$@\" >>\"$LOG\"");
   ASSERT_EQ(run("samples/install_packages.sh"), 0) << err_;
   EXPECT_THAT(read_text(log_path()), AllOf(StartsWith("sudo\n"), HasSubstr(" install ")));
+}
+
+/// What the next test's ctest runs: skips for the reason in the environment.
+TEST(Summary, SkipsWhereItIsToldTo) {
+  const char* const reason = std::getenv("CAMBER_TEST_SKIP_REASON");
+  if (reason) GTEST_SKIP() << reason;
+  EXPECT_EQ(reason, nullptr);
+}
+
+/// A CTestTestfile's test: this program, skipping as gtest_discover_tests() lets ctest see it.
+std::string skipping_test(const std::string& name, const std::string& reason) {
+  return "add_test(" + name + " [==[" + fs::read_symlink("/proc/self/exe").string() +
+         "]==] --gtest_filter=Summary.SkipsWhereItIsToldTo)\nset_tests_properties(" + name +
+         " PROPERTIES SKIP_REGULAR_EXPRESSION [==[\\[  SKIPPED \\]]==] ENVIRONMENT "
+         "[==[CAMBER_TEST_SKIP_REASON=" +
+         reason + "]==])\n";
+}
+
+TEST_F(Scripts, SummaryOfTheTestsCountsTheSkippedByReason) {
+  const fs::path root = checkout_with_tests(
+      "add_test(passes true)\n" + skipping_test("a", "no Xvfb & no <display>") +
+      skipping_test("b", "no data (set IT): /a/b") + skipping_test("c", "no data (set IT): /a/c") +
+      "add_test(d sh -c \"exit 77\")\nset_tests_properties(d PROPERTIES SKIP_RETURN_CODE 77)\n");
+  ::setenv("CAMBER_FUZZ_SECONDS", "0", 1);
+  ASSERT_EQ(run("tests/run.sh --no-install", root), 0) << out_ << err_;
+  EXPECT_THAT(out_, HasSubstr("100% tests passed"));
+  EXPECT_THAT(out_, HasSubstr("\n4 skipped: 2 no data (set IT), 1 SKIP_RETURN_CODE=77, "
+                              "1 no Xvfb & no <display>\n"));
+}
+
+TEST_F(Scripts, SummaryOfTheTestsSaysThatNoneWasSkippedAndKeepsTheFailure) {
+  ::setenv("CAMBER_FUZZ_SECONDS", "0", 1);
+  ASSERT_EQ(run("tests/run.sh --no-install", checkout_with_tests("add_test(passes true)\n")), 0);
+  EXPECT_THAT(out_, HasSubstr("\n0 skipped\n"));
+  std::ofstream(folder_.path() / "checkout" / "build" / "release" / "CTestTestfile.cmake")
+      << "add_test(fails false)\n";
+  EXPECT_EQ(run("tests/run.sh --no-install", folder_.path() / "checkout"), 1);
+  EXPECT_THAT(out_, AllOf(HasSubstr("(Failed)"), HasSubstr("\n0 skipped\n")));
 }
 
 }  // namespace

@@ -28,9 +28,10 @@ class TemporaryFolder {
 }  // namespace camber::test
 
 /// Skips the test, saying so, where a file or folder of the shared data is absent.
-#define CAMBER_REQUIRE_DATA(relative)                                           \
-  do {                                                                          \
-    if (!std::filesystem::exists(camber::test::data_dir() / (relative))) {      \
-      GTEST_SKIP() << "no shared data: " << camber::test::data_dir() / (relative); \
-    }                                                                           \
+#define CAMBER_REQUIRE_DATA(relative)                                      \
+  do {                                                                     \
+    if (!std::filesystem::exists(camber::test::data_dir() / (relative))) { \
+      GTEST_SKIP() << "no ../shared/data (set CAMBER_DATA): "              \
+                   << camber::test::data_dir() / (relative);               \
+    }                                                                      \
   } while (false)
