@@ -1,5 +1,5 @@
 // Times of pictures: a million points by the program without a display, and overlays of one frame.
-// Prints its table. Arguments: how often each is repeated (default 7).
+// Prints its table. The seed is that of the points.
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -14,7 +14,9 @@
 #include <vector>
 
 #include "benchmarks/cpu_time.h"
+#include "benchmarks/report.h"
 #include "camber/cloud/cloud_io.h"
+#include "camber/core/errors.h"
 #include "camber/core/random.h"
 #include "camber/render/overlay.h"
 #include "camber/render/picture_file.h"
@@ -47,8 +49,7 @@ Times time_program(const std::vector<std::string>& words, int repeats) {
     rusage usage{};
     ::wait4(child, &status, 0, &usage);
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-      std::fprintf(stderr, "%s %s failed\n", words[0].c_str(), words[1].c_str());
-      std::exit(1);
+      throw MachineError(words[0] + " " + words[1] + " failed");
     }
     const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
     const auto seconds = [](const timeval& t) { return t.tv_sec + 1e-6 * t.tv_usec; };
@@ -59,10 +60,10 @@ Times time_program(const std::vector<std::string>& words, int repeats) {
 }
 
 /// A road of 100 m x 24 m that rises and bends, with 3 cm of noise.
-RoadCloud make_road(std::size_t count) {
+RoadCloud make_road(std::size_t count, std::uint64_t seed) {
   RoadCloud cloud;
   cloud.frame = CloudFrame::kZUp;
-  const CounterRandom random(1);
+  const CounterRandom random(1 + seed);
   cloud.points.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
     const double x = random.uniform(2 * i, 0.0, 24.0), y = random.uniform(2 * i + 1, 0.0, 100.0);
@@ -84,16 +85,16 @@ double least_cpu_ms(int repeats, Job job) {
   return best;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const int repeats = argc > 1 ? std::max(1, std::atoi(argv[1])) : 7;
+void programs(bench::Report& report, int repeats) {
   const test::TemporaryFolder folder;
   const std::string cloud = (folder.path() / "million.ply").string();
   const std::string out = (folder.path() / "out.png").string();
-  write_cloud(make_road(1000000), cloud);
+  write_cloud(make_road(1000000, report.seed()), cloud);
   std::printf("camber render, 1,000,000 points, no display, least of %d runs\n", repeats);
   std::printf("  %-34s %8s %8s\n", "", "wall s", "CPU s");
+  bench::Table& table = report.table(
+      "render", "camber render, 1,000,000 points, no display, reading and PNG included", "",
+      {bench::label("picture"), bench::timing("wall", "s"), bench::timing("CPU", "s")});
   struct Row {
     const char* name;
     std::vector<std::string> words;
@@ -107,10 +108,14 @@ int main(int argc, char** argv) {
   for (const Row& row : rows) {
     std::vector<std::string> words = {CAMBER_PROGRAM, "render", cloud, "--out", out, "--quiet"};
     words.insert(words.end(), row.words.begin(), row.words.end());
-    const Times times = time_program(words, row.words[1] == "7680x4320" ? 2 : repeats);
+    const Times times =
+        time_program(words, row.words[1] == "7680x4320" ? std::min(repeats, 2) : repeats);
     std::printf("  %-34s %8.2f %8.2f\n", row.name, times.wall, times.cpu);
+    table.row({row.name, times.wall, times.cpu});
   }
+}
 
+void overlays(bench::Report& report, int repeats) {
   test::PictureScene scene;
   VehicleFrame frame;
   frame.id = 7;
@@ -125,22 +130,42 @@ int main(int argc, char** argv) {
   }
   OverlayOptions plain, full;
   full.show_ellipses = full.show_patches = full.show_normals = full.show_grade = true;
+  OverlayOptions large = full;
+  large.upscale = 3840.0 / 1242.0;
   const OverlayRoad road{&scene.surface, SE3(), nullptr};
   std::printf(
       "overlay of 1242x375 with 10 vehicles, CPU ms, least of %d (the first: with the "
       "letters' bitmaps)\n",
       30 * repeats);
-  std::printf("  first %.1f\n",
-              least_cpu_ms(1, [&] { draw_overlay(photo, scene.camera, frame, plain); }));
-  std::printf("  wireframes, boxes, planes, labels %.1f\n",
-              least_cpu_ms(30 * repeats, [&] { draw_overlay(photo, scene.camera, frame, plain); }));
-  std::printf("  with ellipses and the road        %.1f\n", least_cpu_ms(30 * repeats, [&] {
-                draw_overlay(photo, scene.camera, frame, full, road);
-              }));
-  OverlayOptions large = full;
-  large.upscale = 3840.0 / 1242.0;
-  std::printf("  the same on 3840 columns          %.1f\n", least_cpu_ms(repeats, [&] {
-                draw_overlay(photo, scene.camera, frame, large, road);
-              }));
-  return 0;
+  bench::Table& table = report.table("overlay", "Overlay of 1242x375 with 10 vehicles", "",
+                                     {bench::label("overlay"), bench::timing("CPU")});
+  const auto row = [&](const char* printed, const char* name, int times, const auto& job) {
+    const double milliseconds = least_cpu_ms(times, job);
+    std::printf("  %s %.1f\n", printed, milliseconds);
+    table.row({name, milliseconds});
+  };
+  row("first", "the first of a process", 1,
+      [&] { draw_overlay(photo, scene.camera, frame, plain); });
+  row("wireframes, boxes, planes, labels", "wireframes, boxes, planes, labels", 30 * repeats,
+      [&] { draw_overlay(photo, scene.camera, frame, plain); });
+  row("with ellipses and the road       ", "with ellipses and the road", 30 * repeats,
+      [&] { draw_overlay(photo, scene.camera, frame, full, road); });
+  row("the same on 3840 columns         ", "the same on 3840 columns", repeats,
+      [&] { draw_overlay(photo, scene.camera, frame, large, road); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return bench::run_program(
+      {"bench_pictures",
+       "Times of pictures: a million points by the program, overlays of one frame",
+       {},
+       {{"--repeats", "N", "How often each is made (default: 7)"}}},
+      argc, argv, [](bench::Report& report) {
+        const int repeats =
+            report.accuracy_only() ? 1 : static_cast<int>(report.count("--repeats", 7));
+        programs(report, repeats);
+        overlays(report, repeats);
+      });
 }

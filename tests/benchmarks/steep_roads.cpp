@@ -2,13 +2,16 @@
 // and with the true planes, rows kept apart; and real keypoints on real cars. Truth is only
 // compared with, but for the rows that say that they were given the true planes.
 //
-//   bench_steep_roads [--keep DIR] [--cars] [--prior FILE] [--only steep|synth|real|budget]
+//   bench_steep_roads [--keep DIR] [--made DIR] [--cars] [--prior FILE]
+//                     [--only steep|synth|real|budget]
 //
 // The scenes are those of steep-scenes and eight of the program's own (camber synth).
 // --keep DIR  stores the made scenes and the roads found in the images in DIR and takes them from
-//             there next time, so that only the vehicles are fitted again; --cars lists every
-//             vehicle; --only runs one part. The budget of the error along the ray is printed by
-//             --only budget alone.
+//             there next time, so that only the vehicles are fitted again; --made DIR the made
+//             scenes alone, so that two revisions see the same images; --cars lists every vehicle;
+//             --only runs one part. The budget of the error along the ray is printed by --only
+//             budget alone.
+// The seed is that of reconstruct() and of the made scenes.
 // Data: $CAMBER_DATA, else ../shared/data.
 
 #include <algorithm>
@@ -21,12 +24,12 @@
 #include <string>
 #include <vector>
 
+#include "benchmarks/report.h"
+#include "benchmarks/steep_road_clips.h"
 #include "camber/core/errors.h"
 #include "camber/evaluate/tables.h"
-#include "camber/image/image_io.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/scene/results.h"
-#include "camber/synth/synthesise.h"
 #include "camber/vehicle/fit_vehicle.h"
 #include "camber/vehicle/paper/joint_fit.h"
 #include "camber/vehicle/support_plane.h"
@@ -40,88 +43,6 @@ namespace {
 
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 const Eigen::Vector3d kUp(0.0, -1.0, 0.0);
-
-struct Road {
-  RoadSurface surface;
-  RunDocument run;
-  VehicleDocument vehicles;  // their plane_source says which patch is theirs
-  SharedGround ground;
-};
-
-struct Clip {
-  Scene scene;
-  std::map<int, GrayImage> images;  // by frame
-  int middle = 0;
-  Road three, five;  // roads from the middle three frames and from all five
-};
-
-bool read_road(const fs::path& folder, Road* road) {
-  if (!fs::exists(folder / "run.json")) return false;
-  road->surface = read_surface(folder / "surface.json");
-  road->run = read_run(folder / "run.json");
-  road->vehicles = read_vehicles(folder / "vehicles.json");
-  std::ifstream in(folder / "ground.json");
-  const nlohmann::json numbers = nlohmann::json::parse(in);
-  const auto rows = static_cast<Eigen::Index>(std::llround(std::sqrt(numbers.size())));
-  road->ground.covariance.resize(rows, rows);
-  for (Eigen::Index i = 0; i < rows * rows; ++i) {
-    road->ground.covariance(i / rows, i % rows) = numbers[static_cast<std::size_t>(i)];
-  }
-  return true;
-}
-
-Road find_road(const Scene& scene, const std::vector<int>& frames, const fs::path& kept) {
-  Road road;
-  if (!kept.empty() && read_road(kept, &road)) return road;
-  ReconstructOptions options;
-  Reconstruction result = reconstruct(scene, frames, options);
-  road.surface = std::move(result.surface);
-  road.run = std::move(result.run);
-  road.vehicles = std::move(result.vehicles);
-  road.ground = std::move(result.ground);
-  if (!kept.empty()) {
-    fs::create_directories(kept);
-    write_json(to_json(road.surface), kept / "surface.json");
-    write_json(to_json(road.vehicles), kept / "vehicles.json");
-    write_json(to_json(road.run), kept / "run.json");
-    nlohmann::json numbers = nlohmann::json::array();
-    for (const double v : road.ground.covariance.reshaped()) numbers.push_back(v);
-    write_json(numbers, kept / "ground.json");
-  }
-  return road;
-}
-
-std::vector<Clip> read_clips(const fs::path& folder, const fs::path& keep) {
-  std::vector<fs::path> paths;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (fs::exists(entry.path() / "scene.json")) paths.push_back(entry.path());
-  }
-  std::sort(paths.begin(), paths.end());
-  std::vector<Clip> out;
-  for (const fs::path& path : paths) {
-    Clip clip;
-    clip.scene = read_scene(path);
-    const auto id = [&](std::size_t k) { return clip.scene.frames[k].id; };
-    clip.middle = id(2);
-    const fs::path kept = keep.empty() ? fs::path() : keep / path.filename();
-    clip.three = find_road(clip.scene, {id(1), id(2), id(3)}, kept.empty() ? kept : kept / "three");
-    clip.five = find_road(clip.scene, {id(0), id(1), id(2), id(3), id(4)},
-                          kept.empty() ? kept : kept / "five");
-    for (const SceneFrame& f : clip.scene.frames) {
-      FrameImage image = read_frame_image(f.image, clip.scene.camera);
-      clip.images[f.id] = std::move(image.gray);
-    }
-    out.push_back(std::move(clip));
-  }
-  return out;
-}
-
-const TruthFrame& truth_of(const Scene& scene, int frame) {
-  for (const TruthFrame& t : scene.truth->frames) {
-    if (t.id == frame) return t;
-  }
-  throw std::runtime_error("no truth of the frame");
-}
 
 /// The plane under a detection as the run found it.
 SupportPlane found_support(const Road& road, int frame, const VehicleDetection& detection) {
@@ -242,32 +163,75 @@ double expected_error(const std::vector<EvaluatedScene>& scenes) {
   return sum / std::max(count, 1.0);
 }
 
-void print_row(const char* planes, const std::vector<EvaluatedScene>& scenes) {
-  const MethodTables t = make_tables(scenes).front();
-  const auto bin = [&](const char* name) -> const LocalisationRow& {
-    for (const LocalisationRow& r : t.rows) {
-      if (r.name == name) return r;
-    }
-    throw std::runtime_error("no such row");
-  };
-  const LocalisationRow& all = bin("all");
-  std::printf(
-      "| %s | %s | %d | %.2f (%.2f) | %.2f | %.2f | %.2f | %.2f | %.2f | %.3f | %.2f | %.0f %% | "
-      "%.1f %% | %.2f |\n",
-      t.method.c_str(), planes, all.center.count, all.center.mean, all.center.deviation,
-      all.center.median, bin("<= 15 m").center.mean, bin("<= 30 m").center.mean,
-      bin("> 30 m").center.mean, all.yaw.median * kDegrees, all.height.median,
-      bin("all").keypoint.median, 100.0 * all.center_within_95, 100.0 * t.unanswered_share,
-      expected_error(scenes));
-}
+/// The printed table of methods, its JSON, and every car's values.
+class MethodTable {
+ public:
+  /// @param part  what --only takes; @param key  of the tables.
+  MethodTable(bench::Report& report, const std::string& part, const std::string& key,
+              const std::string& title)
+      : report_(report),
+        key_(key),
+        table_(report.table(
+            key, title, "--only " + part,
+            {bench::label("method"), bench::label("planes"), bench::value("cars"),
+             bench::lower("centre, mean", "m"), bench::value("its deviation", "m"),
+             bench::lower("centre, median", "m"), bench::lower("centre, <= 15 m", "m"),
+             bench::lower("centre, <= 30 m", "m"), bench::lower("centre, > 30 m", "m"),
+             bench::lower("yaw, median", "deg"), bench::lower("plane height, median", "m"),
+             bench::lower("keypoints, median", "m"), bench::value("centres inside their 95 %", "%"),
+             bench::lower("unanswered", "%"),
+             bench::value("mean that the covariances expect", "m")})) {
+    std::printf(
+        "| method | planes | cars | mean (std) m | median m | <= 15 m | <= 30 m | > 30 m | yaw "
+        "median deg | plane height m | keypoints m | centre in its 95 %% | unanswered | mean "
+        "expected by its covariances m |\n"
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n");
+  }
 
-void print_header() {
-  std::printf(
-      "| method | planes | cars | mean (std) m | median m | <= 15 m | <= 30 m | > 30 m | yaw "
-      "median deg | plane height m | keypoints m | centre in its 95 %% | unanswered | mean "
-      "expected by its covariances m |\n"
-      "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n");
-}
+  void row(const char* planes, const std::vector<EvaluatedScene>& scenes) {
+    const MethodTables t = make_tables(scenes).front();
+    const auto bin = [&](const char* name) -> const LocalisationRow& {
+      for (const LocalisationRow& r : t.rows) {
+        if (r.name == name) return r;
+      }
+      throw std::runtime_error("no such row");
+    };
+    const LocalisationRow& all = bin("all");
+    std::printf(
+        "| %s | %s | %d | %.2f (%.2f) | %.2f | %.2f | %.2f | %.2f | %.2f | %.3f | %.2f | %.0f %% | "
+        "%.1f %% | %.2f |\n",
+        t.method.c_str(), planes, all.center.count, all.center.mean, all.center.deviation,
+        all.center.median, bin("<= 15 m").center.mean, bin("<= 30 m").center.mean,
+        bin("> 30 m").center.mean, all.yaw.median * kDegrees, all.height.median,
+        bin("all").keypoint.median, 100.0 * all.center_within_95, 100.0 * t.unanswered_share,
+        expected_error(scenes));
+    table_.row({t.method, planes, all.center.count, all.center.mean, all.center.deviation,
+                all.center.median, bin("<= 15 m").center.mean, bin("<= 30 m").center.mean,
+                bin("> 30 m").center.mean, all.yaw.median * kDegrees, all.height.median,
+                all.keypoint.median, 100.0 * all.center_within_95, 100.0 * t.unanswered_share,
+                expected_error(scenes)});
+    bench::Items& items =
+        report_.items(key_ + "." + t.method + " (" + planes + ")",
+                      {bench::lower("centre", "m"), bench::lower("along the ray, absolute", "m"),
+                       bench::value("along the ray", "m"), bench::value("depth's sigma", "m"),
+                       bench::value("inside its 95 %"), bench::lower("yaw, absolute", "deg"),
+                       bench::lower("plane height, absolute", "m"), bench::lower("keypoints", "m"),
+                       bench::higher("answered")});
+    for (const EvaluatedScene& scene : scenes) {
+      for (const VehicleError& e : scene.metrics.vehicles) {
+        items.add(scene.scene + "/" + std::to_string(e.truth_id),
+                  {e.center_error, std::abs(e.along_error), e.along_error, e.depth_sigma,
+                   e.center_mahalanobis < 7.815 ? 1.0 : 0.0, std::abs(e.yaw_error) * kDegrees,
+                   std::abs(e.height_error), e.keypoint_error, e.answered ? 1.0 : 0.0});
+      }
+    }
+  }
+
+ private:
+  bench::Report& report_;
+  std::string key_;
+  bench::Table& table_;
+};
 
 void list_cars(const std::vector<EvaluatedScene>& scenes) {
   for (const EvaluatedScene& scene : scenes) {
@@ -282,9 +246,18 @@ void list_cars(const std::vector<EvaluatedScene>& scenes) {
   }
 }
 
-void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* prior) {
+/// What the parts of the program share.
+struct Bench {
+  bench::Report& report;
+  const VehiclePrior* prior = nullptr;
+  bool cars = false;  ///< list every vehicle
+};
+
+void steep_roads(const Bench& bench, const std::vector<Clip>& clips, const std::string& part,
+                 const std::string& title) {
   VehicleFitOptions doubting;
-  doubting.prior = prior;
+  doubting.prior = bench.prior;
+  doubting.seed = bench.report.seed();
   VehicleFitOptions trusting = doubting;
   trusting.trust_plane = true;
   const auto level = [](const Clip& clip, int, const VehicleDetection&) {
@@ -326,12 +299,12 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
       {"joint", "true", true_support, doubting},
       {"joint, five views", "true", true_support, doubting, &Clip::five},
   };
-  print_header();
+  MethodTable table(bench.report, part, part, title);
   for (const Row& row : rows) {
     std::vector<EvaluatedScene> scenes;
     for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
-    print_row(row.planes, scenes);
-    if (cars) list_cars(scenes);
+    table.row(row.planes, scenes);
+    if (bench.cars) list_cars(scenes);
   }
 }
 
@@ -339,8 +312,9 @@ void steep_roads(const std::vector<Clip>& clips, bool cars, const VehiclePrior* 
 /// true contact against what they state, and the centres with planes from images, without planes,
 /// with true planes, and with true planes made wrong by a known amount that their covariance
 /// states.
-void budget(const std::vector<Clip>& clips, bool cars) {
-  const VehicleFitOptions fit;
+void budget(const Bench& bench, const std::vector<Clip>& clips) {
+  VehicleFitOptions fit;
+  fit.seed = bench.report.seed();
   using Errors = std::vector<std::map<int, VehicleError>>;  // [clip][detection]
   const auto run = [&](const Supports& support) {
     Errors out;
@@ -374,6 +348,13 @@ void budget(const std::vector<Clip>& clips, bool cars) {
       "\n## Budget of the error along the viewing ray, one view, planes from 3 images\n\n"
       "| distance | cars | plane error rms m | over its stated sigma | joint m | no planes | true "
       "planes | 0.05 m off | 0.1 m off |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|\n");
+  bench::Table& table = bench.report.table(
+      "budget", "Budget of the error along the viewing ray, one view, planes from 3 images",
+      "--only budget",
+      {bench::label("distance"), bench::value("cars"), bench::lower("plane error, rms", "m"),
+       bench::value("over its stated sigma, rms"), bench::lower("joint", "m"),
+       bench::lower("no planes", "m"), bench::lower("true planes", "m"),
+       bench::lower("0.05 m off", "m"), bench::lower("0.1 m off", "m")});
   const double edges[] = {0.0, 15.0, 30.0, 1e9};
   const char* names[] = {"<= 15 m", "15-30 m", "> 30 m"};
   for (int bin = 0; bin < 3; ++bin) {
@@ -393,7 +374,7 @@ void budget(const std::vector<Clip>& clips, bool cars) {
           const double off = s.plane.plane.signed_distance(foot);
           squares += off * off;
           stated += off * off / s.plane.height_variance(foot);
-          if (cars) {
+          if (bench.cars) {
             std::printf("    %s %2d %5.1f m: plane %+.3f +- %.3f, seen at %+.4f rad, %s\n",
                         clip.scene.name.c_str(), e.truth_id, e.distance, off,
                         std::sqrt(s.plane.height_variance(foot)),
@@ -417,32 +398,14 @@ void budget(const std::vector<Clip>& clips, bool cars) {
     std::printf("| %s | %.0f | %.3f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", names[bin],
                 count, std::sqrt(squares / count), std::sqrt(stated / count), sums[0] / count,
                 sums[1] / count, sums[2] / count, sums[3] / count, sums[4] / count);
-  }
-}
-
-/// One scene of the program's own for each shape of road.
-void make_scenes(const fs::path& folder) {
-  const RoadProfileKind kinds[] = {
-      RoadProfileKind::kSteepHill, RoadProfileKind::kUphill,  RoadProfileKind::kDownhill,
-      RoadProfileKind::kCrest,     RoadProfileKind::kSag,     RoadProfileKind::kBank,
-      RoadProfileKind::kRolling,   RoadProfileKind::kControl,
-  };
-  for (int i = 0; i < 8; ++i) {
-    SynthOptions options;
-    options.seed = 101 + static_cast<std::uint64_t>(i);
-    options.profile = kinds[i];
-    options.speed = 6.0 + i;
-    options.num_cars = 6;
-    options.farthest_car = 50.0;
-    options.cloud_points = 1000;
-    options.name = "made_" + std::string(to_string(kinds[i]));
-    const fs::path scene = folder / options.name;
-    if (!fs::exists(scene / "scene.json")) synthesise_scene(options, scene);
+    table.row({names[bin], count, std::sqrt(squares / count), std::sqrt(stated / count),
+               sums[0] / count, sums[1] / count, sums[2] / count, sums[3] / count,
+               sums[4] / count});
   }
 }
 
 /// The paper's terms in one problem over the vehicles and planes of the frame, term by term.
-void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* prior) {
+void ablation(const Bench& bench, const std::vector<Clip>& clips) {
   std::printf(
       "\n## All vehicles and planes of a frame in one problem, planes from 3 images\n\n"
       "The terms of the paper (Ceres) from the starts of the single fits.\n\n");
@@ -450,10 +413,11 @@ void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* pri
     return found_support(clip.three, frame, d);
   };
   VehicleFitOptions fit;
-  fit.prior = prior;
+  fit.prior = bench.prior;
+  fit.seed = bench.report.seed();
   std::vector<std::pair<const char*, paper::JointFitOptions>> variants;
   paper::JointFitOptions base;
-  base.prior = prior;
+  base.prior = bench.prior;
   base.links = paper::PlaneLinks::kNone;
   variants.emplace_back("5 coefficients, no links", base);
   base.links = paper::PlaneLinks::kContinuity;
@@ -472,26 +436,31 @@ void ablation(const std::vector<Clip>& clips, bool cars, const VehiclePrior* pri
   base.alternating = true;
   variants.emplace_back("the same, alternating (eq. 2)", base);
   paper::JointFitOptions paper = paper::JointFitOptions::paper();
-  paper.prior = prior;
+  paper.prior = bench.prior;
   variants.emplace_back("preset paper", paper);
-  print_header();
+  MethodTable table(bench.report, "steep", "steep.one_problem",
+                    "All vehicles and planes of a frame in one problem, planes from 3 images");
   for (const auto& [name, options] : variants) {
     std::vector<EvaluatedScene> scenes;
     const Row row{name, "from 3 images", found, fit, nullptr, false, false, &options};
     for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
-    print_row(row.planes, scenes);
-    if (cars) list_cars(scenes);
+    table.row(row.planes, scenes);
+    if (bench.cars) list_cars(scenes);
   }
 }
 
 /// Four real cars with real network keypoints; the camera stands about 1.65 m above a flat road.
-void real_keypoints(const fs::path& path, bool cars, const VehiclePrior* prior) {
+void real_keypoints(const Bench& bench, const fs::path& path) {
   std::ifstream in(path);
   const nlohmann::json json = nlohmann::json::parse(in);
   std::vector<double> errors, yaws;
   int inside = 0;
   VehicleFitOptions fit;
-  fit.prior = prior;
+  fit.prior = bench.prior;
+  fit.seed = bench.report.seed();
+  bench::Items& items =
+      bench.report.items("real", {bench::lower("centre", "m"), bench::lower("yaw, absolute", "deg"),
+                                  bench::value("inside its 95 %")});
   for (const nlohmann::json& car : json.contains("cars") ? json["cars"] : json) {
     PinholeCamera camera;
     const auto& p = car["P2"];
@@ -523,7 +492,10 @@ void real_keypoints(const fs::path& path, bool cars, const VehiclePrior* prior) 
     const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
     const double squared = difference.dot(covariance.inverse() * difference);
     inside += squared < 7.815 ? 1 : 0;
-    if (cars) {
+    items.add(
+        car["sequence"].dump() + " " + car["frame"].dump() + " " + std::to_string(errors.size()),
+        {errors.back(), yaws.back(), squared < 7.815 ? 1.0 : 0.0});
+    if (bench.cars) {
       std::printf("    %s/%s %.1f m: error %.2f (%+.2f %+.2f %+.2f), yaw %+.1f, sigmas %.2f, %s\n",
                   car["sequence"].dump().c_str(), car["frame"].dump().c_str(), center.norm(),
                   difference.norm(), difference.x(), difference.y(), difference.z(), yaw * kDegrees,
@@ -535,35 +507,36 @@ void real_keypoints(const fs::path& path, bool cars, const VehiclePrior* prior) 
       "centre error mean %.2f m, median %.2f m; yaw median %.1f deg; in their 95 %%: %d of "
       "%d\n",
       e.mean, e.median, y.median, inside, e.count);
+  bench.report
+      .table("real", "Real network keypoints on KITTI cars, camera 1.65 m above a flat road",
+             "--only real",
+             {bench::lower("centre, mean", "m"), bench::lower("centre, median", "m"),
+              bench::lower("yaw, median", "deg"), bench::value("inside their 95 %"),
+              bench::value("cars")})
+      .row({e.mean, e.median, y.median, inside, e.count});
 }
 
-}  // namespace
-}  // namespace camber
-
-int main(int argc, char** argv) {
-  using namespace camber;
-  fs::path keep;
-  bool cars = false;
-  std::string only;
+void run_steep_roads(bench::Report& report) {
+  const std::string only = report.option("--only");
+  const auto folder_of_seed = [&](const std::string& option) {
+    const fs::path folder = report.option(option);
+    return folder.empty() ? folder : folder / ("seed-" + std::to_string(report.seed()));
+  };
+  const fs::path keep = folder_of_seed("--keep");
   VehiclePrior prior = shipped_vehicle_prior();
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    if (word == "--keep" && i + 1 < argc) keep = argv[++i];
-    if (word == "--cars") cars = true;
-    if (word == "--only" && i + 1 < argc) only = argv[++i];
-    if (word == "--prior" && i + 1 < argc) prior = read_vehicle_prior(argv[++i]);
-  }
+  if (report.flag("--prior")) prior = read_vehicle_prior(report.option("--prior"));
+  const Bench bench{report, &prior, report.flag("--cars")};
   const auto wanted = [&](const char* part) { return only.empty() || only == part; };
   const fs::path data = test::data_dir();
   std::printf("# Vehicles on steep roads\n\n");
   if (wanted("steep") || only == "budget") {
     if (fs::exists(data / "steep-scenes")) {
-      const std::vector<Clip> clips = read_clips(data / "steep-scenes", keep);
+      const std::vector<Clip> clips = read_clips(data / "steep-scenes", report.seed(), keep);
       if (only == "budget") {
-        budget(clips, cars);
+        budget(bench, clips);
       } else {
-        steep_roads(clips, cars, &prior);
-        ablation(clips, cars, &prior);
+        steep_roads(bench, clips, "steep", "steep-scenes: vehicles by method");
+        ablation(bench, clips);
       }
     } else {
       std::printf("skipped: no %s\n", (data / "steep-scenes").string().c_str());
@@ -572,19 +545,37 @@ int main(int argc, char** argv) {
   if (wanted("synth")) {
     std::printf("\n## Scenes of camber synth\n\n");
     const test::TemporaryFolder temporary;
-    const fs::path made = keep.empty() ? temporary.path() : keep / "made";
+    fs::path made = folder_of_seed("--made");
+    if (made.empty()) made = keep.empty() ? temporary.path() : keep / "made";
     fs::create_directories(made);
-    make_scenes(made);
-    steep_roads(read_clips(made, keep), cars, &prior);
+    make_scenes(made, report.seed());
+    steep_roads(bench, read_clips(made, report.seed(), keep), "synth",
+                "Eight scenes of camber synth: vehicles by method");
   }
   if (wanted("real")) {
     std::printf("\n## Real network keypoints on KITTI cars, camera 1.65 m above a flat road\n\n");
     const fs::path real = data / "kitti-car-keypoints" / "cars.json";
     if (fs::exists(real)) {
-      real_keypoints(real, cars, &prior);
+      real_keypoints(bench, real);
     } else {
       std::printf("skipped: no %s\n", real.string().c_str());
     }
   }
-  return 0;
+}
+
+}  // namespace
+}  // namespace camber
+
+int main(int argc, char** argv) {
+  using namespace camber;
+  const bench::Program program = {
+      "bench_steep_roads",
+      "Vehicles of steep roads by every method against their truth",
+      {},
+      {{"--keep", "DIR", "Store made scenes and found roads here and take them from here", false},
+       {"--made", "DIR", "Store the made scenes here and take them from here", false},
+       {"--cars", "", "List every vehicle", false},
+       {"--prior", "FILE", "Shape prior in place of the shipped one"},
+       {"--only", "PART", "steep, synth, real or budget", false}}};
+  return bench::run_program(program, argc, argv, run_steep_roads);
 }
