@@ -10,8 +10,9 @@ program_packages=(
   libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libspdlog-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
-# Besides, to build and to run the tests and the benchmarks; Chromium opens the report.
-test_packages=(chromium libbenchmark-dev libgmock-dev libgtest-dev)
+# Besides, to build and to run the tests and the benchmarks; Chromium opens the report, Python compares
+# benchmarks.
+test_packages=(chromium libbenchmark-dev libgmock-dev libgtest-dev python3)
 # Besides, for the interactive viewer, camber view; its tests open it on a display in memory.
 viewer_packages=(libvtk9-qt-dev qtbase5-dev)
 viewer_test_packages=(xdotool xvfb)
