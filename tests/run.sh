@@ -13,7 +13,7 @@ fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
                 tests
   --fuzz        instead, only the fuzzers; Clang is installed for them
-  --benchmarks  after the tests, run the benchmarks
+  --benchmarks  after the tests, run the benchmarks; their JSON goes to build/release/benchmarks
   --no-install  take the packages as they are
   -- OPTIONS    go to ctest, without the fuzzers: tests/run.sh -- -R road
 END
@@ -136,10 +136,20 @@ case "$mode" in
     fi
     if $failed; then exit 1; fi
     if $benchmarks; then
+      results=build/release/benchmarks
+      mkdir -p "$results"
       for program in build/release/bin/bench_*; do
+        name=${program##*/bench_}
         printf '\n%s\n' "${program##*/}"
-        "$program"
+        if [ "$name" = reconstruct ]; then  # Google Benchmark's
+          "$program"
+        else
+          "$program" --json "$results/$name.json"
+        fi
       done
+      printf '\nThe page of results is made from these by\n  %s %s --store %s --out %s\n' \
+        tests/benchmarks/make_benchmark_md.py "$results" tests/benchmarks/results \
+        tests/benchmarks/BENCHMARK.md
     fi
     ;;
   asan)

@@ -90,6 +90,8 @@ class BenchmarkScripts : public testing::Test {
     return run("compare_revisions.py", "--reference before --now after " + more);
   }
 
+  int run_page(const std::string& arguments) { return run("make_benchmark_md.py", arguments); }
+
   camber::test::TemporaryFolder folder_;
   std::string out_, err_;
 };
@@ -222,6 +224,45 @@ TEST_F(BenchmarkScripts, RefuseWhatCannotBeCompared) {
   std::ofstream(folder_.path() / "after" / "0.json") << "{";
   EXPECT_EQ(compare(), 2);
   EXPECT_THAT(err_, AllOf(HasSubstr("0.json: "), Not(HasSubstr("Traceback"))));
+}
+
+TEST_F(BenchmarkScripts, PageHasTablesCommandsRevisionsAndWhereWeLose) {
+  MadeRun run;
+  write("runs", run);
+  ASSERT_EQ(run_page("runs"), 0) << err_;
+  EXPECT_THAT(out_, HasSubstr("| bench_road_clouds | abc1234 | 2001-02-03 | 0 | A processor, 2 "
+                              "cores | 0.500 to 1.50 |\n"));
+  EXPECT_THAT(out_, HasSubstr("**One plane, 30 % outliers**: `build/release/bin/bench_x plane`\n"));
+  EXPECT_THAT(out_, HasSubstr("| Camber | 1e5 | x y z | 10 | 0.500 |"));
+  EXPECT_THAT(out_, HasSubstr("Camber loses, 1e5, x y z, CPU: PCL RANSAC 4, Camber 10."));
+  EXPECT_THAT(out_, Not(HasSubstr("Camber loses, 1e5, x y z, normal")));
+  EXPECT_THAT(out_, HasSubstr("Not measured: "));
+}
+
+TEST_F(BenchmarkScripts, PageOfSeveralSeedsShowsMeansAndOfTimesMedians) {
+  for (int seed = 0; seed < 3; ++seed) {
+    MadeRun run;
+    run.seed = seed;
+    run.near_error = std::to_string(0.5 + 0.1 * seed);
+    run.time = seed == 2 ? "100" : "3";
+    write("runs", run);
+  }
+  ASSERT_EQ(run_page("runs"), 0) << err_;
+  EXPECT_THAT(out_, HasSubstr("| 0, 1, 2 |"));
+  EXPECT_THAT(out_, HasSubstr("| Camber | 1e5 | x y z | 3 | 0.600 |"));
+  EXPECT_THAT(out_, Not(HasSubstr("Camber loses")));
+}
+
+TEST_F(BenchmarkScripts, PageIsMadeFromTheTablesThatAreKept) {
+  MadeRun run;
+  run.near_error = "0.123456789";
+  write("runs", run);
+  ASSERT_EQ(run_page("runs --store kept --out page.md"), 0) << err_;
+  EXPECT_EQ(out_, "");
+  const std::string kept = read_text(folder_.path() / "kept" / "0.json");
+  EXPECT_THAT(kept, AllOf(HasSubstr("0.123457"), Not(HasSubstr("scene0"))));
+  ASSERT_EQ(run_page("kept"), 0) << err_;
+  EXPECT_EQ(out_, read_text(folder_.path() / "page.md"));
 }
 
 }  // namespace

@@ -174,6 +174,22 @@ TEST_F(Scripts, SummaryOfTheTestsCountsTheSkippedByReason) {
                               "1 no Xvfb & no <display>\n"));
 }
 
+TEST_F(Scripts, BenchmarksWriteTheirJson) {
+  const fs::path root = checkout_with_tests("add_test(passes true)\n");
+  fs::create_directories(root / "build" / "release" / "bin");
+  for (const char* name : {"main_job", "reconstruct"}) {
+    const fs::path program = root / "build" / "release" / "bin" / ("bench_" + std::string(name));
+    std::ofstream(program) << "#!/bin/sh\necho " << name << " \"$@\" >>\"$LOG\"\n";
+    fs::permissions(program, fs::perms::owner_all);
+  }
+  ::setenv("CAMBER_FUZZ_SECONDS", "0", 1);
+  ASSERT_EQ(run("tests/run.sh --no-install --benchmarks", root), 0) << out_ << err_;
+  EXPECT_EQ(read_text(log_path()),
+            "main_job --json build/release/benchmarks/main_job.json\nreconstruct\n");
+  EXPECT_TRUE(fs::is_directory(root / "build" / "release" / "benchmarks"));
+  EXPECT_THAT(out_, HasSubstr("make_benchmark_md.py build/release/benchmarks --store "));
+}
+
 TEST_F(Scripts, SummaryOfTheTestsSaysThatNoneWasSkippedAndKeepsTheFailure) {
   ::setenv("CAMBER_FUZZ_SECONDS", "0", 1);
   ASSERT_EQ(run("tests/run.sh --no-install", checkout_with_tests("add_test(passes true)\n")), 0);
