@@ -25,7 +25,7 @@ ReadOptions CloudArguments::read_options() const {
   return options;
 }
 
-void add_cloud_arguments(CLI::App& app, CloudArguments& arguments) {
+void add_cloud_arguments(App& app, CloudArguments& arguments) {
   app.add_flag("--lenient", arguments.lenient,
                "keep what can be read of a damaged file and say what was dropped");
   app.add_option("--input-format", arguments.format,
@@ -46,15 +46,15 @@ WriteOptions OutputArguments::write_options() const {
   return options;
 }
 
-void add_output_arguments(CLI::App& app, OutputArguments& arguments) {
+void add_output_arguments(App& app, OutputArguments& arguments) {
   app.add_option("--format", arguments.format,
                  "of the output: pcd, ply, bin, las, text or csv; default: by its extension");
   app.add_option("--encoding", arguments.encoding,
                  "binary (default), ascii, big-endian (PLY), compressed (PCD) or commas (text)")
-      ->check(CLI::IsMember({"binary", "ascii", "big-endian", "compressed", "commas"}));
+      ->check(is_member({"binary", "ascii", "big-endian", "compressed", "commas"}));
 }
 
-void add_rewrite_arguments(CLI::App& app, RewriteArguments& arguments, const char* input_help) {
+void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* input_help) {
   app.add_option("input", arguments.input, input_help)->required();
   app.add_option("--out", arguments.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
       ->required();

@@ -21,7 +21,7 @@ struct CloudArguments {
 };
 
 /// Adds --lenient, --input-format and --columns. `arguments` must live as long as the app.
-void add_cloud_arguments(CLI::App& app, CloudArguments& arguments);
+void add_cloud_arguments(App& app, CloudArguments& arguments);
 
 /// The options of all commands that write clouds.
 struct OutputArguments {
@@ -32,7 +32,7 @@ struct OutputArguments {
 };
 
 /// Adds --format and --encoding. `arguments` must live as long as the app.
-void add_output_arguments(CLI::App& app, OutputArguments& arguments);
+void add_output_arguments(App& app, OutputArguments& arguments);
 
 /// What `convert` and `filter` have in common: a cloud in, a cloud out.
 struct RewriteArguments {
@@ -44,7 +44,7 @@ struct RewriteArguments {
 
 /// Adds the input, which `input_help` describes, --out, how to read and write them, and --json.
 /// `arguments` must live as long as the app.
-void add_rewrite_arguments(CLI::App& app, RewriteArguments& arguments, const char* input_help);
+void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* input_help);
 
 /// Throws a UsageError where neither an option nor the extension tells the output's format.
 void require_known_output(const std::string& path, const WriteOptions& options);

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <charconv>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <list>
@@ -30,38 +28,7 @@ extern "C" void on_signal(int signal) {
   std::raise(signal);
 }
 
-CLI::Validator number_check(bool (*holds)(double), const char* expected, const char* name) {
-  return {[holds, expected](std::string& text) {
-            double value = 0.0;
-            const bool good =
-                CLI::detail::lexical_cast(text, value) && std::isfinite(value) && holds(value);
-            return good ? std::string() : "found '" + text + "', expected " + expected;
-          },
-          name};
-}
-
-/// Digits alone: the parser takes -1 for 2^64 - 1.
-std::string check_seed(std::string& text) {
-  std::uint64_t value = 0;
-  const char* end = text.data() + text.size();
-  const auto [at, error] = std::from_chars(text.data(), end, value);
-  return error == std::errc() && at == end
-             ? ""
-             : "found '" + text + "', expected a whole number from 0 to 18446744073709551615";
-}
-
 }  // namespace
-
-CLI::Validator finite_number() {
-  return number_check([](double) { return true; }, "a number", "");
-}
-CLI::Validator positive_number() {
-  return number_check([](double value) { return value > 0.0; }, "a number above 0", "POSITIVE");
-}
-CLI::Validator non_negative_number() {
-  return number_check([](double value) { return value >= 0.0; }, "a number of at least 0",
-                      "NONNEGATIVE");
-}
 
 void watch_signals() {
   std::signal(SIGINT, on_signal);
@@ -79,13 +46,13 @@ Command* parsed_command() {
   return nullptr;
 }
 
-Command* add_command(CLI::App& root, const std::string& name, const std::string& description,
+Command* add_command(App& root, const std::string& name, const std::string& description,
                      const std::string& examples) {
   Command& command = commands().emplace_back();
   command.app = root.add_subcommand(name, description);
   command.app->footer("Examples:\n" + examples);
   command.app->add_option("--seed", command.common.seed, "seed of all random numbers")
-      ->check(CLI::Validator(check_seed, ""))
+      ->check(whole_number())
       ->capture_default_str();
   command.app
       ->add_option("--threads", command.common.threads,

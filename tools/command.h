@@ -1,11 +1,11 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
 #include <string>
 
 #include "camber/core/progress.h"
+#include "options.h"
 
 namespace camber::tools {
 
@@ -20,20 +20,15 @@ struct CommonOptions {
 /// One subcommand: its parser, and what to do once everything is parsed. `run` returns the exit
 /// code and may throw camber::Error.
 struct Command {
-  CLI::App* app = nullptr;
+  App* app = nullptr;
   CommonOptions common;
   std::function<int()> run;
 };
 
 /// Adds a subcommand with the common options, a description and examples for its --help.
 /// @param examples whole lines to paste, one each.
-Command* add_command(CLI::App& root, const std::string& name, const std::string& description,
+Command* add_command(App& root, const std::string& name, const std::string& description,
                      const std::string& examples);
-
-/// Checks of an option's value: a finite number, one above 0, or one of at least 0.
-CLI::Validator finite_number();
-CLI::Validator positive_number();
-CLI::Validator non_negative_number();
 
 /// A progress bar on stderr if that is a terminal and --quiet is not given, else silent. Throws
 /// InterruptedError once the user has pressed Ctrl-C.
@@ -50,23 +45,23 @@ void check_interrupted();
 void watch_signals();
 
 // One function a source file of this folder; each registers its subcommand.
-void register_reconstruct(CLI::App& root);
-void register_triangulate(CLI::App& root);
-void register_import(CLI::App& root);
-void register_info(CLI::App& root);
-void register_convert(CLI::App& root);
-void register_filter(CLI::App& root);
-void register_render(CLI::App& root);
-void register_prior(CLI::App& root);
-void register_synth(CLI::App& root);
-void register_vehicles(CLI::App& root);
-void register_evaluate(CLI::App& root);
-void register_plane(CLI::App& root);
-void register_patches(CLI::App& root);
-void register_profile(CLI::App& root);
-void register_ground(CLI::App& root);
-void register_compare(CLI::App& root);
-void register_view(CLI::App& root);
-void register_lift(CLI::App& root);
+void register_reconstruct(App& root);
+void register_triangulate(App& root);
+void register_import(App& root);
+void register_info(App& root);
+void register_convert(App& root);
+void register_filter(App& root);
+void register_render(App& root);
+void register_prior(App& root);
+void register_synth(App& root);
+void register_vehicles(App& root);
+void register_evaluate(App& root);
+void register_plane(App& root);
+void register_patches(App& root);
+void register_profile(App& root);
+void register_ground(App& root);
+void register_compare(App& root);
+void register_view(App& root);
+void register_lift(App& root);
 
 }  // namespace camber::tools

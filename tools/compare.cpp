@@ -175,7 +175,7 @@ json options_json(const Arguments& a, const CompareOptions& o) {
 
 }  // namespace
 
-void register_compare(CLI::App& root) {
+void register_compare(App& root) {
   Command* command = add_command(
       root, "compare",
       "Measures an estimate against dense truth, both ways. Each may be a cloud, a PLY mesh or a "
@@ -187,7 +187,7 @@ void register_compare(CLI::App& root) {
       "--truth-viewpoint 0,0,0 --camera scene.json --farthest 40");
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
   app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
   app.add_option("--out", a.out,
@@ -199,7 +199,7 @@ void register_compare(CLI::App& root) {
   app.add_option("--align", a.alignment,
                  "move the estimate first: none, scale (about the coordinates' zero), rigid or "
                  "similarity; reported with its residual")
-      ->check(CLI::IsMember({"none", "scale", "rigid", "similarity"}))
+      ->check(is_member({"none", "scale", "rigid", "similarity"}))
       ->capture_default_str();
   app.add_option("--pairs", a.pairs,
                  "file of corresponding places for --align, rows x y z of the estimate, x y z of "

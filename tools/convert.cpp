@@ -81,7 +81,7 @@ RoadCloud read_depth(const Arguments& a, const LogSink& warn) {
 
 }  // namespace
 
-void register_convert(CLI::App& root) {
+void register_convert(App& root) {
   Command* command = add_command(
       root, "convert",
       "Writes a cloud, a COLMAP model's points or a depth image as a cloud file of another format. "
@@ -95,13 +95,13 @@ void register_convert(CLI::App& root) {
       "--image RGBLeft/000001.png --out truth.ply");
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   add_rewrite_arguments(app, a.files, "cloud file, folder of a COLMAP model, or depth image");
   app.add_option(
          "--depth", a.depth_encoding,
          "the input is a depth image: kitti (16 bits, m * 256), kitti-disparity, or synthia "
          "(24 bits)")
-      ->check(CLI::IsMember({"kitti", "kitti-disparity", "synthia"}));
+      ->check(is_member({"kitti", "kitti-disparity", "synthia"}));
   app.add_option("--camera", a.camera, "of a depth image: fx,fy,cx,cy in px, or a scene manifest");
   app.add_option("--baseline", a.baseline, "of a disparity image's stereo pair, m");
   app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m");

@@ -147,7 +147,7 @@ void write_plots(const fs::path& folder, const std::vector<EvaluatedScene>& scen
 
 }  // namespace
 
-void register_evaluate(CLI::App& root) {
+void register_evaluate(App& root) {
   Command* command = add_command(
       root, "evaluate",
       "The paper's tables: 3D localisation error of the vehicles by distance, recall, plane height "
@@ -160,7 +160,7 @@ void register_evaluate(CLI::App& root) {
       "  camber evaluate --truth label_02/0009.txt --estimate lifted.txt --calib calib/0009.txt");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("--truth", a.truth,
                  "scene manifests (or their folders) with truth, or KITTI label files (.txt)")
       ->required();
@@ -171,7 +171,7 @@ void register_evaluate(CLI::App& root) {
       ->required();
   app.add_option("--calib", a.calibration, "KITTI calibration file(s), for label files");
   app.add_option("--camera", a.camera, "camera of the label files' images")
-      ->check(CLI::Range(0, 3))
+      ->check(in_range(0, 3))
       ->capture_default_str();
   app.add_option("--image-size", a.image_size, "width,height of the label files' images, px")
       ->delimiter(',')

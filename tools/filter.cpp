@@ -59,7 +59,7 @@ RoadCloud collect(PointSource& source) {
 
 }  // namespace
 
-void register_filter(CLI::App& root) {
+void register_filter(App& root) {
   Command* command = add_command(
       root, "filter",
       "Crops, thins, cleans and sorts a cloud, or gives it normals. The steps are taken in the "
@@ -71,7 +71,7 @@ void register_filter(CLI::App& root) {
       "  camber filter map.las --radius 1,3 --morton --out sorted.las");
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   add_rewrite_arguments(app, a.files, "cloud file");
   app.add_flag("--drop-non-finite", a.drop_non_finite,
                "drop points with NaN or infinite coordinates");
@@ -93,7 +93,7 @@ void register_filter(CLI::App& root) {
       ->expected(2);
   app.add_option("--normals", a.normals,
                  "estimate normals from so many nearest points, itself included")
-      ->check(CLI::Range(3, 100000));
+      ->check(in_range(3, 100000));
   app.add_option("--up", a.up, "normals point to this side; default: the cloud's up")
       ->delimiter(',')
       ->expected(3);

@@ -19,7 +19,7 @@ using nlohmann::json;
 
 namespace camber::tools {
 
-void register_ground(CLI::App& root) {
+void register_ground(App& root) {
   Command* command = add_command(
       root, "ground",
       "Tells ground from what stands on it: the output is the input cloud, in its order, with an "
@@ -39,7 +39,7 @@ void register_ground(CLI::App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   GroundOptions& bound = arguments->options;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
   app.add_option("--out", arguments->out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
       ->required();

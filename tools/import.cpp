@@ -55,7 +55,7 @@ struct KittiArguments {
   int reference_frame = -1;
 };
 
-void register_kitti(CLI::App& import) {
+void register_kitti(App& import) {
   Command* command = add_command(
       import, "kitti",
       "Writes the scene manifest of a KITTI clip (tracking, raw, odometry or object layout). "
@@ -70,7 +70,7 @@ void register_kitti(CLI::App& import) {
       "      --velodyne velodyne_points/data --out drive0052");
   auto arguments = std::make_shared<KittiArguments>();
   KittiArguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("--images", a.images, "folder of images named by frame number")->required();
   app.add_option("--calib", a.calibration,
                  "calibration files; default: calib.txt beside the folder of images");
@@ -79,19 +79,19 @@ void register_kitti(CLI::App& import) {
   app.add_option("--poses", a.poses, "true poses of camera 0, 12 numbers a row (odometry form)");
   app.add_option("--velodyne", a.velodyne,
                  "folder of laser scans; the reference frame's becomes the true cloud");
-  CLI::Option* detections = app.add_option(
-      "--detections", a.detections, "a detector's boxes in KITTI's label form, as for --labels");
+  app.add_option("--detections", a.detections,
+                 "a detector's boxes in KITTI's label form, as for --labels");
   app.add_flag("--detections-from-labels", a.options.detections_from_labels,
                "take the boxes of --labels as detections and say so")
       ->needs("--labels")
-      ->excludes(detections);
+      ->excludes("--detections");
   app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5");
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
   app.add_option("--camera", a.camera,
                  "camera of the images; default: by a folder name like image_02")
-      ->check(CLI::Range(0, 3));
+      ->check(in_range(0, 3));
   app.add_option("--camera-height", a.options.camera_height, "metres above the road")
       ->check(positive_number())
       ->capture_default_str();
@@ -128,7 +128,7 @@ struct SynthiaSfArguments {
   int reference_frame = -1;
 };
 
-void register_synthia_sf(CLI::App& import) {
+void register_synthia_sf(App& import) {
   Command* command = add_command(
       import, "synthia-sf",
       "Writes the scene manifest of a SYNTHIA-SF sequence (RGBLeft, DepthLeft, GTLeft). Depth and "
@@ -138,7 +138,7 @@ void register_synthia_sf(CLI::App& import) {
       "      --detections boxes.txt --out seq4/scene.json");
   auto arguments = std::make_shared<SynthiaSfArguments>();
   SynthiaSfArguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("--sequence", a.sequence, "folder of the sequence, with RGBLeft in it")
       ->required();
   app.add_option("--frames", a.options.frames, "frame ids: 67,68,69 or 67:69 or 0:100:5");
@@ -178,9 +178,9 @@ void register_synthia_sf(CLI::App& import) {
 
 }  // namespace
 
-void register_import(CLI::App& root) {
-  CLI::App* import = root.add_subcommand("import", "Writes scene manifests for other data sets");
-  import->require_subcommand(1);
+void register_import(App& root) {
+  App* import = root.add_subcommand("import", "Writes scene manifests for other data sets");
+  import->require_subcommand();
   register_kitti(*import);
   register_synthia_sf(*import);
 }

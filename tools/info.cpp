@@ -218,7 +218,7 @@ Printed describe(const std::string& name, const ReadOptions& options, const LogS
 
 }  // namespace
 
-void register_info(CLI::App& root) {
+void register_info(App& root) {
   Command* command = add_command(
       root, "info", "Shows what clouds, COLMAP models, scene manifests and result folders hold",
       "  camber info road.ply\n"
@@ -232,7 +232,7 @@ void register_info(CLI::App& root) {
     bool as_json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("files", arguments->files, "clouds, scene manifests or result folders")
       ->required();
   add_cloud_arguments(app, arguments->cloud);

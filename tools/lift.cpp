@@ -28,7 +28,7 @@ struct Arguments {
 
 }  // namespace
 
-void register_lift(CLI::App& root) {
+void register_lift(App& root) {
   Command* command = add_command(
       root, "lift",
       "Puts the 3D boxes of a monocular detector (KITTI label form, yaw only) on the road surface "
@@ -43,13 +43,13 @@ void register_lift(CLI::App& root) {
       "--depth-sigma 0.1");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("labels", a.labels, "KITTI label file, tracking or object form")->required();
   app.add_option("--surface", a.surface, "result folder of reconstruct")->required();
   app.add_option("--calib", a.calibration, "KITTI calibration file(s)")->required();
   app.add_option("--out", a.out, "label file to write")->required();
   app.add_option("--camera", a.camera, "camera of the surface's images")
-      ->check(CLI::Range(0, 3))
+      ->check(in_range(0, 3))
       ->capture_default_str();
   app.add_option("--frame", a.frame,
                  "frame id of a file in the object form; default: the result's reference frame");

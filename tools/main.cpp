@@ -31,12 +31,9 @@ int main(int argc, char** argv) {
   // Ceres tells of trial steps that lead nowhere; what it makes of them is in our statuses.
   FLAGS_minloglevel = google::GLOG_FATAL;
 
-  CLI::App root("Camber: metric road surfaces and vehicles from one moving camera", "camber");
-  root.set_version_flag("--version", std::string("camber ") + camber::kVersion);
-  root.require_subcommand(1);
-  root.failure_message([](const CLI::App*, const CLI::Error& error) {
-    return "camber: " + std::string(error.what()) + "\n";
-  });
+  App root("Camber: metric road surfaces and vehicles from one moving camera", "camber");
+  root.set_version(std::string("camber ") + camber::kVersion);
+  root.require_subcommand();
   register_reconstruct(root);
   register_triangulate(root);
   register_import(root);
@@ -58,11 +55,8 @@ int main(int argc, char** argv) {
 
   std::string command_line = "camber";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
-  try {
-    root.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return root.exit(error) == 0 ? 0 : 2;
-  }
+  const int done = root.parse(argc, argv);
+  if (done >= 0) return done;
   try {
     Command* command = parsed_command();
     command->common.command_line = command_line;

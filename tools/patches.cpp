@@ -33,7 +33,7 @@ const std::map<std::string, Consistency> kConsistencies = {
 
 }  // namespace
 
-void register_patches(CLI::App& root) {
+void register_patches(App& root) {
   Command* command = add_command(
       root, "patches", "Models a road cloud by planar patches and joins them in a graph",
       "  camber patches road.ply --out surface\n"
@@ -49,7 +49,7 @@ void register_patches(CLI::App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   RoadSurfaceOptions& bound = arguments->options;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   add_road_cloud_arguments(app, arguments->input, bound.inlier_threshold);
   app.add_option("--out", arguments->out,
                  "folder for surface.json, labels.ply (the cloud with an int patch) and run.json")
@@ -71,7 +71,7 @@ void register_patches(CLI::App& root) {
   app.add_option("--consistency", arguments->consistency,
                  "continuity: neighbours meet at equal heights; paper: equation 8, alike normals "
                  "and offsets; none")
-      ->check(CLI::IsMember({"continuity", "paper", "none"}))
+      ->check(is_member({"continuity", "paper", "none"}))
       ->capture_default_str();
   app.add_option("--link-distance", bound.consistency.link_distance,
                  "metres within which patches are neighbours")

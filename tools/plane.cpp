@@ -29,7 +29,7 @@ json number(double value) { return std::isfinite(value) ? json(value) : json(nul
 
 }  // namespace
 
-void register_plane(CLI::App& root) {
+void register_plane(App& root) {
   Command* command = add_command(root, "plane", "Fits one plane to a cloud with outliers",
                                  "  camber plane road.ply\n"
                                  "  camber plane scan.pcd --up 0,0,1 --max-tilt-deg 30 --json\n"
@@ -41,7 +41,7 @@ void register_plane(CLI::App& root) {
     std::string engine = "camber";
   };
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   add_road_cloud_arguments(app, arguments->input, arguments->options.inlier_threshold);
   app.add_option("--max-tilt-deg", arguments->max_tilt_deg,
                  "largest angle between the normal and up, degrees")
@@ -54,7 +54,7 @@ void register_plane(CLI::App& root) {
   app.add_option("--engine", arguments->engine,
                  "camber, or pcl: the Point Cloud Library's MSAC, for comparison (threshold "
                  "0.05 m unless given)")
-      ->check(CLI::IsMember({"camber", "pcl"}))
+      ->check(is_member({"camber", "pcl"}))
       ->capture_default_str();
 
   command->run = [command, arguments] {

@@ -230,9 +230,9 @@ int info(const Command& command, const InfoArguments& args) {
 
 }  // namespace
 
-void register_prior(CLI::App& root) {
-  CLI::App* prior = root.add_subcommand("prior", "Shape and size priors of vehicles");
-  prior->require_subcommand(1);
+void register_prior(App& root) {
+  App* prior = root.add_subcommand("prior", "Shape and size priors of vehicles");
+  prior->require_subcommand();
 
   Command* learn_command = add_command(
       *prior, "learn",
@@ -246,10 +246,10 @@ void register_prior(CLI::App& root) {
   learn_command->app->add_flag("--family", l->family, "learn from the parametric car family");
   learn_command->app->add_option("--out", l->out, "prior file (JSON)")->required();
   learn_command->app->add_option("--name", l->name, "class of the annotated shapes: car or van")
-      ->check(CLI::IsMember({"car", "van"}))
+      ->check(is_member({"car", "van"}))
       ->capture_default_str();
   learn_command->app->add_option("--coefficients", l->coefficients, "principal components to keep")
-      ->check(CLI::Range(0, 20))
+      ->check(in_range(0, 20))
       ->capture_default_str();
   learn_command->app->add_flag("--json", l->json, "print what was learnt as JSON");
   learn_command->run = [learn_command, l] { return learn(*learn_command, *l); };

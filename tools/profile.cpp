@@ -34,7 +34,7 @@ std::string cell(double value, int digits) {
 
 }  // namespace
 
-void register_profile(CLI::App& root) {
+void register_profile(App& root) {
   Command* command =
       add_command(root, "profile", "Height, grade and cross slope along a road",
                   "  camber profile results --out profile.csv\n"
@@ -45,7 +45,7 @@ void register_profile(CLI::App& root) {
     ProfileOptions options;
   };
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("surface", arguments->surface, "result folder, or its surface.json")->required();
   app.add_option("--out", arguments->out, "FILE.csv or FILE.json");
   app.add_option("--plot", arguments->plot,

@@ -23,7 +23,7 @@ struct Arguments {
   bool json = false;
 };
 
-void add_scene_options(CLI::App& app, Arguments& a) {
+void add_scene_options(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   app.add_option(
       "--frames", a.frames,
@@ -63,7 +63,7 @@ int print_json(const Reconstruction& result) {
 
 }  // namespace
 
-void register_reconstruct(CLI::App& root) {
+void register_reconstruct(App& root) {
   Command* command = add_command(
       root, "reconstruct",
       "Turns a few frames of one moving camera into a metric road surface with vehicles on it: "
@@ -74,13 +74,13 @@ void register_reconstruct(CLI::App& root) {
       "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   add_scene_options(app, a);
   app.add_option("--out", a.out, "result folder; an earlier result there is replaced")->required();
   app.add_option("--method", a.method,
                  "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "
                  "plane at the camera's height)")
-      ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
+      ->check(is_member({"joint", "coplanar", "flat"}))
       ->capture_default_str();
   app.add_flag("--no-pictures", a.no_pictures, "write no PNG, no scene.glb and no report.html");
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
@@ -114,7 +114,7 @@ void register_reconstruct(CLI::App& root) {
   };
 }
 
-void register_triangulate(CLI::App& root) {
+void register_triangulate(App& root) {
   Command* command = add_command(
       root, "triangulate",
       "The road cloud alone: points of the road with their standard deviations along the viewing "

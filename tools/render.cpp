@@ -470,7 +470,7 @@ int run(const Command& command, Arguments& a) {
 
 }  // namespace
 
-void register_render(CLI::App& root) {
+void register_render(App& root) {
   Command* command = add_command(
       root, "render",
       "Draws a result folder or a cloud into a PNG, without a display: the 3D scene from the "
@@ -495,7 +495,7 @@ void register_render(CLI::App& root) {
       "  camber render scan.las --camera 0,-20,15,0,30,0,0,0,1,40 --out scan.png");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("input", a.input, "result folder, or a cloud of any format")->required();
   app.add_option(
          "--out", a.out,
@@ -506,7 +506,7 @@ void register_render(CLI::App& root) {
   app.add_option("--view", a.view,
                  "both (oblique over side), oblique, side, driver (needs --scene), bev, overlay "
                  "(the frame's image, needs --scene), timings (of the stages of the run)")
-      ->check(CLI::IsMember({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
+      ->check(is_member({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
       ->capture_default_str();
   app.add_option("--camera", a.camera,
                  "free view: eye x,y,z, target x,y,z, up x,y,z in metres of the input's frame, and "
@@ -520,7 +520,7 @@ void register_render(CLI::App& root) {
   app.add_option("--elevation-deg", a.elevation_deg, "oblique view: height of the eye")
       ->capture_default_str();
   app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
-      ->check(CLI::Range(1, 3600));
+      ->check(in_range(1, 3600));
   app.add_option("--beside", a.beside,
                  "results of other methods for the same --scene: one vehicle as each places it, "
                  "from the side and from above, over the truth");
@@ -532,11 +532,11 @@ void register_render(CLI::App& root) {
   app.add_flag("--sheet", a.sheet,
                "all pictures of --frames or --turntable on one contact sheet, --out itself");
   app.add_option("--sheet-columns", a.sheet_columns, "of a contact sheet; 0: from the shapes")
-      ->check(CLI::Range(0, 1000))
+      ->check(in_range(0, 1000))
       ->capture_default_str();
   app.add_option("--rate", a.rate,
                  "film: pictures a second; default: the scene's frame rate, else 10")
-      ->check(CLI::Range(0.1, 240.0));
+      ->check(in_range(0.1, 240.0));
   app.add_option("--color", a.color,
                  "of the points: height, sigma, patch, image, error (above or below the "
                  "cloud of --truth), or the name of an attribute")

@@ -20,7 +20,7 @@ std::optional<Eigen::Vector3d> UpArguments::viewpoint() const {
   return Eigen::Vector3d(viewpoint_values[0], viewpoint_values[1], viewpoint_values[2]);
 }
 
-void add_up_arguments(CLI::App& app, UpArguments& arguments) {
+void add_up_arguments(App& app, UpArguments& arguments) {
   app.add_option("--up", arguments.up_values,
                  "up direction x,y,z; default: the camera's (0,-1,0) for clouds that Camber wrote "
                  "in a camera's frame, else 0,0,1")
@@ -40,7 +40,7 @@ CloudFile RoadCloudArguments::read(const CommonOptions& common) const {
   return file;
 }
 
-void add_road_cloud_arguments(CLI::App& app, RoadCloudArguments& arguments, double& threshold) {
+void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& threshold) {
   app.add_option("cloud", arguments.cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
   add_up_arguments(app, arguments.up);
   app.add_option("--threshold", threshold,

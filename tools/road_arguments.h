@@ -25,7 +25,7 @@ struct UpArguments {
 };
 
 /// `arguments` must live as long as the app.
-void add_up_arguments(CLI::App& app, UpArguments& arguments);
+void add_up_arguments(App& app, UpArguments& arguments);
 
 /// What `plane` and `patches` have in common: a cloud and how to look at it.
 struct RoadCloudArguments {
@@ -40,7 +40,7 @@ struct RoadCloudArguments {
 
 /// Adds the cloud, --up, --viewpoint, --threshold (metres, 0: none), how to read the cloud, and
 /// --json. The references must live as long as the app.
-void add_road_cloud_arguments(CLI::App& app, RoadCloudArguments& arguments, double& threshold);
+void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& threshold);
 
 /// The points of a file (any cloud format, in their order) as a polyline.
 /// @throws InputError if it cannot be read; NoAnswerError for fewer than two points.

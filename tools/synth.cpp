@@ -10,7 +10,7 @@
 
 namespace camber::tools {
 
-void register_synth(CLI::App& root) {
+void register_synth(App& root) {
   Command* command = add_command(
       root, "synth", "Makes a scene of a steep road with cars: images, detections, complete truth",
       "  camber synth --profile steep_hill --frames 3 --seed 7 --out scene\n"
@@ -26,13 +26,13 @@ void register_synth(CLI::App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   SynthOptions& o = arguments->options;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("--out", arguments->out, "folder of the scene")->required();
   app.add_flag("--overwrite", arguments->overwrite, "replace a foreign folder that is not empty");
   std::vector<std::string> kinds;
   for (const RoadProfileKind kind : all_road_profile_kinds()) kinds.emplace_back(to_string(kind));
   app.add_option("--profile", arguments->profile, "shape of the road")
-      ->check(CLI::IsMember(kinds))
+      ->check(is_member(kinds))
       ->capture_default_str();
   app.add_option("--name", o.name, "name of the scene; default: profile and seed");
   app.add_option("--frames", o.num_frames, "number of frames")->capture_default_str();

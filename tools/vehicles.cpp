@@ -49,7 +49,7 @@ void require_common_frames(const std::string& folder, const RunDocument& run,
 
 }  // namespace
 
-void register_vehicles(CLI::App& root) {
+void register_vehicles(App& root) {
   Command* command = add_command(
       root, "vehicles",
       "Vehicles alone, from a scene's detections, keypoints and planes; no images are needed. A "
@@ -62,7 +62,7 @@ void register_vehicles(CLI::App& root) {
       "  camber vehicles clip/scene.json --frames 48:50 --method flat --out flat.json --json");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  CLI::App& app = *command->app;
+  App& app = *command->app;
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   app.add_option("--out", a.out, "result file (vehicles.json form)")->required();
   app.add_option("--kitti-labels", a.kitti_labels,
@@ -71,17 +71,17 @@ void register_vehicles(CLI::App& root) {
                  "camera 0 with --calib");
   app.add_option("--calib", a.calibration, "KITTI calibration file(s), for --kitti-labels");
   app.add_option("--camera", a.camera, "the scene's camera in that calibration")
-      ->check(CLI::Range(0, 3))
+      ->check(in_range(0, 3))
       ->capture_default_str();
   app.add_option("--method", a.method,
                  "joint (own planes, weighed by how well they are known), coplanar (ego plane for "
                  "all), flat (level plane at the camera's height)")
-      ->check(CLI::IsMember({"joint", "coplanar", "flat"}))
+      ->check(is_member({"joint", "coplanar", "flat"}))
       ->capture_default_str();
   app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
   app.add_option("--keypoint-set", a.keypoint_set,
                  "keypoints to use: 36 or 14")
-      ->check(CLI::IsMember({36, 14}))
+      ->check(is_member({"36", "14"}))
       ->capture_default_str();
   app.add_option("--given-sigma-height", a.options.vehicles.support.given_sigma_height,
                  "m, standard deviation of a given plane's height")
@@ -100,7 +100,7 @@ void register_vehicles(CLI::App& root) {
          "--preset", a.preset,
          "default, or paper: the paper's equations as printed, hand-set weights, one problem "
          "over all vehicles and planes of a frame")
-      ->check(CLI::IsMember({"default", "paper"}))
+      ->check(is_member({"default", "paper"}))
       ->capture_default_str();
   app.add_option("--prior", a.prior, "vehicle prior file; default: the shipped one");
   app.add_flag("--json", a.json, "print the result with options and timings to stdout");

@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <system_error>
 
@@ -42,7 +43,7 @@ int run(const ViewArguments& arguments) {
 
 }  // namespace
 
-void register_view(CLI::App& root) {
+void register_view(App& root) {
   Command* command = add_command(
       root, "view",
       "Opens a result folder or a cloud in a window: turn it, switch its parts on and off, click "

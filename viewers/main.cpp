@@ -2,7 +2,6 @@
 
 #include <QVTKOpenGLNativeWidget.h>
 
-#include <CLI/CLI.hpp>
 #include <QApplication>
 #include <QElapsedTimer>
 #include <QSurfaceFormat>
@@ -102,19 +101,14 @@ int report(const char* message, int exit_code) {
 }  // namespace camber
 
 int main(int argc, char** argv) {
-  CLI::App app("Camber's interactive viewer: turns, picks and switches what camber render draws",
-               "camber-view");
-  app.set_version_flag("--version", std::string("camber-view ") + camber::kVersion);
-  app.failure_message([](const CLI::App*, const CLI::Error& error) {
-    return "camber: " + std::string(error.what()) + "\n";
-  });
+  camber::tools::App app(
+      "Camber's interactive viewer: turns, picks and switches what camber render draws",
+      "camber-view");
+  app.set_version(std::string("camber-view ") + camber::kVersion);
   camber::ViewArguments arguments;
   arguments.add_to(app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  const int done = app.parse(argc, argv);
+  if (done >= 0) return done;
   try {
     return camber::run(arguments, argc, argv);
   } catch (const camber::Error& error) {

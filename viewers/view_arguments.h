@@ -1,9 +1,10 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "../tools/options.h"
 
 namespace camber {
 
@@ -13,7 +14,7 @@ struct ViewArguments {
   std::optional<int> frame;
   std::vector<double> up;
 
-  void add_to(CLI::App& app) {
+  void add_to(tools::App& app) {
     app.add_option("input", input, "result folder, or a cloud of any format")->required();
     app.add_option("--scene", scene,
                    "manifest of the run: adds images, the camera and the truth; default: the one "
@@ -44,8 +45,8 @@ struct ViewArguments {
     add("--picture", picture);
     if (frame) add("--frame", std::to_string(*frame));
     if (up.size() == 3) {
-      out.push_back("--up=" + CLI::detail::to_string(up[0]) + "," + CLI::detail::to_string(up[1]) +
-                    "," + CLI::detail::to_string(up[2]));
+      out.push_back("--up=" + tools::to_text(up[0]) + "," + tools::to_text(up[1]) + "," +
+                    tools::to_text(up[2]));
     }
     return out;
   }
