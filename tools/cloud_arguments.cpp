@@ -1,5 +1,7 @@
 #include "cloud_arguments.h"
 
+#include <nlohmann/json.hpp>
+
 #include <fmt/format.h>
 
 #include "camber/core/errors.h"

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/stopwatch.h"

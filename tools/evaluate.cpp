@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"

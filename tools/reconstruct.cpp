@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"

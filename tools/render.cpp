@@ -158,7 +158,7 @@ std::string make_page(const PictureContent& content, const fs::path& input) {
     if (fs::exists(metrics, error)) {
       std::ifstream in(metrics);
       report.metrics = json::parse(in, nullptr, false);
-      if (report.metrics.is_discarded()) {
+      if (report.metrics->is_discarded()) {
         throw InputError(metrics.string(), "is no JSON, expected the metrics of a run");
       }
     }

@@ -1,5 +1,7 @@
 #include "road_arguments.h"
 
+#include <nlohmann/json.hpp>
+
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"

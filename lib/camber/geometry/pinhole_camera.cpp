@@ -16,6 +16,12 @@ void require(bool good, const char* field, double value, const char* expected) {
 
 }  // namespace
 
+Eigen::Matrix3d PinholeCamera::matrix() const {
+  Eigen::Matrix3d k;
+  k << fx, 0, cx, 0, fy, cy, 0, 0, 1;
+  return k;
+}
+
 void PinholeCamera::validate() const {
   require(width > 0, "width", width, "a positive number of pixels");
   require(height > 0, "height", height, "a positive number of pixels");

@@ -33,11 +33,7 @@ struct PinholeCamera {
            pixel.y() <= height - 1 - margin;
   }
 
-  Eigen::Matrix3d matrix() const {
-    Eigen::Matrix3d k;
-    k << fx, 0, cx, 0, fy, cy, 0, 0, 1;
-    return k;
-  }
+  Eigen::Matrix3d matrix() const;
 
   /// Throws std::invalid_argument naming the first unusable field (non-finite, not positive).
   void validate() const;

@@ -4,6 +4,36 @@
 
 namespace camber {
 
+Plane Plane::transformed(const SE3& b_from_a) const {
+  Plane out;
+  out.normal = b_from_a.rotation() * normal;
+  out.offset = offset - out.normal.dot(b_from_a.translation());
+  return out;
+}
+
+Plane Plane::oriented(const Eigen::Vector3d& up) const {
+  if (normal.dot(up) >= 0.0) return *this;
+  return {-normal, -offset};
+}
+
+std::optional<Eigen::Vector3d> Plane::intersect_ray(const Eigen::Vector3d& direction) const {
+  const double along = normal.dot(direction);
+  if (along == 0.0) return std::nullopt;
+  const double s = -offset / along;
+  if (!(s > 0.0)) return std::nullopt;
+  return Eigen::Vector3d(s * direction);
+}
+
+Eigen::RowVector3d UncertainPlane::height_jacobian(const Eigen::Vector3d& x) const {
+  const Eigen::Vector3d r = x - centroid;
+  return {axis2.dot(r), -axis1.dot(r), 1.0};
+}
+
+double UncertainPlane::height_variance(const Eigen::Vector3d& x) const {
+  const Eigen::RowVector3d j = height_jacobian(x);
+  return j * covariance * j.transpose();
+}
+
 Plane UncertainPlane::perturbed(const Eigen::Vector3d& abh) const {
   const Eigen::Vector3d tilt = abh.x() * axis1 + abh.y() * axis2;
   const Eigen::Vector3d normal = (rotation_from_vector(tilt) * plane.normal).normalized();

@@ -22,28 +22,14 @@ struct Plane {
   Eigen::Vector3d foot(const Eigen::Vector3d& x) const { return x - signed_distance(x) * normal; }
 
   /// The same plane in frame b: n_b = R n_a, d_b = d_a - n_b . t.
-  Plane transformed(const SE3& b_from_a) const {
-    Plane out;
-    out.normal = b_from_a.rotation() * normal;
-    out.offset = offset - out.normal.dot(b_from_a.translation());
-    return out;
-  }
+  Plane transformed(const SE3& b_from_a) const;
 
   /// The same plane with its normal on the side of `up`.
-  Plane oriented(const Eigen::Vector3d& up) const {
-    if (normal.dot(up) >= 0.0) return *this;
-    return {-normal, -offset};
-  }
+  Plane oriented(const Eigen::Vector3d& up) const;
 
   /// Point where the ray s * direction, s > 0, from the frame's origin meets the plane; nothing if
   /// it is parallel or meets it behind the origin.
-  std::optional<Eigen::Vector3d> intersect_ray(const Eigen::Vector3d& direction) const {
-    const double along = normal.dot(direction);
-    if (along == 0.0) return std::nullopt;
-    const double s = -offset / along;
-    if (!(s > 0.0)) return std::nullopt;
-    return Eigen::Vector3d(s * direction);
-  }
+  std::optional<Eigen::Vector3d> intersect_ray(const Eigen::Vector3d& direction) const;
 
   static Plane through(const Eigen::Vector3d& point, const Eigen::Vector3d& unit_normal) {
     return {unit_normal, -unit_normal.dot(point)};
@@ -64,16 +50,10 @@ struct UncertainPlane {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 
   /// d(height at x along the normal) / d(a, b, h).
-  Eigen::RowVector3d height_jacobian(const Eigen::Vector3d& x) const {
-    const Eigen::Vector3d r = x - centroid;
-    return {axis2.dot(r), -axis1.dot(r), 1.0};
-  }
+  Eigen::RowVector3d height_jacobian(const Eigen::Vector3d& x) const;
 
   /// Variance of the plane's height along its normal at x, m^2.
-  double height_variance(const Eigen::Vector3d& x) const {
-    const Eigen::RowVector3d j = height_jacobian(x);
-    return j * covariance * j.transpose();
-  }
+  double height_variance(const Eigen::Vector3d& x) const;
 
   /// The plane after a change (a, b, h) of its parameters.
   Plane perturbed(const Eigen::Vector3d& abh) const;

@@ -1,5 +1,6 @@
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/atomic_file.h"

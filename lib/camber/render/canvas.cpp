@@ -1,11 +1,5 @@
 #include "camber/render/canvas.h"
 
-#include <vtkFreeTypeTools.h>
-#include <vtkImageData.h>
-#include <vtkNew.h>
-#include <vtkStdString.h>
-#include <vtkTextProperty.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -13,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <tuple>
 
+#include "camber/render/detail/vtk_drawing.h"
 #include "camber/render/picture_file.h"
 
 namespace camber {
@@ -147,7 +142,7 @@ std::vector<Eigen::Vector2d> clip_polygon(std::vector<Eigen::Vector2d> in, const
   return in;
 }
 
-/// Opacity of one line of text, rows from the top. VTK's own font; no GL is needed.
+/// Opacity of one line of text, rows from the top.
 cv::Mat rasterize(const std::string& line, int size, bool bold) {
   static std::mutex mutex;  // VTK's FreeType cache is one for the process
   static std::map<std::tuple<std::string, int, bool>, cv::Mat> cache;
@@ -155,29 +150,10 @@ cv::Mat rasterize(const std::string& line, int size, bool bold) {
   const auto key = std::make_tuple(line, size, bold);
   const auto found = cache.find(key);
   if (found != cache.end()) return found->second;
-  vtkNew<vtkTextProperty> property;
-  property->SetFontFamilyToArial();
-  property->SetFontSize(size);
-  property->SetBold(bold);
-  property->SetColor(1, 1, 1);
-  vtkFreeTypeTools* tools = vtkFreeTypeTools::GetInstance();
-  tools->ScaleToPowerTwoOff();
-  vtkNew<vtkImageData> data;
-  int dims[2] = {0, 0};
+  TextBitmap text = rasterize_text(line, size, bold);
   cv::Mat alpha;
-  constexpr int kPointsPerInch = 72;  // a font size is then a number of pixels
-  if (!line.empty() && tools->RenderString(property, line, kPointsPerInch, data, dims)) {
-    const int* extent = data->GetExtent();
-    const int width = extent[1] - extent[0] + 1, height = extent[3] - extent[2] + 1;
-    const int channels = data->GetNumberOfScalarComponents();
-    alpha.create(height, width, CV_8U);
-    const auto* from = static_cast<const std::uint8_t*>(data->GetScalarPointer());
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        alpha.at<std::uint8_t>(height - 1 - y, x) =
-            from[(static_cast<std::size_t>(y) * width + x) * channels + channels - 1];
-      }
-    }
+  if (text.width > 0) {
+    alpha = cv::Mat(text.height, text.width, CV_8U, text.opacity.data()).clone();
   }
   if (cache.size() > 4096) cache.clear();
   cache.emplace(key, alpha);

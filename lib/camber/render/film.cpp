@@ -6,12 +6,11 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/render/detail/film_encoder.h"
 #include "camber/render/picture_file.h"
 
 namespace camber {
@@ -25,18 +24,6 @@ struct Codec {
   const char* letters;
 };
 
-/// OpenCV tells of encoders that it lacks on stderr; the sentence here is enough.
-class QuietOpenCv {
- public:
-  QuietOpenCv() : before_(cv::utils::logging::getLogLevel()) {
-    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-  }
-  ~QuietOpenCv() { cv::utils::logging::setLogLevel(before_); }
-
- private:
-  cv::utils::logging::LogLevel before_;
-};
-
 }  // namespace
 
 struct FilmWriter::Impl {
@@ -44,8 +31,8 @@ struct FilmWriter::Impl {
   double rate = 10.0;
   int width = 0, height = 0, count = 0;
   std::string codec;
-  cv::VideoWriter writer;
-  cv::Mat frame;
+  std::unique_ptr<FilmEncoder> encoder;
+  cv::Mat frame;  // red, green, blue
 };
 
 bool FilmWriter::knows(const std::string& extension) {
@@ -76,7 +63,7 @@ FilmWriter::FilmWriter(const fs::path& path, double pictures_per_second)
 }
 
 FilmWriter::~FilmWriter() {
-  impl_->writer.release();
+  impl_->encoder.reset();
   std::error_code ignored;
   if (!impl_->temporary.empty()) fs::remove(impl_->temporary, ignored);
 }
@@ -94,16 +81,15 @@ void FilmWriter::add(const Image& picture) {
     const bool mp4 = film.path.extension() == ".mp4";
     const Codec mp4_codecs[] = {{"H.264", "avc1"}, {"MPEG-4", "mp4v"}};
     const Codec avi_codecs[] = {{"Motion JPEG", "MJPG"}, {"Motion JPEG", "MJPG"}};
-    const QuietOpenCv quiet;
     for (const Codec& codec : mp4 ? mp4_codecs : avi_codecs) {
-      const char* c = codec.letters;
-      if (film.writer.open(film.temporary.string(), cv::VideoWriter::fourcc(c[0], c[1], c[2], c[3]),
-                           film.rate, size)) {
+      film.encoder =
+          open_film_encoder(film.temporary, codec.letters, film.rate, size.width, size.height);
+      if (film.encoder) {
         film.codec = codec.name;
         break;
       }
     }
-    if (!film.writer.isOpened()) {
+    if (!film.encoder) {
       throw MachineError(film.path.string() + ": OpenCV has no encoder for " +
                          film.path.extension().string() + " films of " +
                          std::to_string(size.width) + " x " + std::to_string(size.height) +
@@ -119,22 +105,17 @@ void FilmWriter::add(const Image& picture) {
   const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
                     const_cast<std::uint8_t*>(picture.data.data()));
   cv::Mat inside = film.frame(cv::Rect(0, 0, film.width, film.height));
-  cv::cvtColor(rgb, inside, cv::COLOR_RGB2BGR);
-  film.writer.write(film.frame);
+  rgb.copyTo(inside);
+  film.encoder->write(film.frame.data);
   ++film.count;
 }
 
 void FilmWriter::finish() {
   Impl& film = *impl_;
   if (film.count == 0) throw std::invalid_argument("film: found no picture, expected one");
-  film.writer.release();
-  // The writer tells nothing of a full disk.
-  int found = 0;
-  {
-    const QuietOpenCv quiet;
-    cv::VideoCapture reader(film.temporary.string());
-    while (found <= film.count && reader.grab()) ++found;
-  }
+  film.encoder.reset();
+  // The encoder tells nothing of a full disk.
+  const int found = count_film_pictures(film.temporary, film.count + 1);
   if (found != film.count) {
     throw OutputError(film.path.string(), "the film was not written whole: found " +
                                               std::to_string(found) + " pictures, expected " +

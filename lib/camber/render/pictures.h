@@ -68,6 +68,21 @@ struct FreeView {
   double field_of_view = 0.7;                     ///< rad, vertical, (0, pi)
 };
 
+/// What a 3D scene is made of, each on a switch of its own.
+enum class SceneElement {
+  kGrid,
+  kTruthCloud,
+  kPoints,
+  kVehicles,
+  kBoxes,
+  kPlanes,
+  kTruth,
+  kCameras,
+  kPatches,
+  kNormals,
+  kLinks
+};
+
 struct ScenePictureOptions {
   int width = 1600;       ///< pixels, 64 to 8192
   int height = 900;       ///< pixels, 64 to 8192
@@ -98,22 +113,8 @@ struct ScenePictureOptions {
   bool show_grid = true;      ///< level metric grid with a height axis
   bool transparent = false;   ///< the ground of the picture: 4 channels with alpha instead of white
 
+  bool shows(SceneElement element) const;
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
-};
-
-/// What a 3D scene is made of, each on a switch of its own.
-enum class SceneElement {
-  kGrid,
-  kTruthCloud,
-  kPoints,
-  kVehicles,
-  kBoxes,
-  kPlanes,
-  kTruth,
-  kCameras,
-  kPatches,
-  kNormals,
-  kLinks
 };
 
 /// One switch: how it is called on the command line and in the viewer, and the option behind it.

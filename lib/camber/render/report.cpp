@@ -1,13 +1,14 @@
 #include "camber/render/report.h"
 
 #include <ceres/version.h>
-#include <vtkVersion.h>
+#include <vtkVersionMacros.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <opencv2/core/version.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -335,8 +336,8 @@ std::string metrics_section(const json& metrics) {
 /// ", Ceres 2.1.0, ..." as far as the run tells them.
 std::string libraries(const RunDocument& run) {
   std::string out;
-  const auto found = run.extra.find("libraries");
-  if (found == run.extra.end() || !found->is_object()) return out;
+  const auto found = run.extra->find("libraries");
+  if (found == run.extra->end() || !found->is_object()) return out;
   for (const auto& [name, version] : found->items()) {
     if (version.is_string()) out += ", " + escape(name + " " + version.get<std::string>());
   }
@@ -367,8 +368,8 @@ std::string run_section(const RunDocument& run) {
                                      " m per unit of the motion"
                                : "unknown: the result is up to scale"});
   if (!run.gl_backend.empty()) facts += row({"pictures drawn by", escape(run.gl_backend)});
-  const auto command = run.extra.find("command");
-  if (command != run.extra.end() && command->is_string()) {
+  const auto command = run.extra->find("command");
+  if (command != run.extra->end() && command->is_string()) {
     facts += row({"command", "<code>" + escape(command->get<std::string>()) + "</code>"});
   }
   for (const auto& [name, count] : run.points_kept) {
@@ -377,7 +378,7 @@ std::string run_section(const RunDocument& run) {
   for (const auto& [reason, count] : run.points_dropped) {
     facts += row({"points dropped: " + escape(reason), std::to_string(count)});
   }
-  flatten(run.options, "option", &facts);
+  flatten(*run.options, "option", &facts);
   out += table({"what", "value"}, facts);
   if (!run.input_hashes.empty()) {
     std::string rows;
@@ -413,7 +414,7 @@ json library_versions() {
       {"Eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) +
                     "." + std::to_string(EIGEN_MINOR_VERSION)},
       {"OpenCV", CV_VERSION},
-      {"VTK", vtkVersion::GetVTKVersion()}};
+      {"VTK", VTK_VERSION}};
 }
 
 void ReportOptions::validate() const {
@@ -509,7 +510,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   }
   if (picture.surface) out += profile_section(*picture.surface);
   if (picture.vehicles) out += vehicle_section(*picture.vehicles, picture.frame, unit);
-  out += metrics_section(content.metrics);
+  out += metrics_section(*content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
   if (picture.run) out += run_section(*picture.run);
   const bool of_camera = picture.surface ? picture.surface->frame == "camera"

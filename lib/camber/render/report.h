@@ -2,7 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "camber/render/pictures.h"
@@ -16,7 +16,7 @@ nlohmann::json library_versions();
 struct ReportContent {
   PictureContent picture;                ///< cloud, surface, vehicles, run, camera, truth, title
   std::filesystem::path picture_folder;  ///< holds scene.png, bev.png, overlay_*.png; may be empty
-  nlohmann::json metrics;                ///< metrics.json, or null
+  JsonValue metrics;                     ///< metrics.json, or null
 };
 
 struct ReportOptions {

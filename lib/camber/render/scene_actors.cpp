@@ -1,6 +1,7 @@
 #include "camber/render/scene_actors.h"
 
 #include <vtkActor.h>
+#include <vtkCamera.h>
 #include <vtkCellArray.h>
 #include <vtkCellData.h>
 #include <vtkFloatArray.h>
@@ -19,6 +20,7 @@
 #include <utility>
 
 #include "camber/render/color_map.h"
+#include "camber/render/scene_camera.h"
 #include "camber/render/wireframe.h"
 
 namespace camber {
@@ -177,44 +179,6 @@ double lift_of(const PictureSpace& space) {
 
 }  // namespace
 
-const std::vector<SceneSwitch>& scene_switches() {
-  using O = ScenePictureOptions;
-  static const std::vector<SceneSwitch> all = {
-      {SceneElement::kGrid, "grid", "level grid", &O::show_grid},
-      {SceneElement::kTruthCloud, "truth-cloud", "dense ground truth", &O::show_truth_cloud},
-      {SceneElement::kPoints, "points", "road points", &O::show_points},
-      {SceneElement::kVehicles, "vehicles", "vehicle wireframes", &O::show_vehicles},
-      {SceneElement::kBoxes, "boxes", "vehicle boxes", &O::show_boxes},
-      {SceneElement::kPlanes, "planes", "planes under vehicles", &O::show_planes},
-      {SceneElement::kTruth, "truth", "true boxes", &O::show_truth},
-      {SceneElement::kCameras, "cameras", "cameras and path", &O::show_cameras},
-      {SceneElement::kPatches, "patches", "planar patches", &O::show_patches},
-      {SceneElement::kNormals, "normals", "patch normals", &O::show_normals},
-      {SceneElement::kLinks, "links", "consistency graph", &O::show_links},
-  };
-  return all;
-}
-
-SceneGrid make_scene_grid(const PictureSpace& space) {
-  SceneGrid grid;
-  const double span = std::max(space.right.span(), space.ahead.span());
-  grid.x1 = space.right.low;
-  grid.x2 = space.right.high;
-  grid.y1 = space.ahead.low;
-  grid.y2 = space.ahead.high;
-  const double step = make_ticks(0.0, span, 10).step;
-  grid.xs = multiples_of(step, grid.x1, grid.x2);
-  grid.ys = multiples_of(step, grid.y1, grid.y2);
-  // Just under the bulk of the points, so that the road rises from it.
-  grid.z =
-      std::min(space.up.low, space.heights.low) - 0.02 * std::max(space.up.span(), 0.02 * span);
-  return grid;
-}
-
-Color link_color(const PlacedLink& link, const PictureSpace& space) {
-  return plasma(std::abs(link.height_step) / space.link_steps.high);
-}
-
 std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
                                           const SceneStyle& style,
                                           const std::function<bool(SceneElement)>& wanted) {
@@ -340,6 +304,23 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
                               }),
                layers.end());
   return layers;
+}
+
+void apply_camera(const SceneCamera& from, const PictureSpace& space, vtkCamera* to) {
+  const Eigen::Vector3d along = from.axes.row(2), up = from.axes.row(1);
+  const Eigen::Vector3d focus = from.eye + from.distance * along;
+  to->SetPosition(from.eye.data());
+  to->SetFocalPoint(focus.data());
+  to->SetViewUp(up.data());
+  if (from.parallel) {
+    to->ParallelProjectionOn();
+    to->SetParallelScale(from.half_height);
+  } else {
+    to->SetViewAngle(2.0 * from.half_angle * 180.0 / M_PI);
+  }
+  // Stray points must not stretch the depth range until near things flicker through each other.
+  const double reach = 2.0 * (space.right.span() + space.ahead.span() + space.up.span()) + 20.0;
+  to->SetClippingRange(std::max(0.05, from.distance - reach), from.distance + reach);
 }
 
 }  // namespace camber

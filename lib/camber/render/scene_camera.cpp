@@ -1,7 +1,5 @@
 #include "camber/render/scene_camera.h"
 
-#include <vtkCamera.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -162,23 +160,6 @@ SceneCamera side_camera(const PictureSpace& space, int width, int height) {
     view.axes.row(2) = -Eigen::Vector3d::UnitX();  // seen from the right
   }
   return view;
-}
-
-void apply_camera(const SceneCamera& from, const PictureSpace& space, vtkCamera* to) {
-  const Eigen::Vector3d along = from.axes.row(2), up = from.axes.row(1);
-  const Eigen::Vector3d focus = from.eye + from.distance * along;
-  to->SetPosition(from.eye.data());
-  to->SetFocalPoint(focus.data());
-  to->SetViewUp(up.data());
-  if (from.parallel) {
-    to->ParallelProjectionOn();
-    to->SetParallelScale(from.half_height);
-  } else {
-    to->SetViewAngle(2.0 * from.half_angle * 180.0 / M_PI);
-  }
-  // Stray points must not stretch the depth range until near things flicker through each other.
-  const double reach = 2.0 * (space.right.span() + space.ahead.span() + space.up.span()) + 20.0;
-  to->SetClippingRange(std::max(0.05, from.distance - reach), from.distance + reach);
 }
 
 }  // namespace camber

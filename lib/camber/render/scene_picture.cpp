@@ -1,10 +1,3 @@
-#include <vtkActor.h>
-#include <vtkCamera.h>
-#include <vtkNew.h>
-#include <vtkRenderWindow.h>
-#include <vtkRenderer.h>
-#include <vtkUnsignedCharArray.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,12 +9,11 @@
 #include "camber/core/errors.h"
 #include "camber/render/canvas.h"
 #include "camber/render/color_map.h"
-#include "camber/render/gl_context.h"
+#include "camber/render/detail/vtk_drawing.h"
 #include "camber/render/label_layout.h"
 #include "camber/render/picture_file.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/pictures.h"
-#include "camber/render/scene_actors.h"
 #include "camber/render/scene_camera.h"
 
 namespace camber {
@@ -35,64 +27,15 @@ struct Drawing {
   std::deque<bool>* covered;  ///< of the numbers along the grid, in order
   Color background = kPaper;
 
-  bool shows(SceneElement element) const {
-    return options.*scene_switches()[static_cast<std::size_t>(element)].shown;
-  }
+  bool shows(SceneElement element) const { return options.shows(element); }
 };
 
 /// Pixels of the 3D content without any text; lines of width one take `unit` pixels.
-Image render_content(const Drawing& drawing, const SceneCamera& view, const SceneGrid& grid,
-                     double unit) {
-  const PictureSpace& space = drawing.space;
-  const int factor = drawing.options.supersampling;
-  OffscreenWindow offscreen(view.width * factor, view.height * factor);
-  vtkNew<vtkRenderer> renderer;
-  renderer->SetBackground(drawing.background.red / 255.0, drawing.background.green / 255.0,
-                          drawing.background.blue / 255.0);
-  SceneStyle style;
-  style.line_unit = unit * factor;
-  double size = drawing.options.point_size;
-  const std::size_t count = std::max(space.points.size(), space.truth_points.size());
-  if (size <= 0.0 && count > 0) {
-    // Enough to close the gaps of the bulk, never blobs.
-    const double area = std::max(1e-6, space.right.span() * space.ahead.span());
-    const double spacing = std::sqrt(area / static_cast<double>(count));
-    const Eigen::Vector3d middle(0.5 * (space.right.low + space.right.high),
-                                 0.5 * (space.ahead.low + space.ahead.high), grid.z);
-    size = std::clamp(0.35 * spacing * view.pixels_per_metre(middle) / unit, 1.3, 3.2) * unit;
-  }
-  style.point_size = std::max(1.0, size * factor);
-  // The side view has lines of equal height of its own; from within, frame and cameras only hide.
-  const bool through_camera = drawing.options.view == SceneView::kDriver;
-  for (const SceneLayer& layer : make_scene_layers(drawing.content, space, style)) {
-    const bool frame = layer.element == SceneElement::kGrid;
-    const bool camera = layer.element == SceneElement::kCameras;
-    if (!drawing.shows(layer.element) || (frame && (view.parallel || through_camera)) ||
-        (camera && through_camera)) {
-      continue;
-    }
-    for (const auto& actor : layer.actors) renderer->AddActor(actor.get());
-  }
-
-  apply_camera(view, space, renderer->GetActiveCamera());
-  vtkRenderWindow* window = offscreen.window();
-  window->AddRenderer(renderer);
-  window->Render();
-  vtkNew<vtkUnsignedCharArray> pixels;
-  const int width = view.width * factor, height = view.height * factor;
-  window->GetPixelData(0, 0, width - 1, height - 1, 0, pixels);
-  if (pixels->GetNumberOfValues() != static_cast<vtkIdType>(3) * width * height) {
-    throw MachineError("the rendering back end " + offscreen.backend() + " returned no picture");
-  }
-  if (drawing.record) *drawing.record = {offscreen.backend(), offscreen.renderer()};
-  const cv::Mat upside_down(height, width, CV_8UC3, pixels->GetPointer(0));
-  cv::Mat upright, small;
-  cv::flip(upside_down, upright, 0);
-  Image image = make_picture(view.width, view.height, 255);
-  cv::Mat out(view.height, view.width, CV_8UC3, image.data.data());
-  cv::resize(upright, out, out.size(), 0, 0, cv::INTER_AREA);
-  window->RemoveRenderer(renderer);
-  return image;
+Image draw_content(const Drawing& drawing, const SceneCamera& view, const SceneGrid& grid,
+                   double unit) {
+  return render_scene_content(
+      {drawing.content, drawing.space, drawing.options, view, grid, drawing.background, unit},
+      drawing.record);
 }
 
 /// Ids and distances beside the vehicles.
@@ -352,7 +295,7 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   const Box2 free{(grid_shown ? 4.0 : 2.5) * text, top + (grid_shown ? 1.2 * text : 0.0),
                   width - panel - (grid_shown ? 1.5 * text : 0.0), bottom - 1.7 * text};
   if (fitted) fit_camera(content_corners(space, grid, false), free, &view);
-  Image image = render_content(drawing, view, grid, unit);
+  Image image = draw_content(drawing, view, grid, unit);
   Canvas canvas(image);
   std::vector<Box2> taken;
   if (grid_shown) {
@@ -420,7 +363,7 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
   if (alone && !drawing.content.title.empty()) top += 1.5 * text;
   const Box2 free{4.5 * text, top + 1.0 * text, width - 2.0 * text, height - 3.2 * text};
   fit_camera(content_corners(space, grid, true), free, &view);
-  Image image = render_content(drawing, view, grid, std::min(unit, text / 20.0));
+  Image image = draw_content(drawing, view, grid, std::min(unit, text / 20.0));
   Canvas canvas(image);
 
   // Axes: the frame's edges in metres, lines of equal height through the picture.

@@ -390,7 +390,7 @@ json to_json(const VehicleDocument& document) {
 }
 
 json to_json(const RunDocument& document) {
-  json out = document.extra.is_object() ? document.extra : json::object();
+  json out = document.extra->is_object() ? *document.extra : json::object();
   json timings = json::object();
   for (const auto& [stage, milliseconds] : document.timings.stages()) {
     timings[stage] = number_json(milliseconds);
@@ -406,7 +406,7 @@ json to_json(const RunDocument& document) {
   }
   out["version"] = kVersion;
   out["seed"] = document.seed;
-  out["options"] = document.options;
+  out["options"] = *document.options;
   out["timings_ms"] = std::move(timings);
   out["cameras"] = std::move(cameras);
   out["metric"] = document.metric;

@@ -2,13 +2,14 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 #include "camber/core/stopwatch.h"
 #include "camber/road/constraint.h"
 #include "camber/road/road_surface.h"
+#include "camber/scene/json_value.h"
 #include "camber/vehicle/vehicle_estimate.h"
 
 namespace camber {
@@ -30,7 +31,7 @@ struct VehicleDocument {
 /// run.json, as far as every command writes it.
 struct RunDocument {
   std::uint64_t seed = 0;
-  nlohmann::json options = nlohmann::json::object();
+  JsonValue options = JsonValue::object();
   Timings timings;
   struct CameraPose {
     int id = 0;
@@ -52,7 +53,7 @@ struct RunDocument {
   std::vector<std::pair<std::string, long>> points_dropped;  ///< reason: count
   std::string gl_backend;
   std::vector<std::pair<std::string, std::string>> input_hashes;  ///< path as given, hash
-  nlohmann::json extra = nlohmann::json::object();  ///< further keys, merged at top level
+  JsonValue extra = JsonValue::object();  ///< further keys, merged at top level
 };
 
 /// JSON forms of the result files; numbers that are not finite become null.
