@@ -15,5 +15,7 @@ find_package(PCL 1.13 REQUIRED COMPONENTS common sample_consensus segmentation)
 find_path(FLANN_INCLUDE_DIR flann/flann.hpp REQUIRED)
 find_library(FLANN_LIBRARY flann_cpp REQUIRED)
 find_library(LZ4_LIBRARY lz4 REQUIRED)  # FLANN's headers call it
+find_path(LZF_INCLUDE_DIR liblzf/lzf.h REQUIRED)
+find_library(LZF_LIBRARY lzf REQUIRED)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
 find_library(XXHASH_LIBRARY xxhash REQUIRED)

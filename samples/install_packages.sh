@@ -3,31 +3,28 @@
 # the only ones in the project.
 set -euo pipefail
 
-# To build and to run the program. Mesa's EGL and its software driver draw without a display.
+# To build and to run the program. Mesa's EGL and its software driver draw without a display. The
+# interactive viewer's packages, qtbase5-dev and libvtk9-qt-dev, are among those that libpcl-dev needs.
 program_packages=(
   cmake g++ ninja-build
-  libceres-dev libcli11-dev libeigen3-dev libflann-dev libfmt-dev libjpeg-dev liblz4-dev
+  libceres-dev libcli11-dev libeigen3-dev libflann-dev libfmt-dev libjpeg-dev liblz4-dev liblzf-dev
   libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libspdlog-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
-# Besides, to build and to run the tests and the benchmarks; Chromium opens the report, Python compares
-# benchmarks.
-test_packages=(chromium libbenchmark-dev libgmock-dev libgtest-dev python3)
-# Besides, for the interactive viewer, camber view; its tests open it on a display in memory.
-viewer_packages=(libvtk9-qt-dev qtbase5-dev)
-viewer_test_packages=(xdotool xvfb)
+# Besides, to build and to run the tests and the benchmarks; Chromium opens the report, the viewer
+# opens on a display in memory, Python compares benchmarks.
+test_packages=(chromium doxygen libbenchmark-dev libgmock-dev libgtest-dev python3 xdotool xvfb)
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.
 clang_packages=(clang clang-format clang-tidy libclang-rt-dev)
 
 usage() {
   cat <<END
-Usage: samples/install_packages.sh [--viewer] [--tests] [--clang] [--list]
+Usage: samples/install_packages.sh [--tests] [--clang] [--list]
 
 Installs what is missing of the packages that build and run Camber on Debian 12.
 
-  --viewer also those of the interactive viewer
-  --tests  also those of the tests and benchmarks, and of the viewer
+  --tests  also those of the tests and benchmarks
   --clang  also those of the fuzzers, the format check and clang-tidy
   --list   print the names, one a line, and install nothing
 END
@@ -39,10 +36,7 @@ wanted=("${program_packages[@]}")
 list=false
 for argument in "$@"; do
   case "$argument" in
-    --viewer) wanted+=("${viewer_packages[@]}") ;;
-    --tests)
-      wanted+=("${test_packages[@]}" "${viewer_packages[@]}" "${viewer_test_packages[@]}")
-      ;;
+    --tests) wanted+=("${test_packages[@]}") ;;
     --clang) wanted+=("${clang_packages[@]}") ;;
     --list) list=true ;;
     -h | --help) usage; exit 0 ;;

@@ -7,8 +7,9 @@ usage() {
   cat <<END
 Usage: samples/run.sh [--no-install] [--no-pictures]
 
-Installs missing packages (needs root or sudo, once), builds the program camber into build/release
-and reconstructs samples/steep_hill into out/steep_hill. A second run installs and builds nothing.
+Installs missing packages (needs root or sudo, once), builds the program camber into build/release,
+telling how far it is, and reconstructs samples/steep_hill into out/steep_hill. A second run installs
+and builds nothing.
 
   --no-install   take the packages as they are
   --no-pictures  leave the pictures out
@@ -42,12 +43,33 @@ quietly() {
   fi
 }
 
+# Of the builder's lines "[n/N] ..." keeps one on a terminal, rewritten; elsewhere one each quarter.
+show_progress() {
+  local line n total quarters=0
+  while IFS= read -r line; do
+    [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
+    n=${BASH_REMATCH[1]} total=${BASH_REMATCH[2]}
+    if [ -t 1 ]; then
+      printf '\r[%d/%d]' "$n" "$total"
+    elif [ $((4 * n / total)) -gt "$quarters" ]; then
+      quarters=$((4 * n / total))
+      printf '[%d/%d]\n' "$n" "$total"
+    fi
+  done
+  if [ -t 1 ] && [ "${total-0}" -gt 0 ]; then printf '\r\033[K'; fi
+}
+
 if [ ! -f build/release/build.ninja ]; then
   echo "Building camber (a few minutes, once) ..."
   quietly "configuring" cmake --preset release -DCAMBER_BUILD_TESTS=OFF \
     -DCAMBER_BUILD_BENCHMARKS=OFF -DCAMBER_BUILD_SAMPLES=OFF
 fi
-quietly "the build" cmake --build --preset release --target camber --parallel "$(nproc)"
+if ! cmake --build --preset release --target camber --parallel "$(nproc)" 2>&1 |
+  tee "$log" | show_progress; then
+  cat "$log" >&2
+  echo 'run.sh: the build failed: the output is above' >&2
+  exit 1
+fi
 
 build/release/bin/camber reconstruct samples/steep_hill --out out/steep_hill "${options[@]}"
 

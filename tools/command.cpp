@@ -38,7 +38,6 @@ void watch_signals() {
   }
 }
 
-/// The command that was parsed, or nullptr.
 Command* parsed_command() {
   for (Command& command : commands()) {
     if (command.app->parsed()) return &command;

@@ -30,6 +30,9 @@ struct Command {
 Command* add_command(App& root, const std::string& name, const std::string& description,
                      const std::string& examples);
 
+/// The command that the line names, once it is parsed, or nullptr.
+Command* parsed_command();
+
 /// A progress bar on stderr if that is a terminal and --quiet is not given, else silent. Throws
 /// InterruptedError once the user has pressed Ctrl-C.
 Progress make_progress(const CommonOptions& options);

@@ -1,73 +1,87 @@
-// The camber program: parses first, touching no file; then runs one command.
+// The camber program's front: finds the command, loads the plugin that holds it, and hands over.
 
-#include <glog/logging.h>
-
-#include <csignal>
 #include <cstdio>
-#include <exception>
-#include <new>
+#include <cstring>
+#include <string>
+#include <vector>
 
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
-#include "command.h"
+#include "nearest_name.h"
+#include "plugins/plugin.h"
+#include "verbs.h"
 
 namespace camber::tools {
-Command* parsed_command();
-}  // namespace camber::tools
-
 namespace {
 
-int report(const char* message, int exit_code) {
-  std::fprintf(stderr, "camber: %s\n", message);
-  return exit_code;
+std::string list_of_verbs() {
+  std::string text;
+  for (const Verb& verb : kVerbs) {
+    const std::string name = verb.name;
+    text += "  " + name + std::string(name.size() < 28 ? 28 - name.size() : 1, ' ') + verb.summary +
+            "\n";
+  }
+  return text;
+}
+
+void print_help() {
+  std::printf(
+      "Camber: metric road surfaces and vehicles from one moving camera\n"
+      "Usage: camber [OPTIONS] SUBCOMMAND\n\n"
+      "Options:\n"
+      "  -h,--help                   Print this help message and exit\n"
+      "  --version                   Display program version information and exit\n\n"
+      "Subcommands:\n%s\n"
+      "camber COMMAND --help tells all about one.\n",
+      list_of_verbs().c_str());
+}
+
+/// The sentence about a first word that is no command, and the list of those that are.
+int misused(const std::string& word) {
+  std::vector<std::string> names;
+  const bool option = !word.empty() && word[0] == '-';
+  if (option) {
+    names = {"--help", "--version"};
+  } else {
+    for (const Verb& verb : kVerbs) names.emplace_back(verb.name);
+  }
+  const std::string meant = nearest_name(word, names);
+  std::string text = "a command is required";
+  if (!word.empty()) {
+    text = std::string("there is no ") + (option ? "option " : "command ") + word;
+    if (!meant.empty()) text += ": did you mean " + meant + "?";
+  }
+  std::fprintf(stderr, "camber: %s\n", text.c_str());
+  if (meant.empty()) std::fprintf(stderr, "The commands are\n%s", list_of_verbs().c_str());
+  return 2;
+}
+
+int run(int argc, char** argv) {
+  const std::string word = argc > 1 ? argv[1] : "";
+  if (word == "--version") {
+    std::printf("camber %s\n", kVersion);
+    return 0;
+  }
+  if (word == "-h" || word == "--help") {
+    print_help();
+    return 0;
+  }
+  for (const Verb& verb : kVerbs) {
+    if (word != verb.name) continue;
+    using Run = int (*)(int, char**);
+    return reinterpret_cast<Run>(plugin_symbol(verb.plugin, "camber_run"))(argc, argv);
+  }
+  return misused(word);
 }
 
 }  // namespace
+}  // namespace camber::tools
 
 int main(int argc, char** argv) {
-  using namespace camber::tools;
-  watch_signals();
-  std::signal(SIGPIPE, SIG_IGN);
-  // Ceres tells of trial steps that lead nowhere; what it makes of them is in our statuses.
-  FLAGS_minloglevel = google::GLOG_FATAL;
-
-  App root("Camber: metric road surfaces and vehicles from one moving camera", "camber");
-  root.set_version(std::string("camber ") + camber::kVersion);
-  root.require_subcommand();
-  register_reconstruct(root);
-  register_triangulate(root);
-  register_import(root);
-  register_info(root);
-  register_convert(root);
-  register_filter(root);
-  register_render(root);
-  register_view(root);
-  register_prior(root);
-  register_synth(root);
-  register_vehicles(root);
-  register_evaluate(root);
-  register_lift(root);
-  register_plane(root);
-  register_patches(root);
-  register_profile(root);
-  register_ground(root);
-  register_compare(root);
-
-  std::string command_line = "camber";
-  for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
-  const int done = root.parse(argc, argv);
-  if (done >= 0) return done;
   try {
-    Command* command = parsed_command();
-    command->common.command_line = command_line;
-    return command->run();
+    return camber::tools::run(argc, argv);
   } catch (const camber::Error& error) {
-    return report(error.what(), error.exit_code());
-  } catch (const std::bad_alloc&) {
-    return report("out of memory", 3);
-  } catch (const std::invalid_argument& error) {
-    return report(error.what(), 2);
-  } catch (const std::exception& error) {
-    return report(error.what(), 3);
+    std::fprintf(stderr, "camber: %s\n", error.what());
+    return error.exit_code();
   }
 }

@@ -27,10 +27,8 @@ int run(const ViewArguments& arguments) {
   const fs::path viewer = self.parent_path() / "camber-view";
   if (error || ::access(viewer.c_str(), X_OK) != 0) {
     throw MachineError(
-        "the interactive viewer camber-view is not beside this program: it is built where the "
-        "packages of samples/install_packages.sh --viewer are installed; camber render draws "
-        "pictures "
-        "without it");
+        "the interactive viewer camber-view is not beside this program: cmake --build --preset "
+        "release builds it; camber render draws pictures without it");
   }
   std::vector<std::string> words = arguments.words();
   words.insert(words.begin(), viewer.string());

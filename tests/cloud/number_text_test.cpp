@@ -134,7 +134,29 @@ TEST(Lzf, ReadsWhatTheFormatSays) {
   ASSERT_EQ(lzf_decompress(packed, sizeof packed, out, 15), nullptr);
   EXPECT_EQ(std::string(reinterpret_cast<char*>(out), 15), "ababaaaaaaaaaaa");
   const unsigned char before_start[] = {0, 'a', 0x20, 1};
-  EXPECT_STREQ(lzf_decompress(before_start, 4, out, 4), "a copy from before the start of the data");
+  EXPECT_STREQ(lzf_decompress(before_start, 4, out, 4), "the data are damaged");
+}
+
+// The library does not clear its table of places seen; its header promises no more than that the
+// result can be read.
+TEST(Lzf, GivesTheSameBytesWhateverWasCompressedBefore) {
+  const CounterRandom random(17);
+  std::string bytes(100000, '\0'), other = bytes;
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<char>(random.below(i, 5) == 0 ? random.below(i + bytes.size(), 3) : 0);
+  }
+  const auto pack = [](const std::string& text) {
+    return lzf_compress(reinterpret_cast<const unsigned char*>(text.data()), text.size());
+  };
+  const std::string first = pack(bytes);
+  for (std::uint64_t trial = 0; trial < 20; ++trial) {
+    const CounterRandom content(19, trial);
+    for (std::size_t i = 0; i < other.size(); ++i) {
+      other[i] = static_cast<char>(content.below(i, 1 + trial));
+    }
+    pack(other);
+    EXPECT_EQ(pack(bytes), first);
+  }
 }
 
 }  // namespace

@@ -44,15 +44,31 @@ class Scripts : public testing::Test {
 
   /// Runs a script of the checkout, or of a copy of it.
   int run(const std::string& command, const fs::path& root = camber::test::source_dir()) {
+    return run_line("'" + root.string() + "'/" + command);
+  }
+
+  /// A line for the shell, in the folder, with the stand-ins.
+  int run_line(const std::string& command) {
     const std::string line = "cd '" + folder_.path().string() + "' && LOG='" + log_path().string() +
-                             "' PATH='" + folder_.path().string() + "/bin':\"$PATH\" '" +
-                             root.string() + "'/" + command + " >'" +
-                             (folder_.path() / "out").string() + "' 2>'" +
+                             "' PATH='" + folder_.path().string() + "/bin':\"$PATH\" " + command +
+                             " >'" + (folder_.path() / "out").string() + "' 2>'" +
                              (folder_.path() / "err").string() + "' </dev/null";
     const int status = std::system(line.c_str());
     out_ = read_text(folder_.path() / "out");
     err_ = read_text(folder_.path() / "err");
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  /// samples/run.sh in a tree where a stand-in for cmake builds a stand-in for the program.
+  void stand_in_for_builder(const std::string& cmake) {
+    stand_in("cmake", cmake);
+    const fs::path build = folder_.path() / "build/release";
+    fs::create_directories(build / "bin");
+    std::ofstream(build / "build.ninja") << "\n";
+    std::ofstream(build / "bin/camber") << "#!/bin/sh\necho made \"$@\"\n";
+    fs::permissions(build / "bin/camber", fs::perms::owner_all);
+    fs::create_directories(folder_.path() / "samples");
+    fs::copy_file(camber::test::source_dir() / "samples/run.sh", folder_.path() / "samples/run.sh");
   }
 
   fs::path log_path() const { return folder_.path() / "log"; }
@@ -198,6 +214,30 @@ TEST_F(Scripts, SummaryOfTheTestsSaysThatNoneWasSkippedAndKeepsTheFailure) {
       << "add_test(fails false)\n";
   EXPECT_EQ(run("tests/run.sh --no-install", folder_.path() / "checkout"), 1);
   EXPECT_THAT(out_, AllOf(HasSubstr("(Failed)"), HasSubstr("\n0 skipped\n")));
+}
+
+const char* const kForty = "for i in $(seq 40); do echo \"[$i/40] Building part $i\"; done";
+
+TEST_F(Scripts, TellHowFarTheBuildIsInAFewLines) {
+  stand_in_for_builder(kForty);
+  ASSERT_EQ(run_line("samples/run.sh --no-install"), 0) << err_;
+  EXPECT_THAT(out_, StartsWith("[10/40]\n[20/40]\n[30/40]\n[40/40]\nmade reconstruct "));
+  EXPECT_EQ(err_, "");
+}
+
+TEST_F(Scripts, TellHowFarTheBuildIsInOneLineOfATerminal) {
+  stand_in_for_builder(kForty);
+  ASSERT_EQ(run_line("script -qec 'samples/run.sh --no-install' /dev/null"), 0) << err_;
+  std::string counts;
+  for (int i = 1; i <= 40; ++i) counts += "\r[" + std::to_string(i) + "/40]";
+  EXPECT_THAT(out_, StartsWith(counts + "\r\033[Kmade reconstruct "));
+}
+
+TEST_F(Scripts, ShowTheOutputOfABuildThatFails) {
+  stand_in_for_builder("echo '[1/2] Building part 1'; echo 'part 1: error'; exit 1");
+  EXPECT_EQ(run_line("samples/run.sh --no-install"), 1);
+  EXPECT_THAT(err_, AllOf(HasSubstr("part 1: error"), HasSubstr("the build failed")));
+  EXPECT_THAT(out_, Not(HasSubstr("made")));
 }
 
 }  // namespace

@@ -324,39 +324,6 @@ std::vector<std::uint16_t> read_16bit(const fs::path& path, const PinholeCamera&
 
 constexpr float kNoDepth = std::numeric_limits<float>::quiet_NaN();
 
-// ---- writing ------------------------------------------------------------------------------------
-
-struct PngSink {
-  std::string* bytes = nullptr;
-  std::jmp_buf jump;
-};
-
-void png_sink_fail(png_structp png, png_const_charp) {
-  std::longjmp(static_cast<PngSink*>(png_get_error_ptr(png))->jump, 1);
-}
-
-void png_put(png_structp png, png_bytep data, png_size_t count) {
-  auto* sink = static_cast<PngSink*>(png_get_io_ptr(png));
-  sink->bytes->append(reinterpret_cast<const char*>(data), count);
-}
-
-void png_flush_nothing(png_structp) {}
-
-bool png_encode(png_structp png, png_infop info, PngSink* sink, const Image* image) {
-  if (setjmp(sink->jump)) return false;
-  png_set_write_fn(png, sink, png_put, png_flush_nothing);
-  png_set_IHDR(png, info, static_cast<png_uint_32>(image->width),
-               static_cast<png_uint_32>(image->height), 8,
-               image->channels == 1   ? PNG_COLOR_TYPE_GRAY
-               : image->channels == 3 ? PNG_COLOR_TYPE_RGB
-                                      : PNG_COLOR_TYPE_RGB_ALPHA,
-               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  png_write_info(png, info);
-  for (int y = 0; y < image->height; ++y) png_write_row(png, image->row(y));
-  png_write_end(png, nullptr);
-  return true;
-}
-
 }  // namespace
 
 ImageInfo read_image_info(const fs::path& path) {
@@ -479,35 +446,6 @@ DepthImage read_disparity_image(const fs::path& path, const PinholeCamera& camer
     out.metres.push_back(v == 0 ? kNoDepth : static_cast<float>(camera.fx * baseline * 256.0 / v));
   }
   return out;
-}
-
-void write_png(const Image& image, const fs::path& path) {
-  const bool sound = image.width > 0 && image.height > 0 && image.width <= kMaxSide &&
-                     image.height <= kMaxSide &&
-                     (image.channels == 1 || image.channels == 3 || image.channels == 4) &&
-                     image.data.size() == static_cast<std::size_t>(image.width) * image.height *
-                                              static_cast<std::size_t>(image.channels);
-  if (!sound) {
-    throw std::invalid_argument(
-        fmt::format("write_png: image of {} x {} x {} with {} bytes, expected 1, 3 or 4 channels "
-                    "and a byte for each sample",
-                    image.width, image.height, image.channels, image.data.size()));
-  }
-  std::string bytes;
-  PngSink sink;
-  sink.bytes = &bytes;
-  png_structp png =
-      png_create_write_struct(PNG_LIBPNG_VER_STRING, &sink, png_sink_fail, png_ignore_warning);
-  png_infop info = png ? png_create_info_struct(png) : nullptr;
-  struct Guard {
-    png_structp* png;
-    png_infop* info;
-    ~Guard() { png_destroy_write_struct(png, info); }
-  } guard{&png, &info};
-  if (!png || !info || !png_encode(png, info, &sink, &image)) {
-    throw MachineError("the PNG library cannot write an image");
-  }
-  write_file_atomically(path, bytes);
 }
 
 }  // namespace camber

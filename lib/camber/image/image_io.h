@@ -63,8 +63,21 @@ DepthImage read_depth_image(const std::filesystem::path& path, const std::string
 DepthImage read_disparity_image(const std::filesystem::path& path, const PinholeCamera& camera,
                                 double baseline);
 
-/// Writes an 8-bit PNG of 1, 3 or 4 channels, atomically.
-/// @throws OutputError; std::invalid_argument for an image that is empty or not as Image says.
+/// An image as the bytes of a PNG file of 8 bits and 1, 3 or 4 channels. The same pixels give the
+/// same bytes. @param level  of zlib's compression, 1 (fast) to 9.
+/// @throws std::invalid_argument for an image that is empty or not as Image says.
+std::string encode_png(const Image& image, int level = 6);
+
+/// 16-bit values, rows from the top, as the bytes of a PNG file of one channel.
+/// @throws std::invalid_argument for an empty image or another number of values.
+std::string encode_png16(int width, int height, const std::vector<std::uint16_t>& values,
+                         int level = 6);
+
+/// An image of 3 channels as the bytes of a JPEG file. @param quality  1 to 100.
+/// @throws std::invalid_argument as encode_png().
+std::string encode_jpeg(const Image& image, int quality = 90);
+
+/// Writes encode_png(), atomically. @throws OutputError, and as encode_png().
 void write_png(const Image& image, const std::filesystem::path& path);
 
 }  // namespace camber

@@ -7,10 +7,10 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/image/image_io.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/render/gltf.h"
 #include "camber/render/overlay.h"
-#include "camber/render/picture_file.h"
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
 

@@ -1,11 +1,7 @@
 #include "camber/render/picture_file.h"
 
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
-
-#include "camber/core/errors.h"
 
 namespace camber {
 namespace {
@@ -42,19 +38,6 @@ void require_picture(const Image& picture, const char* name) {
         std::to_string(picture.channels) + " channels and " + std::to_string(picture.data.size()) +
         " bytes, expected 3 channels and " + std::to_string(expected));
   }
-}
-
-std::vector<std::uint8_t> encode_png(const Image& picture) {
-  require_picture(picture, "picture");
-  const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
-                    const_cast<std::uint8_t*>(picture.data.data()));
-  cv::Mat bgr;
-  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  std::vector<std::uint8_t> bytes;
-  if (!cv::imencode(".png", bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, 4})) {
-    throw MachineError("the PNG encoder failed");
-  }
-  return bytes;
 }
 
 }  // namespace camber

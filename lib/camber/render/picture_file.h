@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "camber/image/image_io.h"
 
@@ -13,10 +12,5 @@ Image make_picture(int width, int height, std::uint8_t grey);
 /// Throws std::invalid_argument unless the picture has sides of at least 1, 3 channels and as many
 /// bytes as that needs. @param name how the sentence calls it.
 void require_picture(const Image& picture, const char* name);
-
-/// A PNG of a colour picture in memory; the same pixels give the same bytes. Into a file:
-/// write_png() of camber/image/image_io.h.
-/// @throws std::invalid_argument as require_picture().
-std::vector<std::uint8_t> encode_png(const Image& picture);
 
 }  // namespace camber

@@ -8,7 +8,6 @@
 #include "camber/core/errors.h"
 #include "camber/render/base64.h"
 #include "camber/render/color_map.h"
-#include "camber/render/picture_file.h"
 
 namespace camber {
 namespace {
@@ -107,12 +106,11 @@ class SvgPaper : public Paper {
             number(radius) + "\"" + fill(color) + "/>\n";
   }
   void picture(const Box2& place, const Image& image) override {
-    const std::vector<std::uint8_t> png = encode_png(image);
     body += "<image x=\"" + number(place.x1) + "\" y=\"" + number(place.y1) + "\" width=\"" +
             number(place.width()) + "\" height=\"" + number(place.height()) +
             "\" preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" "
             "href=\"data:image/png;base64," +
-            base64(std::string(png.begin(), png.end())) + "\"/>\n";
+            base64(encode_png(image)) + "\"/>\n";
   }
   void text(const Vector2d& at, const std::string& line, double size, TextAnchor anchor,
             bool bold) override {

@@ -10,7 +10,6 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/version.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
@@ -109,14 +108,7 @@ constexpr std::size_t kLargePhoto = 200000;
 std::string figure(const fs::path& file, const std::string& caption, bool photo) {
   std::string bytes = read_bytes(file), type = "png";
   if (photo && bytes.size() > kLargePhoto) {
-    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, bytes.data());
-    const cv::Mat picture = cv::imdecode(raw, cv::IMREAD_COLOR);
-    std::vector<std::uint8_t> jpeg;
-    if (picture.empty()) throw InputError(file.string(), "found no PNG image, expected one");
-    if (!cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, 90})) {
-      throw MachineError("the JPEG encoder failed");
-    }
-    bytes.assign(jpeg.begin(), jpeg.end());
+    bytes = encode_jpeg(read_color_image(file), 90);
     type = "jpeg";
   }
   return std::string("<figure><div class=\"p") + (photo ? "" : " drawn") + "\"><img alt=\"" +

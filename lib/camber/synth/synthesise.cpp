@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <ostream>
 #include <stdexcept>
 
@@ -13,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/random.h"
 #include "camber/core/version.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/results.h"
 
 namespace fs = std::filesystem;
@@ -26,23 +26,20 @@ void check(bool good, const char* name, double value, const char* expected) {
   }
 }
 
-void write_png(const cv::Mat& image, const fs::path& path) {
-  std::vector<unsigned char> bytes;
-  if (!cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 9})) {
-    throw OutputError(path.string(), "the picture cannot be encoded");
-  }
-  write_file_atomically(path, std::string(bytes.begin(), bytes.end()));
+/// Scenes are made once and kept: the smallest files.
+constexpr int kCompression = 9;
+
+void write_image(Image image, const fs::path& path) {
+  write_file_atomically(path, encode_png(image, kCompression));
 }
 
 /// Metres * 256 in 16 bits, 0 for the sky and beyond 255.9 m.
-cv::Mat kitti_depth(const ViewTruth& truth, const PinholeCamera& camera) {
-  cv::Mat out(camera.height, camera.width, CV_16UC1);
-  for (int v = 0; v < camera.height; ++v) {
-    for (int u = 0; u < camera.width; ++u) {
-      const double depth = truth.hits[static_cast<std::size_t>(v) * camera.width + u].distance;
-      out.at<std::uint16_t>(v, u) =
-          depth < 255.9 ? static_cast<std::uint16_t>(std::lround(256.0 * depth)) : 0;
-    }
+std::vector<std::uint16_t> kitti_depth(const ViewTruth& truth) {
+  std::vector<std::uint16_t> out;
+  out.reserve(truth.hits.size());
+  for (const WorldHit& hit : truth.hits) {
+    out.push_back(
+        hit.distance < 255.9 ? static_cast<std::uint16_t>(std::lround(256.0 * hit.distance)) : 0);
   }
   return out;
 }
@@ -268,12 +265,12 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
     frame_truth.ego_plane = world.views[f].ego_plane.transformed(camera_from_world);
     frame_truth.vehicles = true_vehicles(world, f, options.camera, seen);
     frame_truth.label = root / "truth/label" / file;
-    write_png(cv::Mat(height, width, CV_8UC1, const_cast<std::uint8_t*>(seen.labels.data())),
-              frame_truth.label);
+    write_image({width, height, 1, seen.labels}, frame_truth.label);
     if (f == 0 || f == options.num_frames - 1) {
       frame_truth.depth = root / "truth/depth" / file;
       frame_truth.depth_encoding = "kitti";
-      write_png(kitti_depth(seen, options.camera), frame_truth.depth);
+      write_file_atomically(frame_truth.depth,
+                            encode_png16(width, height, kitti_depth(seen), kCompression));
     }
 
     SceneFrame frame;
@@ -285,7 +282,7 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
     summary.detections += static_cast<int>(frame.vehicles.size());
     std::vector<std::uint8_t> segmentation =
         simulate_segmentation(seen, options.camera, options.seed, f);
-    write_png(cv::Mat(height, width, CV_8UC1, segmentation.data()), frame.segmentation);
+    write_image({width, height, 1, std::move(segmentation)}, frame.segmentation);
     truth.frames.push_back(std::move(frame_truth));
     truth_timer.stop();
 
@@ -293,8 +290,7 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
     StageTimer render_timer(summary.timings, "render");
     std::vector<std::uint8_t> picture =
         render_view(world, f, options.camera, sensor, options.num_threads);
-    for (std::size_t i = 0; i < picture.size(); i += 3) std::swap(picture[i], picture[i + 2]);
-    write_png(cv::Mat(height, width, CV_8UC3, picture.data()), frame.image);
+    write_image({width, height, 3, std::move(picture)}, frame.image);
     scene.frames.push_back(std::move(frame));
   }
 

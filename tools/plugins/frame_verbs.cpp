@@ -1,0 +1,16 @@
+#include "run_verb.h"
+
+CAMBER_EXPORT int camber_run(int argc, char** argv) {
+  using namespace camber::tools;
+  return run_verb(argc, argv,
+                  {{"reconstruct", register_reconstruct},
+                   {"triangulate", register_triangulate},
+                   {"vehicles", register_vehicles},
+                   {"profile", register_profile},
+                   {"compare", register_compare},
+                   {"evaluate", register_evaluate},
+                   {"render", register_render},
+                   {"import", register_import},
+                   {"prior", register_prior},
+                   {"synth", register_synth}});
+}

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "camber/render/detail/film_encoder.h"
+
+namespace camber::tools {
+
+/// What the plugin video exports as camber_video(): the functions of the library that call OpenCV's
+/// videoio.
+struct VideoFunctions {
+  decltype(&camber::open_film_encoder) open_film_encoder;
+  decltype(&camber::count_film_pictures) count_film_pictures;
+};
+
+}  // namespace camber::tools

@@ -1,0 +1,44 @@
+#include "plugin.h"
+
+#include <dlfcn.h>
+#include <unistd.h>
+
+#include <climits>
+#include <string>
+
+#include "camber/core/errors.h"
+#include "camber/core/version.h"
+
+namespace camber::tools {
+namespace {
+
+/// The folder of the plugins, next to the one of the program.
+std::string plugin_folder() {
+  char self[PATH_MAX];
+  const ssize_t length = ::readlink("/proc/self/exe", self, sizeof self);
+  const std::string program(self, length > 0 ? static_cast<std::size_t>(length) : 0);
+  return program.substr(0, program.rfind('/') + 1) + CAMBER_PLUGIN_FOLDER;
+}
+
+[[noreturn]] void refuse(const std::string& file, const std::string& reason) {
+  throw MachineError("this part of the program cannot be loaded: " + file + ": " + reason +
+                     "; build or install the program anew");
+}
+
+}  // namespace
+
+void* plugin_symbol(const std::string& plugin, const char* symbol) {
+  const std::string file = plugin_folder() + "/libcamber_" + plugin + ".so";
+  if (::access(file.c_str(), F_OK) != 0) refuse(file, "no such file");
+  void* module = ::dlopen(file.c_str(), RTLD_LAZY | RTLD_LOCAL);
+  if (!module) refuse(file, ::dlerror());
+  using Version = const char* (*)();
+  const auto version = reinterpret_cast<Version>(::dlsym(module, "camber_plugin_version"));
+  const std::string made_for = version ? version() : "none";
+  if (made_for != kVersion) refuse(file, "found version " + made_for + ", expected " + kVersion);
+  void* found = ::dlsym(module, symbol);
+  if (!found) refuse(file, std::string("found no ") + symbol);
+  return found;
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+
+namespace camber::tools {
+
+/// The program is made of a small front and of plugins, shared modules libcamber_NAME.so in the
+/// folder lib/camber beside its bin. Each holds its part of the library; what it needs from outside
+/// is loaded with it, at its first use:
+///   clouds  commands on clouds
+///   frames  all other commands: OpenCV, without its image and video formats
+///   vtk     text and 3D scenes
+///   video   films: OpenCV's videoio
+///
+/// @return what a plugin exports under that name, not nullptr.
+/// @throws MachineError if the plugin is not there, cannot be loaded, or is of another version.
+void* plugin_symbol(const std::string& plugin, const char* symbol);
+
+}  // namespace camber::tools
+
+/// Marks what a plugin exports; all else is hidden.
+#define CAMBER_EXPORT extern "C" __attribute__((visibility("default")))

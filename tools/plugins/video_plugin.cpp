@@ -1,0 +1,9 @@
+#include "late_video.h"
+#include "plugin.h"
+
+CAMBER_EXPORT const camber::tools::VideoFunctions* camber_video();
+CAMBER_EXPORT const camber::tools::VideoFunctions* camber_video() {
+  static const camber::tools::VideoFunctions functions = {camber::open_film_encoder,
+                                                          camber::count_film_pictures};
+  return &functions;
+}
