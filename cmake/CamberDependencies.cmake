@@ -2,19 +2,24 @@
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(fmt REQUIRED)
-find_package(spdlog REQUIRED)
 find_package(nlohmann_json REQUIRED)
 find_package(TBB REQUIRED)
 find_package(PNG REQUIRED)
 find_package(JPEG REQUIRED)
-find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs calib3d video videoio)
+find_package(OpenCV REQUIRED COMPONENTS core imgproc calib3d video videoio)
 find_package(Ceres REQUIRED)
+find_package(embree 3.13 REQUIRED)
 find_package(MPI REQUIRED COMPONENTS C)
-find_package(VTK 9.1 REQUIRED)
-find_package(PCL 1.13 REQUIRED COMPONENTS common sample_consensus segmentation)
-find_path(FLANN_INCLUDE_DIR flann/flann.hpp REQUIRED)
-find_library(FLANN_LIBRARY flann_cpp REQUIRED)
-find_library(LZ4_LIBRARY lz4 REQUIRED)  # FLANN's headers call it
+find_package(VTK 9.1 REQUIRED
+             COMPONENTS CommonColor CommonCore CommonDataModel CommonExecutionModel CommonMath
+                        FiltersCore FiltersSources InteractionStyle RenderingCore RenderingFreeType
+                        RenderingOpenGL2
+             OPTIONAL_COMPONENTS GUISupportQt)
+# By path: PCL's own configuration finds all that any part of PCL needs, VTK and Qt among it.
+find_path(PCL_INCLUDE_DIRS pcl/sample_consensus/msac.h
+          PATH_SUFFIXES pcl-1.13 pcl-1.14 pcl-1.15 REQUIRED)
+find_library(PCL_COMMON_LIBRARY pcl_common REQUIRED)
+find_library(PCL_SAMPLE_CONSENSUS_LIBRARY pcl_sample_consensus REQUIRED)
 find_path(LZF_INCLUDE_DIR liblzf/lzf.h REQUIRED)
 find_library(LZF_LIBRARY lzf REQUIRED)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)

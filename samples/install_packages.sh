@@ -7,13 +7,15 @@ set -euo pipefail
 # interactive viewer's packages, qtbase5-dev and libvtk9-qt-dev, are among those that libpcl-dev needs.
 program_packages=(
   cmake g++ ninja-build
-  libceres-dev libcli11-dev libeigen3-dev libflann-dev libfmt-dev libjpeg-dev liblz4-dev liblzf-dev
-  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libspdlog-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
+  libceres-dev libcli11-dev libeigen3-dev libembree-dev libfmt-dev libjpeg-dev liblzf-dev
+  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
 # Besides, to build and to run the tests and the benchmarks; Chromium opens the report, the viewer
 # opens on a display in memory, Python compares benchmarks.
-test_packages=(chromium doxygen libbenchmark-dev libgmock-dev libgtest-dev python3 xdotool xvfb)
+test_packages=(
+  chromium doxygen libbenchmark-dev libflann-dev libgmock-dev libgtest-dev liblz4-dev python3 xdotool xvfb
+)
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.
 clang_packages=(clang clang-format clang-tidy libclang-rt-dev)

@@ -1,6 +1,8 @@
-# cmake -DBUILD=... -DWORK=... -DEXAMPLE=... -DSCENE=... [-DLAUNCHER=...] -P package_test.cmake
-# Installs a build into an empty prefix; then configures, builds and runs a separate project there.
+# cmake -DBUILD=... -DSOURCE=... -DWORK=... -DEXAMPLE=... -DSCENE=... [-DLAUNCHER=...]
+#       -P package_test.cmake
+# Installs a build into an empty prefix; then configures, builds and runs separate projects there.
 set(prefix ${WORK}/prefix)
+set(heavy "VTK|vtk|[Oo]pen[Cc][Vv]|[Cc]eres")
 file(REMOVE_RECURSE ${WORK})
 function(step what)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
@@ -9,12 +11,22 @@ function(step what)
   endif()
   set(output "${out}" PARENT_SCOPE)
 endfunction()
+# configure(PROJECT FOLDER OPTIONS...): the command that configures a project of this folder.
+macro(configure project folder)
+  set(configure ${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/${project} -B ${WORK}/${folder} -G Ninja
+                -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix}
+                -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER} --no-warn-unused-cli ${ARGN})
+endmacro()
 
 step("cmake --install" ${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
-step("configuring the project that uses the package"
-     ${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${WORK}/build -G Ninja
-     -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix} -DEXAMPLE=${EXAMPLE}
-     -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER} --no-warn-unused-cli)
+file(GLOB_RECURSE private_headers ${prefix}/include/camber/*/detail/*)
+if(private_headers)
+  message(FATAL_ERROR "private headers are installed: ${private_headers}")
+endif()
+
+# Everything, with a library example.
+configure(consumer build -DEXAMPLE=${EXAMPLE})
+step("configuring the project that uses the package" ${configure})
 # Found in the prefix, and nowhere else: nothing of the source tree or of its build.
 file(STRINGS ${WORK}/build/CMakeCache.txt found REGEX "^camber_DIR:")
 string(FIND "${found}" "=${prefix}/" place)
@@ -30,14 +42,66 @@ foreach(file IN LISTS package_files)
 endforeach()
 step("building the project that uses the package" ${CMAKE_COMMAND} --build ${WORK}/build)
 step("the program that includes every header" ${WORK}/build/all_headers)
-step("the installed program" ${prefix}/bin/camber --version)
-if(NOT output MATCHES "^camber [0-9]+[.][0-9]+[.][0-9]+\n$")
-  message(FATAL_ERROR "camber --version printed: ${output}")
-endif()
 if(EXAMPLE)
   step("the library example" ${WORK}/build/example ${SCENE})
   if(NOT output MATCHES "${EXPECTED}")
     message(FATAL_ERROR "the library example printed nothing like ${EXPECTED}:\n${output}")
   endif()
+endif()
+
+# One module: neither asking for it nor naming no component may bring the others' libraries into
+# the program, and asking for it may not even find them.
+set(plane -DPROGRAM=${SOURCE}/samples/02_fit_plane.cpp)
+foreach(components IN ITEMS plane "")
+  configure(consumer_plane "plane_${components}" ${plane} "-DCOMPONENTS=${components}")
+  step("configuring the project with components '${components}'" ${configure})
+  if(components)
+    file(STRINGS ${WORK}/plane_${components}/CMakeCache.txt found REGEX "^(${heavy})[A-Za-z]*_DIR:")
+    if(found)
+      message(FATAL_ERROR "the component plane finds ${found}")
+    endif()
+  endif()
+  step("building the project with components '${components}'" ${CMAKE_COMMAND} --build
+       ${WORK}/plane_${components})
+  set(program ${WORK}/plane_${components}/fit_plane)
+  step("the program" ${program} ${SCENE}/truth/road.ply)
+  step("ldd" ldd ${program})
+  if(output MATCHES "${heavy}")
+    message(FATAL_ERROR "a program that links camber::plane loads other libraries:\n${output}")
+  endif()
+endforeach()
+
+# A machine without the heavy libraries.
+set(lacking -DCMAKE_DISABLE_FIND_PACKAGE_VTK=ON -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
+            -DCMAKE_DISABLE_FIND_PACKAGE_Ceres=ON)
+configure(consumer_plane lacking ${plane} ${lacking} "-DABSENT=image;road;render;pipeline")
+step("configuring without the packages of other modules" ${configure})
+configure(consumer_plane refused ${plane} ${lacking} "-DCOMPONENTS=plane;road")
+execute_process(COMMAND ${configure} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
+string(REGEX REPLACE "[ \n]+" " " out "${out}")
+if(status EQUAL 0 OR NOT out MATCHES "camber::road needs Ceres, which was not found")
+  message(FATAL_ERROR "a component without its packages ended with ${status}:\n${out}")
+endif()
+configure(consumer_plane unknown ${plane} "-DCOMPONENTS=plain")
+execute_process(COMMAND ${configure} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
+string(REGEX REPLACE "[ \n]+" " " out "${out}")
+if(status EQUAL 0 OR NOT out MATCHES "There is no component plain; the components are core geometry")
+  message(FATAL_ERROR "a component that does not exist ended with ${status}:\n${out}")
+endif()
+
+# The program, moved: it finds its plugins beside itself, and says so where one is missing.
+file(RENAME ${prefix} ${WORK}/moved)
+step("the installed program" ${WORK}/moved/bin/camber --version)
+if(NOT output MATCHES "^camber [0-9]+[.][0-9]+[.][0-9]+\n$")
+  message(FATAL_ERROR "camber --version printed: ${output}")
+endif()
+step("a command of the installed program" ${WORK}/moved/bin/camber plane ${SCENE}/truth/road.ply)
+file(GLOB_RECURSE plugin ${WORK}/moved/*/libcamber_clouds.so)
+file(REMOVE ${plugin})
+execute_process(COMMAND ${WORK}/moved/bin/camber plane ${SCENE}/truth/road.ply
+                RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE error)
+if(NOT status EQUAL 3 OR NOT out STREQUAL ""
+   OR NOT error MATCHES "^camber: [^\n]*libcamber_clouds.so: no such file[^\n]*\n$")
+  message(FATAL_ERROR "without its plugin the program ended with ${status}:\n${out}${error}")
 endif()
 file(REMOVE_RECURSE ${WORK})

@@ -1,18 +1,21 @@
 #include "camber/evaluate/triangle_tree.h"
 
+#include <embree3/rtcore.h>
+#include <oneapi/tbb/task_arena.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <stdexcept>
 #include <string>
 
 #include "camber/cloud/morton.h"
+#include "camber/core/errors.h"
 #include "camber/core/threads.h"
 
 namespace camber {
 namespace {
-
-constexpr int kLeaf = 4;  // triangles, at most
 
 Eigen::Vector3d nearest_on_segment(const Eigen::Vector3d& p, const Eigen::Vector3d& a,
                                    const Eigen::Vector3d& b) {
@@ -20,6 +23,13 @@ Eigen::Vector3d nearest_on_segment(const Eigen::Vector3d& p, const Eigen::Vector
   const double length = ab.squaredNorm();
   if (!(length > 0.0)) return a;
   return a + std::clamp((p - a).dot(ab) / length, 0.0, 1.0) * ab;
+}
+
+void check(RTCDevice device) {
+  const RTCError error = rtcGetDeviceError(device);
+  if (error == RTC_ERROR_NONE) return;
+  if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+  throw MachineError("Embree cannot search a mesh: its error " + std::to_string(error));
 }
 
 }  // namespace
@@ -55,146 +65,136 @@ Eigen::Vector3d nearest_on_triangle(const Eigen::Vector3d& p, const Eigen::Vecto
   return a + ab * (vb / sum) + ac * (vc / sum);
 }
 
+struct TriangleTree::Impl {
+  std::vector<Eigen::Vector3d> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<int> searched;  // triangles of the tree, by Embree's number
+  RTCDevice device = nullptr;
+  RTCScene scene = nullptr;
+
+  ~Impl() {
+    if (scene) rtcReleaseScene(scene);
+    if (device) rtcReleaseDevice(device);
+  }
+
+  void build();
+  double squared_distance(int triangle, const Eigen::Vector3d& place) const {
+    const auto& t = triangles[static_cast<std::size_t>(triangle)];
+    return (nearest_on_triangle(place, vertices[t[0]], vertices[t[1]], vertices[t[2]]) - place)
+        .squaredNorm();
+  }
+};
+
+namespace {
+
+/// A distance within which Embree, which knows the place and the boxes of its tree as floats, must
+/// look so that nothing is missed within `distance`.
+float reach(double distance, const Eigen::Vector3d& place) {
+  // Rounding of the place's coordinates, and of the few operations on them.
+  const double slack = 1e-6 * distance + 4e-7 * place.cwiseAbs().maxCoeff();
+  return std::nextafter(static_cast<float>(distance + slack),
+                        std::numeric_limits<float>::infinity());
+}
+
+}  // namespace
+
 TriangleTree::TriangleTree(std::vector<Eigen::Vector3d> vertices,
                            const std::vector<std::array<std::uint32_t, 3>>& triangles)
-    : vertices_(std::move(vertices)), triangles_(triangles) {
-  std::vector<Eigen::Vector3d> centers(triangles_.size());
-  for (std::size_t t = 0; t < triangles_.size(); ++t) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const std::uint32_t v : triangles_[t]) {
-      if (v >= vertices_.size()) {
+    : impl_(std::make_unique<Impl>()) {
+  impl_->vertices = std::move(vertices);
+  impl_->triangles = triangles;
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    bool finite = true;
+    for (const std::uint32_t v : triangles[t]) {
+      if (v >= impl_->vertices.size()) {
         throw std::invalid_argument("triangle " + std::to_string(t) + ": found vertex " +
                                     std::to_string(v) + ", expected below " +
-                                    std::to_string(vertices_.size()));
+                                    std::to_string(impl_->vertices.size()));
       }
-      sum += vertices_[v];
+      finite = finite && impl_->vertices[v].cast<float>().allFinite();
     }
-    centers[t] = sum / 3.0;
-    if (sum.allFinite()) order_.push_back(static_cast<int>(t));
+    if (finite) impl_->searched.push_back(static_cast<int>(t));
   }
-  if (order_.empty()) return;
-  nodes_.reserve(order_.size());
-  build(0, static_cast<int>(order_.size()), centers);
-  corners_.reserve(order_.size());
-  for (const int t : order_) {
-    const auto& triangle = triangles_[static_cast<std::size_t>(t)];
-    corners_.push_back({vertices_[triangle[0]], vertices_[triangle[1]], vertices_[triangle[2]]});
-  }
+  if (!impl_->searched.empty()) impl_->build();
 }
 
-int TriangleTree::build(int first, int count, std::vector<Eigen::Vector3d>& centers) {
-  const int index = static_cast<int>(nodes_.size());
-  nodes_.emplace_back();
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()),
-                  high = -low, center_low = low, center_high = high;
-  for (int i = first; i < first + count; ++i) {
-    const std::size_t t = static_cast<std::size_t>(order_[static_cast<std::size_t>(i)]);
-    for (const std::uint32_t v : triangles_[t]) {
-      low = low.cwiseMin(vertices_[v]);
-      high = high.cwiseMax(vertices_[v]);
-    }
-    center_low = center_low.cwiseMin(centers[t]);
-    center_high = center_high.cwiseMax(centers[t]);
-  }
-  Node node;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float infinity = std::numeric_limits<float>::infinity();
-    node.low[axis] = std::nextafter(static_cast<float>(low[axis]), -infinity);
-    node.high[axis] = std::nextafter(static_cast<float>(high[axis]), infinity);
-  }
-  if (count <= kLeaf) {
-    node.first = first;
-    node.count = count;
-    nodes_[static_cast<std::size_t>(index)] = node;
-    return index;
-  }
-  int axis = 0;
-  (center_high - center_low).maxCoeff(&axis);
-  const int half = count / 2;
-  std::nth_element(order_.begin() + first, order_.begin() + first + half,
-                   order_.begin() + first + count, [&](int a, int b) {
-                     const double x = centers[static_cast<std::size_t>(a)][axis],
-                                  y = centers[static_cast<std::size_t>(b)][axis];
-                     return x < y || (x == y && a < b);
-                   });
-  build(first, half, centers);
-  node.first = build(first + half, count - half, centers);
-  nodes_[static_cast<std::size_t>(index)] = node;
-  return index;
-}
+TriangleTree::~TriangleTree() = default;
+TriangleTree::TriangleTree(TriangleTree&& other) noexcept = default;
+TriangleTree& TriangleTree::operator=(TriangleTree&& other) noexcept = default;
 
-double TriangleTree::distance_to(int at, const Eigen::Vector3d& place) const {
-  const Corners& t = corners_[static_cast<std::size_t>(at)];
-  return (nearest_on_triangle(place, t.a, t.b, t.c) - place).squaredNorm();
+bool TriangleTree::empty() const { return impl_->searched.empty(); }
+
+void TriangleTree::Impl::build() {
+  device = rtcNewDevice(nullptr);
+  if (!device) check(nullptr);
+  scene = rtcNewScene(device);
+  RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  auto* places = static_cast<float*>(rtcSetNewGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float), vertices.size()));
+  auto* corners = static_cast<std::uint32_t*>(
+      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                              3 * sizeof(std::uint32_t), searched.size()));
+  if (places && corners) {
+    for (const Eigen::Vector3d& v : vertices) {
+      for (int axis = 0; axis < 3; ++axis) *places++ = static_cast<float>(v[axis]);
+    }
+    for (const int t : searched) {
+      for (const std::uint32_t v : triangles[static_cast<std::size_t>(t)]) *corners++ = v;
+    }
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene, geometry);
+  }
+  rtcReleaseGeometry(geometry);
+  check(device);
+  // On this thread alone: Embree's own limit of threads would be that of the whole process.
+  oneapi::tbb::task_arena arena(1);
+  arena.execute([&] { rtcJoinCommitScene(scene); });
+  check(device);
 }
 
 TriangleTree::Nearest TriangleTree::nearest(const Eigen::Vector3d& place, double limit) const {
-  Nearest best;
-  best.squared_distance = limit;
-  if (order_.empty() || !place.allFinite()) return {};
-  const auto box_distance = [&](const Node& node) {
-    double sum = 0.0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double outside = std::max(std::max(static_cast<double>(node.low[axis]) - place[axis],
-                                               place[axis] - static_cast<double>(node.high[axis])),
-                                      0.0);
-      sum += outside * outside;
+  if (empty() || !place.cast<float>().allFinite()) return {};
+  struct Search {
+    const Impl& tree;
+    const Eigen::Vector3d& place;
+    Nearest best;
+  } search{*impl_, place, {}};
+  search.best.squared_distance = limit;
+  RTCPointQuery query{};
+  query.x = static_cast<float>(place.x());
+  query.y = static_cast<float>(place.y());
+  query.z = static_cast<float>(place.z());
+  query.radius = reach(std::sqrt(limit), place);
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  const RTCPointQueryFunction measure = [](RTCPointQueryFunctionArguments* found) {
+    auto& s = *static_cast<Search*>(found->userPtr);
+    const int triangle = s.tree.searched[found->primID];
+    const double distance = s.tree.squared_distance(triangle, s.place);
+    if (distance > s.best.squared_distance ||
+        (distance == s.best.squared_distance && triangle >= s.best.triangle)) {
+      return false;
     }
-    return sum;
+    s.best = {triangle, distance};
+    const float radius = reach(std::sqrt(distance), s.place);
+    if (!(radius < found->query->radius)) return false;
+    found->query->radius = radius;
+    return true;  // the radius is another
   };
-  struct Pending {
-    int node;
-    double bound;
-  };
-  Pending stack[64];  // the tree is balanced
-  int height = 0;
-  stack[height++] = {0, box_distance(nodes_[0])};
-  while (height > 0) {
-    const Pending at = stack[--height];
-    if (at.bound > best.squared_distance) continue;
-    int here = at.node;
-    for (;;) {
-      const Node& node = nodes_[static_cast<std::size_t>(here)];
-      if (node.count > 0) {
-        for (int i = node.first; i < node.first + node.count; ++i) {
-          const double distance = distance_to(i, place);
-          const int triangle = order_[static_cast<std::size_t>(i)];
-          if (distance < best.squared_distance ||
-              (distance == best.squared_distance && triangle < best.triangle)) {
-            best = {triangle, distance};
-          }
-        }
-        break;
-      }
-      int near = here + 1, far = node.first;
-      double near_bound = box_distance(nodes_[static_cast<std::size_t>(near)]);
-      double far_bound = box_distance(nodes_[static_cast<std::size_t>(far)]);
-      if (far_bound < near_bound) {
-        std::swap(near, far);
-        std::swap(near_bound, far_bound);
-      }
-      if (far_bound <= best.squared_distance) stack[height++] = {far, far_bound};
-      if (near_bound > best.squared_distance) break;
-      here = near;
-    }
-  }
-  if (best.triangle < 0) return {};
-  return best;
+  rtcPointQuery(impl_->scene, &query, &context, measure, &search);
+  return search.best.triangle < 0 ? Nearest{} : search.best;
 }
 
 std::vector<TriangleTree::Nearest> TriangleTree::nearest_of_all(
     const std::vector<Eigen::Vector3d>& places, int num_threads) const {
   std::vector<Nearest> out(places.size());
-  if (order_.empty()) return out;
+  if (empty()) return out;
+  const auto& first = impl_->triangles[static_cast<std::size_t>(impl_->searched[0])];
   std::vector<Eigen::Vector3f> rounded(places.size());
   for (std::size_t i = 0; i < places.size(); ++i) {
-    rounded[i] = (places[i] - corners_[0].a).cast<float>();
+    rounded[i] = (places[i] - impl_->vertices[first[0]]).cast<float>();
   }
   const std::vector<int> order = morton_order(rounded);
-  std::vector<int> position(triangles_.size(), -1);
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    position[static_cast<std::size_t>(order_[i])] = static_cast<int>(i);
-  }
   constexpr std::size_t kBlock = 4096;
   parallel_for((order.size() + kBlock - 1) / kBlock, num_threads, [&](std::size_t block) {
     int last = -1;  // the last place's triangle is near this one too
@@ -204,8 +204,7 @@ std::vector<TriangleTree::Nearest> TriangleTree::nearest_of_all(
       if (!place.allFinite()) continue;
       double limit = std::numeric_limits<double>::infinity();
       if (last >= 0) {
-        limit =
-            distance_to(position[static_cast<std::size_t>(last)], place) * (1.0 + 1e-12) + 1e-300;
+        limit = impl_->squared_distance(last, place) * (1.0 + 1e-12) + 1e-300;
       }
       const Nearest found = nearest(place, limit);
       if (found.triangle < 0) continue;  // too far for numbers
@@ -217,9 +216,9 @@ std::vector<TriangleTree::Nearest> TriangleTree::nearest_of_all(
 }
 
 Eigen::Vector3d TriangleTree::normal(int triangle) const {
-  const auto& t = triangles_[static_cast<std::size_t>(triangle)];
-  const Eigen::Vector3d n =
-      (vertices_[t[1]] - vertices_[t[0]]).cross(vertices_[t[2]] - vertices_[t[0]]);
+  const auto& t = impl_->triangles[static_cast<std::size_t>(triangle)];
+  const auto& v = impl_->vertices;
+  const Eigen::Vector3d n = (v[t[1]] - v[t[0]]).cross(v[t[2]] - v[t[0]]);
   const double length = n.norm();
   return length > 0.0 ? Eigen::Vector3d(n / length) : Eigen::Vector3d::Zero();
 }

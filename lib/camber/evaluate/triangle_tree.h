@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 namespace camber {
@@ -13,22 +14,27 @@ namespace camber {
 Eigen::Vector3d nearest_on_triangle(const Eigen::Vector3d& place, const Eigen::Vector3d& a,
                                     const Eigen::Vector3d& b, const Eigen::Vector3d& c);
 
-/// Exact distances from points to a mesh: a tree of bounding boxes over its triangles. Immutable
-/// after construction: any number of threads may search it.
+/// Exact distances from points to a mesh. Embree's tree, in float, finds the triangles that can be
+/// nearest; their distances are measured in double. Coordinates should be small, relative to an
+/// origin near the mesh: the tree is then tight. Immutable after construction: any number of
+/// threads may search it.
 class TriangleTree {
  public:
   struct Nearest {
-    int triangle = -1;  ///< -1: none
+    int triangle = -1;  ///< -1: none; of equally near ones, the first
     double squared_distance = std::numeric_limits<double>::infinity();
   };
 
-  /// Triangles with a corner that is not finite are left out.
+  /// Triangles with a corner that is not finite as a float are left out.
   /// @param triangles indices into `vertices`, at most 2^31 - 1
   /// @throws std::invalid_argument for an index out of range.
   TriangleTree(std::vector<Eigen::Vector3d> vertices,
                const std::vector<std::array<std::uint32_t, 3>>& triangles);
+  ~TriangleTree();
+  TriangleTree(TriangleTree&& other) noexcept;
+  TriangleTree& operator=(TriangleTree&& other) noexcept;
 
-  bool empty() const { return order_.empty(); }
+  bool empty() const;
 
   /// The nearest triangle if it is closer than the square root of `limit`.
   Nearest nearest(const Eigen::Vector3d& place,
@@ -43,22 +49,8 @@ class TriangleTree {
   Eigen::Vector3d normal(int triangle) const;
 
  private:
-  struct Node {
-    float low[3], high[3];  ///< rounded outwards
-    int first = 0;          ///< leaf: into order_; inner: the right child (the left one is next)
-    int count = 0;          ///< 0: inner
-  };
-  struct Corners {
-    Eigen::Vector3d a, b, c;
-  };
-  int build(int first, int count, std::vector<Eigen::Vector3d>& centers);
-  double distance_to(int triangle, const Eigen::Vector3d& place) const;
-
-  std::vector<Eigen::Vector3d> vertices_;
-  std::vector<std::array<std::uint32_t, 3>> triangles_;
-  std::vector<int> order_;
-  std::vector<Corners> corners_;  ///< in order_
-  std::vector<Node> nodes_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace camber
