@@ -1,6 +1,7 @@
 # Targets for developers, not part of the build: `format` rewrites all sources, `format_check` fails
-# where one differs, `tidy` runs clang-tidy over everything that this configuration compiles. The
-# format is that of clang-format 14; other versions lay out some code differently.
+# where one differs, `tidy` runs clang-tidy over everything that this configuration compiles, `docs`
+# writes the reference. The format is that of clang-format 14; other versions lay out some code
+# differently.
 find_program(CAMBER_CLANG_FORMAT NAMES clang-format-14)
 find_program(CAMBER_RUN_CLANG_TIDY NAMES run-clang-tidy-14 run-clang-tidy)
 set(camber_all_sources "find lib tools viewers tests samples -name '*.h' -o -name '*.cpp' | sort")
@@ -24,4 +25,16 @@ if(CAMBER_RUN_CLANG_TIDY)
             "${PROJECT_SOURCE_DIR}/(lib|tools|viewers|tests|samples)/.*[.]cpp$"
     WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
     VERBATIM USES_TERMINAL)
+endif()
+
+# The reference of the public headers, in docs/html of the build folder.
+find_program(CAMBER_DOXYGEN doxygen)
+if(CAMBER_DOXYGEN)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/Doxyfile.in ${PROJECT_BINARY_DIR}/Doxyfile @ONLY)
+  add_custom_target(
+    docs
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/docs
+    COMMAND ${CAMBER_DOXYGEN} ${PROJECT_BINARY_DIR}/Doxyfile
+    WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
+    VERBATIM)
 endif()

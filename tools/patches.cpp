@@ -111,15 +111,15 @@ void register_patches(App& root) {
     write_cloud(file.cloud, folder.staging() / "labels.ply");
     RunDocument run;
     run.seed = options.seed;
-    run.options = {{"command", "patches"},
-                   {"up", {options.up->x(), options.up->y(), options.up->z()}},
-                   {"max_slope_deg", arguments->max_slope_deg},
-                   {"threshold", options.inlier_threshold},
-                   {"min_points", options.min_patch_points},
-                   {"tolerance", options.tolerance},
-                   {"tolerance_sigmas", options.tolerance_sigmas},
-                   {"consistency", arguments->consistency},
-                   {"link_distance", options.consistency.link_distance}};
+    *run.options = {{"command", "patches"},
+                    {"up", {options.up->x(), options.up->y(), options.up->z()}},
+                    {"max_slope_deg", arguments->max_slope_deg},
+                    {"threshold", options.inlier_threshold},
+                    {"min_points", options.min_patch_points},
+                    {"tolerance", options.tolerance},
+                    {"tolerance_sigmas", options.tolerance_sigmas},
+                    {"consistency", arguments->consistency},
+                    {"link_distance", options.consistency.link_distance}};
     run.metric = file.cloud.metric;
     run.points_kept = {{"on_patches", kept}};
     run.points_dropped = {{"on_no_patch", static_cast<long>(fit.labels.size()) - kept}};
@@ -134,7 +134,7 @@ void register_patches(App& root) {
       json out = surface;
       out["version"] = kVersion;
       out["seed"] = options.seed;
-      out["options"] = run.options;
+      out["options"] = *run.options;
       out["timings_ms"] = cloud_timings(timings);
       out["file"] = arguments->input.cloud;
       out["points"] = file.cloud.size();

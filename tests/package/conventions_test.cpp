@@ -10,6 +10,7 @@
 #include <regex>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "camber/core/version.h"
@@ -115,6 +116,39 @@ TEST(Program, NeedsACommandThatExists) {
     EXPECT_EQ(outcome.out, "") << arguments;
     EXPECT_THAT(outcome.err, StartsWith("camber: ")) << arguments;
   }
+}
+
+TEST(Program, ListsTheCommandsWhereNoneIsGiven) {
+  const std::string help = run_camber("--help").out;
+  const Outcome outcome = run_camber("");
+  EXPECT_EQ(outcome.exit_code, 2);
+  for (const std::string& command : subcommands_of(help)) {
+    EXPECT_THAT(outcome.err, HasSubstr("\n  " + command + " "));
+  }
+}
+
+TEST(Program, NamesTheNearestOfAMisspeltName) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"reconstrcut", "there is no command reconstrcut: did you mean reconstruct?"},
+      {"recon", "there is no command recon: did you mean reconstruct?"},
+      {"Plane", "there is no command Plane: did you mean plane?"},
+      {"--verson", "there is no option --verson: did you mean --version?"},
+      {"import kiti", "found kiti: did you mean kitti?"},
+      {"plane x.ply --thresold 0.1", "found --thresold: did you mean --threshold?"},
+      {"plane x.ply --thresold=0.1", "found --thresold: did you mean --threshold?"},
+      // The option that is missing is the one that is misspelt.
+      {"reconstruct x --uot y", "--out is required; found --uot: did you mean --out?"},
+  };
+  for (const auto& [arguments, expected] : cases) {
+    SCOPED_TRACE(arguments);
+    const Outcome outcome = run_camber(arguments);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_THAT(outcome.err, StartsWith("camber: "));
+    EXPECT_THAT(outcome.err, testing::EndsWith(std::string(expected) + "\n"));
+  }
+  EXPECT_THAT(run_camber("plane x.ply --zzzzzz").err, testing::Not(HasSubstr("did you mean")));
+  EXPECT_THAT(run_camber("import").err, HasSubstr("; expected kitti or synthia-sf\n"));
 }
 
 TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {

@@ -239,9 +239,9 @@ TEST(Report, IsSelfContainedAndTellsTheRun) {
   ReportContent content;
   content.picture = scene.content();
   content.picture.title = "a <b>road</b>";
-  content.metrics = {{"scale_error", 0.0123},
-                     {"by_distance", {{"to_15", {{"center_error", {{"mean", 0.987}}}}}}},
-                     {"vehicles", {{{"frame", 7}, {"estimate_id", 2}, {"distance", 45.6}}}}};
+  *content.metrics = {{"scale_error", 0.0123},
+                      {"by_distance", {{"to_15", {{"center_error", {{"mean", 0.987}}}}}}},
+                      {"vehicles", {{{"frame", 7}, {"estimate_id", 2}, {"distance", 45.6}}}}};
   scene.run.extra["libraries"] = library_versions();
   const std::string page = make_report(content);
   EXPECT_EQ(page, make_report(content));

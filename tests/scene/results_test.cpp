@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "camber/core/errors.h"
@@ -94,7 +95,7 @@ VehicleDocument make_vehicles() {
 RunDocument make_run() {
   RunDocument run;
   run.seed = 18446744073709551615ull;  // does not fit a double
-  run.options = {{"method", "joint"}, {"frames", "48:50"}};
+  *run.options = {{"method", "joint"}, {"frames", "48:50"}};
   run.timings.add("load", 12.5);
   run.timings.add("motion", 100);
   run.cameras.push_back({48, SE3(rotation_from_vector({0, 0.1, 0}), {0, 0, -0.64})});
@@ -226,8 +227,8 @@ TEST(RunJson, SurvivesWritingAndReading) {
   EXPECT_EQ(document["reference_frame"], 49);
   const RunDocument read = read_run(folder.path() / "run.json");
   EXPECT_EQ(read.seed, run.seed);
-  EXPECT_EQ(read.options, run.options);
-  EXPECT_EQ(read.extra, run.extra);
+  EXPECT_EQ(*read.options, *run.options);
+  EXPECT_EQ(*read.extra, *run.extra);
   EXPECT_EQ(read.points_kept, run.points_kept);
   EXPECT_EQ(read.points_dropped, run.points_dropped);
   EXPECT_EQ(read.input_hashes, run.input_hashes);

@@ -56,8 +56,8 @@ class FileReader {
   std::size_t capacity_ = 0;
 };
 
-/// Lines of a text file, or of the text header of a binary one. Ends are \n, \r\n or, where the
-/// file's first line ends so, \r alone.
+/// Lines of a text file, or of the text header of a binary one. Ends are LF, CR LF or, where the
+/// file's first line ends so, CR alone.
 class LineReader {
  public:
   explicit LineReader(FileReader& file) : file_(file) {}
@@ -87,7 +87,7 @@ class LineReader {
   }
 };
 
-/// A piece of a file for a message: in quotes, shortened, unprintable bytes as \xNN.
+/// A piece of a file for a message: in quotes, shortened, unprintable bytes in hexadecimal.
 std::string shown(std::string_view text);
 
 }  // namespace camber

@@ -86,16 +86,16 @@ void describe_run(const ReconstructOptions& options, const std::vector<int>& fra
                   const LoadedFrames& frames, const PhotometricGround& ground,
                   const ScaledRoad& scaled, RunDocument* document) {
   document->seed = options.seed;
-  document->options = {{"method", to_string(options.vehicles.method)},
-                       {"frames", frame_ids},
-                       {"rounds", options.rounds},
-                       {"photometric", options.photometric},
-                       {"use_masks", options.load.use_masks},
-                       {"use_markings", options.scale.use_markings},
-                       {"use_road_width", options.scale.use_road_width},
-                       {"tracks", options.vehicles.tracks},
-                       {"keypoint_set", 36}};
-  nlohmann::json& extra = document->extra;
+  *document->options = {{"method", to_string(options.vehicles.method)},
+                        {"frames", frame_ids},
+                        {"rounds", options.rounds},
+                        {"photometric", options.photometric},
+                        {"use_masks", options.load.use_masks},
+                        {"use_markings", options.scale.use_markings},
+                        {"use_road_width", options.scale.use_road_width},
+                        {"tracks", options.vehicles.tracks},
+                        {"keypoint_set", 36}};
+  nlohmann::json& extra = *document->extra;
   extra["reference_frame"] = frames.frames[frames.reference].id;
   extra["motion"] = {{"pixel_sigma", ground.motion.pixel_sigma},
                      {"inlier_ratio", ground.motion.inlier_ratio},

@@ -6,8 +6,10 @@
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/image/image_io.h"
 #include "camber/render/base64.h"
 #include "camber/render/color_map.h"
+#include "camber/render/picture_file.h"
 
 namespace camber {
 namespace {

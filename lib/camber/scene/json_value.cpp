@@ -29,5 +29,9 @@ nlohmann::json& JsonValue::operator*() {
 }
 const nlohmann::json& JsonValue::operator*() const { return json_ ? *json_ : kNull; }
 nlohmann::json& JsonValue::operator[](const std::string& key) { return (**this)[key]; }
+const nlohmann::json& JsonValue::operator[](const std::string& key) const {
+  const auto found = (**this).find(key);
+  return found == (**this).end() ? kNull : *found;
+}
 
 }  // namespace camber

@@ -24,6 +24,8 @@ class JsonValue {
   const nlohmann::json* operator->() const { return &**this; }
   /// The value of an object's key; null, and there from now on, for a new one.
   nlohmann::json& operator[](const std::string& key);
+  /// The same; null where there is no such key.
+  const nlohmann::json& operator[](const std::string& key) const;
 
  private:
   std::unique_ptr<nlohmann::json> json_;  // nullptr: null

@@ -1,0 +1,112 @@
+// What the program loads: a command that needs little starts at once.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+
+#include "support/test_data.h"
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ContainsRegex;
+using testing::Each;
+using testing::HasSubstr;
+using testing::Not;
+
+namespace {
+
+std::string read_text(const fs::path& path) {
+  std::ifstream in(path);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// The shared objects that a run loads from its start to its end, by the dynamic linker's own list.
+std::set<std::string> loaded_by(const std::string& arguments, int expected_exit_code = 0) {
+  const camber::test::TemporaryFolder folder;
+  const std::string report = (folder.path() / "linker").string();
+  const std::string command = "cd '" + folder.path().string() +
+                              "' && LD_DEBUG=files LD_DEBUG_OUTPUT='" + report +
+                              "' '" CAMBER_PROGRAM "' " + arguments + " >/dev/null 2>&1 </dev/null";
+  const int status = std::system(command.c_str());
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == expected_exit_code) << arguments;
+  std::set<std::string> objects;
+  for (const auto& entry : fs::directory_iterator(folder.path())) {
+    if (entry.path().filename().string().rfind("linker.", 0) != 0) continue;
+    std::istringstream lines(read_text(entry.path()));
+    const std::string mark = "calling init: ";
+    for (std::string line; std::getline(lines, line);) {
+      const auto at = line.find(mark);
+      if (at != std::string::npos) objects.insert(line.substr(at + mark.size()));
+    }
+  }
+  EXPECT_THAT(objects, testing::Contains(HasSubstr("libc.so"))) << "the linker told nothing";
+  return objects;
+}
+
+const auto is_for_drawing = ContainsRegex("libvtk|libopencv_(imgcodecs|videoio|highgui)|libgdal");
+
+std::string small_cloud() {
+  return "'" + (camber::test::source_dir() / "samples/steep_hill/truth/road.ply").string() + "'";
+}
+
+TEST(Start, TheVersionTakesTheFrontAlone) {
+  EXPECT_LE(loaded_by("--version").size(), 10u);
+  EXPECT_LE(loaded_by("--help").size(), 10u);
+  EXPECT_LE(loaded_by("no-such-command", 2).size(), 10u);
+}
+
+TEST(Start, CommandsOnCloudsLoadNoOpenCvAndNoVtk) {
+  for (const std::string& arguments :
+       {"plane " + small_cloud() + " --json", "ground " + small_cloud() + " --out ground.ply",
+        "patches " + small_cloud() + " --out patches", "info " + small_cloud(),
+        "filter " + small_cloud() + " --out filtered.pcd", std::string("convert --help"),
+        std::string("lift --help"), std::string("view --help")}) {
+    SCOPED_TRACE(arguments);
+    const std::set<std::string> objects = loaded_by(arguments);
+    EXPECT_LE(objects.size(), 40u);
+    EXPECT_THAT(objects, Each(AllOf(Not(HasSubstr("libopencv")), Not(HasSubstr("libvtk")))));
+  }
+}
+
+TEST(Start, NoCommandLoadsWhatDrawsBeforeItDraws) {
+  for (const char* command : {"reconstruct", "triangulate", "vehicles", "profile", "compare",
+                              "evaluate", "render", "import kitti", "prior info", "synth"}) {
+    SCOPED_TRACE(command);
+    EXPECT_THAT(loaded_by(std::string(command) + " --help"), Each(Not(is_for_drawing)));
+  }
+  EXPECT_THAT(
+      loaded_by("reconstruct '" + (camber::test::source_dir() / "samples/steep_hill").string() +
+                "' --no-pictures --out result"),
+      Each(Not(is_for_drawing)));
+}
+
+TEST(Start, APictureLoadsVtkAndNoFormatsOfImagesAndFilms) {
+  const std::set<std::string> objects =
+      loaded_by("render " + small_cloud() + " --view bev --out bev.png");
+  EXPECT_THAT(objects, testing::Contains(HasSubstr("libcamber_vtk.so")));
+  EXPECT_THAT(objects, Each(Not(ContainsRegex("libopencv_(imgcodecs|videoio)|libgdal"))));
+}
+
+TEST(Start, WithoutItsPluginACommandSaysSo) {
+  const camber::test::TemporaryFolder folder;
+  fs::create_directories(folder.path() / "bin");
+  fs::copy_file(CAMBER_PROGRAM, folder.path() / "bin/camber");
+  const std::string camber = "'" + (folder.path() / "bin/camber").string() + "' ";
+  const std::string err = (folder.path() / "err").string();
+  EXPECT_EQ(std::system((camber + "--version >/dev/null").c_str()), 0);
+  const int status = std::system((camber + "plane x.ply 2>'" + err + "'").c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 3);
+  EXPECT_THAT(read_text(err),
+              ContainsRegex("^camber: [^\n]*/libcamber_clouds.so: no such file[^\n]*\n$"));
+}
+
+}  // namespace
