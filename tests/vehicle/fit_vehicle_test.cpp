@@ -55,7 +55,7 @@ Population fit_population(const SimulationOptions& simulation, int count,
   return out;
 }
 
-TEST(FitVehicle, PlacesCarsAndSaysHowWell) {
+TEST(FitVehicle, PlacesCarsAndStatesHowWell) {
   const Population p = fit_population({}, 500);
   EXPECT_EQ(p.answered, 500);
   EXPECT_EQ(p.flipped, 0);
@@ -191,7 +191,7 @@ TEST(FitVehicle, StandsManyGrossErrors) {
 }
 
 TEST(FitVehicle, TwentyGrossErrorsOfThirtySixAreSurvivedOrSaid) {
-  int right_or_said = 0;
+  int right_or_reported = 0;
   for (int i = 0; i < 60; ++i) {
     SimulatedVehicle s = simulate_vehicle({}, i);
     const CounterRandom random(99, i);
@@ -204,9 +204,9 @@ TEST(FitVehicle, TwentyGrossErrorsOfThirtySixAreSurvivedOrSaid) {
     const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
     ASSERT_NE(e.status, Status::kFailed);
     const bool right = center_error(e, s) < 0.1 * s.truth.center().norm() && yaw_error(e, s) < 0.35;
-    right_or_said += right || e.status != Status::kOk ? 1 : 0;
+    right_or_reported += right || e.status != Status::kOk ? 1 : 0;
   }
-  EXPECT_GE(right_or_said, 55);
+  EXPECT_GE(right_or_reported, 55);
 }
 
 TEST(FitVehicle, FourteenKeypointsMissing) {
@@ -296,8 +296,8 @@ TEST(FitVehicle, ABoxOnALampPostIsNotTrusted) {
   }
 }
 
-TEST(FitVehicle, AWrongPlaneIsSaid) {
-  int right_or_said = 0;
+TEST(FitVehicle, AWrongPlaneIsReported) {
+  int right_or_reported = 0;
   for (int i = 0; i < 60; ++i) {
     SimulationOptions simulation;
     simulation.max_distance = 25.0;
@@ -307,18 +307,18 @@ TEST(FitVehicle, AWrongPlaneIsSaid) {
     UncertainPlane::make_axes(plane.plane.normal, {0, 0, 1}, &plane.axis1, &plane.axis2);
     const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
     const bool right = center_error(e, s) < 0.1 * s.truth.center().norm();
-    right_or_said += right || e.status != Status::kOk ? 1 : 0;
+    right_or_reported += right || e.status != Status::kOk ? 1 : 0;
   }
-  EXPECT_GE(right_or_said, 57);
+  EXPECT_GE(right_or_reported, 57);
 }
 
 // One fault at a time: ten degrees along or across the view, a kerb up or down, a wall taken for
 // the ground.
-TEST(FitVehicle, AKerbASlopeOrAWallForAPlaneIsRightOrSaid) {
+TEST(FitVehicle, AKerbASlopeOrAWallForAPlaneIsRightOrReported) {
   const Eigen::Vector3d faults[] = {
       {0.17, 0.0, 0.0}, {0.0, 0.17, 0.0}, {0.0, 0.0, 0.14}, {0.0, 0.0, -0.14}, {0.0, 1.4, 0.0}};
   for (const Eigen::Vector3d& fault : faults) {
-    int right_or_said = 0;
+    int right_or_reported = 0;
     for (int i = 0; i < 30; ++i) {
       SimulationOptions simulation;
       simulation.max_distance = 25.0;
@@ -328,15 +328,15 @@ TEST(FitVehicle, AKerbASlopeOrAWallForAPlaneIsRightOrSaid) {
       UncertainPlane::make_axes(plane.plane.normal, {0, 0, 1}, &plane.axis1, &plane.axis2);
       const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
       const bool right = center_error(e, s) < 0.1 * s.truth.center().norm();
-      right_or_said += right || e.status != Status::kOk ? 1 : 0;
+      right_or_reported += right || e.status != Status::kOk ? 1 : 0;
     }
-    EXPECT_GE(right_or_said, 27) << fault.transpose();  // 27 to 30 measured
+    EXPECT_GE(right_or_reported, 27) << fault.transpose();  // 27 to 30 measured
   }
 }
 
 // A network that takes the left for the right: every keypoint carries its mirror's place.
-TEST(FitVehicle, SwappedLeftAndRightAreRightOrSaid) {
-  int right_or_said = 0;
+TEST(FitVehicle, SwappedLeftAndRightAreRightOrReported) {
+  int right_or_reported = 0;
   for (int i = 0; i < 60; ++i) {
     SimulatedVehicle s = simulate_vehicle({}, i);
     for (int j = 0; j < kNumKeypoints / 2; ++j) {
@@ -345,9 +345,9 @@ TEST(FitVehicle, SwappedLeftAndRightAreRightOrSaid) {
     const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
     ASSERT_NE(e.status, Status::kFailed);
     const bool right = center_error(e, s) < 0.1 * s.truth.center().norm() && yaw_error(e, s) < 0.35;
-    right_or_said += right || e.status != Status::kOk ? 1 : 0;
+    right_or_reported += right || e.status != Status::kOk ? 1 : 0;
   }
-  EXPECT_GE(right_or_said, 54);
+  EXPECT_GE(right_or_reported, 54);
 }
 
 // However well the keypoints are known, the box's middle is off theirs by a share of its sides.
@@ -381,7 +381,7 @@ TEST(FitVehicle, ACarCutByTheImagesEdge) {
   near.min_distance = 5.0;
   near.max_distance = 9.0;
   near.occluded_share = 0.0;
-  int cut = 0, right_or_said = 0;
+  int cut = 0, right_or_reported = 0;
   std::vector<double> relative;
   for (int i = 0; i < 200; ++i) {
     SimulatedVehicle s = simulate_vehicle(near, i);
@@ -397,12 +397,12 @@ TEST(FitVehicle, ACarCutByTheImagesEdge) {
     ++cut;
     const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
     relative.push_back(center_error(e, s) / s.truth.center().norm());
-    right_or_said += relative.back() < 0.12 || e.status != Status::kOk ? 1 : 0;
+    right_or_reported += relative.back() < 0.12 || e.status != Status::kOk ? 1 : 0;
   }
   ASSERT_GE(cut, 60);
   std::sort(relative.begin(), relative.end());
   EXPECT_LT(relative[relative.size() / 2], 0.05);
-  EXPECT_GE(right_or_said, cut * 95 / 100);
+  EXPECT_GE(right_or_reported, cut * 95 / 100);
 }
 
 TEST(FitVehicle, TwoDetectionsOfOneCarAgree) {
@@ -420,7 +420,7 @@ TEST(FitVehicle, TwoDetectionsOfOneCarAgree) {
 }
 
 // The vehicle stands on the ground: the ground below it is known better with it than without.
-TEST(FitVehicle, TellsTheGroundBelowIt) {
+TEST(FitVehicle, MeasuresTheGroundBelowIt) {
   SimulationOptions options;
   options.plane_sigma_height = 0.15;
   options.plane_sigma_tilt = 0.02;
@@ -484,7 +484,7 @@ TEST(FitVehicle, SameInputSameBitsForAnyNumberOfThreads) {
   }
 }
 
-TEST(FitVehicle, BadInputIsRefusedOrSaid) {
+TEST(FitVehicle, BadInputIsRejectedOrReported) {
   SimulatedVehicle s = simulate_vehicle({}, 0);
   VehicleDetection bad = s.detection;
   bad.keypoints.resize(12);
@@ -501,6 +501,38 @@ TEST(FitVehicle, BadInputIsRefusedOrSaid) {
   options.noise.keypoint.cell_share = 0.0;
   EXPECT_THROW(fit_vehicle(s.camera, s.detection, s.support, options), std::invalid_argument);
   EXPECT_THROW(fit_vehicles(s.camera, {s.detection}, {}, {}), std::invalid_argument);
+}
+
+// Every field has its bound, and the message names it.
+TEST(VehicleNoise, ImpossibleValuesAreRejectedByName) {
+  const std::pair<const char*, void (*)(VehicleNoise*)> faults[] = {
+      {"keypoint.cell_share: 1, must be in (0, 1)",
+       [](VehicleNoise* n) { n->keypoint.cell_share = 1; }},
+      {"keypoint.gross_share: 0", [](VehicleNoise* n) { n->keypoint.gross_share = 0; }},
+      {"keypoint.seen: -1, must be > 0", [](VehicleNoise* n) { n->keypoint.seen = -1; }},
+      {"keypoint.adapt_max: 0.5, must be >= keypoint.adapt_min",
+       [](VehicleNoise* n) { n->keypoint.adapt_max = 0.5; }},
+      {"box.side_share: nan", [](VehicleNoise* n) { n->box.side_share = std::nan(""); }},
+      {"box.body_share: -0.1, must be >= 0", [](VehicleNoise* n) { n->box.body_share = -0.1; }},
+      {"contact.sigma_tilt: 0", [](VehicleNoise* n) { n->contact.sigma_tilt = 0; }},
+      {"motion.acceleration: 0", [](VehicleNoise* n) { n->motion.acceleration = 0; }},
+      {"registration.min_correlation: 1",
+       [](VehicleNoise* n) { n->registration.min_correlation = 1; }},
+      {"hypotheses.start_scales[1]: 0", [](VehicleNoise* n) { n->hypotheses.start_scales[1] = 0; }},
+      {"answer.relative_sigma: 0", [](VehicleNoise* n) { n->answer.relative_sigma = 0; }},
+      {"association.overlap: 0", [](VehicleNoise* n) { n->association.overlap = 0; }},
+      {"message.gate: 0", [](VehicleNoise* n) { n->message.gate = 0; }}};
+  EXPECT_NO_THROW(VehicleNoise().validate());
+  for (const auto& [message, fault] : faults) {
+    VehicleFitOptions options;
+    fault(&options.noise);
+    try {
+      options.validate();
+      ADD_FAILURE() << message;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).rfind(message, 0), 0u) << error.what();
+    }
+  }
 }
 
 TEST(FitVehicle, AnUnobservablePlaneIsPassedOn) {

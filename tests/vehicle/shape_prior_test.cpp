@@ -139,7 +139,7 @@ TEST(PriorFile, DamageIsNamed) {
   EXPECT_THROW(read_vehicle_prior("/nowhere/prior.json"), InputError);
 }
 
-TEST(ShapePrior, BadSamplesAreRefused) {
+TEST(ShapePrior, BadSamplesAreRejected) {
   EXPECT_THROW(learn_shape_prior("x", {}, {}), std::invalid_argument);
   std::vector<ShapeSample> flat(3);
   for (ShapeSample& s : flat) s.keypoints.setOnes();

@@ -64,7 +64,7 @@ bool covered(const VehicleEstimate& e, const SimulatedVehicle& s) {
   return d.dot(covariance.inverse() * d) < 7.815;
 }
 
-TEST(FitTracks, FiveViewsAreBetterThanOneAndSayHowMuch) {
+TEST(FitTracks, FiveViewsAreBetterThanOneAndStateHowMuch) {
   SimulationOptions options;
   options.min_distance = 10.0;
   options.max_distance = 40.0;
@@ -130,7 +130,7 @@ TEST(FitTracks, OneShapeForAllViewsAndOnePlaceForAParkedVehicle) {
   }
 }
 
-TEST(FindTracks, JoinsStandingAndMovingVehiclesThroughGaps) {
+TEST(FindTracks, JoinsParkedAndMovingVehiclesThroughGaps) {
   SimulationOptions options;
   options.min_distance = 12.0;
   options.max_distance = 35.0;
@@ -300,7 +300,7 @@ Eigen::Vector3d true_change(const UncertainPlane& plane, const Plane& truth) {
 }
 
 // A message is a measurement of the true plane and the true scale (log 0) with its covariance.
-TEST(FitTracks, MessagesMeasureTheGroundAndSayHowWell) {
+TEST(FitTracks, MessagesMeasureTheGroundAndStateHowWell) {
   constexpr int kScenes = 30;
   SimulationOptions options;
   options.min_distance = 14.0;
@@ -336,7 +336,7 @@ TEST(FitTracks, MessagesMeasureTheGroundAndSayHowWell) {
   EXPECT_LT(height, 0.2 * count);         // m; 0.12 measured
 }
 
-TEST(FitTracks, MessagesThatContradictOrAreMissingSayWhy) {
+TEST(FitTracks, MessagesThatContradictOrAreMissingGiveAReason) {
   SimulationOptions options;
   options.min_distance = 10.0;
   options.max_distance = 20.0;
@@ -422,21 +422,21 @@ TEST(FitTracks, AVehicleOnUnseenGroundSendsNoMessageButTakesThoseOfOthers) {
   EXPECT_LT((one[1].pose.center() - both[1].pose.center()).norm(), 0.2 * moved);
 }
 
-TEST(FitTracks, ASharedGroundOfOtherPlanesIsRefused) {
+TEST(FitTracks, ASharedGroundOfOtherPlanesIsRejected) {
   Clip clip = make_clip({}, {{1, 0.0}});
   SharedGround ground = share_ground(&clip, 0.0);
   ground.covariance.conservativeResize(ground.covariance.rows() - 1, ground.covariance.cols() - 1);
   EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &ground), std::invalid_argument);
 }
 
-TEST(FindTracks, ListsOfDifferentLengthsAreRefused) {
+TEST(FindTracks, ListsOfDifferentLengthsAreRejected) {
   Clip clip = make_clip({}, {{1, 0.0}});
   clip.frames[0].supports.clear();
   EXPECT_THROW(find_tracks(clip.camera, clip.frames), std::invalid_argument);
   EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1), std::invalid_argument);
 }
 
-TEST(FitTracks, AScaleWithoutSpreadIsRefused) {
+TEST(FitTracks, AScaleWithoutSpreadIsRejected) {
   const Clip clip = make_clip({}, {{1, 0.0}});
   EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, 0.0), std::invalid_argument);
   EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, std::nan("")), std::invalid_argument);

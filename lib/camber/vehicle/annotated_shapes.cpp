@@ -146,8 +146,8 @@ AnnotatedPrior learn_annotated_prior(const std::string& name,
                       reference.parameters_covariance.topLeftCorner<3, 3>()};
   const SizePrior& chosen = size ? *size : own;
   out.prior.parameters_mean.head<3>() = chosen.mean;
-  const int kept = out.prior.num_coefficients();
-  out.prior.parameters_covariance = Eigen::MatrixXd::Identity(3 + kept, 3 + kept);
+  const int retained = out.prior.num_coefficients();
+  out.prior.parameters_covariance = Eigen::MatrixXd::Identity(3 + retained, 3 + retained);
   out.prior.parameters_covariance.topLeftCorner<3, 3>() = chosen.covariance;
   return out;
 }

@@ -105,7 +105,7 @@ Naming choose_naming(const PinholeCamera& camera, const VehicleDetection& detect
   const std::vector<Hypothesis> starts = coarse(detection);
   const std::vector<Hypothesis> mirrored_starts = coarse(mirrored);
   Naming own = fine(detection, starts);
-  // Mean shapes tell the namings apart but roughly.
+  // Mean shapes distinguish the namings only roughly.
   if (!better(mirrored_starts, starts)) return own;
   Naming other = fine(mirrored, mirrored_starts);
   if (!better(other.ends, own.ends)) return own;

@@ -147,11 +147,12 @@ SideMatrix ShapePrior::residual_sigma(int count) const {
 }
 
 ShapePrior ShapePrior::truncated(int count) const {
-  const int kept = std::min(std::max(count, 0), num_coefficients());
+  const int retained = std::min(std::max(count, 0), num_coefficients());
   ShapePrior out = *this;
-  out.basis.resize(kept);
-  out.parameters_mean = parameters_mean.head(3 + kept).eval();
-  out.parameters_covariance = parameters_covariance.topLeftCorner(3 + kept, 3 + kept).eval();
+  out.basis.resize(retained);
+  out.parameters_mean = parameters_mean.head(3 + retained).eval();
+  out.parameters_covariance =
+      parameters_covariance.topLeftCorner(3 + retained, 3 + retained).eval();
   return out;
 }
 
@@ -219,19 +220,19 @@ ShapePrior learn_shape_prior(const std::string& name, const std::vector<ShapeSam
   const Eigen::MatrixXd scatter = centred * centred.transpose() / (n - 1.0);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scatter);
   const Eigen::VectorXd eigenvalues = solver.eigenvalues().reverse().cwiseMax(0.0);
-  int kept = 0;
-  while (kept < options.num_coefficients && eigenvalues[kept] > 1e-10 * eigenvalues[0] &&
-         eigenvalues[kept] > 0.0) {
-    ++kept;
+  int retained = 0;
+  while (retained < options.num_coefficients && eigenvalues[retained] > 1e-10 * eigenvalues[0] &&
+         eigenvalues[retained] > 0.0) {
+    ++retained;
   }
 
   ShapePrior out;
   out.name = name;
   out.samples = n;
   out.mean = Eigen::Map<const SideMatrix>(share_mean.data());
-  Eigen::MatrixXd parameters(3 + kept, n);
+  Eigen::MatrixXd parameters(3 + retained, n);
   parameters.topRows<3>() = sizes.colwise() - size_mean;
-  for (int k = 0; k < kept; ++k) {
+  for (int k = 0; k < retained; ++k) {
     Eigen::VectorXd direction = solver.eigenvectors().col(kSideNumbers - 1 - k);
     Eigen::Index largest = 0;
     direction.cwiseAbs().maxCoeff(&largest);
@@ -243,11 +244,11 @@ ShapePrior learn_shape_prior(const std::string& name, const std::vector<ShapeSam
   }
   const Eigen::VectorXd sigma = scatter.diagonal().cwiseMax(0.0).cwiseSqrt();
   out.sigma = Eigen::Map<const SideMatrix>(sigma.data());
-  out.parameters_mean = Eigen::VectorXd::Zero(3 + kept);
+  out.parameters_mean = Eigen::VectorXd::Zero(3 + retained);
   out.parameters_mean.head<3>() = size_mean;
   out.parameters_covariance = parameters * parameters.transpose() / (n - 1.0);
   // Few samples may leave it singular; a hundredth of each variance keeps it invertible.
-  if (n < 4 * (3 + kept)) {
+  if (n < 4 * (3 + retained)) {
     out.parameters_covariance.diagonal() *= 1.01;
   }
   return out;
@@ -318,16 +319,16 @@ VehiclePrior parse_vehicle_prior(const std::string& text, const std::string& nam
     s.samples = static_cast<int>(r.member("samples").number());
     s.mean = r.member("mean").side();
     for (const Reader& b : r.member("basis").elements()) s.basis.push_back(b.side());
-    const int kept = s.num_coefficients();
+    const int retained = s.num_coefficients();
     s.sigma = r.member("sigma").side();
     if (!(s.sigma.minCoeff() >= 0.0)) r.member("sigma").fail("54 numbers that are not negative");
     const std::vector<double> size = r.member("dimensions").numbers(3);
     if (!(size[0] > 0.0 && size[1] > 0.0 && size[2] > 0.0)) {
       r.member("dimensions").fail("3 positive numbers");
     }
-    s.parameters_mean = Eigen::VectorXd::Zero(3 + kept);
+    s.parameters_mean = Eigen::VectorXd::Zero(3 + retained);
     s.parameters_mean.head<3>() = Eigen::Vector3d(size[0], size[1], size[2]);
-    s.parameters_covariance = r.member("covariance").covariance(3 + kept);
+    s.parameters_covariance = r.member("covariance").covariance(3 + retained);
     prior.shapes.push_back(std::move(s));
   }
   if (prior.shapes.empty()) root.member("shapes").fail("at least one shape");

@@ -74,7 +74,7 @@ struct ShapeSample {
 };
 
 struct ShapeLearningOptions {
-  int num_coefficients = 20;  ///< kept principal directions, >= 0
+  int num_coefficients = 20;  ///< principal directions to retain, >= 0
   void validate() const;      ///< throws std::invalid_argument
 };
 

@@ -21,7 +21,7 @@ struct KeypointObservation {
   double confidence = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// What a detector says about one vehicle in one image.
+/// One vehicle in one image, as a detector gives it.
 struct VehicleDetection {
   int id = 0;                         ///< unique within its frame
   std::string vehicle_class = "car";  ///< "car", "van", "truck", ...

@@ -57,7 +57,7 @@ struct ContactNoise {
   double sigma_tilt = 0.006;    ///< rad, likewise [cover]
   /// A plane may be plainly wrong. From 2.4 and 3 on nothing was better. [steep]
   double gate = 4.0;
-  double contradiction = 5.0;  ///< gate beyond which the answer says so
+  double contradiction = 5.0;  ///< gate beyond which the answer is weak
 };
 
 /// Size and shape beside the prior's own distribution (shape_prior.h).

@@ -83,8 +83,8 @@ void solve_with_cavities(const std::vector<TrackFrame>& frames, const GroundRoun
     const GroundCavity& cavity = round.result.cavities[i];
     for (int k = 0; k < posterior.num_views(); ++k) {
       const TrackView& v = solution.views[static_cast<std::size_t>(k)];
-      UncertainPlane plane = frames[v.frame].supports[v.detection].plane;
-      plane.plane = plane.perturbed(cavity.mean.segment<3>(3 * k));
+      UncertainPlane plane =
+          changed_plane(frames[v.frame].supports[v.detection].plane, cavity.mean.segment<3>(3 * k));
       plane.covariance = cavity.covariance.block<3, 3>(3 * k, 3 * k);
       posterior.set_plane(k, plane);
     }

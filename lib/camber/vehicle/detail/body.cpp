@@ -1,6 +1,7 @@
 #include "camber/vehicle/detail/body.h"
 
 #include "camber/geometry/se3.h"
+#include "camber/vehicle/detail/projection.h"
 
 namespace camber::internal {
 
@@ -69,15 +70,6 @@ BodyView::BodyView(const Body& body, const PinholeCamera& camera, const ViewPose
   }
 }
 
-Eigen::Matrix<double, 2, 3> BodyView::by_camera_point(int point) const {
-  const Eigen::Vector3d& x = camera_points_[static_cast<std::size_t>(point)];
-  const double iz = 1.0 / x.z();
-  Eigen::Matrix<double, 2, 3> out;
-  out << camera_.fx * iz, 0.0, -camera_.fx * x.x() * iz * iz,  //
-      0.0, camera_.fy * iz, -camera_.fy * x.y() * iz * iz;
-  return out;
-}
-
 void BodyView::write_shape_part(int point, const Eigen::Matrix<double, 2, 3>& turned, double* du,
                                 double* dv) const {
   const int count = body_.num_coefficients();
@@ -94,7 +86,8 @@ void BodyView::write_shape_part(int point, const Eigen::Matrix<double, 2, 3>& tu
 }
 
 void BodyView::jacobian(int point, double* du, double* dv) const {
-  const Eigen::Matrix<double, 2, 3> direct = by_camera_point(point);
+  const Eigen::Matrix<double, 2, 3> direct =
+      projection_jacobian(camera_, camera_points_[static_cast<std::size_t>(point)]).topRows<2>();
   const Eigen::Matrix<double, 2, 3> turned = direct * pose_.rotation;
   const Eigen::Vector3d& p = in_vehicle(point);
   const Eigen::Vector3d& share = shares_[static_cast<std::size_t>(point)];
@@ -116,7 +109,8 @@ void BodyView::jacobian(int point, double* du, double* dv) const {
 }
 
 void BodyView::shape_jacobian(int point, double* du, double* dv) const {
-  write_shape_part(point, by_camera_point(point) * pose_.rotation, du, dv);
+  const Eigen::Vector3d& x = camera_points_[static_cast<std::size_t>(point)];
+  write_shape_part(point, projection_jacobian(camera_, x).topRows<2>() * pose_.rotation, du, dv);
 }
 
 }  // namespace camber::internal

@@ -77,8 +77,6 @@ class BodyView {
 
  private:
   static constexpr double kNearest = 0.3;  // m
-  /// d pixel / d point in the camera, rows u and v.
-  Eigen::Matrix<double, 2, 3> by_camera_point(int point) const;
   void write_shape_part(int point, const Eigen::Matrix<double, 2, 3>& turned, double* du,
                         double* dv) const;
 

@@ -26,7 +26,7 @@ class BoxLikelihood {
   };
   struct Sides {
     std::array<Side, 4> side;
-    int count = 0;  ///< a side that the image cuts says nothing where the body reaches beyond it
+    int count = 0;  ///< without sides that the image cuts and the body reaches beyond
   };
   Sides sides(const BodyView& at) const;
 

@@ -4,7 +4,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/geometry/se3.h"
+
 namespace camber::internal {
+
+UncertainPlane changed_plane(const UncertainPlane& plane, const Eigen::Vector3d& change) {
+  const Eigen::Quaterniond turn =
+      rotation_from_vector(change[0] * plane.axis1 + change[1] * plane.axis2);
+  UncertainPlane out = plane;
+  out.plane = plane.perturbed(change);
+  out.axis1 = turn * plane.axis1;
+  out.axis2 = turn * plane.axis2;
+  return out;
+}
 
 GroundContact::GroundContact(const SupportPlane& support, const ContactNoise& noise, bool certain,
                              double weight)

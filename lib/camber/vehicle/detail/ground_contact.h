@@ -22,6 +22,9 @@ struct ContactTerms {
   Eigen::Matrix3d by_plane;  ///< M; a change theta of the plane changes the residual by -M theta
 };
 
+/// A plane after a change (tilt, tilt, height) of its parameters, its axes turned with it.
+UncertainPlane changed_plane(const UncertainPlane& plane, const Eigen::Vector3d& change);
+
 class GroundContact {
  public:
   /// @param certain  the plane is never down-weighted.

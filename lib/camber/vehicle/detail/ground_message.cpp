@@ -1,9 +1,9 @@
 // A vehicle's message on its ground plane and the scale.
 
-#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "camber/vehicle/detail/ground_propagation.h"
+#include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
 
@@ -15,11 +15,11 @@ std::optional<GroundMessage> eliminate_to_ground(const NormalEquations& equation
   const Eigen::Matrix3d plane_weighted = weight.asDiagonal() * contact.by_plane;
   const ContactJacobian pose_weighted = weight.asDiagonal() * contact.by_pose;
   // Of (plane, log scale), of all else, and between them.
-  Eigen::Matrix4d kept = Eigen::Matrix4d::Zero();
-  Eigen::Vector4d kept_vector;
-  kept.topLeftCorner<3, 3>() = contact.by_plane.transpose() * plane_weighted;
-  kept(3, 3) = equations.hessian(rest, rest);
-  kept_vector << plane_weighted.transpose() * contact.residual, -equations.gradient[rest];
+  Eigen::Matrix4d ground = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d ground_vector;
+  ground.topLeftCorner<3, 3>() = contact.by_plane.transpose() * plane_weighted;
+  ground(3, 3) = equations.hessian(rest, rest);
+  ground_vector << plane_weighted.transpose() * contact.residual, -equations.gradient[rest];
   Eigen::MatrixXd inner = equations.hessian.topLeftCorner(rest, rest);
   Eigen::VectorXd inner_vector = -equations.gradient.head(rest);
   inner.block<6, 6>(pose_at, pose_at) += contact.by_pose.transpose() * pose_weighted;
@@ -27,20 +27,20 @@ std::optional<GroundMessage> eliminate_to_ground(const NormalEquations& equation
   Eigen::MatrixXd between = Eigen::MatrixXd::Zero(rest, 4);
   between.block<6, 3>(pose_at, 0) = -contact.by_pose.transpose() * plane_weighted;
   between.col(3) = equations.hessian.col(rest).head(rest);
-  const Eigen::LDLT<Eigen::MatrixXd> factors(inner);
-  if (factors.info() != Eigen::Success || !factors.isPositive()) return std::nullopt;
-  const Eigen::MatrixXd solved = factors.solve(between);
-  const Eigen::Matrix4d information = kept - between.transpose() * solved;
-  const Eigen::Vector4d vector = kept_vector - solved.transpose() * inner_vector;
+  const SymmetricFactors factors(inner);
+  if (!factors.positive()) return std::nullopt;
+  const Eigen::MatrixXd solved = factors.solve_matrix(between);
+  const Eigen::Matrix4d information = ground - transposed_product(between, solved);
+  const Eigen::Vector4d vector = ground_vector - solved.transpose() * inner_vector;
   if (!information.allFinite() || !vector.allFinite()) return std::nullopt;
   GroundMessage out;
   out.information = 0.5 * (information + information.transpose());
   out.information_vector = vector;
   // A scale that the vehicle does not measure may have come out a rounding error below nothing.
   constexpr double kRounding = 1e-9;
-  const Eigen::LDLT<Eigen::Matrix4d> check(out.information + kRounding * out.information.trace() *
-                                                                 Eigen::Matrix4d::Identity());
-  if (!check.isPositive()) return std::nullopt;
+  Eigen::MatrixXd check = out.information;
+  check.diagonal().array() += kRounding * out.information.trace();
+  if (!SymmetricFactors(check).positive()) return std::nullopt;
   return out;
 }
 

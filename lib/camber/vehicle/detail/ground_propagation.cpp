@@ -1,8 +1,9 @@
 #include "camber/vehicle/detail/ground_propagation.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+
+#include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
 
@@ -63,12 +64,12 @@ class JointGround {
     }
     const Eigen::MatrixXd between = submatrix(covariance_, wanted, measured_);
     const Eigen::PartialPivLU<Eigen::MatrixXd> lu(
-        Eigen::MatrixXd(Eigen::MatrixXd::Identity(size, size) + information * among_));
+        Eigen::MatrixXd(Eigen::MatrixXd::Identity(size, size) + product(information, among_)));
     GroundCavity out;
     out.mean = between * lu.solve(vector);
     const Eigen::MatrixXd left =
         submatrix(covariance_, wanted, wanted) -
-        between * lu.solve(Eigen::MatrixXd(information * between.transpose()));
+        product(between, lu.solve(product(information, between.transpose())));
     out.covariance = 0.5 * (left + left.transpose());
     return out;
   }
@@ -84,7 +85,7 @@ class JointGround {
     const Eigen::VectorXd off = nodes_[node].message->information_vector - l * others.mean;
     Eigen::MatrixXd spread = l + l * others.covariance * l;
     spread.diagonal().array() += 1e-9 * l.trace();
-    return std::max(off.dot(Eigen::VectorXd(spread.ldlt().solve(off))), 0.0);
+    return std::max(off.dot(SymmetricFactors(spread).solve(off)), 0.0);
   }
 
  private:

@@ -19,7 +19,8 @@ struct Hypothesis {
 /// The rotation of a vehicle on a plane, its front turned by `yaw` about the normal.
 Eigen::Matrix3d rotation_at(const Plane& plane, double yaw);
 
-/// Where a vehicle of this height may be: as far as its size says, and on the plane below its box.
+/// Where a vehicle of this height may be: at the distance that its height in the image implies, and
+/// on the plane below its box.
 std::vector<Eigen::Vector3d> position_guesses(const PinholeCamera& camera, const Plane& plane,
                                               double height, const Box2& box);
 

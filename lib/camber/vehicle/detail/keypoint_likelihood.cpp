@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/vehicle/detail/linear_algebra.h"
+
 namespace camber::internal {
 
 namespace {
@@ -229,7 +231,7 @@ double KeypointLikelihood::add(const BodyView& at, const ShapeErrors* errors, bo
     residuals.segment<2>(2 * j) = root * off;
   }
   if (equations && count > 0) {
-    equations->hessian.noalias() += rows * rows.transpose();
+    add_square(rows, &equations->hessian);
     equations->gradient.noalias() += rows * residuals;
   }
   return cost;

@@ -1,8 +1,9 @@
 #include "camber/vehicle/detail/levenberg_marquardt.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
 
@@ -13,7 +14,7 @@ double refine(const VehiclePosterior& posterior, VehicleState* state, int max_it
   PosteriorEquations equations;
   double cost = posterior.evaluate(*state, &equations);
   double damping = kFirstDamping;
-  Eigen::LDLT<Eigen::MatrixXd> factors(equations.hessian.rows());
+  SymmetricFactors factors;
   Eigen::MatrixXd damped;
   for (int i = 0; i < max_iterations && std::isfinite(cost); ++i) {
     damped = equations.hessian;

@@ -5,16 +5,14 @@
 
 namespace camber::internal {
 
-void scatter(const Eigen::Ref<const Eigen::MatrixXd>& hessian,
-             const Eigen::Ref<const Eigen::VectorXd>& gradient,
-             const std::vector<ParameterRun>& runs, NormalEquations* all) {
-  for (const ParameterRun& p : runs) {
-    all->gradient.segment(p.all, p.length) += gradient.segment(p.own, p.length);
-    for (const ParameterRun& q : runs) {
-      all->hessian.block(p.all, q.all, p.length, q.length) +=
-          hessian.block(p.own, q.own, p.length, q.length);
-    }
-  }
+Eigen::Matrix3d logarithm_jacobian(const Eigen::Vector3d& v) {
+  const double angle = v.norm();
+  const Eigen::Matrix3d cross = skew(v);
+  // (1 / a^2) - (1 + cos a) / (2 a sin a), whose terms cancel near 0.
+  const double factor = angle < 1e-3 ? 1.0 / 12.0
+                                     : 1.0 / (angle * angle) - (1.0 + std::cos(angle)) /
+                                                                   (2.0 * angle * std::sin(angle));
+  return Eigen::Matrix3d::Identity() + 0.5 * cross + factor * cross * cross;
 }
 
 Step step_between(const ViewCamera& first, const ViewCamera& second, const ViewPose& a,
@@ -37,9 +35,9 @@ Step step_between(const ViewCamera& first, const ViewCamera& second, const ViewP
   j.block<3, 3>(0, 3) = skew(shift);
   j.block<3, 3>(0, 6) = ra.transpose() * wb.rotation_matrix();
   j.block<3, 1>(0, 12) = ra.transpose() * baseline;
-  // Turns between views are small: the logarithm's derivative is taken as the identity.
-  j.block<3, 3>(3, 3) = -turned.transpose();
-  j.block<3, 3>(3, 9) = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d by_turn = logarithm_jacobian(out.tail<3>());
+  j.block<3, 3>(3, 3) = -by_turn * turned.transpose();
+  j.block<3, 3>(3, 9) = by_turn;
   return out;
 }
 

@@ -8,6 +8,9 @@
 
 namespace camber::internal {
 
+/// d log(exp(v) exp(w)) / dw at w = 0: the inverse of the right Jacobian of rotations. |v| < pi.
+Eigen::Matrix3d logarithm_jacobian(const Eigen::Vector3d& v);
+
 /// Shift (m) and rotation vector from one view to the next, in the vehicle's frame at the first.
 using Step = Eigen::Matrix<double, 6, 1>;
 /// By the pose in the first view, that in the second, the log scale of the cameras' baselines.

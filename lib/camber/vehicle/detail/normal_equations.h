@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <vector>
 
 #include "camber/vehicle/vehicle_estimate.h"
 
@@ -19,6 +20,16 @@ struct NormalEquations {
     gradient.setZero(size);
   }
 };
+
+/// Where a run of a term's own parameters lies among all.
+struct ParameterRun {
+  int all, own, length;
+};
+
+/// Adds a term's normal equations to those of all parameters.
+void scatter(const Eigen::Ref<const Eigen::MatrixXd>& hessian,
+             const Eigen::Ref<const Eigen::VectorXd>& gradient,
+             const std::vector<ParameterRun>& runs, NormalEquations* all);
 
 /// Of the keypoints' shape errors in one view: their own 3 x 3 blocks, and with the parameters of
 /// the view.

@@ -4,6 +4,9 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "camber/vehicle/detail/linear_algebra.h"
+#include "camber/vehicle/detail/projection.h"
+
 namespace camber::internal {
 
 RegistrationLikelihood::RegistrationLikelihood(const PinholeCamera& camera,
@@ -120,7 +123,7 @@ std::optional<double> RegistrationLikelihood::add(const VehicleState& state,
   }
   if (equations) {
     const Eigen::MatrixXd solved = common_information.ldlt().solve(common_by_state);
-    equations->hessian.noalias() -= common_by_state.transpose() * solved;
+    equations->hessian -= transposed_product(common_by_state, solved);
   }
   return cost;
 }

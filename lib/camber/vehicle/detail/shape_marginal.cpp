@@ -1,7 +1,6 @@
 // The gradient that integrating out the shape coefficients adds.
 
-#include <Eigen/Cholesky>
-
+#include "camber/vehicle/detail/linear_algebra.h"
 #include "camber/vehicle/detail/vehicle_posterior.h"
 
 namespace camber::internal {
@@ -43,7 +42,7 @@ std::vector<ShapeTerm> shape_terms(const KeypointLikelihood& keypoints, const Bo
     }
     ShapeTerm term;
     term.point = point;
-    term.weight = weights[j] * covariance * by_shape;
+    term.weight = weights[j] * product(covariance, by_shape);
     term.weight.col(0) /= keypoints.cell_u();
     term.weight.col(1) /= keypoints.cell_v();
     out.push_back(std::move(term));
@@ -69,8 +68,7 @@ Eigen::VectorXd VehiclePosterior::shape_marginal_gradient(
   const int shape = num_coefficients(), shape_at = layout_.shape();
   if (shape == 0) return out;
   const Eigen::MatrixXd information = equations.hessian.block(shape_at, shape_at, shape, shape);
-  const Eigen::MatrixXd covariance =
-      information.ldlt().solve(Eigen::MatrixXd::Identity(shape, shape));
+  const Eigen::MatrixXd covariance = SymmetricFactors(information).inverse();
   const ShapeErrors* errors = num_views() > 1 ? &state.errors : nullptr;
   Eigen::MatrixXd errors_by_shape;
   if (errors) errors_by_shape = equations.errors_by.middleCols(shape_at, shape);

@@ -1,6 +1,6 @@
 #include "camber/vehicle/detail/size_shape_prior.h"
 
-#include <Eigen/Cholesky>
+#include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
 
@@ -16,7 +16,7 @@ SizeShapePrior::SizeShapePrior(const VehiclePrior& prior, const std::string& veh
     covariance.setIdentity(known, known);
     covariance.topLeftCorner<kSizeParameters, kSizeParameters>() = size.covariance;
   }
-  information_ = covariance.llt().solve(Eigen::MatrixXd::Identity(known, known));
+  information_ = SymmetricFactors(covariance).inverse();
 }
 
 Form SizeShapePrior::mean() const {

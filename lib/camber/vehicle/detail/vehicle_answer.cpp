@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "camber/vehicle/detail/box_likelihood.h"
+#include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
 
@@ -24,7 +24,7 @@ Eigen::MatrixXd report_jacobian(const ViewPose& pose, const Form& form, Eigen::I
 ReportCovariance report_covariance(const ViewPose& pose, const Form& form,
                                    const Eigen::MatrixXd& covariance, const FormNoise& noise) {
   const Eigen::MatrixXd j = report_jacobian(pose, form, covariance.cols());
-  ReportCovariance out = j * covariance * j.transpose();
+  ReportCovariance out = product(product(j, covariance), j.transpose());
   const Eigen::Vector3d margins = noise.centre_share * form.along_axes();
   out.topLeftCorner<3, 3>() +=
       pose.rotation * margins.cwiseAbs2().asDiagonal() * pose.rotation.transpose();
@@ -68,10 +68,9 @@ PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleSta
   out.state = state;
   PosteriorEquations equations;
   if (!std::isfinite(posterior.evaluate(state, &equations, /*observed=*/true))) return out;
-  const Eigen::LDLT<Eigen::MatrixXd> factors(equations.hessian);
-  const Eigen::Index size = equations.hessian.rows();
-  out.minimum = factors.info() == Eigen::Success && factors.isPositive();
-  out.covariance = factors.solve(Eigen::MatrixXd::Identity(size, size));
+  const SymmetricFactors factors(equations.hessian);
+  out.minimum = factors.positive();
+  out.covariance = factors.inverse();
   const Eigen::VectorXd gradient = posterior.shape_marginal_gradient(state, equations);
   out.state = posterior.moved(state, -out.covariance * gradient);
   return out;

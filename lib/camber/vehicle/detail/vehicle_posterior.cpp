@@ -1,10 +1,11 @@
 #include "camber/vehicle/detail/vehicle_posterior.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
 
@@ -186,7 +187,7 @@ void VehiclePosterior::eliminate_errors(const VehicleState& state,
     equations->errors_at.segment<3>(3 * i) = inverse * gradient.col(i);
     equations->errors_log_determinant -= std::log(inverse.determinant());
   }
-  equations->hessian.noalias() -= cross.transpose() * equations->errors_by;
+  equations->hessian -= transposed_product(cross, equations->errors_by);
   equations->gradient.noalias() -= cross.transpose() * equations->errors_at;
 }
 
@@ -202,12 +203,9 @@ Eigen::MatrixXd VehiclePosterior::view_covariance(int view, const Eigen::MatrixX
 double VehiclePosterior::minus_log_evidence(const VehicleState& state) const {
   PosteriorEquations equations;
   const double cost = evaluate(state, &equations);
-  const Eigen::LDLT<Eigen::MatrixXd> factors(equations.hessian);
-  if (!std::isfinite(cost) || factors.info() != Eigen::Success || !factors.isPositive()) {
-    return kInfinity;
-  }
-  const double log_determinant =
-      factors.vectorD().array().log().sum() + equations.errors_log_determinant;
+  const SymmetricFactors factors(equations.hessian);
+  if (!std::isfinite(cost) || !factors.positive()) return kInfinity;
+  const double log_determinant = factors.log_determinant() + equations.errors_log_determinant;
   return cost + 0.5 * log_determinant + motion_.log_normaliser(state);
 }
 

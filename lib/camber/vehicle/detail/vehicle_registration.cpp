@@ -6,6 +6,7 @@
 
 #include "camber/vehicle/detail/convex_hull.h"
 #include "camber/vehicle/detail/pixel_bounds.h"
+#include "camber/vehicle/detail/projection.h"
 
 namespace camber::internal {
 
@@ -82,14 +83,6 @@ class DepthGrid {
 
 }  // namespace
 
-Eigen::Matrix3d projection_jacobian(const PinholeCamera& camera, const Eigen::Vector3d& y) {
-  Eigen::Matrix3d out;
-  out << camera.fx / y.z(), 0.0, -camera.fx * y.x() / (y.z() * y.z()),  //
-      0.0, camera.fy / y.z(), -camera.fy * y.y() / (y.z() * y.z()),     //
-      0.0, 0.0, 1.0 / y.z();
-  return out;
-}
-
 std::optional<VehicleTemplate> VehicleTemplate::cut(
     const PinholeCamera& camera, const GrayImage& image, const VehicleEstimate& vehicle,
     const std::vector<const VehicleEstimate*>& nearer, const RegistrationNoise& noise) {
@@ -153,7 +146,7 @@ std::optional<VehicleTemplate> VehicleTemplate::cut(
   return out;
 }
 
-/// A registration on its way.
+/// State of the iteration.
 struct VehicleTemplate::Alignment {
   struct Sample {
     double here, now;  // intensities
@@ -162,7 +155,7 @@ struct VehicleTemplate::Alignment {
   std::vector<Eigen::Vector3d> rays;  // of the pixels, turned into the second camera
   Eigen::Vector3d theta;              // translation over the anchor's depth
   std::vector<Sample> samples;
-  std::vector<double> absolute;                       // residuals, kept for their memory
+  std::vector<double> absolute;                       // residuals; a member for its memory
   Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();  // of the normal matrix, part of theta
   double noise = 0.0;                                 // variance of an intensity's residual
   double correlation = 0.0;
@@ -170,21 +163,20 @@ struct VehicleTemplate::Alignment {
 };
 
 bool VehicleTemplate::sample(const BlurredCrop& crop, bool fine, Alignment* alignment) const {
-  const double cx = camera_.cx, cy = camera_.cy, fx = camera_.fx, fy = camera_.fy;
   const Eigen::Vector2d du(1.0, 0.0), dv(0.0, 1.0);
   alignment->samples.clear();
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const Pixel& p = pixels_[i];
     const Eigen::Vector3d y = alignment->rays[i] + p.inverse_depth * alignment->theta;
     if (!(y.z() > kLeastDepth)) return false;
-    const double iz = 1.0 / y.z();
-    const Eigen::Vector2d q(fx * y.x() * iz + cx, fy * y.y() * iz + cy);
+    const Eigen::Vector2d q = *camera_.project(y);
     if (!crop.contains(q) || !camera_.contains(q, 2.0)) continue;
-    const double gu = 0.5 * fx * (crop.value(q + du) - crop.value(q - du));
-    const double gv = 0.5 * fy * (crop.value(q + dv) - crop.value(q - dv));
+    const Eigen::Matrix3d by_y = projection_jacobian(camera_, y);
+    const double gu = 0.5 * (crop.value(q + du) - crop.value(q - du));
+    const double gv = 0.5 * (crop.value(q + dv) - crop.value(q - dv));
+    const Eigen::Vector3d gradient = gu * by_y.row(0) + gv * by_y.row(1);
     alignment->samples.push_back(
-        {fine ? p.fine : p.coarse, crop.value(q),
-         p.inverse_depth * iz * Eigen::Vector3d(gu, gv, -iz * (gu * y.x() + gv * y.y()))});
+        {fine ? p.fine : p.coarse, crop.value(q), p.inverse_depth * gradient});
   }
   return true;
 }

@@ -30,10 +30,6 @@ struct VehicleShift {
   double correlation = 0.0;  ///< of the intensities, registered
 };
 
-/// Pixel, and log depth, of a point y of the second camera's frame: derivatives by y. Rows u, v,
-/// log z.
-Eigen::Matrix3d projection_jacobian(const PinholeCamera& camera, const Eigen::Vector3d& y);
-
 /// The pixels of one vehicle in one image, to be found again in others by their intensities.
 ///
 /// Each pixel inside the outline of the vehicle's keypoints has the depth of their convex hull, so

@@ -34,16 +34,6 @@ struct ParameterLayout {
   int num_form() const { return kSizeParameters + num_coefficients; }
 };
 
-/// Where a run of a term's own parameters lies among all.
-struct ParameterRun {
-  int all, own, length;
-};
-
-/// Adds a term's normal equations to those of all parameters.
-void scatter(const Eigen::Ref<const Eigen::MatrixXd>& hessian,
-             const Eigen::Ref<const Eigen::VectorXd>& gradient,
-             const std::vector<ParameterRun>& runs, NormalEquations* all);
-
 /// When and from where a view was taken.
 struct ViewCamera {
   SE3 world_from_camera;  ///< m
