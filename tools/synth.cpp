@@ -1,85 +1,306 @@
-// camber synth: a steep-road scene with complete truth.
-
-#include "camber/synth/synthesise.h"
+// camber synth: a scene of a drive with complete truth.
 
 #include <cstdio>
+#include <functional>
+#include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/core/version.h"
+#include "camber/synth/random_scene.h"
+#include "camber/synth/synthesise.h"
 #include "command.h"
 
 namespace camber::tools {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180.0;
+
+/// Options of the command line, set over those of a random scene or the defaults in the order in
+/// which they were declared.
+class Settings {
+ public:
+  /// An option whose value, if it is given, `apply` writes.
+  template <typename Value>
+  Option* add(App& app, const std::string& name, const std::string& help,
+              const Value& default_value, std::function<void(const Value&, SynthOptions*)> apply) {
+    const auto value = std::make_shared<Value>(default_value);
+    given_.push_back({&app, name, [value, apply](SynthOptions* o) { apply(*value, o); }});
+    return app.add_option(name, *value, help);
+  }
+  Option* add_flag(App& app, const std::string& name, const std::string& help,
+                   std::function<void(SynthOptions*)> apply) {
+    const auto value = std::make_shared<bool>(false);
+    given_.push_back({&app, name, [value, apply](SynthOptions* o) { apply(o); }});
+    return app.add_flag(name, *value, help);
+  }
+  /// Directly bound to a field, with its default shown.
+  template <typename Value>
+  Option* bind(App& app, const std::string& name, Value SynthOptions::*field,
+               const std::string& help) {
+    return add<Value>(app, name, help, SynthOptions().*field,
+                      [field](const Value& value, SynthOptions* o) { o->*field = value; })
+        ->capture_default_str();
+  }
+  template <typename Value>
+  Option* bind_sensor(App& app, const std::string& name, Value CameraSensor::*field,
+                      const std::string& help) {
+    return add<Value>(app, name, help, CameraSensor().*field,
+                      [field](const Value& value, SynthOptions* o) { o->sensor.*field = value; })
+        ->capture_default_str();
+  }
+  /// A word of an enumeration.
+  template <typename Kind>
+  Option* add_kind(App& app, const std::string& name, const std::string& help,
+                   const std::vector<Kind>& kinds, Kind (*parse)(std::string_view),
+                   std::function<void(Kind, SynthOptions*)> apply) {
+    std::vector<std::string> words;
+    for (const Kind kind : kinds) words.emplace_back(to_string(kind));
+    return add<std::string>(
+               app, name, help, "",
+               [parse, apply](const std::string& word, SynthOptions* o) { apply(parse(word), o); })
+        ->check(is_member(words));
+  }
+
+  void apply(SynthOptions* options) const {
+    for (const auto& [app, name, apply] : given_) {
+      if (app->count(name) > 0) apply(options);
+    }
+  }
+
+ private:
+  struct Setting {
+    const App* app = nullptr;
+    std::string name;
+    std::function<void(SynthOptions*)> apply;
+  };
+  std::vector<Setting> given_;
+};
+
+TurnDirection turn_from_word(const std::string& word) {
+  return word == "left" ? TurnDirection::kLeft : TurnDirection::kRight;
+}
+
+void add_drive(App& app, Settings* settings) {
+  settings->add_kind<RoadProfileKind>(
+      app, "--profile", "shape of the road (default steep_hill)", all_road_profile_kinds(),
+      road_profile_kind_from_string,
+      [](RoadProfileKind kind, SynthOptions* o) { o->profile = kind; });
+  settings->bind(app, "--name", &SynthOptions::name,
+                 "name of the scene; default: profile and seed, or random_NUMBER");
+  settings->bind(app, "--frames", &SynthOptions::num_frames, "number of frames");
+  settings->bind(app, "--hz", &SynthOptions::frame_rate, "frames a second");
+  settings->bind(app, "--speed", &SynthOptions::speed,
+                 "of the camera's car, m/s; at a corner its radius and yaw rate give it");
+  settings->bind(app, "--cars", &SynthOptions::num_cars, "number of cars, at most");
+  settings->bind(app, "--nearest", &SynthOptions::nearest_car, "nearest car ahead, m");
+  settings->bind(app, "--farthest", &SynthOptions::farthest_car, "farthest car ahead, m");
+  settings->bind(app, "--cloud-points", &SynthOptions::cloud_points,
+                 "points of the true road cloud");
+}
+
+void add_camera(App& app, Settings* settings) {
+  settings->bind(app, "--camera-height", &SynthOptions::camera_height, "above the road, m");
+  settings
+      ->add<std::vector<int>>(app, "--size",
+                              "width and height of the images, px (default 1242x375)", {},
+                              [](const std::vector<int>& size, SynthOptions* o) {
+                                const double scale = static_cast<double>(size[0]) / o->camera.width;
+                                o->camera.width = size[0];
+                                o->camera.height = size[1];
+                                o->camera.fx *= scale;
+                                o->camera.fy *= scale;
+                                o->camera.cx = scale * (o->camera.cx + 0.5) - 0.5;
+                                o->camera.cy = 0.46 * o->camera.height;
+                              })
+      ->delimiter('x')
+      ->expected(2);
+  settings
+      ->add<std::vector<double>>(
+          app, "--intrinsics", "fx,fy,cx,cy, px (default: KITTI's, scaled to the size's width)", {},
+          [](const std::vector<double>& k, SynthOptions* o) {
+            o->camera.fx = k[0];
+            o->camera.fy = k[1];
+            o->camera.cx = k[2];
+            o->camera.cy = k[3];
+          })
+      ->delimiter(',')
+      ->expected(4);
+  const auto angle = [&](const char* name, const char* help,
+                         std::optional<double> MountingOptions::*field) {
+    settings->add<double>(app, name, help, 0.0, [field](const double& degrees, SynthOptions* o) {
+      o->features.mounting.*field = kDegree * degrees;
+    });
+  };
+  angle("--pitch-deg", "of the camera's mounting, positive: up; else within a degree",
+        &MountingOptions::pitch);
+  angle("--yaw-deg", "of the mounting, positive: right", &MountingOptions::yaw);
+  angle("--roll-deg", "of the mounting, positive: its right side is low", &MountingOptions::roll);
+  settings
+      ->add<double>(
+          app, "--ahead-of-axle", "camera before the rear axle, m", MountingOptions().ahead_of_axle,
+          [](const double& value, SynthOptions* o) { o->features.mounting.ahead_of_axle = value; })
+      ->capture_default_str();
+  settings->bind_sensor(app, "--supersampling", &CameraSensor::supersampling,
+                        "samples a pixel and direction");
+  settings->bind_sensor(app, "--noise", &CameraSensor::noise, "of the images, grey levels");
+  settings->bind_sensor(app, "--blur", &CameraSensor::blur, "of the lens, px");
+  settings->bind_sensor(app, "--exposure-change", &CameraSensor::exposure_change,
+                        "relative, from frame to frame");
+  settings->bind_sensor(app, "--vignetting", &CameraSensor::vignetting,
+                        "relative loss of light at the corners");
+}
+
+/// A number of a feature; the default is that of its struct.
+template <typename Part>
+void add_number(App& app, Settings* settings, const std::string& name, const std::string& help,
+                Part SceneFeatures::*part, double Part::*field, double unit = 1.0) {
+  settings
+      ->add<double>(app, name, help, (SceneFeatures().*part).*field / unit,
+                    [part, field, unit](const double& value, SynthOptions* o) {
+                      (o->features.*part).*field = unit * value;
+                    })
+      ->capture_default_str();
+}
+
+/// A number of a feature that is drawn where it is not given.
+template <typename Part>
+void add_drawn(App& app, Settings* settings, const std::string& name, const std::string& help,
+               Part SceneFeatures::*part, std::optional<double> Part::*field, double unit = 1.0) {
+  settings->add<double>(app, name, help, 0.0,
+                        [part, field, unit](const double& value, SynthOptions* o) {
+                          (o->features.*part).*field = unit * value;
+                        });
+}
+
+void add_turning(App& app, Settings* settings) {
+  settings->add_kind<CornerKind>(app, "--corner", "turn at a corner of streets", all_corner_kinds(),
+                                 corner_kind_from_string, [](CornerKind kind, SynthOptions* o) {
+                                   o->features.corner.enabled = true;
+                                   o->features.corner.kind = kind;
+                                 });
+  add_number(app, settings, "--corner-radius", "of the rear axle's path, m", &SceneFeatures::corner,
+             &CornerOptions::radius);
+  add_number(app, settings, "--corner-yaw-rate-deg", "degrees a second", &SceneFeatures::corner,
+             &CornerOptions::yaw_rate, kDegree);
+  add_number(app, settings, "--corner-phase", "share of the turn done in the middle of the drive",
+             &SceneFeatures::corner, &CornerOptions::phase);
+  add_number(app, settings, "--corner-angle-deg", "between the streets", &SceneFeatures::corner,
+             &CornerOptions::angle, kDegree);
+  add_number(app, settings, "--corner-grade",
+             "of the other street away from the road, rise a metre", &SceneFeatures::corner,
+             &CornerOptions::arm_grade);
+  add_number(app, settings, "--bend-radius", "of the road under the camera, m; 0: its own shape",
+             &SceneFeatures::bend, &BendOptions::radius);
+  settings
+      ->add<std::string>(app, "--turn", "direction of a corner or bend (default right)", "",
+                         [](const std::string& word, SynthOptions* o) {
+                           o->features.corner.turn = turn_from_word(word);
+                           o->features.bend.turn = turn_from_word(word);
+                         })
+      ->check(is_member({"left", "right"}));
+  settings->add<double>(app, "--lead-car", "gap to a car ahead that keeps its distance, m", 0.0,
+                        [](const double& gap, SynthOptions* o) {
+                          o->features.lead_car = {true, gap};
+                        });
+}
+
+void add_surroundings(App& app, Settings* settings) {
+  settings->add_kind<AsphaltTexture>(
+      app, "--asphalt", "texture of the carriageway (default varied)", all_asphalt_textures(),
+      asphalt_texture_from_string,
+      [](AsphaltTexture texture, SynthOptions* o) { o->features.asphalt.texture = texture; });
+  add_drawn(app, settings, "--asphalt-contrast", "of the texture; else 0.6 to 1.1",
+            &SceneFeatures::asphalt, &AsphaltOptions::contrast);
+  add_number(app, settings, "--wet", "water on the asphalt, 0 to 1", &SceneFeatures::asphalt,
+             &AsphaltOptions::wetness);
+  settings->add_kind<Pavements>(
+      app, "--pavements", "where there are pavements", all_pavements(), pavements_from_string,
+      [](Pavements which, SynthOptions* o) { o->features.roadside.pavements = which; });
+  add_drawn(app, settings, "--kerb-height", "m (default 0.15)", &SceneFeatures::roadside,
+            &RoadsideOptions::kerb_height);
+  add_drawn(app, settings, "--edge-distance", "from the camera to the carriageway's right edge, m",
+            &SceneFeatures::roadside, &RoadsideOptions::edge_distance);
+  add_drawn(app, settings, "--half-width", "of the carriageway, m; else 3.3 to 3.9",
+            &SceneFeatures::roadside, &RoadsideOptions::half_width);
+  add_number(app, settings, "--verge-rise", "of verges above the road's edge, m",
+             &SceneFeatures::roadside, &RoadsideOptions::verge_rise);
+  settings->add_kind<Markings>(
+      app, "--markings", "on the carriageway", all_markings(), markings_from_string,
+      [](Markings which, SynthOptions* o) { o->features.markings = which; });
+  add_drawn(app, settings, "--cloudiness", "0 clear to 1 overcast", &SceneFeatures::weather,
+            &WeatherOptions::cloudiness);
+  add_drawn(app, settings, "--sun-elevation-deg", "height of the sun; else 35 to 60",
+            &SceneFeatures::weather, &WeatherOptions::sun_elevation, kDegree);
+  add_number(app, settings, "--haze-distance", "at which 63 % is haze, m", &SceneFeatures::weather,
+             &WeatherOptions::haze_distance);
+  settings->add_flag(app, "--lights", "the cars' lights are on",
+                     [](SynthOptions* o) { o->features.weather.lights_on = true; });
+}
+
+nlohmann::json summary_json(const SynthOptions& options, const SynthSummary& summary,
+                            const std::string& folder) {
+  nlohmann::json timings = nlohmann::json::object();
+  for (const auto& [stage, ms] : summary.timings.stages()) timings[stage] = ms;
+  return {{"version", kVersion},
+          {"seed", options.seed},
+          {"options", options_json(options)},
+          {"scene", folder},
+          {"name", summary.name},
+          {"frames", options.num_frames},
+          {"cars", summary.cars},
+          {"detections", summary.detections},
+          {"speed", summary.speed},
+          {"timings_ms", timings}};
+}
+
+}  // namespace
 
 void register_synth(App& root) {
   Command* command = add_command(
-      root, "synth", "Makes a scene of a steep road with cars: images, detections, complete truth",
+      root, "synth", "Makes a scene of a road with cars: images, detections, complete truth",
       "  camber synth --profile steep_hill --frames 3 --seed 7 --out scene\n"
+      "  camber synth --random 17 --out scene_17\n"
+      "  camber synth --corner stem --turn left --wet 0.8 --frames 10 --out corner\n"
       "  camber synth --profile crest --size 960x540 --intrinsics 423.8,423.8,479.5,269.5 --hz 5 "
       "--out scene");
   struct Arguments {
-    SynthOptions options;
-    std::string profile = std::string(to_string(SynthOptions().profile));
+    Settings settings;
     std::string out;
-    std::vector<int> size;
-    std::vector<double> intrinsics;
-    bool overwrite = false;
+    std::uint64_t number = 0;
+    bool overwrite = false, json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  SynthOptions& o = arguments->options;
   App& app = *command->app;
   app.add_option("--out", arguments->out, "folder of the scene")->required();
   app.add_flag("--overwrite", arguments->overwrite, "replace a foreign folder that is not empty");
-  std::vector<std::string> kinds;
-  for (const RoadProfileKind kind : all_road_profile_kinds()) kinds.emplace_back(to_string(kind));
-  app.add_option("--profile", arguments->profile, "shape of the road")
-      ->check(is_member(kinds))
-      ->capture_default_str();
-  app.add_option("--name", o.name, "name of the scene; default: profile and seed");
-  app.add_option("--frames", o.num_frames, "number of frames")->capture_default_str();
-  app.add_option("--hz", o.frame_rate, "frames a second")->capture_default_str();
-  app.add_option("--speed", o.speed, "of the camera's car, m/s")->capture_default_str();
-  app.add_option("--camera-height", o.camera_height, "above the road, m")->capture_default_str();
-  app.add_option("--cars", o.num_cars, "number of cars, at most")->capture_default_str();
-  app.add_option("--nearest", o.nearest_car, "nearest car ahead, m")->capture_default_str();
-  app.add_option("--farthest", o.farthest_car, "farthest car ahead, m")->capture_default_str();
-  app.add_option("--size", arguments->size, "width and height of the images, px (default 1242x375)")
-      ->delimiter('x')
-      ->expected(2);
-  app.add_option("--intrinsics", arguments->intrinsics,
-                 "fx,fy,cx,cy, px (default: KITTI's, scaled to the size's width)")
-      ->delimiter(',')
-      ->expected(4);
-  app.add_option("--supersampling", o.sensor.supersampling, "samples a pixel and direction")
-      ->capture_default_str();
-  app.add_option("--noise", o.sensor.noise, "of the images, grey levels")->capture_default_str();
-  app.add_option("--blur", o.sensor.blur, "of the lens, px")->capture_default_str();
-  app.add_option("--cloud-points", o.cloud_points, "points of the true road cloud")
-      ->capture_default_str();
+  app.add_flag("--json", arguments->json, "print what was made as JSON");
+  app.add_option("--random", arguments->number,
+                 "scene of this number of a wide distribution (see "
+                 "random_scene.h); options given besides replace what it "
+                 "draws, --seed is that of the series")
+      ->check(whole_number());
+  add_drive(app, &arguments->settings);
+  add_camera(app, &arguments->settings);
+  add_turning(app, &arguments->settings);
+  add_surroundings(app, &arguments->settings);
 
   command->run = [command, arguments] {
-    SynthOptions options = arguments->options;
-    options.seed = command->common.seed;
+    SynthOptions options;
+    if (command->app->count("--random") > 0) {
+      options = random_scene_options(arguments->number, command->common.seed);
+    } else {
+      options.seed = command->common.seed;
+    }
     options.num_threads = command->common.threads;
     options.command = command->common.command_line;
-    options.profile = road_profile_kind_from_string(arguments->profile);
-    if (!arguments->size.empty()) {
-      const double scale = static_cast<double>(arguments->size[0]) / options.camera.width;
-      options.camera.width = arguments->size[0];
-      options.camera.height = arguments->size[1];
-      options.camera.fx *= scale;
-      options.camera.fy *= scale;
-      options.camera.cx = scale * (options.camera.cx + 0.5) - 0.5;
-      options.camera.cy = 0.46 * options.camera.height;
-    }
-    if (!arguments->intrinsics.empty()) {
-      options.camera.fx = arguments->intrinsics[0];
-      options.camera.fy = arguments->intrinsics[1];
-      options.camera.cx = arguments->intrinsics[2];
-      options.camera.cy = arguments->intrinsics[3];
-    }
+    arguments->settings.apply(&options);
     const SynthSummary summary = synthesise_scene(options, arguments->out, arguments->overwrite,
                                                   make_progress(command->common));
-    if (!command->common.quiet) {
+    if (arguments->json) {
+      std::cout << summary_json(options, summary, arguments->out).dump(2) << '\n';
+    } else if (!command->common.quiet) {
       std::fprintf(stderr, "%s: %d frames, %d cars, %d detections\n", arguments->out.c_str(),
                    options.num_frames, summary.cars, summary.detections);
     }

@@ -1,4 +1,4 @@
-#include "camber/synth/noise.h"
+#include "camber/synth/detail/noise.h"
 
 #include <gtest/gtest.h>
 

@@ -87,6 +87,11 @@ TEST(RoadProfile, KindsAreWhatTheirNamesSay) {
     EXPECT_EQ(control.grade(0.0), control.grade(150.0));
     EXPECT_EQ(control.curvature(100.0), 0.0);
     EXPECT_TRUE(std::isinf(control.min_vertical_radius()));
+    const RoadProfile level = make(RoadProfileKind::kLevel);
+    for (double at = 0.0; at < 150.0; at += 5.0) {
+      EXPECT_LT(std::abs(level.grade(at)), 2.0 * kDegree);
+      EXPECT_LT(std::abs(level.bank(at)), 2.0 * kDegree);
+    }
   }
 }
 
@@ -94,7 +99,7 @@ TEST(RoadProfile, NamesRoundTrip) {
   for (const RoadProfileKind kind : all_road_profile_kinds()) {
     EXPECT_EQ(road_profile_kind_from_string(to_string(kind)), kind);
   }
-  EXPECT_EQ(all_road_profile_kinds().size(), 8u);
+  EXPECT_EQ(all_road_profile_kinds().size(), 9u);
   EXPECT_THROW(road_profile_kind_from_string("hill"), std::invalid_argument);
 }
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <optional>
 
 #include "camber/core/random.h"
-#include "camber/synth/noise.h"
+#include "camber/synth/detail/noise.h"
 
 namespace camber {
 namespace {
@@ -74,90 +74,113 @@ std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
   return out;
 }
 
+namespace {
+
+/// A keypoint as the simulated network places it in the detection's box.
+/// @param base  first index of its random numbers
+KeypointObservation simulate_keypoint(const SynthWorld& world, int frame,
+                                      const PinholeCamera& camera, const TruthVehicle& vehicle,
+                                      int k, const Box2& box, const DetectorModel& model,
+                                      const CounterRandom& random, std::uint64_t base) {
+  const double crop_x = box.width() / 64.0, crop_y = box.height() / 64.0;
+  const auto pixel = camera.project(vehicle.keypoints[k]);
+  const Eigen::Vector2d truth = pixel.value_or(box.center());
+  const bool visible = pixel && keypoint_visible(world, frame, camera, vehicle.keypoints[k], truth);
+  const Eigen::Vector2d wobble(random.normal(base), random.normal(base + 1));
+  Eigen::Vector2d crop((truth.x() - box.x1) / crop_x, (truth.y() - box.y1) / crop_y);
+  double confidence = 0.0;
+  if (visible) {
+    // Some keypoints are harder than others, and the network half knows it.
+    const double hard = std::exp(0.35 * random.normal(base + 2));
+    const Eigen::Vector2d error = model.keypoint_error * hard * wobble;
+    confidence = 0.92 - 0.10 * hard - 0.04 * error.norm() + 0.06 * random.normal(base + 3);
+    if (random.uniform(base + 4) < model.outlier_share) {
+      const auto mirrored = camera.project(vehicle.keypoints[(k + kHalf) % kNumKeypoints]);
+      if (random.uniform(base + 5) < 0.5 && mirrored) {
+        crop = {(mirrored->x() - box.x1) / crop_x, (mirrored->y() - box.y1) / crop_y};
+      } else {
+        crop = {random.uniform(base + 6, 0.0, 64.0), random.uniform(base + 7, 0.0, 64.0)};
+      }
+      confidence -= 0.25 * random.uniform(base + 8);
+    }
+    crop += error;
+    confidence = std::clamp(confidence, 0.05, 1.0);
+  } else {
+    crop += 5.0 * wobble;
+    crop = crop.cwiseMax(0.0).cwiseMin(64.0);
+    confidence = 0.03 * std::abs(random.normal(base + 3));
+    if (random.uniform(base + 4) < 0.06) confidence = random.uniform(base + 5, 0.2, 0.6);
+  }
+  crop = (2.0 * crop).array().round() / 2.0;
+  return {{box.x1 + crop_x * crop.x(), box.y1 + crop_y * crop.y()}, confidence};
+}
+
+/// Nothing where the vehicle is missed.
+std::optional<VehicleDetection> simulate_detection(const SynthWorld& world, int frame,
+                                                   const PinholeCamera& camera,
+                                                   const TruthVehicle& vehicle,
+                                                   const DetectorModel& model) {
+  const CounterRandom random(model.seed, 0x44455400u +
+                                             1000003u * static_cast<std::uint64_t>(frame) +
+                                             static_cast<std::uint64_t>(vehicle.id));
+  // A detection is lost at random, and surely once it is hidden, cut off or tiny.
+  const double hidden = std::max(0.0, (vehicle.occlusion - 0.35) / 0.4);
+  if (vehicle.occlusion > 0.75 || vehicle.truncation > 0.6 || vehicle.box.height() < 9.0) return {};
+  if (random.uniform(0) < model.miss_share + 0.4 * hidden) return {};
+
+  VehicleDetection detection;
+  detection.vehicle_class = vehicle.vehicle_class;
+  const Box2 clipped = vehicle.box.clipped(camera.width, camera.height);
+  const double spread = std::clamp(0.02 * clipped.height(), 0.4, 2.0);
+  detection.box =
+      Box2{clipped.x1 + spread * random.normal(1), clipped.y1 + spread * random.normal(2),
+           clipped.x2 + spread * random.normal(3), clipped.y2 + spread * random.normal(4)}
+          .clipped(camera.width, camera.height);
+  detection.score = std::clamp(
+      0.99 - 0.25 * vehicle.occlusion - 1.2 / clipped.height() - 0.03 * random.uniform(5), 0.3,
+      1.0);
+  for (int k = 0; k < kNumKeypoints; ++k) {
+    const std::uint64_t base = 100 + 20 * static_cast<std::uint64_t>(k);
+    detection.keypoints.push_back(
+        simulate_keypoint(world, frame, camera, vehicle, k, detection.box, model, random, base));
+  }
+  return detection;
+}
+
+/// Now and then a box where nothing is.
+std::optional<VehicleDetection> simulate_false_detection(int frame, const PinholeCamera& camera,
+                                                         const DetectorModel& model) {
+  const CounterRandom random(model.seed, 0x46414C53u + 7919u * static_cast<std::uint64_t>(frame));
+  if (random.uniform(0) >= model.false_boxes) return {};
+  VehicleDetection detection;
+  const double height = random.uniform(1, 0.08, 0.25) * camera.height;
+  const double width = height * random.uniform(2, 0.9, 1.8);
+  const double x = random.uniform(3, 0.0, camera.width - width);
+  const double y = random.uniform(4, 0.35, 0.6) * camera.height;
+  detection.box = Box2{x, y, x + width, y + height}.clipped(camera.width, camera.height);
+  detection.score = random.uniform(5, 0.3, 0.6);
+  for (int k = 0; k < kNumKeypoints; ++k) {
+    const std::uint64_t base = 100 + 4 * static_cast<std::uint64_t>(k);
+    detection.keypoints.push_back({{random.uniform(base, detection.box.x1, detection.box.x2),
+                                    random.uniform(base + 1, detection.box.y1, detection.box.y2)},
+                                   0.35 * random.uniform(base + 2)});
+  }
+  return detection;
+}
+
+}  // namespace
+
 std::vector<VehicleDetection> simulate_detections(const SynthWorld& world, int frame,
                                                   const PinholeCamera& camera,
                                                   const std::vector<TruthVehicle>& vehicles,
                                                   const DetectorModel& model) {
   std::vector<VehicleDetection> out;
   for (const TruthVehicle& vehicle : vehicles) {
-    const CounterRandom random(model.seed, 0x44455400u +
-                                               1000003u * static_cast<std::uint64_t>(frame) +
-                                               static_cast<std::uint64_t>(vehicle.id));
-    // A detection is lost at random, and surely once it is hidden, cut off or tiny.
-    const double hidden = std::max(0.0, (vehicle.occlusion - 0.35) / 0.4);
-    if (vehicle.occlusion > 0.75 || vehicle.truncation > 0.6 || vehicle.box.height() < 9.0)
-      continue;
-    if (random.uniform(0) < model.miss_share + 0.4 * hidden) continue;
-
-    VehicleDetection detection;
-    detection.vehicle_class = vehicle.vehicle_class;
-    const Box2 clipped = vehicle.box.clipped(camera.width, camera.height);
-    const double spread = std::clamp(0.02 * clipped.height(), 0.4, 2.0);
-    detection.box =
-        Box2{clipped.x1 + spread * random.normal(1), clipped.y1 + spread * random.normal(2),
-             clipped.x2 + spread * random.normal(3), clipped.y2 + spread * random.normal(4)}
-            .clipped(camera.width, camera.height);
-    detection.score = std::clamp(
-        0.99 - 0.25 * vehicle.occlusion - 1.2 / clipped.height() - 0.03 * random.uniform(5), 0.3,
-        1.0);
-
-    const Box2& box = detection.box;
-    const double crop_x = box.width() / 64.0, crop_y = box.height() / 64.0;
-    for (int k = 0; k < kNumKeypoints; ++k) {
-      const std::uint64_t base = 100 + 20 * static_cast<std::uint64_t>(k);
-      const auto pixel = camera.project(vehicle.keypoints[k]);
-      const Eigen::Vector2d truth = pixel.value_or(box.center());
-      const bool visible =
-          pixel && keypoint_visible(world, frame, camera, vehicle.keypoints[k], truth);
-      const Eigen::Vector2d wobble(random.normal(base), random.normal(base + 1));
-      Eigen::Vector2d crop((truth.x() - box.x1) / crop_x, (truth.y() - box.y1) / crop_y);
-      double confidence = 0.0;
-      if (visible) {
-        // Some keypoints are harder than others, and the network half knows it.
-        const double hard = std::exp(0.35 * random.normal(base + 2));
-        Eigen::Vector2d error = model.keypoint_error * hard * wobble;
-        confidence = 0.92 - 0.10 * hard - 0.04 * error.norm() + 0.06 * random.normal(base + 3);
-        if (random.uniform(base + 4) < model.outlier_share) {
-          const auto mirrored = camera.project(vehicle.keypoints[(k + kHalf) % kNumKeypoints]);
-          if (random.uniform(base + 5) < 0.5 && mirrored) {
-            crop = {(mirrored->x() - box.x1) / crop_x, (mirrored->y() - box.y1) / crop_y};
-          } else {
-            crop = {random.uniform(base + 6, 0.0, 64.0), random.uniform(base + 7, 0.0, 64.0)};
-          }
-          confidence -= 0.25 * random.uniform(base + 8);
-        }
-        crop += error;
-        confidence = std::clamp(confidence, 0.05, 1.0);
-      } else {
-        crop += 5.0 * wobble;
-        crop = crop.cwiseMax(0.0).cwiseMin(64.0);
-        confidence = 0.03 * std::abs(random.normal(base + 3));
-        if (random.uniform(base + 4) < 0.06) confidence = random.uniform(base + 5, 0.2, 0.6);
-      }
-      crop = (2.0 * crop).array().round() / 2.0;
-      detection.keypoints.push_back(
-          {{box.x1 + crop_x * crop.x(), box.y1 + crop_y * crop.y()}, confidence});
-    }
-    out.push_back(std::move(detection));
+    auto detection = simulate_detection(world, frame, camera, vehicle, model);
+    if (detection) out.push_back(std::move(*detection));
   }
-
-  const CounterRandom random(model.seed, 0x46414C53u + 7919u * static_cast<std::uint64_t>(frame));
-  if (random.uniform(0) < model.false_boxes) {
-    VehicleDetection detection;
-    const double height = random.uniform(1, 0.08, 0.25) * camera.height;
-    const double width = height * random.uniform(2, 0.9, 1.8);
-    const double x = random.uniform(3, 0.0, camera.width - width);
-    const double y = random.uniform(4, 0.35, 0.6) * camera.height;
-    detection.box = Box2{x, y, x + width, y + height}.clipped(camera.width, camera.height);
-    detection.score = random.uniform(5, 0.3, 0.6);
-    for (int k = 0; k < kNumKeypoints; ++k) {
-      const std::uint64_t base = 100 + 4 * static_cast<std::uint64_t>(k);
-      detection.keypoints.push_back({{random.uniform(base, detection.box.x1, detection.box.x2),
-                                      random.uniform(base + 1, detection.box.y1, detection.box.y2)},
-                                     0.35 * random.uniform(base + 2)});
-    }
-    out.push_back(std::move(detection));
-  }
+  auto wrong = simulate_false_detection(frame, camera, model);
+  if (wrong) out.push_back(std::move(*wrong));
 
   // Highest score first, as a detector hands them out; ids in that order.
   std::stable_sort(

@@ -28,12 +28,12 @@ Box2 full_box(const SynthCar& car, int frame, const SE3& world_from_camera,
 std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
                                         const PinholeCamera& camera, const ViewTruth& truth);
 
-/// What simulated networks say about the same cars. A keypoint that is seen has an error of about
-/// a pixel of the 64 x 64 crop, rounded to half a crop pixel; a few are gross outliers, half of
-/// these the keypoint of the other side; one that is hidden is a poor guess. Confidence tells
-/// something about the error but not all. Some cars are missed (nearly all that are hidden by more
-/// than three quarters), now and then a box is false. Ids count from 0 in each frame, in random
-/// order; no tracks.
+/// Detections of the same cars as networks would give them. A keypoint that is seen has an error of
+/// about a pixel of the 64 x 64 crop, rounded to half a crop pixel; a few are gross outliers, half
+/// of these the keypoint of the other side; one that is hidden is a poor guess. Confidence is
+/// correlated with the error. Some cars are missed (nearly all that are hidden by more than three
+/// quarters), now and then a box is false. Ids count from 0 in each frame, in random order; no
+/// tracks.
 std::vector<VehicleDetection> simulate_detections(const SynthWorld& world, int frame,
                                                   const PinholeCamera& camera,
                                                   const std::vector<TruthVehicle>& vehicles,

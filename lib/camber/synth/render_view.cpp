@@ -5,10 +5,11 @@
 #include <cmath>
 
 #include "camber/core/random.h"
+#include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
-#include "camber/synth/noise.h"
-#include "camber/synth/shade.h"
-#include "camber/synth/triangle_ids.h"
+#include "camber/synth/detail/noise.h"
+#include "camber/synth/detail/ray_caster.h"
+#include "camber/synth/detail/shade.h"
 
 namespace camber {
 namespace {
@@ -20,17 +21,60 @@ float response(float light) {
   return 255.0f * std::pow(bent, 1.0f / 2.2f);
 }
 
-std::vector<float> gaussian_taps(double sigma_samples) {
-  const int reach = std::max(0, static_cast<int>(std::ceil(3.0 * sigma_samples)));
+/// From samples to pixels along one axis: weights of the samples from pixel * k + first on.
+struct PixelFilter {
+  int k = 1, first = 0;
+  std::vector<float> weights;
+};
+
+/// The pixel's own square and the lens's blur in one, at the pixel's centre. A box of one pixel has
+/// a standard deviation of 0.29 px. With an even number of samples the centre lies between two: the
+/// mean of a filter at either.
+PixelFilter make_filter(int k, double blur) {
+  const double sigma = k > 1 || blur > 0.0 ? std::sqrt(blur * blur + 1.0 / 12.0) * k : 0.0;
+  const int reach = std::max(0, static_cast<int>(std::ceil(3.0 * sigma)));
   std::vector<float> taps(2 * reach + 1);
   float sum = 0.0f;
   for (int i = -reach; i <= reach; ++i) {
-    const double x = sigma_samples > 0.0 ? i / sigma_samples : 0.0;
+    const double x = sigma > 0.0 ? i / sigma : 0.0;
     taps[i + reach] = static_cast<float>(std::exp(-0.5 * x * x));
     sum += taps[i + reach];
   }
   for (float& tap : taps) tap /= sum;
-  return taps;
+  PixelFilter out{k, (k - 1) / 2 - reach, taps};
+  if (k % 2 == 0) {
+    out.weights.assign(taps.size() + 1, 0.0f);
+    for (std::size_t i = 0; i < taps.size(); ++i) {
+      out.weights[i] += 0.5f * taps[i];
+      out.weights[i + 1] += 0.5f * taps[i];
+    }
+  }
+  return out;
+}
+
+CAMBER_TARGET_CLONES("avx2")
+void add_scaled(const float* __restrict in, float factor, std::size_t count,
+                float* __restrict out) {
+  for (std::size_t i = 0; i < count; ++i) out[i] += factor * in[i];
+}
+
+/// A row of samples (width of them) to a row of pixels.
+void filter_row(const PixelFilter& filter, const std::vector<Color>& samples, int pixels,
+                float* out) {
+  const int last = static_cast<int>(samples.size()) - 1;
+  const int taps = static_cast<int>(filter.weights.size());
+  for (int u = 0; u < pixels; ++u) {
+    Color sum = Color::Zero();
+    const int first = u * filter.k + filter.first;
+    if (first >= 0 && first + taps - 1 <= last) {
+      for (int i = 0; i < taps; ++i) sum += filter.weights[i] * samples[first + i];
+    } else {
+      for (int i = 0; i < taps; ++i) {
+        sum += filter.weights[i] * samples[std::clamp(first + i, 0, last)];
+      }
+    }
+    for (int c = 0; c < 3; ++c) out[3 * u + c] = sum[c];
+  }
 }
 
 /// Gain that a camera's automatic exposure chooses for the light of a scene.
@@ -39,87 +83,120 @@ double exposure(const SynthWorld& world) {
   return 1.6 / level;
 }
 
+/// Linear light of one row of samples. Lamps and glints are held at twice white before the lens
+/// blurs.
+void shade_row(const Shader& shader, const SE3& world_from_camera, const PinholeCamera& camera,
+               int k, int y, std::uint32_t seed, std::vector<Color>* light) {
+  constexpr int kBlock = 512;
+  const Eigen::Matrix3d rotation = world_from_camera.rotation_matrix();
+  SampleRays rays;
+  rays.origins = {world_from_camera.translation()};
+  rays.along_x = rotation.col(0) / (camera.fx * k);
+  rays.along_y = rotation.col(1) / (camera.fy * k);
+  const int width = static_cast<int>(light->size());
+  for (int begin = 0; begin < width; begin += kBlock) {
+    rays.directions.clear();
+    rays.random.clear();
+    for (int x = begin; x < std::min(width, begin + kBlock); ++x) {
+      const Eigen::Vector2d pixel((x + 0.5) / k - 0.5, (y + 0.5) / k - 0.5);
+      rays.directions.push_back(rotation * camera.ray(pixel));
+      rays.random.push_back(hash_lattice(x, y, seed));
+    }
+    shader.shade(rays, light->data() + begin);
+  }
+  for (Color& color : *light) color = color.cwiseMax(0.0f).cwiseMin(2.0f);
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
                                       const PinholeCamera& camera, const CameraSensor& sensor,
                                       int num_threads) {
+  return render_view(world, frame, world.views[frame].world_from_camera, camera, sensor,
+                     num_threads);
+}
+
+std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
+                                      const SE3& world_from_camera, const PinholeCamera& camera,
+                                      const CameraSensor& sensor, int num_threads) {
   const int k = sensor.supersampling;
-  const TriangleIds ids = rasterise_triangle_ids(world, frame, camera, k);
-  const int width = ids.width, height = ids.height;
-
-  // Linear light at every sample. Lamps and glints are held at twice white before the lens blurs.
-  std::vector<float> light(static_cast<std::size_t>(width) * height * 3);
-  const SE3& world_from_camera = world.views[frame].world_from_camera;
-  const Eigen::Matrix3d rotation = world_from_camera.rotation_matrix();
-  const Eigen::Vector3d step_x = rotation.col(0) / (camera.fx * k);
-  const Eigen::Vector3d step_y = rotation.col(1) / (camera.fy * k);
+  const int height = camera.height * k;
+  const std::size_t row = 3 * static_cast<std::size_t>(camera.width);
+  const PixelFilter filter = make_filter(k, sensor.blur);
+  const Shader shader(world, frame);
+  const std::uint32_t seed =
+      static_cast<std::uint32_t>(sensor.seed) * 31u + static_cast<std::uint32_t>(frame);
+  std::vector<float> rows(row * height);
   parallel_for(height, num_threads, [&](std::size_t y) {
-    for (int x = 0; x < width; ++x) {
-      const Eigen::Vector2d pixel((x + 0.5) / k - 0.5, (static_cast<double>(y) + 0.5) / k - 0.5);
-      ViewRay ray;
-      ray.origin = world_from_camera.translation();
-      ray.direction = rotation * camera.ray(pixel);
-      ray.along_x = step_x;
-      ray.along_y = step_y;
-      ray.random = hash_lattice(
-          x, static_cast<std::int32_t>(y),
-          static_cast<std::uint32_t>(sensor.seed) * 31u + static_cast<std::uint32_t>(frame));
-      const std::size_t at = y * width + x;
-      const Radiance seen = shade_hit(world, frame, ray, ids.hits[at]);
-      for (int c = 0; c < 3; ++c) light[3 * at + c] = std::clamp(seen[c], 0.0f, 2.0f);
-    }
-  });
-
-  // The pixel's own square and the lens's blur in one separable filter, taken at pixel centres.
-  // A box of one pixel has a standard deviation of 0.29 px.
-  const double sigma = std::sqrt(sensor.blur * sensor.blur + 1.0 / 12.0) * k;
-  const std::vector<float> taps = gaussian_taps(k > 1 || sensor.blur > 0.0 ? sigma : 0.0);
-  const int reach = static_cast<int>(taps.size()) / 2;
-  const int columns = camera.width;
-  // With an even k the pixel's centre lies between two samples: the mean of both filters.
-  const auto filtered = [&](int n, int center_twice, const auto& value) {
-    float sum = 0.0f;
-    const int first = (center_twice) / 2, second = (center_twice + 1) / 2;
-    for (int i = -reach; i <= reach; ++i) {
-      const int a = std::clamp(first + i, 0, n - 1), b = std::clamp(second + i, 0, n - 1);
-      sum += taps[i + reach] * (first == second ? value(a) : 0.5f * (value(a) + value(b)));
-    }
-    return sum;
-  };
-  std::vector<float> rows(static_cast<std::size_t>(columns) * height * 3);
-  parallel_for(height, num_threads, [&](std::size_t y) {
-    for (int u = 0; u < columns; ++u) {
-      for (int c = 0; c < 3; ++c) {
-        rows[(y * columns + u) * 3 + c] = filtered(
-            width, 2 * u * k + k - 1, [&](int x) { return light[(y * width + x) * 3 + c]; });
-      }
-    }
+    std::vector<Color> light(static_cast<std::size_t>(camera.width) * k);
+    shade_row(shader, world_from_camera, camera, k, static_cast<int>(y), seed, &light);
+    filter_row(filter, light, camera.width, rows.data() + y * row);
   });
 
   const CounterRandom random(sensor.seed, 0x494D4147u + static_cast<std::uint64_t>(frame));
   const auto gain = static_cast<float>(
       exposure(world) * std::exp(sensor.exposure_change * std::clamp(random.normal(0), -2.0, 2.0)));
-  std::vector<std::uint8_t> out(static_cast<std::size_t>(columns) * camera.height * 3);
+  std::vector<std::uint8_t> out(row * camera.height);
   const double corner = std::hypot(0.5 * camera.width, 0.5 * camera.height);
   parallel_for(camera.height, num_threads, [&](std::size_t v) {
-    for (int u = 0; u < columns; ++u) {
+    std::vector<float> light(row, 0.0f);
+    for (std::size_t i = 0; i < filter.weights.size(); ++i) {
+      const int y = static_cast<int>(v) * k + filter.first + static_cast<int>(i);
+      add_scaled(rows.data() + std::clamp(y, 0, height - 1) * row, filter.weights[i], row,
+                 light.data());
+    }
+    for (int u = 0; u < camera.width; ++u) {
       const double away = std::hypot(u - 0.5 * (camera.width - 1),
                                      static_cast<double>(v) - 0.5 * (camera.height - 1)) /
                           corner;
       const auto shading = static_cast<float>(1.0 - sensor.vignetting * away * away);
       for (int c = 0; c < 3; ++c) {
-        const float value = filtered(height, 2 * static_cast<int>(v) * k + k - 1, [&](int y) {
-          return rows[(static_cast<std::size_t>(y) * columns + u) * 3 + c];
-        });
-        const std::size_t at = (v * columns + u) * 3 + c;
-        const double grey = response(gain * shading * value) + sensor.noise * random.normal(8 + at);
+        const std::size_t at = v * row + 3 * u + c;
+        const double grey =
+            response(gain * shading * light[3 * u + c]) + sensor.noise * random.normal(8 + at);
         out[at] = static_cast<std::uint8_t>(std::clamp(std::lround(grey), 0l, 255l));
       }
     }
   });
   return out;
 }
+
+namespace {
+
+/// Pixels that a car's outline can reach: inclusive ranges of columns and rows, empty if none.
+struct PixelRange {
+  int u0 = 0, u1 = -1, v0 = 0, v1 = -1;
+  bool contains(int u, int v) const { return u >= u0 && u <= u1 && v >= v0 && v <= v1; }
+};
+
+PixelRange outline_range(const SynthCar& car, int frame, const SE3& world_from_camera,
+                         const PinholeCamera& camera) {
+  const SE3 camera_from_vehicle = world_from_camera.inverse() * car.world_from_vehicle[frame];
+  double u0 = 1e9, u1 = -1e9, v0 = 1e9, v1 = -1e9;
+  int behind = 0, all = 0;
+  for (const Eigen::Vector3d& vertex : car.model.mesh.vertices) {
+    const Eigen::Vector3d p = camera_from_vehicle * vertex;
+    ++all;
+    if (p.z() < 0.05) {
+      ++behind;
+      continue;
+    }
+    const Eigen::Vector2d pixel = camera.project(p).value();
+    u0 = std::min(u0, pixel.x());
+    u1 = std::max(u1, pixel.x());
+    v0 = std::min(v0, pixel.y());
+    v1 = std::max(v1, pixel.y());
+  }
+  if (behind == all) return {};
+  if (behind > 0) return {0, camera.width - 1, 0, camera.height - 1};
+  const auto low = [](double x, int n) {
+    return static_cast<int>(std::clamp(std::floor(x), 0.0, static_cast<double>(n)));
+  };
+  return {low(u0, camera.width), low(u1 + 1.0, camera.width), low(v0, camera.height),
+          low(v1 + 1.0, camera.height)};
+}
+
+}  // namespace
 
 ViewTruth trace_view(const SynthWorld& world, int frame, const PinholeCamera& camera,
                      int num_threads) {
@@ -129,37 +206,35 @@ ViewTruth trace_view(const SynthWorld& world, int frame, const PinholeCamera& ca
   out.labels.resize(count);
   const SE3& world_from_camera = world.views[frame].world_from_camera;
   const Eigen::Matrix3d rotation = world_from_camera.rotation_matrix();
+  const Eigen::Vector3d origin = world_from_camera.translation();
   const std::size_t cars = world.cars.size();
   std::vector<int> outline(cars * camera.height, 0), visible(cars * camera.height, 0);
-  std::vector<SE3> vehicle_from_world;
+  std::vector<PixelRange> ranges;
   for (const SynthCar& car : world.cars) {
-    vehicle_from_world.push_back(car.world_from_vehicle[frame].inverse());
+    ranges.push_back(outline_range(car, frame, world_from_camera, camera));
   }
   parallel_for(camera.height, num_threads, [&](std::size_t v) {
+    std::vector<Eigen::Vector3d> directions(camera.width);
     for (int u = 0; u < camera.width; ++u) {
       // The direction's z in the camera is 1, so distances are depths.
-      const Eigen::Vector3d direction =
-          rotation * camera.ray(Eigen::Vector2d(u, static_cast<double>(v)));
-      const Eigen::Vector3d origin = world_from_camera.translation();
-      const std::size_t at = v * camera.width + u;
-      const WorldHit hit = cast_ray(world, frame, origin, direction);
-      out.hits[at] = hit;
+      directions[u] = rotation * camera.ray(Eigen::Vector2d(u, static_cast<double>(v)));
+    }
+    WorldHit* hits = out.hits.data() + v * camera.width;
+    cast_rays(world, frame, &origin, false, directions.data(), directions.size(), hits);
+    for (int u = 0; u < camera.width; ++u) {
+      const WorldHit& hit = hits[u];
       TruthLabel label = TruthLabel::kSky;
       if (hit.triangle >= 0) {
         const SynthMesh& mesh = hit.car < 0 ? world.ground_and_things : world.cars[hit.car].mesh;
         label = mesh.objects[mesh.triangles[hit.triangle].object].label;
       }
-      out.labels[at] = static_cast<std::uint8_t>(label);
+      out.labels[v * camera.width + u] = static_cast<std::uint8_t>(label);
       for (std::size_t i = 0; i < cars; ++i) {
         if (hit.car == static_cast<int>(i)) {
           ++visible[i * camera.height + v];
           ++outline[i * camera.height + v];
-          continue;
-        }
-        const Eigen::Vector3d away = world.cars[i].world_from_vehicle[frame].translation() - origin;
-        if ((away.cross(direction) / direction.norm()).squaredNorm() > 16.0) continue;
-        if (world.cars[i].bvh.blocked(vehicle_from_world[i] * origin,
-                                      vehicle_from_world[i].rotation() * direction, 0.0, 1e4)) {
+        } else if (ranges[i].contains(u, static_cast<int>(v)) &&
+                   world.rays->meets_car(frame, static_cast<int>(i), origin, directions[u])) {
           ++outline[i * camera.height + v];
         }
       }

@@ -19,14 +19,19 @@ struct CameraSensor {
 };
 
 /// Colour picture of one frame as a camera gives it: 3 * width * height bytes, red green blue.
-/// Visibility by VTK's rasteriser, light and textures by shade_hit. Same inputs, same picture for
-/// any number of threads on the same OpenGL driver.
-/// @throws MachineError if no rendering back end answers.
+/// Same inputs, same picture for any number of threads.
 std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
                                       const PinholeCamera& camera, const CameraSensor& sensor,
                                       int num_threads);
 
-/// Truth of one frame at the pixel centres, by exact ray casting: independent of the picture.
+/// The same from any pose, with the cars where they are at `frame`. Costs are proportional to the
+/// camera's pixels: for a crop give a camera of the crop's size with its cx and cy moved
+/// (vignetting is then about the crop's middle).
+std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
+                                      const SE3& world_from_camera, const PinholeCamera& camera,
+                                      const CameraSensor& sensor, int num_threads);
+
+/// Truth of one frame at the pixel centres, by ray casting: independent of the picture.
 struct ViewTruth {
   std::vector<WorldHit> hits;        ///< width * height; `distance` is the depth along z, m
   std::vector<std::uint8_t> labels;  ///< TruthLabel

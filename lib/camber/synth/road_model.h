@@ -2,9 +2,11 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "camber/geometry/plane.h"
+#include "camber/synth/junction.h"
 #include "camber/synth/road_profile.h"
 
 namespace camber {
@@ -31,12 +33,18 @@ struct RoadLayout {
     double slope_along = 0;     ///< rise a metre along the road, relative to it
   };
   std::vector<Pad> pads;
+  /// Height of a verge above the road's edge, m, left and right, reached within verge_rise_width.
+  double verge_rise[2] = {0.0, 0.0};
+  double verge_rise_width = 0.3;  ///< m, > 0
+  /// A street that meets the road, which then is straight in plan and has no pads; pavements are on
+  /// both sides of both streets or nowhere.
+  std::optional<Junction> junction;
   std::uint64_t seed = 0;  ///< of undulation and terrain
 };
 
 /// The ground of a scene as a height over plan, and what it is made of. World: see RoadProfile.
-/// Every place has one height but for the kerb faces at |offset| = half_width, where `height` gives
-/// the road's (lower) edge.
+/// Every place has one height but for the kerb faces at the carriageway's edge, where `height`
+/// gives the road's (lower) edge.
 class RoadModel {
  public:
   /// @throws std::invalid_argument for a layout out of range.
@@ -46,8 +54,13 @@ class RoadModel {
   const RoadLayout& layout() const { return layout_; }
 
   GroundKind kind(double station, double offset) const;
+  /// Signed distance in plan from the carriageway's edge, negative on it; see
+  /// Junction::edge_distance.
+  double edge_distance(double station, double offset) const;
   double height(double station, double offset) const;
-  /// Height on the far side of the edge (kerb top) for |offset| >= half_width.
+  /// Height of the carriageway's surface, also continued beyond its edge.
+  double road_height(double station, double offset) const;
+  /// Height on the far side of the edge (kerb top) for edge_distance >= 0.
   double side_height(double station, double offset) const;
   /// Plan position of a station and offset, m.
   Eigen::Vector2d place(double station, double offset) const;
@@ -65,7 +78,8 @@ class RoadModel {
                          double length, double width) const;
 
  private:
-  double road_height(double station, double offset) const;
+  double crown_drop(double station, double offset) const;
+  double beside_junction(double station, double offset) const;
 
   RoadProfile profile_;
   RoadLayout layout_;

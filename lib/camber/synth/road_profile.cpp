@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "camber/core/random.h"
 
@@ -30,6 +31,7 @@ constexpr KindName kNames[] = {
     {RoadProfileKind::kBank, "bank"},
     {RoadProfileKind::kRolling, "rolling"},
     {RoadProfileKind::kControl, "control"},
+    {RoadProfileKind::kLevel, "level"},
 };
 
 void check_track(const ProfileTrack& track, const char* name, double bound) {
@@ -236,8 +238,18 @@ RoadProfile RoadProfile::sample(RoadProfileKind kind, std::uint64_t seed, double
     case RoadProfileKind::kControl:
       grade.initial = sign() * uniform(3.0, 12.0) * kDegree;
       break;
+    case RoadProfileKind::kLevel:
+      grade.initial = uniform(-1.5, 1.5) * kDegree;
+      change_grade(uniform(0.0, 15.0), uniform(-1.8, 1.8), uniform(150.0, 800.0));
+      bank.initial = uniform(-1.5, 1.5) * kDegree;
+      gentle_curve(1.0 / 200.0);
+      break;
   }
   return RoadProfile(std::move(grade), std::move(bank), std::move(curvature), begin, end);
+}
+
+RoadProfile RoadProfile::with_curvature(ProfileTrack curvature) const {
+  return RoadProfile(grade_, bank_, std::move(curvature), begin_, end_);
 }
 
 RoadProfile::Node RoadProfile::node(double station) const {

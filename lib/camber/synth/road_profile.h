@@ -18,6 +18,7 @@ enum class RoadProfileKind {
   kBank,       ///< a curve with up to 10 degrees of bank
   kRolling,    ///< several grade changes after one another
   kControl,    ///< straight, evenly inclined, no bank
+  kLevel,      ///< within two degrees of level, as most roads are
 };
 
 /// "steep_hill", "uphill", ...
@@ -60,6 +61,9 @@ class RoadProfile {
   /// A random road of a kind; the same seed gives the same road. Every vertical curve has a radius
   /// of at least 60 m.
   static RoadProfile sample(RoadProfileKind kind, std::uint64_t seed, double begin, double end);
+
+  /// The same grades and banks over another plan.
+  RoadProfile with_curvature(ProfileTrack curvature) const;
 
   double begin() const { return begin_; }
   double end() const { return end_; }

@@ -2,74 +2,20 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
+#include <memory>
 #include <vector>
 
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/geometry/se3.h"
 #include "camber/synth/car_family.h"
 #include "camber/synth/road_model.h"
-#include "camber/synth/triangle_bvh.h"
+#include "camber/synth/scene_features.h"
+#include "camber/synth/synth_mesh.h"
 
 namespace camber {
 
-/// What a surface looks like; see shade.h.
-enum class SurfaceKind : std::uint8_t {
-  kAsphalt,
-  kKerb,
-  kPavement,
-  kPad,
-  kGrass,
-  kFacade,
-  kRoof,
-  kPlain,
-  kBark,
-  kLeaf,
-  kSign,
-  kCarPaint,
-  kCarGlass,
-  kCarTyre,
-  kCarLight,
-  kCarPlate,
-  kCarTrim,
-  kCarRim,
-};
-
-/// Label values of the true label images (Cityscapes ids).
-enum class TruthLabel : std::uint8_t {
-  kRoad = 7,
-  kPavement = 8,
-  kBuilding = 11,
-  kPole = 17,
-  kSign = 20,
-  kVegetation = 21,
-  kTerrain = 22,
-  kSky = 23,
-  kCar = 26,
-};
-
-/// A thing in the scene: what its triangles have in common.
-struct SynthObject {
-  SurfaceKind kind = SurfaceKind::kPlain;
-  TruthLabel label = TruthLabel::kTerrain;
-  Eigen::Vector3f color = Eigen::Vector3f::Constant(0.5f);  ///< linear reflectance
-  std::uint32_t seed = 0;
-  std::array<float, 4> extent{};  ///< meaning by kind, see shade.cpp
-};
-
-/// One triangle with what shading needs.
-struct SynthTriangle {
-  TrianglePoints points;                   ///< m
-  std::array<Eigen::Vector3f, 3> normals;  ///< unit, for lighting
-  std::array<Eigen::Vector2f, 3> texture;  ///< texture coordinates, m
-  int object = 0;                          ///< index into its mesh's objects
-};
-
-/// Triangles and the objects they belong to.
-struct SynthMesh {
-  std::vector<SynthObject> objects;
-  std::vector<SynthTriangle> triangles;
-  TriangleBvh bvh() const;
-};
+class RayCaster;
 
 /// Sizes of the road markings, m, along the surface.
 struct MarkingSizes {
@@ -78,6 +24,7 @@ struct MarkingSizes {
   double line_width = 0.12;
   double edge_inset = 0.25;  ///< edge line's middle to the road's edge
   bool edge_lines = true;
+  bool center_line = true;
 };
 
 /// A car of a scene.
@@ -87,7 +34,6 @@ struct SynthCar {
   bool moving = false;
   GroundKind ground = GroundKind::kRoad;
   SynthMesh mesh;                                   ///< vehicle frame
-  TriangleBvh bvh;                                  ///< of mesh
   std::vector<SE3> world_from_vehicle;              ///< one a frame
   std::vector<RoadModel::LocalPlane> ground_plane;  ///< world, one a frame
 };
@@ -103,6 +49,14 @@ struct SynthLight {
   float sun = 0.7f;                       ///< irradiance on a surface that faces it
   float sky = 0.5f;                       ///< irradiance of the whole sky on a level surface
   float cloudiness = 0.4f;                ///< 0 clear, 1 overcast
+  float haze_distance = 1500.0f;          ///< m, at which 63 % is haze
+  bool lamps = false;                     ///< the cars' lights are on
+};
+
+/// What the carriageway is covered with.
+struct AsphaltLook {
+  AsphaltTexture texture = AsphaltTexture::kVaried;
+  float wetness = 0.0f;  ///< 0 to 1
 };
 
 struct WorldOptions {
@@ -110,24 +64,27 @@ struct WorldOptions {
   RoadProfileKind profile = RoadProfileKind::kSteepHill;
   int num_frames = 3;
   double frame_rate = 10.0;     ///< Hz
-  double speed = 9.0;           ///< m/s
+  double speed = 9.0;           ///< m/s; at a corner its radius and yaw rate give the speed
   double camera_height = 1.65;  ///< m
   int num_cars = 5;
   double nearest_car = 8.0;    ///< m of station ahead of the camera, reference frame
   double farthest_car = 45.0;  ///< m
   bool scenery = true;         ///< houses, plants and posts; all else is the same without them
+  SceneFeatures features;
 };
 
 /// A whole scene: geometry and truth, nothing rendered. World: z up, see RoadProfile.
 struct SynthWorld {
   RoadModel road;
   MarkingSizes markings;
-  SynthMesh ground_and_things;  ///< all that stands still but the cars
-  TriangleBvh bvh;              ///< of ground_and_things
-  TriangleBvh shadow_bvh;       ///< of its parts that rise above the ground
+  AsphaltLook asphalt;
+  SynthMesh ground_and_things;  ///< all that stands still but the cars; the ground first
+  std::size_t num_ground = 0;   ///< triangles of the ground
   std::vector<SynthCar> cars;
   std::vector<SynthView> views;  ///< one a frame
+  double speed = 0.0;            ///< m/s of the camera's car
   SynthLight light;
+  std::shared_ptr<const RayCaster> rays;  ///< over the meshes and the cars' poses
 };
 
 /// Makes a scene. Same options, same scene.
@@ -141,5 +98,9 @@ struct WorldHit {
 };
 WorldHit cast_ray(const SynthWorld& world, int frame, const Eigen::Vector3d& origin,
                   const Eigen::Vector3d& direction);
+/// The same for `count` rays, faster where neighbours have similar directions.
+/// @param origins  one for all, or one a ray if `own_origins`
+void cast_rays(const SynthWorld& world, int frame, const Eigen::Vector3d* origins, bool own_origins,
+               const Eigen::Vector3d* directions, std::size_t count, WorldHit* hits);
 
 }  // namespace camber

@@ -14,6 +14,7 @@
 #include "camber/core/version.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/results.h"
+#include "camber/synth/detail/scene_readme.h"
 
 namespace fs = std::filesystem;
 
@@ -26,12 +27,8 @@ void check(bool good, const char* name, double value, const char* expected) {
   }
 }
 
-/// Scenes are made once and kept: the smallest files.
-constexpr int kCompression = 9;
-
-void write_image(Image image, const fs::path& path) {
-  write_file_atomically(path, encode_png(image, kCompression));
-}
+/// What packs pictures with noise, and maps of labels and depth, well in little time.
+constexpr int kImageCompression = 4, kMapCompression = 6;
 
 /// Metres * 256 in 16 bits, 0 for the sky and beyond 255.9 m.
 std::vector<std::uint16_t> kitti_depth(const ViewTruth& truth) {
@@ -44,8 +41,8 @@ std::vector<std::uint16_t> kitti_depth(const ViewTruth& truth) {
   return out;
 }
 
-/// Random points of the road, its pavements and pads, from 5 m behind the first camera to 95 m
-/// ahead of it, uniform in plan; binary PLY with a label (1 road, 2 pavement and kerb).
+/// Random points of the road, its pavements and pads, from station -5 m to 95 m (a junction: 75 m,
+/// and 45 m to its sides), uniform in plan; binary PLY with a label (1 road, 2 pavement and kerb).
 void write_road_cloud(const SynthWorld& world, int count, std::uint64_t seed,
                       const fs::path& path) {
   const RoadLayout& layout = world.road.layout();
@@ -55,13 +52,14 @@ void write_road_cloud(const SynthWorld& world, int count, std::uint64_t seed,
     if (layout.pavement[side]) reach = std::max(reach, layout.pavement_width);
   }
   for (const RoadLayout::Pad& pad : layout.pads) reach = std::max(reach, pad.depth);
-  const double half = layout.half_width + reach;
+  const double half = layout.junction ? 45.0 : layout.half_width + reach;
+  const double last = layout.junction ? 75.0 : 95.0;
   const CounterRandom random(seed, 0x434C4F55);
 
   std::string body;
   int written = 0;
   for (std::uint64_t i = 0; written < count; ++i) {
-    const double station = random.uniform(2 * i, -5.0, 95.0);
+    const double station = random.uniform(2 * i, -5.0, last);
     const double offset = random.uniform(2 * i + 1, -half, half);
     const GroundKind kind = world.road.kind(station, offset);
     if (kind == GroundKind::kVerge) continue;
@@ -81,79 +79,6 @@ void write_road_cloud(const SynthWorld& world, int count, std::uint64_t seed,
   });
 }
 
-std::string readme(const SynthOptions& options, const Scene& scene, const SynthWorld& world) {
-  std::string text = fmt::format(
-      "# {}\n\nA made scene of a steep road (`{}`): {} frames at {} Hz from one camera that drives "
-      "{} m/s, {} m above the road, with {} cars and complete truth. Nothing in it was "
-      "photographed.\n\n",
-      scene.name, to_string(options.profile), options.num_frames, options.frame_rate, options.speed,
-      options.camera_height, world.cars.size());
-  if (!options.command.empty()) {
-    text +=
-        "Made again, bit for bit but for the times in run.json (images: on the same OpenGL "
-        "driver), by\n\n```\n" +
-        options.command + "\n```\n\n";
-  }
-  text +=
-      "| path | what |\n|---|---|\n"
-      "| `scene.json` | the manifest: camera, frames, simulated detections, truth |\n"
-      "| `image/` | 8-bit colour images with noise, blur, vignetting and exposure changes |\n"
-      "| `segmentation/` | a simulated segmentation: 0 other, 1 road, 2 pavement, 3 vehicle; "
-      "ragged edges, some wrong regions |\n"
-      "| `truth/depth/` | first and last frame: 16-bit, metres along z * 256, 0 none or beyond "
-      "255.9 m |\n"
-      "| `truth/label/` | true classes: 7 road, 8 pavement, kerb and parking place, 11 building, "
-      "17 "
-      "post, 20 sign, 21 plants, 22 grass, 23 sky, 26 car |\n"
-      "| `truth/road.ply` | random points on the true road (label 1) and pavements (2), first "
-      "camera's frame, seen or not |\n"
-      "| `run.json` | options and times |\n\n"
-      "Boxes of detections are those of the whole car, clipped to the image, with an error of up "
-      "to "
-      "2 px; keypoints that are seen are off by about a pixel of the 64 x 64 crop of the box, some "
-      "are gross outliers, hidden ones are poor guesses. `plane` of a true car is the "
-      "least-squares "
-      "plane of the surface between and around its wheels, `ego_plane` that under the camera.\n\n"
-      "Road ahead of the first camera (station in plan; grade positive: climbs; bank positive: "
-      "left "
-      "side up):\n\n| station (m) | grade (deg) | bank (deg) |\n|---|---|---|\n";
-  constexpr double kDegrees = 180.0 / 3.14159265358979323846;
-  for (int station = 0; station <= 60; station += 10) {
-    text += fmt::format("| {} | {:.1f} | {:.1f} |\n", station,
-                        kDegrees * world.road.profile().grade(station),
-                        kDegrees * world.road.profile().bank(station));
-  }
-  return text;
-}
-
-nlohmann::json options_json(const SynthOptions& o) {
-  return {{"profile", to_string(o.profile)},
-          {"frames", o.num_frames},
-          {"frame_rate", o.frame_rate},
-          {"speed", o.speed},
-          {"camera",
-           {{"width", o.camera.width},
-            {"height", o.camera.height},
-            {"fx", o.camera.fx},
-            {"fy", o.camera.fy},
-            {"cx", o.camera.cx},
-            {"cy", o.camera.cy}}},
-          {"camera_height", o.camera_height},
-          {"cars", o.num_cars},
-          {"nearest_car", o.nearest_car},
-          {"farthest_car", o.farthest_car},
-          {"supersampling", o.sensor.supersampling},
-          {"blur", o.sensor.blur},
-          {"noise", o.sensor.noise},
-          {"exposure_change", o.sensor.exposure_change},
-          {"vignetting", o.sensor.vignetting},
-          {"keypoint_error", o.detector.keypoint_error},
-          {"outlier_share", o.detector.outlier_share},
-          {"miss_share", o.detector.miss_share},
-          {"false_boxes", o.detector.false_boxes},
-          {"cloud_points", o.cloud_points}};
-}
-
 }  // namespace
 
 void SynthOptions::validate() const {
@@ -165,8 +90,12 @@ void SynthOptions::validate() const {
   check(frame_rate > 0.0 && frame_rate <= 100.0, "frame_rate", frame_rate, "0 to 100 Hz");
   check(speed >= 0.0 && speed <= 40.0, "speed", speed, "0 to 40 m/s");
   // The road that is made is 420 m long; the view needs the last 200.
-  check(speed * (num_frames - 1) / frame_rate <= 200.0, "driven length",
-        speed * (num_frames - 1) / frame_rate, "at most 200 m");
+  features.validate();
+  const CornerOptions& corner = features.corner;
+  const double pace = corner.enabled ? corner.radius * corner.yaw_rate : speed;
+  const double driven = pace * (num_frames - 1) / frame_rate;
+  check(driven <= 200.0, "driven length", driven, "at most 200 m");
+  check(!corner.enabled || driven <= 40.0, "driven length at a corner", driven, "at most 40 m");
   check(camera_height >= 0.5 && camera_height <= 4.0, "camera_height", camera_height, "0.5 to 4 m");
   check(num_cars >= 0 && num_cars <= 30, "num_cars", num_cars, "0 to 30");
   check(nearest_car >= 6.0 && nearest_car <= 100.0, "nearest_car", nearest_car, "6 to 100 m");
@@ -205,8 +134,115 @@ WorldOptions world_options(const SynthOptions& options) {
   out.num_cars = options.num_cars;
   out.nearest_car = options.nearest_car;
   out.farthest_car = options.farthest_car;
+  out.features = options.features;
   return out;
 }
+
+namespace {
+
+/// What does not change from frame to frame of the manifest.
+Scene begin_scene(const SynthOptions& options, const SynthWorld& world) {
+  Scene scene;
+  scene.name = options.name.empty() ? fmt::format("{}_{}", to_string(options.profile), options.seed)
+                                    : options.name;
+  scene.camera = options.camera;
+  scene.height_above_road = options.camera_height;
+  scene.frame_rate = options.frame_rate;
+  scene.reference_frame = options.num_frames / 2;
+  scene.detections_source = "simulated_network";
+  scene.segmentation_classes = {{"road", {static_cast<int>(SegmentationClass::kRoad)}},
+                                {"pavement", {static_cast<int>(SegmentationClass::kPavement)}},
+                                {"vehicle", {static_cast<int>(SegmentationClass::kVehicle)}}};
+  if (world.markings.center_line) {
+    scene.markings_m = {{"dash_length", world.markings.dash_length},
+                        {"dash_gap", world.markings.dash_gap},
+                        {"line_width", world.markings.line_width}};
+  }
+  return scene;
+}
+
+/// Makes the frames of one scene, one after the other.
+class FrameWriter {
+ public:
+  FrameWriter(const SynthOptions& options, const SynthWorld& world, const fs::path& root,
+              SynthSummary* summary)
+      : options_(options),
+        world_(world),
+        root_(root),
+        summary_(summary),
+        sensor_(options.sensor),
+        detector_(options.detector),
+        first_from_world_(world.views.front().world_from_camera.inverse()) {
+    sensor_.seed = options.seed;
+    detector_.seed = options.seed;
+  }
+
+  /// Depth, labels, poses and vehicles; the segmentation and detections that follow from them.
+  void write_truth(int f, SceneFrame* frame, TruthFrame* truth) {
+    const StageTimer timer(summary_->timings, "truth");
+    const std::string file = fmt::format("{:06d}.png", f);
+    const int width = options_.camera.width, height = options_.camera.height;
+    const ViewTruth seen = trace_view(world_, f, options_.camera, options_.num_threads);
+    const SE3& world_from_camera = world_.views[f].world_from_camera;
+    truth->id = f;
+    truth->world_from_camera = first_from_world_ * world_from_camera;
+    truth->ego_plane = world_.views[f].ego_plane.transformed(world_from_camera.inverse());
+    truth->vehicles = true_vehicles(world_, f, options_.camera, seen);
+    truth->label = root_ / "truth/label" / file;
+    write_file_atomically(truth->label,
+                          encode_png({width, height, 1, seen.labels}, kMapCompression));
+    if (f == 0 || f == options_.num_frames - 1) {
+      truth->depth = root_ / "truth/depth" / file;
+      truth->depth_encoding = "kitti";
+      write_file_atomically(truth->depth,
+                            encode_png16(width, height, kitti_depth(seen), kMapCompression));
+    }
+    frame->id = f;
+    frame->time_s = f / options_.frame_rate;
+    frame->segmentation = root_ / "segmentation" / file;
+    frame->vehicles = simulate_detections(world_, f, options_.camera, truth->vehicles, detector_);
+    summary_->detections += static_cast<int>(frame->vehicles.size());
+    std::vector<std::uint8_t> segmentation =
+        simulate_segmentation(seen, options_.camera, options_.seed, f);
+    write_file_atomically(frame->segmentation,
+                          encode_png({width, height, 1, std::move(segmentation)}, kMapCompression));
+  }
+
+  void write_image(int f, SceneFrame* frame) {
+    const StageTimer timer(summary_->timings, "render");
+    frame->image = root_ / "image" / fmt::format("{:06d}.png", f);
+    std::vector<std::uint8_t> picture =
+        render_view(world_, f, options_.camera, sensor_, options_.num_threads);
+    write_file_atomically(frame->image, encode_png({options_.camera.width, options_.camera.height,
+                                                    3, std::move(picture)},
+                                                   kImageCompression));
+  }
+
+ private:
+  const SynthOptions& options_;
+  const SynthWorld& world_;
+  const fs::path& root_;
+  SynthSummary* summary_;
+  CameraSensor sensor_;
+  DetectorModel detector_;
+  SE3 first_from_world_;
+};
+
+void write_run(const SynthOptions& options, const SynthWorld& world, const SynthSummary& summary,
+               const fs::path& path) {
+  nlohmann::json timings = nlohmann::json::object();
+  for (const auto& [stage, ms] : summary.timings.stages()) timings[stage] = ms;
+  write_json({{"version", kVersion},
+              {"seed", options.seed},
+              {"options", options_json(options)},
+              {"cars", summary.cars},
+              {"speed", summary.speed},
+              {"min_vertical_radius_m", world.road.profile().min_vertical_radius()},
+              {"timings_ms", timings}},
+             path);
+}
+
+}  // namespace
 
 SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folder, bool overwrite,
                               const Progress& progress) {
@@ -226,92 +262,33 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
   StageTimer geometry_timer(summary.timings, "geometry");
   const SynthWorld world = make_synth_world(world_options(options));
   summary.cars = static_cast<int>(world.cars.size());
+  summary.speed = world.speed;
   geometry_timer.stop();
 
-  Scene scene;
-  scene.name = options.name.empty() ? fmt::format("{}_{}", to_string(options.profile), options.seed)
-                                    : options.name;
-  scene.camera = options.camera;
-  scene.height_above_road = options.camera_height;
-  scene.frame_rate = options.frame_rate;
-  scene.reference_frame = options.num_frames / 2;
-  scene.detections_source = "simulated_network";
-  scene.segmentation_classes = {{"road", {static_cast<int>(SegmentationClass::kRoad)}},
-                                {"pavement", {static_cast<int>(SegmentationClass::kPavement)}},
-                                {"vehicle", {static_cast<int>(SegmentationClass::kVehicle)}}};
-  scene.markings_m = {{"dash_length", world.markings.dash_length},
-                      {"dash_gap", world.markings.dash_gap},
-                      {"line_width", world.markings.line_width}};
+  Scene scene = begin_scene(options, world);
+  summary.name = scene.name;
   SceneTruth truth;
   truth.cloud = root / "truth/road.ply";
   truth.cloud_frame = 0;
-
-  CameraSensor sensor = options.sensor;
-  sensor.seed = options.seed;
-  DetectorModel detector = options.detector;
-  detector.seed = options.seed;
-  const SE3 first_from_world = world.views.front().world_from_camera.inverse();
+  FrameWriter writer(options, world, root, &summary);
   for (int f = 0; f < options.num_frames; ++f) {
     report("frames", static_cast<double>(f) / options.num_frames);
-    const std::string file = fmt::format("{:06d}.png", f);
-    const int width = options.camera.width, height = options.camera.height;
-
-    StageTimer truth_timer(summary.timings, "truth");
-    const ViewTruth seen = trace_view(world, f, options.camera, options.num_threads);
-    TruthFrame frame_truth;
-    frame_truth.id = f;
-    frame_truth.world_from_camera = first_from_world * world.views[f].world_from_camera;
-    const SE3 camera_from_world = world.views[f].world_from_camera.inverse();
-    frame_truth.ego_plane = world.views[f].ego_plane.transformed(camera_from_world);
-    frame_truth.vehicles = true_vehicles(world, f, options.camera, seen);
-    frame_truth.label = root / "truth/label" / file;
-    write_image({width, height, 1, seen.labels}, frame_truth.label);
-    if (f == 0 || f == options.num_frames - 1) {
-      frame_truth.depth = root / "truth/depth" / file;
-      frame_truth.depth_encoding = "kitti";
-      write_file_atomically(frame_truth.depth,
-                            encode_png16(width, height, kitti_depth(seen), kCompression));
-    }
-
     SceneFrame frame;
-    frame.id = f;
-    frame.time_s = f / options.frame_rate;
-    frame.image = root / "image" / file;
-    frame.segmentation = root / "segmentation" / file;
-    frame.vehicles = simulate_detections(world, f, options.camera, frame_truth.vehicles, detector);
-    summary.detections += static_cast<int>(frame.vehicles.size());
-    std::vector<std::uint8_t> segmentation =
-        simulate_segmentation(seen, options.camera, options.seed, f);
-    write_image({width, height, 1, std::move(segmentation)}, frame.segmentation);
-    truth.frames.push_back(std::move(frame_truth));
-    truth_timer.stop();
-
+    TruthFrame frame_truth;
+    writer.write_truth(f, &frame, &frame_truth);
     report("frames", (f + 0.3) / options.num_frames);
-    StageTimer render_timer(summary.timings, "render");
-    std::vector<std::uint8_t> picture =
-        render_view(world, f, options.camera, sensor, options.num_threads);
-    write_image({width, height, 3, std::move(picture)}, frame.image);
+    writer.write_image(f, &frame);
     scene.frames.push_back(std::move(frame));
+    truth.frames.push_back(std::move(frame_truth));
   }
 
   StageTimer write_timer(summary.timings, "write");
   write_road_cloud(world, options.cloud_points, options.seed, truth.cloud);
   scene.truth = std::move(truth);
   write_scene(scene, root / "scene.json");
-  write_file_atomically(root / "README.md", readme(options, scene, world));
+  write_file_atomically(root / "README.md", scene_readme(options, scene, world));
   write_timer.stop();
-  write_json({{"version", kVersion},
-              {"seed", options.seed},
-              {"options", options_json(options)},
-              {"cars", summary.cars},
-              {"min_vertical_radius_m", world.road.profile().min_vertical_radius()},
-              {"timings_ms",
-               [&] {
-                 nlohmann::json out = nlohmann::json::object();
-                 for (const auto& [stage, ms] : summary.timings.stages()) out[stage] = ms;
-                 return out;
-               }()}},
-             root / "run.json");
+  write_run(options, world, summary, root / "run.json");
   atomic.commit();
   report("frames", 1.0);
   return summary;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "camber/core/progress.h"
@@ -10,6 +11,7 @@
 #include "camber/scene/scene.h"
 #include "camber/synth/detections.h"
 #include "camber/synth/render_view.h"
+#include "camber/synth/scene_features.h"
 #include "camber/synth/synth_world.h"
 
 namespace camber {
@@ -22,12 +24,13 @@ struct SynthOptions {
   RoadProfileKind profile = RoadProfileKind::kSteepHill;
   int num_frames = 5;        ///< 1 to 1000
   double frame_rate = 10.0;  ///< Hz, (0, 100]
-  double speed = 9.0;        ///< m/s of the camera's car, [0, 40]
+  double speed = 9.0;        ///< m/s of the camera's car, [0, 40]; not used at a corner
   PinholeCamera camera{1242, 375, 721.5377, 721.5377, 609.5593, 172.854};  ///< sides 16 to 4096 px
   double camera_height = 1.65;  ///< m above the road, [0.5, 4]
   int num_cars = 5;             ///< at most; [0, 30]
   double nearest_car = 8.0;     ///< m ahead of the camera in the middle frame, [6, 100]
   double farthest_car = 45.0;   ///< m, (nearest_car, 100]
+  SceneFeatures features;       ///< corners, wet roads, kerbs and more
   CameraSensor sensor;          ///< its seed is not used: see `seed`
   DetectorModel detector;       ///< likewise
   int cloud_points = 60000;     ///< points of truth/road.ply, [0, 5 million]
@@ -39,9 +42,10 @@ struct SynthOptions {
 
 /// What was made.
 struct SynthSummary {
+  std::string name;    ///< of the scene
   int cars = 0;        ///< placed; fewer than asked for where there was no room
   int detections = 0;  ///< over all frames
-  std::string gl_renderer;
+  double speed = 0.0;  ///< m/s of the camera's car
   Timings timings;
 };
 
@@ -50,13 +54,15 @@ struct SynthSummary {
 /// run.json with the options, README.md. The truth's world is the first frame's camera; the
 /// reference frame is the middle one.
 ///
-/// Same options, same scene: geometry, truth, labels and detections for any number of threads and
-/// on any machine with the same arithmetic; images on the same OpenGL driver.
+/// Same options, same scene, for any number of threads, on machines of the same type.
 /// @param folder     appears whole or not at all
 /// @param overwrite  see AtomicFolder
-/// @throws std::invalid_argument, OutputError, MachineError (no rendering back end).
+/// @throws std::invalid_argument, OutputError, MachineError (ray casting cannot be started).
 SynthSummary synthesise_scene(const SynthOptions& options, const std::filesystem::path& folder,
                               bool overwrite = false, const Progress& progress = {});
+
+/// The options as run.json has them: lengths in m, angles as "..._deg", features that are on.
+nlohmann::json options_json(const SynthOptions& options);
 
 /// The options' part that makes the world.
 WorldOptions world_options(const SynthOptions& options);

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "camber/synth/detail/driven_path.h"
+#include "camber/synth/synth_world.h"
+
+namespace camber {
+
+/// How the camera's car drives: its rear axle is on a path, evenly fast.
+struct EgoMotion {
+  std::unique_ptr<DrivenPath> path;
+  double speed = 0.0;         ///< m/s
+  double begin = 0.0;         ///< distance on the path at frame 0
+  double camera_ahead = 0.0;  ///< m before the rear axle
+
+  double distance(int frame, double frame_rate) const { return begin + speed / frame_rate * frame; }
+};
+
+/// The drive that the options ask for. The road must outlive it.
+EgoMotion plan_ego_motion(const WorldOptions& options, const RoadModel& road);
+
+/// The camera at every frame: on its path, in its mounting, moved by its springs by a tenth of a
+/// degree and a few millimetres.
+std::vector<SynthView> drive_camera(const WorldOptions& options, const RoadModel& road,
+                                    const EgoMotion& motion);
+
+}  // namespace camber

@@ -1,0 +1,118 @@
+// camber synth: random scenes, single features and what it prints.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "camber/scene/scene.h"
+#include "cli/run_program.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using nlohmann::json;
+using test::run_camber;
+
+class Synth : public ::testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  /// Runs `camber synth` with a small picture.
+  test::ProgramResult synth(std::vector<std::string> arguments, const std::string& out) {
+    arguments.insert(arguments.begin(), "synth");
+    for (const char* more : {"--size", "160x90", "--cloud-points", "200", "--out"}) {
+      arguments.emplace_back(more);
+    }
+    arguments.push_back(path(out));
+    return run_camber(arguments);
+  }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(Synth, RandomScenesAreTheSameForOneNumberAndPrintedAsJson) {
+  const auto first = synth({"--random", "4", "--frames", "2", "--json"}, "a");
+  ASSERT_EQ(first.exit_code, 0) << first.error;
+  EXPECT_EQ(first.error, "");
+  const json printed = json::parse(first.out);
+  EXPECT_EQ(printed["name"], "random_00004");
+  EXPECT_EQ(printed["frames"], 2);
+  EXPECT_EQ(printed["options"]["frames"], 2);  // the option replaces what was drawn
+  EXPECT_EQ(printed["options"]["camera"]["width"], 160);
+  EXPECT_TRUE(printed["options"]["features"].contains("asphalt"));
+  EXPECT_TRUE(printed.contains("timings_ms") && printed.contains("seed"));
+  const auto again = synth({"--random", "4", "--frames", "2", "--threads", "1"}, "b");
+  ASSERT_EQ(again.exit_code, 0) << again.error;
+  EXPECT_EQ(again.out, "");
+  auto a = test::snapshot(path("a")), b = test::snapshot(path("b"));
+  for (auto* files : {&a, &b}) {
+    files->erase("run.json");   // times
+    files->erase("README.md");  // the command
+  }
+  EXPECT_GT(a.size(), 8u);
+  EXPECT_EQ(a, b);
+  const auto other = synth({"--random", "5", "--frames", "2"}, "c");
+  ASSERT_EQ(other.exit_code, 0) << other.error;
+  EXPECT_NE(test::snapshot(path("c"))["image/000000.png"], a["image/000000.png"]);
+}
+
+TEST_F(Synth, FeaturesAreOptions) {
+  const auto made = synth({"--corner",
+                           "stem",
+                           "--turn",
+                           "left",
+                           "--corner-radius",
+                           "8",
+                           "--corner-yaw-rate-deg",
+                           "30",
+                           "--frames",
+                           "3",
+                           "--wet",
+                           "0.5",
+                           "--asphalt",
+                           "self_similar",
+                           "--lead-car",
+                           "7",
+                           "--kerb-height",
+                           "0.2",
+                           "--markings",
+                           "none",
+                           "--pitch-deg",
+                           "-3",
+                           "--lights",
+                           "--json"},
+                          "a");
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  const json features = json::parse(made.out)["options"]["features"];
+  EXPECT_EQ(features["corner"]["kind"], "stem");
+  EXPECT_EQ(features["corner"]["turn"], "left");
+  EXPECT_NEAR(features["corner"]["yaw_rate_deg"].get<double>(), 30.0, 1e-9);
+  EXPECT_EQ(features["asphalt"]["texture"], "self_similar");
+  EXPECT_EQ(features["asphalt"]["wetness"], 0.5);
+  EXPECT_EQ(features["lead_car"]["gap"], 7.0);
+  EXPECT_EQ(features["roadside"]["kerb_height"], 0.2);
+  EXPECT_EQ(features["markings"], "none");
+  EXPECT_NEAR(features["mounting"]["pitch_deg"].get<double>(), -3.0, 1e-9);
+  EXPECT_EQ(features["weather"]["lights_on"], true);
+  const Scene scene = read_scene(path("a"));
+  EXPECT_TRUE(scene.markings_m.empty());
+  // It turns to the left by 3 degrees a frame.
+  ASSERT_TRUE(scene.truth.has_value());
+  const SE3 step = scene.truth->frames[0].world_from_camera->inverse() *
+                   *scene.truth->frames[1].world_from_camera;
+  EXPECT_NEAR(rotation_to_vector(step.rotation()).norm(), 3.0 * 3.14159265 / 180.0, 0.008);
+}
+
+TEST_F(Synth, RefusesWhatItCannotMake) {
+  EXPECT_ONE_SENTENCE(synth({"--corner", "stem", "--corner-radius", "2"}, "a"), 2, "corner.radius");
+  EXPECT_ONE_SENTENCE(synth({"--corner", "stem", "--bend-radius", "60"}, "a"), 2, "bend.radius");
+  EXPECT_ONE_SENTENCE(synth({"--wet", "7"}, "a"), 2, "asphalt.wetness");
+  EXPECT_EQ(synth({"--corner", "roundabout"}, "a").exit_code, 2);
+  EXPECT_EQ(synth({"--random", "-1"}, "a").exit_code, 2);
+  EXPECT_EQ(synth({"--random", "x"}, "a").exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(path("a")));
+}
+
+}  // namespace
+}  // namespace camber
