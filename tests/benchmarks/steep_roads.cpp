@@ -257,7 +257,6 @@ void steep_roads(const Bench& bench, const std::vector<Clip>& clips, const std::
                  const std::string& title) {
   VehicleFitOptions doubting;
   doubting.prior = bench.prior;
-  doubting.seed = bench.report.seed();
   VehicleFitOptions trusting = doubting;
   trusting.trust_plane = true;
   const auto level = [](const Clip& clip, int, const VehicleDetection&) {
@@ -314,7 +313,6 @@ void steep_roads(const Bench& bench, const std::vector<Clip>& clips, const std::
 /// states.
 void budget(const Bench& bench, const std::vector<Clip>& clips) {
   VehicleFitOptions fit;
-  fit.seed = bench.report.seed();
   using Errors = std::vector<std::map<int, VehicleError>>;  // [clip][detection]
   const auto run = [&](const Supports& support) {
     Errors out;
@@ -414,7 +412,6 @@ void ablation(const Bench& bench, const std::vector<Clip>& clips) {
   };
   VehicleFitOptions fit;
   fit.prior = bench.prior;
-  fit.seed = bench.report.seed();
   std::vector<std::pair<const char*, paper::JointFitOptions>> variants;
   paper::JointFitOptions base;
   base.prior = bench.prior;
@@ -457,7 +454,6 @@ void real_keypoints(const Bench& bench, const fs::path& path) {
   int inside = 0;
   VehicleFitOptions fit;
   fit.prior = bench.prior;
-  fit.seed = bench.report.seed();
   bench::Items& items =
       bench.report.items("real", {bench::lower("centre", "m"), bench::lower("yaw, absolute", "deg"),
                                   bench::value("inside its 95 %")});

@@ -1,5 +1,7 @@
 // Any bytes as run.json: a run that can be written again, or refused with an InputError.
 
+#include <nlohmann/json.hpp>
+
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"
 #include "memory_file.h"

@@ -25,9 +25,4 @@ Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
   return vtk().render_scene_content(shot, record);
 }
 
-TriangleIds rasterise_triangle_ids(const SynthWorld& world, int frame, const PinholeCamera& camera,
-                                   int supersampling) {
-  return vtk().rasterise_triangle_ids(world, frame, camera, supersampling);
-}
-
 }  // namespace camber

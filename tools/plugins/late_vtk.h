@@ -1,7 +1,6 @@
 #pragma once
 
 #include "camber/render/detail/vtk_drawing.h"
-#include "camber/synth/triangle_ids.h"
 
 namespace camber::tools {
 
@@ -9,7 +8,6 @@ namespace camber::tools {
 struct VtkFunctions {
   decltype(&camber::rasterize_text) rasterize_text;
   decltype(&camber::render_scene_content) render_scene_content;
-  decltype(&camber::rasterise_triangle_ids) rasterise_triangle_ids;
 };
 
 }  // namespace camber::tools

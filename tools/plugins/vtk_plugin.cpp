@@ -3,7 +3,7 @@
 
 CAMBER_EXPORT const camber::tools::VtkFunctions* camber_vtk();
 CAMBER_EXPORT const camber::tools::VtkFunctions* camber_vtk() {
-  static const camber::tools::VtkFunctions functions = {
-      camber::rasterize_text, camber::render_scene_content, camber::rasterise_triangle_ids};
+  static const camber::tools::VtkFunctions functions = {camber::rasterize_text,
+                                                    camber::render_scene_content};
   return &functions;
 }
