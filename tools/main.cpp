@@ -36,7 +36,7 @@ void print_help() {
       list_of_verbs().c_str());
 }
 
-/// The sentence about a first word that is no command, and the list of those that are.
+/// The sentence about a first word that is no command; where there is none, the list of commands.
 int misused(const std::string& word) {
   std::vector<std::string> names;
   const bool option = !word.empty() && word[0] == '-';
@@ -49,10 +49,10 @@ int misused(const std::string& word) {
   std::string text = "a command is required";
   if (!word.empty()) {
     text = std::string("there is no ") + (option ? "option " : "command ") + word;
-    if (!meant.empty()) text += ": did you mean " + meant + "?";
+    text += meant.empty() ? "; camber --help lists what there is" : ": did you mean " + meant + "?";
   }
   std::fprintf(stderr, "camber: %s\n", text.c_str());
-  if (meant.empty()) std::fprintf(stderr, "The commands are\n%s", list_of_verbs().c_str());
+  if (word.empty()) std::fprintf(stderr, "The commands are\n%s", list_of_verbs().c_str());
   return 2;
 }
 

@@ -20,11 +20,20 @@ using test::write_png;
 namespace fs = std::filesystem;
 
 TEST(Program, UsageErrorsExitWithTwo) {
-  EXPECT_ONE_SENTENCE(run_camber({}), 2, "subcommand");
-  EXPECT_ONE_SENTENCE(run_camber({"no_such_command"}), 2, "");
+  EXPECT_ONE_SENTENCE(run_camber({"no_such_command"}), 2, "camber --help lists");
   EXPECT_ONE_SENTENCE(run_camber({"import"}), 2, "");
   EXPECT_ONE_SENTENCE(run_camber({"import", "kitti"}), 2, "--images is required");
   EXPECT_ONE_SENTENCE(run_camber({"import", "kitti", "--no-such-option"}), 2, "");
+}
+
+TEST(Program, WithoutACommandListsThem) {
+  const auto bare = run_camber({});
+  EXPECT_EQ(bare.exit_code, 2);
+  EXPECT_EQ(bare.out, "");
+  EXPECT_THAT(bare.error, testing::StartsWith("camber: a command is required\n"));
+  for (const char* verb : {"reconstruct", "plane", "profile", "synth"}) {
+    EXPECT_THAT(bare.error, testing::HasSubstr("\n  " + std::string(verb) + " "));
+  }
 }
 
 TEST(Program, HelpAndVersionExitWithZero) {

@@ -74,9 +74,9 @@ endforeach()
 # A machine without the heavy libraries.
 set(lacking -DCMAKE_DISABLE_FIND_PACKAGE_VTK=ON -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
             -DCMAKE_DISABLE_FIND_PACKAGE_Ceres=ON)
-configure(consumer_plane lacking ${plane} ${lacking} "-DABSENT=image;road;render;pipeline")
+configure(consumer_plane lacking ${plane} ${lacking} "-DABSENT=image,road,render,pipeline")
 step("configuring without the packages of other modules" ${configure})
-configure(consumer_plane refused ${plane} ${lacking} "-DCOMPONENTS=plane;road")
+configure(consumer_plane refused ${plane} ${lacking} "-DCOMPONENTS=plane,road")
 execute_process(COMMAND ${configure} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
 string(REGEX REPLACE "[ \n]+" " " out "${out}")
 if(status EQUAL 0 OR NOT out MATCHES "camber::road needs Ceres, which was not found")

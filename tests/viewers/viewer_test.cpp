@@ -315,10 +315,14 @@ TEST_F(ViewCommand, WritesAPictureOfItsWindow) {
 }
 
 TEST_F(ViewCommand, SaysThatTheViewerIsMissing) {
-  // The program alone, as where Qt is not installed.
-  std::filesystem::copy_file(CAMBER_PROGRAM, path("camber"));
+  // The program and its plugins without the viewer, as where Qt is not installed.
+  const std::filesystem::path program(CAMBER_PROGRAM);
+  std::filesystem::create_directories(path("bin"));
+  std::filesystem::copy_file(program, path("bin/camber"));
+  std::filesystem::create_directory_symlink(program.parent_path().parent_path() / "lib",
+                                            path("lib"));
   const std::string run =
-      "'" + path("camber") + "' view '" + cloud() + "' 2>'" + path("said") + "'";
+      "'" + path("bin/camber") + "' view '" + cloud() + "' 2>'" + path("said") + "'";
   const int status = std::system(run.c_str());
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 3);
