@@ -32,6 +32,7 @@ struct KnownLength {
   Eigen::Index from, to;
   double length;
   double sine = 1.0;
+  double sine_sigma = 0.0;
 };
 
 /// The lengths of a dash or crossing itself.
@@ -64,12 +65,16 @@ class KnownLengths {
     LinearisedLengths out;
     out.by_inverse_depth = Eigen::MatrixXd::Zero(n, ground_.size());
     out.residual.resize(n);
-    // By the marks' columns and rows and by the paint, each in standard deviations.
-    Eigen::MatrixXd by_error = Eigen::MatrixXd::Zero(n, 3 * ground_.size());
+    // By the marks' columns and rows and by the paint, by the sizes that all paint shares, and by
+    // the stripes' direction, each in standard deviations.
+    const Eigen::Index marks = 3 * ground_.size();
+    Eigen::MatrixXd by_error = Eigen::MatrixXd::Zero(n, marks + 1 + n);
     for (Eigen::Index k = 0; k < n; ++k) {
       const KnownLength& known = lengths[static_cast<std::size_t>(k)];
       const Eigen::Vector3d between = point(x, known.to) - point(x, known.from);
       out.residual[k] = known.length - known.sine * between.norm();
+      by_error(k, marks) = noise_.painted_size * known.length;
+      by_error(k, marks + 1 + k) = known.sine_sigma * between.norm();
       const Eigen::Vector3d along = known.sine * between.normalized();
       for (const auto& [i, sign] : {std::pair{known.from, -1.0}, std::pair{known.to, 1.0}}) {
         const Eigen::Vector3d p = point(x, i);
@@ -154,7 +159,8 @@ Marks collect_marks(const RoadPosterior& road, const PinholeCamera& camera,
     const double sine = across.cross(along).norm();
     if (!(sine > 0.7)) continue;
     const double length = (c.stripes - 1) * (sizes.stripe_width + sizes.stripe_gap);
-    out.own.push_back({{next(), next() + 1, length, sine}, 0, true});
+    const double sine_sigma = std::sqrt(1.0 - sine * sine) * c.angle_sigma;
+    out.own.push_back({{next(), next() + 1, length, sine, sine_sigma}, 0, true});
     out.add(c.first, {c.sigma, 0.0});
     out.add(c.last, {c.sigma, 0.0});
   }

@@ -43,6 +43,7 @@ struct PaintedDash {
 struct PaintedCrossing {
   Eigen::Vector2d first, last;  ///< middles of the outermost stripes that are seen
   Eigen::Vector2d along;        ///< another pixel on the first stripe's middle line
+  double angle_sigma = 0.0;     ///< rad, standard deviation of that line's direction on the ground
   int stripes = 0;              ///< from the first to the last, those hidden between included, >= 3
   double sigma = 0.0;           ///< px, standard deviation of either middle's column
 };

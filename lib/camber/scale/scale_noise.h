@@ -18,7 +18,8 @@ struct ScaleNoise {
       0.01;  ///< relative, of baselines between poses that a scene gives (assumed)
 
   // Painted markings of known size.
-  double painted_end = 0.02;  ///< m, ends of paint off their place (assumed; rendered roads agree)
+  double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)
+  double painted_size = 0.01;  ///< relative, sizes of one road's paint off the given ones (assumed)
   double mark_column_px = 0.2;   ///< px, a stroke's middle line (tests of the detector)
   double mark_end_row_px = 0.3;  ///< px, the end of a stroke of many rows (tests of the detector)
   double marking_gate = 3.0;     ///< standard deviations, of one length
