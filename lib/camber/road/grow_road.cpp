@@ -161,15 +161,24 @@ GrownRoad grow_road(const PinholeCamera& camera, const GridInverseDepth& grid,
   using Entry = std::pair<double, int>;  // inverse depth, cell
   std::priority_queue<Entry> queue;
   std::vector<std::uint8_t> tried(cells.size(), 0);
+  std::vector<int> on_ego_plane;
+  double nearest = std::numeric_limits<double>::infinity();
   for (int r = rows / 2; r < rows; ++r) {
     for (int c = columns / 8; c < columns - columns / 8; ++c) {
-      Cell& cell = cell_at(r, c);
+      const Cell& cell = cell_at(r, c);
       if (!cell.known || down.dot(cell.ray) < 0.08 || !inlier(cell, best)) continue;
-      if (1.0 / cell.rho * metres > 9.0) continue;
-      cell.road = true;
-      cell.plane = best;
-      queue.push({cell.rho, r * columns + c});
+      on_ego_plane.push_back(r * columns + c);
+      nearest = std::min(nearest, metres / cell.rho);
     }
+  }
+  constexpr double kNear = 9.0, kNoFarther = 20.0;  // m
+  const double seed_reach = std::max(kNear, std::min(1.25 * nearest, kNoFarther));
+  for (const int i : on_ego_plane) {
+    Cell& cell = cells[static_cast<std::size_t>(i)];
+    if (metres / cell.rho > seed_reach) continue;
+    cell.road = true;
+    cell.plane = best;
+    queue.push({cell.rho, i});
   }
   if (queue.empty()) return fail("no cell near the camera lies on the ego plane");
   const auto local_plane = [&](int r0, int c0, const Eigen::Vector3d& prior) {

@@ -1,5 +1,7 @@
 #include "camber/scale/ego_plane.h"
 
+#include "camber/scale/detail/driven_profile.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
@@ -31,20 +33,98 @@ Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noi
   return x;
 }
 
-/// Positions on one side of the camera, outwards, at least `reach` apart; the farthest if none is.
-std::vector<Eigen::Vector3d> thinned(std::vector<Eigen::Vector3d> side, double reach) {
-  std::sort(side.begin(), side.end(), [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
-    return std::abs(p.y()) < std::abs(q.y());
-  });
-  std::vector<Eigen::Vector3d> out;
-  double last = 0.0;
-  for (const Eigen::Vector3d& p : side) {
-    if (std::abs(p.y()) - last < reach) continue;
-    out.push_back(p);
-    last = std::abs(p.y());
+/// Turns the frame about the direction of travel to the cross slope of the nearest road, whose
+/// height below the camera gives a first scale: near points lie about one camera height below the
+/// travelled line. @return why there is none; empty: there is one.
+std::string fit_near_plane(const RoadPoints& road, double camera_height, detail::TravelFrame* frame,
+                           double* near_plane_height) {
+  std::vector<Eigen::Vector3d> abu;
+  abu.reserve(road.points.size());
+  std::vector<double> ahead;
+  const auto below_and_ahead = [](const Eigen::Vector3d& p) {
+    return p.y() > 0 && p.z() < 0 && std::abs(p.x()) < p.y();
+  };
+  for (const Eigen::Vector3d& p : road.points) {
+    abu.push_back(frame->of(p));
+    if (below_and_ahead(abu.back())) ahead.push_back(abu.back().y());
   }
-  if (out.empty() && !side.empty()) out.push_back(side.back());
+  if (ahead.size() < 30) return "too few road points ahead of and below the camera";
+  std::sort(ahead.begin(), ahead.end());
+  const double nearest = ahead[ahead.size() / 50];
+  std::vector<double> below;
+  for (const Eigen::Vector3d& p : abu) {
+    if (below_and_ahead(p) && p.y() < ahead[ahead.size() / 4]) below.push_back(-p.z());
+  }
+  std::nth_element(below.begin(), below.begin() + static_cast<std::ptrdiff_t>(below.size() / 2),
+                   below.end());
+  double height = below[below.size() / 2];
+  for (int round = 0; round < 4; ++round) {
+    const double window = std::max(1.3 * nearest, nearest + 6.0 / camera_height * height);
+    std::vector<Eigen::Vector3d> near;
+    for (const Eigen::Vector3d& p : abu) {
+      if (p.y() > 0 && p.y() < window && std::abs(p.x()) < 0.6 * p.y() &&
+          std::abs(p.z() + height) < 0.5 * height) {
+        near.push_back(p);
+      }
+    }
+    if (near.size() < 20) return "too few road points near the camera";
+    const Eigen::Vector3d plane = robust_plane(near, (round == 0 ? 0.1 : 0.03) * height);
+    if (!(plane.x() < 0)) return "the nearest points do not lie below the camera";
+    height = -plane.x() / std::sqrt(1.0 + plane.y() * plane.y() + plane.z() * plane.z());
+    frame->up = (frame->up - plane.z() * frame->right).normalized();
+    frame->right = frame->forward.cross(frame->up);
+    for (std::size_t i = 0; i < abu.size(); ++i) abu[i] = frame->of(road.points[i]);
+  }
+  *near_plane_height = height;
+  return "";
+}
+
+/// The camera's other positions in the frame, ahead and behind as far as roads bend evenly.
+std::vector<Eigen::Vector3d> usable_path(const RoadPoints& road, const detail::TravelFrame& frame,
+                                         double metres_per_unit) {
+  constexpr double kShortest = 0.02, kLongest = 10.0;  // m, to either side
+  std::vector<Eigen::Vector3d> out;
+  for (const Eigen::Vector3d& p : road.camera_path) {
+    const Eigen::Vector3d q = frame.of(p);
+    const double distance = metres_per_unit * std::abs(q.y());
+    if (distance > kShortest && distance < kLongest && q.norm() < 1.2 * std::abs(q.y())) {
+      out.push_back(q);
+    }
+  }
   return out;
+}
+
+/// Curvature in plan of the path through the camera's positions, 1 / unit.
+double path_curvature(const std::vector<Eigen::Vector3d>& path, double metres_per_unit,
+                      const EgoPlaneOptions& options) {
+  double information = 1.0 / (options.path_curvature * options.path_curvature), moment = 0.0;
+  for (const Eigen::Vector3d& p : path) {
+    const Eigen::Vector3d q = metres_per_unit * p;
+    const double by_curvature = 0.5 * q.y() * q.y() / options.path_sigma;
+    information += by_curvature * by_curvature;
+    moment += by_curvature * q.x() / options.path_sigma;
+  }
+  return moment / information * metres_per_unit;
+}
+
+/// What the same measurements give under other assumptions: a narrower or wider strip, a stiffer
+/// or softer road. @return variance of the logarithm of the scale.
+double assumption_variance(const detail::ProfileMeasurements& measured,
+                           const detail::DrivenProfile& chosen, const EgoPlaneOptions& options,
+                           double other_half_width) {
+  const auto log_change = [&](const EgoPlaneOptions& changed) {
+    const detail::DrivenProfile other =
+        detail::fit_driven_profile(measured, chosen.metres_per_unit, changed);
+    return other.failure.empty() ? std::log(other.metres_per_unit / chosen.metres_per_unit) : 0.0;
+  };
+  EgoPlaneOptions width = options, soft = options, stiff = options;
+  width.half_width = other_half_width;
+  soft.curvature_walk *= 2.0;
+  stiff.curvature_walk *= 0.5;
+  // The road's stiffness is known to a factor of two: half, the assumed one and twice it as 1:2:1.
+  const double by_width = log_change(width);
+  const double by_soft = log_change(soft), by_stiff = log_change(stiff);
+  return by_width * by_width + 0.25 * (by_soft * by_soft + by_stiff * by_stiff);
 }
 
 }  // namespace
@@ -61,6 +141,9 @@ void EgoPlaneOptions::validate() const {
   require(node_spacing > 0, "node_spacing", node_spacing, "> 0");
   require(reach > 8, "reach", reach, "> 8");
   require(half_width > 0, "half_width", half_width, "> 0");
+  require(wide_half_width > half_width, "wide_half_width", wide_half_width, "> half_width");
+  require(path_curvature > 0, "path_curvature", path_curvature, "> 0");
+  require(path_sigma > 0, "path_sigma", path_sigma, "> 0");
   require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");
   require(travel_reach > 0, "travel_reach", travel_reach, "> 0");
   require(curvature > 0, "curvature", curvature, "> 0");
@@ -87,219 +170,43 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
     return fail("too few road points: " + std::to_string(count) + ", expected at least 30");
   }
 
-  // Road frame: b along the direction of travel, u up, a to the right; origin in the camera.
   const Eigen::Vector3d forward = travel.normalized();
-  Eigen::Vector3d upward = (up - up.dot(forward) * forward).normalized();
-  Eigen::Vector3d rightward = forward.cross(upward);  // x right, y down, z forward: z x (-y) = x
-  std::vector<Eigen::Vector3d> abu(count);
-  const auto to_road_frame = [&] {
-    for (std::size_t i = 0; i < count; ++i) {
-      const Eigen::Vector3d& p = road.points[i];
-      abu[i] = {rightward.dot(p), forward.dot(p), upward.dot(p)};
-    }
-  };
-  to_road_frame();
-
-  // A first scale and roll from the nearest points. The road runs along the direction of travel
-  // under the camera, so that near points lie about one camera height below the travelled line.
-  std::vector<double> ahead;
-  for (const Eigen::Vector3d& p : abu) {
-    if (p.y() > 0 && p.z() < 0 && std::abs(p.x()) < p.y()) ahead.push_back(p.y());
-  }
-  if (ahead.size() < 30) return fail("too few road points ahead of and below the camera");
-  std::sort(ahead.begin(), ahead.end());
-  const double nearest = ahead[ahead.size() / 50];
-  std::vector<double> below;
-  for (const Eigen::Vector3d& p : abu) {
-    if (p.y() > 0 && p.z() < 0 && std::abs(p.x()) < p.y() && p.y() < ahead[ahead.size() / 4]) {
-      below.push_back(-p.z());
-    }
-  }
-  std::nth_element(below.begin(), below.begin() + static_cast<std::ptrdiff_t>(below.size() / 2),
-                   below.end());
-  out.near_plane_height = below[below.size() / 2];
-  double metres_per_unit = options.camera_height / out.near_plane_height;
-  for (int round = 0; round < 4; ++round) {
-    const double window = std::max(1.3 * nearest, nearest + 6.0 / metres_per_unit);
-    std::vector<Eigen::Vector3d> near;
-    for (const Eigen::Vector3d& p : abu) {
-      if (p.y() > 0 && p.y() < window && std::abs(p.x()) < 0.6 * p.y() &&
-          std::abs(p.z() + out.near_plane_height) < 0.5 * out.near_plane_height) {
-        near.push_back(p);
-      }
-    }
-    if (near.size() < 20) return fail("too few road points near the camera");
-    const Eigen::Vector3d plane =
-        robust_plane(near, (round == 0 ? 0.1 : 0.03) * out.near_plane_height);
-    if (!(plane.x() < 0)) return fail("the nearest points do not lie below the camera");
-    out.near_plane_height =
-        -plane.x() / std::sqrt(1.0 + plane.y() * plane.y() + plane.z() * plane.z());
-    metres_per_unit = options.camera_height / out.near_plane_height;
-    // Turn the frame about the direction of travel to the road's cross slope.
-    upward = (upward - plane.z() * rightward).normalized();
-    rightward = forward.cross(upward);
-    to_road_frame();
-  }
-
-  // Cross slope, in this frame, of a road on which the camera stands without roll.
   const Eigen::Vector3d level = (up - up.dot(forward) * forward).normalized();
-  const double level_cross_slope = -rightward.dot(level) / upward.dot(level);
+  // x right, y down, z forward: z x (-y) = x
+  detail::TravelFrame frame{forward.cross(level), forward, level};
+  const std::string failure =
+      fit_near_plane(road, options.camera_height, &frame, &out.near_plane_height);
+  if (!failure.empty()) return fail(failure);
+  double metres_per_unit = options.camera_height / out.near_plane_height;
 
-  // The camera's way in that frame: b ahead and behind, as far as roads bend evenly.
-  constexpr double kShortestWay = 0.02, kLongestWay = 10.0;  // m, to either side
-  std::vector<Eigen::Vector3d> path;
-  double behind_way = 0.0;
-  for (const Eigen::Vector3d& p : road.camera_path) {
-    const Eigen::Vector3d q(rightward.dot(p), forward.dot(p), upward.dot(p));
-    const double way = metres_per_unit * std::abs(q.y());
-    if (!(way > kShortestWay) || !(way < kLongestWay) || !(q.norm() < 1.2 * std::abs(q.y()))) {
-      continue;
-    }
-    path.push_back(q);
-    behind_way = std::max(behind_way, -1.25 * metres_per_unit * q.y());
-  }
+  detail::ProfileMeasurements measured;
+  measured.road = &road;
+  for (const Eigen::Vector3d& p : road.points) measured.points.push_back(frame.of(p));
+  measured.path = usable_path(road, frame, metres_per_unit);
+  measured.level_cross_slope = -frame.right.dot(level) / frame.up.dot(level);
+  measured.path_curvature = path_curvature(measured.path, metres_per_unit, options);
 
-  // Profile in metres: nodes from at least one step behind the camera to the reach.
-  const double step = options.node_spacing;
-  const int foot = 1 + static_cast<int>(behind_way / step);  // the node under the camera
-  const int nodes = foot + static_cast<int>(std::ceil(options.reach / step)) + 1;
-  const auto size = static_cast<Eigen::Index>(2 * nodes);  // heights, then cross slopes
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(size);
-  x.head(nodes).setConstant(-options.camera_height);
-  Eigen::MatrixXd covariance;
-  Eigen::MatrixXd shared;
-  std::vector<double> weight(count, 1.0);
-  int used = 0;
-  double seen_from = 0.0;
+  EgoPlaneOptions narrow = options, wide = options;
+  wide.half_width = options.wide_half_width;
+  detail::DrivenProfile profile = detail::fit_driven_profile(measured, metres_per_unit, narrow);
+  const bool is_wide = !profile.failure.empty() || profile.points < options.narrow_points;
+  if (is_wide) profile = detail::fit_driven_profile(measured, metres_per_unit, wide);
+  if (!profile.failure.empty()) return fail(profile.failure);
+  const double assumptions = assumption_variance(measured, profile, is_wide ? wide : narrow,
+                                                 is_wide ? narrow.half_width : wide.half_width);
+  metres_per_unit = profile.metres_per_unit;
   const Eigen::Index columns = road.shared_jacobian.cols();
-  constexpr int kRounds = 12;
-  for (int round = 0; round < kRounds; ++round) {
-    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
-    Eigen::MatrixXd shared_right = Eigen::MatrixXd::Zero(size, columns);
-    const bool last = round + 1 == kRounds;
-    used = 0;
-    seen_from = options.reach;
-    for (std::size_t i = 0; i < count; ++i) {
-      const Eigen::Vector3d p = metres_per_unit * abu[i];
-      const double at = p.y() / step + foot;
-      if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(p.x()) > options.half_width) continue;
-      const int j = static_cast<int>(at);
-      const double f = at - j;
-      const double row[4] = {1 - f, f, (1 - f) * p.x(), f * p.x()};
-      const Eigen::Index index[4] = {j, j + 1, nodes + j, nodes + j + 1};
-      double predicted = 0.0;
-      for (int k = 0; k < 4; ++k) predicted += row[k] * x[index[k]];
-      const double slope = (x[j + 1] - x[j]) / step;
-      // A change of the distance by a share e lifts the point off the profile by e (u - slope b).
-      const double lever = p.z() - slope * p.y() - x[nodes + j] * p.x();
-      const double sigma = std::sqrt(std::pow(lever * road.relative_sigma[i], 2) +
-                                     options.surface_sigma * options.surface_sigma);
-      const double residual = p.z() - predicted;
-      if (round > 0) weight[i] = 1.0 / std::pow(1.0 + residual * residual / (9 * sigma * sigma), 2);
-      const double w = weight[i] / (options.correlation * sigma * sigma);
-      for (int m = 0; m < 4; ++m) {
-        for (int k = 0; k < 4; ++k) normal(index[m], index[k]) += w * row[m] * row[k];
-        right[index[m]] += w * row[m] * p.z();
-        if (last && columns > 0) {
-          shared_right.row(index[m]) +=
-              w * row[m] * lever *
-              road.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
-        }
-      }
-      if (weight[i] > 0.25) {
-        ++used;
-        seen_from = std::min(seen_from, p.y());
-      }
-    }
-    if (used < 30) {
-      return fail(fmt::format("too few road points within {:g} m ahead: {}", options.reach, used));
-    }
-    const auto add_prior = [&](const std::vector<std::pair<int, double>>& terms, double mean,
-                               double sigma) {
-      for (const auto& [j, cj] : terms) {
-        for (const auto& [k, ck] : terms) normal(j, k) += cj * ck / (sigma * sigma);
-        right[j] += cj * mean / (sigma * sigma);
-      }
-    };
-    if (path.empty()) {
-      add_prior({{foot - 1, -0.5 / step}, {foot + 1, 0.5 / step}}, 0.0, options.travel_sigma);
-    }
-    for (const double side : {-1.0, 1.0}) {
-      std::vector<Eigen::Vector3d> way;
-      for (const Eigen::Vector3d& p : path) {
-        if (side * p.y() > 0) way.push_back(metres_per_unit * p);
-      }
-      // The road below the camera at a position: where, and how high against the camera's height.
-      struct Foot {
-        double ahead, right, up;
-      };
-      const auto foot_below = [&](const Eigen::Vector3d& p) {
-        const double at = std::clamp(p.y() / step + foot, 0.5, nodes - 1.5);
-        const int j = std::clamp(static_cast<int>(std::lround(at)), 1, nodes - 2);
-        const double slope = (x[j + 1] - x[j - 1]) / (2 * step), cross = x[nodes + j];
-        const double h = options.camera_height / std::sqrt(1 + slope * slope + cross * cross);
-        return Foot{p.y() + h * slope, p.x() + h * cross, p.z() + options.camera_height - h};
-      };
-      Foot last_foot = foot_below(Eigen::Vector3d::Zero());
-      for (const Eigen::Vector3d& p : thinned(way, options.travel_reach)) {
-        const Foot next = foot_below(p);
-        std::vector<std::pair<int, double>> terms;
-        for (const auto& [f, sign] : {std::pair(last_foot, -1.0), std::pair(next, 1.0)}) {
-          const double at = std::clamp(f.ahead / step + foot, 0.0, nodes - 1.001);
-          const int j = static_cast<int>(at);
-          const double share = at - j;
-          terms.insert(terms.end(), {{j, sign * (1 - share)},
-                                     {j + 1, sign * share},
-                                     {nodes + j, sign * (1 - share) * f.right},
-                                     {nodes + j + 1, sign * share * f.right}});
-        }
-        const double apart = std::abs(next.ahead - last_foot.ahead);
-        add_prior(terms, next.up - last_foot.up,
-                  std::sqrt(2.0) * options.travel_sigma *
-                      std::sqrt(apart * std::min(apart, options.travel_reach)));
-        last_foot = next;
-      }
-    }
-    const double walk = options.curvature_walk * std::sqrt(step);
-    for (int j = 0; j + 2 < nodes; ++j) {
-      add_prior({{j, 1 / (step * step)}, {j + 1, -2 / (step * step)}, {j + 2, 1 / (step * step)}},
-                0.0, options.curvature * std::sqrt((nodes - foot + 1) / 4.0));
-      if (j + 3 < nodes) {
-        const double s2 = step * step;
-        add_prior({{j, -1 / s2}, {j + 1, 3 / s2}, {j + 2, -3 / s2}, {j + 3, 1 / s2}}, 0.0, walk);
-      }
-    }
-    for (int j = 0; j + 1 < nodes; ++j) {
-      add_prior({{nodes + j, -1.0}, {nodes + j + 1, 1.0}}, 0.0,
-                options.bank_walk * std::sqrt(step));
-    }
-    add_prior({{nodes + foot, 1.0}}, level_cross_slope, options.roll_sigma);
-    normal.diagonal().array() += 1e-8;
-    const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal);
-    x = ldlt.solve(right);
-    if (last) {
-      covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
-      if (columns > 0) shared = ldlt.solve(shared_right);
-    } else if (x[foot] < 0) {
-      // New scale: the profile passes camera_height below the camera along its normal.
-      const double slope = (x[foot + 1] - x[foot - 1]) / (2 * step), cross = x[nodes + foot];
-      const double height = -x[foot] / std::sqrt(1.0 + slope * slope + cross * cross);
-      const double change = std::clamp(options.camera_height / height, 0.8, 1.25);
-      metres_per_unit *= change;
-      x *= change;
-    }
-  }
-  if (!(x[foot] < 0)) return fail("the road ahead does not pass below the camera");
-  covariance *= options.inflation;
+  Eigen::MatrixXd covariance = options.inflation * profile.covariance;
   if (columns > 0 && shared_covariance.size() > 0) {
-    covariance += shared * shared_covariance * shared.transpose();
+    covariance += profile.shared * shared_covariance * profile.shared.transpose();
   }
 
   // Tangent plane under the camera.
-  const double slope = (x[foot + 1] - x[foot - 1]) / (2 * step), cross = x[nodes + foot];
-  const Eigen::Vector3d normal_vector = (upward - slope * forward - cross * rightward).normalized();
-  const Eigen::Vector3d foot_on_axis = upward * (x[foot] / metres_per_unit);
+  const int foot = profile.foot, nodes = profile.nodes;
+  const double step = profile.step;
+  const Eigen::Vector3d normal_vector =
+      (frame.up - profile.slope() * forward - profile.cross_slope() * frame.right).normalized();
+  const Eigen::Vector3d foot_on_axis = frame.up * (profile.x[foot] / metres_per_unit);
   Plane plane = Plane::through(foot_on_axis, normal_vector);
   out.height = plane.offset;
   out.metres_per_unit = options.camera_height / out.height;
@@ -308,20 +215,24 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   UncertainPlane::make_axes(normal_vector, forward, &out.plane.axis1, &out.plane.axis2);
   // axis1 is forward, axis2 = n x axis1 is to the left; a tilt about axis1 is a change of the cross
   // slope, a tilt about axis2 one of the slope (see UncertainPlane: h + a axis2.r - b axis1.r).
-  Eigen::MatrixXd functional = Eigen::MatrixXd::Zero(3, size);
+  Eigen::MatrixXd functional = Eigen::MatrixXd::Zero(3, profile.x.size());
   functional(0, nodes + foot) = -1.0;
   functional(1, foot + 1) = -0.5 / step;
   functional(1, foot - 1) = 0.5 / step;
   functional(2, foot) = 1.0 / metres_per_unit;
   out.plane.covariance = functional * covariance * functional.transpose();
-  if (columns > 0) out.by_shared = functional * shared;
+  out.plane.covariance(2, 2) += out.height * out.height * assumptions;
+  if (columns > 0) out.by_shared = functional * profile.shared;
   const double height_share = options.camera_height_sigma / options.camera_height;
   out.relative_sigma = std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) +
                                  height_share * height_share);
   for (int j = foot; j < nodes; ++j) {
-    out.line.push_back((forward * ((j - foot) * step) + upward * x[j]) / metres_per_unit);
+    const double ahead = (j - foot) * step / metres_per_unit;
+    out.line.push_back(forward * ahead +
+                       frame.right * (0.5 * measured.path_curvature * ahead * ahead) +
+                       frame.up * (profile.x[j] / metres_per_unit));
   }
-  out.points = used;
+  out.points = profile.points;
   out.status = out.relative_sigma < 0.08 ? Status::kOk : Status::kWeak;
   if (out.status == Status::kWeak) {
     out.reason = "the height of the camera over the road is known to " +

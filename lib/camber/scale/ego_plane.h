@@ -24,10 +24,16 @@ struct RoadPoints {
 struct EgoPlaneOptions {
   double camera_height = 1.65;        ///< m above the road under the camera, > 0
   double camera_height_sigma = 0.01;  ///< m: mounting and suspension, >= 0
-  double node_spacing = 1.5;          ///< m, > 0
+  double node_spacing = 1.0;          ///< m, > 0
   double reach = 30.0;                ///< m ahead that is used, > 8
-  double half_width = 2.5;            ///< m to each side that is used, > 0
-  double travel_sigma = 0.0042;       ///< rad, between the direction of travel and the road, > 0
+  /// m to each side of the driven path that is used, > 0: between the wheels and no farther, since
+  /// kerbs and verges lie beyond.
+  double half_width = 1.4;
+  double wide_half_width = 2.5;  ///< m, where the narrow strip holds too few points
+  int narrow_points = 150;       ///< fewer are too few
+  double path_curvature = 0.03;  ///< 1/m, standard deviation of a driven path's, in plan, > 0
+  double path_sigma = 0.02;     ///< m, of a position across the path, > 0
+  double travel_sigma = 0.0042;  ///< rad, between the direction of travel and the road, > 0
   /// m: over longer ways than this, to either side, what the camera rises and falls against the
   /// road is a random walk, > 0.
   double travel_reach = 0.65;

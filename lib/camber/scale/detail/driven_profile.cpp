@@ -1,0 +1,228 @@
+#include "camber/scale/detail/driven_profile.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace camber::detail {
+namespace {
+
+using Terms = std::vector<std::pair<int, double>>;
+
+/// Positions on one side of the camera, outwards, at least `reach` apart; the farthest if none is.
+std::vector<Eigen::Vector3d> thinned(std::vector<Eigen::Vector3d> side, double reach) {
+  std::sort(side.begin(), side.end(), [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
+    return std::abs(p.y()) < std::abs(q.y());
+  });
+  std::vector<Eigen::Vector3d> out;
+  double last = 0.0;
+  for (const Eigen::Vector3d& p : side) {
+    if (std::abs(p.y()) - last < reach) continue;
+    out.push_back(p);
+    last = std::abs(p.y());
+  }
+  if (out.empty() && !side.empty()) out.push_back(side.back());
+  return out;
+}
+
+class ProfileFit {
+ public:
+  ProfileFit(const ProfileMeasurements& measured, double metres_per_unit,
+             const EgoPlaneOptions& options)
+      : measured_(measured), options_(options), weight_(measured.points.size(), 1.0) {
+    double behind = 0.0;
+    for (const Eigen::Vector3d& p : measured.path) {
+      behind = std::max(behind, -1.25 * metres_per_unit * p.y());
+    }
+    profile_.step = options.node_spacing;
+    profile_.foot = 1 + static_cast<int>(behind / profile_.step);
+    profile_.nodes = profile_.foot + static_cast<int>(std::ceil(options.reach / profile_.step)) + 1;
+    profile_.x = Eigen::VectorXd::Zero(2 * profile_.nodes);
+    profile_.x.head(profile_.nodes).setConstant(-options.camera_height);
+    profile_.metres_per_unit = metres_per_unit;
+  }
+
+  DrivenProfile run() {
+    constexpr int kRounds = 12;
+    for (int round = 0; round < kRounds; ++round) {
+      const bool last = round + 1 == kRounds;
+      const auto size = profile_.x.size();
+      normal_ = Eigen::MatrixXd::Zero(size, size);
+      right_ = Eigen::VectorXd::Zero(size);
+      shared_right_ = Eigen::MatrixXd::Zero(size, last ? shared_columns() : 0);
+      add_points(round > 0);
+      if (profile_.points < 30) {
+        profile_.failure = fmt::format("too few road points within {:g} m ahead: {}",
+                                       options_.reach, profile_.points);
+        return std::move(profile_);
+      }
+      add_path();
+      add_priors();
+      normal_.diagonal().array() += 1e-8;
+      const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
+      profile_.x = ldlt.solve(right_);
+      if (last) {
+        profile_.covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
+        profile_.shared = ldlt.solve(shared_right_);
+      } else if (profile_.x[profile_.foot] < 0) {
+        const double change =
+            std::clamp(options_.camera_height / profile_.camera_height(), 0.8, 1.25);
+        profile_.metres_per_unit *= change;
+        profile_.x *= change;
+      }
+    }
+    if (!(profile_.x[profile_.foot] < 0)) {
+      profile_.failure = "the road ahead does not pass below the camera";
+    }
+    return std::move(profile_);
+  }
+
+ private:
+  Eigen::Index shared_columns() const { return measured_.road->shared_jacobian.cols(); }
+
+  /// To the right of the driven path, m.
+  double lateral(const Eigen::Vector3d& p) const {
+    const double curvature = measured_.path_curvature / profile_.metres_per_unit;
+    return p.x() - 0.5 * curvature * p.y() * p.y();
+  }
+
+  void add_points(bool robust) {
+    const double step = profile_.step;
+    const int nodes = profile_.nodes;
+    const Eigen::VectorXd& x = profile_.x;
+    profile_.points = 0;
+    for (std::size_t i = 0; i < measured_.points.size(); ++i) {
+      const Eigen::Vector3d p = profile_.metres_per_unit * measured_.points[i];
+      const double at = p.y() / step + profile_.foot, side = lateral(p);
+      if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(side) > options_.half_width) continue;
+      const int j = static_cast<int>(at);
+      const double f = at - j;
+      const double row[4] = {1 - f, f, (1 - f) * side, f * side};
+      const Eigen::Index index[4] = {j, j + 1, nodes + j, nodes + j + 1};
+      double predicted = 0.0;
+      for (int k = 0; k < 4; ++k) predicted += row[k] * x[index[k]];
+      const double slope = (x[j + 1] - x[j]) / step;
+      // A change of the distance by a share e lifts the point off the profile by e (u - slope b).
+      const double lever = p.z() - slope * p.y() - x[nodes + j] * side;
+      const double sigma =
+          std::hypot(lever * measured_.road->relative_sigma[i], options_.surface_sigma);
+      const double residual = p.z() - predicted;
+      // Geman and McClure.
+      if (robust) weight_[i] = 1.0 / std::pow(1.0 + residual * residual / (9 * sigma * sigma), 2);
+      const double w = weight_[i] / (options_.correlation * sigma * sigma);
+      for (int m = 0; m < 4; ++m) {
+        for (int k = 0; k < 4; ++k) normal_(index[m], index[k]) += w * row[m] * row[k];
+        right_[index[m]] += w * row[m] * p.z();
+        if (shared_right_.cols() > 0) {
+          shared_right_.row(index[m]) +=
+              w * row[m] * lever *
+              measured_.road->shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+        }
+      }
+      if (weight_[i] > 0.25) ++profile_.points;
+    }
+  }
+
+  void add_measurement(const Terms& terms, double value, double sigma) {
+    const double w = 1.0 / (sigma * sigma);
+    for (const auto& [j, cj] : terms) {
+      for (const auto& [k, ck] : terms) normal_(j, k) += cj * ck * w;
+      right_[j] += cj * value * w;
+    }
+  }
+
+  /// The road below the camera at a position: where, and how high against the camera's height.
+  struct Foot {
+    double ahead, right, up;
+  };
+
+  Foot foot_below(const Eigen::Vector3d& p) const {
+    const double step = profile_.step;
+    const int nodes = profile_.nodes;
+    const Eigen::VectorXd& x = profile_.x;
+    const double at = std::clamp(p.y() / step + profile_.foot, 0.5, nodes - 1.5);
+    const int j = std::clamp(static_cast<int>(std::lround(at)), 1, nodes - 2);
+    const double slope = (x[j + 1] - x[j - 1]) / (2 * step), cross = x[nodes + j];
+    const double h = options_.camera_height / std::sqrt(1 + slope * slope + cross * cross);
+    return {p.y() + h * slope, lateral(p) + h * cross, p.z() + options_.camera_height - h};
+  }
+
+  /// Every position of the camera is its height above the road below it, as a random walk against
+  /// the profile; without positions, the road runs along the direction of travel.
+  void add_path() {
+    const double step = profile_.step;
+    const int foot = profile_.foot, nodes = profile_.nodes;
+    if (measured_.path.empty()) {
+      add_measurement({{foot - 1, -0.5 / step}, {foot + 1, 0.5 / step}}, 0.0,
+                      options_.travel_sigma);
+      return;
+    }
+    for (const double side : {-1.0, 1.0}) {
+      std::vector<Eigen::Vector3d> positions;
+      for (const Eigen::Vector3d& p : measured_.path) {
+        if (side * p.y() > 0) positions.push_back(profile_.metres_per_unit * p);
+      }
+      Foot last = foot_below(Eigen::Vector3d::Zero());
+      for (const Eigen::Vector3d& p : thinned(positions, options_.travel_reach)) {
+        const Foot next = foot_below(p);
+        Terms terms;
+        for (const auto& [f, sign] : {std::pair(last, -1.0), std::pair(next, 1.0)}) {
+          const double at = std::clamp(f.ahead / step + foot, 0.0, nodes - 1.001);
+          const int j = static_cast<int>(at);
+          const double share = at - j;
+          terms.insert(terms.end(), {{j, sign * (1 - share)},
+                                     {j + 1, sign * share},
+                                     {nodes + j, sign * (1 - share) * f.right},
+                                     {nodes + j + 1, sign * share * f.right}});
+        }
+        const double apart = std::abs(next.ahead - last.ahead);
+        add_measurement(terms, next.up - last.up,
+                        std::sqrt(2.0) * options_.travel_sigma *
+                            std::sqrt(apart * std::min(apart, options_.travel_reach)));
+        last = next;
+      }
+    }
+  }
+
+  void add_priors() {
+    const double step = profile_.step, s2 = step * step;
+    const int foot = profile_.foot, nodes = profile_.nodes;
+    const double walk = options_.curvature_walk * std::sqrt(step);
+    const double curvature = options_.curvature * std::sqrt((options_.reach / step + 2.0) / 4.0);
+    for (int j = 0; j + 2 < nodes; ++j) {
+      add_measurement({{j, 1 / s2}, {j + 1, -2 / s2}, {j + 2, 1 / s2}}, 0.0, curvature);
+      if (j + 3 < nodes) {
+        add_measurement({{j, -1 / s2}, {j + 1, 3 / s2}, {j + 2, -3 / s2}, {j + 3, 1 / s2}}, 0.0,
+                        walk);
+      }
+    }
+    for (int j = 0; j + 1 < nodes; ++j) {
+      add_measurement({{nodes + j, -1.0}, {nodes + j + 1, 1.0}}, 0.0,
+                      options_.bank_walk * std::sqrt(step));
+    }
+    add_measurement({{nodes + foot, 1.0}}, measured_.level_cross_slope, options_.roll_sigma);
+  }
+
+  const ProfileMeasurements& measured_;
+  const EgoPlaneOptions& options_;
+  std::vector<double> weight_;
+  DrivenProfile profile_;
+  Eigen::MatrixXd normal_, shared_right_;
+  Eigen::VectorXd right_;
+};
+
+}  // namespace
+
+double DrivenProfile::camera_height() const {
+  return -x[foot] / std::sqrt(1.0 + slope() * slope() + cross_slope() * cross_slope());
+}
+
+DrivenProfile fit_driven_profile(const ProfileMeasurements& measured, double metres_per_unit,
+                                 const EgoPlaneOptions& options) {
+  return ProfileFit(measured, metres_per_unit, options).run();
+}
+
+}  // namespace camber::detail

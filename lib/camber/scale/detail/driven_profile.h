@@ -1,0 +1,53 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "camber/scale/ego_plane.h"
+
+namespace camber::detail {
+
+/// Axes at the camera: to the right, forward along the direction of travel, up. Unit vectors in the
+/// camera frame.
+struct TravelFrame {
+  Eigen::Vector3d right, forward, up;
+  Eigen::Vector3d of(const Eigen::Vector3d& p) const {
+    return {right.dot(p), forward.dot(p), up.dot(p)};
+  }
+};
+
+/// What a profile is fitted to, in the travel frame; lengths up to scale.
+struct ProfileMeasurements {
+  std::vector<Eigen::Vector3d> points;
+  const RoadPoints* road = nullptr;   ///< spreads and shared parameters of the points
+  std::vector<Eigen::Vector3d> path;  ///< the camera's other positions
+  double level_cross_slope = 0.0;     ///< of a road on which the camera stands without roll
+  double path_curvature = 0.0;        ///< of the driven path in plan, positive: to the right
+};
+
+/// Heights and cross slopes of the road along the driven path, m, at nodes `step` apart.
+struct DrivenProfile {
+  std::string failure;  ///< why there is none; empty: there is one
+  int foot = 0;         ///< the node under the camera
+  int nodes = 0;
+  double step = 0.0;             ///< m
+  Eigen::VectorXd x;             ///< heights of all nodes, then cross slopes
+  Eigen::MatrixXd covariance;    ///< of x, without what the points share
+  Eigen::MatrixXd shared;        ///< d(x) / d(shared parameters)
+  double metres_per_unit = 0.0;  ///< so that the camera is its height above the profile
+  int points = 0;                ///< used
+
+  double slope() const { return (x[foot + 1] - x[foot - 1]) / (2 * step); }  ///< at the foot
+  double cross_slope() const { return x[nodes + foot]; }                     ///< at the foot
+  /// Of the camera over the tangent plane at the foot, m.
+  double camera_height() const;
+};
+
+/// Robust least squares with a random walk of the vertical curvature and of the cross slope as
+/// prior; the camera's path ties the road below it to itself.
+/// @param metres_per_unit  first guess of the scale
+DrivenProfile fit_driven_profile(const ProfileMeasurements& measured, double metres_per_unit,
+                                 const EgoPlaneOptions& options);
+
+}  // namespace camber::detail
