@@ -148,6 +148,8 @@ void EgoPlaneOptions::validate() const {
   require(travel_reach > 0, "travel_reach", travel_reach, "> 0");
   require(curvature > 0, "curvature", curvature, "> 0");
   require(curvature_walk > 0, "curvature_walk", curvature_walk, "> 0");
+  require(curve_begins > 0, "curve_begins", curve_begins, "> 0");
+  require(curve_begins_most >= 1, "curve_begins_most", curve_begins_most, ">= 1");
   require(bank_walk > 0, "bank_walk", bank_walk, "> 0");
   require(roll_sigma > 0, "roll_sigma", roll_sigma, "> 0");
   require(surface_sigma > 0, "surface_sigma", surface_sigma, "> 0");

@@ -32,20 +32,24 @@ struct EgoPlaneOptions {
   double wide_half_width = 2.5;  ///< m, where the narrow strip holds too few points
   int narrow_points = 150;       ///< fewer are too few
   double path_curvature = 0.03;  ///< 1/m, standard deviation of a driven path's, in plan, > 0
-  double path_sigma = 0.02;     ///< m, of a position across the path, > 0
+  double path_sigma = 0.02;      ///< m, of a position across the path, > 0
   double travel_sigma = 0.0042;  ///< rad, between the direction of travel and the road, > 0
   /// m: over longer ways than this, to either side, what the camera rises and falls against the
   /// road is a random walk, > 0.
   double travel_reach = 0.65;
   double curvature = 0.007;        ///< 1/m, standard deviation of the vertical curvature, > 0
   double curvature_walk = 0.0014;  ///< 1/m per sqrt(m), change of curvature, > 0
-  double bank_walk = 0.0028;       ///< rad per sqrt(m), change of the cross slope, > 0
-  double roll_sigma = 0.004;       ///< rad, of the camera's roll against the road, > 0
-  double surface_sigma = 0.015;    ///< m, unevenness of the road, > 0
-  double correlation = 16.0;       ///< information of neighbours is divided by this, >= 1
+  /// A change of curvature beyond so many standard deviations is taken for the begin or end of a
+  /// vertical curve, > 0, and its own for at most so many times larger, >= 1; only where the road
+  /// is seen from so many camera heights on.
+  double curve_begins = 1.5, curve_begins_most = 3.0, near_road = 4.0;
+  double bank_walk = 0.0028;     ///< rad per sqrt(m), change of the cross slope, > 0
+  double roll_sigma = 0.004;     ///< rad, of the camera's roll against the road, > 0
+  double surface_sigma = 0.015;  ///< m, unevenness of the road, > 0
+  double correlation = 16.0;     ///< information of neighbours is divided by this, >= 1
   /// Factor on the covariance, >= 1: roads bend less evenly than a random walk, and their points
   /// share errors over whole stretches. Calibrated on rendered scenes.
-  double inflation = 2.0;
+  double inflation = 1.5;
   void validate() const;  ///< throws std::invalid_argument
 };
 

@@ -60,7 +60,7 @@ class ProfileFit {
         return std::move(profile_);
       }
       add_path();
-      add_priors();
+      add_priors(round > 2);
       normal_.diagonal().array() += 1e-8;
       const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
       profile_.x = ldlt.solve(right_);
@@ -94,6 +94,7 @@ class ProfileFit {
     const int nodes = profile_.nodes;
     const Eigen::VectorXd& x = profile_.x;
     profile_.points = 0;
+    std::vector<double> seen;  // m ahead
     for (std::size_t i = 0; i < measured_.points.size(); ++i) {
       const Eigen::Vector3d p = profile_.metres_per_unit * measured_.points[i];
       const double at = p.y() / step + profile_.foot, side = lateral(p);
@@ -122,8 +123,26 @@ class ProfileFit {
               measured_.road->shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
         }
       }
-      if (weight_[i] > 0.25) ++profile_.points;
+      if (weight_[i] > 0.25) {
+        ++profile_.points;
+        seen.push_back(p.y());
+      }
     }
+    if (seen.empty()) return;
+    const auto nearest = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 50);
+    std::nth_element(seen.begin(), nearest, seen.end());
+    seen_from_ = *nearest;
+  }
+
+  /// Factor on the standard deviation of one change of curvature: vertical curves begin and end
+  /// abruptly (Cauchy), which the near road shows; from afar it would follow the points' errors.
+  double curve_begins(int j) const {
+    if (!(seen_from_ < options_.near_road * options_.camera_height)) return 1.0;
+    const Eigen::VectorXd& x = profile_.x;
+    const double change =
+        (x[j + 3] - 3 * x[j + 2] + 3 * x[j + 1] - x[j]) / (profile_.step * profile_.step);
+    const double sigmas = change / (options_.curvature_walk * std::sqrt(profile_.step));
+    return std::min(std::hypot(1.0, sigmas / options_.curve_begins), options_.curve_begins_most);
   }
 
   void add_measurement(const Terms& terms, double value, double sigma) {
@@ -187,7 +206,7 @@ class ProfileFit {
     }
   }
 
-  void add_priors() {
+  void add_priors(bool robust) {
     const double step = profile_.step, s2 = step * step;
     const int foot = profile_.foot, nodes = profile_.nodes;
     const double walk = options_.curvature_walk * std::sqrt(step);
@@ -196,7 +215,7 @@ class ProfileFit {
       add_measurement({{j, 1 / s2}, {j + 1, -2 / s2}, {j + 2, 1 / s2}}, 0.0, curvature);
       if (j + 3 < nodes) {
         add_measurement({{j, -1 / s2}, {j + 1, 3 / s2}, {j + 2, -3 / s2}, {j + 3, 1 / s2}}, 0.0,
-                        walk);
+                        walk * (robust ? curve_begins(j) : 1.0));
       }
     }
     for (int j = 0; j + 1 < nodes; ++j) {
@@ -212,6 +231,7 @@ class ProfileFit {
   DrivenProfile profile_;
   Eigen::MatrixXd normal_, shared_right_;
   Eigen::VectorXd right_;
+  double seen_from_ = 0.0;  // m ahead
 };
 
 }  // namespace
