@@ -145,23 +145,24 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const Eigen::Vector3d level = (up - up.dot(forward) * forward).normalized();
   const double level_cross_slope = -rightward.dot(level) / upward.dot(level);
 
-  // The camera's way in that frame: b ahead and behind, as far as roads bend evenly.
-  constexpr double kShortestWay = 0.02, kLongestWay = 10.0;  // m, to either side
+  // The camera's path in that frame: b ahead and behind, as far as roads bend evenly.
+  constexpr double kShortestDistance = 0.02, kLongestDistance = 10.0;  // m, to either side
   std::vector<Eigen::Vector3d> path;
-  double behind_way = 0.0;
+  double distance_behind = 0.0;
   for (const Eigen::Vector3d& p : road.camera_path) {
     const Eigen::Vector3d q(rightward.dot(p), forward.dot(p), upward.dot(p));
-    const double way = metres_per_unit * std::abs(q.y());
-    if (!(way > kShortestWay) || !(way < kLongestWay) || !(q.norm() < 1.2 * std::abs(q.y()))) {
+    const double distance = metres_per_unit * std::abs(q.y());
+    if (!(distance > kShortestDistance) || !(distance < kLongestDistance) ||
+        !(q.norm() < 1.2 * std::abs(q.y()))) {
       continue;
     }
     path.push_back(q);
-    behind_way = std::max(behind_way, -1.25 * metres_per_unit * q.y());
+    distance_behind = std::max(distance_behind, -1.25 * metres_per_unit * q.y());
   }
 
   // Profile in metres: nodes from at least one step behind the camera to the reach.
   const double step = options.node_spacing;
-  const int foot = 1 + static_cast<int>(behind_way / step);  // the node under the camera
+  const int foot = 1 + static_cast<int>(distance_behind / step);  // the node under the camera
   const int nodes = foot + static_cast<int>(std::ceil(options.reach / step)) + 1;
   const auto size = static_cast<Eigen::Index>(2 * nodes);  // heights, then cross slopes
   Eigen::VectorXd x = Eigen::VectorXd::Zero(size);
@@ -226,9 +227,9 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
       add_prior({{foot - 1, -0.5 / step}, {foot + 1, 0.5 / step}}, 0.0, options.travel_sigma);
     }
     for (const double side : {-1.0, 1.0}) {
-      std::vector<Eigen::Vector3d> way;
+      std::vector<Eigen::Vector3d> positions;
       for (const Eigen::Vector3d& p : path) {
-        if (side * p.y() > 0) way.push_back(metres_per_unit * p);
+        if (side * p.y() > 0) positions.push_back(metres_per_unit * p);
       }
       // The road below the camera at a position: where, and how high against the camera's height.
       struct Foot {
@@ -242,7 +243,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
         return Foot{p.y() + h * slope, p.x() + h * cross, p.z() + options.camera_height - h};
       };
       Foot last_foot = foot_below(Eigen::Vector3d::Zero());
-      for (const Eigen::Vector3d& p : thinned(way, options.travel_reach)) {
+      for (const Eigen::Vector3d& p : thinned(positions, options.travel_reach)) {
         const Foot next = foot_below(p);
         std::vector<std::pair<int, double>> terms;
         for (const auto& [f, sign] : {std::pair(last_foot, -1.0), std::pair(next, 1.0)}) {

@@ -16,7 +16,7 @@ struct RoadPoints {
   std::vector<double> relative_sigma;
   /// d(log distance) / d(shared parameters), one row a point; no columns: nothing is shared.
   Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> shared_jacobian;
-  /// Other positions of the same camera on its way, same frame and unit, in any order; may be
+  /// Other positions of the same camera on its path, same frame and unit, in any order; may be
   /// empty. The road below them is the camera's height lower.
   std::vector<Eigen::Vector3d> camera_path;
 };
@@ -28,8 +28,8 @@ struct EgoPlaneOptions {
   double reach = 30.0;                ///< m ahead that is used, > 8
   double half_width = 2.5;            ///< m to each side that is used, > 0
   double travel_sigma = 0.0042;       ///< rad, between the direction of travel and the road, > 0
-  /// m: over longer ways than this, to either side, what the camera rises and falls against the
-  /// road is a random walk, > 0.
+  /// m: over longer distances than this, to either side, what the camera rises and falls against
+  /// the road is a random walk, > 0.
   double travel_reach = 0.65;
   double curvature = 0.007;        ///< 1/m, standard deviation of the vertical curvature, > 0
   double curvature_walk = 0.0014;  ///< 1/m per sqrt(m), change of curvature, > 0
