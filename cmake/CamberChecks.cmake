@@ -1,6 +1,6 @@
 # Targets for developers, not part of the build: `format` rewrites all sources, `format_check` fails
 # where one differs, `tidy` runs clang-tidy over everything that this configuration compiles, `docs`
-# writes the reference. The format is that of clang-format 14; other versions lay out some code
+# writes the reference, `pages` what is made of --help. The format is that of clang-format 14; other versions lay out some code
 # differently.
 find_program(CAMBER_CLANG_FORMAT NAMES clang-format-14)
 find_program(CAMBER_RUN_CLANG_TIDY NAMES run-clang-tidy-14 run-clang-tidy)
@@ -35,6 +35,20 @@ if(CAMBER_DOXYGEN)
     docs
     COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/docs
     COMMAND ${CAMBER_DOXYGEN} ${PROJECT_BINARY_DIR}/Doxyfile
+    WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
+    VERBATIM)
+endif()
+
+# docs/commands.md and, in man1 of the build folder, the man pages.
+find_package(Python3 QUIET COMPONENTS Interpreter)
+if(TARGET camber AND Python3_Interpreter_FOUND)
+  add_custom_target(
+    pages
+    COMMAND ${Python3_EXECUTABLE} -B docs/make_pages.py $<TARGET_FILE:camber> --markdown
+            docs/commands.md
+    COMMAND ${Python3_EXECUTABLE} -B docs/make_pages.py $<TARGET_FILE:camber> --man
+            ${PROJECT_BINARY_DIR}/man1
+    DEPENDS camber
     WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
     VERBATIM)
 endif()

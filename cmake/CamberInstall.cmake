@@ -9,6 +9,16 @@ set(camber_package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/camber)
 if(TARGET camber)
   install(TARGETS camber RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
   install(TARGETS ${plugins} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/camber)
+  # The man pages are made of the program's --help.
+  find_package(Python3 QUIET COMPONENTS Interpreter)
+  if(Python3_Interpreter_FOUND)
+    install(CODE "set(program \"$<TARGET_FILE:camber>\")")
+    install(
+      CODE "execute_process(COMMAND \"${Python3_EXECUTABLE}\" -B
+             \"${PROJECT_SOURCE_DIR}/docs/make_pages.py\" \"\${program}\" --man
+             \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_MANDIR}/man1\"
+             COMMAND_ERROR_IS_FATAL ANY)")
+  endif()
 endif()
 foreach(module IN LISTS modules)
   string(REGEX REPLACE "^camber_" "" name ${module})

@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/render/keypoint_picture.h"
 #include "camber/scene/results.h"
 #include "camber/synth/family_prior.h"
 #include "camber/vehicle/annotated_shapes.h"
@@ -27,7 +28,7 @@ struct LearnArguments {
 };
 
 struct InfoArguments {
-  std::string prior, against;
+  std::string prior, against, picture;
   bool json = false;
 };
 
@@ -149,10 +150,15 @@ int info(const Command& command, const InfoArguments& args) {
     prior = args.prior.empty() ? shipped_vehicle_prior() : read_vehicle_prior(args.prior);
     if (!args.against.empty()) shapes = read_annotated_shapes(args.against);
   }
-  nlohmann::json json = {{"version", kVersion},
-                         {"seed", command.common.seed},
-                         {"options", {{"prior", args.prior}, {"against", args.against}}},
-                         {"source", prior.source}};
+  if (!args.picture.empty()) {
+    const StageTimer timer(timings, "write");
+    write_png(draw_keypoint_picture(prior.shapes.front()), args.picture);
+  }
+  nlohmann::json json = {
+      {"version", kVersion},
+      {"seed", command.common.seed},
+      {"options", {{"prior", args.prior}, {"against", args.against}, {"picture", args.picture}}},
+      {"source", prior.source}};
   for (const ShapePrior& shape : prior.shapes) json["shapes"].push_back(describe_shape(shape));
   for (const SizePrior& size : prior.sizes) {
     const Eigen::Vector3d sigma = size.covariance.diagonal().cwiseSqrt();
@@ -259,11 +265,13 @@ void register_prior(App& root) {
       *prior, "info",
       "Sizes and shapes of a prior; with --against also how well its shapes explain annotated "
       "ones, compared with a prior learnt on half of those.",
-      "  camber prior info\n"
+      "  camber prior info --picture keypoints.png\n"
       "  camber prior info my_prior.json --against annotated_shapes.csv --json");
   auto i = std::make_shared<InfoArguments>();
   info_command->app->add_option("prior", i->prior, "prior file; default: the shipped one");
   info_command->app->add_option("--against", i->against, "annotated shapes, CSV");
+  info_command->app->add_option("--picture", i->picture,
+                                "FILE.png: the first shape with its numbered keypoints");
   info_command->app->add_flag("--json", i->json, "print as JSON");
   info_command->run = [info_command, i] { return info(*info_command, *i); };
 }

@@ -27,7 +27,7 @@ struct Arguments {
   bool json = false;
 };
 
-/// A surface tells of the frames of its own run alone.
+/// A surface holds the frames of its own run only.
 void require_common_frames(const std::string& folder, const RunDocument& run,
                            const std::vector<int>& frames, const LogSink& warn) {
   std::string missing;
@@ -80,8 +80,7 @@ void register_vehicles(App& root) {
       ->check(is_member({"joint", "coplanar", "flat"}))
       ->capture_default_str();
   app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
-  app.add_option("--keypoint-set", a.keypoint_set,
-                 "keypoints to use: 36 or 14")
+  app.add_option("--keypoint-set", a.keypoint_set, "keypoints to use: 36 or 14")
       ->check(is_member({"36", "14"}))
       ->capture_default_str();
   app.add_option("--given-sigma-height", a.options.vehicles.support.given_sigma_height,

@@ -209,7 +209,7 @@ TEST(MotionOptions, ValidateNamesTheField) {
   refused([](MotionOptions& o) { o.max_bundle_points = 0; }, "max_bundle_points");
   refused([](MotionOptions& o) { o.inlier_px = 0.0; }, "inlier_px");
   refused([](MotionOptions& o) { o.inlier_px = std::nan(""); }, "inlier_px");
-  refused([](MotionOptions& o) { o.standing_px = -1.0; }, "standing_px");
+  refused([](MotionOptions& o) { o.stationary_px = -1.0; }, "stationary_px");
   refused([](MotionOptions& o) { o.parallax_px = 0.0; }, "parallax_px");
   refused([](MotionOptions& o) { o.correlation = 0.5; }, "correlation");
 }

@@ -1,12 +1,14 @@
 // What every command of the program has in common: help with examples to paste, the common options,
-// exit codes for bad usage, and a row in the README's table.
+// exit codes for bad usage; and that the documents say what the program says.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <regex>
 #include <sstream>
 #include <string>
@@ -223,36 +225,70 @@ TEST(EveryCommand, RefusesAMissingInputWithExitCodeTwoAndItsName) {
   }
 }
 
-TEST(Readme, ListsTheCommandsThatExistAndNoOther) {
-  std::ifstream in(camber::test::source_dir() / "README.md");
-  ASSERT_TRUE(in);
-  std::vector<std::string> listed;
-  std::string line;
-  static const std::regex row(R"(^\| `camber ([a-z-]+)[^|]*\|.*)");
-  while (std::getline(in, line)) {
-    std::smatch match;
-    if (std::regex_match(line, match, row)) listed.push_back(match[1]);
-  }
-  EXPECT_THAT(listed, testing::UnorderedElementsAreArray(subcommands_of(run_camber("--help").out)));
+TEST(Documentation, OfTheCommandsIsWhatTheProgramPrints) {
+  if (std::system("python3 -c '' >/dev/null 2>&1") != 0) GTEST_SKIP() << "no python3";
+  const fs::path docs = camber::test::source_dir() / "docs";
+  const auto check = [&](const fs::path& page) {
+    return std::system(("python3 -B '" + (docs / "make_pages.py").string() +
+                        "' '" CAMBER_PROGRAM "' --check '" + page.string() + "'")
+                           .c_str());
+  };
+  EXPECT_EQ(check(docs / "commands.md"), 0);
+  const camber::test::TemporaryFolder folder;
+  const fs::path other = folder.path() / "commands.md";
+  std::ofstream(other) << read_text(docs / "commands.md") << "more\n";
+  EXPECT_NE(check(other), 0);
 }
 
-TEST(Readme, ShowsTheExampleThatIsCompiledAndRun) {
+TEST(Documentation, HasAManPageForEveryCommand) {
+  if (std::system("python3 -c '' >/dev/null 2>&1") != 0) GTEST_SKIP() << "no python3";
+  const camber::test::TemporaryFolder folder;
+  const fs::path script = camber::test::source_dir() / "docs/make_pages.py";
+  ASSERT_EQ(std::system(("python3 -B '" + script.string() + "' '" CAMBER_PROGRAM "' --man '" +
+                         folder.path().string() + "'")
+                            .c_str()),
+            0);
+  for (std::string name : all_commands()) {
+    std::replace(name.begin(), name.end(), ' ', '-');
+    const std::string page = read_text(folder.path() / ("camber-" + name + ".1"));
+    EXPECT_THAT(page, StartsWith(".TH \"CAMBER-")) << name;
+    EXPECT_THAT(page, HasSubstr("\n.SH EXAMPLES\n")) << name;
+  }
+}
+
+TEST(Documentation, ShowsTheExamplesThatAreCompiledAndRun) {
   const fs::path root = camber::test::source_dir();
+  const std::string page = read_text(root / "docs/library.md");
   const std::string sample = read_text(root / "samples/01_reconstruct.cpp");
   const auto code = sample.find("#include");
   ASSERT_NE(code, std::string::npos);
-  EXPECT_THAT(read_text(root / "README.md"), HasSubstr("```cpp\n" + sample.substr(code) + "```\n"));
+  EXPECT_THAT(page, HasSubstr("```cpp\n" + sample.substr(code) + "```\n"));
 }
 
-TEST(Readme, LinksToFilesThatExist) {
+TEST(Documentation, LinksToFilesThatExist) {
   const fs::path root = camber::test::source_dir();
-  const std::string text = read_text(root / "README.md");
-  static const std::regex link(R"(\]\(([^):#]+)\))");
-  int links = 0;
-  for (std::sregex_iterator at(text.begin(), text.end(), link), end; at != end; ++at, ++links) {
-    EXPECT_TRUE(fs::exists(root / (*at)[1].str())) << (*at)[1];
+  std::vector<fs::path> pages = {root / "README.md", root / "CONTRIBUTING.md",
+                                 root / "CHANGELOG.md", root / "SECURITY.md"};
+  for (const auto& entry : fs::recursive_directory_iterator(root / "docs")) {
+    if (entry.path().extension() == ".md") pages.push_back(entry.path());
   }
-  EXPECT_GT(links, 0);
+  static const std::regex link(R"(\]\(([^):#\s]+)(#[^)]*)?\))");
+  for (const fs::path& page : pages) {
+    const std::string text = read_text(page);
+    EXPECT_NE(text, "") << page;
+    for (std::sregex_iterator at(text.begin(), text.end(), link), end; at != end; ++at) {
+      const fs::path target = page.parent_path() / (*at)[1].str();
+      if (target.filename() == "BENCHMARK.md") continue;  // made by tests/run.sh --benchmarks
+      EXPECT_TRUE(fs::exists(target)) << page << ": " << (*at)[1];
+    }
+  }
+}
+
+TEST(Readme, IsOneScreen) {
+  const std::string text = read_text(camber::test::source_dir() / "README.md");
+  EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 80);
+  std::istringstream words(text);
+  EXPECT_LE(std::distance(std::istream_iterator<std::string>(words), {}), 600);
 }
 
 }  // namespace

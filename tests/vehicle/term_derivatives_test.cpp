@@ -402,7 +402,7 @@ TEST(Derivatives, OfWhatIsReported) {
       out << pose.translation + 0.5 * form.size[2] * pose.rotation.col(1),
           rotation_to_vector(
               Eigen::Quaterniond(Eigen::Matrix3d(s.pose.rotation.transpose() * pose.rotation))),
-          form.size;
+          form.size[0], form.size[2], form.size[1];  // length, height, width
       return out;
     };
     expect_same_derivatives(report_jacobian(s.pose, s.form, 14), numeric_jacobian(f, 14), kRelative,

@@ -6,7 +6,7 @@
 namespace camber {
 
 /// Base of the errors that a program should report and stop on. `exit_code` is the program's exit
-/// status for it (see the table in the README): 1 no answer, 2 bad input, 3 the machine refuses.
+/// status for it (see docs/conventions.md): 1 no answer, 2 bad input, 3 the machine refuses.
 class Error : public std::runtime_error {
  public:
   Error(int exit_code, const std::string& message)

@@ -30,7 +30,7 @@ ImageInfo read_image_info(const std::filesystem::path& path);
 Image read_color_image(const std::filesystem::path& path);  ///< 3 channels
 Image read_grey_image(const std::filesystem::path& path);   ///< 1 channel, ITU-R BT.601 weights
 
-/// Grey values of a colour image (0.299 R + 0.587 G + 0.114 B, rounded); of a grey one, itself.
+/// Intensities of a colour image (0.299 R + 0.587 G + 0.114 B, rounded); of a grey one, itself.
 Image to_grey(const Image& image);
 
 /// An image of a frame as a run needs it.

@@ -32,7 +32,7 @@ void correlate(const float* window, float energy, const float* from, std::ptrdif
                float* scores) {
   using F8 = float __attribute__((vector_size(32)));
   constexpr int kLanes = 8;
-  constexpr float kNoise = 4.0f * kWindowWide * kWindowHigh;  // 2 grey values, squared, summed
+  constexpr float kNoise = 4.0f * kWindowWide * kWindowHigh;  // 2 intensity steps, squared, summed
   for (int dy = 0; dy < kShiftsY; ++dy) {
     for (int dx = 0; dx < kShiftsX; ++dx) {
       F8 sum = {}, squares = {}, products = {};
@@ -135,7 +135,7 @@ struct CarriedImage {
   const PredictedImage& prediction;
   int first;    // row of the reference that is row 0 here
   cv::Mat map;  // pixel of the other image, kNoPrediction where there is none
-  cv::Mat grey;
+  cv::Mat intensity;
 
   /// Whether a pixel is seen there, and nothing stands on it.
   bool usable(int x, int y, int image_height) const {
@@ -148,7 +148,8 @@ struct CarriedImage {
   }
 };
 constexpr float kNoPrediction = -1000.0f;
-// A prediction may be off by this much: px, or a share of the way that a fast near pixel goes.
+// A prediction may be off by this much: px, or a share of the distance that a fast near pixel
+// moves.
 constexpr float kCorrection = 6.0f, kCorrectionShare = 0.3f;
 
 /// Matches the searched grid points by windows, each on its own; marks those that were found.
@@ -160,7 +161,7 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
   const std::vector<std::uint8_t>& searched = other.prediction.searched;
   cv::Mat here, there;
   reference.convertTo(here, CV_32F);
-  other.grey.convertTo(there, CV_32F);
+  other.intensity.convertTo(there, CV_32F);
   const int side = kWindowWide / 2 + kReachX, above = kWindowHigh / 2 + kReachY;
   for (int y = above; y + above + 1 < height; y += kCellHigh) {
     for (int x = side; x + side < width; x += kCellWide) {
@@ -328,7 +329,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
                                             : cv::Point2f(kNoPrediction, kNoPrediction);
       }
     }
-    cv::Mat& carried = other.grey;
+    cv::Mat& carried = other.intensity;
     cv::remap(view(images[static_cast<std::size_t>(match.frame)]), carried, map, cv::noArray(),
               cv::INTER_CUBIC, cv::BORDER_REPLICATE);
     const auto usable = [&](int x, int y) { return other.usable(x, y, base.height); };
@@ -356,7 +357,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       const cv::Point2f p = sample_flow(map, tx, ty);
       const float moved_x = p.x - static_cast<float>(x);
       const float moved_y = p.y - static_cast<float>(y + first);
-      // Where the flow varies quickly it crosses a border or has lost its way.
+      // Where the flow varies quickly it crosses an edge of depth or has failed.
       const int step = 4;
       const auto fx = flow.at<cv::Point2f>(y, std::min(x + step, base.width - 1)) -
                       flow.at<cv::Point2f>(y, std::max(x - step, 0));
@@ -376,7 +377,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       match_windows(reference, other, out, match, found[k]);
     }
   });
-  // Where one image shows that the flow was wrong the others' is not believed either.
+  // Where one image shows that the flow was wrong the others' is dropped too.
   for (std::size_t k = 0; k < found.size(); ++k) {
     for (std::size_t i = 0; i < found[k].size(); ++i) {
       if (!found[k][i]) continue;

@@ -10,7 +10,7 @@ namespace camber {
 
 struct CorrespondenceOptions {
   int step = 2;                      ///< pixels between grid points, >= 1
-  double forward_backward_px = 1.0;  ///< largest round-trip error of a kept match, > 0
+  double forward_backward_px = 1.0;  ///< largest round-trip error of an accepted match, > 0
   /// refine_matches: true keeps the match before where matching again fails, false drops it.
   bool keep_lost = false;
   int num_threads = 0;    ///< <= 0: see resolve_num_threads
@@ -31,7 +31,7 @@ struct Correspondences {
   int columns = 0, rows = 0;            ///< of the grid; point i is at column i % columns
   std::vector<Eigen::Vector2f> pixels;  ///< grid points in the reference image
   /// Structure tensor of the reference image at each grid point: mean of gx^2, gx gy, gy^2 over a
-  /// window of 9 x 9 pixels, (grey values / pixel)^2. The noise of a match along a direction e
+  /// window of 9 x 9 pixels, (intensity / pixel)^2. The noise of a match along a direction e
   /// falls with e' S e.
   std::vector<Eigen::Vector3f> texture;
   std::vector<MatchedImage> matches;  ///< one for every image but the reference, in order
@@ -55,10 +55,10 @@ struct PredictedImage {
   int frame = 0;                        ///< index into the images
   std::vector<Eigen::Vector2f> pixels;  ///< row-major, one a pixel; NaN: keep the match before
   /// One byte a pixel of the reference: non-zero where the match is of no interest (something
-  /// stands there in this or the other image) and must not pull at its neighbours.
+  /// stands there in this or the other image) and must not bias its neighbours.
   std::vector<std::uint8_t> ignored;
-  /// One byte a pixel of the reference, or empty: non-zero where a flow is not to be believed (what
-  /// moves beside it pulls at it) and windows are compared one by one instead.
+  /// One byte a pixel of the reference, or empty: non-zero where a flow is unreliable (what
+  /// moves beside it biases it) and windows are compared one by one instead.
   std::vector<std::uint8_t> searched;
 };
 

@@ -40,7 +40,7 @@ std::vector<int> spread_points(const Correspondences& matches,
   for (int r0 = 0; r0 < matches.rows; r0 += cell) {
     for (int c0 = 0; c0 < matches.columns; c0 += cell) {
       int best = -1;
-      float best_texture = 0.5f;  // (grey values / px)^2: below this there is only noise
+      float best_texture = 0.5f;  // (intensity / px)^2: below this there is only noise
       for (int r = r0; r < std::min(r0 + cell, matches.rows); ++r) {
         for (int c = c0; c < std::min(c0 + cell, matches.columns); ++c) {
           const int i = r * matches.columns + c;
@@ -210,7 +210,7 @@ void MotionOptions::validate() const {
   positive("max_essential_points", max_essential_points, 50);
   positive("max_bundle_points", max_bundle_points, 50);
   positive("inlier_px", inlier_px, 0);
-  positive("standing_px", standing_px, 0);
+  positive("stationary_px", stationary_px, 0);
   positive("parallax_px", parallax_px, 0);
   positive("correlation", correlation, 1);
 }
@@ -258,7 +258,7 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
       widest = k;
     }
   }
-  if (widest_motion < options.standing_px) {
+  if (widest_motion < options.stationary_px) {
     return fail("the camera stands still: median image motion " + std::to_string(widest_motion) +
                 " px");
   }

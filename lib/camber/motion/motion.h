@@ -18,8 +18,8 @@ struct MotionOptions {
   int max_essential_points = 6000;  ///< for the robust essential matrix, >= 50
   int max_bundle_points = 3000;     ///< for the bundle adjustment, >= 50
   double inlier_px = 1.0;           ///< epipolar and reprojection threshold, > 0
-  double standing_px = 0.35;        ///< median image motion below which the camera stands, > 0
-  double parallax_px = 0.35;        ///< parallax (90th percentile) below which it only turns, > 0
+  double stationary_px = 0.35;  ///< median image motion below which the camera stands still, > 0
+  double parallax_px = 0.35;    ///< parallax (90th percentile) below which it only turns, > 0
   /// The errors of a smooth flow are shared by neighbours: the covariance is that of independent
   /// matches times this, >= 1.
   double correlation = 16.0;
@@ -30,7 +30,7 @@ struct MotionOptions {
 /// Motion of one camera over a few images, up to scale: the longest baseline from the reference
 /// has length 1.
 struct MotionEstimate {
-  Status status = Status::kNotRun;  ///< kFailed: reason says why (standing, no parallax, ...)
+  Status status = Status::kNotRun;  ///< kFailed: reason says why (stationary, no parallax, ...)
   std::string reason;
   std::vector<SE3> frame_from_reference;  ///< one an image, identity for the reference
   /// Covariance of (rotation vector applied on the left, rad; translation, baselines) of every

@@ -11,17 +11,17 @@ namespace {
 
 /// Standard deviation of a match's coordinate along the unit direction e, px. Optical flow errs by
 /// the image noise over the gradient along e (Szeliski, "Computer Vision", 2nd ed., section
-/// 9.1.3), plus what the run's own residuals say of well-textured points.
+/// 9.1.3), plus what the run's own residuals show at well-textured points.
 double match_sigma(const Eigen::Vector3f& texture, const Eigen::Vector2d& e, double round_trip,
                    double pixel_sigma) {
-  constexpr double kGreyNoise = 0.6;  // grey values, after averaging over the window
+  constexpr double kIntensityNoise = 0.6;  // intensity, after averaging over the window
   const double energy =
       texture.x() * e.x() * e.x() + 2.0 * texture.y() * e.x() * e.y() + texture.z() * e.y() * e.y();
-  return std::sqrt(pixel_sigma * pixel_sigma + kGreyNoise * kGreyNoise / (energy + 0.05) +
+  return std::sqrt(pixel_sigma * pixel_sigma + kIntensityNoise * kIntensityNoise / (energy + 0.05) +
                    0.25 * round_trip * round_trip);
 }
 
-enum class Outcome : std::uint8_t { kKept, kUnwanted, kDropped };
+enum class Outcome : std::uint8_t { kAccepted, kUnwanted, kDropped };
 
 }  // namespace
 
@@ -211,10 +211,10 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
     const double freedom = 2.0 * static_cast<double>(views.size()) - 1.0;
     sigma[i] = sigma_rho * std::sqrt(std::max(1.0, chi2 / freedom));
     inverse_depth[i] = rho;
-    outcome[i] = Outcome::kKept;
+    outcome[i] = Outcome::kAccepted;
   };
 
-  // The kept points' derivatives, row by row of the grid.
+  // The accepted points' derivatives, row by row of the grid.
   std::vector<std::vector<float>> jacobians(static_cast<std::size_t>(matches.rows));
   parallel_for(jacobians.size(), options.num_threads, [&](std::size_t row) {
     std::vector<View> views;
@@ -227,7 +227,7 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
   TriangulatedPoints out;
   for (std::size_t i = 0; i < total; ++i) {
     if (outcome[i] == Outcome::kDropped) ++out.dropped[static_cast<std::size_t>(reason[i])];
-    if (outcome[i] != Outcome::kKept) continue;
+    if (outcome[i] != Outcome::kAccepted) continue;
     out.grid.push_back(static_cast<int>(i));
     out.rays.push_back(camera.ray(matches.pixels[i].cast<double>()));
     out.inverse_depth.push_back(inverse_depth[i]);

@@ -30,20 +30,20 @@ constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees 
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 
 /// Local mean and contrast taken out, over the valid pixels of a window.
-cv::Mat normalised(const cv::Mat& grey, const cv::Mat& valid, const cv::Mat& weight) {
+cv::Mat normalised(const cv::Mat& intensity, const cv::Mat& valid, const cv::Mat& weight) {
   const cv::Size window(kWindowWide, kWindowHigh);
-  constexpr double kNoise = 2.0;  // grey values: contrast below this is not blown up
-  cv::Mat masked = grey.mul(valid), sum, squares;
+  constexpr double kNoise = 2.0;  // intensities: contrast below this is not blown up
+  cv::Mat masked = intensity.mul(valid), sum, squares;
   cv::boxFilter(masked, sum, CV_32F, window);
   cv::boxFilter(masked.mul(masked), squares, CV_32F, window);
-  cv::Mat out(grey.size(), CV_32F);
-  for (int y = 0; y < grey.rows; ++y) {
-    const float* g = grey.ptr<float>(y);
+  cv::Mat out(intensity.size(), CV_32F);
+  for (int y = 0; y < intensity.rows; ++y) {
+    const float* g = intensity.ptr<float>(y);
     const float* w = weight.ptr<float>(y);
     const float* s = sum.ptr<float>(y);
     const float* q = squares.ptr<float>(y);
     float* o = out.ptr<float>(y);
-    for (int x = 0; x < grey.cols; ++x) {
+    for (int x = 0; x < intensity.cols; ++x) {
       const float n = 1.0f / std::max(w[x], 1e-3f);
       const float mean = s[x] * n;
       const float variance = std::max(0.0f, q[x] * n - mean * mean);
@@ -53,7 +53,7 @@ cv::Mat normalised(const cv::Mat& grey, const cv::Mat& valid, const cv::Mat& wei
   return out;
 }
 
-/// What one image says of the ground at one linearisation.
+/// What one image measures of the ground at one linearisation.
 struct ImageRows {
   std::vector<Eigen::Vector2d> pixels;
   std::vector<double> inverse_depth, sigma;
@@ -66,8 +66,8 @@ struct ImageRows {
 /// The reference image below its first row of interest.
 struct Region {
   int first = 0, rows = 0;
-  cv::Mat grey;    // float
-  cv::Mat ground;  // float, 0 or 1
+  cv::Mat intensity;  // float
+  cv::Mat ground;     // float, 0 or 1
 };
 
 ImageRows linearise(const PinholeCamera& camera, const Region& ref,
@@ -106,7 +106,7 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
   cv::Mat carried;
   cv::remap(other, carried, map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   cv::Mat here, there;
-  cv::GaussianBlur(ref.grey, here, {}, blur);
+  cv::GaussianBlur(ref.intensity, here, {}, blur);
   cv::GaussianBlur(carried, there, {}, blur);
   cv::Mat weight;
   cv::boxFilter(valid, weight, CV_32F, {kWindowWide, kWindowHigh});
@@ -228,7 +228,7 @@ struct DirectGround::Impl {
   DirectOptions options;
   std::vector<DirectImage> images;
   std::vector<std::size_t> others;
-  std::vector<cv::Mat> grey;  // of the others, float
+  std::vector<cv::Mat> intensity;  // of the others, float
   Region region;
 
   std::vector<ImageRows> linearise_all(const std::vector<SE3>& frame_from_reference,
@@ -245,7 +245,7 @@ struct DirectGround::Impl {
     const SingleThreadedOpenCv guard;
     std::vector<ImageRows> rows(others.size());
     parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
-      rows[k] = linearise(camera, region, depth, grey[k], images[others[k]].ignored,
+      rows[k] = linearise(camera, region, depth, intensity[k], images[others[k]].ignored,
                           frame_from_reference[others[k]], blur, options, only_judge);
     });
     return rows;
@@ -277,14 +277,15 @@ DirectGround::DirectGround(const PinholeCamera& camera, const std::vector<Direct
   Region& region = m.region;
   region.first = std::clamp(top, 0, camera.height - 1);
   region.rows = camera.height - region.first;
-  const auto grey_of = [](const GrayImage& image) {
+  const auto intensities_of = [](const GrayImage& image) {
     const cv::Mat bytes(image.height, image.width, CV_8UC1,
                         const_cast<std::uint8_t*>(image.pixels.data()));
-    cv::Mat grey;
-    bytes.convertTo(grey, CV_32F);
-    return grey;
+    cv::Mat intensity;
+    bytes.convertTo(intensity, CV_32F);
+    return intensity;
   };
-  region.grey = grey_of(*images[reference].image).rowRange(region.first, camera.height).clone();
+  region.intensity =
+      intensities_of(*images[reference].image).rowRange(region.first, camera.height).clone();
   region.ground.create(region.rows, camera.width, CV_32F);
   const std::vector<std::uint8_t>* ignored = images[reference].ignored;
   for (int y = 0; y < region.rows; ++y) {
@@ -298,7 +299,7 @@ DirectGround::DirectGround(const PinholeCamera& camera, const std::vector<Direct
   for (std::size_t k = 0; k < images.size(); ++k) {
     if (k == reference) continue;
     m.others.push_back(k);
-    m.grey.push_back(grey_of(*images[k].image));
+    m.intensity.push_back(intensities_of(*images[k].image));
   }
 }
 

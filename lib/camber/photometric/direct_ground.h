@@ -29,7 +29,7 @@ struct DirectOptions {
   /// Factor on the variances that the pixels alone would leave of the motion, >= 1: errors that
   /// whole stretches of road share. Calibrated on rendered scenes, as that of LocalPlaneOptions.
   double inflation = 4.0;
-  /// px, error of a pixel along its gradient beside the noise of the grey values, >= 0.
+  /// px, error of a pixel along its gradient beside the noise of the intensities, >= 0.
   double misregistration_px = 0.2;
   int num_threads = 0;    ///< <= 0: see resolve_num_threads
   void validate() const;  ///< throws std::invalid_argument
@@ -65,21 +65,21 @@ struct DirectResult {
   Status status = Status::kNotRun;  ///< kFailed: reason says why; the field is as it was
   std::string reason;
   std::vector<SE3> frame_from_reference;
-  Eigen::MatrixXd covariance;  ///< as MotionEstimate::covariance, with what the ground says
+  Eigen::MatrixXd covariance;  ///< as MotionEstimate::covariance, with what the ground adds
   /// Mahalanobis distance by which the motion moved, over the square root of its parameters.
   double motion_change = 0.0;
-  /// What the pixels say of the ground, one entry a pixel and image, at the refined motion.
+  /// What the pixels measure of the ground, one entry a pixel and image, at the refined motion.
   GroundObservations observations;
   /// One byte a pixel of the reference: where the images contradict the ground (moving shadows,
   /// reflections, things that stand there).
   std::vector<std::uint8_t> contradicted;
 };
 
-/// Refines the ground and the camera's motion on the grey values of all images at once (direct
+/// Refines the ground and the camera's motion on the intensities of all images at once (direct
 /// alignment; Irani and Anandan, "About Direct Methods", 1999, for plane plus parallax).
 ///
 /// A change of the inverse depth at a pixel of the reference moves where it is seen in another
-/// image; there the grey values, local mean and contrast taken out over a window, must agree with
+/// image; there the intensities, local mean and contrast taken out over a window, must agree with
 /// the reference's. To first order each pixel is one observation of the inverse depth, with the
 /// camera's motion as shared parameters, so that the ground's smoothness, its robust losses and its
 /// covariance are those of GroundField. The motion is anchored by the covariance with which it

@@ -144,7 +144,7 @@ struct WarpedView {
 struct PlaneSearch::Level {
   PinholeCamera camera;
   int window_wide = kWindowWide, window_high = kWindowHigh;
-  double noise = 4.0;            // grey values squared, of a window without texture
+  double noise = 4.0;            // intensity squared, of a window without texture
   std::vector<cv::Mat> gray;     // float, of all images
   std::vector<cv::Mat> ignored;  // bytes
 

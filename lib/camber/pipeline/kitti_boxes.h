@@ -13,7 +13,7 @@
 
 namespace camber {
 
-/// What a KITTI label cannot say of a box on a slope.
+/// What a KITTI label does not hold of a box on a slope.
 struct BoxTilt {
   double pitch = 0.0;  ///< rad, front axis above the camera's horizontal plane
   double roll = 0.0;   ///< rad, right side down
@@ -47,7 +47,8 @@ struct LiftOptions {
 /// Puts a yaw-only 3D box on the road below it: distance along the ray of its centre corrected by
 /// what the patch says, both weighed by their variances, then height, pitch and roll from the
 /// patch; rotation_y and the ray stay.
-/// @param camera  of the images; labels are in camera 0: x_in_camera = x_in_camera0 + its offset, m.
+/// @param camera  of the images; labels are in camera 0: x_in_camera = x_in_camera0 + its offset,
+/// m.
 /// @param camera_from_reference  takes the surface's frame to that camera.
 /// A row without a 3D box, or above no patch, is kept as it was with kFailed.
 LiftedBox lift_box(const KittiLabel& label, const RoadSurface& surface,

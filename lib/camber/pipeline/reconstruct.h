@@ -52,7 +52,7 @@ struct Reconstruction {
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.
 /// Truth in the scene is not read.
 /// @param frame_ids  at least two ids of the scene, ascending.
-/// @throws NoAnswerError for a standing camera, a pure rotation, too little texture or road;
+/// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture or road;
 ///         InputError for missing, damaged or mismatching images.
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress = {});

@@ -545,7 +545,7 @@ PieceStatistics piece_statistics(const float* x, const float* y, const float* z,
                                  std::size_t n, const FloatPlane& plane, float limit) {
   const F8 zero = {};
   const F8 one = zero + 1.0f, cap = zero + limit;
-  F8 cost = zero, inliers = zero, weight = zero, pull = zero;
+  F8 cost = zero, inliers = zero, weight = zero, gradient = zero;
   for (std::size_t i = 0; i < n; i += kLanes) {
     F8 px, py, pz, pw;
     load(x + i, px);
@@ -559,10 +559,10 @@ PieceStatistics piece_statistics(const float* x, const float* y, const float* z,
     cost += t < cap ? t : cap;
     inliers += inside ? one : zero;
     weight += inside ? pw : zero;
-    pull += inside ? rw : zero;
+    gradient += inside ? rw : zero;
   }
   return {static_cast<float>(lane_sum(cost)), static_cast<float>(lane_sum(inliers)),
-          static_cast<float>(lane_sum(weight)), static_cast<float>(lane_sum(pull))};
+          static_cast<float>(lane_sum(weight)), static_cast<float>(lane_sum(gradient))};
 }
 
 CAMBER_CLONES

@@ -50,8 +50,8 @@ struct Window {
 ///   kNewton      the influence psi = omega r has also a part of the other sign, for t in (1, 4):
 ///                omega = -w (2 / 27) (t - 1) (4 - t), so that the integral of psi over r > 0
 ///                vanishes. An even background on one side of the plane alone (the sides of a car,
-///                a facade, the next plane behind a crease) then does not pull. The matrix is that
-///                of Newton's step, the derivative of psi (of the part t < 1).
+///                a facade, the next plane behind a crease) then has no influence. The matrix is
+///                that of Newton's step, the derivative of psi (of the part t < 1).
 enum class Loss { kReweighted, kNewton };
 
 struct Moments {
@@ -98,7 +98,8 @@ struct PieceStatistics {
   float cost = 0;  ///< MSAC cost, sum of min(r^2 w, limit)
   float inliers = 0;
   float weight = 0;  ///< sum of the inliers' w
-  float pull = 0;    ///< sum of the inliers' r w; pull / sqrt(weight) is standard normal on a plane
+  /// Sum of the inliers' r w; over sqrt(weight) it is standard normal on a plane.
+  float gradient = 0;
 };
 PieceStatistics piece_statistics(const float* x, const float* y, const float* z, const float* w,
                                  std::size_t n, const FloatPlane& plane, float limit);

@@ -91,10 +91,10 @@ bool even_run(const float* along, const float* normalised, std::size_t n, double
     residuals[bin] += normalised[i];
   }
   // Sums from the first bin on, and with them the points around a place: +- `reach` bins.
-  std::array<double, kBins + 1> points{}, pull{};
+  std::array<double, kBins + 1> points{}, offsets{};
   for (std::size_t k = 0; k < kBins; ++k) {
     points[k + 1] = points[k] + static_cast<double>(number[k + 1]);
-    pull[k + 1] = pull[k] + static_cast<double>(residuals[k + 1]);
+    offsets[k + 1] = offsets[k] + static_cast<double>(residuals[k + 1]);
   }
   const double pieces = std::clamp(static_cast<double>(n) / 40.0, 8.0, 64.0);
   const double reach = 0.5 * static_cast<double>(kBins) / pieces;
@@ -109,9 +109,10 @@ bool even_run(const float* along, const float* normalised, std::size_t n, double
     const double middle =
         std::clamp(static_cast<double>(k) + 0.5, reach, static_cast<double>(kBins) - reach);
     count[k] = up_to(points, middle + reach) - up_to(points, middle - reach);
-    mean[k] = count[k] > 0.0
-                  ? std::abs(up_to(pull, middle + reach) - up_to(pull, middle - reach)) / count[k]
-                  : 1e30;
+    mean[k] =
+        count[k] > 0.0
+            ? std::abs(up_to(offsets, middle + reach) - up_to(offsets, middle - reach)) / count[k]
+            : 1e30;
   }
   std::array<double, kBins> ordered = count;
   const auto upper = ordered.begin() + kBins * 3 / 4;
@@ -401,10 +402,10 @@ UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const Pl
                  xxxx = sums.xxxx / n;
     Eigen::Matrix2d spread;
     spread << xx - x * x, xxx - x * xx, xxx - x * xx, xxxx - xx * xx;
-    const Eigen::Vector2d pull(sums.vx / sums.v - x, sums.vxx / sums.v - xx);
+    const Eigen::Vector2d change(sums.vx / sums.v - x, sums.vxx / sums.v - xx);
     if (!(spread.determinant() > 0.0)) return 0.0;
     // Less what chance makes of even noise, two free parameters.
-    const double change2 = pull.dot(spread.inverse() * pull) - 3.0 / n;
+    const double change2 = change.dot(spread.inverse() * change) - 3.0 / n;
     return kRayTilt * noise * std::sqrt(std::max(change2, 0.0) / spread(0, 0));
   };
   out.slope_u = slope(along);

@@ -6,7 +6,7 @@
 
 namespace camber {
 
-/// A colour picture of one grey value. @throws std::invalid_argument if a side is not 1 to 65535.
+/// A colour picture of one grey level. @throws std::invalid_argument if a side is not 1 to 65535.
 Image make_picture(int width, int height, std::uint8_t grey);
 
 /// Throws std::invalid_argument unless the picture has sides of at least 1, 3 channels and as many

@@ -271,7 +271,8 @@ bool Segmenter::accepts(const kernels::PieceStatistics& stats, std::size_t leaf)
   const double count = static_cast<double>(l.end - l.begin);
   if (stats.inliers < 4.0f || static_cast<double>(stats.inliers) < kLeastShare * count)
     return false;
-  const double z = static_cast<double>(stats.pull) / std::sqrt(static_cast<double>(stats.weight));
+  const double z =
+      static_cast<double>(stats.gradient) / std::sqrt(static_cast<double>(stats.weight));
   return std::abs(z) < 2.5 + tolerance_ * std::sqrt(static_cast<double>(stats.inliers));
 }
 

@@ -26,7 +26,7 @@ struct PlanePatch {
   double grade = 0.0;                     ///< rad, slope along axis1, positive: climbs ahead
   double bank = 0.0;                      ///< rad, slope across, positive: left side up
   std::string refinement;                 ///< "accepted", "refused: reason", or empty: none tried
-  /// Where `plane` holds what a vehicle standing on it told: the plane by the ground alone.
+  /// Where `plane` holds what a vehicle on it measured: the plane by the ground alone.
   std::optional<UncertainPlane> without_vehicle;
 };
 

@@ -231,7 +231,7 @@ class Association {
     for (const std::size_t i : line) used_[i] = 1;
   }
 
-  /// The nearest stroke that continues a line, with its distance in whole periods beyond doubt.
+  /// The nearest stroke that continues a line, with its distance in whole periods, if unambiguous.
   std::optional<KnownLength> next_stroke(std::size_t here, const Eigen::Vector3d& heading) const {
     std::optional<KnownLength> best;
     double least = 1e9;

@@ -23,7 +23,7 @@ constexpr double kSample = 0.025;   // m between samples across an edge
 constexpr int kReach = 24;          // samples by which the coarse place may be off
 constexpr int kHalf = 24;           // samples to each side of a cross section
 constexpr int kMove = 3;            // samples from row to row
-constexpr float kTexture = 2.0F;    // grey values: fainter cross sections are like nothing
+constexpr float kTexture = 2.0F;    // intensity: fainter cross sections are like nothing
 constexpr float kLeastLikeness = 0.6F;
 constexpr int kBridged = 4;  // rows in a row that may be unlike the others
 constexpr int kFewest = 12;  // rows of an edge
@@ -34,11 +34,11 @@ struct Path {
   std::vector<float> step;  // of the mask there
 };
 
-class BorderFinder {
+class EdgeFinder {
  public:
-  BorderFinder(const GrayImage& image, const PinholeCamera& camera, const GroundRaster& ground,
-               const std::vector<std::uint8_t>& road, const std::vector<std::uint8_t>& hidden,
-               const Eigen::Vector3d& ahead)
+  EdgeFinder(const GrayImage& image, const PinholeCamera& camera, const GroundRaster& ground,
+             const std::vector<std::uint8_t>& road, const std::vector<std::uint8_t>& hidden,
+             const Eigen::Vector3d& ahead)
       : image_(image),
         camera_(camera),
         ground_(ground),
@@ -159,7 +159,7 @@ class BorderFinder {
     return out;
   }
 
-  float grey(double u, double v) const {
+  float intensity(double u, double v) const {
     const double x = std::clamp(u, 0.0, image_.width - 1.001);
     const double y = std::clamp(v, 0.0, image_.height - 1.001);
     const int i = static_cast<int>(x), j = static_cast<int>(y);
@@ -222,7 +222,7 @@ class BorderFinder {
     return out;
   }
 
-  /// Brightening to the right, kSample apart across the edge and beyond; grey values.
+  /// Brightening to the right, kSample apart across the edge and beyond; intensity.
   static constexpr int kSamples = 2 * (kReach + kHalf) + 1;
   using Section = std::array<float, kSamples>;
   std::vector<Section> sections(const Base& base) const {
@@ -239,7 +239,7 @@ class BorderFinder {
           const double x = u + base.lean[i] * dv, v = top_ + static_cast<double>(i) + dv;
           for (int k = 0; k < taps; ++k) {
             const double off = half * (k + 0.5) / taps;
-            value += grey(x + off, v) - grey(x - off, v);
+            value += intensity(x + off, v) - intensity(x - off, v);
           }
         }
         out[i][static_cast<std::size_t>(j)] =
@@ -249,10 +249,10 @@ class BorderFinder {
     return out;
   }
 
-  /// Values of the places of an edge in each row, kSample apart, and the best way through them.
+  /// Values of the places of an edge in each row, kSample apart, and the best path through them.
   static constexpr int kStates = 2 * kReach + 1;
   using Values = std::vector<std::array<float, kStates>>;
-  static std::vector<int> best_way(const Values& value, float* total) {
+  static std::vector<int> best_path(const Values& value, float* total) {
     const std::size_t count = value.size();
     std::vector<std::array<std::int8_t, kStates>> back(count);
     std::array<float, kStates> best = value[count - 1], next;
@@ -273,14 +273,14 @@ class BorderFinder {
       }
       best = next;
     }
-    std::vector<int> way(count);
+    std::vector<int> path(count);
     auto s = static_cast<int>(std::max_element(best.begin(), best.end()) - best.begin());
     *total = best[static_cast<std::size_t>(s)];
     for (std::size_t i = 0; i < count; ++i) {
-      way[i] = s;
+      path[i] = s;
       if (i + 1 < count) s += back[i][static_cast<std::size_t>(s)];
     }
-    return way;
+    return path;
   }
 
   /// Values by `of`(row, place); hidden rows say nothing.
@@ -301,20 +301,20 @@ class BorderFinder {
     const std::size_t count = base.size();
     const std::vector<Section> seen = sections(base);
     // First by the strongest edge of either sign, then by the likeness to the mean cross section.
-    std::vector<int> way;
+    std::vector<int> path;
     float most = -1e9F;
     for (const float sign : {1.0F, -1.0F}) {
       float total = 0.0F;
       std::vector<int> found =
-          best_way(values(base,
-                          [&](std::size_t i, int s) {
-                            const float edge = seen[i][static_cast<std::size_t>(s + kHalf)];
-                            return 0.1F * std::clamp(sign * edge, -5.0F, 40.0F);
-                          }),
-                   &total);
+          best_path(values(base,
+                           [&](std::size_t i, int s) {
+                             const float edge = seen[i][static_cast<std::size_t>(s + kHalf)];
+                             return 0.1F * std::clamp(sign * edge, -5.0F, 40.0F);
+                           }),
+                    &total);
       if (total > most) {
         most = total;
-        way = std::move(found);
+        path = std::move(found);
       }
     }
     constexpr int kWide = 2 * kHalf + 1;
@@ -338,18 +338,18 @@ class BorderFinder {
         ++used;
         for (int j = 0; j < kWide; ++j) {
           usual[static_cast<std::size_t>(j)] +=
-              std::clamp(seen[i][static_cast<std::size_t>(way[i] + j)], -30.0F, 30.0F);
+              std::clamp(seen[i][static_cast<std::size_t>(path[i] + j)], -30.0F, 30.0F);
         }
       }
       if (used < kFewest) return {};
       for (float& x : usual) x /= static_cast<float>(used);
       float total = 0.0F;
-      way = best_way(values(base, [&](std::size_t i, int s) { return 3.0F * likeness(i, s); }),
-                     &total);
+      path = best_path(values(base, [&](std::size_t i, int s) { return 3.0F * likeness(i, s); }),
+                       &total);
     }
     std::vector<RoadEdgePixel> out;
     for (std::size_t i = count; i-- > 0;) {
-      const int s = way[i], v = top_ + static_cast<int>(i);
+      const int s = path[i], v = top_ + static_cast<int>(i);
       if (!base.usable[i] || s == 0 || s == kStates - 1) continue;
       const float before = likeness(i, s - 1), here = likeness(i, s), after = likeness(i, s + 1);
       if (here < kLeastLikeness) continue;
@@ -384,7 +384,7 @@ RoadEdges detect_road_edges(const GrayImage& image, const PinholeCamera& camera,
           total - static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(ground.top)) {
     throw std::invalid_argument("road edges: image, masks and ground differ in size");
   }
-  const BorderFinder finder(image, camera, ground, road, hidden, ahead);
+  const EdgeFinder finder(image, camera, ground, road, hidden, ahead);
   RoadEdges out;
   parallel_for(2, num_threads, [&](std::size_t side) {
     (side == 0 ? out.left : out.right) = finder.find(side == 0 ? 1 : -1);

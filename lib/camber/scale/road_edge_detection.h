@@ -24,8 +24,8 @@ struct RoadEdges {
 
 /// Finds the road's left and right edge row by row, 4 to 80 m ahead. The coarse place is where a
 /// road mask changes over, followed along the road by dynamic programming; the place in a row is
-/// where the grey values across it are most like those across the edge elsewhere, so that one
-/// edge (of a kerb, a line, a verge) is followed all the way. Accurate to half a pixel where that
+/// where the intensities across it are most like those across the edge elsewhere, so that one
+/// edge (of a kerb, a line, a verge) is followed throughout. Accurate to half a pixel where that
 /// edge is seen; which edge it is may differ from one side of a hidden stretch to the other.
 /// @param road, hidden  one byte a pixel, row-major, non-zero: road; hidden by vehicles.
 /// @param ahead  rough direction of the road, camera frame.

@@ -60,7 +60,7 @@ bool fit_box(const PinholeCamera& camera, const VehicleDetection& detection,
     const Eigen::Matrix<double, 6, 1> off = place(s) - mean;
     Eigen::Matrix<double, 9, 1> difference = Eigen::Matrix<double, 9, 1>::Zero();
     difference.head<3>() = off.head<3>();
-    difference.tail<3>() = off.tail<3>();
+    difference.tail<3>() << off[3], off[5], off[4];  // length, height, width
     covariance +=
         weights[i] * (report_covariance(s.poses.front(), s.form, own, options.noise.form) +
                       difference * difference.transpose());

@@ -105,7 +105,7 @@ struct HypothesisGates {
   double same_heading = 0.35;      ///< rad: two starts are one hypothesis
   double swap_evidence = 3.0;      ///< that mirrored names must add
   double rival_heading = 3.0;      ///< a rival that is not so much worse leaves the answer weak
-  double heading_evidence = 15.0;  ///< a view of a track is heard for no more, and dropped if it
+  double heading_evidence = 15.0;  ///< a view of a track counts for no more, and is dropped if it
                                    ///< contradicts the chosen heading by more
   double same_axis = 0.9;       ///< cosine of the headings of views of one track, but for the sense
   double parked_pruned = 60.0;  ///< the parked hypothesis so much worse than the moving one

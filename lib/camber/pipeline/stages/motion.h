@@ -8,7 +8,7 @@ namespace camber::stages {
 
 /// Motion of the camera over the frames: from their poses where all of them are known (then metric,
 /// see MotionEstimate::metres_per_baseline), else from correspondences of points that stand still.
-/// @throws NoAnswerError for a standing camera, a pure rotation, too little texture.
+/// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture.
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
                       const MotionOptions& options);
 

@@ -17,7 +17,8 @@ Eigen::MatrixXd report_jacobian(const ViewPose& pose, const Form& form, Eigen::I
   const Eigen::Vector3d middle(0.0, 0.5 * form.size[2], 0.0);
   j.block<3, 3>(0, 3) = -pose.rotation * skew(middle);
   j.block<3, 1>(0, 8) = 0.5 * pose.rotation.col(1);
-  j.block<6, 6>(3, 3).setIdentity();
+  j.block<3, 3>(3, 3).setIdentity();
+  j(6, 6) = j(7, 8) = j(8, 7) = 1.0;  // length, width, height to length, height, width
   return j;
 }
 

@@ -14,7 +14,8 @@ inline constexpr char kSidesSwapped[] = "the keypoints' left and right are swapp
 
 using ReportCovariance = Eigen::Matrix<double, 9, 9>;
 
-/// d(centre of the box, rotation vector in the vehicle's frame, size) / d(parameters of a view).
+/// d(centre of the box, rotation vector in the vehicle's frame, length, height, width) /
+/// d(parameters of a view).
 Eigen::MatrixXd report_jacobian(const ViewPose& pose, const Form& form, Eigen::Index parameters);
 
 /// Covariance of what is reported, from that of a view's parameters; the centre with what the prior

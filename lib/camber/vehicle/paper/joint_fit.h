@@ -17,7 +17,7 @@ enum class PlaneLinks {
 struct JointFitOptions {
   int num_coefficients = 5;  ///< of the shape prior, in [0, 20]
   /// Equations 5, 7 and 9 as the paper prints them (see ground_contact.h, normal_disambiguation.h,
-  /// base_point.h); false: mended, so that they pull to the ground and tell up from down.
+  /// base_point.h); false: mended, so that points are drawn to the ground and up differs from down.
   bool as_printed = false;
   /// Hand-set weights for all terms, in pixels, metres and radians; false: every term by its
   /// standard deviation, the plane by its covariance.

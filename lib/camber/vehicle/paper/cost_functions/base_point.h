@@ -9,7 +9,7 @@ namespace camber::paper {
 /// A base point (a wheel's contact, a bumper's lower corner) keeps its height above the ground,
 /// equation 9 of the paper: r = (n . (R b + t) + d - h) / sigma, with b fixed in the vehicle frame,
 /// turning with it, and h = b.y its height there. As printed n and d are the vehicle's own plane
-/// (n = up, d = -up . t), so that nothing is pulled to the ground: r = (up . (R b + t) + d - h) /
+/// (n = up, d = -up . t), so that nothing is drawn to the ground: r = (up . (R b + t) + d - h) /
 /// sigma = 0 for any pose; the default takes the ground's. Parameter blocks: pose (7), plane (4).
 struct BasePoint {
   Eigen::Vector3d point;  ///< b, vehicle frame, m
