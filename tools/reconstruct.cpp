@@ -97,6 +97,9 @@ void register_reconstruct(App& root) {
     options.inputs = {args.scene};
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
+    for (const RunDocument::Warning& warning : result.run.warnings) {
+      std::fprintf(stderr, "camber: warning: the scale: %s\n", warning.text.c_str());
+    }
     if (args.json) return print_json(result);
     if (!command->common.quiet) {
       std::size_t vehicles = 0;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <vector>
 
 #include "camber/core/errors.h"
@@ -14,6 +15,9 @@ namespace {
 
 constexpr int kShrink = 3;
 constexpr double kEnoughAngle = 0.025;  // rad, parallax of the near road
+/// Share of the near road that has to be matched for its parallax to be believed: what moves fast
+/// is lost, and what is left (cars ahead, far road, chance) moves little.
+constexpr double kLeastMatched = 0.62;
 
 GrayImage small_image(const Scene& scene, std::size_t index) {
   const SceneFrame& frame = scene.frames[index];
@@ -32,9 +36,9 @@ GrayImage small_image(const Scene& scene, std::size_t index) {
   return out;
 }
 
-/// Median image motion in the lower third, px of the full image, after the rotation
-/// that the upper half shows has been taken out.
-double near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b) {
+/// Median image motion in the lower third, px of the full image, after the rotation that the upper
+/// half shows has been taken out; nothing where too little of it is matched.
+std::optional<double> near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b) {
   CorrespondenceOptions options;
   options.step = 4;
   const Correspondences matches = match_images({a, b}, 0, options);
@@ -67,16 +71,18 @@ double near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b)
     turn = normal.ldlt().solve(right);
   }
   std::vector<double> sizes;
+  std::size_t near = 0;
   for (std::size_t i = 0; i < matches.pixels.size(); ++i) {
-    if (matches.pixels[i].y() < 2.0f * static_cast<float>(a.height) / 3.0f ||
-        !std::isfinite(match.round_trip_px[i])) {
-      continue;
-    }
+    if (matches.pixels[i].y() < 2.0f * static_cast<float>(a.height) / 3.0f) continue;
+    ++near;
+    if (!std::isfinite(match.round_trip_px[i])) continue;
     const Eigen::Vector2d flow = (match.pixels[i] - matches.pixels[i]).cast<double>();
     sizes.push_back((flow - rotation_rows(matches.pixels[i]) * turn).norm());
   }
-  // Too fast to be matched at this size is not too slow.
-  if (sizes.empty()) return kEnoughAngle * scene.camera.fx;
+  if (static_cast<double>(sizes.size()) < kLeastMatched * static_cast<double>(near) ||
+      sizes.empty()) {
+    return std::nullopt;
+  }
   const std::size_t at = sizes.size() / 2;
   std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(at), sizes.end());
   return sizes[at] * scene.camera.width / a.width;
@@ -103,7 +109,9 @@ ChosenFrames choose_frames(const Scene& scene) {
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
-    out.parallax_px = near_parallax(scene, here, small_image(scene, other));
+    const auto parallax = near_parallax(scene, here, small_image(scene, other));
+    // Too fast to be matched at this size is not too slow.
+    out.parallax_px = parallax.value_or(enough);
     if (out.parallax_px >= enough) break;
     // Twice as far, or what the speed so far calls for; never farther than there are frames.
     const double factor = std::clamp(enough / std::max(out.parallax_px, 0.1), 1.5, 4.0);

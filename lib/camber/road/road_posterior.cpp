@@ -47,6 +47,12 @@ RoadPosterior::RoadPosterior(std::shared_ptr<const GroundField> field,
   metric_nodes_ = field_->nodes() / metres_per_baseline;
 }
 
+RoadPosterior RoadPosterior::with_wider_scale(double variance) const {
+  RoadPosterior out = *this;
+  out.log_scale_variance_ += variance;
+  return out;
+}
+
 double RoadPosterior::metres_per_baseline() const { return std::exp(log_scale_); }
 
 double RoadPosterior::scale_sigma() const {

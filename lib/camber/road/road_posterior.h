@@ -44,6 +44,9 @@ class RoadPosterior {
   /// The posterior once a constraint, linearised around this one's mean, is known too.
   RoadPosterior conditioned(const Constraint& constraint) const;
 
+  /// The same road with another independent error of the logarithm of its scale.
+  RoadPosterior with_wider_scale(double variance) const;
+
   /// Squared Mahalanobis distance of a constraint's residual, from this posterior and its noise.
   double squared_innovation(const Constraint& constraint) const;
 

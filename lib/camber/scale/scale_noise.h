@@ -33,6 +33,11 @@ struct ScaleNoise {
   double edge_column_px = 0.25;      ///< px, that all rows of a place share
   double rows_with_one_error = 4.0;  ///< neighbouring rows of an edge
   double width_gate = 3.0;           ///< standard deviations, of one change of width
+
+  // The average of vehicles' sizes.
+  double vehicle_population = 0.02;  ///< relative, of a street's cars off the size prior (assumed)
+  double vehicle_size_most = 0.15;   ///< relative, of one vehicle's scale that is worth counting
+  double vehicle_sizes_gate = 3.0;   ///< standard deviations
 };
 
 }  // namespace camber

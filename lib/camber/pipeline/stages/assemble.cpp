@@ -9,23 +9,62 @@
 #include "camber/core/threads.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
 #include "camber/scale/fusion.h"
+#include "camber/scale/vehicle_sizes_constraint.h"
 
 namespace camber::stages {
 namespace {
 
+/// Of the logarithm of a scale that the vehicles contradict altogether.
+constexpr double kOpenLogScale = 1.0;
+
 /// The road given the vehicles, and the planes under them given all but those that contradict it.
 struct FinalRoad {
   RoadPosterior road;
-  std::vector<ConstraintReport> reports;  // of the vehicles, in their order
-  Eigen::VectorXd plane_changes;          // as SharedGround's rows; empty without vehicles
+  std::vector<ConstraintReport> reports;  // of the vehicles, in their order, then of their sizes
+  std::vector<RunDocument::Warning> warnings;
+  Eigen::VectorXd plane_changes;  // as SharedGround's rows; empty without vehicles
   Eigen::MatrixXd plane_covariance;
 };
+
+/// The vehicles against the road and its scale, which know nothing of them: their sizes together,
+/// and how many of them contradict it one by one.
+void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& vehicles,
+                       FinalRoad* final_road) {
+  if (!scaled.metric) return;
+  const auto contradict = [&](std::string text, double log_scale_variance) {
+    final_road->warnings.push_back({"scale_contradicted", std::move(text)});
+    final_road->road = final_road->road.with_wider_scale(log_scale_variance);
+  };
+  const auto rejected = std::count_if(final_road->reports.begin(), final_road->reports.end(),
+                                      [](const ConstraintReport& r) { return !r.accepted; });
+  constexpr std::size_t kLeast = 3;
+  if (vehicles.size() >= kLeast && 3 * static_cast<std::size_t>(rejected) > 2 * vehicles.size()) {
+    contradict(
+        fmt::format("{} of {} vehicles contradict the road under them", rejected, vehicles.size()),
+        kOpenLogScale * kOpenLogScale);
+  }
+  const Constraint sizes = vehicle_sizes_constraint(scaled.road, vehicles, ScaleNoise());
+  if (sizes.size() == 0) return;
+  const double sigmas = std::sqrt(scaled.road.squared_innovation(sizes));
+  const bool agrees = sigmas <= sizes.gate;
+  ConstraintReport report{sizes.name, sizes.source, sigmas, agrees, {}};
+  if (!agrees) {
+    const double change = sizes.residual[0];
+    report.reason =
+        fmt::format("their sizes give a scale {:+.0f} % off, {:.1f} standard deviations",
+                    100.0 * std::expm1(change), sigmas);
+    contradict(sizes.source + ": " + report.reason, change * change);
+  }
+  final_road->reports.push_back(std::move(report));
+}
 
 FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles) {
   std::vector<Constraint> constraints;
   for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
   FusedRoad fused = fuse(scaled.road, constraints);
-  FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, vehicles.ground.covariance};
+  FinalRoad out{
+      std::move(fused.road), std::move(fused.reports), {}, {}, vehicles.ground.covariance};
+  check_by_vehicles(scaled, constraints, &out);
   const Eigen::Index rows = out.plane_covariance.rows();
   if (rows == 0) return out;
   // The planes themselves: functions of the road and of the unevenness under each vehicle.
@@ -347,6 +386,7 @@ RunDocument run_document(const LoadedFrames& frames, const PhotometricGround& gr
   out.constraints = scaled.reports;
   out.constraints.insert(out.constraints.end(), final_road.reports.begin(),
                          final_road.reports.end());
+  out.warnings = final_road.warnings;
   out.points_kept.emplace_back("road", static_cast<long>(ground.ground.seen.points.size()));
   out.points_kept.emplace_back("motion", ground.motion.points);
   for (std::size_t r = 0; r < kNumDropReasons; ++r) {

@@ -236,15 +236,24 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
   Ground out;
   out.seen = std::move(points);
   GroundObservations observed = detail::ground_observations(matches, out.seen.points);
-  if (search.informative) {
+  constexpr int kLeastSamples = 1000;
+  const auto start_from_search = [&] {
     out.ego = detail::ego_of(frames, motion, search.best, options);
     out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_unit);
     detail::add_hypothesis(frames, motion, search.best, &observed);
+  };
+  if (search.informative) {
+    start_from_search();
   } else {
     EgoPlane ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
     const std::string reason = ego.reason;
     if (!detail::set_ego(motion, std::move(ego), &out)) {
-      throw NoAnswerError("no road plane under the camera: " + reason);
+      // Where no match shows the road, its likeliest place is better than none: what follows has
+      // to find it there.
+      if (!(search.correlation > options.searched_correlation) || search.samples < kLeastSamples) {
+        throw NoAnswerError("no road plane under the camera: " + reason);
+      }
+      start_from_search();
     }
   }
   GroundFieldOptions field;

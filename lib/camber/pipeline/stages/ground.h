@@ -59,7 +59,9 @@ namespace stages {
 
 struct GroundOptions {
   double unknown_camera_height = 1.65;  ///< m, taken where none is known: the unit of the result
-  int num_threads = 0;                  ///< <= 0: see resolve_num_threads
+  /// Correlation of the plane search from which it starts a ground that no match shows, 0 to 1.
+  double searched_correlation = 0.6;
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
 };
 
 /// Searches for the length of the baselines in camera heights on the intensities of the near road,

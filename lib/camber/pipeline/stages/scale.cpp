@@ -6,6 +6,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/fusion.h"
@@ -130,6 +131,9 @@ bool accepted(const std::vector<ConstraintReport>& reports, const std::string& n
 
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options) {
+  if (ground.ground.ego.points == 0) {
+    throw NoAnswerError("no road plane under the camera: no match shows the road near it");
+  }
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool guessed = !ground.motion.metres_per_baseline && !frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;
