@@ -123,14 +123,27 @@ RoadModel road_with(const Junction& junction, bool pavement) {
 TEST(RoadModelWithJunction, KerbIsAsHighAsAskedAllAlong) {
   for (const CornerKind kind : all_corner_kinds()) {
     const RoadModel road = road_with(junction_of(kind), true);
+    const auto distance = [&](const Eigen::Vector2d& p) {
+      return road.edge_distance(p.x(), p.y());
+    };
+    // Where lines across the place meet the carriageway's edge.
     int found = 0;
-    for (double s = -10.0; s < 60.0; s += 0.13) {
-      for (double t = -40.0; t < 40.0; t += 0.13) {
-        const double d = road.edge_distance(s, t);
-        if (std::abs(d) > 0.01) continue;
-        ++found;
-        // The pavement's own slope of 1.5 % over the centimetre.
-        EXPECT_NEAR(road.side_height(s, t) - road.road_height(s, t), 0.17, 2e-4);
+    for (double a = -10.0; a < 50.0; a += 0.37) {
+      for (double b = -40.0; b < 40.0; b += 0.37) {
+        for (const bool along : {true, false}) {
+          Eigen::Vector2d inside(a, b), outside = inside;
+          outside[along ? 0 : 1] += 0.37;
+          if (distance(inside) > 0.0) std::swap(inside, outside);
+          if (distance(inside) > 0.0 || distance(outside) <= 0.0) continue;
+          for (int i = 0; i < 40; ++i) {
+            const Eigen::Vector2d middle = 0.5 * (inside + outside);
+            (distance(middle) > 0.0 ? outside : inside) = middle;
+          }
+          EXPECT_NEAR(
+              road.side_height(inside.x(), inside.y()) - road.road_height(inside.x(), inside.y()),
+              0.17, 1e-9);
+          ++found;
+        }
       }
     }
     EXPECT_GT(found, 300);

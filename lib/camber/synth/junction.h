@@ -23,8 +23,9 @@ const std::vector<CornerKind>& all_corner_kinds();
 /// A street that meets a straight road. Lengths in m in plan, in the road's station s and offset t.
 struct Junction {
   CornerKind kind = CornerKind::kStem;
-  double station = 20.0;      ///< of the road, where the axes meet
-  double angle = 1.5708;      ///< rad, from the road's direction counter-clockwise, pi/4 to 3 pi/4
+  double station = 20.0;  ///< of the road, where the axes meet
+  double angle =
+      1.57079632679489662;    ///< rad, from the road's direction counter-clockwise, pi/4 to 3 pi/4
   double half_width = 3.5;    ///< of the street, > 0
   double kerb_radius = 6.0;   ///< of the corners' kerbs, > 0
   double outer_radius = 4.0;  ///< of a bend's outer kerb, > 0
