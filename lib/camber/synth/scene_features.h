@@ -83,7 +83,7 @@ struct WeatherOptions {
   std::optional<double> cloudiness;     ///< 0 clear to 1 overcast
   std::optional<double> sun_elevation;  ///< [0.1, 1.5]; drawn: 35 to 60 degrees
   double haze_distance = 1500.0;        ///< at which 63 % is haze, [100, 10000]
-  bool lights_on = false;               ///< of the cars
+  bool lights_on = false;               ///< of the cars that drive
 };
 
 struct SceneFeatures {
