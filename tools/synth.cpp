@@ -235,7 +235,7 @@ void add_surroundings(App& app, Settings* settings) {
             &SceneFeatures::weather, &WeatherOptions::sun_elevation, kDegree);
   add_number(app, settings, "--haze-distance", "at which 63 % is haze, m", &SceneFeatures::weather,
              &WeatherOptions::haze_distance);
-  settings->add_flag(app, "--lights", "the cars' lights are on",
+  settings->add_flag(app, "--lights", "the lights of cars that drive are on",
                      [](SynthOptions* o) { o->features.weather.lights_on = true; });
 }
 

@@ -71,6 +71,51 @@ TEST(Junction, StemEndsAtAStraightKerbAndABendAtARoundOne) {
   }
 }
 
+TEST(Junction, CoordinateAlongEdgesNeverStandsStill) {
+  for (const CornerKind kind : all_corner_kinds()) {
+    for (const double angle : {1.05, 0.5 * kPi, 2.09}) {
+      for (const int side : {0, 1}) {
+        Junction j = junction_of(kind);
+        j.angle = angle;
+        j.side = side;
+        j.outer_radius = 18.0;  // begins well before the street's axis
+        // From place to place on the edges, found along lines across them.
+        const auto on_edge = [&](Eigen::Vector2d inside, Eigen::Vector2d outside) {
+          for (int i = 0; i < 40; ++i) {
+            const Eigen::Vector2d middle = 0.5 * (inside + outside);
+            (j.edge_distance(middle.x(), middle.y(), kRoadHalf) > 0.0 ? outside : inside) = middle;
+          }
+          return inside;
+        };
+        int steps = 0;
+        for (double a = -5.0; a < 45.0; a += 0.31) {
+          for (double b = -25.0; b < 25.0; b += 0.31) {
+            const Eigen::Vector2d p(a, b);
+            const Eigen::Vector2d gradient(
+                j.edge_distance(a + 1e-4, b, kRoadHalf) - j.edge_distance(a - 1e-4, b, kRoadHalf),
+                j.edge_distance(a, b + 1e-4, kRoadHalf) - j.edge_distance(a, b - 1e-4, kRoadHalf));
+            if (std::abs(j.edge_distance(a, b, kRoadHalf)) > 0.3) continue;
+            const Eigen::Vector2d across = gradient.normalized();
+            const Eigen::Vector2d along = 0.05 * Eigen::Vector2d(-across.y(), across.x());
+            const Eigen::Vector2d here = on_edge(p - 0.5 * across, p + 0.5 * across);
+            const Eigen::Vector2d next =
+                on_edge(p + along - 0.5 * across, p + along + 0.5 * across);
+            // Where the sides change over, a step goes up and down again.
+            if (here.y() * next.y() < 0.0) continue;
+            const double moved = (next - here).norm();
+            const double counted = std::abs(j.along_edge(next.x(), next.y(), kRoadHalf) -
+                                            j.along_edge(here.x(), here.y(), kRoadHalf));
+            EXPECT_GT(counted, 0.99 * moved) << to_string(kind) << " " << here.transpose();
+            EXPECT_LT(counted, 2.05 * moved) << to_string(kind) << " " << here.transpose();
+            ++steps;
+          }
+        }
+        EXPECT_GT(steps, 300);
+      }
+    }
+  }
+}
+
 TEST(Junction, StreetCoordinatesInvertAndFollowTheAngle) {
   Junction j = junction_of(CornerKind::kCrossing);
   j.angle = 1.2;
@@ -123,14 +168,27 @@ RoadModel road_with(const Junction& junction, bool pavement) {
 TEST(RoadModelWithJunction, KerbIsAsHighAsAskedAllAlong) {
   for (const CornerKind kind : all_corner_kinds()) {
     const RoadModel road = road_with(junction_of(kind), true);
+    const auto distance = [&](const Eigen::Vector2d& p) {
+      return road.edge_distance(p.x(), p.y());
+    };
+    // Where lines across the place meet the carriageway's edge.
     int found = 0;
-    for (double s = -10.0; s < 60.0; s += 0.13) {
-      for (double t = -40.0; t < 40.0; t += 0.13) {
-        const double d = road.edge_distance(s, t);
-        if (std::abs(d) > 0.01) continue;
-        ++found;
-        // The pavement's own slope of 1.5 % over the centimetre.
-        EXPECT_NEAR(road.side_height(s, t) - road.road_height(s, t), 0.17, 2e-4);
+    for (double a = -10.0; a < 50.0; a += 0.37) {
+      for (double b = -40.0; b < 40.0; b += 0.37) {
+        for (const bool along : {true, false}) {
+          Eigen::Vector2d inside(a, b), outside = inside;
+          outside[along ? 0 : 1] += 0.37;
+          if (distance(inside) > 0.0) std::swap(inside, outside);
+          if (distance(inside) > 0.0 || distance(outside) <= 0.0) continue;
+          for (int i = 0; i < 40; ++i) {
+            const Eigen::Vector2d middle = 0.5 * (inside + outside);
+            (distance(middle) > 0.0 ? outside : inside) = middle;
+          }
+          EXPECT_NEAR(
+              road.side_height(inside.x(), inside.y()) - road.road_height(inside.x(), inside.y()),
+              0.17, 1e-9);
+          ++found;
+        }
       }
     }
     EXPECT_GT(found, 300);

@@ -194,14 +194,18 @@ TEST(RoadLook, RepeatingAsphaltLooksAlmostTheSameOneTileOn) {
   const auto line = texture_line(AsphaltTexture::kRepeating, step, 5000, 0.0, seed);
   const double tile = mean_square_step(line, 128), half = mean_square_step(line, 53);
   EXPECT_LT(tile, 0.35 * half);
-  EXPECT_GT(tile, 0.02 * half);  // not altogether: some of it does not repeat
+  // Not altogether: amplitudes of 0.09 and 0.07 in nine of 0.30 do not repeat, 2 % of the power.
+  EXPECT_GT(tile, 0.01 * half);
 }
 
 // ---------------------------------------------------------------- wet
 
-TEST(RoadLook, WetAsphaltIsDarkerNearAndMirrorsTheSkyFarAway) {
+TEST(RoadLook, WetAsphaltIsDarkerFromAboveAndMirrorsTheSkyFarAway) {
+  // At 20 degrees water already mirrors an eighth of the light: a wide view down to 60.
   SynthOptions options = small_options(5);
   options.profile = RoadProfileKind::kLevel;
+  options.camera.fx = options.camera.fy = 100.0;
+  options.features.mounting.pitch = -0.35;
   options.features.markings = Markings::kNone;
   options.features.weather.cloudiness = 1.0;
   const auto bands = [&](double wetness) {
@@ -212,12 +216,17 @@ TEST(RoadLook, WetAsphaltIsDarkerNearAndMirrorsTheSkyFarAway) {
     Eigen::Vector2d sum(0, 0), count(0, 0);
     for (std::size_t i = 0; i < image.size(); ++i) {
       if (truth.labels[i] != static_cast<std::uint8_t>(TruthLabel::kRoad)) continue;
-      const double depth = truth.hits[i].distance;
-      const int band = depth < 5.0 ? 0 : (depth > 25.0 && depth < 60.0 ? 1 : -1);
+      const int u = static_cast<int>(i) % options.camera.width;
+      const int v = static_cast<int>(i) / options.camera.width;
+      const Eigen::Vector3d view =
+          world.views[0].world_from_camera.rotation() * options.camera.ray(Eigen::Vector2d(u, v));
+      const double down = std::asin(-view.normalized().z());
+      const int band = down > 0.8 ? 0 : (down < 0.12 ? 1 : -1);
       if (band < 0) continue;
       sum[band] += image[i];
       ++count[band];
     }
+    EXPECT_GT(count.minCoeff(), 200);
     return Eigen::Vector2d(sum.cwiseQuotient(count));
   };
   const Eigen::Vector2d dry = bands(0.0), wet = bands(1.0);
@@ -241,7 +250,8 @@ TEST(RoadLook, WetAsphaltMirrorsTheLampsOfACarAhead) {
     double sum = 0.0;
     for (std::size_t i = 0; i < truth.labels.size(); ++i) {
       if (truth.labels[i] != static_cast<std::uint8_t>(TruthLabel::kRoad)) continue;
-      sum += std::max(0, rgb[3 * i] - rgb[3 * i + 1] - 12);
+      if (truth.hits[i].distance > 6.0) continue;  // beside the car the lens blurs the lamps
+      sum += std::max(0, rgb[3 * i] - rgb[3 * i + 1] - 6);
     }
     return sum;
   };

@@ -243,17 +243,21 @@ TEST(Roadside, VergesRiseAsAsked) {
 TEST(Bend, RoadTurnsWithItsRadius) {
   for (const TurnDirection turn : {TurnDirection::kLeft, TurnDirection::kRight}) {
     SynthOptions options = small_options(13);
+    options.num_cars = 0;
     options.features.bend = {50.0, turn};
     const SynthWorld world = bare_world(options);
     const double sign = turn == TurnDirection::kLeft ? 1.0 : -1.0;
     EXPECT_NEAR(world.road.profile().curvature(5.0), sign / 50.0, 1e-12);
     EXPECT_NEAR(world.road.profile().heading(30.0) - world.road.profile().heading(0.0),
                 sign * 30.0 / 50.0, 1e-6);
-    // The ground has no hole or fold on the inner side.
+    // The ground has no hole or fold on the inner side. Far from the road the mesh is too coarse
+    // for its hummocks of 7 m; a fold would be off by a metre.
     for (double s = 1.0; s < 50.0; s += 1.7) {
       for (double t = -30.0; t <= 30.0; t += 1.9) {
         const Eigen::Vector2d place = world.road.place(s, t);
-        EXPECT_NEAR(drawn_height(world, place), world.road.height(s, t), 0.1) << s << " " << t;
+        EXPECT_NEAR(drawn_height(world, place), world.road.height(s, t),
+                    std::abs(t) < 12.0 ? 0.06 : 0.2)
+            << s << " " << t;
       }
     }
   }
@@ -278,9 +282,10 @@ TEST(LeadCar, KeepsItsDistanceOnRoadsBendsAndCorners) {
     for (int f = 0; f < 6; ++f) {
       const Eigen::Vector3d rear = lead.world_from_vehicle[f] *
                                    Eigen::Vector3d(-0.5 * lead.model.dimensions.length, 0.0, 0.0);
-      const Eigen::Vector3d eye = world.views[f].world_from_camera.translation();
-      // Straight: 8 m and the camera's height above; round a corner of 9 m the chord is shorter.
-      const double apart = (rear - eye).head<2>().norm();
+      // On the ground, in space; round a corner of 9 m the chord is shorter.
+      const Eigen::Vector3d foot =
+          world.views[f].ego_plane.foot(world.views[f].world_from_camera.translation());
+      const double apart = (rear - foot).norm();
       EXPECT_NEAR(apart, 8.0, kind == 2 ? 1.0 : 0.15) << "kind " << kind << " frame " << f;
     }
   }
@@ -405,7 +410,7 @@ TEST(Mounting, AnglesAreAsAsked) {
     const Eigen::Vector3d up =
         view.world_from_camera.rotation().conjugate() * view.ego_plane.normal;
     // Springs: 0.1 and 0.06 degrees, four standard deviations.
-    EXPECT_NEAR(std::atan2(up.z(), -up.y()), 5.0 * kDegree, 0.4 * kDegree);  // looks down
+    EXPECT_NEAR(std::atan2(up.z(), -up.y()), -5.0 * kDegree, 0.4 * kDegree);  // looks down
     EXPECT_NEAR(std::asin(-up.x()), 4.0 * kDegree, 0.4 * kDegree);  // its right side is low
     const Eigen::Vector3d ahead = view.world_from_camera.rotation() * Eigen::Vector3d::UnitZ();
     EXPECT_NEAR(std::atan2(ahead.y(), ahead.x()), -2.0 * kDegree, 0.5 * kDegree);

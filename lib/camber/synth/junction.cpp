@@ -90,8 +90,28 @@ double Junction::edge_distance(double s, double t, double road_half_width) const
     case CornerKind::kBend:
       break;
   }
-  return std::max(block(toward, -1),
-                  rounded_corner(-toward * t - road_half_width, ahead - half_width, outer_radius));
+  return std::max(block(toward, -1), outside_bend(t, ahead, road_half_width));
+}
+
+double Junction::outside_bend(double t, double ahead, double road_half_width) const {
+  const double toward = side == 0 ? 1.0 : -1.0;
+  return rounded_corner(-toward * t - road_half_width, ahead - half_width, outer_radius);
+}
+
+double Junction::along_edge(double s, double t, double road_half_width) const {
+  // Steps along the road and along the street. An edge that comes along the road goes away along
+  // the street; beyond the street's axis it comes along the street.
+  const double along_street = t / std::sin(angle);
+  const double along_road = s - station - along_street * std::cos(angle);
+  const double ahead = -street_coordinates(s, t).y();
+  const double half = road_half_width / std::sin(angle);
+  if (kind != CornerKind::kBend) {
+    return along_road + (ahead > 0.0 ? -1.0 : 1.0) * (std::abs(along_street) - half);
+  }
+  const double toward = (side == 0 ? 1.0 : -1.0) * along_street;
+  const bool outside =
+      outside_bend(t, ahead, road_half_width) >= edge_distance(s, t, road_half_width);
+  return along_road + toward + (outside ? half : -half);
 }
 
 double Junction::arm_rise(double t) const {

@@ -23,8 +23,9 @@ const std::vector<CornerKind>& all_corner_kinds();
 /// A street that meets a straight road. Lengths in m in plan, in the road's station s and offset t.
 struct Junction {
   CornerKind kind = CornerKind::kStem;
-  double station = 20.0;      ///< of the road, where the axes meet
-  double angle = 1.5708;      ///< rad, from the road's direction counter-clockwise, pi/4 to 3 pi/4
+  double station = 20.0;  ///< of the road, where the axes meet
+  double angle =
+      1.57079632679489662;    ///< rad, from the road's direction counter-clockwise, pi/4 to 3 pi/4
   double half_width = 3.5;    ///< of the street, > 0
   double kerb_radius = 6.0;   ///< of the corners' kerbs, > 0
   double outer_radius = 4.0;  ///< of a bend's outer kerb, > 0
@@ -44,11 +45,17 @@ struct Junction {
   bool has_arm(int to_side) const {
     return kind == CornerKind::kStem || kind == CornerKind::kCrossing || to_side == side;
   }
-  /// Signed distance from the carriageway's edge, negative on it: exact near the edge, of the right
+  /// Signed distance from the carriageway's edge, negative on it: exact near straight edges and the
+  /// corners of square streets, up to a quarter off at the corners of slanted ones, of the right
   /// sign and order elsewhere. @param road_half_width of the road
   double edge_distance(double s, double t, double road_half_width) const;
+  /// A coordinate along the edges, m: at least 1 a metre walked along one, 1 where it is straight.
+  double along_edge(double s, double t, double road_half_width) const;
   /// What the arms' grades add to the height at an offset t.
   double arm_rise(double t) const;
+
+ private:
+  double outside_bend(double t, double ahead, double road_half_width) const;
 };
 
 }  // namespace camber

@@ -78,7 +78,6 @@ class RoadModel {
                          double length, double width) const;
 
  private:
-  double crown_drop(double station, double offset) const;
   double beside_junction(double station, double offset) const;
 
   RoadProfile profile_;

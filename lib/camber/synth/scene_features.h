@@ -18,10 +18,10 @@ struct CornerOptions {
   bool enabled = false;
   CornerKind kind = CornerKind::kStem;
   TurnDirection turn = TurnDirection::kRight;
-  double radius = 9.0;     ///< of the rear axle's path where it is tightest, [5, 20]
-  double yaw_rate = 0.5;   ///< rad/s there, [0.2, 0.9]; with the radius it sets the speed
-  double phase = 0.5;      ///< share of the turn that is done in the middle of the drive, [0, 1]
-  double angle = 1.5708;   ///< between the streets, [1.05, 2.09]; pi/2: square
+  double radius = 9.0;    ///< of the rear axle's path where it is tightest, [5, 20]
+  double yaw_rate = 0.5;  ///< rad/s there, [0.2, 0.9]; with the radius it sets the speed
+  double phase = 0.5;     ///< share of the turn that is done in the middle of the drive, [0, 1]
+  double angle = 1.57079632679489662;  ///< between the streets, [1.05, 2.09]
   double arm_grade = 0.0;  ///< of the street away from the road, rise a metre, [-0.2, 0.2]
 };
 
@@ -83,7 +83,7 @@ struct WeatherOptions {
   std::optional<double> cloudiness;     ///< 0 clear to 1 overcast
   std::optional<double> sun_elevation;  ///< [0.1, 1.5]; drawn: 35 to 60 degrees
   double haze_distance = 1500.0;        ///< at which 63 % is haze, [100, 10000]
-  bool lights_on = false;               ///< of the cars
+  bool lights_on = false;               ///< of the cars that drive
 };
 
 struct SceneFeatures {

@@ -50,7 +50,7 @@ struct SynthLight {
   float sky = 0.5f;                       ///< irradiance of the whole sky on a level surface
   float cloudiness = 0.4f;                ///< 0 clear, 1 overcast
   float haze_distance = 1500.0f;          ///< m, at which 63 % is haze
-  bool lamps = false;                     ///< the cars' lights are on
+  bool lamps = false;                     ///< lights of the cars that drive are on
 };
 
 /// What the carriageway is covered with.

@@ -22,9 +22,14 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 
 PathPose LanePath::at(double distance) const {
   const RoadProfile& profile = road_.profile();
+  // A parallel of a curve is shorter by its offset times the angle turned.
+  const auto driven = [&](double station) {
+    return profile.arc_length(station) -
+           offset_ * (profile.heading(station) - profile.heading(0.0));
+  };
   double station = distance * std::cos(profile.grade(0.0));
   for (int i = 0; i < 20; ++i) {
-    station += (distance - profile.arc_length(station)) * std::cos(profile.grade(station));
+    station += (distance - driven(station)) * std::cos(profile.grade(station));
   }
   return {road_.place(station, offset_ + drift_ * station),
           profile.heading(station) + std::atan(drift_), station};

@@ -23,7 +23,8 @@ class DrivenPath {
   virtual PathPose at(double distance) const = 0;
 };
 
-/// Along the road at an offset; distances are along the centreline from station 0.
+/// Along the road at an offset from its centreline, from station 0. The slow drift sideways is not
+/// counted in distances.
 class LanePath : public DrivenPath {
  public:
   /// @param drift  m sideways a metre of station

@@ -126,14 +126,15 @@ class JunctionMesh {
     }
     const Halves kerb =
         cut(halves.above, [&](const Eigen::Vector2d& p) { return edge(p) - layout.kerb_width; });
-    if (!kerb.below.empty()) add(kerb.below, true, objects_.of(GroundKind::kKerb), false);
+    if (!kerb.below.empty()) add(kerb.below, true, objects_.of(GroundKind::kKerb), Along::kEdge);
     if (kerb.above.empty()) return;
     const Halves pavement =
         cut(kerb.above, [&](const Eigen::Vector2d& p) { return edge(p) - layout.pavement_width; });
     if (!pavement.below.empty()) {
-      add(pavement.below, true, objects_.of(GroundKind::kPavement), false);
+      add(pavement.below, true, objects_.of(GroundKind::kPavement), Along::kRoad);
     }
-    if (!pavement.above.empty()) add(pavement.above, true, objects_.of(GroundKind::kVerge), false);
+    if (!pavement.above.empty())
+      add(pavement.above, true, objects_.of(GroundKind::kVerge), Along::kRoad);
   }
 
   /// A verge that rises within a few decimetres needs vertices there.
@@ -144,10 +145,11 @@ class JunctionMesh {
       const Halves halves = cut(rest, [&](const Eigen::Vector2d& p) {
         return road_.edge_distance(p.x(), p.y()) - layout.verge_rise_width * i / 4.0;
       });
-      if (!halves.below.empty()) add(halves.below, true, objects_.of(GroundKind::kVerge), false);
+      if (!halves.below.empty())
+        add(halves.below, true, objects_.of(GroundKind::kVerge), Along::kRoad);
       rest = halves.above;
     }
-    if (!rest.empty()) add(rest, true, objects_.of(GroundKind::kVerge), false);
+    if (!rest.empty()) add(rest, true, objects_.of(GroundKind::kVerge), Along::kRoad);
   }
 
   /// Road, street and the middle between them have their own texture coordinates.
@@ -159,11 +161,11 @@ class JunctionMesh {
       return std::abs(junction_.street_coordinates(p.x(), p.y()).x()) - clear_across_;
     };
     const Halves road = cut(polygon, from_street);
-    if (!road.above.empty()) add(road.above, false, objects_.of(GroundKind::kRoad), false);
+    if (!road.above.empty()) add(road.above, false, objects_.of(GroundKind::kRoad), Along::kRoad);
     if (road.below.empty()) return;
     const Halves street = cut(road.below, from_road);
-    if (!street.above.empty()) add(street.above, false, street_, true);
-    if (!street.below.empty()) add(street.below, false, middle_, false);
+    if (!street.above.empty()) add(street.above, false, street_, Along::kStreet);
+    if (!street.below.empty()) add(street.below, false, middle_, Along::kRoad);
   }
 
   double height(const Eigen::Vector2d& p, bool beside) const {
@@ -190,12 +192,25 @@ class JunctionMesh {
     return found->second;
   }
 
-  Eigen::Vector2f texture(const Eigen::Vector2d& p, bool on_street) const {
-    if (on_street) return junction_.street_coordinates(p.x(), p.y()).cast<float>();
+  /// What texture coordinates are along.
+  enum class Along { kRoad, kStreet, kEdge };
+
+  Eigen::Vector2f texture(const Eigen::Vector2d& p, Along along) const {
+    switch (along) {
+      case Along::kStreet:
+        return junction_.street_coordinates(p.x(), p.y()).cast<float>();
+      case Along::kEdge:
+        return Eigen::Vector2d(along_edge(p), road_.edge_distance(p.x(), p.y())).cast<float>();
+      case Along::kRoad:
+        break;
+    }
     return {static_cast<float>(road_.profile().arc_length(p.x())), static_cast<float>(p.y())};
   }
+  double along_edge(const Eigen::Vector2d& p) const {
+    return junction_.along_edge(p.x(), p.y(), road_.layout().half_width);
+  }
 
-  void add(const Polygon& p, bool beside, int object, bool on_street) {
+  void add(const Polygon& p, bool beside, int object, Along along) {
     for (int i = 1; i + 1 < static_cast<int>(p.size()); ++i) {
       const Eigen::Vector2d a = p[i] - p[0], b = p[i + 1] - p[0];
       if (a.x() * b.y() - a.y() * b.x() < 1e-12) continue;
@@ -206,7 +221,7 @@ class JunctionMesh {
         const Vertex& v = vertex(q, beside);
         triangle.points[k] = v.point;
         triangle.normals[k] = v.normal;
-        triangle.texture[k] = texture(q, on_street);
+        triangle.texture[k] = texture(q, along);
       }
       mesh_->triangles.push_back(triangle);
     }
@@ -217,7 +232,7 @@ class JunctionMesh {
     const double low_a = height(p, false), low_b = height(q, false);
     const double high_a = height(p, true), high_b = height(q, true);
     if (high_a - low_a < 1e-6 && high_b - low_b < 1e-6) return;
-    const auto u = [](const Eigen::Vector2d& x) { return static_cast<float>(x.x() + x.y()); };
+    const auto u = [this](const Eigen::Vector2d& x) { return static_cast<float>(along_edge(x)); };
     builder_.quad(objects_.of(GroundKind::kKerb),
                   {Eigen::Vector3d(a.x(), a.y(), low_a), Eigen::Vector3d(b.x(), b.y(), low_b),
                    Eigen::Vector3d(b.x(), b.y(), high_b), Eigen::Vector3d(a.x(), a.y(), high_a)},

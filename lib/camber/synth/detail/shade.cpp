@@ -236,8 +236,8 @@ void Shader::set_surfaces(std::vector<Point>* points) const {
   for (Point& point : *points) {
     const SynthObject& object = *point.object;
     if (point.car >= 0) {
-      point.surface =
-          car_surface(object, point.local, point.local_normal, point.width, world_.light.lamps);
+      point.surface = car_surface(object, point.local, point.local_normal, point.width,
+                                  world_.light.lamps && world_.cars[point.car].moving);
     } else if (object.kind == SurfaceKind::kLeaf) {
       // texture: depth inside the crown (0 middle, 1 shell) and the leaf's own tone
       point.surface.albedo =
