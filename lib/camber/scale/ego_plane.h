@@ -34,8 +34,8 @@ struct EgoPlaneOptions {
   double path_curvature = 0.03;  ///< 1/m, standard deviation of a driven path's, in plan, > 0
   double path_sigma = 0.02;      ///< m, of a position across the path, > 0
   double travel_sigma = 0.0042;  ///< rad, between the direction of travel and the road, > 0
-  /// m: over longer distances than this, to either side, what the camera rises and falls against the
-  /// road is a random walk, > 0.
+  /// m: over longer distances than this, to either side, what the camera rises and falls against
+  /// the road is a random walk, > 0.
   double travel_reach = 0.65;
   double curvature = 0.007;        ///< 1/m, standard deviation of the vertical curvature, > 0
   double curvature_walk = 0.0014;  ///< 1/m per sqrt(m), change of curvature, > 0

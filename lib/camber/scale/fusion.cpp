@@ -74,6 +74,17 @@ Constraint stacked(const std::vector<const Constraint*>& parts) {
   return out;
 }
 
+std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
+                                                 const Constraint& constraint) {
+  const RoadFunctionals functionals = road.of_constraint(constraint);
+  const Eigen::VectorXd by_log_scale = functionals.of_state.bottomRows(1).transpose();
+  const Eigen::MatrixXd spread = constraint.covariance + road.covariance(functionals);
+  const Eigen::VectorXd weighted = spread.ldlt().solve(by_log_scale);
+  const double information = weighted.dot(by_log_scale);
+  if (!(information > 0.0)) return std::nullopt;
+  return ImpliedLogScale{weighted.dot(constraint.residual) / information, 1.0 / information};
+}
+
 FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints) {
   std::vector<ConstraintReport> reports;
   std::vector<const Constraint*> measured;

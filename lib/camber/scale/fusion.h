@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "camber/road/constraint.h"
@@ -18,6 +19,17 @@ struct FusedRoad {
 /// and the rest compared again.
 /// @param constraints  linearised around `road`; without measurements: reported only.
 FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints);
+
+/// What a constraint measures of the logarithm of the scale if the road's shape is right.
+struct ImpliedLogScale {
+  double mean = 0.0;  ///< change of the logarithm of the road's scale
+  double variance = 0.0;
+};
+
+/// @param constraint  linearised around `road`.
+/// @return nothing where it does not depend on the scale.
+std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
+                                                 const Constraint& constraint);
 
 /// Constraints that know nothing of each other, as one; nothing measured gives an empty one.
 Constraint stacked(const std::vector<const Constraint*>& parts);

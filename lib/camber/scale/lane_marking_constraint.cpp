@@ -298,6 +298,7 @@ LaneMarkingConstraint lane_marking_constraint(const RoadPosterior& road,
   }
   const std::vector<KnownLength>& accepted = association.accepted();
   if (accepted.empty()) {
+    out.contradicts = association.rejected() > 0;
     out.reason = association.rejected() > 0
                      ? "the markings seen contradict the ground by more than three "
                        "standard deviations"
@@ -305,6 +306,7 @@ LaneMarkingConstraint lane_marking_constraint(const RoadPosterior& road,
     return out;
   }
   if (association.rejected() >= static_cast<int>(accepted.size())) {
+    out.contradicts = true;
     out.reason = "most markings contradict the ground: are their sizes right?";
     return out;
   }

@@ -13,9 +13,10 @@ namespace camber {
 struct LaneMarkingConstraint {
   Constraint constraint;  ///< "lane_markings"; empty: nothing is measured, reason says why
   std::string reason;
-  int dashes = 0;         ///< strokes that take part
-  int crossings = 0;      ///< pedestrian crossings that take part
-  double farthest = 0.0;  ///< m, of what takes part
+  bool contradicts = false;  ///< markings were found, and the ground lets expect other sizes
+  int dashes = 0;            ///< strokes that take part
+  int crossings = 0;         ///< pedestrian crossings that take part
+  double farthest = 0.0;     ///< m, of what takes part
   /// Mean square of what the lengths miss the road by, in standard deviations, before and after.
   double misfit_before = 0.0, misfit_after = 0.0;
 };

@@ -7,7 +7,7 @@ namespace camber {
 /// bench_main_job, which measure them again.
 struct ScaleNoise {
   // The camera's mounting.
-  double camera_height = 0.01;  ///< m, a given height: suspension, load (scene.json's default)
+  double camera_height = 0.01;  ///< m, of the nominal height of a result that is up to scale
   double unknown_camera_height = 1.65;        ///< m, of a camera on a car to a van
   double unknown_camera_height_sigma = 0.33;  ///< m; 20 %
   /// Relative standard deviation of a scale beyond which a result without a camera height or known
@@ -33,6 +33,12 @@ struct ScaleNoise {
   double edge_column_px = 0.25;      ///< px, that all rows of a place share
   double rows_with_one_error = 4.0;  ///< neighbouring rows of an edge
   double width_gate = 3.0;           ///< standard deviations, of one change of width
+
+  // The plane search.
+  double searched_height =
+      0.05;                    ///< relative, of the camera's height in baselines (rendered roads)
+  double search_gate = 3.0;    ///< standard deviations
+  double contradicted_scale = 0.3;  ///< relative, of a scale that markings contradict altogether
 
   // The average of vehicles' sizes.
   double vehicle_population = 0.02;  ///< relative, of a street's cars off the size prior (assumed)

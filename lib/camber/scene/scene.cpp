@@ -88,7 +88,7 @@ VehicleDetection read_detection(const JsonCursor& cursor, std::set<int>& seen) {
   return out;
 }
 
-PinholeCamera read_camera(const JsonCursor& cursor, std::optional<double>* height_above_road) {
+PinholeCamera read_camera(const JsonCursor& cursor, Scene* scene) {
   JsonObject object(cursor, "a camera {\"width\", \"height\", \"fx\", \"fy\", \"cx\", \"cy\"}");
   PinholeCamera out;
   const char* pixels = "a whole number of pixels from 1 to 65535";
@@ -106,7 +106,10 @@ PinholeCamera read_camera(const JsonCursor& cursor, std::optional<double>* heigh
   out.cx = object.require("cx", center).in_range(-kMaxIntrinsic, kMaxIntrinsic, center);
   out.cy = object.require("cy", center).in_range(-kMaxIntrinsic, kMaxIntrinsic, center);
   if (auto v = object.find("height_above_road")) {
-    *height_above_road = v->positive("a positive number of metres");
+    scene->height_above_road = v->positive("a positive number of metres");
+  }
+  if (auto v = object.find("height_sigma")) {
+    scene->height_sigma = v->positive("a positive number of metres");
   }
   object.note_unknown_keys();
   return out;
@@ -168,8 +171,8 @@ class ManifestReader {
 
     Scene scene;
     if (auto v = root.find("name")) scene.name = v->text();
-    scene.camera = read_camera(root.require("camera", "an object with the camera's intrinsics"),
-                               &scene.height_above_road);
+    scene.camera =
+        read_camera(root.require("camera", "an object with the camera's intrinsics"), &scene);
     if (auto v = root.find("frame_rate")) {
       scene.frame_rate = v->positive("a positive number of frames a second");
     }
@@ -427,7 +430,12 @@ void write_scene(const Scene& scene, const fs::path& path) {
   out["camera"] = {{"width", camera.width},        {"height", camera.height},
                    {"fx", number_json(camera.fx)}, {"fy", number_json(camera.fy)},
                    {"cx", number_json(camera.cx)}, {"cy", number_json(camera.cy)}};
-  if (scene.height_above_road) out["camera"]["height_above_road"] = *scene.height_above_road;
+  if (scene.height_above_road) {
+    out["camera"]["height_above_road"] = *scene.height_above_road;
+    if (scene.height_sigma != Scene().height_sigma) {
+      out["camera"]["height_sigma"] = scene.height_sigma;
+    }
+  }
   if (scene.frame_rate) out["frame_rate"] = *scene.frame_rate;
   if (scene.reference_frame) out["reference_frame"] = *scene.reference_frame;
   if (!scene.detections_source.empty()) out["detections_source"] = scene.detections_source;

@@ -62,6 +62,7 @@ struct Scene {
   std::string name;
   PinholeCamera camera;
   std::optional<double> height_above_road;  ///< m; none: results are up to scale
+  double height_sigma = 0.01;               ///< m, standard deviation of height_above_road, > 0
   std::optional<double> frame_rate;         ///< Hz
   std::optional<int> reference_frame;       ///< frame id
   std::string detections_source;            ///< "network", "truth_boxes", ..., or empty

@@ -64,6 +64,9 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
   FusedRoad fused = fuse(scaled.road, constraints);
   FinalRoad out{
       std::move(fused.road), std::move(fused.reports), {}, {}, vehicles.ground.covariance};
+  for (const std::string& text : scaled.contradictions) {
+    out.warnings.push_back({"scale_contradicted", text});
+  }
   check_by_vehicles(scaled, constraints, &out);
   const Eigen::Index rows = out.plane_covariance.rows();
   if (rows == 0) return out;

@@ -235,6 +235,7 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
                     const PlaneSearchResult& search, const GroundOptions& options) {
   Ground out;
   out.seen = std::move(points);
+  out.search = search;
   GroundObservations observed = detail::ground_observations(matches, out.seen.points);
   constexpr int kLeastSamples = 1000;
   const auto start_from_search = [&] {

@@ -29,6 +29,7 @@ struct Ground {
   EgoPlane ego;                      ///< the tangent plane under the camera
   double metres_per_baseline = 1.0;  ///< by the camera's height, or by known poses
   std::shared_ptr<const GroundField> field;
+  PlaneSearchResult search;  ///< of the near road, from no start
 };
 
 /// Blocks of an image, row by row.

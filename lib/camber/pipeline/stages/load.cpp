@@ -60,7 +60,7 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   }
   LoadedFrames out;
   out.camera = scene.camera;
-  out.known = {scene.height_above_road, marking_sizes(scene)};
+  out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene)};
   out.detections_source = scene.detections_source;
   out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
   const int reference = choose_reference_frame(scene, frame_ids);

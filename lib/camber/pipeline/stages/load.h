@@ -16,6 +16,7 @@ namespace camber {
 /// What is known of a run's metres beside its images.
 struct KnownMetres {
   std::optional<double> camera_height;  ///< m, above the road under the camera
+  double camera_height_sigma = 0.01;    ///< m
   LaneMarkingSizes markings;            ///< of painted markings
 };
 

@@ -36,7 +36,8 @@ std::vector<Constraint> anchors(const RoadPosterior& road, const LoadedFrames& f
   if (motion.metres_per_baseline) {
     out.push_back(known_poses_constraint(road, *motion.metres_per_baseline, motion.baseline_sigma));
   } else if (frames.known.camera_height) {
-    out.push_back(camera_height_constraint(road, *frames.known.camera_height, noise.camera_height));
+    out.push_back(camera_height_constraint(road, *frames.known.camera_height,
+                                           frames.known.camera_height_sigma));
   } else {
     out.push_back(camera_height_constraint(road, noise.unknown_camera_height,
                                            noise.unknown_camera_height_sigma));
@@ -122,6 +123,54 @@ void set_reason(const std::string& name, const std::string& reason,
   }
 }
 
+/// The plane search against the ego plane: both measure the camera's height in baselines, the
+/// one on the intensities near the camera, the other by the road ahead.
+std::optional<ConstraintReport> check_search(const Ground& ground, const ScaleNoise& noise,
+                                             double* log_difference) {
+  if (!ground.search.informative || !(ground.ego.height > 0.0)) return std::nullopt;
+  *log_difference = ground.search.best.log_baseline + std::log(ground.ego.height);
+  ConstraintReport out{"plane_search", "intensities of the near road", 0.0, true, {}};
+  out.residual_sigma =
+      std::abs(*log_difference) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
+  out.accepted = out.residual_sigma <= noise.search_gate;
+  if (!out.accepted) {
+    out.reason = fmt::format("the near road looks right with a scale {:+.0f} % off",
+                             100.0 * std::expm1(*log_difference));
+  }
+  return out;
+}
+
+/// Names what contradicts the result, and widens its scale by as much.
+void admit_contradictions(const PhotometricGround& ground, const RoadPosterior& prior,
+                          const std::vector<Constraint>& constraints, const ScaleNoise& noise,
+                          ScaledRoad* scaled) {
+  double variance = 0.0;
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    const ConstraintReport& report = scaled->reports[i];
+    if (report.accepted || constraints[i].size() == 0) continue;
+    const auto implied =
+        implied_log_scale(scaled->road, scaled->road.relinearised(constraints[i], prior));
+    if (!implied) continue;
+    variance = std::max(variance, implied->mean * implied->mean);
+    scaled->contradictions.push_back(fmt::format("{} ({}): {}, a scale {:+.0f} % off", report.name,
+                                                 report.source, report.reason,
+                                                 100.0 * std::expm1(implied->mean)));
+  }
+  double difference = 0.0;
+  if (auto report = check_search(ground.ground, noise, &difference)) {
+    if (!report->accepted) {
+      variance = std::max(variance, difference * difference);
+      scaled->contradictions.push_back(report->name + ": " + report->reason);
+    }
+    scaled->reports.push_back(std::move(*report));
+  }
+  if (scaled->markings.contradicts) {
+    variance = std::max(variance, noise.contradicted_scale * noise.contradicted_scale);
+    scaled->contradictions.push_back("lane_markings: " + scaled->markings.reason);
+  }
+  if (variance > 0.0) scaled->road = scaled->road.with_wider_scale(variance);
+}
+
 bool accepted(const std::vector<ConstraintReport>& reports, const std::string& name) {
   return std::any_of(reports.begin(), reports.end(),
                      [&](const ConstraintReport& r) { return r.name == name && r.accepted; });
@@ -147,6 +196,13 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     const GroundRaster raster =
         ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
     LaneMarkingConstraint markings = measure_markings(frames, raster, travel, anchored, options);
+    if (markings.contradicts) {
+      // What they measure if the scale is not taken for known.
+      LaneMarkingConstraint alone = measure_markings(
+          frames, raster, travel,
+          anchored.with_wider_scale(std::pow(options.noise.contradicted_scale, 2)), options);
+      if (alone.constraint.size() > 0) markings = std::move(alone);
+    }
     RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
     constraints.push_back(prior.relinearised(markings.constraint, anchored));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
@@ -180,8 +236,11 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     set_reason("lane_markings", markings.reason, &fused.reports);
     set_reason("road_width", width.reason, &fused.reports);
     const double scale_change = std::log(fused.road.metres_per_baseline() / start);
-    return {std::move(fused.road), metric,           std::move(fused.reports),
-            std::move(markings),   std::move(width), scale_change};
+    ScaledRoad out{
+        std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
+        std::move(width),      scale_change};
+    if (metric) admit_contradictions(ground, prior, constraints, options.noise, &out);
+    return out;
   }
 }
 

@@ -17,6 +17,9 @@ struct ScaledRoad {
   RoadPosterior road;
   bool metric = true;  ///< false: lengths are in nominal camera heights
   std::vector<ConstraintReport> reports;
+  /// Sources that contradict each other or the result, a sentence each; the scale's standard
+  /// deviation covers what they differ by.
+  std::vector<std::string> contradictions;
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
   double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
