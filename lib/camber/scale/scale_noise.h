@@ -34,6 +34,9 @@ struct ScaleNoise {
   double rows_with_one_error = 4.0;  ///< neighbouring rows of an edge
   double width_gate = 3.0;           ///< standard deviations, of one change of width
 
+  /// rad, between the travel and the optical axis in plan: a camera that looks ahead turns less.
+  double most_aside = 0.21;
+
   // The plane search.
   double searched_height =
       0.05;                    ///< relative, of the camera's height in baselines (rendered roads)

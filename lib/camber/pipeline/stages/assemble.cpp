@@ -48,8 +48,13 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   const double sigmas = std::sqrt(scaled.road.squared_innovation(sizes));
   const bool agrees = sigmas <= sizes.gate;
   ConstraintReport report{sizes.name, sizes.source, sigmas, agrees, {}};
+  const double change = sizes.residual[0];
+  // From two standard deviations on, ever more of what they differ by.
+  const double share = std::clamp((sigmas - 2.0) / (sizes.gate - 2.0), 0.0, 1.0);
+  if (agrees && share > 0.0) {
+    final_road->road = final_road->road.with_wider_scale(share * change * change);
+  }
   if (!agrees) {
-    const double change = sizes.residual[0];
     report.reason =
         fmt::format("their sizes give a scale {:+.0f} % off, {:.1f} standard deviations",
                     100.0 * std::expm1(change), sigmas);

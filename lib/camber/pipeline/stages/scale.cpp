@@ -141,20 +141,33 @@ std::optional<ConstraintReport> check_search(const Ground& ground, const ScaleNo
 }
 
 /// Names what contradicts the result, and widens its scale by as much.
-void admit_contradictions(const PhotometricGround& ground, const RoadPosterior& prior,
-                          const std::vector<Constraint>& constraints, const ScaleNoise& noise,
-                          ScaledRoad* scaled) {
+void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d& travel,
+                          const RoadPosterior& prior, const std::vector<Constraint>& constraints,
+                          const ScaleNoise& noise, ScaledRoad* scaled) {
   double variance = 0.0;
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintReport& report = scaled->reports[i];
-    if (report.accepted || constraints[i].size() == 0) continue;
+    if (constraints[i].size() == 0) continue;
+    // From two standard deviations on, ever more of what a source differs by.
+    const double share =
+        std::clamp((report.residual_sigma - 2.0) / (constraints[i].gate - 2.0), 0.0, 1.0);
+    if (!(share > 0.0)) continue;
     const auto implied =
         implied_log_scale(scaled->road, scaled->road.relinearised(constraints[i], prior));
     if (!implied) continue;
-    variance = std::max(variance, implied->mean * implied->mean);
+    variance = std::max(variance, share * implied->mean * implied->mean);
+    if (report.accepted) continue;
     scaled->contradictions.push_back(fmt::format("{} ({}): {}, a scale {:+.0f} % off", report.name,
                                                  report.source, report.reason,
                                                  100.0 * std::expm1(implied->mean)));
+  }
+  const double aside = std::atan2(travel.x(), travel.z());
+  if (std::abs(aside) > noise.most_aside) {
+    variance = std::max(variance, aside * aside);
+    scaled->contradictions.push_back(fmt::format(
+        "calibration: the camera travels {:.0f} degrees to the {} of where it looks: is "
+        "its principal point right?",
+        std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"));
   }
   double difference = 0.0;
   if (auto report = check_search(ground.ground, noise, &difference)) {
@@ -196,7 +209,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     const GroundRaster raster =
         ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
     LaneMarkingConstraint markings = measure_markings(frames, raster, travel, anchored, options);
-    if (markings.contradicts) {
+    if (markings.constraint.size() == 0) {
       // What they measure if the scale is not taken for known.
       LaneMarkingConstraint alone = measure_markings(
           frames, raster, travel,
@@ -239,7 +252,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     ScaledRoad out{
         std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
         std::move(width),      scale_change};
-    if (metric) admit_contradictions(ground, prior, constraints, options.noise, &out);
+    if (metric) admit_contradictions(ground, travel, prior, constraints, options.noise, &out);
     return out;
   }
 }
