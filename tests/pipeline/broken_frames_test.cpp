@@ -109,6 +109,31 @@ TEST_F(BrokenFrames, TheScaleIsThatOfTheIntensities) {
   EXPECT_LT(with, scale_error(false));  // 0.0071 measured
 }
 
+TEST_F(BrokenFrames, TheScaleIsNoBetterThanTheHeightIsKnown) {
+  Scene scene = make_scene(street(flat));
+  EXPECT_LT(reconstruct(scene, {0, 1, 2}, {}).run.scale_sigma, 0.04);
+  scene.height_sigma = 0.2;
+  const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
+  EXPECT_GT(result.run.scale_sigma, 0.2 / kHeight);
+  EXPECT_EQ(result.run.scale_sigma, result.surface.scale_sigma);
+  EXPECT_TRUE(result.run.warnings.empty());
+}
+
+TEST_F(BrokenFrames, APrincipalPointFarOffIsNamedAndWidensTheScale) {
+  Scene scene = make_scene(street(flat));
+  scene.camera.cx = 60.0;  // 250 px off: 31 degrees
+  try {
+    const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
+    ASSERT_FALSE(result.run.warnings.empty());
+    EXPECT_EQ(result.run.warnings[0].code, "scale_contradicted");
+    EXPECT_THAT(result.run.warnings[0].text, HasSubstr("principal point"));
+    EXPECT_GT(result.run.scale_sigma, 0.3);
+    EXPECT_EQ(result.run.scale_status, Status::kWeak);
+  } catch (const NoAnswerError&) {
+    // refused is right, too
+  }
+}
+
 TEST_F(BrokenFrames, WrongExposureOfOneFrame) {
   const DrawnRoad road = street(climbing);
   const Scene scene = make_scene(road, {-1, 0, 1}, [](int k, std::vector<std::uint8_t>& image) {

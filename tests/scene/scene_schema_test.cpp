@@ -51,6 +51,7 @@ json whole_manifest() {
   out["name"] = "all keys";
   out["camera"] = {{"width", 64}, {"height", 48}, {"fx", 50}, {"fy", 50}, {"cx", 32}, {"cy", 24}};
   out["camera"]["height_above_road"] = 1.5;
+  out["camera"]["height_sigma"] = 0.02;
   out["frame_rate"] = 10;
   out["reference_frame"] = 3;
   out["detections_source"] = "network";

@@ -309,6 +309,8 @@ TEST_F(SceneFile, SaysWhatIsWrong) {
             "camera.width: found 0, expected a whole number of pixels from 1 to 65535");
   EXPECT_EQ(error_with("/camera/height_above_road", 0),
             "camera.height_above_road: found 0, expected a positive number of metres");
+  EXPECT_EQ(error_with("/camera/height_sigma", -0.1),
+            "camera.height_sigma: found -0.1, expected a positive number of metres");
   EXPECT_EQ(error_with("/frames", json::array()),
             "frames: found an empty array, expected an array of at least one frame");
   EXPECT_EQ(error_with("/frames", 3), "frames: found 3, expected an array of at least one frame");

@@ -200,6 +200,12 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
   if (reference >= images.size()) {
     throw std::invalid_argument("plane search: the reference is no index into the images");
   }
+  for (const PlaneSearchImage& image : images) {
+    if (image.image->width != camera.width || image.image->height != camera.height ||
+        image.image->pixels.size() != total || (image.ignored && image.ignored->size() != total)) {
+      throw std::invalid_argument("plane search: images, masks and camera differ in size");
+    }
+  }
   const SingleThreadedOpenCv guard;
   for (int k = 0; k < kLevels; ++k) {
     Level level;

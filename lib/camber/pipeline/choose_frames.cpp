@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kShrink = 3;
 constexpr double kEnoughAngle = 0.025;  // rad, parallax of the near road
-/// Share of the near road that has to be matched for its parallax to be believed: what moves fast
+/// Share of the near road that has to be matched for its parallax to be taken as it is: what moves fast
 /// is lost, and what is left (cars ahead, far road, chance) moves little.
 constexpr double kLeastMatched = 0.62;
 

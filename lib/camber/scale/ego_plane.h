@@ -16,7 +16,7 @@ struct RoadPoints {
   std::vector<double> relative_sigma;
   /// d(log distance) / d(shared parameters), one row a point; no columns: nothing is shared.
   Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> shared_jacobian;
-  /// Other positions of the same camera on its way, same frame and unit, in any order; may be
+  /// Other positions of the same camera on its path, same frame and unit, in any order; may be
   /// empty. The road below them is the camera's height lower.
   std::vector<Eigen::Vector3d> camera_path;
 };

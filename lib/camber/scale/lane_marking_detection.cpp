@@ -14,11 +14,11 @@ namespace {
 
 constexpr double kNearest = 2.0, kFarthest = 75.0;  // m
 constexpr double kWidest = 15.0;                    // m to each side
-constexpr float kLeastContrast = 8.0F;              // grey values
+constexpr float kLeastContrast = 8.0F;              // intensities
 
 struct Bar {
   float u = 0.0F;         // middle, px
-  float contrast = 0.0F;  // over the brighter side, grey values
+  float contrast = 0.0F;  // over the brighter side, intensities
   float noise = 0.0F;     // standard deviation of contrasts around it
 };
 
@@ -120,7 +120,7 @@ class BarFinder {
     return static_cast<std::size_t>(v - ground_.top) * static_cast<std::size_t>(camera_.width) +
            static_cast<std::size_t>(u);
   }
-  /// Mean grey value between two columns, pixel u covering [u - 0.5, u + 0.5].
+  /// Mean intensity between two columns, pixel u covering [u - 0.5, u + 0.5].
   static double mean(const std::vector<float>& sum, double from, double to) {
     const auto upto = [&](double x) {
       const double y = std::clamp(x + 0.5, 0.0, static_cast<double>(sum.size() - 1));
@@ -343,7 +343,7 @@ class DashFinder {
       mass += c;
       moment += c * (first - static_cast<double>(k));
     }
-    // No paint half way into the gaps, as far as they are seen: else it is a piece of a longer
+    // No paint halfway into the gaps, as far as they are seen: else it is a piece of a longer
     // line.
     for (const int step : {1, -1}) {
       const int from = step > 0 ? first + 1 : last - 1;
