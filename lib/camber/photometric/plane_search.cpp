@@ -144,6 +144,7 @@ struct WarpedView {
 struct PlaneSearch::Level {
   PinholeCamera camera;
   int window_wide = kWindowWide, window_high = kWindowHigh;
+  int stride = 1;                // px, between the columns and rows that are compared
   double noise = 4.0;            // intensity squared, of a window without texture
   std::vector<cv::Mat> gray;     // float, of all images
   std::vector<cv::Mat> ignored;  // bytes
@@ -165,7 +166,7 @@ void PlaneSearch::Level::add_row(const CorridorRow& row, int v, std::size_t refe
       view->rotation * Eigen::Vector3f(-cx / fx, (static_cast<float>(v) - cy) / fy, 1.0F);
   const auto right = static_cast<float>(image.cols - 1);
   const auto bottom = static_cast<float>(image.rows - 1);
-  for (int u = row.from; u < row.to; ++u) {
+  for (int u = row.from + row.from % stride; u < row.to; u += stride) {
     const float rho = row.inverse_depth[static_cast<std::size_t>(u)];
     if (rho == 0.0F || hidden_here[u]) continue;
     const Eigen::Vector3f p = start + static_cast<float>(u) * by_column + rho * view->shift;
@@ -221,6 +222,7 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
     level.window_wide = std::max(8, kWindowWide / shrink);
     level.window_high = std::max(4, kWindowHigh / shrink);
     level.noise /= shrink;
+    level.stride = k == 0 ? 2 : 1;
     for (const PlaneSearchImage& image : images) {
       if (!image.image || image.image->pixels.size() != total ||
           (image.ignored && image.ignored->size() != total)) {
@@ -257,7 +259,8 @@ double PlaneSearch::corridor_windows(const Level& level, const MotionEstimate& m
 }
 
 double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& motion,
-                                   const RoadHypothesis& hypothesis, int* samples) const {
+                                   const RoadHypothesis& hypothesis, double level_windows,
+                                   int* samples) const {
   const double baseline = std::exp(hypothesis.log_baseline);
   const Corridor corridor(level.camera, travel_direction(motion, reference_), hypothesis,
                           path_curvature(motion) / baseline, options_);
@@ -270,7 +273,8 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
                      (baseline * pose.translation()).cast<float>(),
                      std::vector<Window>(static_cast<std::size_t>(columns))});
   }
-  const auto least = 0.6F * static_cast<float>(level.window_wide * level.window_high);
+  const int pixels_each = level.stride * level.stride;
+  const auto least = 0.6F * static_cast<float>(level.window_wide * level.window_high / pixels_each);
   double sum = 0.0, total = 0.0, pixels = 0.0;
   const auto finish_windows = [&](WarpedView& view) {
     for (Window& w : view.windows) {
@@ -280,15 +284,16 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
         const double weight = va / (va + level.noise);
         sum += weight * (w.ab / n - ma * mb) / std::sqrt((va + 1e-3) * (vb + 1e-3));
         total += weight;
-        pixels += n;
+        pixels += pixels_each * n;
       }
       w = {};
     }
   };
   CorridorRow row;
   for (int v = level.camera.height - 1; v >= 0; --v) {
-    const bool within = corridor.row(v, &row);
-    if (within) {
+    const bool compared = (level.camera.height - 1 - v) % level.stride == 0;
+    const bool within = !compared || corridor.row(v, &row);
+    if (within && compared) {
       for (WarpedView& view : views) level.add_row(row, v, reference_, &view);
     }
     if (!within || v == 0 || (level.camera.height - v) % level.window_high == 0) {
@@ -298,21 +303,22 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
   }
   if (samples) *samples = static_cast<int>(pixels / kPixelsPerSample);
   // A hypothesis that leaves but few windows in view proves nothing by them.
-  const double least_weight =
-      kLeastShare * static_cast<double>(views.size()) * corridor_windows(level, motion);
+  const double least_weight = kLeastShare * static_cast<double>(views.size()) * level_windows;
   return total > 0.0 ? sum / std::max(total, least_weight) : -1.0;
 }
 
 double PlaneSearch::correlation(const MotionEstimate& motion, const RoadHypothesis& hypothesis,
                                 int* samples) const {
-  return correlation_at(levels_.front(), motion, hypothesis, samples);
+  const Level& fine = levels_.front();
+  return correlation_at(fine, motion, hypothesis, corridor_windows(fine, motion), samples);
 }
 
 std::vector<double> PlaneSearch::correlations(const Level& level, const MotionEstimate& motion,
                                               const std::vector<RoadHypothesis>& hypotheses) const {
   std::vector<double> out(hypotheses.size());
+  const double windows = corridor_windows(level, motion);
   parallel_for(hypotheses.size(), options_.num_threads, [&](std::size_t i) {
-    out[i] = correlation_at(level, motion, hypotheses[i], nullptr);
+    out[i] = correlation_at(level, motion, hypotheses[i], windows, nullptr);
   });
   return out;
 }
@@ -337,7 +343,7 @@ bool PlaneSearch::take_best(const Level& level, const MotionEstimate& motion,
 void PlaneSearch::bend(const Level& level, const MotionEstimate& motion, double step,
                        RoadHypothesis* best, double* correlation) const {
   constexpr int kSteps = 7, kCurvatures = 4;  // to each side
-  *correlation = correlation_at(level, motion, *best, nullptr);
+  *correlation = correlations(level, motion, {*best}).front();
   std::vector<RoadHypothesis> tried;
   for (int c = -kCurvatures; c <= kCurvatures; ++c) {
     for (int i = -kSteps; i <= kSteps; ++i) {
@@ -352,7 +358,7 @@ void PlaneSearch::climb(const Level& level, const MotionEstimate& motion, int ro
                         double share, RoadHypothesis* best, double* correlation) const {
   const double curvature_step = 0.125 * share * options_.max_curvature;
   const double roll_step = 0.1 * share * options_.max_roll;
-  *correlation = correlation_at(level, motion, *best, nullptr);
+  *correlation = correlations(level, motion, {*best}).front();
   for (int round = 0; round < rounds; ++round) {
     std::vector<RoadHypothesis> tried;
     const auto add = [&](double along, double curvature, double roll) {
@@ -418,9 +424,17 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
     starts.push_back(peak);
     bend(levels_[2], motion, kStep, &starts.back(), &correlation);
   }
+  std::vector<RoadHypothesis> climbed;
   for (RoadHypothesis h : starts) {
     double correlation = 0.0;
     climb(levels_[2], motion, 3, kStep, 1.0, &h, &correlation);
+    const bool again = std::any_of(climbed.begin(), climbed.end(), [&](const RoadHypothesis& o) {
+      return std::abs(o.log_baseline - h.log_baseline) < 2.0 * kStep &&
+             std::abs(o.curvature - h.curvature) < 0.15 * options_.max_curvature &&
+             std::abs(o.roll - h.roll) < 0.15 * options_.max_roll;
+    });
+    if (again) continue;
+    climbed.push_back(h);
     climb(levels_[1], motion, 3, 0.5 * kStep, 0.7, &h, &correlation);
     ends.emplace_back(correlation, h);
     if (correlation > out.correlation) {
@@ -436,7 +450,7 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   out.lead = out.correlation - out.rival;
   const Level& fine = levels_.front();
   climb(fine, motion, 2, 0.25 * kStep, 0.5, &out.best, &out.correlation);
-  out.correlation = correlation_at(fine, motion, out.best, &out.samples);
+  out.correlation = correlation(motion, out.best, &out.samples);
   // How far the logarithm may go.
   constexpr double kLoss = 0.05, kFineStep = 0.02;
   constexpr int kFarthest = 8;

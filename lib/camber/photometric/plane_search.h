@@ -72,7 +72,7 @@ class PlaneSearch {
  private:
   struct Level;
   double correlation_at(const Level& level, const MotionEstimate& motion,
-                        const RoadHypothesis& hypothesis, int* samples) const;
+                        const RoadHypothesis& hypothesis, double level_windows, int* samples) const;
   std::vector<double> correlations(const Level& level, const MotionEstimate& motion,
                                    const std::vector<RoadHypothesis>& hypotheses) const;
   /// How many windows the corridor of a level road has in view.

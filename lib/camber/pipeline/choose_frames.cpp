@@ -15,8 +15,8 @@ namespace {
 
 constexpr int kShrink = 3;
 constexpr double kEnoughAngle = 0.025;  // rad, parallax of the near road
-/// Share of the near road that has to be matched for its parallax to be taken as it is: what moves fast
-/// is lost, and what is left (cars ahead, far road, chance) moves little.
+/// Share of the near road that has to be matched between neighbours for its parallax to be taken as
+/// it is: what moves fast is lost, and what is left (cars ahead, far road, chance) moves little.
 constexpr double kLeastMatched = 0.62;
 
 GrayImage small_image(const Scene& scene, std::size_t index) {
@@ -37,8 +37,9 @@ GrayImage small_image(const Scene& scene, std::size_t index) {
 }
 
 /// Median image motion in the lower third, px of the full image, after the rotation that the upper
-/// half shows has been taken out; nothing where too little of it is matched.
-std::optional<double> near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b) {
+/// half shows has been taken out; nothing where less than that share of it is matched.
+std::optional<double> near_parallax(const Scene& scene, const GrayImage& a, const GrayImage& b,
+                                    double least_matched) {
   CorrespondenceOptions options;
   options.step = 4;
   const Correspondences matches = match_images({a, b}, 0, options);
@@ -79,7 +80,7 @@ std::optional<double> near_parallax(const Scene& scene, const GrayImage& a, cons
     const Eigen::Vector2d flow = (match.pixels[i] - matches.pixels[i]).cast<double>();
     sizes.push_back((flow - rotation_rows(matches.pixels[i]) * turn).norm());
   }
-  if (static_cast<double>(sizes.size()) < kLeastMatched * static_cast<double>(near) ||
+  if (static_cast<double>(sizes.size()) < least_matched * static_cast<double>(near) ||
       sizes.empty()) {
     return std::nullopt;
   }
@@ -109,7 +110,8 @@ ChosenFrames choose_frames(const Scene& scene) {
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
-    const auto parallax = near_parallax(scene, here, small_image(scene, other));
+    const auto parallax =
+        near_parallax(scene, here, small_image(scene, other), spacing == 1 ? kLeastMatched : 0.0);
     // Too fast to be matched at this size is not too slow.
     out.parallax_px = parallax.value_or(enough);
     if (out.parallax_px >= enough) break;

@@ -51,8 +51,10 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   GroundPoints points = run("triangulation", 0.4, [&] {
     return stages::triangulate(frames, matches, motion, nullptr, o.ground);
   });
-  const PlaneSearchResult search =
-      run("ground", 0.5, [&] { return stages::search_plane(frames, motion, o.ground); });
+  // Without another round nothing would take the place of the search's plane.
+  const PlaneSearchResult search = run("ground", 0.5, [&] {
+    return o.rounds > 0 ? stages::search_plane(frames, motion, o.ground) : PlaneSearchResult();
+  });
   Ground ground = run("ground", 0.5, [&] {
     return stages::first_ground(frames, matches, motion, std::move(points), search, o.ground);
   });
