@@ -378,8 +378,8 @@ void PlaneSearch::climb(const Level& level, const MotionEstimate& motion, int ro
 }
 
 std::vector<RoadHypothesis> PlaneSearch::sweep(const MotionEstimate& motion) const {
-  constexpr double kStep = 0.03;
-  constexpr int kRolls = 3;  // to each side
+  constexpr double kStep = 0.04;
+  constexpr int kRolls = 2;  // to each side
   constexpr std::size_t kPeaks = 3;
   std::vector<RoadHypothesis> tried;
   for (int r = -kRolls; r <= kRolls; ++r) {
