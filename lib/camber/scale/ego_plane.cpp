@@ -145,6 +145,7 @@ void EgoPlaneOptions::validate() const {
   require(path_curvature > 0, "path_curvature", path_curvature, "> 0");
   require(path_sigma > 0, "path_sigma", path_sigma, "> 0");
   require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");
+  require(heave >= 0, "heave", heave, ">= 0");
   require(travel_reach > 0, "travel_reach", travel_reach, "> 0");
   require(curvature > 0, "curvature", curvature, "> 0");
   require(curvature_walk > 0, "curvature_walk", curvature_walk, "> 0");

@@ -37,6 +37,7 @@ struct EgoPlaneOptions {
   /// m: over longer distances than this, to either side, what the camera rises and falls against
   /// the road is a random walk, > 0.
   double travel_reach = 0.65;
+  double heave = 0.0015;           ///< m, of the camera on its springs from frame to frame, >= 0
   double curvature = 0.007;        ///< 1/m, standard deviation of the vertical curvature, > 0
   double curvature_walk = 0.0014;  ///< 1/m per sqrt(m), change of curvature, > 0
   /// A change of curvature beyond so many standard deviations is taken for the begin or end of a

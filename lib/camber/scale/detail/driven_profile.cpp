@@ -198,9 +198,12 @@ class ProfileFit {
                                      {nodes + j + 1, sign * share * f.right}});
         }
         const double apart = std::abs(next.ahead - last.ahead);
-        add_measurement(terms, next.up - last.up,
-                        std::sqrt(2.0) * options_.travel_sigma *
-                            std::sqrt(apart * std::min(apart, options_.travel_reach)));
+        add_measurement(
+            terms, next.up - last.up,
+            std::sqrt(2.0) *
+                std::hypot(options_.heave,
+                           options_.travel_sigma *
+                               std::sqrt(apart * std::min(apart, options_.travel_reach))));
         last = next;
       }
     }
