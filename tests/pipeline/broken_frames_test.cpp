@@ -182,11 +182,14 @@ TEST_F(BrokenFrames, MarkingsOfKnownSizeGiveMetresWithoutACameraHeight) {
   EXPECT_NEAR(step / 0.8, 1.0, 0.04);
   EXPECT_GE(check(result, road, 1.5), 6);
 
-  // Against sizes that are wrong by a quarter the camera's height stands.
+  // Against sizes that are wrong by a quarter the camera's height stands, and the run says so.
   scene.height_above_road = kHeight;
   for (auto& [name, size] : scene.markings_m) size *= 1.25;
   const Reconstruction wrong = reconstruct(scene, {0, 1, 2}, {});
   EXPECT_NEAR(wrong.run.cameras[2].reference_from_camera.translation().norm() / 0.8, 1.0, 0.03);
+  ASSERT_FALSE(wrong.run.warnings.empty());
+  EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("lane_markings"));
+  EXPECT_GT(wrong.run.scale_sigma, 0.15);
 }
 
 TEST_F(BrokenFrames, TruckAheadWithoutMasks) {

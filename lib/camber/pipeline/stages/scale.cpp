@@ -123,6 +123,27 @@ void set_reason(const std::string& name, const std::string& reason,
   }
 }
 
+/// Fuses all sources, of which the first gives the metres. Where markings contradict it nobody
+/// knows which is wrong: the given metres stand, and the contradiction is left to widen the scale.
+FusedRoad fuse_with_given_metres(const RoadPosterior& prior,
+                                 const std::vector<Constraint>& constraints) {
+  constexpr std::size_t kGiven = 0, kMarkings = 1;
+  FusedRoad fused = fuse(prior, constraints);
+  if (fused.reports[kGiven].accepted || constraints[kMarkings].size() == 0) return fused;
+  std::vector<Constraint> without = constraints;
+  without[kMarkings] = Constraint();
+  without[kMarkings].name = constraints[kMarkings].name;
+  without[kMarkings].source = constraints[kMarkings].source;
+  ConstraintReport contradicting = fused.reports[kMarkings];
+  contradicting.residual_sigma = fused.reports[kGiven].residual_sigma;
+  contradicting.accepted = false;
+  contradicting.reason =
+      fmt::format("{:.1f} standard deviations off the given metres", contradicting.residual_sigma);
+  fused = fuse(prior, without);
+  fused.reports[kMarkings] = std::move(contradicting);
+  return fused;
+}
+
 /// The plane search against the ego plane: both measure the camera's height in baselines, the
 /// one on the intensities near the camera, the other by the road ahead.
 std::optional<ConstraintReport> check_search(const Ground& ground, const ScaleNoise& noise,
@@ -219,7 +240,8 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
     constraints.push_back(prior.relinearised(markings.constraint, anchored));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
-    FusedRoad fused = fuse(prior, constraints);
+    FusedRoad fused =
+        guessed ? fuse(prior, constraints) : fuse_with_given_metres(prior, constraints);
     const double change = std::log(fused.road.metres_per_baseline() / m);
     if (guessed && accepted(fused.reports, "lane_markings") && std::abs(change) >= 0.02 &&
         round + 1 < kMostRounds) {
