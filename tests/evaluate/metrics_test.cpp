@@ -149,6 +149,59 @@ TEST(CompareVehicle, LabelsWithoutAPlaneUseTheCamerasY) {
   EXPECT_TRUE(std::isnan(e.normal_error));
 }
 
+TEST(EvaluateVehicles, AZeroCovarianceIsCertaintyAndNotNone) {
+  const Scene scene =
+      make_scene({make_truth(1, kNear, {0.0, 1.6, 12.0}), make_truth(2, kFar, {-9.0, 1.6, 33.0}),
+                  make_truth(3, {1000, 180, 1100, 260}, {6, 1.6, 12})});
+  const auto& truth = scene.truth->frames[0].vehicles;
+  VehicleEstimate certain = make_estimate(1, truth[0], {0, 0, 0.5});
+  certain.covariance.setZero();
+  VehicleEstimate silent = make_estimate(2, truth[1], {0, 0, 0.5});
+  silent.covariance = VehicleEstimate().covariance;
+  VehicleEstimate level = make_estimate(3, truth[2], {0.1, 0, 0.1});
+  level.covariance.row(1).setZero();  // its height is stated as certain, and is right
+  level.covariance.col(1).setZero();
+  const VehicleDocument document = make_document({certain, silent, level});
+  const SceneMetrics m = evaluate_vehicles(scene, document);
+  ASSERT_EQ(m.vehicles.size(), 3u);
+  const auto of = [&](int id) {
+    return *std::find_if(m.vehicles.begin(), m.vehicles.end(),
+                         [&](const VehicleError& e) { return e.truth_id == id; });
+  };
+  EXPECT_TRUE(std::isinf(of(1).center_mahalanobis));
+  EXPECT_TRUE(of(1).singular_covariance);
+  EXPECT_EQ(of(1).depth_sigma, 0.0);
+  EXPECT_TRUE(std::isnan(of(2).center_mahalanobis));
+  EXPECT_FALSE(of(2).singular_covariance);
+  EXPECT_TRUE(std::isnan(of(2).depth_sigma));
+  EXPECT_NEAR(of(3).center_mahalanobis, 0.02 / 0.04, 1e-9);
+  EXPECT_EQ(m.without_covariance, 1);
+  EXPECT_EQ(m.singular_covariance, 2);
+  // One of the two that state anything is inside.
+  EXPECT_EQ(to_json(m)["center_within_95"], 0.5);
+  EXPECT_EQ(to_json(m)["singular_covariance"], 2);
+  EXPECT_NE(describe(m).find("2 state a singular covariance"), std::string::npos) << describe(m);
+  const std::vector<MethodTables> tables = make_tables({{"made", "joint", "network", m}});
+  EXPECT_EQ(tables[0].rows[0].center_within_95, 0.5);
+  const std::string text = tables_text(tables);
+  EXPECT_NE(text.find("; 1 without a covariance; 2 with a singular covariance"), std::string::npos)
+      << text;
+
+  // A document keeps the difference.
+  test::TemporaryFolder folder;
+  write_json(to_json(document), folder.path() / "vehicles.json");
+  const SceneMetrics again =
+      evaluate_vehicles(scene, read_vehicles(folder.path() / "vehicles.json"));
+  EXPECT_EQ(again.without_covariance, 1);
+  EXPECT_EQ(again.singular_covariance, 2);
+  nlohmann::json absent = to_json(document);
+  for (auto& vehicle : absent["frames"][0]["vehicles"]) vehicle.erase("covariance");
+  write_json(absent, folder.path() / "vehicles.json");
+  EXPECT_EQ(
+      evaluate_vehicles(scene, read_vehicles(folder.path() / "vehicles.json")).without_covariance,
+      3);
+}
+
 TEST(EvaluateVehicles, CountsMissesAndUnanswered) {
   TruthVehicle hidden = make_truth(3, {800, 180, 900, 260}, {4, 1.6, 12});
   hidden.occlusion = 0.9;

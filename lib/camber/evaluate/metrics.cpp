@@ -1,6 +1,6 @@
 #include "camber/evaluate/metrics.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -46,6 +46,9 @@ nlohmann::json number(double value) {
   return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
 }
 
+// An error of a centre's place below this is rounding, m.
+constexpr double kNoError = 1e-9;
+
 // Quantile 0.95 of chi-square with three degrees of freedom.
 constexpr double kEllipsoid95 = 7.814728;
 
@@ -67,6 +70,27 @@ nlohmann::json statistics(const std::vector<double>& values) {
           {"std", number(deviation)},
           {"median", number(quantile(values, 0.5))},
           {"p90", number(quantile(values, 0.9))}};
+}
+
+/// Squared Mahalanobis distance by a stated covariance. Without variance in a direction no error in
+/// it is allowed: infinite where there is one.
+/// @param singular  set where the covariance has such a direction, or a negative variance.
+double squared_mahalanobis(const Eigen::Vector3d& difference, const Eigen::Matrix3d& covariance,
+                           bool* singular) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(
+      0.5 * (covariance + covariance.transpose()));
+  const double least = 1e-12 * std::max(solver.eigenvalues().maxCoeff(), 0.0);
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    const double part = solver.eigenvectors().col(i).dot(difference);
+    if (solver.eigenvalues()[i] > least) {
+      sum += part * part / solver.eigenvalues()[i];
+      continue;
+    }
+    *singular = true;
+    if (std::abs(part) > kNoError) sum = std::numeric_limits<double>::infinity();
+  }
+  return sum;
 }
 
 const TruthFrame* find_truth(const SceneTruth& truth, int id) {
@@ -127,11 +151,10 @@ VehicleError compare_vehicle(const TruthVehicle& t, const VehicleEstimate& e) {
   error.along_error = difference.dot(t.pose.center().normalized());
   error.depth = e.pose.center().z();
   const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
-  if (covariance(2, 2) > 0.0) error.depth_sigma = std::sqrt(covariance(2, 2));
-  const Eigen::LDLT<Eigen::Matrix3d> factors(covariance);
-  if (covariance.allFinite() && factors.info() == Eigen::Success && factors.isPositive() &&
-      factors.vectorD().minCoeff() > 0.0) {
-    error.center_mahalanobis = difference.dot(factors.solve(difference));
+  if (covariance(2, 2) >= 0.0) error.depth_sigma = std::sqrt(covariance(2, 2));
+  if (covariance.allFinite()) {
+    error.center_mahalanobis =
+        squared_mahalanobis(difference, covariance, &error.singular_covariance);
   }
   // n . f + d > 0: the true contact point is above the plane, the estimate too low.
   if (t.plane) {
@@ -174,6 +197,8 @@ SceneMetrics evaluate_vehicles(const Scene& scene, const VehicleDocument& vehicl
       error.frame = estimate.id;
       error.overlap = match.overlap;
       out.unanswered += error.answered ? 0 : 1;
+      out.without_covariance += error.answered && std::isnan(error.center_mahalanobis) ? 1 : 0;
+      out.singular_covariance += error.singular_covariance ? 1 : 0;
       out.vehicles.push_back(error);
     }
     out.counted += counted;
@@ -245,6 +270,8 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
   out["matched"] = metrics.vehicles.size();
   out["missed"] = metrics.missed;
   out["unanswered"] = metrics.unanswered;
+  out["without_covariance"] = metrics.without_covariance;
+  out["singular_covariance"] = metrics.singular_covariance;
   out["within_40"] = metrics.within_40;
   out["covered_within_40"] = metrics.covered_within_40;
   out["scale_error"] = number(metrics.scale_error);
@@ -273,9 +300,8 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
   }
   {
     const std::vector<double> inside = collect(metrics, kBins[0], [](const VehicleError& e) {
-      return std::isfinite(e.center_mahalanobis)
-                 ? (e.center_mahalanobis <= kEllipsoid95 ? 1.0 : 0.0)
-                 : kNaN;
+      if (std::isnan(e.center_mahalanobis)) return kNaN;
+      return e.center_mahalanobis <= kEllipsoid95 ? 1.0 : 0.0;
     });
     out["center_within_95"] = inside.empty() ? nlohmann::json(nullptr) : number(mean_of(inside));
   }
@@ -292,6 +318,7 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
                                {"yaw_error_deg", number(e.yaw_error * 180.0 / kPi)},
                                {"along_error", number(e.along_error)},
                                {"center_mahalanobis", number(e.center_mahalanobis)},
+                               {"singular_covariance", e.singular_covariance},
                                {"keypoint_error", number(e.keypoint_error)},
                                {"dimension_error", number(e.dimension_error)},
                                {"status", std::string(to_string(e.status))}});
@@ -317,6 +344,10 @@ std::string describe(const SceneMetrics& metrics) {
   }
   add("  vehicles: %d counted, %zu found, %d without an answer\n", metrics.counted,
       metrics.vehicles.size(), metrics.unanswered);
+  if (metrics.singular_covariance > 0) {
+    add("  %d state a singular covariance: no error of theirs is allowed for\n",
+        metrics.singular_covariance);
+  }
   for (const Bin& bin : kBins) {
     const std::vector<double> heights =
         collect(metrics, bin, [](const VehicleError& e) { return std::abs(e.height_error); });

@@ -18,28 +18,33 @@ struct VehicleError {
   /// m, signed: estimated minus true ground under the vehicle; against labels without a plane the
   /// difference along the camera's y at the label's bottom centre.
   double height_error = 0.0;
-  double height_sigma = 0.0;        ///< m, stated
-  double normal_error = 0.0;        ///< rad, NaN without a true plane
-  double yaw_error = 0.0;           ///< rad, in [-pi, pi]
-  double along_error = 0.0;         ///< m, centre error along the viewing ray, positive: too far
-  double center_mahalanobis = 0.0;  ///< squared, by the stated covariance; 3 degrees of freedom
-  double keypoint_error = 0.0;      ///< m, mean distance of the 36 keypoints; NaN without truth
-  double dimension_error = 0.0;     ///< m, mean absolute error of length, width and height
-  double true_depth = 0.0;          ///< m, of the true box centre along the camera's z
-  double depth = 0.0;               ///< m, estimated; NaN where not answered
-  double depth_sigma = 0.0;         ///< m, stated; NaN where not known
-  double overlap = 0.0;             ///< IoU of the boxes
-  bool answered = false;            ///< status is not kFailed
+  double height_sigma = 0.0;  ///< m, stated
+  double normal_error = 0.0;  ///< rad, NaN without a true plane
+  double yaw_error = 0.0;     ///< rad, in [-pi, pi]
+  double along_error = 0.0;   ///< m, centre error along the viewing ray, positive: too far
+  /// Squared, by the stated covariance; 3 degrees of freedom. NaN where none is stated; infinite
+  /// where the centre errs in a direction that is stated as certain.
+  double center_mahalanobis = 0.0;
+  bool singular_covariance = false;  ///< stated, but with a direction (or all) without variance
+  double keypoint_error = 0.0;       ///< m, mean distance of the 36 keypoints; NaN without truth
+  double dimension_error = 0.0;      ///< m, mean absolute error of length, width and height
+  double true_depth = 0.0;           ///< m, of the true box centre along the camera's z
+  double depth = 0.0;                ///< m, estimated; NaN where not answered
+  double depth_sigma = 0.0;          ///< m, stated; NaN where not known
+  double overlap = 0.0;              ///< IoU of the boxes
+  bool answered = false;             ///< status is not kFailed
   Status status = Status::kNotRun;
 };
 
 struct SceneMetrics {
   std::vector<VehicleError> vehicles;
-  int counted = 0;            ///< true vehicles that count
-  int unanswered = 0;         ///< matched detections with status kFailed
-  int missed = 0;             ///< counted vehicles with no matching detection
-  int within_40 = 0;          ///< counted vehicles at most 40 m away, in frames with a pose
-  int covered_within_40 = 0;  ///< of these, those below which the surface gives an answer
+  int counted = 0;              ///< true vehicles that count
+  int unanswered = 0;           ///< matched detections with status kFailed
+  int missed = 0;               ///< counted vehicles with no matching detection
+  int without_covariance = 0;   ///< answered ones that state no covariance of their centre
+  int singular_covariance = 0;  ///< answered ones with one that is not positive definite
+  int within_40 = 0;            ///< counted vehicles at most 40 m away, in frames with a pose
+  int covered_within_40 = 0;    ///< of these, those below which the surface gives an answer
   /// Relative to the true motion and scale, where truth has poses; NaN otherwise.
   double scale_error = 0.0;       ///< estimated / true path length - 1
   double rotation_error = 0.0;    ///< rad, largest over frames

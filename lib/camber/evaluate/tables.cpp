@@ -65,7 +65,7 @@ LocalisationRow make_row(const std::string& name, const std::vector<Placed>& veh
     keep(normal, e.normal_error);
     keep(yaw, e.yaw_error);
     keep(keypoint, e.keypoint_error);
-    if (std::isfinite(e.center_mahalanobis)) {
+    if (!std::isnan(e.center_mahalanobis)) {  // infinite: outside
       ++ellipsoids;
       inside += e.center_mahalanobis <= kEllipsoid95 ? 1 : 0;
     }
@@ -104,6 +104,12 @@ std::string heading(const MethodTables& t) {
                   t.method, t.scenes, t.counted, t.matched, 100.0 * t.recall, t.unanswered);
   const std::string sources = joined(t.detections_sources);
   if (!sources.empty()) out += "; detections: " + sources;
+  if (t.without_covariance > 0) {
+    out += fmt::format("; {} without a covariance", t.without_covariance);
+  }
+  if (t.singular_covariance > 0) {
+    out += fmt::format("; {} with a singular covariance", t.singular_covariance);
+  }
   return out;
 }
 
@@ -208,6 +214,8 @@ std::vector<MethodTables> make_tables(const std::vector<EvaluatedScene>& scenes,
     found->matched += static_cast<int>(scene.metrics.vehicles.size());
     found->missed += scene.metrics.missed;
     found->unanswered += scene.metrics.unanswered;
+    found->without_covariance += scene.metrics.without_covariance;
+    found->singular_covariance += scene.metrics.singular_covariance;
     std::vector<std::string>& sources = found->detections_sources;
     if (!scene.detections_source.empty() &&
         std::find(sources.begin(), sources.end(), scene.detections_source) == sources.end()) {
@@ -321,6 +329,8 @@ nlohmann::json tables_json(const std::vector<MethodTables>& tables) {
                    {"matched", table.matched},
                    {"missed", table.missed},
                    {"unanswered", table.unanswered},
+                   {"without_covariance", table.without_covariance},
+                   {"singular_covariance", table.singular_covariance},
                    {"recall", number(table.recall)},
                    {"marked", table.unanswered_share > kMarkedUnansweredShare},
                    {"rows", rows}});
@@ -333,7 +343,7 @@ std::string vehicles_csv(const std::vector<EvaluatedScene>& scenes) {
       "scene,method,detections_source,frame,truth_id,estimate_id,status,distance,center_error,"
       "along_error,center_mahalanobis,height_error,height_sigma,normal_error_deg,yaw_error_deg,"
       "keypoint_error,dimension_error,overlap\n";
-  auto value = [](double x) { return std::isfinite(x) ? fmt::format("{:.6g}", x) : std::string(); };
+  auto value = [](double x) { return std::isnan(x) ? std::string() : fmt::format("{:.6g}", x); };
   for (const EvaluatedScene& scene : scenes) {
     for (const VehicleError& e : scene.metrics.vehicles) {
       out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", scene.scene,

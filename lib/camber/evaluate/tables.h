@@ -53,8 +53,9 @@ struct MethodTables {
   std::string method;
   std::vector<std::string> detections_sources;  ///< each once, in order of appearance
   int scenes = 0, counted = 0, matched = 0, missed = 0, unanswered = 0;
-  double recall = 0.0;            ///< answered matches / counted
-  double unanswered_share = 0.0;  ///< of the matched
+  int without_covariance = 0, singular_covariance = 0;  ///< as in SceneMetrics
+  double recall = 0.0;                                  ///< answered matches / counted
+  double unanswered_share = 0.0;                        ///< of the matched
   std::vector<LocalisationRow> rows;
 };
 

@@ -62,7 +62,9 @@ struct VehicleEstimate {
   std::string plane_source;
   std::vector<double> shape;  ///< prior coefficients; empty: mean
   /// Centre x y z (m), rotation vector in the vehicle's frame (rad), length height width (m).
-  Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
+  /// NaN: none is stated; zeros state certainty.
+  Eigen::Matrix<double, 9, 9> covariance =
+      Eigen::Matrix<double, 9, 9>::Constant(std::numeric_limits<double>::quiet_NaN());
   double reprojection_rmse_px = std::numeric_limits<double>::quiet_NaN();
 };
 
