@@ -36,7 +36,7 @@ struct PatchLink {
   bool valid = true;
   std::string reason;
   double weight = 0.0;
-  double distance = 0.0;     ///< m between the boundaries
+  double distance = 0.0;     ///< m between the boundaries in the plan across up, 0: they meet
   double height_step = 0.0;  ///< m, b above a at the midpoint between the two
   double angle = 0.0;        ///< rad between the normals
 };

@@ -8,6 +8,7 @@
 
 #include "camber/core/threads.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
+#include "camber/road/plan_polygon.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/vehicle_sizes_constraint.h"
 
@@ -121,12 +122,19 @@ void set_extent(PlanePatch& patch, double ahead, double behind, double half_widt
   patch.bank = slope_along(patch.plane.axis2, up);
 }
 
-PatchLink make_link(const PlanePatch& a, const PlanePatch& b) {
+PlanPolygon boundary_in_plan(const PlanePatch& patch, const GroundAxes& axes) {
+  PlanPolygon out;
+  for (const Eigen::Vector3d& corner : patch.boundary) out.push_back(axes(corner));
+  return out;
+}
+
+PatchLink make_link(const PlanePatch& a, const PlanePatch& b, const Eigen::Vector3d& up) {
   PatchLink link;
   link.a = a.id;
   link.b = b.id;
   const Eigen::Vector3d between = 0.5 * (a.plane.centroid + b.plane.centroid);
-  link.distance = (a.plane.centroid - b.plane.centroid).norm();
+  const GroundAxes axes(up);
+  link.distance = polygon_gap(boundary_in_plan(a, axes), boundary_in_plan(b, axes)).distance;
   link.height_step =
       a.plane.plane.signed_distance(between) - b.plane.plane.signed_distance(between);
   link.angle = angle_between(a.plane.plane.normal, b.plane.plane.normal);
@@ -268,7 +276,7 @@ void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& gr
                              return (a.plane.centroid - patch.plane.centroid).norm() <
                                     (b.plane.centroid - patch.plane.centroid).norm();
                            });
-      surface->links.push_back(make_link(*nearest, patch));
+      surface->links.push_back(make_link(*nearest, patch, surface->up));
       surface->patches.push_back(std::move(patch));
     }
   }
@@ -423,7 +431,7 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   }
   const std::size_t road_patches = surface.patches.size();
   for (std::size_t k = 1; k < road_patches; ++k) {
-    surface.links.push_back(make_link(surface.patches[k - 1], surface.patches[k]));
+    surface.links.push_back(make_link(surface.patches[k - 1], surface.patches[k], surface.up));
   }
   for (const Eigen::Vector3d& p : ground.ground.ego.line) {
     surface.driven_line.push_back(road.metres_per_baseline() * p);
