@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,8 @@
 
 #include "camber/core/errors.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/pipeline/estimate_vehicles.h"
+#include "camber/road/plan_polygon.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -117,6 +120,170 @@ TEST_F(SteepHillRun, HoldsWhatItPromises) {
     EXPECT_GT(patch.plane.plane.normal.dot(r.surface.up), 0.0);
     EXPECT_GE(patch.boundary.size(), 3u);
   }
+}
+
+/// The patch that a vehicle names as its ground; nullptr: it stands on another plane.
+const PlanePatch* patch_of(const RoadSurface& surface, const VehicleEstimate& vehicle) {
+  if (vehicle.plane_source.rfind("patch ", 0) != 0) return nullptr;
+  return surface.find(std::stoi(vehicle.plane_source.substr(6)));
+}
+
+TEST_F(SteepHillRun, AGradeIsPositiveOnAClimbUnderOncomingCarsToo) {
+  const SceneMetrics found = metrics(*scene_, *result_);
+  int oncoming = 0, climbs = 0;
+  for (const VehicleError& match : found.vehicles) {
+    for (const TruthVehicle& truth : scene_->truth->frames.at(match.frame).vehicles) {
+      if (truth.id != match.truth_id) continue;
+      const auto& estimates = result_->vehicles.frames.at(match.frame).vehicles;
+      const auto estimate = std::find_if(estimates.begin(), estimates.end(),
+                                         [&](const auto& e) { return e.id == match.estimate_id; });
+      const PlanePatch* patch = patch_of(result_->surface, *estimate);
+      if (!patch) continue;
+      // Ahead of the camera: the rise of the plane under the car along z.
+      const Eigen::Vector3d& n = truth.plane->normal;
+      const double grade = std::atan(n.z() / n.y());
+      const bool towards = truth.pose.camera_from_vehicle.rotation_matrix()(2, 0) < 0.0;
+      oncoming += towards ? 1 : 0;
+      EXPECT_GT(patch->plane.axis1.z(), 0.0) << patch->id;
+      if (grade < 0.07) continue;  // 4 degrees; less does not tell the sign
+      climbs += towards ? 1 : 0;
+      EXPECT_GT(patch->grade, 0.0) << "patch " << patch->id << ", truth " << grade;
+    }
+  }
+  EXPECT_GE(oncoming, 4);
+  EXPECT_GE(climbs, 4);
+  // A link compares the same direction of both.
+  for (const PatchLink& link : result_->surface.links) {
+    EXPECT_GT(
+        result_->surface.find(link.a)->plane.axis1.dot(result_->surface.find(link.b)->plane.axis1),
+        0.8)
+        << link.a << " and " << link.b;
+  }
+}
+
+TEST_F(SteepHillRun, ALinkIsAsLongAsTheGapBetweenTheBoundaries) {
+  const RoadSurface& surface = result_->surface;
+  ASSERT_GE(surface.links.size(), 5u);
+  const GroundAxes axes(surface.up);
+  // The nearest of many places along both boundaries; 0 where one lies inside the other.
+  const auto places = [&](const PlanePatch& patch) {
+    PlanPolygon out;
+    for (std::size_t i = 0; i < patch.boundary.size(); ++i) {
+      const Eigen::Vector3d &from = patch.boundary[i],
+                            &to = patch.boundary[(i + 1) % patch.boundary.size()];
+      for (int k = 0; k < 100; ++k) out.push_back(axes(from + 0.01 * k * (to - from)));
+    }
+    return out;
+  };
+  const auto corners = [&](const PlanePatch& patch) {
+    PlanPolygon out;
+    for (const Eigen::Vector3d& corner : patch.boundary) out.push_back(axes(corner));
+    return out;
+  };
+  int shorter = 0;
+  for (const PatchLink& link : surface.links) {
+    const PlanePatch &a = *surface.find(link.a), &b = *surface.find(link.b);
+    double gap = std::numeric_limits<double>::infinity();
+    for (const auto& [from, to] : {std::pair{&a, &b}, std::pair{&b, &a}}) {
+      for (const Eigen::Vector2d& place : places(*from)) {
+        gap = std::min(gap, distance_to_polygon(corners(*to), place));
+      }
+    }
+    EXPECT_NEAR(link.distance, gap, 0.1) << link.a << " and " << link.b;  // the step of the places
+    shorter += link.distance < 0.8 * (a.plane.centroid - b.plane.centroid).norm() ? 1 : 0;
+  }
+  EXPECT_GE(shorter, 3);
+}
+
+TEST_F(SteepHillRun, VehiclesJoinedOverFramesNameTheirTrack) {
+  const SceneMetrics found = metrics(*scene_, *result_);
+  std::map<int, std::set<int>> frames, cars;  // by track
+  for (const VehicleFrame& frame : result_->vehicles.frames) {
+    for (const VehicleEstimate& v : frame.vehicles) {
+      if (v.track < 0) continue;
+      EXPECT_TRUE(frames[v.track].insert(frame.id).second) << "track " << v.track << " twice";
+      for (const VehicleError& match : found.vehicles) {
+        if (match.frame == frame.id && match.estimate_id == v.id) {
+          cars[v.track].insert(match.truth_id);
+        }
+      }
+    }
+  }
+  const auto joined = std::count_if(frames.begin(), frames.end(),
+                                    [](const auto& track) { return track.second.size() >= 2; });
+  EXPECT_GE(joined, 3);
+  for (const auto& [track, of] : cars) EXPECT_EQ(of.size(), 1u) << "track " << track;
+  int written = 0;
+  const nlohmann::json document = to_json(result_->vehicles);
+  for (const auto& frame : document["frames"]) {
+    for (const auto& vehicle : frame["vehicles"]) written += vehicle.contains("track") ? 1 : 0;
+  }
+  EXPECT_GE(written, 6);
+}
+
+TEST_F(SteepHillRun, VehiclesAgainOnItsSurfaceFindTheirPatches) {
+  EstimateVehiclesOptions options;
+  options.surface = &result_->surface;
+  options.cameras = &result_->run.cameras;
+  const VehicleDocument again = estimate_vehicles(*scene_, {0, 1, 2}, options);
+  int vehicles = 0;
+  for (std::size_t k = 0; k < again.frames.size(); ++k) {
+    for (std::size_t j = 0; j < again.frames[k].vehicles.size(); ++j) {
+      const VehicleEstimate& vehicle = again.frames[k].vehicles[j];
+      const VehicleEstimate& before = result_->vehicles.frames[k].vehicles[j];
+      ++vehicles;
+      const PlanePatch* patch = patch_of(result_->surface, vehicle);
+      ASSERT_NE(patch, nullptr) << "frame " << k << ", " << vehicle.id << ": on "
+                                << vehicle.plane_source;
+      // It lies where the vehicle stood: within its own spread and a hand's breadth.
+      const SE3& reference_from_camera = result_->run.cameras[k].reference_from_camera;
+      const Eigen::Vector3d place = reference_from_camera * before.pose.bottom_center();
+      const double sigma =
+          std::hypot(std::sqrt(patch->plane.height_variance(place)), before.plane_sigma_height);
+      EXPECT_LT(std::abs(patch->plane.plane.signed_distance(place)), 0.1 + 3.0 * sigma)
+          << "frame " << k << ", " << vehicle.id;
+    }
+  }
+  EXPECT_EQ(vehicles, 13);
+}
+
+TEST_F(SteepHillRun, PatchesArePavementWhereTheMasksShowIt) {
+  const auto count = [](const RoadSurface& surface, PatchKind kind) {
+    return std::count_if(surface.patches.begin(), surface.patches.end(),
+                         [&](const PlanePatch& patch) { return patch.kind == kind; });
+  };
+  EXPECT_GT(count(result_->surface, PatchKind::kRoad), 0);
+  // The same ground with the labels exchanged: what was road is pavement, and the other way round.
+  Scene scene = *scene_;
+  std::swap(scene.segmentation_classes["road"], scene.segmentation_classes["pavement"]);
+  const Reconstruction swapped = reconstruct(scene, {0, 1, 2}, {});
+  EXPECT_GT(count(swapped.surface, PatchKind::kPavement),
+            count(result_->surface, PatchKind::kPavement));
+  const nlohmann::json json = to_json(swapped.surface);
+  EXPECT_EQ(std::count_if(json["patches"].begin(), json["patches"].end(),
+                          [](const nlohmann::json& p) { return p["kind"] == "pavement"; }),
+            count(swapped.surface, PatchKind::kPavement));
+  const PlanePatch* before = result_->surface.find(1);
+  const PlanePatch* after = swapped.surface.find(1);
+  ASSERT_TRUE(before && after);
+  EXPECT_EQ(before->kind, PatchKind::kRoad);
+  EXPECT_EQ(after->kind, PatchKind::kPavement);
+}
+
+TEST_F(SteepHillRun, NamesItsPresetAndItsKeypoints) {
+  EXPECT_EQ((*result_->run.options)["keypoint_set"], 36);
+  EXPECT_EQ(result_->vehicles.preset, "default");
+  EXPECT_EQ(result_->vehicles.keypoint_set, 36);
+  ReconstructOptions options;
+  options.vehicles.fit.keypoint_set = KeypointSet::kSmall14;
+  const Reconstruction result = reconstruct(*scene_, {0, 1}, options);
+  EXPECT_EQ((*result.run.options)["keypoint_set"], 14);
+  EXPECT_EQ(result.vehicles.keypoint_set, 14);
+  const test::TemporaryFolder folder;
+  write_json(to_json(result.vehicles), folder.path() / "vehicles.json");
+  const VehicleDocument read = read_vehicles(folder.path() / "vehicles.json");
+  EXPECT_EQ(read.preset, "default");
+  EXPECT_EQ(read.keypoint_set, 14);
 }
 
 /// Everything that the two runs found is the same, bit for bit.

@@ -115,6 +115,8 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
       options.surface ? options.surface->scale_sigma : place.noise.known_pose_scale, place);
   VehicleDocument out;
   out.method = to_string(options.vehicles.method);
+  out.preset = options.one_problem ? "paper" : "default";
+  out.keypoint_set = static_cast<int>(options.vehicles.fit.keypoint_set);
   out.detections_source = scene.detections_source;
   out.metric = options.surface ? options.surface->metric : scene.height_above_road.has_value();
   paper::JointFitOptions joint = options.joint;

@@ -95,6 +95,8 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.cloud = std::move(road.cloud);
   out.surface = std::move(road.surface);
   out.vehicles = std::move(road.vehicles);
+  out.vehicles.preset = "default";
+  out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
   out.ground = std::move(vehicles.ground);
   out.run = std::move(road.run);
   out.images = std::move(frames.color);

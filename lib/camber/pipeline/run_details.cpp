@@ -94,7 +94,7 @@ void describe_run(const ReconstructOptions& options, const std::vector<int>& fra
                         {"use_markings", options.scale.use_markings},
                         {"use_road_width", options.scale.use_road_width},
                         {"tracks", options.vehicles.tracks},
-                        {"keypoint_set", 36}};
+                        {"keypoint_set", static_cast<int>(options.vehicles.fit.keypoint_set)}};
   nlohmann::json& extra = *document->extra;
   extra["reference_frame"] = frames.frames[frames.reference].id;
   extra["motion"] = {{"pixel_sigma", ground.motion.pixel_sigma},

@@ -383,10 +383,13 @@ json to_json(const VehicleDocument& document) {
     for (const VehicleEstimate& vehicle : frame.vehicles) vehicles.push_back(vehicle_json(vehicle));
     frames.push_back({{"id", frame.id}, {"vehicles", std::move(vehicles)}});
   }
-  return {{"method", document.method},
-          {"detections_source", document.detections_source},
-          {"metric", document.metric},
-          {"frames", std::move(frames)}};
+  json out = {{"method", document.method},
+              {"detections_source", document.detections_source},
+              {"metric", document.metric},
+              {"frames", std::move(frames)}};
+  if (!document.preset.empty()) out["preset"] = document.preset;
+  if (document.keypoint_set > 0) out["keypoint_set"] = document.keypoint_set;
+  return out;
 }
 
 json to_json(const RunDocument& document) {
@@ -467,6 +470,10 @@ VehicleDocument read_vehicles(const fs::path& path) {
   JsonObject object(reader.root(), "an object with frames");
   VehicleDocument out;
   out.method = find_text(object, "method");
+  out.preset = find_text(object, "preset");
+  if (const auto v = object.find("keypoint_set")) {
+    out.keypoint_set = v->integer(0, kNumKeypoints, "a number of keypoints");
+  }
   out.detections_source = find_text(object, "detections_source");
   out.metric = find_boolean(object, "metric", true);
   std::set<int> frame_ids;
