@@ -53,7 +53,8 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   keep_freed_memory();
   Reconstruction result = reconstruct(scene, frames, a.options, progress);
   result.run.extra["command"] = command.common.command_line;
-  result.run.scene = a.scene;
+  // Wherever the result is looked at from.
+  result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
   return result;
 }
 

@@ -286,6 +286,30 @@ Image draw_timings(const LoadedResult& result, const std::string& title,
                     plot_style(options));
 }
 
+/// Reads the scene of --scene, else that of the run.
+/// @throws UsageError where something is to be drawn that needs a scene, and there is none.
+void read_scene_of(const Arguments& a, LoadedResult& result, const LogSink& warn) {
+  std::string missing;
+  if (!a.scene.empty()) {
+    result.scene = read_scene(a.scene, warn);
+  } else {
+    missing = result.load_scene_of_run(warn);
+  }
+  if (result.scene) return;
+  const auto refuse = [&](const std::string& what) {
+    throw UsageError(what + (missing.empty() ? "" : ", and " + missing));
+  };
+  if (a.view == "overlay") {
+    refuse("--view overlay draws onto the images of a scene: expected --scene");
+  }
+  if (!a.beside.empty()) refuse("--beside needs the truth: expected --scene");
+  if (a.truth == "scene") refuse("--truth scene: expected a --scene that has a truth cloud");
+  if (!missing.empty()) {
+    if (a.view == "driver") refuse("--view driver needs the camera: expected --scene");
+    warn(a.input + ": " + missing + ": drawn without its images and truth; --scene names it");
+  }
+}
+
 int run(const Command& command, Arguments& a) {
   Timings timings;
   const std::string kind = fs::path(a.out).extension().string();
@@ -315,8 +339,8 @@ int run(const Command& command, Arguments& a) {
     throw UsageError("--transparent goes with single pictures only");
   }
   const bool timing = a.view == "timings", beside = !a.beside.empty();
-  if (beside && (series || kind != ".png" || a.scene.empty())) {
-    throw UsageError("--beside makes one picture and needs the truth: expected --scene and a .png");
+  if (beside && (series || kind != ".png")) {
+    throw UsageError("--beside makes one picture: expected a .png, without a series");
   }
   if (a.vehicle && !beside) throw UsageError("--vehicle names the one that --beside compares");
   if (timing && (series || kind != ".png")) {
@@ -365,12 +389,8 @@ int run(const Command& command, Arguments& a) {
   const LogSink warn = make_warning_sink(command.common);
   LoadedResult result = load_result(a.input, a.cloud.read_options());
   warn_about(a.input, result.cloud_report, warn);
-  if (!a.scene.empty()) result.scene = read_scene(a.scene, warn);
-  if (overlay && !result.scene) {
-    throw UsageError("--view overlay draws onto the images of a scene: expected --scene");
-  }
+  read_scene_of(a, result, warn);
   if (a.truth == "scene") {
-    if (!result.scene) throw UsageError("--truth scene: expected a --scene that has a truth cloud");
     result.load_scene_truth_cloud(a.cloud.read_options());
   } else if (!a.truth.empty()) {
     result.truth_cloud = read_cloud_file(a.truth, a.cloud.read_options()).cloud;
@@ -478,17 +498,15 @@ void register_render(App& root) {
       "bird's-eye view with a metric grid, or the vehicles over their image. Or writes it as glTF, "
       "or as a report to read.",
       "  camber render out/steep_hill --out hill.png\n"
-      "  camber render out/steep_hill --view bev --scene samples/steep_hill --out from_above.png\n"
-      "  camber render out/steep_hill --scene samples/steep_hill --out report.html\n"
-      "  camber render out/steep_hill --scene samples/steep_hill --truth scene --color error "
+      "  camber render out/steep_hill --view bev --out from_above.png\n"
+      "  camber render out/steep_hill --out report.html\n"
+      "  camber render out/steep_hill --truth scene --color error "
       "--hide patches --out errors.png\n"
-      "  camber render out/steep_hill --scene samples/steep_hill --view overlay --show "
+      "  camber render out/steep_hill --view overlay --show "
       "grade,ellipses --out overlay.png\n"
-      "  camber render out/steep_hill --scene samples/steep_hill --view overlay --frames all "
-      "--sheet "
+      "  camber render out/steep_hill --view overlay --frames all --sheet "
       "--out sheet.png\n"
-      "  camber render out/joint --beside out/coplanar out/flat --scene samples/steep_hill --out "
-      "methods.png\n"
+      "  camber render out/joint --beside out/coplanar out/flat --out methods.png\n"
       "  camber render out/steep_hill --view oblique --turntable 120 --rate 24 --out around.mp4\n"
       "  camber render out/steep_hill --show links,normals --transparent --out graph.png\n"
       "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
@@ -504,8 +522,8 @@ void register_render(App& root) {
       ->required();
   a.view = "both";
   app.add_option("--view", a.view,
-                 "both (oblique over side), oblique, side, driver (needs --scene), bev, overlay "
-                 "(the frame's image, needs --scene), timings (of the stages of the run)")
+                 "both (oblique over side), oblique, side, driver (needs a scene), bev, overlay "
+                 "(the frame's image, needs a scene), timings (of the stages of the run)")
       ->check(is_member({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
       ->capture_default_str();
   app.add_option("--camera", a.camera,
@@ -564,7 +582,9 @@ void register_render(App& root) {
                "3D views: a picture with an alpha channel instead of a white ground");
   app.add_option("--upscale", a.upscale, "overlay: the image is enlarged so many times")
       ->capture_default_str();
-  app.add_option("--scene", a.scene, "manifest of the run: adds the camera and the truth, in red");
+  app.add_option("--scene", a.scene,
+                 "manifest of the run: adds the camera and the truth, in red; default: the one "
+                 "that the run read, if it is still there");
   app.add_option("--truth", a.truth,
                  "dense ground truth to draw, in grey: a cloud in the input's frame, or the word "
                  "scene for that of --scene");

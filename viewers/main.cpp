@@ -27,27 +27,16 @@ extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
 namespace camber {
 namespace {
 
-/// The manifest that the run read its images from, if it is still there; else empty.
-fs::path scene_of_run(const LoadedResult& result) {
-  if (!result.run) return {};
-  for (const auto& [input, hash] : result.run->input_hashes) {
-    for (fs::path folder = fs::path(input).parent_path(); !folder.empty();
-         folder = folder.parent_path()) {
-      std::error_code error;
-      if (fs::exists(folder / "scene.json", error)) return folder / "scene.json";
-      if (folder == folder.parent_path()) break;
-    }
-  }
-  return {};
-}
-
 LoadedResult load(const ViewArguments& a) {
   const LogSink warn = [](const std::string& sentence) {
     std::fprintf(stderr, "camber: warning: %s\n", sentence.c_str());
   };
   LoadedResult result = load_result(a.input);
-  const fs::path scene = a.scene.empty() ? scene_of_run(result) : fs::path(a.scene);
-  if (!scene.empty()) result.scene = read_scene(scene, warn);
+  if (!a.scene.empty()) {
+    result.scene = read_scene(a.scene, warn);
+  } else if (const std::string missing = result.load_scene_of_run(warn); !missing.empty()) {
+    warn(a.input + ": " + missing + "; --scene names it");
+  }
   if (a.truth == "scene") {
     result.load_scene_truth_cloud();
   } else if (!a.truth.empty()) {

@@ -154,6 +154,46 @@ TEST_F(Render, SaysWhatIsWrongWithScenesAndTruth) {
   expect_failure({"render", path("cloud.xyz"), "--out", path("taken.png")}, 3, "taken.png");
 }
 
+TEST_F(Render, ReadsTheSceneThatTheRunNames) {
+  namespace fs = std::filesystem;
+  const fs::path scene = folder_path() / "scene";
+  fs::copy(test::source_dir() / "samples" / "steep_hill", scene, fs::copy_options::recursive);
+  // From another folder than the one that the path is meant in.
+  const std::string relative = fs::relative(scene, fs::current_path()).string();
+  const auto made = run_camber({"reconstruct", relative, "--frames", "0,1", "--no-pictures",
+                                "--quiet", "--out", path("result")});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  const nlohmann::json run =
+      nlohmann::json::parse(test::read_bytes(folder_path() / "result" / "run.json"));
+  EXPECT_TRUE(fs::path(run["scene"].get<std::string>()).is_absolute()) << run["scene"];
+  EXPECT_TRUE(fs::equivalent(run["scene"].get<std::string>(), scene));
+  const auto overlay = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"render",  path("result"), "--view",
+                                          "overlay", "--out",        path(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  const auto named = run_camber(overlay("named.png", {"--scene", scene.string()}));
+  ASSERT_EQ(named.exit_code, 0) << named.error;
+  const auto by_run = run_camber(overlay("by_run.png", {}));
+  ASSERT_EQ(by_run.exit_code, 0) << by_run.error;
+  EXPECT_EQ(by_run.error, "");
+  auto files = snapshot(folder_path());
+  EXPECT_TRUE(files["named.png"] == files["by_run.png"]);
+
+  // No longer there: what needs it fails with one sentence, the rest is drawn with a warning.
+  fs::rename(scene, folder_path() / "moved");
+  expect_failure(overlay("x.png", {}), 2, "no longer at " + run["scene"].get<std::string>());
+  expect_failure({"render", path("result"), "--view", "driver", "--out", path("x.png")}, 2,
+                 "no longer at");
+  const auto without = run_camber(
+      {"render", path("result"), "--view", "bev", "--size", "320x240", "--out", path("bev.png")});
+  EXPECT_EQ(without.exit_code, 0) << without.error;
+  EXPECT_THAT(without.error, ::testing::StartsWith("camber: warning: "));
+  EXPECT_THAT(without.error, ::testing::HasSubstr("no longer at"));
+  EXPECT_EQ(run_camber(overlay("again.png", {"--scene", path("moved")})).exit_code, 0);
+}
+
 TEST_F(Render, SaysWhatIsWrongAndLeavesNothing) {
   expect_failure({"render", path("none.ply"), "--out", path("x.png")}, 2, "no such file");
   expect_failure({"render", path("nan.xyz"), "--out", path("x.png")}, 1,

@@ -42,6 +42,16 @@ void LoadedResult::load_scene_truth_cloud(const ReadOptions& options) {
   truth_cloud = read_cloud_file(truth.cloud, options).cloud;
 }
 
+std::string LoadedResult::load_scene_of_run(const LogSink& warn) {
+  if (!run || run->scene.empty()) return {};
+  std::error_code error;
+  if (!std::filesystem::exists(run->scene, error)) {
+    return "the scene of this run is no longer at " + run->scene;
+  }
+  scene = read_scene(run->scene, warn);
+  return {};
+}
+
 PictureContent LoadedResult::content() const {
   PictureContent content;
   if (cloud) content.cloud = &*cloud;

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/render/pictures.h"
@@ -28,6 +29,11 @@ struct LoadedResult {
   /// @throws NoAnswerError where the scene has no truth cloud, or no pose that joins it;
   /// InputError.
   void load_scene_truth_cloud(const ReadOptions& options = {});
+
+  /// Reads the scene that the run names (`scene` of run.json), where it names one.
+  /// @return  empty, or why there is none: the path that is no longer there.
+  /// @throws InputError where it is there and is no manifest.
+  std::string load_scene_of_run(const LogSink& warn = {});
 
   /// Pointers into this object, which must outlive them; the reference frame is shown.
   PictureContent content() const;

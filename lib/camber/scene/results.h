@@ -45,7 +45,7 @@ struct RunDocument {
   double scale_sigma = 0.0;  ///< relative standard deviation
   Status scale_status = Status::kNotRun;
   std::string scale_reason;
-  std::string scene;  ///< path of the scene, empty: from memory
+  std::string scene;  ///< absolute path of the scene, empty: from memory
   struct Warning {
     std::string code, text;
   };
