@@ -1,13 +1,21 @@
 // camber import kitti|synthia-sf: native data sets to scene manifests.
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
 #include "camber/scene/import_kitti.h"
 #include "camber/scene/import_synthia.h"
 #include "command.h"
 
 namespace fs = std::filesystem;
+using nlohmann::json;
 
 namespace camber::tools {
 namespace {
@@ -47,12 +55,86 @@ class NewFolder {
   bool kept_ = false;
 };
 
+/// What an import found, to be said in one line.
+struct Found {
+  std::size_t frames = 0, detections = 0, truth_vehicles = 0, truth_poses = 0, truth_depth = 0;
+  bool truth_cloud = false;
+};
+
+Found found_in(const Scene& scene) {
+  Found out;
+  out.frames = scene.frames.size();
+  for (const SceneFrame& frame : scene.frames) out.detections += frame.vehicles.size();
+  if (!scene.truth) return out;
+  for (const TruthFrame& frame : scene.truth->frames) {
+    out.truth_vehicles += frame.vehicles.size();
+    out.truth_poses += frame.world_from_camera ? 1 : 0;
+    out.truth_depth += frame.depth.empty() ? 0 : 1;
+  }
+  out.truth_cloud = !scene.truth->cloud.empty();
+  return out;
+}
+
+/// "1 frame", "2 frames".
+std::string counted(std::size_t count, const std::string& one) {
+  return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
+}
+
+std::string describe(const Scene& scene, const Found& found) {
+  std::string out = counted(found.frames, "frame");
+  if (found.frames > 1) {
+    out += fmt::format(" ({} to {})", scene.frames.front().id, scene.frames.back().id);
+  }
+  out += ", " + counted(found.detections, "detection");
+  if (found.detections > 0 && !scene.detections_source.empty()) {
+    out += " (" + scene.detections_source + ")";
+  }
+  std::vector<std::string> truth;
+  const auto add = [&](std::size_t count, const char* one) {
+    if (count > 0) truth.push_back(counted(count, one));
+  };
+  add(found.truth_vehicles, "vehicle");
+  add(found.truth_poses, "pose");
+  add(found.truth_depth, "depth image");
+  if (found.truth_cloud) truth.emplace_back("a cloud");
+  return out + "; truth: " + (truth.empty() ? "none" : fmt::format("{}", fmt::join(truth, ", ")));
+}
+
+/// One line on stderr unless --quiet; with --json the same as JSON on stdout.
+void report(const Command& command, const Scene& scene, const fs::path& manifest, json options,
+            bool as_json, const Timings& timings) {
+  const Found found = found_in(scene);
+  if (!command.common.quiet) {
+    fmt::print(stderr, "camber: {}: {}\n", manifest.string(), describe(scene, found));
+  }
+  if (!as_json) return;
+  json ids = json::array();
+  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
+  json out = {{"version", kVersion},
+              {"seed", command.common.seed},
+              {"options", std::move(options)},
+              {"scene", manifest.string()},
+              {"name", scene.name},
+              {"frames", std::move(ids)},
+              {"detections", found.detections},
+              {"detections_source", scene.detections_source},
+              {"truth",
+               {{"vehicles", found.truth_vehicles},
+                {"poses", found.truth_poses},
+                {"depth", found.truth_depth},
+                {"cloud", found.truth_cloud}}}};
+  out["timings_ms"] = json::object();
+  for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
+  fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
+}
+
 struct KittiArguments {
   KittiImportOptions options;
   std::string images, labels, poses, velodyne, detections, out;
   std::vector<std::string> calibration;
   int camera = -1;
   int reference_frame = -1;
+  bool json = false;
 };
 
 void register_kitti(App& import) {
@@ -100,6 +182,7 @@ void register_kitti(App& import) {
       ->capture_default_str();
   app.add_option("--name", a.options.name, "name of the scene; default: the clip's folder");
   app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_flag("--json", a.json, "print what was found as JSON to stdout");
   command->run = [arguments, command]() {
     KittiArguments& given = *arguments;
     KittiImportOptions& options = given.options;
@@ -114,8 +197,22 @@ void register_kitti(App& import) {
     options.validate();
     const fs::path manifest = manifest_of(given.out);
     NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
-    import_kitti_to(options, manifest, make_warning_sink(command->common));
+    Timings timings;
+    StageTimer timer(timings, "import");
+    const Scene scene = import_kitti_to(options, manifest, make_warning_sink(command->common));
+    timer.stop();
     folder.keep();
+    report(*command, scene, manifest,
+           {{"images", given.images},
+            {"calib", given.calibration},
+            {"labels", given.labels},
+            {"poses", given.poses},
+            {"velodyne", given.velodyne},
+            {"detections", given.detections},
+            {"detections_from_labels", options.detections_from_labels},
+            {"camera_height", options.camera_height},
+            {"classes", options.classes}},
+           given.json, timings);
     return 0;
   };
 }
@@ -126,6 +223,7 @@ struct SynthiaSfArguments {
   double camera_height = 0.0;
   double frame_rate = 0.0;
   int reference_frame = -1;
+  bool json = false;
 };
 
 void register_synthia_sf(App& import) {
@@ -159,6 +257,7 @@ void register_synthia_sf(App& import) {
       ->capture_default_str();
   app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder");
   app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_flag("--json", a.json, "print what was found as JSON to stdout");
   command->run = [arguments, command]() {
     SynthiaSfArguments& given = *arguments;
     SynthiaSfImportOptions& options = given.options;
@@ -170,8 +269,18 @@ void register_synthia_sf(App& import) {
     options.validate();
     const fs::path manifest = manifest_of(given.out);
     NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
-    import_synthia_sf_to(options, manifest, make_warning_sink(command->common));
+    Timings timings;
+    StageTimer timer(timings, "import");
+    const Scene scene = import_synthia_sf_to(options, manifest, make_warning_sink(command->common));
+    timer.stop();
     folder.keep();
+    report(*command, scene, manifest,
+           {{"sequence", given.sequence},
+            {"detections", given.detections},
+            {"segmentation_from_labels", options.segmentation_from_labels},
+            {"camera_height", given.camera_height > 0.0 ? json(given.camera_height) : json()},
+            {"classes", options.classes}},
+           given.json, timings);
     return 0;
   };
 }

@@ -32,6 +32,40 @@ std::string cell(double value, int digits) {
   return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : std::string();
 }
 
+std::size_t covered_stations(const std::vector<ProfilePoint>& profile) {
+  return static_cast<std::size_t>(
+      std::count_if(profile.begin(), profile.end(),
+                    [](const ProfilePoint& point) { return point.status != Status::kFailed; }));
+}
+
+/// The whole result but for its timings.
+json profile_json(const Command& command, const RoadSurface& surface,
+                  const std::vector<ProfilePoint>& profile, const ProfileOptions& options) {
+  json stations = json::array();
+  for (const ProfilePoint& p : profile) {
+    stations.push_back({{"station", p.station},
+                        {"status", to_string(p.status)},
+                        {"reason", p.reason},
+                        {"patch", p.patch},
+                        {"point", {p.point.x(), p.point.y(), p.point.z()}},
+                        {"height", number(p.height)},
+                        {"grade_percent", percent(p.grade)},
+                        {"cross_slope_percent", percent(p.cross_slope)},
+                        {"vertical_radius", number(p.vertical_radius)},
+                        {"sigma_height", number(p.sigma_height)},
+                        {"sigma_grade_percent", percent(p.sigma_grade)},
+                        {"sigma_cross_slope_percent", percent(p.sigma_cross_slope)}});
+  }
+  return {
+      {"version", kVersion},
+      {"seed", command.common.seed},
+      {"options", {{"step", options.step}, {"length", options.length}, {"reach", options.reach}}},
+      {"frame", surface.frame},
+      {"metric", surface.metric},
+      {"covered_stations", covered_stations(profile)},
+      {"stations", std::move(stations)}};
+}
+
 }  // namespace
 
 void register_profile(App& root) {
@@ -39,10 +73,12 @@ void register_profile(App& root) {
       add_command(root, "profile", "Height, grade and cross slope along a road",
                   "  camber profile results --out profile.csv\n"
                   "  camber profile results --plot profile.png\n"
+                  "  camber profile results --json > profile.json\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json");
   struct Arguments {
     std::string surface, out, plot, line;
     ProfileOptions options;
+    bool json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
   App& app = *command->app;
@@ -61,6 +97,7 @@ void register_profile(App& root) {
   app.add_option("--reach", arguments->options.reach,
                  "metres that a station may lie beyond a patch's boundary")
       ->capture_default_str();
+  app.add_flag("--json", arguments->json, "print the stations as JSON to stdout");
 
   command->run = [command, arguments] {
     const ProfileOptions& options = arguments->options;
@@ -69,8 +106,8 @@ void register_profile(App& root) {
     const std::string extension = out_path.extension().string();
     const fs::path plot_path = arguments->plot;
     const std::string plot_kind = plot_path.extension().string();
-    if (arguments->out.empty() && arguments->plot.empty()) {
-      throw UsageError("found neither --out nor --plot, expected one of them");
+    if (arguments->out.empty() && arguments->plot.empty() && !arguments->json) {
+      throw UsageError("found neither --out, --plot nor --json, expected one of them");
     }
     if (!arguments->plot.empty() && plot_kind != ".png" && plot_kind != ".svg") {
       throw UsageError("--plot: found '" + arguments->plot + "', expected FILE.png or FILE.svg");
@@ -101,8 +138,7 @@ void register_profile(App& root) {
     StageTimer compute(timings, "compute");
     const std::vector<ProfilePoint> profile = road_profile(surface, line, options);
     compute.stop();
-    std::size_t covered = 0;
-    for (const ProfilePoint& point : profile) covered += point.status != Status::kFailed ? 1 : 0;
+    const std::size_t covered = covered_stations(profile);
     if (covered == 0) {
       throw NoAnswerError(fmt::format("{}: none of the line's {} stations is covered",
                                       surface_path.string(), profile.size()));
@@ -142,34 +178,17 @@ void register_profile(App& root) {
       }
       write_file_atomically(files.stage(out_path), text);
     } else if (extension == ".json") {
-      json stations = json::array();
-      for (const ProfilePoint& p : profile) {
-        stations.push_back({{"station", p.station},
-                            {"status", to_string(p.status)},
-                            {"reason", p.reason},
-                            {"patch", p.patch},
-                            {"point", {p.point.x(), p.point.y(), p.point.z()}},
-                            {"height", number(p.height)},
-                            {"grade_percent", percent(p.grade)},
-                            {"cross_slope_percent", percent(p.cross_slope)},
-                            {"vertical_radius", number(p.vertical_radius)},
-                            {"sigma_height", number(p.sigma_height)},
-                            {"sigma_grade_percent", percent(p.sigma_grade)},
-                            {"sigma_cross_slope_percent", percent(p.sigma_cross_slope)}});
-      }
-      json out = {{"version", kVersion},
-                  {"seed", command->common.seed},
-                  {"options",
-                   {{"step", options.step}, {"length", options.length}, {"reach", options.reach}}},
-                  {"frame", surface.frame},
-                  {"metric", surface.metric},
-                  {"covered_stations", covered},
-                  {"stations", std::move(stations)}};
+      json out = profile_json(*command, surface, profile, options);
       out["timings_ms"] = cloud_timings(timings);
       write_json(out, files.stage(out_path));
     }
     files.commit();
     write.stop();
+    if (arguments->json) {
+      json out = profile_json(*command, surface, profile, options);
+      out["timings_ms"] = cloud_timings(timings);
+      fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
+    }
     if (!command->common.quiet && covered < profile.size()) {
       make_warning_sink(command->common)(fmt::format("{} of {} stations are not covered",
                                                      profile.size() - covered, profile.size()));

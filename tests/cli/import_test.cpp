@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "camber/scene/scene.h"
 #include "cli/run_program.h"
 #include "scene/write_image.h"
@@ -75,12 +77,14 @@ class ImportKitti : public ::testing::Test {
   test::TemporaryFolder folder_;
 };
 
-TEST_F(ImportKitti, WritesAManifestAndSaysNothing) {
+TEST_F(ImportKitti, WritesAManifestAndSaysWhatItFound) {
   const auto result = import({"--labels", path("labels.txt"), "--detections-from-labels", "--poses",
                               path("poses.txt"), "--frames", "0:2:2", "--camera-height", "1.7"});
   EXPECT_EQ(result.exit_code, 0) << result.error;
   EXPECT_EQ(result.out, "");
-  EXPECT_EQ(result.error, "");
+  EXPECT_EQ(result.error, "camber: " + path("out/scene.json") +
+                              ": 2 frames (0 to 2), 1 detection (truth_boxes); truth: 1 vehicle, 2 "
+                              "poses\n");
   const Scene scene = read_scene(path("out/scene.json"));
   EXPECT_EQ(scene.frames.size(), 2u);
   EXPECT_EQ(scene.detections_source, "truth_boxes");
@@ -94,6 +98,45 @@ TEST_F(ImportKitti, WritesAManifestAndSaysNothing) {
                 .exit_code,
             0);
   EXPECT_TRUE(fs::exists(path("new/deep/scene.json")));
+}
+
+TEST_F(ImportKitti, SaysWhatItFoundAsJson) {
+  const auto run = import({"--labels", path("labels.txt"), "--json", "--quiet"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_EQ(run.error, "");
+  const nlohmann::json found = nlohmann::json::parse(run.out);
+  for (const char* key : {"version", "seed", "options", "timings_ms"}) {
+    EXPECT_TRUE(found.contains(key)) << key;
+  }
+  EXPECT_EQ(found["scene"], path("out/scene.json"));
+  EXPECT_EQ(found["frames"], (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(found["detections"], 0);
+  EXPECT_EQ(found["truth"],
+            nlohmann::json({{"vehicles", 1}, {"poses", 0}, {"depth", 0}, {"cloud", false}}));
+  EXPECT_EQ(found["options"]["labels"], path("labels.txt"));
+  const auto plain = import({});
+  EXPECT_THAT(plain.error, ::testing::EndsWith(": 3 frames (0 to 2), 0 detections; truth: none\n"));
+}
+
+TEST(ImportSynthiaSf, SaysWhatItFound) {
+  const test::TemporaryFolder folder;
+  for (const char* kind : {"RGBLeft", "DepthLeft"}) {
+    fs::create_directories(folder.path() / "SEQ1" / kind);
+    for (const char* name : {"0000003.png", "0000004.png"}) {
+      write_png(folder.path() / "SEQ1" / kind / name, 64, 36, 2, 8, picture(64, 36, 3));
+    }
+  }
+  const std::string manifest = folder.path() / "out" / "scene.json";
+  const auto run = run_camber({"import", "synthia-sf", "--sequence",
+                               (folder.path() / "SEQ1").string(), "--out", manifest, "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_EQ(run.error,
+            "camber: " + manifest + ": 2 frames (3 to 4), 0 detections; truth: 2 depth images\n");
+  const nlohmann::json found = nlohmann::json::parse(run.out);
+  EXPECT_EQ(found["name"], "SEQ1");
+  EXPECT_EQ(found["frames"], (std::vector<int>{3, 4}));
+  EXPECT_EQ(found["truth"]["depth"], 2);
+  EXPECT_TRUE(found["options"]["camera_height"].is_null());
 }
 
 TEST_F(ImportKitti, PathsBelowTheManifestAreRelative) {

@@ -312,6 +312,14 @@ TEST_F(RoadClouds, ProfileAlongALine) {
   EXPECT_TRUE(stations.back()["height"].is_null());
   EXPECT_TRUE(stations.back()["grade_percent"].is_null());
   // The same in the table.
+  // The same on stdout, without a file.
+  const auto printed =
+      run_camber({"profile", path("out"), "--along", path("axis.csv"), "--json", "--quiet"});
+  ASSERT_EQ(printed.exit_code, 0) << printed.error;
+  const json on_stdout = json::parse(printed.out);
+  expect_common_keys(on_stdout);
+  EXPECT_EQ(on_stdout["stations"], stations);
+  EXPECT_EQ(on_stdout["covered_stations"], profile["covered_stations"]);
   std::ifstream csv(path("profile.csv"));
   std::string line, last;
   std::size_t rows = 0;
