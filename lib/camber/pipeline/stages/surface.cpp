@@ -54,20 +54,24 @@ std::optional<Eigen::Vector3d> meet_ground(const RoadPosterior& road, const Pinh
 }
 
 /// What the masks show most of inside a box: road or pavement.
-PatchKind kind_of(const LoadedFrames& frames, const Box2& box) {
+/// @param hidden  the answer where they show ground in less than half of it.
+PatchKind kind_of(const LoadedFrames& frames, const Box2& box,
+                  std::optional<PatchKind> hidden = std::nullopt) {
   if (!frames.has_masks()) return PatchKind::kRoad;
   const FrameMasks& masks = frames.reference_masks();
   const int width = frames.camera.width;
   const Box2 in = box.clipped(width, frames.camera.height);
-  long road = 0, pavement = 0;
+  long road = 0, pavement = 0, all = 0;
   for (int v = static_cast<int>(in.y1); v <= static_cast<int>(in.y2); ++v) {
     for (int u = static_cast<int>(in.x1); u <= static_cast<int>(in.x2); ++u) {
       const std::size_t p = static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
                             static_cast<std::size_t>(u);
+      ++all;
       road += masks.roadway[p] != 0;
       pavement += masks.ground[p] != 0 && masks.roadway[p] == 0;
     }
   }
+  if (hidden && 2 * (road + pavement) < all) return *hidden;
   return pavement > road ? PatchKind::kPavement : PatchKind::kRoad;
 }
 
@@ -133,7 +137,8 @@ std::vector<PatchFootprint> road_ahead(const LoadedFrames& frames, const MotionE
     const double end_depth = farthest_seen(road, patch.contact.x(), row);
     const double beyond = end_depth > 0 ? end_depth - fit.plane.centroid.z() : 0.0;
     patch.ahead = std::clamp(beyond, 0.5, 0.5 * options.patch_length);
-    patch.kind = kind_of(frames, patch.around);
+    // Behind a car ahead only its sides are seen: the road goes on as it was.
+    patch.kind = kind_of(frames, patch.around, patch.kind);
     patch.inliers = static_cast<int>(std::lround(fit.support));
     patch.unobserved = fit.support < 0.5 ? "hardly any road point is seen there" : "";
     out.push_back(patch);
