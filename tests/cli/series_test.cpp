@@ -7,6 +7,7 @@
 
 #include "camber/image/image_io.h"
 #include "cli/run_program.h"
+#include "scene/write_image.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -63,6 +64,12 @@ TEST(RenderSeries, FramesToFilesSheetsAndFilms) {
   ASSERT_EQ(run.exit_code, 0) << run.error;
   EXPECT_EQ(read_color_image(path("beside.png")).width, 900);
 
+  // The same result of a scene from memory: it names no scene.
+  fs::copy(path("result"), path("unnamed"), fs::copy_options::recursive);
+  nlohmann::json document = nlohmann::json::parse(test::read_bytes(path("unnamed/run.json")));
+  document["scene"] = "";
+  test::write_bytes(path("unnamed/run.json"), document.dump());
+
   const auto before = snapshot(folder.path());
   const std::vector<std::pair<std::vector<std::string>, const char*>> misuses = {
       {{"--frames", "all", "--out", path("x.gif")}, ".mp4 or .avi"},
@@ -84,7 +91,7 @@ TEST(RenderSeries, FramesToFilesSheetsAndFilms) {
                         "none/x");
   }
   // A picture that fails in the middle leaves no part of a film.
-  EXPECT_ONE_SENTENCE(run_camber({"render", path("result"), "--view", "driver", "--frames", "0",
+  EXPECT_ONE_SENTENCE(run_camber({"render", path("unnamed"), "--view", "driver", "--frames", "0",
                                   "--out", path("x.avi")}),
                       1, "driver");
   EXPECT_ONE_SENTENCE(
