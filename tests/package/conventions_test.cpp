@@ -278,7 +278,6 @@ TEST(Documentation, LinksToFilesThatExist) {
     EXPECT_NE(text, "") << page;
     for (std::sregex_iterator at(text.begin(), text.end(), link), end; at != end; ++at) {
       const fs::path target = page.parent_path() / (*at)[1].str();
-      if (target.filename() == "BENCHMARK.md") continue;  // made by tests/run.sh --benchmarks
       EXPECT_TRUE(fs::exists(target)) << page << ": " << (*at)[1];
     }
   }

@@ -70,6 +70,9 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
   FusedRoad fused = fuse(scaled.road, constraints);
   FinalRoad out{
       std::move(fused.road), std::move(fused.reports), {}, {}, vehicles.ground.covariance};
+  if (scaled.contradiction_variance > 0.0) {
+    out.road = out.road.with_wider_scale(scaled.contradiction_variance);
+  }
   for (const std::string& text : scaled.contradictions) {
     out.warnings.push_back({"scale_contradicted", text});
   }

@@ -166,6 +166,8 @@ void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d
                           const RoadPosterior& prior, const std::vector<Constraint>& constraints,
                           const ScaleNoise& noise, ScaledRoad* scaled) {
   double variance = 0.0;
+  const double fused_change =
+      std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintReport& report = scaled->reports[i];
     if (constraints[i].size() == 0) continue;
@@ -173,14 +175,15 @@ void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d
     const double share =
         std::clamp((report.residual_sigma - 2.0) / (constraints[i].gate - 2.0), 0.0, 1.0);
     if (!(share > 0.0)) continue;
-    const auto implied =
-        implied_log_scale(scaled->road, scaled->road.relinearised(constraints[i], prior));
+    // Alone, not after the ground has given way to all sources.
+    const auto implied = implied_log_scale(prior, constraints[i]);
     if (!implied) continue;
-    variance = std::max(variance, share * implied->mean * implied->mean);
+    const double off = implied->mean - fused_change;
+    variance = std::max(variance, share * off * off);
     if (report.accepted) continue;
     scaled->contradictions.push_back(fmt::format("{} ({}): {}, a scale {:+.0f} % off", report.name,
                                                  report.source, report.reason,
-                                                 100.0 * std::expm1(implied->mean)));
+                                                 100.0 * std::expm1(off)));
   }
   const double aside = std::atan2(travel.x(), travel.z());
   if (std::abs(aside) > noise.most_aside) {
@@ -202,7 +205,7 @@ void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d
     variance = std::max(variance, noise.contradicted_scale * noise.contradicted_scale);
     scaled->contradictions.push_back("lane_markings: " + scaled->markings.reason);
   }
-  if (variance > 0.0) scaled->road = scaled->road.with_wider_scale(variance);
+  scaled->contradiction_variance = variance;
 }
 
 bool accepted(const std::vector<ConstraintReport>& reports, const std::string& name) {
@@ -272,7 +275,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     set_reason("road_width", width.reason, &fused.reports);
     const double scale_change = std::log(fused.road.metres_per_baseline() / start);
     ScaledRoad out{
-        std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
+        std::move(fused.road), metric,      std::move(fused.reports), {}, 0.0, std::move(markings),
         std::move(width),      scale_change};
     if (metric) admit_contradictions(ground, travel, prior, constraints, options.noise, &out);
     return out;

@@ -17,9 +17,11 @@ struct ScaledRoad {
   RoadPosterior road;
   bool metric = true;  ///< false: lengths are in nominal camera heights
   std::vector<ConstraintReport> reports;
-  /// Sources that contradict each other or the result, a sentence each; the scale's standard
-  /// deviation covers what they differ by.
+  /// Sources that contradict each other or the result, a sentence each.
   std::vector<std::string> contradictions;
+  /// Of the logarithm of the scale, by what sources differ; not in `road`, since vehicles would take
+  /// the place of the sources that disagree.
+  double contradiction_variance = 0.0;
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
   double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
