@@ -32,7 +32,7 @@ void print_help() {
       "  -h,--help                   Print this help message and exit\n"
       "  --version                   Display program version information and exit\n\n"
       "Subcommands:\n%s\n"
-      "camber COMMAND --help tells all about one.\n",
+      "camber COMMAND --help shows the options of one.\n",
       list_of_verbs().c_str());
 }
 

@@ -16,7 +16,7 @@ inline constexpr Verb kVerbs[] = {
     {"vehicles", "frames", "vehicles alone, from a scene's detections, keypoints and planes"},
     {"plane", "clouds", "one plane of a cloud with outliers"},
     {"patches", "clouds", "planar patches of a road cloud and their consistency graph"},
-    {"ground", "clouds", "the ground of a cloud, told from what stands on it"},
+    {"ground", "clouds", "the ground of a cloud, separated from what stands on it"},
     {"profile", "frames", "height, grade and cross slope along a road"},
     {"lift", "clouds", "yaw-only 3D boxes of a detector put on a road surface"},
     {"compare", "frames", "an estimated cloud, mesh or result against dense truth"},

@@ -15,18 +15,12 @@
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
+using camber::test::read_text;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
 namespace {
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 /// One run of a program with one table of two rows and one set of items, as report.h writes it.
 struct MadeRun {

@@ -19,6 +19,7 @@
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
+using camber::test::read_text;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
@@ -29,13 +30,6 @@ struct Outcome {
   int exit_code = -1;
   std::string out, err;
 };
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 /// Runs the program in an empty folder with arguments for the shell.
 Outcome run_camber(const std::string& arguments) {

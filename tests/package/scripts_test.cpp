@@ -13,19 +13,13 @@
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
+using camber::test::read_text;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
 
 namespace {
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 /// A folder of stand-in programs that comes first on PATH; $LOG takes what they note.
 class Scripts : public testing::Test {

@@ -13,6 +13,7 @@
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
+using camber::test::read_text;
 using testing::AllOf;
 using testing::ContainsRegex;
 using testing::Each;
@@ -20,13 +21,6 @@ using testing::HasSubstr;
 using testing::Not;
 
 namespace {
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 /// The shared objects that a run loads from its start to its end, by the dynamic linker's own list.
 std::set<std::string> loaded_by(const std::string& arguments, int expected_exit_code = 0) {

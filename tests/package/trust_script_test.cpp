@@ -15,17 +15,11 @@
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
+using camber::test::read_text;
 using testing::HasSubstr;
 using testing::Not;
 
 namespace {
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 /// `synth`: scenes of five frames at 1.5 m, 0.6 m apart; of number n the images of its folder have
 /// 8 x 4 pixels of grey 100 + n. `reconstruct`: number n is n hundredths off, by a logarithm, plus

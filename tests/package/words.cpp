@@ -5,6 +5,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "support/test_data.h"
+
 namespace fs = std::filesystem;
 
 namespace camber::test {
@@ -26,13 +28,6 @@ std::vector<std::string> split(const std::string& text, char separator) {
   std::string part;
   while (std::getline(in, part, separator)) out.push_back(trimmed(part));
   return out;
-}
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
 }
 
 /// The C++ sources below a folder of the root, as paths relative to the root.

@@ -21,13 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::PictureScene;
+using test::read_text;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 std::string find_browser() {
   for (const char* name :

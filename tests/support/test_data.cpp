@@ -4,6 +4,8 @@
 
 #include <atomic>
 #include <cstdlib>
+#include <fstream>
+#include <iterator>
 #include <string>
 
 namespace fs = std::filesystem;
@@ -15,6 +17,11 @@ fs::path source_dir() { return CAMBER_SOURCE_DIR; }
 fs::path data_dir() {
   if (const char* folder = std::getenv("CAMBER_DATA")) return folder;
   return source_dir().parent_path() / "shared" / "data";
+}
+
+std::string read_text(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 TemporaryFolder::TemporaryFolder() {

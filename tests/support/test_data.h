@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <string>
 
 namespace camber::test {
 
@@ -11,6 +12,9 @@ std::filesystem::path source_dir();
 
 /// The shared real data: $CAMBER_DATA, else ../shared/data beside the checkout; may not exist.
 std::filesystem::path data_dir();
+
+/// A file's bytes; empty where it cannot be read.
+std::string read_text(const std::filesystem::path& path);
 
 /// A fresh empty folder, removed when the object dies.
 class TemporaryFolder {

@@ -24,7 +24,7 @@ int run_verb(int argc, char** argv,
              const std::vector<std::pair<std::string, void (*)(App&)>>& verbs) {
   watch_signals();
   std::signal(SIGPIPE, SIG_IGN);
-  // Ceres tells of trial steps that lead nowhere; what it makes of them is in our statuses.
+  // Ceres logs trial steps that fail; our statuses hold the outcome.
   FLAGS_minloglevel = google::GLOG_FATAL;
 
   App root("", "camber");

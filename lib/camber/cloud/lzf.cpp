@@ -16,14 +16,14 @@ constexpr std::size_t kMost = std::numeric_limits<unsigned int>::max();
 const char* lzf_decompress(const unsigned char* input, std::size_t input_size,
                            unsigned char* output, std::size_t output_size) {
   if (input_size > kMost || output_size > kMost) return "more than 4 GiB of data";
-  if (input_size == 0) return output_size == 0 ? nullptr : "less data than the header says";
+  if (input_size == 0) return output_size == 0 ? nullptr : "less data than the header states";
   errno = 0;
   const std::size_t found =
       ::lzf_decompress(input, static_cast<unsigned int>(input_size), output,
                        static_cast<unsigned int>(output_size));
   if (found == output_size && found > 0) return nullptr;
-  if (found > 0) return "less data than the header says";
-  return errno == E2BIG ? "more data than the header says" : "the data are damaged";
+  if (found > 0) return "less data than the header states";
+  return errno == E2BIG ? "more data than the header states" : "the data are damaged";
 }
 
 std::string lzf_compress(const unsigned char* input, std::size_t size) {

@@ -512,7 +512,7 @@ std::string PlySource::parse_list_line(std::string_view line, const Element& ele
     }
   }
   while (p < end && is_blank(*p)) ++p;
-  if (p != end) return "found more values than the header says";
+  if (p != end) return "found more values than the header states";
   return {};
 }
 

@@ -65,7 +65,7 @@ DepthImage read_disparity_image(const std::filesystem::path& path, const Pinhole
 
 /// An image as the bytes of a PNG file of 8 bits and 1, 3 or 4 channels. The same pixels give the
 /// same bytes. @param level  of zlib's compression, 1 (fast) to 9.
-/// @throws std::invalid_argument for an image that is empty or not as Image says.
+/// @throws std::invalid_argument for an image that is empty or not as Image requires.
 std::string encode_png(const Image& image, int level = 6);
 
 /// 16-bit values, rows from the top, as the bytes of a PNG file of one channel.

@@ -30,7 +30,7 @@ struct MotionOptions {
 /// Motion of one camera over a few images, up to scale: the longest baseline from the reference
 /// has length 1.
 struct MotionEstimate {
-  Status status = Status::kNotRun;  ///< kFailed: reason says why (stationary, no parallax, ...)
+  Status status = Status::kNotRun;  ///< kFailed: see reason (stationary, no parallax, ...)
   std::string reason;
   std::vector<SE3> frame_from_reference;  ///< one an image, identity for the reference
   /// Covariance of (rotation vector applied on the left, rad; translation, baselines) of every

@@ -62,7 +62,7 @@ class DirectEvidence {
 };
 
 struct DirectResult {
-  Status status = Status::kNotRun;  ///< kFailed: reason says why; the field is as it was
+  Status status = Status::kNotRun;  ///< kFailed: see reason; the field is as it was
   std::string reason;
   std::vector<SE3> frame_from_reference;
   Eigen::MatrixXd covariance;  ///< as MotionEstimate::covariance, with what the ground adds

@@ -29,7 +29,7 @@ BoxTilt tilt_of(const Eigen::Matrix3d& camera_from_vehicle);
 struct LiftedBox {
   KittiLabel label;  ///< the row, with the new location (camera 0) and alpha
   BoxTilt tilt;
-  Status status = Status::kNotRun;  ///< kFailed: left as it was, the reason says why
+  Status status = Status::kNotRun;  ///< kFailed: left as it was, see reason
   std::string reason;
   int patch = -1;             ///< id of the patch below
   double depth_factor = 1.0;  ///< new distance over the detector's

@@ -34,7 +34,7 @@ struct PlaneFitOptions {
 };
 
 struct PlaneFit {
-  Status status = Status::kNotRun;  ///< reason says why, unless kOk
+  Status status = Status::kNotRun;  ///< see reason, unless kOk
   std::string reason;
   UncertainPlane plane;         ///< frame of the input cloud, origin included
   std::vector<int> inliers;     ///< ascending indices into the input

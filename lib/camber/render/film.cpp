@@ -114,7 +114,7 @@ void FilmWriter::finish() {
   Impl& film = *impl_;
   if (film.count == 0) throw std::invalid_argument("film: found no picture, expected one");
   film.encoder.reset();
-  // The encoder tells nothing of a full disk.
+  // The encoder does not report a full disk.
   const int found = count_film_pictures(film.temporary, film.count + 1);
   if (found != film.count) {
     throw OutputError(film.path.string(), "the film was not written whole: found " +

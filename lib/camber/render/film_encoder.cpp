@@ -7,7 +7,7 @@
 namespace camber {
 namespace {
 
-/// OpenCV tells of encoders that it lacks on stderr; the callers' sentences are enough.
+/// OpenCV prints the encoders that it lacks on stderr; the callers report what failed.
 class QuietOpenCv {
  public:
   QuietOpenCv() : before_(cv::utils::logging::getLogLevel()) {

@@ -38,7 +38,7 @@ struct RoadSurfaceOptions {
 };
 
 struct RoadSurfaceFit {
-  Status status = Status::kNotRun;  ///< kFailed: no patch; reason says why
+  Status status = Status::kNotRun;  ///< kFailed: no patch; see reason
   std::string reason;
   RoadSurface surface;      ///< in the cloud's true coordinates, origin included
   std::vector<int> labels;  ///< patch id of each point of the cloud, -1: none

@@ -30,7 +30,7 @@ struct GrowRoadOptions {
 };
 
 struct GrownRoad {
-  Status status = Status::kNotRun;  ///< kFailed: no ego patch; reason says why
+  Status status = Status::kNotRun;  ///< kFailed: no ego patch; see reason
   std::string reason;
   Plane ego;                         ///< the seed's plane, camera frame, unit of the input
   std::vector<std::uint8_t> ground;  ///< one a grid point; non-zero: road

@@ -43,7 +43,7 @@ struct PatchLink {
 
 /// Answer of a surface query at one place.
 struct SurfaceQuery {
-  Status status = Status::kNotRun;  ///< kFailed: not covered (reason says so)
+  Status status = Status::kNotRun;  ///< kFailed: not covered (see reason)
   std::string reason;
   int patch = -1;                                   ///< id of the answering patch
   UncertainPlane plane;                             ///< the patch's plane

@@ -56,7 +56,7 @@ struct EgoPlaneOptions {
 
 /// The road's tangent plane under the camera.
 struct EgoPlane {
-  Status status = Status::kNotRun;  ///< reason says why, unless kOk
+  Status status = Status::kNotRun;  ///< see reason, unless kOk
   std::string reason;
   UncertainPlane plane;            ///< unit of the points; centroid: the foot under the camera
   double height = 0.0;             ///< of the camera above the plane, unit of the points

@@ -317,14 +317,13 @@ LaneMarkingConstraint lane_marking_constraint(const RoadPosterior& road,
       out.farthest = std::max(out.farthest, lengths.point(solution, i).norm());
     }
   }
-  const GroundAtPixels& ground = lengths.ground();
-  const LinearisedLengths at_solution = lengths.linearise(solution, accepted);
-  out.misfit_before =
-      detail::mean_squared_innovation(lengths.linearise(ground.mean, accepted), ground.covariance);
-  out.misfit_after = detail::mean_squared_residual(at_solution);
-  const std::string name = out.constraint.name;
-  out.constraint = detail::constraint_at(ground, at_solution, solution);
-  out.constraint.name = name;
+  detail::SolvedLengths at_solution = detail::solved(
+      lengths.ground(), [&](const Eigen::VectorXd& x) { return lengths.linearise(x, accepted); },
+      solution);
+  at_solution.constraint.name = out.constraint.name;
+  out.constraint = std::move(at_solution.constraint);
+  out.misfit_before = at_solution.misfit_before;
+  out.misfit_after = at_solution.misfit_after;
   out.constraint.source =
       fmt::format("{} dashes, {} crossings to {:.0f} m", out.dashes, out.crossings, out.farthest);
   return out;

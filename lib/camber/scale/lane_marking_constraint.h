@@ -11,7 +11,7 @@ namespace camber {
 
 /// What painted markings of known size measure of a road.
 struct LaneMarkingConstraint {
-  Constraint constraint;  ///< "lane_markings"; empty: nothing is measured, reason says why
+  Constraint constraint;  ///< "lane_markings"; empty: nothing is measured, see reason
   std::string reason;
   bool contradicts = false;  ///< markings were found, and the ground lets expect other sizes
   int dashes = 0;            ///< strokes that take part

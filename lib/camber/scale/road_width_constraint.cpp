@@ -335,14 +335,13 @@ RoadWidthConstraint road_width_constraint(const RoadPosterior& road, const Pinho
   out.places = static_cast<int>(accepted.size()) + 1;
   out.width = widths.width(solution, accepted.front().near);
   out.farthest = places[accepted.back().far].distance;
-  const GroundAtPixels& ground = widths.ground();
-  const LinearisedLengths at_solution = widths.linearise(solution, accepted);
-  out.misfit_before =
-      detail::mean_squared_innovation(widths.linearise(ground.mean, accepted), ground.covariance);
-  out.misfit_after = detail::mean_squared_residual(at_solution);
-  const std::string name = out.constraint.name;
-  out.constraint = detail::constraint_at(ground, at_solution, solution);
-  out.constraint.name = name;
+  detail::SolvedLengths at_solution = detail::solved(
+      widths.ground(), [&](const Eigen::VectorXd& x) { return widths.linearise(x, accepted); },
+      solution);
+  at_solution.constraint.name = out.constraint.name;
+  out.constraint = std::move(at_solution.constraint);
+  out.misfit_before = at_solution.misfit_before;
+  out.misfit_after = at_solution.misfit_after;
   out.constraint.source = fmt::format("width of {:.1f} m at {} places to {:.0f} m", out.width,
                                       out.places, out.farthest);
   return out;

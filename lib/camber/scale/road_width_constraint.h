@@ -11,7 +11,7 @@ namespace camber {
 
 /// What the nearly constant width of the road measures of it.
 struct RoadWidthConstraint {
-  Constraint constraint;  ///< "road_width"; empty: nothing is measured, reason says why
+  Constraint constraint;  ///< "road_width"; empty: nothing is measured, see reason
   std::string reason;
   int places = 0;         ///< along the road, at which its width takes part
   int rejected = 0;       ///< places whose width is another

@@ -58,7 +58,7 @@ struct TrackMessage {
   TrackView lead;                ///< the view that is known best
   std::vector<TrackView> views;  ///< that were solved together, the lead among them
   /// About the lead detection's support plane as it was handed in, without the priors of the planes
-  /// under the track and of the scale; information 0: none (`reason` says why).
+  /// under the track and of the scale; information 0: none (see `reason`).
   GroundMessage message;
   /// Distance from what the shared ground and the other tracks' messages leave open, in standard
   /// deviations (root of a squared Mahalanobis distance of up to 4 degrees of freedom).

@@ -56,9 +56,9 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
     final_road->road = final_road->road.with_wider_scale(share * change * change);
   }
   if (!agrees) {
-    report.reason =
-        fmt::format("their sizes give a scale {:+.0f} % off, {:.1f} standard deviations",
-                    100.0 * std::expm1(change), sigmas);
+    report.reason = fmt::format(
+        "by their sizes everything is {:.0f} % {}, {:.1f} standard deviations",
+        100.0 * std::abs(std::expm1(change)), change > 0.0 ? "larger" : "smaller", sigmas);
     contradict(sizes.source + ": " + report.reason, change * change);
   }
   final_road->reports.push_back(std::move(report));

@@ -47,7 +47,7 @@ struct RejectedBlocks {
 struct PhotometricGround {
   Ground ground;          ///< its field by the matches alone
   MotionEstimate motion;  ///< refined where accepted
-  /// By matches and intensities; null where not accepted, rejection says why.
+  /// By matches and intensities; null where not accepted, see rejection.
   std::shared_ptr<const GroundField> field;
   DirectEvidence evidence;  ///< of held-out pixels for that field
   std::string rejection;

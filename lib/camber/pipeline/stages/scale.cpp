@@ -155,8 +155,9 @@ std::optional<ConstraintReport> check_search(const Ground& ground, const ScaleNo
       std::abs(*log_difference) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
   out.accepted = out.residual_sigma <= noise.search_gate;
   if (!out.accepted) {
-    out.reason = fmt::format("the near road looks right with a scale {:+.0f} % off",
-                             100.0 * std::expm1(*log_difference));
+    out.reason = fmt::format("the near road's intensities agree best if everything is {:.0f} % {}",
+                             100.0 * std::abs(std::expm1(*log_difference)),
+                             *log_difference > 0.0 ? "larger" : "smaller");
   }
   return out;
 }
@@ -181,9 +182,9 @@ void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d
     const double off = implied->mean - fused_change;
     variance = std::max(variance, share * off * off);
     if (report.accepted) continue;
-    scaled->contradictions.push_back(fmt::format("{} ({}): {}, a scale {:+.0f} % off", report.name,
-                                                 report.source, report.reason,
-                                                 100.0 * std::expm1(off)));
+    scaled->contradictions.push_back(fmt::format(
+        "{} ({}): {}; by it everything is {:.0f} % {}", report.name, report.source, report.reason,
+        100.0 * std::abs(std::expm1(off)), off > 0.0 ? "larger" : "smaller"));
   }
   const double aside = std::atan2(travel.x(), travel.z());
   if (std::abs(aside) > noise.most_aside) {

@@ -51,10 +51,18 @@ UpdatedDepths updated(const GroundAtPixels& ground,
 
 /// Mean square of the residuals, in standard deviations, with and without the ground's own spread.
 double mean_squared_innovation(const LinearisedLengths& lengths, const Eigen::MatrixXd& prior);
-double mean_squared_residual(const LinearisedLengths& lengths);
 
-/// Measurements around a solution as a constraint around the mean from which it was found.
-Constraint constraint_at(const GroundAtPixels& ground, const LinearisedLengths& at_solution,
-                         const Eigen::VectorXd& solution);
+/// Accepted lengths as a constraint around the ground before, with how well they fit.
+struct SolvedLengths {
+  Constraint constraint;       ///< without name and source
+  double misfit_before = 0.0;  ///< mean squared innovation, variances
+  double misfit_after = 0.0;   ///< mean squared residual, variances
+};
+
+/// @param linearise  the accepted lengths, at any inverse depths
+/// @param solution   the inverse depths once they are known
+SolvedLengths solved(const GroundAtPixels& ground,
+                     const std::function<LinearisedLengths(const Eigen::VectorXd&)>& linearise,
+                     const Eigen::VectorXd& solution);
 
 }  // namespace camber::detail

@@ -32,12 +32,13 @@ inline float hash_unit(std::int32_t x, std::int32_t y, std::uint32_t seed) {
 /// Gradient noise (Perlin, "Improving Noise", SIGGRAPH 2002) with one feature a unit of length:
 /// zero mean, within about [-1, 1], standard deviation about 0.27, next to no power above
 /// frequency 1.
-inline float gradient_noise(Texel p, std::uint32_t seed) {
+/// @param mask  the lattice repeats after mask + 1 cells, a power of two; -1: never
+inline float gradient_noise(Texel p, std::uint32_t seed, std::int32_t mask = -1) {
   const float fu = std::floor(p.u), fv = std::floor(p.v);
   const auto iu = static_cast<std::int32_t>(fu), iv = static_cast<std::int32_t>(fv);
   const float x = p.u - fu, y = p.v - fv;
   const auto corner = [&](int du, int dv) {
-    const std::uint32_t h = hash_lattice(iu + du, iv + dv, seed);
+    const std::uint32_t h = hash_lattice((iu + du) & mask, (iv + dv) & mask, seed);
     // Sixteen-bit components of a gradient in [-1, 1]^2.
     const float gx = static_cast<float>(h & 0xFFFFu) * (2.0f / 65535.0f) - 1.0f;
     const float gy = static_cast<float>(h >> 16) * (2.0f / 65535.0f) - 1.0f;

@@ -7,24 +7,6 @@
 namespace camber {
 namespace {
 
-/// gradient_noise whose lattice repeats after `mask` + 1 cells.
-inline float repeating_noise(Texel p, std::int32_t mask, std::uint32_t seed) {
-  const float fu = std::floor(p.u), fv = std::floor(p.v);
-  const auto iu = static_cast<std::int32_t>(fu), iv = static_cast<std::int32_t>(fv);
-  const float x = p.u - fu, y = p.v - fv;
-  const auto corner = [&](int du, int dv) {
-    const std::uint32_t h = hash_lattice((iu + du) & mask, (iv + dv) & mask, seed);
-    const float gx = static_cast<float>(h & 0xFFFFu) * (2.0f / 65535.0f) - 1.0f;
-    const float gy = static_cast<float>(h >> 16) * (2.0f / 65535.0f) - 1.0f;
-    return gx * (x - static_cast<float>(du)) + gy * (y - static_cast<float>(dv));
-  };
-  const auto fade = [](float t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f); };
-  const float a = fade(x), b = fade(y);
-  const float top = corner(0, 0) + a * (corner(1, 0) - corner(0, 0));
-  const float bottom = corner(0, 1) + a * (corner(1, 1) - corner(0, 1));
-  return 1.5f * (top + b * (bottom - top));
-}
-
 CAMBER_CLONES void octave_loop(int n, const float* __restrict u, const float* __restrict v,
                                const float* __restrict width, NoiseLayer layer,
                                float* __restrict out) {
@@ -43,7 +25,7 @@ CAMBER_CLONES void repeating_loop(int n, const float* __restrict u, const float*
   for (int i = 0; i < n; ++i) {
     const Texel p{inverse * u[i], inverse * v[i]};
     out[i] += layer.amplitude *
-              (octave_weight(layer.wavelength, width[i]) * repeating_noise(p, mask, layer.seed));
+              (octave_weight(layer.wavelength, width[i]) * gradient_noise(p, layer.seed, mask));
   }
 }
 

@@ -48,18 +48,23 @@ double mean_squared_innovation(const LinearisedLengths& lengths, const Eigen::Ma
          static_cast<double>(lengths.residual.size());
 }
 
-double mean_squared_residual(const LinearisedLengths& lengths) {
+static double mean_squared_residual(const LinearisedLengths& lengths) {
   return lengths.residual.dot(lengths.covariance.ldlt().solve(lengths.residual)) /
          static_cast<double>(lengths.residual.size());
 }
 
-Constraint constraint_at(const GroundAtPixels& ground, const LinearisedLengths& at_solution,
-                         const Eigen::VectorXd& solution) {
-  Constraint out;
-  out.pixels = ground.pixels;
-  out.by_inverse_depth = at_solution.by_inverse_depth;
-  out.residual = at_solution.residual + at_solution.by_inverse_depth * (solution - ground.mean);
-  out.covariance = at_solution.covariance;
+SolvedLengths solved(const GroundAtPixels& ground,
+                     const std::function<LinearisedLengths(const Eigen::VectorXd&)>& linearise,
+                     const Eigen::VectorXd& solution) {
+  const LinearisedLengths at_solution = linearise(solution);
+  SolvedLengths out;
+  out.constraint.pixels = ground.pixels;
+  out.constraint.by_inverse_depth = at_solution.by_inverse_depth;
+  out.constraint.residual =
+      at_solution.residual + at_solution.by_inverse_depth * (solution - ground.mean);
+  out.constraint.covariance = at_solution.covariance;
+  out.misfit_before = mean_squared_innovation(linearise(ground.mean), ground.covariance);
+  out.misfit_after = mean_squared_residual(at_solution);
   return out;
 }
 
