@@ -268,8 +268,8 @@ TEST_F(SteepHill, InterruptedRunsLeaveNothing) {
 
 TEST_F(SteepHill, RunsThatAreToldToEndLeaveNothing) {
   for (const int signal : {SIGTERM, SIGHUP}) {
-    const auto result =
-        run_camber({"reconstruct", scene(), "--threads", "1", "--out", path("result")}, 400, signal);
+    const auto result = run_camber(
+        {"reconstruct", scene(), "--threads", "1", "--out", path("result")}, 400, signal);
     EXPECT_ONE_SENTENCE(result, 130, "interrupted");
     EXPECT_TRUE(fs::is_empty(folder_.path()));
   }

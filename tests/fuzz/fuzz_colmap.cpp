@@ -10,10 +10,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string extension = kind % 2 == 0 ? ".bin" : ".txt";
   try {
     switch (kind / 2) {
-      case 0: camber::parse_colmap_cameras(data, size, "cameras" + extension); break;
-      case 1: camber::parse_colmap_images(data, size, "images" + extension); break;
-      case 2: camber::parse_colmap_points(data, size, "points3D" + extension); break;
-      default: camber::read_cloud_memory(data, size, "points3D" + extension).cloud.validate();
+      case 0:
+        camber::parse_colmap_cameras(data, size, "cameras" + extension);
+        break;
+      case 1:
+        camber::parse_colmap_images(data, size, "images" + extension);
+        break;
+      case 2:
+        camber::parse_colmap_points(data, size, "points3D" + extension);
+        break;
+      default:
+        camber::read_cloud_memory(data, size, "points3D" + extension).cloud.validate();
     }
   } catch (const camber::InputError&) {
     // what a reader of untrusted files answers

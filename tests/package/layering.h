@@ -23,7 +23,8 @@ std::vector<std::string> include_violations(const std::filesystem::path& root);
 
 /// Checks what each module's target links, folder -> names linked (camber::NAME or camber_NAME
 /// count, others do not), against folder_order(). A folder within a module may have a target of its
-/// own, camber_MODULE_FOLDER, which may link that of the module. @return one sentence per violation.
+/// own, camber_MODULE_FOLDER, which may link that of the module. @return one sentence per
+/// violation.
 std::vector<std::string> link_violations(
     const std::map<std::string, std::vector<std::string>>& links);
 

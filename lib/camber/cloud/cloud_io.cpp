@@ -219,7 +219,8 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
       }
       return make_las_sink(out, header);
     case CloudFormat::kColmap:
-      throw std::invalid_argument("COLMAP models are read only, expected ply, pcd, bin, las or text");
+      throw std::invalid_argument(
+          "COLMAP models are read only, expected ply, pcd, bin, las or text");
     case CloudFormat::kText:
       break;
   }

@@ -26,8 +26,8 @@ enum class CloudFormat {
 std::string_view to_string(CloudFormat format);
 
 /// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, and .xyz,
-/// .txt, .csv, .asc, .pts for text; files named points3D.bin and points3D.txt are COLMAP's; nothing for
-/// others.
+/// .txt, .csv, .asc, .pts for text; files named points3D.bin and points3D.txt are COLMAP's; nothing
+/// for others.
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
 
 struct ReadOptions {

@@ -18,9 +18,8 @@ const char* lzf_decompress(const unsigned char* input, std::size_t input_size,
   if (input_size > kMost || output_size > kMost) return "more than 4 GiB of data";
   if (input_size == 0) return output_size == 0 ? nullptr : "less data than the header states";
   errno = 0;
-  const std::size_t found =
-      ::lzf_decompress(input, static_cast<unsigned int>(input_size), output,
-                       static_cast<unsigned int>(output_size));
+  const std::size_t found = ::lzf_decompress(input, static_cast<unsigned int>(input_size), output,
+                                             static_cast<unsigned int>(output_size));
   if (found == output_size && found > 0) return nullptr;
   if (found > 0) return "less data than the header states";
   return errno == E2BIG ? "more data than the header states" : "the data are damaged";

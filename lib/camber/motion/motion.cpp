@@ -126,8 +126,8 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
                                   used * widest_from_reference.translation());
     if (!p || (*p - z).norm() > 2.0 * options.inlier_px) continue;
     // A wrong match may lie behind a camera that is farther ahead.
-    const bool in_front = std::all_of(
-        matches.matches.begin(), matches.matches.end(), [&](const MatchedImage& match) {
+    const bool in_front =
+        std::all_of(matches.matches.begin(), matches.matches.end(), [&](const MatchedImage& match) {
           const SE3& view = out.frame_from_reference[static_cast<std::size_t>(match.frame)];
           return !std::isfinite(match.round_trip_px[i]) ||
                  (view.rotation() * ray + used * view.translation()).z() > 1e-3;

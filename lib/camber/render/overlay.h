@@ -1,8 +1,8 @@
 #pragma once
 
 #include "camber/geometry/pinhole_camera.h"
-#include "camber/road/road_surface.h"
 #include "camber/image/image_io.h"
+#include "camber/road/road_surface.h"
 #include "camber/scene/results.h"
 
 namespace camber {

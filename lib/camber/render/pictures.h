@@ -7,8 +7,8 @@
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/geometry/pinhole_camera.h"
-#include "camber/road/road_surface.h"
 #include "camber/image/image_io.h"
+#include "camber/road/road_surface.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 

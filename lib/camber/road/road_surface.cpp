@@ -109,8 +109,8 @@ SurfaceQuery RoadSurface::query_ray(const Eigen::Vector3d& origin, const Eigen::
   double best_distance = std::max(reach, 0.0), best_along = 0.0;
   for (const PlanePatch& patch : patches) {
     if (!is_ground(patch) || !(std::abs(patch.plane.plane.normal.dot(unit_up)) > 1e-3)) continue;
-    const double along = -patch.plane.plane.signed_distance(origin) /
-                         patch.plane.plane.normal.dot(direction);
+    const double along =
+        -patch.plane.plane.signed_distance(origin) / patch.plane.plane.normal.dot(direction);
     if (!(along > 0.0) || !std::isfinite(along)) continue;
     const Eigen::Vector3d hit = origin + along * direction;
     const double distance = distance_to_polygon(in_plan(patch.boundary, axes), axes(hit));

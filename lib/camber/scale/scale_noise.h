@@ -39,8 +39,8 @@ struct ScaleNoise {
 
   // The plane search.
   double searched_height =
-      0.05;                    ///< relative, of the camera's height in baselines (rendered roads)
-  double search_gate = 3.0;    ///< standard deviations
+      0.05;                  ///< relative, of the camera's height in baselines (rendered roads)
+  double search_gate = 3.0;  ///< standard deviations
   double contradicted_scale = 0.3;  ///< relative, of a scale that markings contradict altogether
 
   // The average of vehicles' sizes.

@@ -98,8 +98,8 @@ struct RegistrationNoise {
   double gate = 3.0;             ///< it may have failed
 };
 
-/// When a hypothesis is pruned, preferred or ambiguous. Differences of log posteriors; assumed, held
-/// by the tests on swapped and turned vehicles. [steep]
+/// When a hypothesis is pruned, preferred or ambiguous. Differences of log posteriors; assumed,
+/// held by the tests on swapped and turned vehicles. [steep]
 struct HypothesisGates {
   double pruned = 25.0;            ///< a start so much worse than the best
   double same_heading = 0.35;      ///< rad: two starts are one hypothesis

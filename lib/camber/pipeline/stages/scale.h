@@ -19,8 +19,8 @@ struct ScaledRoad {
   std::vector<ConstraintReport> reports;
   /// Sources that contradict each other or the result, a sentence each.
   std::vector<std::string> contradictions;
-  /// Of the logarithm of the scale, by what sources differ; not in `road`, since vehicles would take
-  /// the place of the sources that disagree.
+  /// Of the logarithm of the scale, by what sources differ; not in `road`, since vehicles would
+  /// take the place of the sources that disagree.
   double contradiction_variance = 0.0;
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
