@@ -313,6 +313,29 @@ double PlaneSearch::correlation(const MotionEstimate& motion, const RoadHypothes
   return correlation_at(fine, motion, hypothesis, corridor_windows(fine, motion), samples);
 }
 
+double PlaneSearch::correlation_with_baseline(const MotionEstimate& motion,
+                                              double log_baseline) const {
+  constexpr int kSteps = 6;  // to each side
+  RoadHypothesis best{log_baseline, 0.0, 0.0};
+  double correlation = -1.0;
+  const auto scan = [&](const Level& level, double share) {
+    std::vector<RoadHypothesis> tried;
+    for (int c = -kSteps; c <= kSteps; ++c) {
+      for (int r = -kSteps; r <= kSteps; ++r) {
+        const RoadHypothesis h{log_baseline,
+                               best.curvature + share * options_.max_curvature * c / kSteps,
+                               best.roll + share * options_.max_roll * r / kSteps};
+        if (within(h)) tried.push_back(h);
+      }
+    }
+    correlation = correlations(level, motion, {best}).front();
+    take_best(level, motion, tried, &best, &correlation);
+  };
+  scan(levels_[1], 1.0);
+  scan(levels_[0], 0.2);
+  return correlation;
+}
+
 std::vector<double> PlaneSearch::correlations(const Level& level, const MotionEstimate& motion,
                                               const std::vector<RoadHypothesis>& hypotheses) const {
   std::vector<double> out(hypotheses.size());

@@ -65,6 +65,10 @@ class PlaneSearch {
 
   PlaneSearchResult search(const MotionEstimate& motion) const;
 
+  /// The best correlation of any curvature and roll with these baselines.
+  /// @param log_baseline  logarithm of the longest baseline over the camera's height.
+  double correlation_with_baseline(const MotionEstimate& motion, double log_baseline) const;
+
   /// Correlation of one hypothesis; *samples receives the number of windows.
   double correlation(const MotionEstimate& motion, const RoadHypothesis& hypothesis,
                      int* samples = nullptr) const;

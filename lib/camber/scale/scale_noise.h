@@ -39,14 +39,17 @@ struct ScaleNoise {
 
   // The plane search.
   double searched_height =
-      0.05;                  ///< relative, of the camera's height in baselines (rendered roads)
-  double search_gate = 3.0;  ///< standard deviations
+      0.05;                   ///< relative, of the camera's height in baselines (rendered roads)
+  double search_gate = 3.0;   ///< standard deviations
+  double search_lead = 0.10;  ///< of the correlation over that with the ego plane's height
+  double search_correlation = 0.6;  ///< from which on the search may contradict
   double contradicted_scale = 0.3;  ///< relative, of a scale that markings contradict altogether
 
   // The average of vehicles' sizes.
   double vehicle_population = 0.02;  ///< relative, of a street's cars off the size prior (assumed)
   double vehicle_size_most = 0.15;   ///< relative, of one vehicle's scale that is worth counting
   double vehicle_sizes_gate = 3.0;   ///< standard deviations
+  double vehicle_contradicts = 3.0;  ///< standard deviations, of one vehicle and the road under it
 };
 
 }  // namespace camber

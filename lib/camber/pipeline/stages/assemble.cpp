@@ -36,15 +36,19 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
     final_road->warnings.push_back({"scale_contradicted", std::move(text)});
     final_road->road = final_road->road.with_wider_scale(log_scale_variance);
   };
-  const auto rejected = std::count_if(final_road->reports.begin(), final_road->reports.end(),
-                                      [](const ConstraintReport& r) { return !r.accepted; });
+  const ScaleNoise noise;
+  const auto contradicting = std::count_if(
+      final_road->reports.begin(), final_road->reports.end(), [&](const ConstraintReport& r) {
+        return !r.accepted && r.residual_sigma > noise.vehicle_contradicts;
+      });
   constexpr std::size_t kLeast = 3;
-  if (vehicles.size() >= kLeast && 3 * static_cast<std::size_t>(rejected) > 2 * vehicles.size()) {
-    contradict(
-        fmt::format("{} of {} vehicles contradict the road under them", rejected, vehicles.size()),
-        kOpenLogScale * kOpenLogScale);
+  if (vehicles.size() >= kLeast &&
+      3 * static_cast<std::size_t>(contradicting) > 2 * vehicles.size()) {
+    contradict(fmt::format("{} of {} vehicles contradict the road under them", contradicting,
+                           vehicles.size()),
+               kOpenLogScale * kOpenLogScale);
   }
-  const Constraint sizes = vehicle_sizes_constraint(scaled.road, vehicles, ScaleNoise());
+  const Constraint sizes = vehicle_sizes_constraint(scaled.road, vehicles, noise);
   if (sizes.size() == 0) return;
   const double sigmas = std::sqrt(scaled.road.squared_innovation(sizes));
   const bool agrees = sigmas <= sizes.gate;

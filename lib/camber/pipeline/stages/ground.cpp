@@ -214,20 +214,44 @@ GroundObservations ground_observations(const Correspondences& matches,
 
 }  // namespace detail
 
+namespace {
+
+/// The reference and the images next to it, which the search compares.
+struct Neighbours {
+  std::vector<PlaneSearchImage> images;
+  MotionEstimate motion;
+  std::size_t reference = 0;
+
+  Neighbours(const LoadedFrames& frames, const MotionEstimate& all) {
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      if (k + 1 < frames.reference || k > frames.reference + 1) continue;
+      if (k == frames.reference) reference = images.size();
+      images.push_back({&frames.gray[k], &frames.masks[k].vehicle});
+      motion.frame_from_reference.push_back(all.frame_from_reference[k]);
+    }
+  }
+
+  PlaneSearch searcher(const PinholeCamera& camera, const GroundOptions& options) const {
+    PlaneSearchOptions search;
+    search.num_threads = options.num_threads;
+    return {camera, images, reference, search};
+  }
+};
+
+}  // namespace
+
 PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
                                const GroundOptions& options) {
-  std::vector<PlaneSearchImage> images;
-  MotionEstimate neighbours;
-  std::size_t reference = 0;
-  for (std::size_t k = 0; k < frames.size(); ++k) {
-    if (k + 1 < frames.reference || k > frames.reference + 1) continue;
-    if (k == frames.reference) reference = images.size();
-    images.push_back({&frames.gray[k], &frames.masks[k].vehicle});
-    neighbours.frame_from_reference.push_back(motion.frame_from_reference[k]);
-  }
-  PlaneSearchOptions search;
-  search.num_threads = options.num_threads;
-  return PlaneSearch(frames.camera, images, reference, search).search(neighbours);
+  const Neighbours neighbours(frames, motion);
+  return neighbours.searcher(frames.camera, options).search(neighbours.motion);
+}
+
+double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,
+                 const PlaneSearchResult& search, double height, const GroundOptions& options) {
+  const Neighbours neighbours(frames, motion);
+  const PlaneSearch searcher = neighbours.searcher(frames.camera, options);
+  return searcher.correlation_with_baseline(neighbours.motion, search.best.log_baseline) -
+         searcher.correlation_with_baseline(neighbours.motion, -std::log(height));
 }
 
 Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,

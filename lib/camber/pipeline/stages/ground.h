@@ -71,6 +71,12 @@ struct GroundOptions {
 PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
                                const GroundOptions& options);
 
+/// How much better the intensities of the near road agree with the search's baselines than with
+/// others, at any curvature and roll: a difference of normalised cross-correlations.
+/// @param height  of the camera above the ego plane that is asked about, baselines.
+double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,
+                 const PlaneSearchResult& search, double height, const GroundOptions& options);
+
 /// Triangulates the ground: what the masks show, or what grows from the near road.
 /// @param before  of an earlier round, whose extent is kept where no road grows; may be null.
 /// @throws NoAnswerError where no road grows and there was none before.

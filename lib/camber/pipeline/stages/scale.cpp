@@ -146,14 +146,25 @@ FusedRoad fuse_with_given_metres(const RoadPosterior& prior,
 
 /// The plane search against the ego plane: both measure the camera's height in baselines, the
 /// one on the intensities near the camera, the other by the road ahead.
-std::optional<ConstraintReport> check_search(const Ground& ground, const ScaleNoise& noise,
-                                             double* log_difference) {
-  if (!ground.search.informative || !(ground.ego.height > 0.0)) return std::nullopt;
+std::optional<ConstraintReport> check_search(const LoadedFrames& frames,
+                                             const PhotometricGround& refined,
+                                             const ScaleOptions& options, double* log_difference) {
+  const Ground& ground = refined.ground;
+  const ScaleNoise& noise = options.noise;
+  if (!ground.search.informative || !(ground.ego.height > 0.0) ||
+      ground.search.correlation < noise.search_correlation)
+    return std::nullopt;
   *log_difference = ground.search.best.log_baseline + std::log(ground.ego.height);
   ConstraintReport out{"plane_search", "intensities of the near road", 0.0, true, {}};
   out.residual_sigma =
       std::abs(*log_difference) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
-  out.accepted = out.residual_sigma <= noise.search_gate;
+  // A search may have found the wrong one of two maxima: the ego plane's has to be plainly worse.
+  if (out.residual_sigma > noise.search_gate) {
+    GroundOptions search;
+    search.num_threads = options.num_threads;
+    const double lead = lead_over(frames, refined.motion, ground.search, ground.ego.height, search);
+    out.accepted = lead <= noise.search_lead;
+  }
   if (!out.accepted) {
     out.reason = fmt::format("the near road's intensities agree best if everything is {:.0f} % {}",
                              100.0 * std::abs(std::expm1(*log_difference)),
@@ -163,9 +174,11 @@ std::optional<ConstraintReport> check_search(const Ground& ground, const ScaleNo
 }
 
 /// Names what contradicts the result, and widens its scale by as much.
-void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d& travel,
-                          const RoadPosterior& prior, const std::vector<Constraint>& constraints,
-                          const ScaleNoise& noise, ScaledRoad* scaled) {
+void admit_contradictions(const LoadedFrames& frames, const PhotometricGround& ground,
+                          const Eigen::Vector3d& travel, const RoadPosterior& prior,
+                          const std::vector<Constraint>& constraints, const ScaleOptions& options,
+                          ScaledRoad* scaled) {
+  const ScaleNoise& noise = options.noise;
   double variance = 0.0;
   const double fused_change =
       std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
@@ -195,7 +208,7 @@ void admit_contradictions(const PhotometricGround& ground, const Eigen::Vector3d
         std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"));
   }
   double difference = 0.0;
-  if (auto report = check_search(ground.ground, noise, &difference)) {
+  if (auto report = check_search(frames, ground, options, &difference)) {
     if (!report->accepted) {
       variance = std::max(variance, difference * difference);
       scaled->contradictions.push_back(report->name + ": " + report->reason);
@@ -278,7 +291,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     ScaledRoad out{
         std::move(fused.road), metric,      std::move(fused.reports), {}, 0.0, std::move(markings),
         std::move(width),      scale_change};
-    if (metric) admit_contradictions(ground, travel, prior, constraints, options.noise, &out);
+    if (metric) admit_contradictions(frames, ground, travel, prior, constraints, options, &out);
     return out;
   }
 }
