@@ -14,6 +14,7 @@
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
 #include "camber/image/detail/single_threaded_opencv.h"
+#include "camber/motion/detail/structure_tensor.h"
 
 namespace camber {
 namespace {
@@ -201,6 +202,20 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
 
 }  // namespace
 
+void check_images(const std::vector<GrayImage>& images, int reference) {
+  if (reference < 0 || reference >= static_cast<int>(images.size())) {
+    throw std::invalid_argument("reference = " + std::to_string(reference) +
+                                ", expected an index into " + std::to_string(images.size()) +
+                                " images");
+  }
+  const GrayImage& base = images[static_cast<std::size_t>(reference)];
+  for (const GrayImage& image : images) {
+    if (image.width != base.width || image.height != base.height || image.empty()) {
+      throw std::invalid_argument("images differ in size or are empty");
+    }
+  }
+}
+
 void CorrespondenceOptions::validate() const {
   if (step < 1) {
     throw std::invalid_argument("step = " + std::to_string(step) + ", expected at least 1 pixel");
@@ -214,18 +229,8 @@ void CorrespondenceOptions::validate() const {
 Correspondences match_images(const std::vector<GrayImage>& images, int reference,
                              const CorrespondenceOptions& options) {
   options.validate();
-  if (reference < 0 || reference >= static_cast<int>(images.size())) {
-    throw std::invalid_argument("reference = " + std::to_string(reference) +
-                                ", expected an index into " + std::to_string(images.size()) +
-                                " images");
-  }
+  check_images(images, reference);
   const GrayImage& base = images[static_cast<std::size_t>(reference)];
-  for (const GrayImage& image : images) {
-    if (image.width != base.width || image.height != base.height || image.empty()) {
-      throw std::invalid_argument("images differ in size or are empty");
-    }
-  }
-
   Correspondences out;
   out.reference = reference;
   out.step = options.step;
@@ -245,16 +250,10 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
     if (k != reference) others.push_back(k);
   }
   std::vector<cv::Mat> flows(2 * others.size() + 1);
-  cv::Mat gxx, gxy, gyy;
+  StructureTensor texture;
   parallel_for(flows.size(), options.num_threads, [&](std::size_t task) {
     if (task == flows.size() - 1) {
-      cv::Mat gx, gy;
-      cv::Sobel(view(base), gx, CV_32F, 1, 0, 3, 1.0 / 8);
-      cv::Sobel(view(base), gy, CV_32F, 0, 1, 3, 1.0 / 8);
-      const cv::Size window(9, 9);
-      cv::boxFilter(gx.mul(gx), gxx, -1, window);
-      cv::boxFilter(gx.mul(gy), gxy, -1, window);
-      cv::boxFilter(gy.mul(gy), gyy, -1, window);
+      texture = StructureTensor(base);
       return;
     }
     const cv::Mat a = view(base);
@@ -263,10 +262,7 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
   });
 
   out.texture.reserve(out.pixels.size());
-  for (const Eigen::Vector2f& p : out.pixels) {
-    const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
-    out.texture.emplace_back(gxx.at<float>(y, x), gxy.at<float>(y, x), gyy.at<float>(y, x));
-  }
+  for (const Eigen::Vector2f& p : out.pixels) out.texture.push_back(texture.at(p));
   out.matches.resize(others.size());
   parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];

@@ -43,6 +43,10 @@ struct Correspondences {
   }
 };
 
+/// @throws std::invalid_argument for images that differ in size or are empty, or if the reference
+/// is no index into them.
+void check_images(const std::vector<GrayImage>& images, int reference);
+
 /// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,
 /// Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse Search", ECCV 2016) with a
 /// forward-backward check. All images have the same size (else std::invalid_argument). The same

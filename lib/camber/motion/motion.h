@@ -79,6 +79,12 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
                                const std::vector<std::uint8_t>& usable,
                                const MotionOptions& options);
 
+/// Share of the matches of usable points that lie within `px` of the motion's epipolar lines, over
+/// all images; 0 without a match. @throws std::invalid_argument for sizes that disagree.
+double epipolar_agreement(const PinholeCamera& camera, const Correspondences& matches,
+                          const std::vector<std::uint8_t>& usable, const MotionEstimate& motion,
+                          double px);
+
 /// Bundle adjustment alone, from a motion that is nearly right: for better correspondences.
 MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences& matches,
                              const std::vector<std::uint8_t>& usable, const MotionEstimate& start,

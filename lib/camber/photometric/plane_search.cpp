@@ -9,6 +9,7 @@
 
 #include "camber/core/threads.h"
 #include "camber/image/detail/single_threaded_opencv.h"
+#include "camber/photometric/detail/corridor_kernels.h"
 
 namespace camber {
 namespace {
@@ -59,16 +60,18 @@ constexpr double kLeastShare = 0.25;              // of the windows of a level c
 
 /// Where the corridor of a hypothesis lies in one row of an image, and its inverse depths.
 struct CorridorRow {
-  int from = 0, to = 0;              // columns
-  std::vector<float> inverse_depth;  // one a column of the image; 0: outside
+  int from = 0, to = 0;              // compared columns
+  std::vector<float> inverse_depth;  // one a compared column; 0: outside
 };
 
 /// The corridor row by row: components of the rays are linear in the column.
 class Corridor {
  public:
-  Corridor(const PinholeCamera& camera, const Eigen::Vector3d& travel,
+  /// @param stride  px, between the columns that are compared.
+  Corridor(const PinholeCamera& camera, int stride, const Eigen::Vector3d& travel,
            const RoadHypothesis& hypothesis, double bend, const PlaneSearchOptions& options)
       : camera_(camera),
+        stride_(stride),
         axes_(travel, hypothesis.roll),
         curvature_(hypothesis.curvature),
         bend_(bend),
@@ -83,51 +86,34 @@ class Corridor {
     const double ahead = axes_.ahead.dot(middle_ray) / rho;
     out->from = out->to = 0;
     if (!(rho > 0.0) || !(ahead < 1.1 * options_.reach)) return false;
+    const int columns = camera_.width / stride_;
     const double middle = focus_ + camera_.fx * rho * 0.5 * bend_ * ahead * ahead;
     const double half = 1.2 * camera_.fx * rho * options_.half_width + 2.0;
-    out->from = std::clamp(static_cast<int>(middle - half), 0, camera_.width);
-    out->to = std::clamp(static_cast<int>(middle + half), out->from, camera_.width);
-    out->inverse_depth.resize(static_cast<std::size_t>(camera_.width));
+    out->from = std::clamp(static_cast<int>((middle - half) / stride_), 0, columns);
+    out->to = std::clamp(static_cast<int>((middle + half) / stride_), out->from, columns);
+    out->inverse_depth.resize(static_cast<std::size_t>(columns));
     const Eigen::Vector3d first =
-        camera_.ray({static_cast<double>(out->from), static_cast<double>(v)});
-    const auto step = static_cast<float>(1.0 / camera_.fx);
-    const auto along0 = static_cast<float>(axes_.ahead.dot(first));
-    const auto up0 = static_cast<float>(axes_.up.dot(first));
-    const auto right0 = static_cast<float>(axes_.right.dot(first));
-    const auto along1 = static_cast<float>(axes_.ahead.x()) * step;
-    const auto up1 = static_cast<float>(axes_.up.x()) * step;
-    const auto right1 = static_cast<float>(axes_.right.x()) * step;
-    const auto twice = static_cast<float>(2.0 * curvature_);
-    const auto bend = static_cast<float>(0.5 * bend_);
-    const auto reach = static_cast<float>(options_.reach);
-    const auto width = static_cast<float>(options_.half_width);
-    float* values = out->inverse_depth.data() + out->from;
-    const int count = out->to - out->from;
-    for (int k = 0; k < count; ++k) {
-      const auto x = static_cast<float>(k);
-      const float along = along0 + x * along1, up = up0 + x * up1, right = right0 + x * right1;
-      const float under = up * up + twice * along * along;
-      const float inverse = 0.5F * (std::sqrt(std::max(under, 0.0F)) - up);
-      const float away = along / std::max(inverse, 1e-6F);
-      const float beside = right / std::max(inverse, 1e-6F) - bend * away * away;
-      const bool inside = under > 0.0F && inverse > 0.0F && along > 0.0F && away < reach &&
-                          std::abs(beside) < width;
-      values[k] = inside ? inverse : 0.0F;
-    }
+        camera_.ray({static_cast<double>(out->from * stride_), static_cast<double>(v)});
+    const double step = stride_ / camera_.fx;
+    const RowRays rays{
+        static_cast<float>(axes_.ahead.dot(first)), static_cast<float>(axes_.ahead.x() * step),
+        static_cast<float>(axes_.up.dot(first)),    static_cast<float>(axes_.up.x() * step),
+        static_cast<float>(axes_.right.dot(first)), static_cast<float>(axes_.right.x() * step)};
+    const CorridorShape shape{static_cast<float>(curvature_), static_cast<float>(0.5 * bend_),
+                              static_cast<float>(options_.reach),
+                              static_cast<float>(options_.half_width)};
+    corridor_inverse_depths(out->to - out->from, rays, shape,
+                            out->inverse_depth.data() + out->from);
     return true;
   }
 
  private:
   const PinholeCamera& camera_;
+  int stride_;
   RoadAxes axes_;
   double curvature_, bend_;
   const PlaneSearchOptions& options_;
   double focus_;
-};
-
-/// Sums over one window of both images.
-struct Window {
-  float count = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
 };
 
 /// A view of the reference's road at one baseline: p = rotation * ray + inverse depth * shift.
@@ -135,8 +121,25 @@ struct WarpedView {
   std::size_t image = 0;
   Eigen::Matrix3f rotation;
   Eigen::Vector3f shift;
-  std::vector<Window> windows;  // of the rows at hand
+  std::vector<float> sums;  // six a compared column, of the rows at hand
+
+  ColumnSums columns(int first) {
+    const auto n = static_cast<std::ptrdiff_t>(sums.size() / 6);
+    float* at = sums.data() + first;
+    return {at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n};
+  }
 };
+
+/// The values of every `stride`-th column, row by row without gaps.
+std::vector<float> every_column(const cv::Mat& image, int stride) {
+  std::vector<float> out;
+  out.reserve(static_cast<std::size_t>(image.rows * (image.cols / stride)));
+  for (int v = 0; v < image.rows; ++v) {
+    const float* row = image.ptr<float>(v);
+    for (int u = 0; u + stride <= image.cols; u += stride) out.push_back(row[u]);
+  }
+  return out;
+}
 
 }  // namespace
 
@@ -144,51 +147,35 @@ struct WarpedView {
 struct PlaneSearch::Level {
   PinholeCamera camera;
   int window_wide = kWindowWide, window_high = kWindowHigh;
-  int stride = 1;                // px, between the columns and rows that are compared
-  double noise = 4.0;            // intensity squared, of a window without texture
-  std::vector<cv::Mat> gray;     // float, of all images
-  std::vector<cv::Mat> ignored;  // bytes
+  int stride = 1;                         // px, between the columns and rows that are compared
+  double noise = 4.0;                     // intensity squared, of a window without texture
+  std::vector<cv::Mat> gray;              // float, of all images
+  std::vector<cv::Mat> visible;           // float, 1 where nothing stands or moves, else 0
+  std::vector<float> here, here_visible;  // the reference's compared columns
 
-  /// Adds one row of the corridor to a view's windows.
-  void add_row(const CorridorRow& row, int v, std::size_t reference, WarpedView* view) const;
+  int columns() const { return camera.width / stride; }
+
+  /// Adds one row of the corridor to a view's sums.
+  void add_row(const CorridorRow& row, int v, WarpedView* view) const;
 };
 
-void PlaneSearch::Level::add_row(const CorridorRow& row, int v, std::size_t reference,
-                                 WarpedView* view) const {
+void PlaneSearch::Level::add_row(const CorridorRow& row, int v, WarpedView* view) const {
   const cv::Mat& image = gray[view->image];
-  const cv::Mat& hidden = ignored[view->image];
-  const float* here = gray[reference].ptr<float>(v);
-  const auto* hidden_here = ignored[reference].ptr<std::uint8_t>(v);
   const auto fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
   const auto cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
-  const Eigen::Vector3f by_column = view->rotation.col(0) / fx;
-  const Eigen::Vector3f start =
-      view->rotation * Eigen::Vector3f(-cx / fx, (static_cast<float>(v) - cy) / fy, 1.0F);
-  const auto right = static_cast<float>(image.cols - 1);
-  const auto bottom = static_cast<float>(image.rows - 1);
-  for (int u = row.from + row.from % stride; u < row.to; u += stride) {
-    const float rho = row.inverse_depth[static_cast<std::size_t>(u)];
-    if (rho == 0.0F || hidden_here[u]) continue;
-    const Eigen::Vector3f p = start + static_cast<float>(u) * by_column + rho * view->shift;
-    if (!(p.z() > 0.02F)) continue;
-    const float inverse = 1.0F / p.z();
-    const float x = fx * p.x() * inverse + cx, y = fy * p.y() * inverse + cy;
-    if (!(x >= 0.0F && y >= 0.0F && x < right && y < bottom)) continue;
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-    if (hidden.ptr<std::uint8_t>(y0)[x0]) continue;
-    const float s = x - static_cast<float>(x0), t = y - static_cast<float>(y0);
-    const float* r0 = image.ptr<float>(y0) + x0;
-    const float* r1 = image.ptr<float>(y0 + 1) + x0;
-    const float upper = r0[0] + s * (r0[1] - r0[0]), lower = r1[0] + s * (r1[1] - r1[0]);
-    const float b = upper + t * (lower - upper), a = here[u];
-    Window& w = view->windows[static_cast<std::size_t>(u / window_wide)];
-    w.count += 1.0F;
-    w.a += a;
-    w.b += b;
-    w.aa += a * a;
-    w.bb += b * b;
-    w.ab += a * b;
-  }
+  const Eigen::Vector3f step = (static_cast<float>(stride) / fx) * view->rotation.col(0);
+  const Eigen::Vector3f first =
+      view->rotation * Eigen::Vector3f((static_cast<float>(row.from * stride) - cx) / fx,
+                                       (static_cast<float>(v) - cy) / fy, 1.0F);
+  const RowWarp warp{
+      first.x(),       first.y(),       first.z(), step.x(), step.y(), step.z(), view->shift.x(),
+      view->shift.y(), view->shift.z(), fx,        fy,       cx,       cy};
+  const auto at = static_cast<std::size_t>(v) * static_cast<std::size_t>(columns()) +
+                  static_cast<std::size_t>(row.from);
+  add_warped_row(row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
+                 here_visible.data() + at, warp,
+                 {image.ptr<float>(), visible[view->image].ptr<float>(), image.cols, image.rows},
+                 view->columns(row.from));
 }
 
 PlaneSearch::~PlaneSearch() = default;
@@ -234,20 +221,24 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
       cv::resize(full(whole), small, size, 0, 0, cv::INTER_AREA);
       small.convertTo(gray, CV_32F);
       level.gray.push_back(gray);
-      cv::Mat ignored(size, CV_8UC1, cv::Scalar(0));
+      cv::Mat visible(size, CV_32FC1, cv::Scalar(1.0));
       if (image.ignored) {
+        cv::Mat ignored;
         const cv::Mat mask(camera.height, camera.width, CV_8UC1,
                            const_cast<std::uint8_t*>(image.ignored->data()));
         cv::resize(mask(whole), ignored, size, 0, 0, cv::INTER_NEAREST);
+        visible.setTo(0.0, ignored);
       }
-      level.ignored.push_back(ignored);
+      level.visible.push_back(visible);
     }
+    level.here = every_column(level.gray[reference], level.stride);
+    level.here_visible = every_column(level.visible[reference], level.stride);
     levels_.push_back(std::move(level));
   }
 }
 
 double PlaneSearch::corridor_windows(const Level& level, const MotionEstimate& motion) const {
-  const Corridor corridor(level.camera, travel_direction(motion, reference_), {}, 0.0, options_);
+  const Corridor corridor(level.camera, 1, travel_direction(motion, reference_), {}, 0.0, options_);
   CorridorRow row;
   double pixels = 0.0;
   for (int v = level.camera.height - 1; v >= 0 && corridor.row(v, &row); --v) {
@@ -262,31 +253,46 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
                                    const RoadHypothesis& hypothesis, double level_windows,
                                    int* samples) const {
   const double baseline = std::exp(hypothesis.log_baseline);
-  const Corridor corridor(level.camera, travel_direction(motion, reference_), hypothesis,
-                          path_curvature(motion) / baseline, options_);
+  const Corridor corridor(level.camera, level.stride, travel_direction(motion, reference_),
+                          hypothesis, path_curvature(motion) / baseline, options_);
   std::vector<WarpedView> views;
-  const int columns = level.camera.width / level.window_wide + 1;
+  const auto columns = static_cast<std::size_t>(level.columns());
   for (std::size_t k = 0; k < level.gray.size(); ++k) {
     if (k == reference_) continue;
     const SE3& pose = motion.frame_from_reference[k];
     views.push_back({k, pose.rotation_matrix().cast<float>(),
                      (baseline * pose.translation()).cast<float>(),
-                     std::vector<Window>(static_cast<std::size_t>(columns))});
+                     std::vector<float>(6 * columns, 0.0F)});
   }
   const int pixels_each = level.stride * level.stride;
-  const auto least = 0.6F * static_cast<float>(level.window_wide * level.window_high / pixels_each);
+  const double least = 0.6 * level.window_wide * level.window_high / pixels_each;
   double sum = 0.0, total = 0.0, pixels = 0.0;
+  const int wide = level.window_wide / level.stride;  // compared columns
+  int leftmost = level.columns(), rightmost = 0;      // of the rows at hand
   const auto finish_windows = [&](WarpedView& view) {
-    for (Window& w : view.windows) {
-      if (w.count >= least) {
-        const double n = w.count, ma = w.a / n, mb = w.b / n;
-        const double va = std::max(0.0, w.aa / n - ma * ma), vb = std::max(0.0, w.bb / n - mb * mb);
-        const double weight = va / (va + level.noise);
-        sum += weight * (w.ab / n - ma * mb) / std::sqrt((va + 1e-3) * (vb + 1e-3));
-        total += weight;
-        pixels += pixels_each * n;
+    for (int first = leftmost - leftmost % wide; first < rightmost; first += wide) {
+      const ColumnSums c = view.columns(first);
+      double n = 0.0, a = 0.0, b = 0.0, aa = 0.0, bb = 0.0, ab = 0.0;
+      for (int k = 0; k < std::min(wide, level.columns() - first); ++k) {
+        n += c.count[k];
+        a += c.a[k];
+        b += c.b[k];
+        aa += c.aa[k];
+        bb += c.bb[k];
+        ab += c.ab[k];
       }
-      w = {};
+      if (n < least) continue;
+      const double ma = a / n, mb = b / n;
+      const double va = std::max(0.0, aa / n - ma * ma), vb = std::max(0.0, bb / n - mb * mb);
+      const double weight = va / (va + level.noise);
+      sum += weight * (ab / n - ma * mb) / std::sqrt((va + 1e-3) * (vb + 1e-3));
+      total += weight;
+      pixels += pixels_each * n;
+    }
+    for (std::size_t k = 0; k < view.sums.size(); k += columns) {
+      std::fill(view.sums.begin() + static_cast<std::ptrdiff_t>(k) + leftmost,
+                view.sums.begin() + static_cast<std::ptrdiff_t>(k) + std::max(leftmost, rightmost),
+                0.0F);
     }
   };
   CorridorRow row;
@@ -294,10 +300,14 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
     const bool compared = (level.camera.height - 1 - v) % level.stride == 0;
     const bool within = !compared || corridor.row(v, &row);
     if (within && compared) {
-      for (WarpedView& view : views) level.add_row(row, v, reference_, &view);
+      for (WarpedView& view : views) level.add_row(row, v, &view);
+      leftmost = std::min(leftmost, row.from);
+      rightmost = std::max(rightmost, row.to);
     }
     if (!within || v == 0 || (level.camera.height - v) % level.window_high == 0) {
       for (WarpedView& view : views) finish_windows(view);
+      leftmost = level.columns();
+      rightmost = 0;
     }
     if (!within) break;
   }
@@ -403,7 +413,7 @@ void PlaneSearch::climb(const Level& level, const MotionEstimate& motion, int ro
 std::vector<RoadHypothesis> PlaneSearch::sweep(const MotionEstimate& motion) const {
   constexpr double kStep = 0.04;
   constexpr int kRolls = 2;  // to each side
-  constexpr std::size_t kPeaks = 3;
+  constexpr std::size_t kPeaks = 8;
   std::vector<RoadHypothesis> tried;
   for (int r = -kRolls; r <= kRolls; ++r) {
     for (double s = options_.least_log_baseline; s <= options_.greatest_log_baseline; s += kStep) {
@@ -458,8 +468,14 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
     });
     if (again) continue;
     climbed.push_back(h);
-    climb(levels_[1], motion, 3, 0.5 * kStep, 0.7, &h, &correlation);
     ends.emplace_back(correlation, h);
+  }
+  std::stable_sort(ends.begin(), ends.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  constexpr std::size_t kClimbed = 4;
+  if (ends.size() > kClimbed) ends.resize(kClimbed);
+  for (auto& [correlation, h] : ends) {
+    climb(levels_[1], motion, 3, 0.5 * kStep, 0.7, &h, &correlation);
     if (correlation > out.correlation) {
       out.correlation = correlation;
       out.best = h;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "camber/core/errors.h"
+#include "camber/motion/feature_matches.h"
 
 namespace camber::stages {
 namespace {
@@ -32,6 +33,31 @@ std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
   return out;
 }
 
+// Below this share of inliers the flow may have lost the image motion as a whole.
+constexpr double kTrustedInliers = 0.85;
+
+/// The motion by sparse features, which follow displacements that a dense flow loses. kFailed also
+/// where they agree no better with it than with the motion by the flow.
+MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEstimate& dense,
+                                    const MotionOptions& options) {
+  constexpr double kGain = 0.01;  // of the share of features that agree
+  FeatureMatchOptions matching;
+  matching.num_threads = options.num_threads;
+  const Correspondences features =
+      match_features(frames.gray, static_cast<int>(frames.reference), matching);
+  const std::vector<std::uint8_t> usable = static_points(frames, features);
+  MotionEstimate out = estimate_motion(frames.camera, features, usable, options);
+  if (out.status == Status::kFailed || dense.status == Status::kFailed) return out;
+  const auto agreement = [&](const MotionEstimate& motion) {
+    return epipolar_agreement(frames.camera, features, usable, motion, options.inlier_px);
+  };
+  if (!(agreement(out) > agreement(dense) + kGain)) {
+    out.status = Status::kFailed;
+    out.reason = "the features agree as well with the motion by the flow";
+  }
+  return out;
+}
+
 }  // namespace
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
@@ -41,10 +67,13 @@ MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches
     if (known.status == Status::kFailed) throw NoAnswerError(known.reason);
     return known;
   }
-  MotionEstimate out =
+  const MotionEstimate dense =
       estimate_motion(frames.camera, matches, static_points(frames, matches), options);
-  if (out.status == Status::kFailed) throw NoAnswerError(out.reason);
-  return out;
+  if (dense.status != Status::kFailed && dense.inlier_ratio >= kTrustedInliers) return dense;
+  MotionEstimate sparse = motion_from_features(frames, dense, options);
+  if (sparse.status != Status::kFailed) return sparse;
+  if (dense.status == Status::kFailed) throw NoAnswerError(dense.reason);
+  return dense;
 }
 
 MotionEstimate motion_again(const LoadedFrames& frames, const Correspondences& matches,
