@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/core/random.h"
 #include "support/drawn_road.h"
 
 namespace camber {
@@ -83,6 +84,46 @@ TEST(PlaneSearch, CorrelationIsBestAtTheTruth) {
   }
   EXPECT_LT(search.correlation(drive.motion, {truth, 0.02, 0.0}), right);
   EXPECT_LT(search.correlation(drive.motion, {truth, 0.0, 0.06}), right);
+}
+
+TEST(PlaneSearch, AnotherBaselineIsPlainlyWorseAtAnyCurvatureAndRoll) {
+  constexpr double kCurvature = 0.012;  // 1/m, a sag: the road rises ahead
+  const Drive drive(
+      road_of([](double, double z) { return kHeight - 0.5 * kCurvature * z * std::abs(z); }), 0.9);
+  const PlaneSearch search = drive.searcher();
+  const double truth = std::log(0.9 / kHeight);
+  const double right = search.correlation_with_baseline(drive.motion, truth);
+  EXPECT_GT(right, search.correlation(drive.motion, {truth, 0.0, 0.0}) + 0.1);
+  EXPECT_NEAR(right, search.search(drive.motion).correlation, 0.1);
+  for (const double off : {-0.4, -0.2, 0.2, 0.4}) {
+    EXPECT_LT(search.correlation_with_baseline(drive.motion, truth + off), right - 0.1) << off;
+  }
+}
+
+TEST(PlaneSearch, WhatStandsThereTakesNoPart) {
+  const Drive drive(road_of([](double, double) { return kHeight; }), 0.9);
+  const auto total = static_cast<std::size_t>(kCamera.width) * kCamera.height;
+  std::vector<std::uint8_t> hidden(total, 0);
+  std::fill(hidden.begin() + static_cast<std::ptrdiff_t>(total * 2 / 3), hidden.end(), 1);
+  const RoadHypothesis truth{std::log(0.9 / kHeight), 0.0, 0.0};
+  int all = 0, rest = 0;
+  const double open = drive.searcher().correlation(drive.motion, truth, &all);
+  for (std::size_t which = 0; which < 3; ++which) {
+    Drive changed = drive;
+    std::vector<PlaneSearchImage> images;
+    for (GrayImage& image : changed.images) images.push_back({&image, nullptr});
+    images[which].ignored = &hidden;
+    // What is hidden may look like anything.
+    for (std::size_t i = total * 2 / 3; i < total; ++i) {
+      changed.images[which].pixels[i] = static_cast<std::uint8_t>(CounterRandom(1).below(i, 256));
+    }
+    const double part = PlaneSearch(kCamera, images, 1, {}).correlation(drive.motion, truth, &rest);
+    EXPECT_LT(rest, 9 * all / 10) << which;
+    EXPECT_NEAR(part, open, 0.2) << which;
+    images[which].ignored = nullptr;
+    EXPECT_LT(PlaneSearch(kCamera, images, 1, {}).correlation(drive.motion, truth), part - 0.1)
+        << which;
+  }
 }
 
 TEST(PlaneSearch, WithoutTextureIsNotInformative) {

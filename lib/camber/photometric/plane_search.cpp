@@ -53,7 +53,8 @@ double path_curvature(const MotionEstimate& motion) {
   return there.translation().z() >= 0.0 ? turn / longest : -turn / longest;
 }
 
-constexpr int kLevels = 3;
+constexpr int kMostLevels = 3, kLeastLevels = 2;
+constexpr int kLeastColumns = 240;  // of the coarsest: below, a near road has no texture left
 constexpr int kWindowWide = 16, kWindowHigh = 6;  // px of the finest level
 constexpr double kPixelsPerSample = 9.0;          // one in three columns and rows
 constexpr double kLeastShare = 0.25;              // of the windows of a level corridor
@@ -195,7 +196,8 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
     }
   }
   const SingleThreadedOpenCv guard;
-  for (int k = 0; k < kLevels; ++k) {
+  for (int k = 0; k < kMostLevels; ++k) {
+    if (k >= kLeastLevels && (camera.width >> k) < kLeastColumns) break;
     Level level;
     const int shrink = 1 << k;
     const cv::Size size(camera.width / shrink, camera.height / shrink);
@@ -455,12 +457,12 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
     double correlation = 0.0;
     starts.push_back(peak);
     starts.push_back(peak);
-    bend(levels_[2], motion, kStep, &starts.back(), &correlation);
+    bend(levels_.back(), motion, kStep, &starts.back(), &correlation);
   }
   std::vector<RoadHypothesis> climbed;
   for (RoadHypothesis h : starts) {
     double correlation = 0.0;
-    climb(levels_[2], motion, 3, kStep, 1.0, &h, &correlation);
+    climb(levels_.back(), motion, 3, kStep, 1.0, &h, &correlation);
     const bool again = std::any_of(climbed.begin(), climbed.end(), [&](const RoadHypothesis& o) {
       return std::abs(o.log_baseline - h.log_baseline) < 2.0 * kStep &&
              std::abs(o.curvature - h.curvature) < 0.15 * options_.max_curvature &&
