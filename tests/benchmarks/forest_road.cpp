@@ -146,6 +146,23 @@ double ForestRoad::height_at(double at_station) const {
   return height[a] + share * (height[a + 1] - height[a]);
 }
 
+std::vector<double> ForestRoad::cross_slopes(double half_width) const {
+  std::vector<double> slopes;
+  for (std::size_t k = 0; k < line.size(); ++k) {
+    const Vector3d ahead = line[std::min(k + 1, line.size() - 1)] - line[k > 0 ? k - 1 : 0];
+    const Eigen::Vector2d left = Eigen::Vector2d(-ahead.y(), ahead.x()).normalized();
+    double squares = 0.0, products = 0.0;
+    for (int step = -10; step <= 10; ++step) {
+      const double aside = 0.1 * step * half_width;
+      const Eigen::Vector2d place = line[k].head<2>() + aside * left;
+      squares += aside * aside;
+      products += aside * grid.height(place.x(), place.y());
+    }
+    slopes.push_back(products / squares);
+  }
+  return slopes;
+}
+
 RoadCloud ForestRoad::cloud(const ForestInput& input, std::uint64_t seed) const {
   const std::vector<float>& chainage = terrain.scalars.at("chainage");
   const std::vector<float>& distance = terrain.scalars.at("road_distance");

@@ -55,6 +55,9 @@ struct ForestRoad {
 
   explicit ForestRoad(const std::filesystem::path& folder);
   double height_at(double at_station) const;  ///< of the centreline
+  /// Slope of the ground across the centreline at its points, rise over run, left side up: least
+  /// squares over `half_width` to both sides. NaN at the edge of the grid.
+  std::vector<double> cross_slopes(double half_width) const;
   /// With the noise of a camera 1.65 m above the road, 6 to 30 m before each point.
   RoadCloud cloud(const ForestInput& input, std::uint64_t seed) const;
 };

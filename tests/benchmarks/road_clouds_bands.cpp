@@ -113,7 +113,7 @@ void bands(const Bench& bench) {
   const std::filesystem::path folder = test::data_dir() / "als-forest-road";
   if (available(folder / "terrain.ply")) {
     const ForestRoad road(folder);
-    TrueLine truth{road.station, road.height, {}};
+    TrueLine truth{road.station, road.height, road.cross_slopes(3.0)};
     for (const ForestInput& input : kForestInputs) {
       Bands bands;
       for (std::uint64_t k = 0; k < kDraws; ++k) {

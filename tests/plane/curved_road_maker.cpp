@@ -115,11 +115,11 @@ class Errors {
         random_(options.seed, 53),
         process_(
             Waves::process(process_sigma(), process_length(), CounterRandom(options.seed, 54))),
-        pitch_(Waves::process(0.1 * kDegree, 10.0, CounterRandom(options.seed, 55))),
-        roll_(Waves::process(0.1 * kDegree, 10.0, CounterRandom(options.seed, 56))),
-        lift_(Waves::process(0.01, 10.0, CounterRandom(options.seed, 57))) {
+        pitch_(Waves::process(0.05 * kDegree, 10.0, CounterRandom(options.seed, 55))),
+        roll_(Waves::process(0.05 * kDegree, 10.0, CounterRandom(options.seed, 56))),
+        lift_(Waves::process(0.005, 10.0, CounterRandom(options.seed, 57))) {
     const CounterRandom whole(options.seed, 58);
-    turn_ = 0.03 * kDegree * Vector2d(whole.normal(0), whole.normal(1));
+    turn_ = 0.02 * kDegree * Vector2d(whole.normal(0), whole.normal(1));
   }
 
   bool has_sigmas() const {
@@ -128,12 +128,13 @@ class Errors {
 
   Vector3d operator()(std::uint64_t i, double s, double left, float* sigma) {
     at_ = 16 * i;
-    const Vector3d p = shape_.at(s, left);
+    Vector3d p = shape_.at(s, left);
+    p.z() += process_(s);
     switch (options_.noise) {
       case RoadNoise::kCorrelated3m:
       case RoadNoise::kCorrelated10m:
       case RoadNoise::kCorrelated30m:
-        return p + Vector3d(0, 0, process_(s) + 0.01 * normal());
+        return p + Vector3d(0, 0, 0.015 * normal());
       case RoadNoise::kUnderstated:
         return by_camera(p, s - uniform(6.0, 30.0), 3.0, 0.0, 0.0, sigma);
       case RoadNoise::kFrames: {
@@ -176,11 +177,25 @@ class Errors {
  private:
   double normal() { return random_.normal(at_++); }
   double uniform(double low, double high) { return random_.uniform(at_++, low, high); }
-  double process_sigma() const { return options_.noise == RoadNoise::kCorrelated3m ? 0.02 : 0.03; }
+  /// m, of the heights that neighbours have in common, and along how much road.
+  double process_sigma() const {
+    switch (options_.noise) {
+      case RoadNoise::kCorrelated3m:
+      case RoadNoise::kCorrelated10m:
+      case RoadNoise::kCorrelated30m:
+        return 0.015;
+      case RoadNoise::kFramesLevelled:
+      case RoadNoise::kLevelled:
+        return 0.0;
+      default:
+        return 0.01;
+    }
+  }
   double process_length() const {
     return options_.noise == RoadNoise::kCorrelated3m    ? 3.0
+           : options_.noise == RoadNoise::kCorrelated10m ? 10.0
            : options_.noise == RoadNoise::kCorrelated30m ? 30.0
-                                                         : 10.0;
+                                                         : 15.0;
   }
   /// @param times  the noise over what is stated
   Vector3d by_camera(const Vector3d& p, double camera_station, double times, double scale,
