@@ -17,7 +17,7 @@ struct ProfileOptions {
   /// What no cloud shows of itself, of its frame: rad, how well its up is known, >= 0, about the
   /// middle of the line, and m, how far its heights drift along the road, >= 0 (surfaces without a
   /// scale: not used). The defaults are what good inertial navigation leaves.
-  double levelling_sigma = 1.7e-4;
+  double levelling_sigma = 1.7453292519943296e-4;  // 0.01 deg
   double drift_sigma = 0.011;
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
