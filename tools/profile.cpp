@@ -24,6 +24,8 @@ using nlohmann::json;
 namespace camber::tools {
 namespace {
 
+constexpr double kDegree = M_PI / 180.0;
+
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
 json percent(double value) { return number(100.0 * value); }
 
@@ -56,14 +58,18 @@ json profile_json(const Command& command, const RoadSurface& surface,
                         {"sigma_grade_percent", percent(p.sigma_grade)},
                         {"sigma_cross_slope_percent", percent(p.sigma_cross_slope)}});
   }
-  return {
-      {"version", kVersion},
-      {"seed", command.common.seed},
-      {"options", {{"step", options.step}, {"length", options.length}, {"reach", options.reach}}},
-      {"frame", surface.frame},
-      {"metric", surface.metric},
-      {"covered_stations", covered_stations(profile)},
-      {"stations", std::move(stations)}};
+  return {{"version", kVersion},
+          {"seed", command.common.seed},
+          {"options",
+           {{"step", options.step},
+            {"length", options.length},
+            {"reach", options.reach},
+            {"levelling_sigma_deg", options.levelling_sigma / kDegree},
+            {"drift_sigma", options.drift_sigma}}},
+          {"frame", surface.frame},
+          {"metric", surface.metric},
+          {"covered_stations", covered_stations(profile)},
+          {"stations", std::move(stations)}};
 }
 
 }  // namespace
@@ -78,6 +84,7 @@ void register_profile(App& root) {
   struct Arguments {
     std::string surface, out, plot, line;
     ProfileOptions options;
+    double levelling_sigma_deg = options.levelling_sigma / kDegree;
     bool json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
@@ -87,8 +94,8 @@ void register_profile(App& root) {
   app.add_option("--plot", arguments->plot,
                  "FILE.png or FILE.svg: height, grade and cross slope with bands of 95 %");
   app.add_option("--along", arguments->line,
-                 "points of a line in order (any cloud format); default: the driven line of the "
-                 "result");
+                 "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "
+                 "z_m); default: the driven line of the result");
   app.add_option("--step", arguments->options.step, "metres between stations")
       ->capture_default_str();
   app.add_option("--length", arguments->options.length,
@@ -97,10 +104,17 @@ void register_profile(App& root) {
   app.add_option("--reach", arguments->options.reach,
                  "metres that a station may lie beyond a patch's boundary")
       ->capture_default_str();
+  app.add_option("--levelling-sigma-deg", arguments->levelling_sigma_deg,
+                 "how well the cloud's up is known, degrees: part of the bands")
+      ->capture_default_str();
+  app.add_option("--drift-sigma", arguments->options.drift_sigma,
+                 "metres by which the cloud's heights may drift along the road: part of the bands")
+      ->capture_default_str();
   app.add_flag("--json", arguments->json, "print the stations as JSON to stdout");
 
   command->run = [command, arguments] {
-    const ProfileOptions& options = arguments->options;
+    ProfileOptions options = arguments->options;
+    options.levelling_sigma = arguments->levelling_sigma_deg * kDegree;
     options.validate();
     const fs::path out_path = arguments->out;
     const std::string extension = out_path.extension().string();

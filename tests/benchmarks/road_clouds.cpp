@@ -218,6 +218,7 @@ void run_road_clouds(bench::Report& report) {
   if (report.wanted("coverage")) coverage(bench);
   if (report.wanted("repeat")) repeat(bench);
   if (report.wanted("hill")) hill(bench);
+  if (report.wanted("bands")) bands(bench);
   if (report.wanted("real")) {
     forest_road(bench);
     city_sweep(bench);
@@ -231,9 +232,10 @@ int main(int argc, char** argv) {
   const camber::bench::Program program = {
       "bench_road_clouds",
       "Planes, patches and profiles of road clouds against their truth and other libraries",
-      {"plane", "largest", "patches", "coverage", "repeat", "hill", "real"},
+      {"plane", "largest", "patches", "coverage", "repeat", "hill", "bands", "real"},
       {{"--scenes", "N", "Made clouds of a row of the coverage (default: 1000)"},
        {"--largest", "N", "Points of the largest made clouds (default: 10000000)"},
+       {"--even-draws", "", "Bands on the draws that constants are decided on"},
        {"--plot", "FILE.svg", "The hill in profile", false}}};
   return camber::bench::run_program(program, argc, argv, camber::benchmarks::run_road_clouds);
 }

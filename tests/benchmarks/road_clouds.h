@@ -59,6 +59,8 @@ void repeat(const Bench& bench);
 void hill(const Bench& bench);
 /// Profile of a real forest road under a camera's noise.
 void forest_road(const Bench& bench);
+/// How often the road lies inside the stated 95 % bands of its profile.
+void bands(const Bench& bench);
 /// A laser's sweep against the measured ground.
 void city_sweep(const Bench& bench);
 

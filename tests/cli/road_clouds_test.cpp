@@ -320,6 +320,25 @@ TEST_F(RoadClouds, ProfileAlongALine) {
   expect_common_keys(on_stdout);
   EXPECT_EQ(on_stdout["stations"], stations);
   EXPECT_EQ(on_stdout["covered_stations"], profile["covered_stations"]);
+  // The same along a line of a survey's columns.
+  {
+    std::ofstream line(path("survey.csv"));
+    line << "chainage_m,x_m,y_m,z_m\n";
+    std::ifstream axis(path("axis.csv"));
+    std::string row;
+    std::getline(axis, row);
+    for (int k = 0; std::getline(axis, row); ++k) line << k << ',' << row << '\n';
+  }
+  const auto surveyed =
+      run_camber({"profile", path("out"), "--along", path("survey.csv"), "--json", "--quiet"});
+  ASSERT_EQ(surveyed.exit_code, 0) << surveyed.error;
+  EXPECT_EQ(json::parse(surveyed.out)["stations"], stations);
+  // What the cloud may be turned by is part of the bands, most of all at the ends.
+  const auto turned = run_camber({"profile", path("out"), "--along", path("axis.csv"), "--json",
+                                  "--quiet", "--levelling-sigma-deg", "1"});
+  ASSERT_EQ(turned.exit_code, 0) << turned.error;
+  EXPECT_GT(json::parse(turned.out)["stations"][1]["sigma_height"].get<double>(),
+            5.0 * stations[1]["sigma_height"].get<double>());
   std::ifstream csv(path("profile.csv"));
   std::string line, last;
   std::size_t rows = 0;

@@ -53,6 +53,19 @@ TEST(Text, ColumnsByNameByOptionAndByNumber) {
   EXPECT_EQ(cloud.labels.at("patch"), std::vector<int>({-1}));
 }
 
+TEST(Text, ColumnsInMetresAreAxes) {
+  const RoadCloud cloud =
+      read_from_memory("chainage_m,x_m,y_m,z_m\n0.0,1,2,3\n1.0,4,5,6.5\n", "line.csv").cloud;
+  ASSERT_EQ(cloud.size(), 2u);
+  EXPECT_EQ(cloud.points[1], Eigen::Vector3f(4, 5, 6.5f));
+  EXPECT_EQ(cloud.scalars.count("chainage_m") + cloud.labels.count("chainage_m"), 1u);
+  // x wins over x_m.
+  const RoadCloud both = read_from_memory("x_m,x,y,z\n9,1,2,3\n", "line.csv").cloud;
+  EXPECT_EQ(both.points[0], Eigen::Vector3f(1, 2, 3));
+  EXPECT_EQ(read_from_memory("x_m y_m z_m\n1 2 3\n", "line.txt").cloud.points[0],
+            Eigen::Vector3f(1, 2, 3));
+}
+
 TEST(Text, MissingValuesAreNaN) {
   const CloudFile file = read_from_memory("x,y,z,i\n1,2,3,\n4,,6,7\n,,,\n", "a.csv");
   ASSERT_EQ(file.cloud.size(), 3u);

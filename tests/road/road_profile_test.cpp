@@ -4,6 +4,9 @@
 
 #include <cmath>
 
+#include "camber/road/fit_road_surface.h"
+#include "plane/curved_road_maker.h"
+
 namespace camber {
 namespace {
 
@@ -35,9 +38,16 @@ RoadSurface surface_of(std::vector<PlanePatch> patches) {
   return surface;
 }
 
+/// Standard deviations by the planes' covariances alone.
+ProfileOptions of_planes_alone() {
+  ProfileOptions options;
+  options.levelling_sigma = options.drift_sigma = 0.0;
+  return options;
+}
+
 TEST(RoadProfile, StraightSlope) {
   const RoadSurface surface = surface_of({strip(0, 0, 40, 2.0, 0.05, 0.02)});
-  const auto profile = road_profile(surface, {{0, 0, 0}, {40, 0, 0}}, {});
+  const auto profile = road_profile(surface, {{0, 0, 0}, {40, 0, 0}}, of_planes_alone());
   ASSERT_EQ(profile.size(), 41u);
   for (std::size_t k = 5; k + 5 < profile.size(); ++k) {
     EXPECT_DOUBLE_EQ(profile[k].station, static_cast<double>(k));
@@ -51,6 +61,77 @@ TEST(RoadProfile, StraightSlope) {
   EXPECT_NEAR(profile[20].sigma_cross_slope, 2e-3, 1e-5);
   EXPECT_NEAR(profile[20].sigma_grade, 1e-3, 1e-5);
   EXPECT_NEAR(profile[20].sigma_height, 0.01, 1e-4);
+}
+
+TEST(RoadProfile, SigmasHoldWhatPlanesLeaveOutDriftAndLevelling) {
+  PlanePatch patch = strip(0, 0, 40, 2.0, 0.0);
+  const ProfileOptions alone = of_planes_alone();
+  const std::vector<Vector3d> line = {{0, 0, 0}, {40, 0, 0}};
+  const auto plane = road_profile(surface_of({patch}), line, alone);
+  patch.unmodelled_sigma = 0.03;
+  const auto bent = road_profile(surface_of({patch}), line, alone);
+  for (const std::size_t k : {5u, 20u, 35u}) {
+    EXPECT_NEAR(bent[k].sigma_height, std::hypot(plane[k].sigma_height, 0.03), 1e-12);
+    EXPECT_GT(bent[k].sigma_grade, 1.2 * plane[k].sigma_grade);
+    EXPECT_GT(bent[k].sigma_cross_slope, 1.2 * plane[k].sigma_cross_slope);
+  }
+  ProfileOptions options = alone;
+  options.levelling_sigma = 0.002;
+  const auto levelled = road_profile(surface_of({patch}), line, options);
+  // About the middle of the line.
+  EXPECT_NEAR(levelled[20].sigma_height, bent[20].sigma_height, 1e-12);
+  EXPECT_NEAR(levelled[35].sigma_height, std::hypot(bent[35].sigma_height, 15 * 0.002), 1e-12);
+  EXPECT_NEAR(levelled[20].sigma_grade, std::hypot(bent[20].sigma_grade, 0.002), 1e-12);
+  EXPECT_NEAR(levelled[20].sigma_cross_slope, std::hypot(bent[20].sigma_cross_slope, 0.002), 1e-12);
+  options = alone;
+  options.drift_sigma = 0.05;
+  const auto drifting = road_profile(surface_of({patch}), line, options);
+  EXPECT_NEAR(drifting[20].sigma_height, std::hypot(bent[20].sigma_height, 0.05), 1e-12);
+  EXPECT_GT(drifting[20].sigma_grade, bent[20].sigma_grade);
+  // Heights that drift apart slowly say less of the grade than ones that err each by itself:
+  // 0.05 m over the root of the sum of squares of 11 stations, 1 m apart.
+  EXPECT_LT(drifting[20].sigma_grade, std::hypot(bent[20].sigma_grade, 0.05 / std::sqrt(110.0)));
+}
+
+TEST(RoadProfile, SigmaOfTheGradeIsThatOfTheHeightsOverItsLength) {
+  // One plane's heights err together, and their slope is the plane's: 1 mrad.
+  const RoadSurface one = surface_of({strip(0, 0, 40, 0.0, 0.0)});
+  const std::vector<Vector3d> line = {{0, 0, 0}, {40, 0, 0}};
+  EXPECT_NEAR(road_profile(one, line, of_planes_alone())[20].sigma_grade, 1e-3, 1e-9);
+  // Two planes that meet at the station, 10 mm each in height and apart from one another: by their
+  // middles 5 m apart, more than either plane's own slope.
+  const RoadSurface two = surface_of({strip(0, 0, 19.5, 0.0, 0.0), strip(1, 19.5, 40, 0.0, 0.0)});
+  EXPECT_GT(road_profile(two, line, of_planes_alone())[20].sigma_grade, 1.5e-3);
+}
+
+TEST(RoadProfile, BandsHoldWhereErrorsAreNotWhatTheFitAssumes) {
+  for (const test::RoadNoise noise : test::kRoadNoises) {
+    double inside = 0.0, count = 0.0, width = 0.0;
+    for (const std::uint64_t seed : {1001u, 1003u, 1005u, 1007u}) {
+      test::CurvedRoadOptions made;
+      made.seed = seed;
+      made.noise = noise;
+      made.points = 20000;
+      made.length = 100.0;
+      const test::CurvedRoad road = test::make_curved_road(made);
+      RoadSurfaceOptions options;
+      options.driven_line = road.line;
+      const auto profile =
+          road_profile(fit_road_surface(road.cloud, options).surface, road.line, {});
+      ASSERT_EQ(profile.size(), road.line.size());
+      for (std::size_t k = 0; k < profile.size(); ++k) {
+        if (profile[k].status == Status::kFailed) continue;
+        const double error = profile[k].height - road.line[k].z();
+        inside += std::abs(error) <= 1.96 * profile[k].sigma_height ? 1.0 : 0.0;
+        width += profile[k].sigma_height;
+        count += 1.0;
+      }
+    }
+    ASSERT_GT(count, 350.0) << to_string(noise);
+    // Four draws with errors in common along 30 m are a dozen independent places.
+    EXPECT_GT(inside / count, 0.80) << to_string(noise);
+    EXPECT_LT(width / count, 0.05) << to_string(noise);
+  }
 }
 
 TEST(RoadProfile, SignsFollowTheDirectionOfTheLine) {
@@ -109,6 +190,12 @@ TEST(RoadProfile, WrongInputIsNamed) {
   ProfileOptions options;
   options.step = 0.0;
   EXPECT_THROW(road_profile(surface, {{0, 0, 0}, {1, 0, 0}}, options), std::invalid_argument);
+  options = {};
+  options.levelling_sigma = -1e-3;
+  EXPECT_THROW(options.validate(), std::invalid_argument);
+  options = {};
+  options.drift_sigma = std::nan("");
+  EXPECT_THROW(options.validate(), std::invalid_argument);
 }
 
 }  // namespace

@@ -39,6 +39,7 @@ PlanePatch make_patch() {
   patch.grade = kPi / 18;  // 10 degrees
   patch.bank = -kPi / 36;  // -5 degrees
   patch.refinement = "refused: no texture";
+  patch.unmodelled_sigma = 0.021;
   return patch;
 }
 
@@ -134,6 +135,7 @@ TEST(SurfaceJson, HasTheDocumentedKeysAndUnits) {
   EXPECT_EQ(patch["boundary"][2], json({0.5, 1.0, 3.0}));
   EXPECT_EQ(patch["inliers"], 812);
   EXPECT_EQ(patch["refinement"], "refused: no texture");
+  EXPECT_EQ(patch["unmodelled_sigma"], 0.021);
   const json& link = surface["links"][0];
   EXPECT_NEAR(link["angle_deg"].get<double>(), 45.0, 1e-12);
   EXPECT_EQ(link["height_step"], 0.2);

@@ -45,8 +45,19 @@ bool is_number(std::string_view word) {
   return number.end != nullptr && number.end == word.data() + word.size();
 }
 
+/// Columns x_m, y_m and z_m are x, y and z where there are none of these names.
+void take_metres_for_axes(std::vector<std::string>* names) {
+  for (const char axis : {'x', 'y', 'z'}) {
+    const std::string plain(1, axis), with_unit = plain + "_m";
+    if (std::find(names->begin(), names->end(), plain) != names->end()) continue;
+    const auto found = std::find(names->begin(), names->end(), with_unit);
+    if (found != names->end()) *found = plain;
+  }
+}
+
 /// How many of x and y are among the names.
-int count_axes(const std::vector<std::string>& names) {
+int count_axes(std::vector<std::string> names) {
+  take_metres_for_axes(&names);
   std::vector<PointField> fields(names.size());
   for (std::size_t i = 0; i < names.size(); ++i) fields[i].name = names[i];
   const FieldRoles roles = find_roles(fields);
@@ -232,6 +243,7 @@ void TextSource::read_head() {
 }
 
 void TextSource::name_columns(std::vector<std::string> names) {
+  take_metres_for_axes(&names);
   std::set<std::string> seen;
   for (std::size_t c = 0; c < names.size(); ++c) {
     ColumnRule rule;

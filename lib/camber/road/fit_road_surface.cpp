@@ -14,6 +14,7 @@
 #include "camber/road/ground_tree.h"
 #include "camber/road/patch_segmentation.h"
 #include "camber/road/plan_polygon.h"
+#include "camber/road/unmodelled.h"
 
 namespace camber {
 
@@ -709,6 +710,7 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
   classify(options.consistency, borders, &surface);
   align_patches_with_road(&surface);
   optimise_surface(options.consistency, &surface);
+  measure_unmodelled(cloud, fit.labels, &surface);
   // What a patch alone leaves open its neighbours may tell.
   for (PlanePatch& patch : surface.patches) {
     const Eigen::Vector3d variance = patch.plane.covariance.diagonal();

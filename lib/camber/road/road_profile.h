@@ -11,9 +11,14 @@
 namespace camber {
 
 struct ProfileOptions {
-  double step = 1.0;      ///< m between stations, along the line in plan, > 0
-  double length = 10.0;   ///< m of road over which grade and vertical radius are measured, > 0
-  double reach = 0.5;     ///< m that a station may lie beyond a patch's boundary, >= 0
+  double step = 1.0;     ///< m between stations, along the line in plan, > 0
+  double length = 10.0;  ///< m of road over which grade and vertical radius are measured, > 0
+  double reach = 0.5;    ///< m that a station may lie beyond a patch's boundary, >= 0
+  /// What no cloud shows of itself, of its frame: rad, how well its up is known, >= 0, about the
+  /// middle of the line, and m, how far its heights drift along the road, >= 0 (surfaces without a
+  /// scale: not used). The defaults are what good inertial navigation leaves.
+  double levelling_sigma = 1.7453292519943296e-4;  // 0.01 deg
+  double drift_sigma = 0.011;
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
@@ -39,6 +44,9 @@ struct ProfilePoint {
 /// slope of the heights over `length` of road around it, and the vertical radius that of the
 /// parabola through them, both given only where most of that length is covered. The heights of the
 /// line's points only choose between patches above one another.
+/// Standard deviations hold the planes' covariances, what the planes leave out
+/// (PlanePatch::unmodelled_sigma), drift and levelling; along the road the middle two are processes
+/// with the covariance sigma^2 exp(-distance / length).
 /// @throws std::invalid_argument for a line of fewer than two places, for one of more than a
 /// million stations, or if options.validate() fails.
 std::vector<ProfilePoint> road_profile(const RoadSurface& surface,

@@ -40,7 +40,8 @@ SurfaceQuery answer(const PlanePatch* patch, const Eigen::Vector3d& place, doubl
   out.plane = patch->plane;
   const Plane& plane = patch->plane.plane;
   out.point = place - plane.signed_distance(place) / plane.normal.dot(unit_up) * unit_up;
-  double variance = patch->plane.height_variance(out.point);
+  double variance =
+      patch->plane.height_variance(out.point) + patch->unmodelled_sigma * patch->unmodelled_sigma;
   if (distance > 0.0) {
     const double tilt = kUnseenCurvature * distance;
     const double sag = 0.5 * tilt * distance;

@@ -21,7 +21,10 @@ struct PlanePatch {
   std::string reason;    ///< empty for kOk
   UncertainPlane plane;  ///< axis1 along the road where that is known
   int inliers = 0;
-  double noise = 0.0;                     ///< m, standard deviation of a point across it, if known
+  double noise = 0.0;  ///< m, standard deviation of a point across it, if known
+  /// m, standard deviation of the ground's height about the plane beyond `plane.covariance`: how
+  /// far it bends away from the plane, and errors that the patch's points have in common.
+  double unmodelled_sigma = 0.0;
   std::vector<Eigen::Vector3d> boundary;  ///< convex or simple polygon on the plane
   double grade = 0.0;                     ///< rad, slope along axis1, positive: climbs ahead
   double bank = 0.0;                      ///< rad, slope across, positive: left side up
@@ -48,7 +51,8 @@ struct SurfaceQuery {
   int patch = -1;                                   ///< id of the answering patch
   UncertainPlane plane;                             ///< the patch's plane
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< on the surface, above or below the place
-  double sigma_height = 0.0;                        ///< m, along the normal at `point`
+  /// m, of the ground along the normal at `point`: of the plane, and of what it leaves out.
+  double sigma_height = 0.0;
 };
 
 /// A road as planar patches, their neighbourhood and the driven line.

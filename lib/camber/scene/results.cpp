@@ -228,6 +228,9 @@ PlanePatch read_patch(const JsonCursor& cursor, std::set<int>* ids) {
   if (const auto v = object.find("grade_deg")) out.grade = to_radians(v->number());
   if (const auto v = object.find("bank_deg")) out.bank = to_radians(v->number());
   out.refinement = find_text(object, "refinement");
+  if (const auto v = object.find("unmodelled_sigma")) {
+    out.unmodelled_sigma = v->in_range(0.0, 1e6, "a length of at least 0 m");
+  }
   if (const auto v = object.find("without_vehicle")) {
     JsonObject alone(*v, "a plane {\"normal\", \"offset\", ...}");
     out.without_vehicle = read_plane(alone, true);
@@ -353,6 +356,7 @@ json to_json(const PlanePatch& patch) {
               {"bank_deg", number_json(to_degrees(patch.bank))},
               {"refinement", patch.refinement}};
   out.update(plane_json(patch.plane));
+  if (patch.unmodelled_sigma > 0.0) out["unmodelled_sigma"] = patch.unmodelled_sigma;
   if (patch.without_vehicle) out["without_vehicle"] = plane_json(*patch.without_vehicle);
   return out;
 }
