@@ -114,9 +114,14 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to) {
+cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to, bool full_resolution = false) {
   const cv::Ptr<cv::DISOpticalFlow> dis =
       cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
+  if (full_resolution) {
+    dis->setFinestScale(0);
+    dis->setPatchStride(4);
+    dis->setVariationalRefinementIterations(0);
+  }
   cv::Mat flow;
   dis->calc(from, to, flow);
   return flow;
@@ -334,7 +339,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         if (!usable(x, y)) carried.at<std::uint8_t>(y, x) = reference.at<std::uint8_t>(y, x);
       }
     }
-    const cv::Mat flow = dense_flow(reference, carried);
+    const cv::Mat flow = dense_flow(reference, carried, options.full_resolution);
     for (std::size_t i = 0; i < out.pixels.size(); ++i) {
       const int x = static_cast<int>(out.pixels[i].x());
       const int y = static_cast<int>(out.pixels[i].y()) - first;

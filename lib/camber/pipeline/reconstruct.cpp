@@ -60,8 +60,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   });
   for (int round = 0; round < o.rounds; ++round) {
     const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
-    matches = run("correspondences", share,
-                  [&] { return stages::match_again(frames, matches, motion, ground, o.match); });
+    matches = run("correspondences", share, [&] {
+      return stages::match_again(frames, matches, motion, ground, round + 1 == o.rounds, o.match);
+    });
     motion = run("motion", share,
                  [&] { return stages::motion_again(frames, matches, motion, o.motion); });
     points = run("triangulation", share, [&] {

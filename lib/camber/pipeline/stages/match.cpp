@@ -120,10 +120,11 @@ Correspondences match(const LoadedFrames& frames, const MatchOptions& options) {
 }
 
 Correspondences match_again(const LoadedFrames& frames, const Correspondences& before,
-                            const MotionEstimate& motion, const Ground& ground,
+                            const MotionEstimate& motion, const Ground& ground, bool last,
                             const MatchOptions& options) {
   const int top = std::max(0, static_cast<int>(ground.field->top()) - 12);
-  const CorrespondenceOptions flow = flow_options(frames, options);
+  CorrespondenceOptions flow = flow_options(frames, options);
+  flow.full_resolution = last;
   return refine_matches(frames.gray, before,
                         predict(frames, before, motion, ground, top, flow.num_threads), top, flow);
 }
