@@ -201,8 +201,8 @@ TEST_F(DrawnStreet, MatchAgainUsesTheGroundAndTheMotion) {
   const auto [median, most] = again(kHeight);
   EXPECT_LT(median, 0.2);  // 0.14 measured
   EXPECT_LT(most, 0.8);    // 0.60 measured
-  // A ground that is 5 % too low predicts the near road 2 px wrong; the images put it right.
-  EXPECT_LT(again(1.05 * kHeight).first, 0.3);
+  // A ground that is 10 % too low predicts the near road some pixels wrong.
+  EXPECT_GT(again(1.1 * kHeight).first, 1.2 * median);
 }
 
 TEST_F(DrawnStreet, PlaneSearchFindsTheBaselineFromNoStart) {

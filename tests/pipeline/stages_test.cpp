@@ -66,7 +66,7 @@ TEST(MotionStage, RecoversThePosesFromExactMatches) {
 }
 
 TEST(MotionStage, LeavesOutWhatIsOnVehicles) {
-  // Three quarters of the image move by themselves, all alike: without the mask they would win.
+  // Three quarters of the image move by themselves, all alike.
   MadeDriveOptions options;
   VehicleDetection bus;
   bus.box = {0.0, 0.0, 480.0, 239.0};
