@@ -98,6 +98,22 @@ TEST(MatchImages, TextureIsTheMeanOfTheGradientsProducts) {
   EXPECT_LT((middle - Eigen::Vector3f(4, 2, 1)).norm(), 1e-4);
 }
 
+TEST(CorrespondenceGrid, IsThatOfTheMatches) {
+  const GrayImage image = waves({0, 0});
+  const Correspondences grid = correspondence_grid(image, 1, 2);
+  const Correspondences found = match_images({waves(kFirst), image}, 1, {});
+  EXPECT_EQ(grid.reference, 1);
+  EXPECT_EQ(grid.step, found.step);
+  EXPECT_EQ(grid.columns, found.columns);
+  EXPECT_EQ(grid.rows, found.rows);
+  EXPECT_EQ(grid.pixels, found.pixels);
+  EXPECT_EQ(grid.texture, found.texture);
+  EXPECT_TRUE(grid.matches.empty());
+  EXPECT_EQ(correspondence_grid(image, 0, 3).columns, (kWidth - 1) / 3 + 1);
+  EXPECT_THROW(correspondence_grid(image, 0, 0), std::invalid_argument);
+  EXPECT_THROW(correspondence_grid({}, 0, 2), std::invalid_argument);
+}
+
 TEST(MatchImages, IsTheSameForAnyNumberOfThreads) {
   const std::vector<GrayImage> images = {waves(kFirst), waves({0, 0}), waves(kSecond)};
   CorrespondenceOptions one, two;

@@ -205,6 +205,26 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
   }
 }
 
+/// See correspondence_grid(); OpenCV must run on one thread.
+Correspondences grid_of(const GrayImage& image, int reference, int step) {
+  Correspondences out;
+  out.reference = reference;
+  out.step = step;
+  out.columns = (image.width - 1) / step + 1;
+  out.rows = (image.height - 1) / step + 1;
+  const StructureTensor texture(image);
+  const auto count = static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.rows);
+  out.pixels.reserve(count);
+  out.texture.reserve(count);
+  for (int y = 0; y < image.height; y += step) {
+    for (int x = 0; x < image.width; x += step) {
+      out.pixels.emplace_back(static_cast<float>(x), static_cast<float>(y));
+      out.texture.push_back(texture.at(out.pixels.back()));
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 void check_images(const std::vector<GrayImage>& images, int reference) {
@@ -231,34 +251,31 @@ void CorrespondenceOptions::validate() const {
   }
 }
 
+Correspondences correspondence_grid(const GrayImage& image, int reference, int step) {
+  if (image.empty() || step < 1) {
+    throw std::invalid_argument("a grid of step " + std::to_string(step) + " in an image of " +
+                                std::to_string(image.width) + " x " + std::to_string(image.height) +
+                                " pixels");
+  }
+  const SingleThreadedOpenCv guard;
+  return grid_of(image, reference, step);
+}
+
 Correspondences match_images(const std::vector<GrayImage>& images, int reference,
                              const CorrespondenceOptions& options) {
   options.validate();
   check_images(images, reference);
   const GrayImage& base = images[static_cast<std::size_t>(reference)];
-  Correspondences out;
-  out.reference = reference;
-  out.step = options.step;
-  out.columns = (base.width - 1) / options.step + 1;
-  out.rows = (base.height - 1) / options.step + 1;
-  out.pixels.reserve(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.rows));
-  for (int r = 0; r < out.rows; ++r) {
-    for (int c = 0; c < out.columns; ++c) {
-      out.pixels.emplace_back(static_cast<float>(c * options.step),
-                              static_cast<float>(r * options.step));
-    }
-  }
-
   const SingleThreadedOpenCv guard;
   std::vector<int> others;
   for (int k = 0; k < static_cast<int>(images.size()); ++k) {
     if (k != reference) others.push_back(k);
   }
   std::vector<cv::Mat> flows(2 * others.size() + 1);
-  StructureTensor texture;
+  Correspondences out;
   parallel_for(flows.size(), options.num_threads, [&](std::size_t task) {
     if (task == flows.size() - 1) {
-      texture = StructureTensor(base);
+      out = grid_of(base, reference, options.step);
       return;
     }
     const cv::Mat a = view(base);
@@ -266,8 +283,6 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
     flows[task] = task % 2 == 0 ? dense_flow(a, b) : dense_flow(b, a);
   });
 
-  out.texture.reserve(out.pixels.size());
-  for (const Eigen::Vector2f& p : out.pixels) out.texture.push_back(texture.at(p));
   out.matches.resize(others.size());
   parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];

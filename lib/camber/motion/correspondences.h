@@ -50,6 +50,12 @@ struct Correspondences {
 /// is no index into them.
 void check_images(const std::vector<GrayImage>& images, int reference);
 
+/// The grid of a reference image with its texture, for correspondences of one's own: `matches` is
+/// empty and takes one MatchedImage, of as many pixels as the grid, for every other image in order.
+/// @param reference  index of the image, as in Correspondences.
+/// @throws std::invalid_argument for an empty image or a step below 1.
+Correspondences correspondence_grid(const GrayImage& image, int reference, int step);
+
 /// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,
 /// Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse Search", ECCV 2016) with a
 /// forward-backward check. All images have the same size (else std::invalid_argument). The same

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -25,7 +26,10 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     if (progress) progress(stage, share);
   };
   std::vector<fs::path> inputs = options.inputs;
-  for (const auto& [path, hash] : result.run.input_hashes) inputs.emplace_back(path);
+  for (const SceneFrame& frame : scene.frames) {  // also what this run did not read
+    inputs.insert(inputs.end(), {frame.image, frame.segmentation, frame.road_mask});
+  }
+  inputs.erase(std::remove(inputs.begin(), inputs.end(), fs::path()), inputs.end());
   AtomicFolder out(folder, options.overwrite, inputs);
   const fs::path& staging = out.staging();
   Timings& timings = result.run.timings;

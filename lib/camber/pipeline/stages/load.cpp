@@ -86,7 +86,8 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
     out.color[k] = std::move(image.color);
     out.masks[k] = read_masks(scene, frame, options.use_masks);
     for (const auto& path : {frame.image, frame.segmentation, frame.road_mask}) {
-      if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
+      const bool read = options.use_masks || path == frame.image;
+      if (read && !path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
     }
   });
   for (auto& list : hashes) {

@@ -1,0 +1,261 @@
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "camber/cloud/voxel_grid.h"
+#include "camber/core/random.h"
+#include "camber/core/threads.h"
+#include "camber/evaluate/detail/compare_steps.h"
+
+namespace camber {
+namespace {
+
+using Eigen::Matrix4d;
+using Eigen::Vector3d;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// Nearest points of a cloud, exact: the search in float leaves open which of two points is nearer
+/// where their distances differ by less than rounding; those are measured again in double.
+ShapeDistances distances_to_cloud(const RoadCloud& cloud, const PointTree& tree,
+                                  const std::vector<Vector3d>& places, int num_threads) {
+  ShapeDistances out;
+  out.distance.assign(places.size(), kNaN);
+  out.nearest.assign(places.size(), -1);
+  std::vector<Eigen::Vector3f> queries(places.size());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    queries[i] = (places[i] - cloud.origin).cast<float>();
+  }
+  const std::vector<PointTree::NearestPair> pairs = tree.nearest_pair_of_all(queries, num_threads);
+  const bool with_normals = !cloud.normals.empty();
+  if (with_normals) out.along_normal.assign(places.size(), kNaN);
+  constexpr std::size_t kBlock = 4096;
+  parallel_for((places.size() + kBlock - 1) / kBlock, num_threads, [&](std::size_t block) {
+    std::vector<PointTree::Neighbor> near;
+    const std::size_t end = std::min(places.size(), (block + 1) * kBlock);
+    for (std::size_t i = block * kBlock; i < end; ++i) {
+      int index = pairs[i].index;
+      if (index < 0) continue;
+      const Vector3d place = places[i] - cloud.origin;
+      const auto squared = [&](int k) {
+        return (cloud.points[static_cast<std::size_t>(k)].cast<double>() - place).squaredNorm();
+      };
+      double best = squared(index);
+      // Rounding of the query's coordinates and of the distance itself.
+      const double rounding = 1.2e-7 * (queries[i].cwiseAbs().maxCoeff() + 4.0 * std::sqrt(best));
+      const double first = std::sqrt(static_cast<double>(pairs[i].squared_distance)),
+                   second = std::sqrt(static_cast<double>(pairs[i].second_squared_distance));
+      if (second - first <= 4.0 * rounding) {
+        tree.within(queries[i], static_cast<float>((first + 4.0 * rounding) * (1.0 + 1e-6)), near);
+        for (const PointTree::Neighbor& other : near) {
+          const double d = squared(other.index);
+          if (d < best || (d == best && other.index < index)) {
+            best = d;
+            index = other.index;
+          }
+        }
+      }
+      out.nearest[i] = index;
+      out.distance[i] = std::sqrt(best);
+      if (with_normals) {
+        const std::size_t k = static_cast<std::size_t>(index);
+        out.along_normal[i] =
+            cloud.normals[k].cast<double>().dot(place - cloud.points[k].cast<double>());
+      }
+    }
+  });
+  return out;
+}
+
+/// The triangles of a mesh, relative to its origin, where numbers are small.
+TriangleTree make_triangle_tree(const Shape& mesh) {
+  std::vector<Vector3d> vertices(mesh.cloud.size());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    vertices[i] = mesh.cloud.points[i].cast<double>();
+  }
+  return {std::move(vertices), mesh.triangles};
+}
+
+ShapeDistances distances_to_mesh(const Shape& mesh, const TriangleTree& tree,
+                                 const std::vector<Vector3d>& places, int num_threads) {
+  std::vector<Vector3d> local(places.size());
+  for (std::size_t i = 0; i < places.size(); ++i) local[i] = places[i] - mesh.cloud.origin;
+  const std::vector<TriangleTree::Nearest> nearest = tree.nearest_of_all(local, num_threads);
+  ShapeDistances out;
+  out.distance.assign(places.size(), kNaN);
+  out.nearest.assign(places.size(), -1);
+  out.along_normal.assign(places.size(), kNaN);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (nearest[i].triangle < 0) continue;
+    out.nearest[i] = nearest[i].triangle;
+    out.distance[i] = std::sqrt(nearest[i].squared_distance);
+    const auto& t = mesh.triangles[static_cast<std::size_t>(nearest[i].triangle)];
+    const Vector3d normal = tree.normal(nearest[i].triangle);
+    if (normal.isZero()) continue;
+    out.along_normal[i] = normal.dot(local[i] - mesh.cloud.points[t[0]].cast<double>());
+  }
+  return out;
+}
+
+}  // namespace
+
+namespace detail {
+
+ShapeSearch::ShapeSearch(const Shape& shape) : shape_(shape) {
+  if (shape.is_mesh()) {
+    triangles_.emplace(make_triangle_tree(shape));
+  } else {
+    points_.emplace(shape.cloud.points);
+  }
+}
+
+ShapeDistances ShapeSearch::distances(const std::vector<Vector3d>& places, int num_threads) const {
+  return shape_.is_mesh() ? distances_to_mesh(shape_, *triangles_, places, num_threads)
+                          : distances_to_cloud(shape_.cloud, *points_, places, num_threads);
+}
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return kNaN;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Shape transformed(const Shape& shape, const Matrix4d& m) {
+  if (m.isIdentity(0.0)) return shape;
+  Shape out = shape;
+  const std::vector<Vector3d> points = true_points(shape.cloud, m);
+  Vector3d origin = Vector3d::Zero();
+  for (const Vector3d& p : points) {
+    if (!p.allFinite()) continue;
+    // Small numbers stay as they are.
+    if (p.cwiseAbs().maxCoeff() > 1e4) origin = p.array().round();
+    break;
+  }
+  out.cloud.origin = origin;
+  const double scale = std::cbrt(std::abs(m.topLeftCorner<3, 3>().determinant()));
+  const Eigen::Matrix3f turn = (m.topLeftCorner<3, 3>() / scale).cast<float>();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    out.cloud.points[i] = (points[i] - origin).cast<float>();
+    if (!out.cloud.normals.empty()) out.cloud.normals[i] = turn * out.cloud.normals[i];
+  }
+  return out;
+}
+
+Contact contact(const Shape& shape, int nearest, const Vector3d& place) {
+  const RoadCloud& cloud = shape.cloud;
+  const auto corner = [&](std::size_t i) {
+    return Vector3d(cloud.origin + cloud.points[i].cast<double>());
+  };
+  if (!shape.is_mesh()) {
+    const std::size_t k = static_cast<std::size_t>(nearest);
+    Vector3d normal = Vector3d::Zero();
+    if (!cloud.normals.empty() && cloud.normals[k].allFinite()) {
+      normal = cloud.normals[k].cast<double>();
+    }
+    return {corner(k), normal};
+  }
+  const auto& t = shape.triangles[static_cast<std::size_t>(nearest)];
+  const Vector3d a = corner(t[0]), b = corner(t[1]), c = corner(t[2]);
+  Vector3d normal = (b - a).cross(c - a);
+  const double length = normal.norm();
+  normal = length > 0.0 ? Vector3d(normal / length) : Vector3d::Zero();
+  return {nearest_on_triangle(place, a, b, c), normal};
+}
+
+std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Vector3d& up,
+                                             int num_threads) {
+  constexpr double kSpacing = 0.25;  // m
+  constexpr int kNeighbors = 12;
+  constexpr double kLeastSpread = 0.03;  // of the variances in the plane
+  RoadCloud bare;
+  bare.origin = cloud.origin;
+  bare.points = cloud.points;
+  const RoadCloud thinned = thin(bare, kSpacing);
+  std::vector<Eigen::Vector3f> points(thinned.size());
+  const Eigen::Vector3f shift = (thinned.origin - cloud.origin).cast<float>();
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = thinned.points[i] + shift;
+  const PointTree tree(points);
+  std::vector<Eigen::Vector3f> normals(points.size(), Eigen::Vector3f::Zero());
+  const float *const x = tree.x().data(), *const y = tree.y().data(), *const z = tree.z().data();
+  tree.for_each_neighborhood(kNeighbors, num_threads, [&](const PointTree::Neighborhood& near) {
+    Vector3d mean = Vector3d::Zero();
+    Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+    for (int i = 0; i < near.count; ++i) {
+      const int at = near.positions[i];
+      const Vector3d d = Vector3d(x[at], y[at], z[at]) - near.point.cast<double>();
+      mean += d / near.count;
+      squares += d * d.transpose() / near.count;
+    }
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+    solver.computeDirect(squares - mean * mean.transpose());
+    if (!(solver.eigenvalues()[1] > kLeastSpread * solver.eigenvalues()[2])) return;
+    Vector3d normal = solver.eigenvectors().col(0);
+    if (normal.dot(up) < 0.0) normal = -normal;
+    normals[static_cast<std::size_t>(near.index)] = normal.cast<float>();
+  });
+  std::vector<Eigen::Vector3f> out(cloud.size(), Eigen::Vector3f::Zero());
+  const std::vector<PointTree::Neighbor> nearest = tree.nearest_of_all(cloud.points, num_threads);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (nearest[i].index >= 0) out[i] = normals[static_cast<std::size_t>(nearest[i].index)];
+  }
+  return out;
+}
+
+}  // namespace detail
+
+ShapeDistances distances_to(const Shape& shape, const std::vector<Vector3d>& places,
+                            int num_threads) {
+  return detail::ShapeSearch(shape).distances(places, num_threads);
+}
+
+std::vector<Vector3d> true_points(const RoadCloud& cloud, const Matrix4d& transform) {
+  std::vector<Vector3d> out(cloud.size());
+  const bool still = transform.isIdentity(0.0);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Vector3d p = cloud.origin + cloud.points[i].cast<double>();
+    out[i] = still ? p : detail::move(transform, p);
+  }
+  return out;
+}
+
+RoadCloud sample_mesh(const Shape& mesh, double density, std::size_t most, std::uint64_t seed) {
+  std::vector<double> areas;  // up to and with each triangle
+  double total = 0.0;
+  const auto corner = [&](std::uint32_t i) {
+    return Vector3d(mesh.cloud.points[i].cast<double>());
+  };
+  for (const auto& t : mesh.triangles) {
+    const double area =
+        0.5 * (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).norm();
+    if (std::isfinite(area)) total += area;
+    areas.push_back(total);
+  }
+  RoadCloud out;
+  out.frame = mesh.cloud.frame;
+  out.metric = mesh.cloud.metric;
+  out.origin = mesh.cloud.origin;
+  if (!(total > 0.0)) return out;
+  const double wanted = std::min(std::ceil(total * density), static_cast<double>(most));
+  const std::size_t count = static_cast<std::size_t>(std::max(1.0, wanted));
+  const CounterRandom random(seed, 0x6D657368);
+  out.points.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    // Stratified by area; uniform within a triangle (square-root parametrisation).
+    const double at =
+        total * (static_cast<double>(i) + random.uniform(3 * i)) / static_cast<double>(count);
+    const std::size_t t = std::min<std::size_t>(
+        static_cast<std::size_t>(std::upper_bound(areas.begin(), areas.end(), at) - areas.begin()),
+        areas.size() - 1);
+    const double r = std::sqrt(random.uniform(3 * i + 1)), s = random.uniform(3 * i + 2);
+    const auto& c = mesh.triangles[t];
+    out.points.push_back(
+        ((1.0 - r) * corner(c[0]) + r * (1.0 - s) * corner(c[1]) + r * s * corner(c[2]))
+            .cast<float>());
+  }
+  return out;
+}
+
+}  // namespace camber

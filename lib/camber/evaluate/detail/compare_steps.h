@@ -1,0 +1,67 @@
+#pragma once
+
+// What the steps of a comparison share: searches on shapes, their normals, medians.
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <optional>
+#include <vector>
+
+#include "camber/cloud/point_tree.h"
+#include "camber/evaluate/compare.h"
+#include "camber/evaluate/triangle_tree.h"
+
+namespace camber::detail {
+
+inline Eigen::Vector3d move(const Eigen::Matrix4d& m, const Eigen::Vector3d& p) {
+  return m.topLeftCorner<3, 3>() * p + m.topRightCorner<3, 1>();
+}
+
+/// A shape made ready for many searches; the shape must outlive it.
+class ShapeSearch {
+ public:
+  explicit ShapeSearch(const Shape& shape);
+  ShapeDistances distances(const std::vector<Eigen::Vector3d>& places, int num_threads) const;
+
+ private:
+  const Shape& shape_;
+  std::optional<PointTree> points_;
+  std::optional<TriangleTree> triangles_;
+};
+
+/// A shape in the frame of the estimate. Meshes and clouds keep their triangles; normals turn.
+Shape transformed(const Shape& shape, const Eigen::Matrix4d& m);
+
+/// Places and normals of what is nearest on a shape.
+struct Contact {
+  Eigen::Vector3d place, normal;  // normal: zero if unknown
+};
+
+/// @param nearest  point or triangle of the shape, as ShapeDistances has it.
+Contact contact(const Shape& shape, int nearest, const Eigen::Vector3d& place);
+
+/// Normals of the ground's tangent planes at each point: planes through the neighbours in the cloud
+/// thinned to 0.25 m, so that they span some metres also where a laser's lines lie far apart; zero
+/// where these leave a tilt open.
+std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Eigen::Vector3d& up,
+                                             int num_threads);
+
+/// NaN without values.
+double median_of(std::vector<double> values);
+
+/// Iterated closest points of a sample of the estimate: along the truth's normals, with a little of
+/// the whole distance where those leave a direction open (Chen and Medioni, "Object modelling by
+/// registration of multiple range images", IVC 1992). Far pairs are left out by the median.
+AlignmentResult iterate_closest(const std::vector<Eigen::Vector3d>& estimate, const Shape& truth,
+                                Alignment alignment, int num_threads);
+
+/// The closed form on given pairs, see CompareOptions::pairs.
+AlignmentResult align_pairs(const CompareOptions& options);
+
+/// Fills the errors in the road's own frame and the map of heights of a comparison.
+/// @param truth      with normals, as it was compared.
+/// @param estimated  places of the comparison's points.
+void add_road_errors(const Shape& truth, const std::vector<Eigen::Vector3d>& estimated,
+                     const CompareOptions& options, CloudComparison* out);
+
+}  // namespace camber::detail
