@@ -25,7 +25,7 @@ int main(int argc, char** argv) try {
   const auto search = stages::search_plane(frames, motion, {});
   auto points = stages::triangulate(frames, matches, motion, nullptr, {});
   auto ground = stages::first_ground(frames, matches, motion, points, search, {});
-  matches = stages::match_again(frames, matches, motion, ground, {});
+  matches = stages::match_again(frames, matches, motion, ground, true, {});
   motion = stages::motion_again(frames, matches, motion, {});
   points = stages::triangulate(frames, matches, motion, &ground.seen, {});
   ground = stages::ground(frames, matches, motion, points, ground, {});

@@ -196,7 +196,7 @@ TEST_F(DrawnStreet, MatchAgainUsesTheGroundAndTheMotion) {
     other.height = height;
     other.stations = {-kStep, 0.0, kStep};
     return misses(stages::match_again(drive_->frames, before, drive_->motion,
-                                      exact_ground(test::make_drive(other)), options));
+                                      exact_ground(test::make_drive(other)), false, options));
   };
   const auto [median, most] = again(kHeight);
   EXPECT_LT(median, 0.2);  // 0.14 measured

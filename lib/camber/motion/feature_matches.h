@@ -16,11 +16,10 @@ struct FeatureMatchOptions {
 };
 
 /// Sparse correspondences from a reference image to all others, of any displacement:
-/// scale-invariant features whose descriptors are nearest to each other both ways and plainly
-/// nearer than the second (Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV
-/// 2004). For motions that a dense flow loses. The result has one row, with one column a feature of
-/// the reference image that at least one image shows. Exhaustive, so that it is the same in any
-/// run.
+/// scale-invariant features whose descriptors are mutually nearest, and plainly nearer than the
+/// second nearest (Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004).
+/// For motions that a dense flow loses. The result has one row, with one column a feature of the
+/// reference image that at least one image shows. Exhaustive, so that it is the same in any run.
 /// @throws std::invalid_argument for images that differ in size or are empty, or no such reference.
 Correspondences match_features(const std::vector<GrayImage>& images, int reference,
                                const FeatureMatchOptions& options);
