@@ -258,7 +258,7 @@ void steep_roads(const Bench& bench, const std::vector<Clip>& clips, const std::
   VehicleFitOptions doubting;
   doubting.prior = bench.prior;
   VehicleFitOptions trusting = doubting;
-  trusting.trust_plane = true;
+  trusting.plane_is_exact = true;
   const auto level = [](const Clip& clip, int, const VehicleDetection&) {
     return certain_support({kUp, *clip.scene.height_above_road}, "level");
   };

@@ -47,7 +47,7 @@ TEST_F(ImageFile, ReadsColorsAndGreyOfEveryKindOfPng) {
   write_png(path("interlaced.png"), 20, 12, 2, 8, rgb, true);
   EXPECT_EQ(read_color_image(path("rgb.png")).data, rgb);
   EXPECT_EQ(read_color_image(path("interlaced.png")).data, rgb);
-  const Image grey = read_grey_image(path("rgb.png"));
+  const Image grey = read_gray_image(path("rgb.png"));
   EXPECT_EQ(grey.channels, 1);
   ASSERT_EQ(grey.data.size(), 20u * 12u);
   for (std::size_t i = 0; i < grey.data.size(); ++i) {
@@ -57,7 +57,7 @@ TEST_F(ImageFile, ReadsColorsAndGreyOfEveryKindOfPng) {
 
   const std::vector<std::uint8_t> one = picture(20, 12, 1);
   write_png(path("grey.png"), 20, 12, 0, 8, one);
-  EXPECT_EQ(read_grey_image(path("grey.png")).data, one);
+  EXPECT_EQ(read_gray_image(path("grey.png")).data, one);
   const Image color = read_color_image(path("grey.png"));
   EXPECT_EQ(color.channels, 3);
   EXPECT_EQ(color.data[3 * 25 + 1], one[25]);
@@ -72,7 +72,7 @@ TEST_F(ImageFile, ReadsColorsAndGreyOfEveryKindOfPng) {
   std::vector<std::uint8_t> wide;
   for (const std::uint8_t v : one) wide.insert(wide.end(), {v, v});  // v * 257
   write_png(path("wide.png"), 20, 12, 0, 16, wide);
-  EXPECT_EQ(read_grey_image(path("wide.png")).data, one);
+  EXPECT_EQ(read_gray_image(path("wide.png")).data, one);
 }
 
 TEST_F(ImageFile, HeadersSayTheSize) {
@@ -98,7 +98,7 @@ TEST_F(ImageFile, ReadsJpeg) {
     for (int x = 0; x < 48; ++x) smooth.push_back(static_cast<std::uint8_t>(40 + 2 * x + 3 * y));
   }
   write_jpeg(path("a.jpg"), 48, 32, 1, smooth);
-  const Image image = read_grey_image(path("a.jpg"));
+  const Image image = read_gray_image(path("a.jpg"));
   ASSERT_EQ(image.data.size(), smooth.size());
   for (std::size_t i = 0; i < smooth.size(); ++i) EXPECT_NEAR(image.data[i], smooth[i], 6);
 }

@@ -36,13 +36,13 @@ long count(const TriangulatedPoints& points, DropReason reason) {
 }
 
 /// Share of the right matches whose true inverse depth lies in the stated 95 % interval.
-double coverage(const TriangulatedPoints& points, const SimulatedMatches& s, double metres_per_unit,
-                const Eigen::MatrixXd& pose_covariance) {
+double coverage(const TriangulatedPoints& points, const SimulatedMatches& s,
+                double metres_per_baseline, const Eigen::MatrixXd& pose_covariance) {
   long inside = 0, all = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const auto at = static_cast<std::size_t>(points.grid[i]);
     if (s.outlier[at]) continue;
-    const double error = points.inverse_depth[i] - metres_per_unit / s.depths[at];
+    const double error = points.inverse_depth[i] - metres_per_baseline / s.depths[at];
     ++all;
     if (std::abs(error) < 1.96 * points.sigma_total(i, pose_covariance)) ++inside;
   }

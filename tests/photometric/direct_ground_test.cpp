@@ -84,7 +84,7 @@ struct Drive {
       }
     }
     GroundFieldOptions options;
-    options.metres_per_unit = kStep;
+    options.metres_per_baseline = kStep;
     return {kCamera, observations, Plane{{0, -1, 0}, 1.65 / kStep}, options};
   }
 

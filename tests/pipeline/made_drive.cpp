@@ -173,7 +173,7 @@ Ground exact_ground(const MadeDrive& drive) {
   ego.status = Status::kOk;
   ego.height = ego.near_plane_height = drive.plane.offset / m;
   ego.relative_sigma = 0.002;
-  ego.metres_per_unit = m;
+  ego.metres_per_baseline = m;
   ego.points = static_cast<int>(rows);
   ego.plane.plane = {drive.plane.normal, ego.height};
   ego.plane.centroid = -ego.height * drive.plane.normal;
@@ -184,7 +184,7 @@ Ground exact_ground(const MadeDrive& drive) {
 
   out.metres_per_baseline = m;
   GroundFieldOptions field;
-  field.metres_per_unit = m;
+  field.metres_per_baseline = m;
   out.field = std::make_shared<GroundField>(drive.frames.camera, observed, ego.plane.plane, field);
   return out;
 }

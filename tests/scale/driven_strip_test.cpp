@@ -51,7 +51,9 @@ EgoPlaneOptions options_of_camera() {
   return options;
 }
 
-double scale_error(const EgoPlane& ego) { return std::log(ego.metres_per_unit / kMetresPerUnit); }
+double scale_error(const EgoPlane& ego) {
+  return std::log(ego.metres_per_baseline / kMetresPerUnit);
+}
 
 TEST(DrivenStrip, CurveThatBeginsAheadOfTheCameraIsNotCarriedBack) {
   const Ground ground = [](double s, double) {

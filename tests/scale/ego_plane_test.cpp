@@ -63,7 +63,7 @@ TEST(FitEgoPlane, OnAFlatRoadHeightAndScaleAreExact) {
         fit_ego_plane(make_road(flat, unit, 0.0, 1), kTravel, kUp, {}, independent());
     ASSERT_EQ(found.status, Status::kOk) << found.reason;
     EXPECT_NEAR(found.height, kHeight / unit, 1e-5 * kHeight / unit);
-    EXPECT_NEAR(found.metres_per_unit, unit, 1e-5 * unit);
+    EXPECT_NEAR(found.metres_per_baseline, unit, 1e-5 * unit);
     EXPECT_NEAR(found.near_plane_height, kHeight / unit, 1e-5 * kHeight / unit);
     EXPECT_LT(angle_between(found.plane.plane.normal, kUp), 1e-5);
     EXPECT_NEAR(found.plane.plane.offset, found.height, 1e-9);

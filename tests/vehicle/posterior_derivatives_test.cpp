@@ -314,7 +314,7 @@ TEST(Derivatives, OfTheShapesMarginal) {
 /// mean vehicle at the state shows, but for a tenth of their errors, on planes that it stands on.
 void make_quadratic(Track* track) {
   VehicleNoise& noise = track->options.noise;
-  track->options.trust_plane = true;
+  track->options.plane_is_exact = true;
   noise.box.gate = 1e3;
   noise.keypoint.gross_share = 1e-9;
   noise.keypoint.far_share = 1e-9;

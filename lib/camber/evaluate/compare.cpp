@@ -72,7 +72,8 @@ bool seen(const std::vector<View>& views, double farthest, const Vector3d& place
   return false;
 }
 
-std::vector<double> counted_values(const OneWay& way, const std::vector<double>& values) {
+std::vector<double> counted_values(const DirectedDistances& way,
+                                   const std::vector<double>& values) {
   std::vector<double> out;
   for (std::size_t i = 0; i < values.size(); ++i) {
     if (way.counted[i] != 0 && std::isfinite(values[i])) out.push_back(values[i]);
@@ -190,7 +191,7 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
     estimate = detail::transformed(estimate_in, out.alignment.transform);
   }
 
-  const auto measure = [&](const Shape& from, const Shape& to, OneWay& way) {
+  const auto measure = [&](const Shape& from, const Shape& to, DirectedDistances& way) {
     way.points = measured(from);
     const std::vector<Vector3d> places = true_points(way.points);
     way.distances = distances_to(to, places, options.num_threads);
@@ -199,7 +200,8 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
   };
   const std::vector<Vector3d> estimated = measure(estimate, truth, out.accuracy);
   const std::vector<Vector3d> true_places = measure(truth, estimate, out.completeness);
-  const auto sort_out = [&](const std::vector<Vector3d>& places, OneWay& way, auto&& observed) {
+  const auto sort_out = [&](const std::vector<Vector3d>& places, DirectedDistances& way,
+                            auto&& observed) {
     for (std::size_t i = 0; i < places.size(); ++i) {
       std::size_t* reason = nullptr;
       if (!places[i].allFinite()) {

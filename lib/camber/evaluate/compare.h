@@ -102,7 +102,7 @@ DistanceSummary summarise_distances(const std::vector<double>& values);
 
 /// One way of a comparison: the points that were measured (a cloud's own, or those that stand for a
 /// mesh) and their distances to the other side.
-struct OneWay {
+struct DirectedDistances {
   RoadCloud points;                    ///< in the frame of the estimate, aligned
   ShapeDistances distances;            ///< of all points
   std::vector<unsigned char> counted;  ///< 0: not finite, outside the region, or unobserved
@@ -150,8 +150,8 @@ struct AlignmentResult {
 };
 
 struct CloudComparison {
-  OneWay accuracy;      ///< estimate to truth
-  OneWay completeness;  ///< truth to estimate
+  DirectedDistances accuracy;      ///< estimate to truth
+  DirectedDistances completeness;  ///< truth to estimate
   std::vector<ThresholdScore> scores;
   std::vector<RoadErrors> road;
   HeightErrorMap map;

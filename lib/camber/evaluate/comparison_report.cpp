@@ -25,7 +25,7 @@ nlohmann::json to_json(const DistanceSummary& s) {
           {"largest", number(s.largest)}};
 }
 
-nlohmann::json to_json(const OneWay& way) {
+nlohmann::json to_json(const DirectedDistances& way) {
   nlohmann::json out = to_json(way.summary);
   out["points"] = way.points.size();
   out["not_finite"] = way.not_finite;
@@ -60,7 +60,7 @@ std::string describe(const CloudComparison& c) {
   if (c.accuracy.along_normal.count > 0) row("  along the normal", c.accuracy.along_normal);
   row("completeness", c.completeness.summary);
   if (c.completeness.along_normal.count > 0) row("  along the normal", c.completeness.along_normal);
-  const auto left_out = [&](const char* name, const OneWay& way) {
+  const auto left_out = [&](const char* name, const DirectedDistances& way) {
     if (way.not_finite + way.outside + way.unobserved == 0) return;
     out +=
         fmt::format("not counted of the {}: {} not finite, {} outside the region, {} unobserved\n",

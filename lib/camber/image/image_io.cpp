@@ -354,7 +354,7 @@ Image read_color_image(const fs::path& path) {
   return image.channels == 1 ? replicate(image) : image;
 }
 
-Image read_grey_image(const fs::path& path) { return to_grey(read_8bit(path)); }
+Image read_gray_image(const fs::path& path) { return to_grey(read_8bit(path)); }
 
 FrameImage read_frame_image(const fs::path& path, const PinholeCamera& camera) {
   FrameImage out;

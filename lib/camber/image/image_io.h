@@ -28,7 +28,7 @@ ImageInfo read_image_info(const std::filesystem::path& path);
 /// is dropped, 16 bits become 8, a palette becomes colours.
 /// @throws InputError "file: found, expected".
 Image read_color_image(const std::filesystem::path& path);  ///< 3 channels
-Image read_grey_image(const std::filesystem::path& path);   ///< 1 channel, ITU-R BT.601 weights
+Image read_gray_image(const std::filesystem::path& path);   ///< 1 channel, ITU-R BT.601 weights
 
 /// Intensities of a colour image (0.299 R + 0.587 G + 0.114 B, rounded); of a grey one, itself.
 Image to_grey(const Image& image);

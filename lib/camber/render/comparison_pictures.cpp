@@ -14,7 +14,7 @@ namespace {
 
 const Color kInk{40, 40, 40, 1.0};
 
-std::vector<double> counted_distances(const OneWay& way) {
+std::vector<double> counted_distances(const DirectedDistances& way) {
   std::vector<double> out;
   for (std::size_t i = 0; i < way.distances.distance.size(); ++i) {
     if (way.counted[i] != 0 && std::isfinite(way.distances.distance[i])) {
@@ -40,7 +40,7 @@ const char* const kNames[] = {"accuracy: estimate to truth", "completeness: trut
 Image draw_histogram(const CloudComparison& comparison) {
   constexpr int kBars = 40;
   const double range = shown_range(comparison), width = range / kBars;
-  const OneWay* const ways[] = {&comparison.accuracy, &comparison.completeness};
+  const DirectedDistances* const ways[] = {&comparison.accuracy, &comparison.completeness};
   Plot plot;
   plot.title = "Distances";
   plot.x.title = "distance, m (last bar: all beyond)";
@@ -76,7 +76,7 @@ Image draw_cumulative(const CloudComparison& comparison) {
   plot.x.low = plot.y.low = 0.0;
   plot.x.high = shown_range(comparison);
   plot.y.high = 100.0;
-  const OneWay* const ways[] = {&comparison.accuracy, &comparison.completeness};
+  const DirectedDistances* const ways[] = {&comparison.accuracy, &comparison.completeness};
   for (int k = 0; k < 2; ++k) {
     const std::vector<double> distances = counted_distances(*ways[k]);
     PlotSeries curve;
@@ -161,7 +161,7 @@ Image draw_height_map(const CloudComparison& comparison) {
   return image;
 }
 
-RoadCloud color_by_distance(const OneWay& way, double largest) {
+RoadCloud color_by_distance(const DirectedDistances& way, double largest) {
   RoadCloud cloud = way.points;
   cloud.colors.assign(cloud.size(), {128, 128, 128});
   std::vector<float>& error = cloud.scalars["error"];

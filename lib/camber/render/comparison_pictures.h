@@ -17,6 +17,6 @@ Image draw_height_map(const CloudComparison& comparison);
 
 /// A cloud coloured by its distances (viridis, `largest` m and beyond at the yellow end; grey: not
 /// counted), with the scalars "error" and, where known, "error_along_normal".
-RoadCloud color_by_distance(const OneWay& way, double largest);
+RoadCloud color_by_distance(const DirectedDistances& way, double largest);
 
 }  // namespace camber

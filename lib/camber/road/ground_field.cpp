@@ -118,11 +118,11 @@ struct GroundField::Impl {
   /// Standard deviation of a second difference at a node: curvature times the metric step squared,
   /// turned into inverse depth (a rise dh of the plane changes it by rho dh |m|, m = -n / d).
   double spread(const Difference& d) const {
-    const double along = options.along_curvature * options.metres_per_unit;
-    const double across = options.across_curvature * options.metres_per_unit;
+    const double along = options.along_curvature * options.metres_per_baseline;
+    const double across = options.across_curvature * options.metres_per_baseline;
     const double longest_step =
-        8.0 / options.metres_per_unit;  // roads do not bend one way for ever
-    const double least_inverse_depth = options.metres_per_unit / 150.0;
+        8.0 / options.metres_per_baseline;  // roads do not bend one way for ever
+    const double least_inverse_depth = options.metres_per_baseline / 150.0;
     const int r = std::clamp(d.centre_row, 1, rows - 2);
     const int c = std::clamp(d.centre_column, 1, columns - 2);
     const double rho = std::max(nodes[index(r, c)], least_inverse_depth);
@@ -281,7 +281,7 @@ void GroundFieldOptions::validate() const {
   require(row_spacing_px > 0, "row_spacing_px", row_spacing_px, "> 0");
   require(along_curvature > 0, "along_curvature", along_curvature, "> 0");
   require(across_curvature > 0, "across_curvature", across_curvature, "> 0");
-  require(metres_per_unit > 0, "metres_per_unit", metres_per_unit, "> 0");
+  require(metres_per_baseline > 0, "metres_per_baseline", metres_per_baseline, "> 0");
   require(correlation >= 1, "correlation", correlation, ">= 1");
   require(iterations >= 1, "iterations", iterations, ">= 1");
 }

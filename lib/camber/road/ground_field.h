@@ -22,11 +22,11 @@ struct GroundObservations {
 };
 
 struct GroundFieldOptions {
-  double column_spacing_px = 32.0;  ///< between nodes, > 0
-  double row_spacing_px = 6.0;      ///< between nodes, > 0
-  double along_curvature = 0.012;   ///< 1/m, standard deviation of the road's vertical curvature
-  double across_curvature = 0.05;   ///< 1/m, the same across the road (crown, side streets)
-  double metres_per_unit = 1.0;     ///< rough scale of the reconstruction, > 0
+  double column_spacing_px = 32.0;   ///< between nodes, > 0
+  double row_spacing_px = 6.0;       ///< between nodes, > 0
+  double along_curvature = 0.012;    ///< 1/m, standard deviation of the road's vertical curvature
+  double across_curvature = 0.05;    ///< 1/m, the same across the road (crown, side streets)
+  double metres_per_baseline = 1.0;  ///< rough scale of the reconstruction, > 0
   /// Neighbouring observations share their errors: information is divided by this, >= 1.
   double correlation = 32.0;
   int iterations = 6;     ///< of the reweighting, >= 1

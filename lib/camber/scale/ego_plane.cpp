@@ -81,12 +81,12 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
 
 /// The camera's other positions in the frame, ahead and behind as far as roads bend evenly.
 std::vector<Eigen::Vector3d> usable_path(const RoadPoints& road, const detail::TravelFrame& frame,
-                                         double metres_per_unit) {
+                                         double metres_per_baseline) {
   constexpr double kShortest = 0.02, kLongest = 10.0;  // m, to either side
   std::vector<Eigen::Vector3d> out;
   for (const Eigen::Vector3d& p : road.camera_path) {
     const Eigen::Vector3d q = frame.of(p);
-    const double distance = metres_per_unit * std::abs(q.y());
+    const double distance = metres_per_baseline * std::abs(q.y());
     if (distance > kShortest && distance < kLongest && q.norm() < 1.2 * std::abs(q.y())) {
       out.push_back(q);
     }
@@ -95,16 +95,16 @@ std::vector<Eigen::Vector3d> usable_path(const RoadPoints& road, const detail::T
 }
 
 /// Curvature in plan of the path through the camera's positions, 1 / unit.
-double path_curvature(const std::vector<Eigen::Vector3d>& path, double metres_per_unit,
+double path_curvature(const std::vector<Eigen::Vector3d>& path, double metres_per_baseline,
                       const EgoPlaneOptions& options) {
   double information = 1.0 / (options.path_curvature * options.path_curvature), moment = 0.0;
   for (const Eigen::Vector3d& p : path) {
-    const Eigen::Vector3d q = metres_per_unit * p;
+    const Eigen::Vector3d q = metres_per_baseline * p;
     const double by_curvature = 0.5 * q.y() * q.y() / options.path_sigma;
     information += by_curvature * by_curvature;
     moment += by_curvature * q.x() / options.path_sigma;
   }
-  return moment / information * metres_per_unit;
+  return moment / information * metres_per_baseline;
 }
 
 /// What the same measurements give under other assumptions: a narrower or wider strip, a stiffer
@@ -114,8 +114,9 @@ double assumption_variance(const detail::ProfileMeasurements& measured,
                            double other_half_width) {
   const auto log_change = [&](const EgoPlaneOptions& changed) {
     const detail::DrivenProfile other =
-        detail::fit_driven_profile(measured, chosen.metres_per_unit, changed);
-    return other.failure.empty() ? std::log(other.metres_per_unit / chosen.metres_per_unit) : 0.0;
+        detail::fit_driven_profile(measured, chosen.metres_per_baseline, changed);
+    return other.failure.empty() ? std::log(other.metres_per_baseline / chosen.metres_per_baseline)
+                                 : 0.0;
   };
   EgoPlaneOptions width = options, soft = options, stiff = options;
   width.half_width = other_half_width;
@@ -180,24 +181,24 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const std::string failure =
       fit_near_plane(road, options.camera_height, &frame, &out.near_plane_height);
   if (!failure.empty()) return fail(failure);
-  double metres_per_unit = options.camera_height / out.near_plane_height;
+  double metres_per_baseline = options.camera_height / out.near_plane_height;
 
   detail::ProfileMeasurements measured;
   measured.road = &road;
   for (const Eigen::Vector3d& p : road.points) measured.points.push_back(frame.of(p));
-  measured.path = usable_path(road, frame, metres_per_unit);
+  measured.path = usable_path(road, frame, metres_per_baseline);
   measured.level_cross_slope = -frame.right.dot(level) / frame.up.dot(level);
-  measured.path_curvature = path_curvature(measured.path, metres_per_unit, options);
+  measured.path_curvature = path_curvature(measured.path, metres_per_baseline, options);
 
   EgoPlaneOptions narrow = options, wide = options;
   wide.half_width = options.wide_half_width;
-  detail::DrivenProfile profile = detail::fit_driven_profile(measured, metres_per_unit, narrow);
+  detail::DrivenProfile profile = detail::fit_driven_profile(measured, metres_per_baseline, narrow);
   const bool is_wide = !profile.failure.empty() || profile.points < options.narrow_points;
-  if (is_wide) profile = detail::fit_driven_profile(measured, metres_per_unit, wide);
+  if (is_wide) profile = detail::fit_driven_profile(measured, metres_per_baseline, wide);
   if (!profile.failure.empty()) return fail(profile.failure);
   const double assumptions = assumption_variance(measured, profile, is_wide ? wide : narrow,
                                                  is_wide ? narrow.half_width : wide.half_width);
-  metres_per_unit = profile.metres_per_unit;
+  metres_per_baseline = profile.metres_per_baseline;
   const Eigen::Index columns = road.shared_jacobian.cols();
   Eigen::MatrixXd covariance = options.inflation * profile.covariance;
   if (columns > 0 && shared_covariance.size() > 0) {
@@ -209,10 +210,10 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const double step = profile.step;
   const Eigen::Vector3d normal_vector =
       (frame.up - profile.slope() * forward - profile.cross_slope() * frame.right).normalized();
-  const Eigen::Vector3d foot_on_axis = frame.up * (profile.x[foot] / metres_per_unit);
+  const Eigen::Vector3d foot_on_axis = frame.up * (profile.x[foot] / metres_per_baseline);
   Plane plane = Plane::through(foot_on_axis, normal_vector);
   out.height = plane.offset;
-  out.metres_per_unit = options.camera_height / out.height;
+  out.metres_per_baseline = options.camera_height / out.height;
   out.plane.plane = plane;
   out.plane.centroid = plane.foot(Eigen::Vector3d::Zero());
   UncertainPlane::make_axes(normal_vector, forward, &out.plane.axis1, &out.plane.axis2);
@@ -222,7 +223,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   functional(0, nodes + foot) = -1.0;
   functional(1, foot + 1) = -0.5 / step;
   functional(1, foot - 1) = 0.5 / step;
-  functional(2, foot) = 1.0 / metres_per_unit;
+  functional(2, foot) = 1.0 / metres_per_baseline;
   out.plane.covariance = functional * covariance * functional.transpose();
   out.plane.covariance(2, 2) += out.height * out.height * assumptions;
   if (columns > 0) out.by_shared = functional * profile.shared;
@@ -230,10 +231,10 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   out.relative_sigma = std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) +
                                  height_share * height_share);
   for (int j = foot; j < nodes; ++j) {
-    const double ahead = (j - foot) * step / metres_per_unit;
+    const double ahead = (j - foot) * step / metres_per_baseline;
     out.line.push_back(forward * ahead +
                        frame.right * (0.5 * measured.path_curvature * ahead * ahead) +
-                       frame.up * (profile.x[j] / metres_per_unit));
+                       frame.up * (profile.x[j] / metres_per_baseline));
   }
   out.points = profile.points;
   out.status = out.relative_sigma < 0.08 ? Status::kOk : Status::kWeak;

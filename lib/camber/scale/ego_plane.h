@@ -58,11 +58,11 @@ struct EgoPlaneOptions {
 struct EgoPlane {
   Status status = Status::kNotRun;  ///< see reason, unless kOk
   std::string reason;
-  UncertainPlane plane;            ///< unit of the points; centroid: the foot under the camera
-  double height = 0.0;             ///< of the camera above the plane, unit of the points
-  double relative_sigma = 0.0;     ///< standard deviation of height over height
-  double metres_per_unit = 0.0;    ///< camera_height / height
-  double near_plane_height = 0.0;  ///< the same from one plane through the first 6 m seen
+  UncertainPlane plane;              ///< unit of the points; centroid: the foot under the camera
+  double height = 0.0;               ///< of the camera above the plane, unit of the points
+  double relative_sigma = 0.0;       ///< standard deviation of height over height
+  double metres_per_baseline = 0.0;  ///< camera_height / height
+  double near_plane_height = 0.0;    ///< the same from one plane through the first 6 m seen
   /// The road's centre line ahead (unit of the points): every node from the foot to the reach.
   std::vector<Eigen::Vector3d> line;
   int points = 0;  ///< that were used

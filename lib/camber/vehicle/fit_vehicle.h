@@ -20,7 +20,7 @@ struct VehicleFitOptions {
   int num_yaws = 16;          ///< headings tried at the start, in [4, 360]
   /// The plane is never down-weighted, however much the keypoints contradict it (the flat-road
   /// baseline); otherwise a plainly wrong plane loses its weight.
-  bool trust_plane = false;
+  bool plane_is_exact = false;
   const VehiclePrior* prior = nullptr;  ///< not owned; nullptr: the shipped one
   KeypointSet keypoint_set = KeypointSet::kAll36;
   void validate() const;  ///< throws std::invalid_argument

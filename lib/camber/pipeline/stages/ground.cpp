@@ -149,7 +149,8 @@ EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, Profi
 bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground) {
   if (ego.status == Status::kFailed) return false;
   ground->ego = std::move(ego);
-  ground->metres_per_baseline = motion.metres_per_baseline.value_or(ground->ego.metres_per_unit);
+  ground->metres_per_baseline =
+      motion.metres_per_baseline.value_or(ground->ego.metres_per_baseline);
   return true;
 }
 
@@ -158,7 +159,7 @@ EgoPlane ego_of(const LoadedFrames& frames, const MotionEstimate& motion,
   EgoPlane out;
   out.height = std::exp(-hypothesis.log_baseline);
   out.near_plane_height = out.height;
-  out.metres_per_unit =
+  out.metres_per_baseline =
       frames.known.camera_height.value_or(options.unknown_camera_height) / out.height;
   const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
   const Eigen::Vector3d normal = road_normal(travel, hypothesis.roll);
@@ -264,7 +265,7 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
   constexpr int kLeastSamples = 1000;
   const auto start_from_search = [&] {
     out.ego = detail::ego_of(frames, motion, search.best, options);
-    out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_unit);
+    out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_baseline);
     detail::add_hypothesis(frames, motion, search.best, &observed);
   };
   if (search.informative) {
@@ -282,7 +283,7 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
     }
   }
   GroundFieldOptions field;
-  field.metres_per_unit = out.metres_per_baseline;
+  field.metres_per_baseline = out.metres_per_baseline;
   field.num_threads = options.num_threads;
   out.field = std::make_shared<GroundField>(frames.camera, observed, out.ego.plane.plane, field);
   return out;

@@ -262,7 +262,7 @@ PlacedVehicles place_vehicles(const PinholeCamera& camera, std::vector<TrackFram
                               const SharedGround* ground, double scale_sigma,
                               const VehicleOptions& options) {
   VehicleFitOptions fit = options.fit;
-  fit.trust_plane = options.method != VehicleMethod::kJoint;
+  fit.plane_is_exact = options.method != VehicleMethod::kJoint;
   PlacedVehicles out;
   out.views = std::move(views);
   for (TrackFrame& view : out.views) {

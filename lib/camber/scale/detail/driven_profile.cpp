@@ -30,19 +30,19 @@ std::vector<Eigen::Vector3d> thinned(std::vector<Eigen::Vector3d> side, double r
 
 class ProfileFit {
  public:
-  ProfileFit(const ProfileMeasurements& measured, double metres_per_unit,
+  ProfileFit(const ProfileMeasurements& measured, double metres_per_baseline,
              const EgoPlaneOptions& options)
       : measured_(measured), options_(options), weight_(measured.points.size(), 1.0) {
     double behind = 0.0;
     for (const Eigen::Vector3d& p : measured.path) {
-      behind = std::max(behind, -1.25 * metres_per_unit * p.y());
+      behind = std::max(behind, -1.25 * metres_per_baseline * p.y());
     }
     profile_.step = options.node_spacing;
     profile_.foot = 1 + static_cast<int>(behind / profile_.step);
     profile_.nodes = profile_.foot + static_cast<int>(std::ceil(options.reach / profile_.step)) + 1;
     profile_.x = Eigen::VectorXd::Zero(2 * profile_.nodes);
     profile_.x.head(profile_.nodes).setConstant(-options.camera_height);
-    profile_.metres_per_unit = metres_per_unit;
+    profile_.metres_per_baseline = metres_per_baseline;
   }
 
   DrivenProfile run() {
@@ -70,7 +70,7 @@ class ProfileFit {
       } else if (profile_.x[profile_.foot] < 0) {
         const double change =
             std::clamp(options_.camera_height / profile_.camera_height(), 0.8, 1.25);
-        profile_.metres_per_unit *= change;
+        profile_.metres_per_baseline *= change;
         profile_.x *= change;
       }
     }
@@ -85,7 +85,7 @@ class ProfileFit {
 
   /// To the right of the driven path, m.
   double lateral(const Eigen::Vector3d& p) const {
-    const double curvature = measured_.path_curvature / profile_.metres_per_unit;
+    const double curvature = measured_.path_curvature / profile_.metres_per_baseline;
     return p.x() - 0.5 * curvature * p.y() * p.y();
   }
 
@@ -96,7 +96,7 @@ class ProfileFit {
     profile_.points = 0;
     std::vector<double> seen;  // m ahead
     for (std::size_t i = 0; i < measured_.points.size(); ++i) {
-      const Eigen::Vector3d p = profile_.metres_per_unit * measured_.points[i];
+      const Eigen::Vector3d p = profile_.metres_per_baseline * measured_.points[i];
       const double at = p.y() / step + profile_.foot, side = lateral(p);
       if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(side) > options_.half_width) continue;
       const int j = static_cast<int>(at);
@@ -182,7 +182,7 @@ class ProfileFit {
     for (const double side : {-1.0, 1.0}) {
       std::vector<Eigen::Vector3d> positions;
       for (const Eigen::Vector3d& p : measured_.path) {
-        if (side * p.y() > 0) positions.push_back(profile_.metres_per_unit * p);
+        if (side * p.y() > 0) positions.push_back(profile_.metres_per_baseline * p);
       }
       Foot last = foot_below(Eigen::Vector3d::Zero());
       for (const Eigen::Vector3d& p : thinned(positions, options_.travel_reach)) {
@@ -243,9 +243,9 @@ double DrivenProfile::camera_height() const {
   return -x[foot] / std::sqrt(1.0 + slope() * slope() + cross_slope() * cross_slope());
 }
 
-DrivenProfile fit_driven_profile(const ProfileMeasurements& measured, double metres_per_unit,
+DrivenProfile fit_driven_profile(const ProfileMeasurements& measured, double metres_per_baseline,
                                  const EgoPlaneOptions& options) {
-  return ProfileFit(measured, metres_per_unit, options).run();
+  return ProfileFit(measured, metres_per_baseline, options).run();
 }
 
 }  // namespace camber::detail

@@ -31,12 +31,12 @@ struct DrivenProfile {
   std::string failure;  ///< why there is none; empty: there is one
   int foot = 0;         ///< the node under the camera
   int nodes = 0;
-  double step = 0.0;             ///< m
-  Eigen::VectorXd x;             ///< heights of all nodes, then cross slopes
-  Eigen::MatrixXd covariance;    ///< of x, without what the points share
-  Eigen::MatrixXd shared;        ///< d(x) / d(shared parameters)
-  double metres_per_unit = 0.0;  ///< so that the camera is its height above the profile
-  int points = 0;                ///< used
+  double step = 0.0;                 ///< m
+  Eigen::VectorXd x;                 ///< heights of all nodes, then cross slopes
+  Eigen::MatrixXd covariance;        ///< of x, without what the points share
+  Eigen::MatrixXd shared;            ///< d(x) / d(shared parameters)
+  double metres_per_baseline = 0.0;  ///< so that the camera is its height above the profile
+  int points = 0;                    ///< used
 
   double slope() const { return (x[foot + 1] - x[foot - 1]) / (2 * step); }  ///< at the foot
   double cross_slope() const { return x[nodes + foot]; }                     ///< at the foot
@@ -46,8 +46,8 @@ struct DrivenProfile {
 
 /// Robust least squares with a random walk of the vertical curvature and of the cross slope as
 /// prior; the camera's path ties the road below it to itself.
-/// @param metres_per_unit  first guess of the scale
-DrivenProfile fit_driven_profile(const ProfileMeasurements& measured, double metres_per_unit,
+/// @param metres_per_baseline  first guess of the scale
+DrivenProfile fit_driven_profile(const ProfileMeasurements& measured, double metres_per_baseline,
                                  const EgoPlaneOptions& options);
 
 }  // namespace camber::detail

@@ -62,7 +62,7 @@ VehiclePosterior::VehiclePosterior(const PinholeCamera& camera,
                             shape_variance_, prior_.mean_size());
     boxes_.emplace_back(camera, v.detection->box, noise_.box, layout_.num_views);
     // Views of one vehicle share its plane, which counts once over all of them.
-    contacts_.emplace_back(*v.support, noise_.contact, options.trust_plane,
+    contacts_.emplace_back(*v.support, noise_.contact, options.plane_is_exact,
                            1.0 / layout_.num_views);
   }
 }
