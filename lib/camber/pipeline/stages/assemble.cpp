@@ -41,16 +41,20 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
       final_road->reports.begin(), final_road->reports.end(), [&](const ConstraintReport& r) {
         return !r.accepted && r.residual_sigma > noise.vehicle_contradicts;
       });
+  const Constraint sizes = vehicle_sizes_constraint(scaled.road, vehicles, noise);
+  const double sigmas = sizes.size() > 0 ? std::sqrt(scaled.road.squared_innovation(sizes)) : 0.0;
   constexpr std::size_t kLeast = 3;
   if (vehicles.size() >= kLeast &&
       3 * static_cast<std::size_t>(contradicting) > 2 * vehicles.size()) {
-    contradict(fmt::format("{} of {} vehicles contradict the road under them", contradicting,
-                           vehicles.size()),
-               kOpenLogScale * kOpenLogScale);
+    std::string text = fmt::format("{} of {} vehicles contradict the road under them",
+                                   contradicting, vehicles.size());
+    if (sizes.size() > 0 && sigmas < 2.0) {
+      final_road->warnings.push_back({"road_contradicted", text + "; their sizes fit the scale"});
+    } else {
+      contradict(std::move(text), kOpenLogScale * kOpenLogScale);
+    }
   }
-  const Constraint sizes = vehicle_sizes_constraint(scaled.road, vehicles, noise);
   if (sizes.size() == 0) return;
-  const double sigmas = std::sqrt(scaled.road.squared_innovation(sizes));
   const bool agrees = sigmas <= sizes.gate;
   ConstraintReport report{sizes.name, sizes.source, sigmas, agrees, {}};
   const double change = sizes.residual[0];
