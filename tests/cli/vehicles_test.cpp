@@ -358,11 +358,16 @@ class LiftedLabels : public ::testing::Test {
                          {"scale_sigma", 0.01}}
                         .dump());
     put("calib.txt", "P2: 721.5 0 609.5 0 0 721.5 172.8 0 0 0 1 0\n");
-    // The truth on the road 20 m away; the detector 10 % too far, so 0.1 m below the road.
-    put("truth.txt", "5 0 Car 0 0 0 600 170 640 200 1.5 1.7 4.2 0.0 1.65 20.0 -1.5\n");
+    // The truth on the road 20 m away; the detector 10 % too far, so 0.1 m below the road; its 2D
+    // box is that of the truth. Frame 9 is not in the run.
+    put("truth.txt", "5 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.65 20.0 -1.5\n");
     put("found.txt",
-        "5 0 Car 0 0 0 600 170 640 200 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n"
+        "5 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n"
         "5 -1 DontCare -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n");
+    put("two.txt",
+        "5 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n"
+        "9 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n"
+        "9 -1 DontCare -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n");
   }
 
   void put(const std::string& name, const std::string& text) const {
@@ -386,7 +391,28 @@ TEST_F(LiftedLabels, GoThroughLiftAndEvaluate) {
     return json::parse(r.out)["tables"][0]["rows"][0]["center_error"]["mean"].get<double>();
   };
   EXPECT_NEAR(mean("found.txt"), std::hypot(2.0, 0.09), 1e-5);
-  EXPECT_LT(mean("lifted.txt"), 1.1);  // both variances are alike: about half way
+  EXPECT_LT(mean("lifted.txt"), 0.7);  // surface and 2D box against 2 m of the detector's 1.76
+}
+
+TEST_F(LiftedLabels, EachRowStatesItsSigmaAndItsSources) {
+  const auto lifted =
+      run_camber({"lift", path("two.txt"), "--surface", folder_.path().string(), "--calib",
+                  path("calib.txt"), "--out", path("lifted.txt"), "--json"});
+  ASSERT_EQ(lifted.exit_code, 0) << lifted.error;
+  const json out = json::parse(lifted.out);
+  EXPECT_EQ(out["boxes"], 2);
+  EXPECT_EQ(out["lifted"], 1);
+  EXPECT_EQ(out["by_box"], 1);
+  ASSERT_EQ(out["rows"].size(), 3u);
+  const json &on = out["rows"][0], &by_box = out["rows"][1];
+  EXPECT_EQ(on["sources"], "detector+box+surface");
+  EXPECT_EQ(on["status"], "ok");
+  EXPECT_EQ(by_box["sources"], "detector+box");
+  EXPECT_EQ(by_box["status"], "weak");
+  EXPECT_THAT(by_box["reason"].get<std::string>(), HasSubstr("no frame 9"));
+  EXPECT_LT(on["sigma_depth"].get<double>(), by_box["sigma_depth"].get<double>());
+  EXPECT_LT(by_box["sigma_depth"].get<double>(), 0.08 * 22.0);
+  EXPECT_TRUE(out["rows"][2]["sigma_depth"].is_null());
 }
 
 TEST_F(LiftedLabels, FailuresAreOneSentence) {
@@ -396,7 +422,7 @@ TEST_F(LiftedLabels, FailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(run_camber({"lift", path("none.txt"), "--surface", folder_.path().string(),
                                   "--calib", path("calib.txt"), "--out", path("x.txt")}),
                       2, "none.txt");
-  put("other.txt", "9 0 Car 0 0 0 600 170 640 200 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n");
+  put("other.txt", "9 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n");
   EXPECT_ONE_SENTENCE(run_camber({"lift", path("other.txt"), "--surface", folder_.path().string(),
                                   "--calib", path("calib.txt"), "--out", path("x.txt")}),
                       1, "no frame 9");

@@ -16,28 +16,6 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 const KittiCalibration::Camera kCamera{721.5377, 721.5377, 609.5593, 172.854, {0.06, 0.0, 0.003}};
 
-/// A plane that climbs ahead with `grade` and banks, 1.6 m below the camera, known to `sigma`.
-RoadSurface slope(double grade, double bank, double sigma) {
-  RoadSurface out;
-  PlanePatch patch;
-  patch.id = 7;
-  patch.status = Status::kOk;
-  const Eigen::Vector3d up = Eigen::Vector3d(std::tan(bank), -1.0, -std::tan(grade)).normalized();
-  patch.plane.plane = Plane::through({0.0, 1.6, 0.0}, up);
-  patch.plane.centroid = patch.plane.plane.intersect_ray({0.0, 1.6 - 30 * std::tan(grade), 30.0})
-                             .value_or(Eigen::Vector3d(0, 1.6, 30));
-  UncertainPlane::make_axes(up, {0, 0, 1}, &patch.plane.axis1, &patch.plane.axis2);
-  patch.plane.covariance = Eigen::Vector3d(1e-6, 1e-6, sigma * sigma).asDiagonal();
-  for (const auto& [x, z] : {std::pair{-30.0, 2.0}, std::pair{30.0, 2.0}, std::pair{30.0, 70.0},
-                             std::pair{-30.0, 70.0}}) {
-    const Eigen::Vector3d n = up;
-    const double y = -(n.x() * x + n.z() * z + patch.plane.plane.offset) / n.y();
-    patch.boundary.emplace_back(x, y, z);
-  }
-  out.patches.push_back(patch);
-  return out;
-}
-
 KittiLabel label_at(const Eigen::Vector3d& bottom_in_camera, double rotation_y) {
   KittiLabel out;
   out.frame = 3;
@@ -70,72 +48,6 @@ TEST(BoxTilt, RotationsGoThereAndBack) {
   EXPECT_LT(rotation_of(0.3, {0.1, 0.0})(1, 0), 0.0);
   // Right side down.
   EXPECT_GT(rotation_of(0.3, {0.0, 0.1})(1, 2), 0.0);
-}
-
-TEST(LiftBox, ABoxOnTheRoadTakesItsTiltAndStays) {
-  const double grade = 0.12, bank = 0.05;
-  const RoadSurface surface = slope(grade, bank, 0.02);
-  const Plane& plane = surface.patches[0].plane.plane;
-  // Its middle on the road's normal, as an upright box of the same middle has it.
-  const Eigen::Vector3d foot = plane.foot({2.0, 0.0, 20.0});
-  const Eigen::Vector3d middle = foot + 0.75 * plane.normal;
-  const KittiLabel label = label_at(middle + Eigen::Vector3d(0, 0.75, 0), -kPi / 2);  // heads ahead
-  const LiftedBox lifted = lift_box(label, surface, SE3(), kCamera, {});
-  EXPECT_EQ(lifted.status, Status::kOk);
-  EXPECT_EQ(lifted.patch, 7);
-  EXPECT_NEAR(lifted.depth_factor, 1.0, 1e-6);
-  EXPECT_LT((lifted.label.location + kCamera.offset - foot).norm(), 1e-6);
-  EXPECT_NEAR(lifted.tilt.pitch, grade, 2e-3);  // it heads straight up the slope
-  EXPECT_NEAR(std::abs(lifted.tilt.roll), bank, 2e-3);
-  EXPECT_EQ(lifted.label.rotation_y, label.rotation_y);
-  const Eigen::Matrix3d r = rotation_of(label.rotation_y, lifted.tilt);
-  EXPECT_LT((r.col(1) - plane.normal).norm(), 1e-9);
-}
-
-TEST(LiftBox, DistanceIsWeighedByBothVariances) {
-  const double depth = 25.0;
-  for (const double sigma : {0.01, 0.3, 5.0}) {
-    const RoadSurface surface = slope(0.0, 0.0, sigma);
-    const Plane& plane = surface.patches[0].plane.plane;
-    const Eigen::Vector3d middle(1.0, 1.6 - 0.75, depth);
-    // The detector is 10 % too far along the ray.
-    const KittiLabel label = label_at(1.1 * middle + Eigen::Vector3d(0, 0.75, 0), 0.5);
-    LiftOptions options;
-    options.height_sigma = 0.0;
-    options.pixel_sigma = 0.0;
-    const LiftedBox lifted = lift_box(label, surface, SE3(), kCamera, options);
-    // By hand: height of the bottom at the start h = -0.1 * 0.85 (below the plane), dh/ds = -0.935.
-    const double slope_s = plane.normal.dot(1.1 * middle), height = slope_s + 1.6 - 0.75;
-    const double r = std::pow(surface.query(1.1 * middle).sigma_height, 2), p = 0.08 * 0.08;
-    const double expected = 1.0 - p * slope_s / (slope_s * slope_s * p + r) * height;
-    EXPECT_NEAR(lifted.depth_factor, expected, 0.01);
-    if (sigma < 0.02) {
-      EXPECT_NEAR(lifted.depth_factor, 1.0 / 1.1, 0.01);
-    }
-    if (sigma > 4.0) {
-      EXPECT_NEAR(lifted.depth_factor, 1.0, 0.01);
-    }
-    EXPECT_LE(lifted.sigma_depth, 0.08 * 1.1 * middle.norm() + 1e-9);
-    // Whatever the distance, the box stands on the road.
-    EXPECT_NEAR(plane.signed_distance(lifted.label.location + kCamera.offset), 0.0, 1e-9);
-  }
-}
-
-TEST(LiftBox, WhatCannotBeLiftedStays) {
-  const RoadSurface surface = slope(0.0, 0.0, 0.02);
-  KittiLabel far = label_at({100.0, 1.6, 20.0}, 0.0);
-  const LiftedBox uncovered = lift_box(far, surface, SE3(), kCamera, {});
-  EXPECT_EQ(uncovered.status, Status::kFailed);
-  EXPECT_FALSE(uncovered.reason.empty());
-  EXPECT_EQ(uncovered.label.location, far.location);
-  KittiLabel none;
-  none.type = "DontCare";
-  EXPECT_EQ(lift_box(none, surface, SE3(), kCamera, {}).status, Status::kFailed);
-  EXPECT_EQ(lift_box(label_at({0, 1.6, -5}, 0), surface, SE3(), kCamera, {}).status,
-            Status::kFailed);
-  LiftOptions bad;
-  bad.depth_sigma = 0.0;
-  EXPECT_THROW(lift_box(far, surface, SE3(), kCamera, bad), std::invalid_argument);
 }
 
 TEST(Tilts, AreWrittenAndReadByRow) {

@@ -67,102 +67,33 @@ BoxTilt tilt_of(const Eigen::Matrix3d& camera_from_vehicle) {
   return out;
 }
 
-void LiftOptions::validate() const {
-  if (!(depth_sigma > 0.0 && depth_sigma <= 10.0)) {
-    throw std::invalid_argument(fmt::format("depth_sigma: {}, must be in (0, 10]", depth_sigma));
-  }
-  if (!(pixel_sigma >= 0.0) || !(height_sigma >= 0.0)) {
-    throw std::invalid_argument(
-        fmt::format("pixel_sigma, height_sigma: {}, {}, must be >= 0", pixel_sigma, height_sigma));
-  }
-}
-
-LiftedBox lift_box(const KittiLabel& label, const RoadSurface& surface,
-                   const SE3& camera_from_reference, const KittiCalibration::Camera& camera,
-                   const LiftOptions& options) {
-  options.validate();
-  LiftedBox out;
-  out.label = label;
-  if (label.dont_care() || !label.has_box3()) {
-    out.status = Status::kFailed;
-    out.reason = "the row has no 3D box";
-    return out;
-  }
-  const double half = 0.5 * label.height;
-  const Eigen::Vector3d start = label.location + camera.offset - Eigen::Vector3d(0.0, half, 0.0);
-  if (!(start.z() > 0.5)) {
-    out.status = Status::kFailed;
-    out.reason = "the box is not in front of the camera";
-    return out;
-  }
-  const SE3 reference_from_camera = camera_from_reference.inverse();
-  double factor = 1.0, sigma = options.depth_sigma;
-  UncertainPlane plane;
-  SurfaceQuery found;
-  for (int iteration = 0; iteration < 5; ++iteration) {
-    const Eigen::Vector3d foot = factor * start + Eigen::Vector3d(0.0, half, 0.0);
-    const SurfaceQuery query = surface.query(reference_from_camera * foot);
-    if (query.status == Status::kFailed) {
-      if (iteration == 0) {
-        out.status = Status::kFailed;
-        out.reason = "the surface does not cover the place: " + query.reason;
-        return out;
-      }
-      break;  // corrected beyond what is known: the last patch stands
-    }
-    found = query;
-    plane = query.plane.transformed(camera_from_reference);
-    // Height of the bottom above the plane for a distance s: n . (s c) + d - h / 2.
-    const double slope = plane.plane.normal.dot(start);
-    const double height = slope + plane.plane.offset - half;
-    const double pixel = start.z() * options.pixel_sigma / camera.fy;
-    const double variance = query.sigma_height * query.sigma_height + pixel * pixel +
-                            options.height_sigma * options.height_sigma;
-    const double prior = options.depth_sigma * options.depth_sigma;
-    const double gain = prior * slope / (slope * slope * prior + variance);
-    const double next = std::max(1.0 - gain * height, 0.3);
-    sigma = std::sqrt(std::max((1.0 - gain * slope) * prior, 0.0));
-    const double change = std::abs(next - factor);
-    factor = next;
-    if (change < 1e-6) break;
-  }
-  const Eigen::Vector3d normal = plane.plane.normal;
-  const Eigen::Vector3d bottom = plane.plane.foot(factor * start);
-  // The front axis on the plane with the rotation_y of the row.
-  const Eigen::Vector3d level = rotation_from_rotation_y(label.rotation_y).col(0);
-  Eigen::Vector3d front = level;
-  front.y() = -(normal.x() * level.x() + normal.z() * level.z()) / normal.y();
-  front.normalize();
-  Eigen::Matrix3d rotation;
-  rotation.col(0) = front;
-  rotation.col(1) = normal;
-  rotation.col(2) = front.cross(normal);
-  out.tilt = tilt_of(rotation);
-  out.label.location = bottom - camera.offset;
-  out.label.alpha = std::remainder(
-      label.rotation_y - std::atan2(out.label.location.x(), out.label.location.z()), 2.0 * kPi);
-  out.patch = found.patch;
-  out.depth_factor = factor;
-  out.sigma_depth = sigma * start.norm();
-  out.status = found.status;
-  out.reason = found.reason;
-  return out;
-}
-
 std::filesystem::path tilt_file(const std::filesystem::path& labels) {
   std::filesystem::path out = labels;
   return out.replace_extension(".tilt.csv");
 }
 
+std::string LiftedBox::sources() const {
+  std::string out;
+  const auto add = [&](bool used, const char* name) {
+    if (used) out += (out.empty() ? "" : "+") + std::string(name);
+  };
+  add(by_detector, "detector");
+  add(by_box, "box");
+  add(by_surface, "surface");
+  return out;
+}
+
 void write_tilts(const std::vector<LiftedBox>& boxes, const std::filesystem::path& path) {
-  std::string out = "row,frame,track,pitch,roll,status,patch,depth_factor,sigma_depth,reason\n";
+  std::string out =
+      "row,frame,track,pitch,roll,status,patch,depth_factor,sigma_depth,reason,"
+      "sources\n";
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     const LiftedBox& b = boxes[i];
     std::string reason = b.reason;
     std::replace(reason.begin(), reason.end(), ',', ';');
-    out += fmt::format("{},{},{},{:.9g},{:.9g},{},{},{:.6f},{:.4f},{}\n", i, b.label.frame,
+    out += fmt::format("{},{},{},{:.9g},{:.9g},{},{},{:.6f},{:.4f},{},{}\n", i, b.label.frame,
                        b.label.track, b.tilt.pitch, b.tilt.roll, to_string(b.status), b.patch,
-                       b.depth_factor, b.sigma_depth, reason);
+                       b.depth_factor, b.sigma_depth, reason, b.sources());
   }
   write_file_atomically(path, out);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,39 +26,27 @@ Eigen::Matrix3d rotation_of(double rotation_y, const BoxTilt& tilt);
 /// The inverse of rotation_of.
 BoxTilt tilt_of(const Eigen::Matrix3d& camera_from_vehicle);
 
-/// One row of a label file put on the road.
+/// One row of a label file whose distance was estimated anew (lift_box.h).
 struct LiftedBox {
   KittiLabel label;  ///< the row, with the new location (camera 0) and alpha
-  BoxTilt tilt;
-  Status status = Status::kNotRun;  ///< kFailed: left as it was, see reason
+  BoxTilt tilt;      ///< of the surface; zero where it was not used
+  /// kOk: on the surface. kWeak: on its extrapolation, or by the 2D box alone, see reason.
+  /// kFailed: left as it was.
+  Status status = Status::kNotRun;
   std::string reason;
-  int patch = -1;             ///< id of the patch below
+  /// What the distance was estimated from.
+  bool by_detector = false, by_box = false, by_surface = false;
+  int patch = -1;             ///< id of the patch below; -1: not on the surface
   double depth_factor = 1.0;  ///< new distance over the detector's
-  double sigma_depth = 0.0;   ///< m, along the ray, after the correction
-};
+  /// m, standard deviation along the ray; NaN: the row has no 3D box.
+  double sigma_depth = std::numeric_limits<double>::quiet_NaN();
 
-struct LiftOptions {
-  /// Standard deviation of the detector's distance, as a share of it, > 0.
-  double depth_sigma = 0.08;
-  double pixel_sigma = 1.5;    ///< px, of the box centre's place in the image, >= 0
-  double height_sigma = 0.05;  ///< m, of half the box's height, >= 0
-  void validate() const;       ///< throws std::invalid_argument
+  std::string sources() const;  ///< "detector+box+surface" or fewer; empty: none
 };
-
-/// Puts a yaw-only 3D box on the road below it: distance along the ray of its centre corrected by
-/// what the patch says, both weighed by their variances, then height, pitch and roll from the
-/// patch; rotation_y and the ray stay.
-/// @param camera  of the images; labels are in camera 0: x_in_camera = x_in_camera0 + its offset,
-/// m.
-/// @param camera_from_reference  takes the surface's frame to that camera.
-/// A row without a 3D box, or above no patch, is kept as it was with kFailed.
-LiftedBox lift_box(const KittiLabel& label, const RoadSurface& surface,
-                   const SE3& camera_from_reference, const KittiCalibration::Camera& camera,
-                   const LiftOptions& options);
 
 /// The side file of a label file: its name with ".tilt.csv" in place of the extension. A header,
-/// then "row,frame,track,pitch,roll,status,patch,depth_factor,sigma_depth,reason" for each row,
-/// from 0.
+/// then "row,frame,track,pitch,roll,status,patch,depth_factor,sigma_depth,reason,sources" for each
+/// row, from 0.
 std::filesystem::path tilt_file(const std::filesystem::path& labels);
 void write_tilts(const std::vector<LiftedBox>& boxes, const std::filesystem::path& path);
 /// Tilts by row. @throws InputError "file: line: found, expected".
