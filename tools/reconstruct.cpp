@@ -99,7 +99,8 @@ void register_reconstruct(App& root) {
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
     for (const RunDocument::Warning& warning : result.run.warnings) {
-      std::fprintf(stderr, "camber: warning: the scale: %s\n", warning.text.c_str());
+      std::fprintf(stderr, "camber: warning: the %s: %s\n",
+                   warning.code == "road_contradicted" ? "road" : "scale", warning.text.c_str());
     }
     if (args.json) return print_json(result);
     if (!command->common.quiet) {
