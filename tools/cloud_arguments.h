@@ -46,7 +46,7 @@ struct RewriteArguments {
 /// `arguments` must live as long as the app.
 void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* input_help);
 
-/// Throws a UsageError where neither an option nor the extension tells the output's format.
+/// Throws a UsageError where neither an option nor the extension gives the output's format.
 void require_known_output(const std::string& path, const WriteOptions& options);
 
 /// The stages load, compute and write in milliseconds, 0 for those that did not happen.

@@ -116,7 +116,7 @@ void write_plots(const fs::path& folder, const std::vector<EvaluatedScene>& scen
     try {
       sheet = make();
     } catch (const NoAnswerError&) {
-      return;  // nothing to plot: the tables say so
+      return;  // nothing to plot: the tables state it
     }
     write_png(draw_plots(sheet), folder / name);
   };

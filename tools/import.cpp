@@ -55,7 +55,7 @@ class NewFolder {
   bool kept_ = false;
 };
 
-/// What an import found, to be said in one line.
+/// What an import found, for one line of output.
 struct Found {
   std::size_t frames = 0, detections = 0, truth_vehicles = 0, truth_poses = 0, truth_depth = 0;
   bool truth_cloud = false;

@@ -34,7 +34,7 @@ struct ViewArguments {
         "write a picture of the window, as it is at the beginning, into this PNG and end");
   }
 
-  /// The words that say the same again.
+  /// The arguments that give the same view again.
   std::vector<std::string> words() const {
     std::vector<std::string> out = {input, "--color", color, "--snapshots", snapshots};
     const auto add = [&](const char* option, const std::string& value) {

@@ -8,17 +8,17 @@ namespace {
 /// Metres along the ray to a vehicle's box; negative: misses it.
 double hit_box(const Ray& ray, const OrientedBox& box) {
   const SE3 inside = box.camera_from_vehicle.inverse();
-  const Eigen::Vector3d start = inside * ray.start, way = inside.rotation() * ray.way;
+  const Eigen::Vector3d start = inside * ray.start, direction = inside.rotation() * ray.direction;
   const Dimensions& d = box.dimensions;
   const double low[3] = {-0.5 * d.length, 0.0, -0.5 * d.width};
   const double high[3] = {0.5 * d.length, d.height, 0.5 * d.width};
   double enter = 0.0, leave = 1e30;
   for (int k = 0; k < 3; ++k) {
-    if (std::abs(way[k]) < 1e-12) {
+    if (std::abs(direction[k]) < 1e-12) {
       if (start[k] < low[k] || start[k] > high[k]) return -1.0;
       continue;
     }
-    const double a = (low[k] - start[k]) / way[k], b = (high[k] - start[k]) / way[k];
+    const double a = (low[k] - start[k]) / direction[k], b = (high[k] - start[k]) / direction[k];
     enter = std::max(enter, std::min(a, b));
     leave = std::min(leave, std::max(a, b));
   }
@@ -27,11 +27,11 @@ double hit_box(const Ray& ray, const OrientedBox& box) {
 
 /// Metres along the ray to a patch; negative: misses it.
 double hit_patch(const Ray& ray, const PlacedPatch& patch) {
-  const double slope = patch.normal.dot(ray.way);
+  const double slope = patch.normal.dot(ray.direction);
   if (std::abs(slope) < 1e-9) return -1.0;
   const double t = patch.normal.dot(patch.middle - ray.start) / slope;
   if (!(t > 0.0)) return -1.0;
-  const Eigen::Vector3d x = ray.start + t * ray.way;
+  const Eigen::Vector3d x = ray.start + t * ray.direction;
   bool inside = false;  // even-odd rule, seen from above
   for (std::size_t i = 0, j = patch.boundary.size() - 1; i < patch.boundary.size(); j = i++) {
     const Eigen::Vector3d &a = patch.boundary[i], &b = patch.boundary[j];
@@ -80,13 +80,13 @@ int ViewerWindow::Impl::point_at(const QPoint& at, const Ray& ray) const {
     const float dy = half_h * (1.0f - c.y() / c.w()) - py;
     if (dx * dx + dy * dy > radius * radius) continue;
     near.emplace_back(static_cast<int>(i), dx * dx + dy * dy);
-    front = std::min(front, ray.way.dot(space.points[i].cast<double>() - ray.start));
+    front = std::min(front, ray.direction.dot(space.points[i].cast<double>() - ray.start));
   }
   int best = -1;
   float least = 1e30f;
   for (const auto& [i, pixels] : near) {
     const double t =
-        ray.way.dot(space.points[static_cast<std::size_t>(i)].cast<double>() - ray.start);
+        ray.direction.dot(space.points[static_cast<std::size_t>(i)].cast<double>() - ray.start);
     if (t > front + 0.03 * std::abs(front) || pixels >= least) continue;
     least = pixels;
     best = i;
@@ -233,23 +233,23 @@ void ViewerWindow::Impl::pick(const QPoint& at) {
   double point_t = 1e30;
   if (point >= 0) {
     place = space.points[static_cast<std::size_t>(point)].cast<double>();
-    point_t = ray.way.dot(place - ray.start);
+    point_t = ray.direction.dot(place - ray.start);
   }
   if (vehicle && vehicle_t <= std::min(point_t, patch_t)) {
-    mark(ray.start + vehicle_t * ray.way);
+    mark(ray.start + vehicle_t * ray.direction);
     facts->setPlainText(vehicle_facts(*vehicle));
   } else if (point >= 0) {
     mark(place);
-    QString words = point_facts(point);
+    QString text_of_point = point_facts(point);
     const auto of_patch = result.cloud->labels.find("patch");
     int id = patch ? patch->id : -1;
     if (of_patch != result.cloud->labels.end()) {
       id = of_patch->second[space.kept[static_cast<std::size_t>(point)]];
     }
-    if (id >= 0 && result.surface) words += "\n" + patch_facts(id, place);
-    facts->setPlainText(words);
+    if (id >= 0 && result.surface) text_of_point += "\n" + patch_facts(id, place);
+    facts->setPlainText(text_of_point);
   } else if (patch) {
-    place = ray.start + patch_t * ray.way;
+    place = ray.start + patch_t * ray.direction;
     mark(place);
     facts->setPlainText("on a patch\n" + place_text(place) + "\n" + patch_facts(patch->id, place));
   } else {

@@ -156,7 +156,7 @@ void ViewerWindow::Impl::set_color(const std::string& name) {
     content.frame = frame;
     options.color_name = name;
   } catch (const NoAnswerError& error) {
-    say(error.what());
+    show_message(error.what());
   }
   build_layers([](SceneElement element) { return element == SceneElement::kPoints; });
   const QSignalBlocker quiet(color_box);
@@ -173,7 +173,7 @@ void ViewerWindow::Impl::set_frame(int index) {
   const QSignalBlocker quiet(frame_slider);
   frame_slider->setValue(index);
   load_image();
-  say_summary();
+  show_summary();
   clear_pick();
   facts->setPlainText(overview());
   render();
@@ -198,7 +198,7 @@ void ViewerWindow::Impl::set_view(SceneView kind) {
     try {
       camera = driver_camera(content, space, width, height);
     } catch (const NoAnswerError& error) {
-      say(error.what());
+      show_message(error.what());
       return;
     }
   } else if (kind == SceneView::kSide) {

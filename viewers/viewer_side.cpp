@@ -18,15 +18,15 @@ QString text(const char* format, ...) {
   return out;
 }
 
-void ViewerWindow::Impl::say(const std::string& words) {
-  window->statusBar()->showMessage(from(words));
+void ViewerWindow::Impl::show_message(const std::string& message) {
+  window->statusBar()->showMessage(from(message));
 }
 
-void ViewerWindow::Impl::say_summary() {
+void ViewerWindow::Impl::show_summary() {
   frame_label->setText(text("frame %d", content.frame));
   frame_label->setVisible(!frames.empty());
   frame_slider->setVisible(!frames.empty());
-  say(content_summary(content, space));
+  show_message(content_summary(content, space));
 }
 
 void ViewerWindow::Impl::load_image() {
@@ -106,9 +106,9 @@ void ViewerWindow::Impl::save_next(bool whole_window) {
   }
   try {
     save(path, whole_window);
-    say("wrote " + path.string());
+    show_message("wrote " + path.string());
   } catch (const Error& failure) {
-    say(failure.what());
+    show_message(failure.what());
   }
 }
 

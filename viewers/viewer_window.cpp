@@ -137,7 +137,7 @@ bool ViewerWindow::Impl::on_key(const QKeyEvent& event) {
     if (has(entry.element)) {
       toggle(entry.element);
     } else {
-      say(std::string("there is nothing to show: no ") + entry.text);
+      show_message(std::string("there is nothing to show: no ") + entry.text);
     }
     return true;
   }
@@ -259,7 +259,7 @@ ViewerWindow::ViewerWindow(LoadedResult result, const ViewerOptions& options)
   d.view->setFocus();
   d.set_view(SceneView::kOblique);
   d.load_image();
-  d.say_summary();
+  d.show_summary();
   d.facts->setPlainText(d.overview());
 }
 

@@ -11,6 +11,7 @@
 #include "camber/pipeline/stages/assemble.h"
 #include "camber/pipeline/stages/surface.h"
 #include "camber/pipeline/stages/vehicles.h"
+#include "camber/scale/fusion.h"
 #include "camber/vehicle/shape_prior.h"
 #include "camber/vehicle/support_plane.h"
 #include "pipeline/made_drive.h"
@@ -314,6 +315,37 @@ TEST_F(ParkedCar, AssembleRejectsACarThatContradictsItsGround) {
   ASSERT_TRUE(patch);
   EXPECT_EQ(patch->status, Status::kWeak);
   EXPECT_THAT(patch->reason, HasSubstr("contradicts"));
+}
+
+TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {
+  const MadeDrive drive = drive_past(0.05, 0.8);
+  const ScaledRoad scaled = exact_scaled(drive, 0.01);
+  const SurfacePlan plan = plan_of(drive, scaled);
+  PlacedVehicles placed = stages::vehicles(drive.frames, drive.motion, scaled, plan, {});
+  ASSERT_EQ(placed.constraints.size(), 1u);
+  placed.constraints.resize(3, placed.constraints[0]);
+  // A car that is not where the road lets expect it looks too large or too small as well.
+  const AssembledRoad both = assembled(drive, scaled, plan, placed);
+  ASSERT_EQ(both.run.warnings.size(), 2u);
+  EXPECT_EQ(both.run.warnings[0].code, "scale_contradicted");
+  EXPECT_THAT(both.run.warnings[0].text, HasSubstr("3 of 3 vehicles contradict the road"));
+  EXPECT_THAT(both.run.warnings[1].text, HasSubstr("by their sizes everything is"));
+  EXPECT_EQ(both.run.scale_status, Status::kWeak);
+
+  // Without what their sizes are off by, and the rest many times: the road is wrong, not its scale.
+  for (VehicleConstraint& v : placed.constraints) {
+    const auto scale = implied_log_scale(scaled.road, v.constraint);
+    ASSERT_TRUE(scale);
+    const RoadFunctionals by = scaled.road.of_constraint(v.constraint);
+    v.constraint.residual -= by.of_state.bottomRows(1).transpose() * scale->mean;
+    v.constraint.residual *= 6.0;
+  }
+  const AssembledRoad road = assembled(drive, scaled, plan, placed);
+  ASSERT_EQ(road.run.warnings.size(), 1u);
+  EXPECT_EQ(road.run.warnings[0].code, "road_contradicted");
+  EXPECT_THAT(road.run.warnings[0].text, HasSubstr("their sizes fit the scale"));
+  EXPECT_NEAR(road.run.scale_sigma, 0.01, 1e-3);
+  EXPECT_EQ(road.run.scale_status, Status::kOk);
 }
 
 }  // namespace

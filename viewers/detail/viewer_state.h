@@ -60,10 +60,10 @@ constexpr double kDegrees = 180.0 / M_PI;
 QChar key_of(SceneElement element);
 QPixmap to_pixmap(const Image& image);
 QString text(const char* format, ...) __attribute__((format(printf, 1, 2)));
-inline QString from(const std::string& words) { return QString::fromStdString(words); }
+inline QString from(const std::string& text) { return QString::fromStdString(text); }
 
 struct Ray {
-  Eigen::Vector3d start, way;  // way: unit
+  Eigen::Vector3d start, direction;  // direction: unit
 };
 
 struct ViewerWindow::Impl {
@@ -124,8 +124,8 @@ struct ViewerWindow::Impl {
   void aim(const SceneCamera& camera);
 
   // What is beside the scene (viewer_side.cpp).
-  void say(const std::string& words);
-  void say_summary();
+  void show_message(const std::string& message);
+  void show_summary();
   void load_image();
   void fit_image();
   void draw_bar();
@@ -145,7 +145,7 @@ struct ViewerWindow::Impl {
   QString patch_facts(int id, const Eigen::Vector3d& place) const;
   QString vehicle_facts(const PlacedVehicle& placed) const;
   QString point_facts(int i) const;
-  /// What the side text says where nothing is picked.
+  /// The side text where nothing is picked.
   QString overview() const;
   void pick(const QPoint& at);
   void mark(const Eigen::Vector3d& place);

@@ -49,14 +49,14 @@ struct ReadOptions {
 struct ReadReport {
   CloudFormat format = CloudFormat::kPly;
   std::string encoding;        ///< "ascii", "binary little endian", "binary_compressed", ...
-  std::uint64_t declared = 0;  ///< points that the header promises; 0 if it does not say
+  std::uint64_t declared = 0;  ///< points that the header promises; 0 if it states none
   std::uint64_t points = 0;    ///< points handed out
   std::uint32_t width = 0;     ///< columns of an organised PCD, else 0
   std::uint32_t height = 0;    ///< rows of an organised PCD, else 0
   std::uint64_t faces = 0;     ///< faces of a PLY
   /// Points with a NaN or infinite coordinate. They are kept unless the reading is lenient.
   std::uint64_t non_finite = 0;
-  /// Points with finite coordinates and a NaN or infinite attribute (a time stamp, say); kept.
+  /// Points with finite coordinates and a NaN or infinite attribute (a time stamp); kept.
   std::uint64_t non_finite_attributes = 0;
   /// Lenient reading: reason ("truncated", "not finite", ...) and number of points dropped for it.
   std::vector<std::pair<std::string, std::uint64_t>> dropped;

@@ -41,7 +41,7 @@ class KittiBinSource : public FormatSource {
     const std::uint64_t first = report_.points;
     const bool more = records_.next(*file_, batch);
     report_.points += batch.count;
-    // There is no header to tell a scan from any other file, so what the values say is heeded.
+    // No header distinguishes a scan from any other file, so the values are checked.
     for (std::size_t i = 0; i < batch.count && !options_.lenient; ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const float value = batch.fields[axis].get<float>(i);

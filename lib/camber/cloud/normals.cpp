@@ -41,7 +41,7 @@ bool smallest_eigenvector(const double* c, Eigen::Vector3d& out) {
   const double n01 = v01.squaredNorm(), n02 = v02.squaredNorm(), n12 = v12.squaredNorm();
   const double largest = std::max({n01, n02, n12});
   if (largest < 1e-14) {
-    // Two eigenvalues next to each other: the slow way tells which.
+    // Two eigenvalues next to each other: the slow solver decides which.
     Eigen::Matrix3d m;
     m << xx, xy, xz, xy, yy, yz, xz, yz, zz;
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m);

@@ -152,7 +152,7 @@ class PlySource : public FormatSource {
 
 void PlySource::read_header() {
   std::string_view line;
-  // The first line tells how lines end: \n, \r\n or, on old Macs, \r.
+  // The first line shows how lines end: \n, \r\n or, on old Macs, \r.
   file_->fill(16);
   const std::string_view start(file_->text(), std::min<std::size_t>(file_->available(), 16));
   const std::size_t end = start.find_first_of("\r\n");

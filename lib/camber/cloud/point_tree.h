@@ -51,7 +51,7 @@ class PointTree {
     float second_squared_distance = 0.f;  ///< m^2; infinite if the tree holds one point alone
   };
 
-  /// The same as nearest_of_all() with the distance of the second nearest, which tells where
+  /// The same as nearest_of_all() with the distance of the second nearest, which shows where
   /// rounding leaves the nearest open.
   std::vector<NearestPair> nearest_pair_of_all(const std::vector<Eigen::Vector3f>& queries,
                                                int num_threads) const;

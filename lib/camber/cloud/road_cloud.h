@@ -10,7 +10,7 @@
 
 namespace camber {
 
-/// The frame that a cloud's coordinates are in, as far as the file or the producer says.
+/// The frame that a cloud's coordinates are in, as far as the file or the producer states it.
 enum class CloudFrame { kUnknown, kCamera, kZUp };
 
 /// A point cloud of a road or its surroundings, one array per attribute; optional arrays are empty

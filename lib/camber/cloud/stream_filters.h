@@ -12,7 +12,7 @@
 namespace camber {
 
 /// Passes on the points of a source for which `keep` holds. The count is not known beforehand.
-/// @param keep gets true coordinates, m, and says whether the point stays.
+/// @param keep gets true coordinates, m, and returns whether the point stays.
 std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source,
                                            std::function<bool(const Eigen::Vector3d&)> keep);
 

@@ -5,7 +5,7 @@
 
 namespace camber {
 
-/// XXH3 128-bit hash of a file's bytes as 32 hexadecimal digits, for telling inputs apart (not
+/// XXH3 128-bit hash of a file's bytes as 32 hexadecimal digits, to distinguish inputs (not
 /// for security). @throws InputError if the file cannot be read.
 std::string hash_file(const std::filesystem::path& path);
 

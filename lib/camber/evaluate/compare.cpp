@@ -72,11 +72,11 @@ bool seen(const std::vector<View>& views, double farthest, const Vector3d& place
   return false;
 }
 
-std::vector<double> counted_values(const DirectedDistances& way,
+std::vector<double> counted_values(const DirectedDistances& directed,
                                    const std::vector<double>& values) {
   std::vector<double> out;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    if (way.counted[i] != 0 && std::isfinite(values[i])) out.push_back(values[i]);
+    if (directed.counted[i] != 0 && std::isfinite(values[i])) out.push_back(values[i]);
   }
   return out;
 }
@@ -191,29 +191,29 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
     estimate = detail::transformed(estimate_in, out.alignment.transform);
   }
 
-  const auto measure = [&](const Shape& from, const Shape& to, DirectedDistances& way) {
-    way.points = measured(from);
-    const std::vector<Vector3d> places = true_points(way.points);
-    way.distances = distances_to(to, places, options.num_threads);
-    way.counted.assign(places.size(), 1);
+  const auto measure = [&](const Shape& from, const Shape& to, DirectedDistances& directed) {
+    directed.points = measured(from);
+    const std::vector<Vector3d> places = true_points(directed.points);
+    directed.distances = distances_to(to, places, options.num_threads);
+    directed.counted.assign(places.size(), 1);
     return places;
   };
   const std::vector<Vector3d> estimated = measure(estimate, truth, out.accuracy);
   const std::vector<Vector3d> true_places = measure(truth, estimate, out.completeness);
-  const auto sort_out = [&](const std::vector<Vector3d>& places, DirectedDistances& way,
+  const auto sort_out = [&](const std::vector<Vector3d>& places, DirectedDistances& directed,
                             auto&& observed) {
     for (std::size_t i = 0; i < places.size(); ++i) {
       std::size_t* reason = nullptr;
       if (!places[i].allFinite()) {
-        reason = &way.not_finite;
+        reason = &directed.not_finite;
       } else if (options.region && !options.region->contains(places[i])) {
-        reason = &way.outside;
+        reason = &directed.outside;
       } else if (!observed(places[i])) {
-        reason = &way.unobserved;
+        reason = &directed.unobserved;
       }
       if (reason == nullptr) continue;
       ++*reason;
-      way.counted[i] = 0;
+      directed.counted[i] = 0;
     }
   };
   if (options.truth_viewpoint) {

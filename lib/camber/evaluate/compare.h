@@ -100,8 +100,8 @@ struct DistanceSummary {
 };
 DistanceSummary summarise_distances(const std::vector<double>& values);
 
-/// One way of a comparison: the points that were measured (a cloud's own, or those that stand for a
-/// mesh) and their distances to the other side.
+/// One direction of a comparison: the points that were measured (a cloud's own, or those that stand
+/// for a mesh) and their distances to the other side.
 struct DirectedDistances {
   RoadCloud points;                    ///< in the frame of the estimate, aligned
   ShapeDistances distances;            ///< of all points
@@ -158,7 +158,7 @@ struct CloudComparison {
   AlignmentResult alignment;
 };
 
-/// Measures an estimate against the truth, both ways.
+/// Measures an estimate against the truth, in both directions.
 /// @throws std::invalid_argument for bad options or triangles; NoAnswerError if nothing is left to
 /// count on either side, or the pairs do not fix the alignment. Same answer for any num_threads.
 CloudComparison compare_shapes(const Shape& estimate, const Shape& truth,

@@ -25,13 +25,13 @@ nlohmann::json to_json(const DistanceSummary& s) {
           {"largest", number(s.largest)}};
 }
 
-nlohmann::json to_json(const DirectedDistances& way) {
-  nlohmann::json out = to_json(way.summary);
-  out["points"] = way.points.size();
-  out["not_finite"] = way.not_finite;
-  out["outside"] = way.outside;
-  out["unobserved"] = way.unobserved;
-  if (way.along_normal.count > 0) out["along_normal"] = to_json(way.along_normal);
+nlohmann::json to_json(const DirectedDistances& distances) {
+  nlohmann::json out = to_json(distances.summary);
+  out["points"] = distances.points.size();
+  out["not_finite"] = distances.not_finite;
+  out["outside"] = distances.outside;
+  out["unobserved"] = distances.unobserved;
+  if (distances.along_normal.count > 0) out["along_normal"] = to_json(distances.along_normal);
   return out;
 }
 
@@ -60,11 +60,11 @@ std::string describe(const CloudComparison& c) {
   if (c.accuracy.along_normal.count > 0) row("  along the normal", c.accuracy.along_normal);
   row("completeness", c.completeness.summary);
   if (c.completeness.along_normal.count > 0) row("  along the normal", c.completeness.along_normal);
-  const auto left_out = [&](const char* name, const DirectedDistances& way) {
-    if (way.not_finite + way.outside + way.unobserved == 0) return;
+  const auto left_out = [&](const char* name, const DirectedDistances& distances) {
+    if (distances.not_finite + distances.outside + distances.unobserved == 0) return;
     out +=
         fmt::format("not counted of the {}: {} not finite, {} outside the region, {} unobserved\n",
-                    name, way.not_finite, way.outside, way.unobserved);
+                    name, distances.not_finite, distances.outside, distances.unobserved);
   };
   left_out("estimate", c.accuracy);
   left_out("truth", c.completeness);

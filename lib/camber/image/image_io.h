@@ -10,7 +10,7 @@
 
 namespace camber {
 
-/// What an image file says about itself.
+/// What an image file's header states.
 struct ImageInfo {
   std::string format;    ///< "PNG" or "JPEG"
   int width = 0;         ///< pixels

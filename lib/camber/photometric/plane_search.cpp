@@ -190,8 +190,9 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
     throw std::invalid_argument("plane search: the reference is no index into the images");
   }
   for (const PlaneSearchImage& image : images) {
-    if (image.image->width != camera.width || image.image->height != camera.height ||
-        image.image->pixels.size() != total || (image.ignored && image.ignored->size() != total)) {
+    if (!image.image || image.image->width != camera.width ||
+        image.image->height != camera.height || image.image->pixels.size() != total ||
+        (image.ignored && image.ignored->size() != total)) {
       throw std::invalid_argument("plane search: images, masks and camera differ in size");
     }
   }
@@ -213,10 +214,6 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
     level.noise /= shrink;
     level.stride = k == 0 ? 2 : 1;
     for (const PlaneSearchImage& image : images) {
-      if (!image.image || image.image->pixels.size() != total ||
-          (image.ignored && image.ignored->size() != total)) {
-        throw std::invalid_argument("plane search: an image or its mask does not fit the camera");
-      }
       const cv::Mat full(camera.height, camera.width, CV_8UC1,
                          const_cast<std::uint8_t*>(image.image->pixels.data()));
       cv::Mat small, gray;

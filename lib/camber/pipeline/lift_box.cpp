@@ -164,7 +164,7 @@ class BoxFusion {
     return out;
   }
 
-  /// Joint estimate from `start`; none if a source cannot be evaluated on the way.
+  /// Joint estimate from `start`; none if a source cannot be evaluated at a step.
   std::optional<BoxState> estimate(const Sources& use, const Eigen::Vector3d& start) const {
     BoxState out;
     out.mean = start;

@@ -32,8 +32,8 @@ struct LiftOptions {
   /// Standard deviations, > 0, beyond which two sources contradict each other.
   double gate = 3.0;
   /// Ratio of width to height of the 2D box against the projected 3D box's, in (0, 1): beyond
-  /// 1 + tolerance either way (and its sides' noise) the box is cut by the image or by what stands
-  /// before it.
+  /// 1 + tolerance or its inverse (and its sides' noise) the box is cut by the image or by what
+  /// stands before it.
   double aspect_tolerance = 0.2;
   void validate() const;  ///< throws std::invalid_argument
 };

@@ -91,7 +91,7 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     page.picture = content;
     page.picture_folder = staging;
     page.metrics = metrics_json;
-    // It tells the times of all stages but its own, which run.json has.
+    // It has the times of all stages but its own, which run.json has.
     const StageTimer timer(timings, "report");
     write_report(page, staging / "report.html");
   }

@@ -24,7 +24,7 @@ namespace kernels = plane_kernels;
 constexpr std::size_t kSubset = 8192;     // points on which the winner is refined
 constexpr std::size_t kOrdered = 4096;    // of them, points in order of neighbourhood
 constexpr std::size_t kScored = 2048;     // of those, points that score a hypothesis
-constexpr std::size_t kLeaf = 32;         // points of a neighbourhood that tells the noise
+constexpr std::size_t kLeaf = 32;         // points of a neighbourhood that shows the noise
 constexpr std::size_t kCandidates = 8;    // distinct planes that compete at the end
 constexpr double kRival = 0.6;            // share of the best gain that makes a competitor
 constexpr std::size_t kCounted = 131072;  // points that decide between competitors
@@ -91,7 +91,7 @@ class Fitter {
   std::vector<std::uint32_t> rows_;          // of the subset, being ordered
   std::vector<std::pair<std::size_t, std::size_t>> leaves_;
   NoiseModel noise_;
-  double least_noise_ = 0.0;  // what float coordinates can tell
+  double least_noise_ = 0.0;  // what float coordinates resolve
   std::vector<PlaneCandidate> candidates_;
   double inlier_share_ = 0.0;
   int hypotheses_ = 0;
@@ -304,7 +304,7 @@ bool Fitter::search() {
   double best_gain = 0.0;
   double needed = options_.max_hypotheses;
   const std::size_t near = std::max<std::size_t>(std::min<std::size_t>(n, 16), n / 16);
-  // Whether two planes are the same as far as the points of one of them can tell.
+  // Whether two planes are the same as far as the points of one of them can show.
   const auto same = [&](const PlaneCandidate& a, const PivotPlane& b) {
     if (a.plane.n.dot(b.n) < std::cos(1.5 * M_PI / 180.0)) return false;
     const double apart = b.n.dot(a.window.center) + b.d;
@@ -360,7 +360,7 @@ bool Fitter::search() {
     PlaneCandidate candidate;
     candidate.plane = plane;
     candidate.gain = gain;
-    // The middle of its points, and its noise, to tell it from others.
+    // The middle of its points, and its noise, to distinguish it from others.
     {
       PointArrays rays;
       PointArrays* s = &scored_;

@@ -264,7 +264,7 @@ void rescale_noise(PointArrays* points, double least_noise, double power, PlaneC
                   : 0;
   }
   const bool same = c->noise.kind == NoiseKind::kSame;
-  // Fewer residuals tell less, and so few nothing.
+  // Fewer residuals measure less, and so few nothing.
   const bool learnt = same || c->noise.kind == NoiseKind::kPower;
   const double few = learnt ? 20.0 : 150.0, enough = learnt ? 100.0 : 250.0;
   const double trust = std::clamp((static_cast<double>(filled) - few) / (enough - few), 0.0, 1.0);
@@ -462,7 +462,7 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   result.noise = one;
   Matrix3d covariance;
   if (points < 12.0) {
-    // Too few residuals to tell their spread.
+    // Too few residuals to measure their spread.
     covariance = Vector3d(1.0, 1.0, std::max(one * one, wide)).asDiagonal();
   } else {
     const Matrix3d inverse = hessian.inverse();
@@ -489,7 +489,7 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   out.covariance = turn * covariance * turn.transpose();
   out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
 
-  // Sums in float tell the two apart to about 1e-6.
+  // Sums in float distinguish the two to about 1e-6.
   const bool line = !(thin > 1e-6 * wide) || !out.covariance.allFinite() ||
                     std::sqrt(thin) < 3.0 * one / std::sqrt(points);
   if (line) {

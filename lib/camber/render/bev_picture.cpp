@@ -73,7 +73,7 @@ std::vector<Eigen::Vector2d> footprint(const PlacedVehicle& vehicle, const Map& 
   return out;
 }
 
-/// From the middle of a vehicle to its front: tells where it looks.
+/// From the middle of a vehicle to its front: its heading.
 Segment2 heading(const PlacedVehicle& vehicle, const Map& map) {
   const SE3& pose = vehicle.box.camera_from_vehicle;
   return {map(pose.translation()),
@@ -81,7 +81,7 @@ Segment2 heading(const PlacedVehicle& vehicle, const Map& map) {
 }
 
 /// 95 % of the position's probability; empty where no covariance is stated, or one that reaches as
-/// far as the camera and says nothing.
+/// far as the camera and shows nothing.
 std::vector<Eigen::Vector2d> ellipse(const PlacedVehicle& vehicle, const Map& map) {
   const Eigen::Matrix2d covariance = vehicle.center_covariance.topLeftCorner<2, 2>();
   if (!covariance.allFinite() || !(covariance.trace() > 0.0)) return {};

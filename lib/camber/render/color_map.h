@@ -22,7 +22,7 @@ Color diverging(double share);
 /// A map from [0, 1] to colours.
 using ColorScale = Color (*)(double share);
 
-/// Distinct colours for things that are told apart by number (after Okabe and Ito, without reddish
+/// Distinct colours for things that differ by number (after Okabe and Ito, without reddish
 /// ones: red is kept for truth). Any integer.
 Color categorical(int index);
 

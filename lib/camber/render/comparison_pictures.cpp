@@ -14,11 +14,11 @@ namespace {
 
 const Color kInk{40, 40, 40, 1.0};
 
-std::vector<double> counted_distances(const DirectedDistances& way) {
+std::vector<double> counted_distances(const DirectedDistances& directed) {
   std::vector<double> out;
-  for (std::size_t i = 0; i < way.distances.distance.size(); ++i) {
-    if (way.counted[i] != 0 && std::isfinite(way.distances.distance[i])) {
-      out.push_back(way.distances.distance[i]);
+  for (std::size_t i = 0; i < directed.distances.distance.size(); ++i) {
+    if (directed.counted[i] != 0 && std::isfinite(directed.distances.distance[i])) {
+      out.push_back(directed.distances.distance[i]);
     }
   }
   std::sort(out.begin(), out.end());
@@ -40,7 +40,7 @@ const char* const kNames[] = {"accuracy: estimate to truth", "completeness: trut
 Image draw_histogram(const CloudComparison& comparison) {
   constexpr int kBars = 40;
   const double range = shown_range(comparison), width = range / kBars;
-  const DirectedDistances* const ways[] = {&comparison.accuracy, &comparison.completeness};
+  const DirectedDistances* const directions[] = {&comparison.accuracy, &comparison.completeness};
   Plot plot;
   plot.title = "Distances";
   plot.x.title = "distance, m (last bar: all beyond)";
@@ -58,7 +58,7 @@ Image draw_histogram(const CloudComparison& comparison) {
       bars.x.push_back((i + 0.08 + 0.42 * k) * width);
       bars.right.push_back((i + 0.50 + 0.42 * k) * width);
     }
-    const std::vector<double> distances = counted_distances(*ways[k]);
+    const std::vector<double> distances = counted_distances(*directions[k]);
     for (const double d : distances) {
       const double bar = std::min(kBars - 1.0, std::floor(d / width));
       bars.high[static_cast<std::size_t>(bar)] += 100.0 / static_cast<double>(distances.size());
@@ -76,9 +76,9 @@ Image draw_cumulative(const CloudComparison& comparison) {
   plot.x.low = plot.y.low = 0.0;
   plot.x.high = shown_range(comparison);
   plot.y.high = 100.0;
-  const DirectedDistances* const ways[] = {&comparison.accuracy, &comparison.completeness};
+  const DirectedDistances* const directions[] = {&comparison.accuracy, &comparison.completeness};
   for (int k = 0; k < 2; ++k) {
-    const std::vector<double> distances = counted_distances(*ways[k]);
+    const std::vector<double> distances = counted_distances(*directions[k]);
     PlotSeries curve;
     curve.name = kNames[k];
     curve.color = plot_color(k);
@@ -161,20 +161,21 @@ Image draw_height_map(const CloudComparison& comparison) {
   return image;
 }
 
-RoadCloud color_by_distance(const DirectedDistances& way, double largest) {
-  RoadCloud cloud = way.points;
+RoadCloud color_by_distance(const DirectedDistances& directed, double largest) {
+  RoadCloud cloud = directed.points;
   cloud.colors.assign(cloud.size(), {128, 128, 128});
   std::vector<float>& error = cloud.scalars["error"];
   error.resize(cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    error[i] = static_cast<float>(way.distances.distance[i]);
-    if (way.counted[i] == 0) continue;
-    const Color c = viridis(way.distances.distance[i] / largest);
+    error[i] = static_cast<float>(directed.distances.distance[i]);
+    if (directed.counted[i] == 0) continue;
+    const Color c = viridis(directed.distances.distance[i] / largest);
     cloud.colors[i] = {c.red, c.green, c.blue};
   }
-  if (way.along_normal.count > 0) {
+  if (directed.along_normal.count > 0) {
     std::vector<float>& signed_error = cloud.scalars["error_along_normal"];
-    for (const double d : way.distances.along_normal) signed_error.push_back(static_cast<float>(d));
+    for (const double d : directed.distances.along_normal)
+      signed_error.push_back(static_cast<float>(d));
   }
   return cloud;
 }

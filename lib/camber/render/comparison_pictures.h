@@ -5,10 +5,12 @@
 
 namespace camber {
 
-/// Histograms of the distances both ways, of the counted points; the last bar holds all beyond.
+/// Histograms of the distances in both directions, of the counted points; the last bar holds all
+/// beyond.
 Image draw_histogram(const CloudComparison& comparison);
 
-/// Share of the points within a distance, both ways, over the distance, with the thresholds marked.
+/// Share of the points within a distance, in both directions, over the distance, with the
+/// thresholds marked.
 Image draw_cumulative(const CloudComparison& comparison);
 
 /// The map of signed height errors, the road's direction to the right; blue too low, orange too
@@ -17,6 +19,6 @@ Image draw_height_map(const CloudComparison& comparison);
 
 /// A cloud coloured by its distances (viridis, `largest` m and beyond at the yellow end; grey: not
 /// counted), with the scalars "error" and, where known, "error_along_normal".
-RoadCloud color_by_distance(const DirectedDistances& way, double largest);
+RoadCloud color_by_distance(const DirectedDistances& directed, double largest);
 
 }  // namespace camber

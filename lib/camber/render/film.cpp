@@ -52,7 +52,7 @@ FilmWriter::FilmWriter(const fs::path& path, double pictures_per_second)
   impl_->path = path;
   impl_->rate = pictures_per_second;
   if (fs::is_directory(path)) throw OutputError(path.string(), "a folder of that name is there");
-  // The extension must stay: it tells OpenCV the container.
+  // The extension must stay: OpenCV chooses the container by it.
   const std::string name = "." + path.stem().string() + ".part." + std::to_string(::getpid()) +
                            path.extension().string();
   impl_->temporary = path.parent_path() / name;

@@ -323,7 +323,7 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
 }
 
 /// The position's 95 % region on the vehicle's plane (chi-square, two degrees of freedom), where no
-/// body hides it. A region that reaches as far as the camera says nothing and is left out.
+/// body hides it. A region that reaches as far as the camera shows nothing and is left out.
 void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
                   const Drawn& drawn, double unit) {
   constexpr double kChiSquare95 = 5.991464547107979;

@@ -38,7 +38,7 @@ struct OverlayRoad {
 /// perspective grid of one metre, on request the position's uncertainty as an ellipse on the ground
 /// and the road's patches, and a label with the id and the distance of the bottom centre.
 /// Labels are never cut off and never cover each other; a vehicle without an answer gets its dashed
-/// box and says so. Same input, same pixels.
+/// box and labelled. Same input, same pixels.
 /// @param photo   the frame's image, size of the camera's.
 /// @param camera  pixels of `photo`.
 /// @throws std::invalid_argument for an empty photo, a size that is not the camera's, a mask of

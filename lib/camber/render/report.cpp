@@ -325,7 +325,7 @@ std::string metrics_section(const json& metrics) {
          "</details>\n";
 }
 
-/// ", Ceres 2.1.0, ..." as far as the run tells them.
+/// ", Ceres 2.1.0, ..." as far as the run names them.
 std::string libraries(const RunDocument& run) {
   std::string out;
   const auto found = run.extra->find("libraries");

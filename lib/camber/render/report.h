@@ -12,7 +12,7 @@ namespace camber {
 /// Versions of the libraries that results depend on, by name: Ceres, Eigen, OpenCV, VTK.
 nlohmann::json library_versions();
 
-/// What a report tells about one run.
+/// What a report shows of one run.
 struct ReportContent {
   PictureContent picture;                ///< cloud, surface, vehicles, run, camera, truth, title
   std::filesystem::path picture_folder;  ///< holds scene.png, bev.png, overlay_*.png; may be empty

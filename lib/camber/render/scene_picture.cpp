@@ -199,7 +199,7 @@ void draw_height_axis(Canvas& canvas, const PictureSpace& space, const SceneCame
     numbers.emplace_back(at, ticks.labels[i]);
     covered.push_back(box);
   }
-  if (numbers.size() < 2) return;  // tells nothing
+  if (numbers.size() < 2) return;  // nothing to show
   canvas.segments(lines, std::max(1.0, text_size / 16.0), kFaintInk);
   for (const auto& [at, number] : numbers) {
     canvas.text(at, number, text_size, kFaintInk, TextAnchor::kRight);

@@ -40,7 +40,7 @@ struct ConsistencyReport {
 ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurface* surface);
 
 /// Sets axis1, axis2, grade and bank of every patch: axis1 along the road, ahead, where the driven
-/// line or the neighbours tell it, else along the patch's longer side.
+/// line or the neighbours give it, else along the patch's longer side.
 void align_patches_with_road(RoadSurface* surface);
 
 }  // namespace camber

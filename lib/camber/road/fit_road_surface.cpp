@@ -32,8 +32,8 @@ constexpr double kRoughness = 0.01;    // m, of ground; its points lie on no pla
 constexpr double kDrivenOn = 0.5;      // m, between the driven line and the patch it lies on
 constexpr double kSharedBorder = 0.1;  // share of a patch's borders that joins it to the road
 constexpr double kHighestKerb = 0.35, kLevel = 0.25;  // m and rad, of a pavement to its neighbours
-constexpr int kFewInliers = 12;                       // whose spread does not tell the noise
-constexpr double kCrowded = 0.12;  // share of crowded leaves that tells another layer
+constexpr int kFewInliers = 12;                       // whose spread does not show the noise
+constexpr double kCrowded = 0.12;  // share of crowded leaves that shows another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
 
 /// Whether points that lie on a plane but for the ground's roughness lie farther off it than their
@@ -488,7 +488,7 @@ struct PatchLayer {
   double shared = 0.0;   ///< as in Segmentation
 };
 
-/// @param known  the noise, if an earlier layer has told it already
+/// @param known  the noise, if an earlier layer has measured it already
 PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
                         const std::optional<Vector3d>& viewpoint, const RoadSurfaceOptions& options,
                         const PatchLayer* known, const std::function<void(double)>& report) {
@@ -711,7 +711,7 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
   align_patches_with_road(&surface);
   optimise_surface(options.consistency, &surface);
   measure_unmodelled(cloud, fit.labels, &surface);
-  // What a patch alone leaves open its neighbours may tell.
+  // What a patch alone leaves open its neighbours may fix.
   for (PlanePatch& patch : surface.patches) {
     const Eigen::Vector3d variance = patch.plane.covariance.diagonal();
     if (patch.status == Status::kWeak && patch.inliers >= kFewInliers &&

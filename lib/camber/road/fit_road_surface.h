@@ -29,8 +29,8 @@ struct RoadSurfaceOptions {
   /// deviations of a point, > 0, and at least this many metres, >= 0 (metric clouds only).
   double tolerance_sigmas = 0.7;
   double tolerance = 0.015;
-  /// Foot points of the camera's path, in the cloud's true coordinates, in driving order; tells the
-  /// road from other ground, and ahead from behind. May be empty.
+  /// Foot points of the camera's path, in the cloud's true coordinates, in driving order: separates
+  /// the road from other ground, and ahead from behind. May be empty.
   std::vector<Eigen::Vector3d> driven_line;
   ConsistencyOptions consistency;
 
@@ -45,7 +45,7 @@ struct RoadSurfaceFit {
   double noise = 0.0;       ///< m, typical standard deviation of a point across its patch
 };
 
-/// Models a road cloud by planar patches; the number of planes is not told. Patches end where the
+/// Models a road cloud by planar patches; the number of planes is not given. Patches end where the
 /// ground bends or steps; those that are not road (pavements; roofs of cars) are patches of
 /// another kind, walls are left out. Same seed, same answer, for any number of threads.
 /// Non-finite points are skipped.

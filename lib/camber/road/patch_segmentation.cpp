@@ -103,7 +103,7 @@ class Segmenter {
 };
 
 void Segmenter::learn_noise() {
-  // Pieces of ground that tell the noise: leaves of a block, together where they are small; some of
+  // Pieces of ground that show the noise: leaves of a block, together where they are small; some of
   // them, without the padding.
   constexpr std::size_t kPiecePoints = 28, kMostPieces = 96;
   std::vector<std::pair<std::size_t, std::size_t>> groups;  // leaves [first, second)

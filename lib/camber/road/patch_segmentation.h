@@ -41,7 +41,7 @@ struct Segmentation {
   double shared = 0.0;
 };
 
-/// Finds the planar pieces of a road. The number of planes is not told.
+/// Finds the planar pieces of a road. The number of planes is not given.
 ///
 /// Every block of a few hundred points proposes planes (MSAC). The proposals grow over neighbouring
 /// leaves as long as a leaf's points lie on the plane, being refitted on the way; then the regions

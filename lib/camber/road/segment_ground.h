@@ -12,8 +12,8 @@ namespace camber {
 
 struct GroundOptions {
   Eigen::Vector3d up{0.0, 0.0, 1.0};  ///< in the cloud's frame; need not be unit
-  /// m, height of the zero of the cloud's true coordinates above the ground; NaN: unknown. Says
-  /// what the ground is in the blind circle under a sensor.
+  /// m, height of the zero of the cloud's true coordinates above the ground; NaN: unknown. Gives
+  /// the ground in the blind circle under a sensor.
   double sensor_height = std::numeric_limits<double>::quiet_NaN();
   double cell = 0.0;  ///< m, of the grid; 0: 1 m, or by the spacing for clouds from the air
   /// m, shorter side in plan of what may stand on the ground; 0: 12, or 30 for clouds from the air
@@ -37,8 +37,8 @@ struct GroundSegmentation {
   double tolerance = 0.0;       ///< m, that was used (from the air: on level ground)
 };
 
-/// Tells ground from what stands on it and from reflections below it, in single laser scans, clouds
-/// of a camera and airborne scans; needs a metric cloud.
+/// Separates ground from what stands on it and from reflections below it, in single laser scans,
+/// clouds of a camera and airborne scans; needs a metric cloud.
 ///
 /// The lowest height in each cell of a grid that enough points support; cells below the plane
 /// through those around them are dropped; what rises out of openings with growing squares is not

@@ -27,7 +27,7 @@ struct Trace {
   double noise = 0.0;  // of the bars, summed
 };
 
-/// Least-squares polynomial u(v) of a trace: a straight line, bent where many rows tell.
+/// Least-squares polynomial u(v) of a trace: a straight line, curved where there are many rows.
 struct Curve {
   double v0 = 0.0, a = 0.0, b = 0.0, c = 0.0;
   double at(double v) const { return a + (v - v0) * (b + c * (v - v0)); }

@@ -283,7 +283,7 @@ class EdgeFinder {
     return path;
   }
 
-  /// Values by `of`(row, place); hidden rows say nothing.
+  /// Values by `of`(row, place); hidden rows take no part.
   template <class Of>
   static Values values(const Base& base, const Of& of) {
     Values out(base.size());

@@ -56,7 +56,7 @@ struct KittiImportOptions {
   std::filesystem::path detections;     ///< as labels, any detector's; detections_source "network"
   bool detections_from_labels = false;  ///< boxes of the labels as detections, "truth_boxes"
   std::string frames;                   ///< list as in select_frames; empty: all
-  std::optional<int> camera;            ///< 0 to 3; none: told by a folder name like image_02
+  std::optional<int> camera;            ///< 0 to 3; none: by a folder name like image_02
   std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
   double camera_height = 1.65;          ///< m above the road, > 0
   double frame_rate = 10.0;             ///< Hz, > 0
@@ -72,9 +72,9 @@ struct KittiImportOptions {
 /// Everything is moved from the rectified reference camera to the camera of the images: x_in_camera
 /// = x_in_camera0 + K^-1 * (fourth column of its projection). KITTI's occlusion codes 0, 1, 2, 3
 /// become the shares 0, 0.3, 0.8, 1 (so that "largely" and "unknown" do not count in tables).
-/// Truncation is kept, at most 1, but where the tracking form only says that a vehicle is truncated
-/// (1; 2 is "ignore") the share of its projected box outside the image is taken. Rows of other
-/// types and DontCare rows are left out. Poses are truth: no frame gets a known pose.
+/// Truncation is kept, at most 1, but where the tracking form only states that a vehicle is
+/// truncated (1; 2 is "ignore") the share of its projected box outside the image is taken. Rows of
+/// other types and DontCare rows are left out. Poses are truth: no frame gets a known pose.
 /// @param warn receives remarks, one sentence each; may be empty.
 /// @throws InputError, UsageError.
 Scene import_kitti(const KittiImportOptions& options, const LogSink& warn = {});

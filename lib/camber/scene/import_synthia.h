@@ -32,10 +32,10 @@ struct SynthiaSfImportOptions {
   /// Boxes in KITTI's form: a tracking file, or a folder of object files; "network".
   std::filesystem::path detections;
   /// Take the true labels for the road, pavement and vehicle masks of the run, as the paper does;
-  /// the manifest says so (segmentation_source "truth").
+  /// marked in the manifest (segmentation_source "truth").
   bool segmentation_from_labels = false;
   std::optional<double> camera_height;  ///< m above the road, > 0; none: results up to scale
-  std::optional<double> frame_rate;     ///< Hz, > 0; the data set does not say
+  std::optional<double> frame_rate;     ///< Hz, > 0; not in the data set
   std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
   std::vector<std::string> classes = {"car", "van", "truck", "bus"};  ///< of the detections
   std::string name;                                                   ///< empty: the folder's name

@@ -43,7 +43,7 @@ struct KittiLabelFile {
   std::vector<KittiLabel> labels;
 };
 
-/// Reads a label file; the form is told by the columns. An empty file has no rows.
+/// Reads a label file; the number of columns decides the form. An empty file has no rows.
 /// @throws InputError "file: line L, column C: found, expected".
 KittiLabelFile read_kitti_labels(const std::filesystem::path& path);
 

@@ -331,7 +331,7 @@ json box_json(const Box2& box) {
       {number_json(box.x1), number_json(box.y1), number_json(box.x2), number_json(box.y2)});
 }
 
-/// A path as the manifest says it: relative if it lies in or below the manifest's folder, else
+/// A path as the manifest has it: relative if it lies in or below the manifest's folder, else
 /// absolute.
 std::string manifest_path(const fs::path& path, const fs::path& folder) {
   const fs::path whole = fs::absolute(path).lexically_normal();

@@ -33,7 +33,7 @@ struct RowWarp {
   float fx = 0.0F, fy = 0.0F, cx = 0.0F, cy = 0.0F;
 };
 
-/// An image, rows without gaps; `visible` is 1 where nothing stands in the way, else 0.
+/// An image, rows without gaps; `visible` is 1 where nothing hides it, else 0.
 struct SampledImage {
   const float* intensity = nullptr;
   const float* visible = nullptr;

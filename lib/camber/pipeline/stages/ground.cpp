@@ -232,9 +232,9 @@ struct Neighbours {
     }
   }
 
-  PlaneSearch searcher(const PinholeCamera& camera, const GroundOptions& options) const {
+  PlaneSearch searcher(const PinholeCamera& camera, int num_threads) const {
     PlaneSearchOptions search;
-    search.num_threads = options.num_threads;
+    search.num_threads = num_threads;
     return {camera, images, reference, search};
   }
 };
@@ -244,13 +244,13 @@ struct Neighbours {
 PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
                                const GroundOptions& options) {
   const Neighbours neighbours(frames, motion);
-  return neighbours.searcher(frames.camera, options).search(neighbours.motion);
+  return neighbours.searcher(frames.camera, options.num_threads).search(neighbours.motion);
 }
 
 double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,
-                 const PlaneSearchResult& search, double height, const GroundOptions& options) {
+                 const PlaneSearchResult& search, double height, int num_threads) {
   const Neighbours neighbours(frames, motion);
-  const PlaneSearch searcher = neighbours.searcher(frames.camera, options);
+  const PlaneSearch searcher = neighbours.searcher(frames.camera, num_threads);
   return searcher.correlation_with_baseline(neighbours.motion, search.best.log_baseline) -
          searcher.correlation_with_baseline(neighbours.motion, -std::log(height));
 }

@@ -75,7 +75,7 @@ PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate&
 /// others, at any curvature and roll: a difference of normalised cross-correlations.
 /// @param height  of the camera above the ego plane that is asked about, baselines.
 double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,
-                 const PlaneSearchResult& search, double height, const GroundOptions& options);
+                 const PlaneSearchResult& search, double height, int num_threads);
 
 /// Triangulates the ground: what the masks show, or what grows from the near road.
 /// @param before  of an earlier round, whose extent is kept where no road grows; may be null.

@@ -151,19 +151,18 @@ std::optional<ConstraintReport> check_search(const LoadedFrames& frames,
                                              const ScaleOptions& options, double* log_difference) {
   const Ground& ground = refined.ground;
   const ScaleNoise& noise = options.noise;
-  if (!ground.search.informative || !(ground.ego.height > 0.0) ||
-      ground.search.correlation < noise.search_correlation)
+  if (!ground.search.informative || ground.search.correlation < noise.search_correlation ||
+      !(ground.ego.height > 0.0)) {
     return std::nullopt;
+  }
   *log_difference = ground.search.best.log_baseline + std::log(ground.ego.height);
   ConstraintReport out{"plane_search", "intensities of the near road", 0.0, true, {}};
   out.residual_sigma =
       std::abs(*log_difference) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
   // A search may have found the wrong one of two maxima: the ego plane's has to be plainly worse.
   if (out.residual_sigma > noise.search_gate) {
-    GroundOptions search;
-    search.num_threads = options.num_threads;
-    const double lead = lead_over(frames, refined.motion, ground.search, ground.ego.height, search);
-    out.accepted = lead <= noise.search_lead;
+    out.accepted = lead_over(frames, refined.motion, ground.search, ground.ego.height,
+                             options.num_threads) <= noise.search_lead;
   }
   if (!out.accepted) {
     out.reason = fmt::format("the near road's intensities agree best if everything is {:.0f} % {}",
@@ -189,7 +188,7 @@ void admit_contradictions(const LoadedFrames& frames, const PhotometricGround& g
     const double share =
         std::clamp((report.residual_sigma - 2.0) / (constraints[i].gate - 2.0), 0.0, 1.0);
     if (!(share > 0.0)) continue;
-    // Alone, not after the ground has given way to all sources.
+    // Alone, before the ground is conditioned on all sources.
     const auto implied = implied_log_scale(prior, constraints[i]);
     if (!implied) continue;
     const double off = implied->mean - fused_change;

@@ -63,7 +63,7 @@ class CrossingFinder {
     const double rho = finder_.inverse_depth(c, v);
     if (!(rho > 0)) return std::nullopt;
     const double px = period_ * camera_.fx * rho;
-    // Too fine to tell from other patterns, or wider than what is seen.
+    // Too fine to distinguish from other patterns, or wider than what is seen.
     if (px < 8.0 || px > image_.width) return std::nullopt;
     const std::uint8_t* row = image_.row(v);
     const int reach = static_cast<int>(std::lround(0.45 * px));

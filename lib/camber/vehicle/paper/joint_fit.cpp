@@ -243,7 +243,7 @@ class JointProblem {
         Eigen::Vector3d p = size.cwiseProduct(shape.mean.col(i));
         p.z() *= side;
         if (i < 2) p.y() = 0.0;
-        // Eight points say together what contact and alignment say: their weight is shared.
+        // Eight points together measure what contact and alignment measure: their weight is shared.
         problem_->AddResidualBlock(
             BasePoint::create(p, fixed ? 0.05 : std::sqrt(8.0) * w.base_point, options_.as_printed),
             &huber_, b.pose.data(), b.plane.data());

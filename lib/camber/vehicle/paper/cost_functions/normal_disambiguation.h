@@ -7,7 +7,7 @@
 namespace camber::paper {
 
 /// Which way is up, equation 7 of the paper. Equation 6 holds for a vehicle on its roof as well. As
-/// printed the term is even in the normal, r = (1 - (up . g)^2) / sigma, and cannot tell either;
+/// printed the term is even in the normal, r = (1 - (up . g)^2) / sigma, and cannot decide either;
 /// the default is one-sided: r = max(0, limit - up . g) / sigma, nothing for a vehicle within
 /// acos(limit) of upright.
 /// Parameter block: pose (7).
