@@ -114,14 +114,13 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to, bool full_resolution = false) {
+cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to, const CorrespondenceOptions& options) {
   const cv::Ptr<cv::DISOpticalFlow> dis =
-      cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
-  if (full_resolution) {
-    dis->setFinestScale(0);
-    dis->setPatchStride(4);
-    dis->setVariationalRefinementIterations(0);
-  }
+      cv::DISOpticalFlow::create(options.finest_scale == 2 ? cv::DISOpticalFlow::PRESET_FAST
+                                                           : cv::DISOpticalFlow::PRESET_MEDIUM);
+  dis->setFinestScale(options.finest_scale);
+  if (options.finest_scale == 0) dis->setPatchStride(4);
+  if (!options.smooth) dis->setVariationalRefinementIterations(0);
   cv::Mat flow;
   dis->calc(from, to, flow);
   return flow;
@@ -249,6 +248,10 @@ void CorrespondenceOptions::validate() const {
     throw std::invalid_argument("forward_backward_px = " + std::to_string(forward_backward_px) +
                                 ", expected a positive number of pixels");
   }
+  if (finest_scale < 0 || finest_scale > 2) {
+    throw std::invalid_argument("finest_scale = " + std::to_string(finest_scale) +
+                                ", expected 0 to 2");
+  }
 }
 
 Correspondences correspondence_grid(const GrayImage& image, int reference, int step) {
@@ -280,7 +283,7 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
     }
     const cv::Mat a = view(base);
     const cv::Mat b = view(images[static_cast<std::size_t>(others[task / 2])]);
-    flows[task] = task % 2 == 0 ? dense_flow(a, b) : dense_flow(b, a);
+    flows[task] = task % 2 == 0 ? dense_flow(a, b, options) : dense_flow(b, a, options);
   });
 
   out.matches.resize(others.size());
@@ -354,7 +357,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         if (!usable(x, y)) carried.at<std::uint8_t>(y, x) = reference.at<std::uint8_t>(y, x);
       }
     }
-    const cv::Mat flow = dense_flow(reference, carried, options.full_resolution);
+    const cv::Mat flow = dense_flow(reference, carried, options);
     for (std::size_t i = 0; i < out.pixels.size(); ++i) {
       const int x = static_cast<int>(out.pixels[i].x());
       const int y = static_cast<int>(out.pixels[i].y()) - first;

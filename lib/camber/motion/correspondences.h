@@ -13,9 +13,11 @@ struct CorrespondenceOptions {
   double forward_backward_px = 1.0;  ///< largest round-trip error of an accepted match, > 0
   /// refine_matches: true keeps the match before where matching again fails, false drops it.
   bool keep_lost = false;
-  /// refine_matches: patches of the full resolution, each by itself. A smooth flow at half the
-  /// resolution, which is what false takes, keeps up to a third of the prediction's error.
-  bool full_resolution = false;
+  int finest_scale = 1;  ///< the flow's finest image has 1 / 2^finest_scale of the size, 0 to 2
+  /// Variational refinement of the flow. Without, each patch is by itself: less survives the
+  /// round trip, but where the images were carried onto each other nothing of the prediction's
+  /// error is kept (a smooth flow keeps up to a third).
+  bool smooth = true;
   int num_threads = 0;    ///< <= 0: see resolve_num_threads
   void validate() const;  ///< throws std::invalid_argument
 };

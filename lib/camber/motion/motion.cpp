@@ -319,14 +319,19 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
   if (essential.rows != 3 || essential.cols != 3) {
     return fail("no epipolar geometry explains the matches");
   }
-  cv::Mat r, t;
-  const int in_front =
-      cv::recoverPose(essential, cv_from, cv_to, cv::Mat(k), r, t, 1e6, inlier_mask);
-  out.inlier_ratio = static_cast<double>(in_front) / static_cast<double>(sample.size());
-  if (in_front < 30 || out.inlier_ratio < 0.15) {
-    return fail("no motion explains the matches: " + std::to_string(in_front) + " of " +
-                std::to_string(sample.size()) + " agree on one");
+  // A few of the inliers show which of the four decompositions has them in front of both cameras.
+  constexpr std::size_t kFew = 500;
+  std::vector<cv::Point2d> few_from, few_to;
+  const auto inliers = static_cast<std::size_t>(cv::countNonZero(inlier_mask));
+  const std::size_t stride = std::max<std::size_t>(1, inliers / kFew);
+  for (std::size_t i = 0, nth = 0; i < sample.size(); ++i) {
+    if (!inlier_mask.at<std::uint8_t>(static_cast<int>(i)) || nth++ % stride != 0) continue;
+    few_from.push_back(cv_from[i]);
+    few_to.push_back(cv_to[i]);
   }
+  cv::Mat r, t;
+  if (few_from.size() >= 5) cv::recoverPose(essential, few_from, few_to, cv::Mat(k), r, t, 1e6);
+  if (r.empty()) return fail("no motion explains the matches");
   Eigen::Matrix3d rotation;
   for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = r.at<double>(i / 3, i % 3);
   const Eigen::Vector3d translation(t.at<double>(0), t.at<double>(1), t.at<double>(2));
@@ -336,11 +341,19 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
 
   // Points on reference rays from the first pair, then the other images by resection (PnP).
   std::vector<double> inverse_depths(sample.size(), std::numeric_limits<double>::quiet_NaN());
+  int in_front = 0;
   for (std::size_t i = 0; i < sample.size(); ++i) {
     if (!inlier_mask.at<std::uint8_t>(static_cast<int>(i))) continue;
     const double rho =
         inverse_depth_from(camera, widest_from_reference, camera.ray(from[i]), to[i]);
-    if (rho > 1e-5) inverse_depths[i] = rho;
+    if (!(rho > 1e-5)) continue;
+    inverse_depths[i] = rho;
+    ++in_front;
+  }
+  out.inlier_ratio = static_cast<double>(in_front) / static_cast<double>(sample.size());
+  if (in_front < 30 || out.inlier_ratio < 0.15) {
+    return fail("no motion explains the matches: " + std::to_string(in_front) + " of " +
+                std::to_string(sample.size()) + " agree on one");
   }
   for (std::size_t other = 0; other < others; ++other) {
     if (other == widest) continue;

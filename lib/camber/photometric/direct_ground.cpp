@@ -9,6 +9,7 @@
 
 #include "camber/core/threads.h"
 #include "camber/image/detail/single_threaded_opencv.h"
+#include "camber/photometric/detail/direct_kernels.h"
 
 namespace camber {
 namespace {
@@ -32,23 +33,14 @@ constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 /// Local mean and contrast taken out, over the valid pixels of a window.
 cv::Mat normalised(const cv::Mat& intensity, const cv::Mat& valid, const cv::Mat& weight) {
   const cv::Size window(kWindowWide, kWindowHigh);
-  constexpr double kNoise = 2.0;  // intensities: contrast below this is not blown up
+  constexpr float kNoise = 2.0F;  // intensities: contrast below this is not blown up
   cv::Mat masked = intensity.mul(valid), sum, squares;
   cv::boxFilter(masked, sum, CV_32F, window);
   cv::boxFilter(masked.mul(masked), squares, CV_32F, window);
   cv::Mat out(intensity.size(), CV_32F);
   for (int y = 0; y < intensity.rows; ++y) {
-    const float* g = intensity.ptr<float>(y);
-    const float* w = weight.ptr<float>(y);
-    const float* s = sum.ptr<float>(y);
-    const float* q = squares.ptr<float>(y);
-    float* o = out.ptr<float>(y);
-    for (int x = 0; x < intensity.cols; ++x) {
-      const float n = 1.0f / std::max(w[x], 1e-3f);
-      const float mean = s[x] * n;
-      const float variance = std::max(0.0f, q[x] * n - mean * mean);
-      o[x] = (g[x] - mean) / std::sqrt(variance + static_cast<float>(kNoise * kNoise));
-    }
+    normalise_row(intensity.cols, intensity.ptr<float>(y), weight.ptr<float>(y), sum.ptr<float>(y),
+                  squares.ptr<float>(y), kNoise, out.ptr<float>(y));
   }
   return out;
 }
@@ -70,41 +62,63 @@ struct Region {
   cv::Mat ground;     // float, 0 or 1
 };
 
+/// Where the region is seen in another image.
+struct WarpedRegion {
+  cv::Mat x, y;   // float, px; kNotWarped outside
+  cv::Mat valid;  // float, 1 where ground is seen in both images, else 0
+};
+
+WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
+                    const std::vector<float>& inverse_depth,
+                    const std::vector<std::uint8_t>* ignored, const SE3& pose) {
+  const int width = camera.width, rows = ref.rows;
+  WarpedRegion out{{rows, width, CV_32F}, {rows, width, CV_32F}, {rows, width, CV_32F}};
+  const Eigen::Matrix3d rotation = pose.rotation_matrix();
+  const Eigen::Vector3f shift = pose.translation().cast<float>();
+  const Eigen::Vector3f step = (rotation.col(0) / camera.fx).cast<float>();
+  for (int y = 0; y < rows; ++y) {
+    const Eigen::Vector3f start =
+        (rotation * camera.ray(Eigen::Vector2d(0, y + ref.first))).cast<float>();
+    const RowWarp warp{start.x(),
+                       start.y(),
+                       start.z(),
+                       step.x(),
+                       step.y(),
+                       step.z(),
+                       shift.x(),
+                       shift.y(),
+                       shift.z(),
+                       static_cast<float>(camera.fx),
+                       static_cast<float>(camera.fy),
+                       static_cast<float>(camera.cx),
+                       static_cast<float>(camera.cy)};
+    float* u = out.x.ptr<float>(y);
+    float* v = out.y.ptr<float>(y);
+    float* ok = out.valid.ptr<float>(y);
+    warp_row(width, inverse_depth.data() + static_cast<std::ptrdiff_t>(y) * width, warp,
+             static_cast<float>(width - 2), static_cast<float>(camera.height - 2), {u, v, ok});
+    const float* ground = ref.ground.ptr<float>(y);
+    for (int x = 0; x < width; ++x) {
+      ok[x] *= ground[x];
+      if (ok[x] == 0.0F || !ignored) continue;
+      const auto at = static_cast<std::size_t>(v[x] + 0.5F) * static_cast<std::size_t>(width) +
+                      static_cast<std::size_t>(u[x] + 0.5F);
+      if ((*ignored)[at]) ok[x] = 0.0F;
+    }
+  }
+  return out;
+}
+
 ImageRows linearise(const PinholeCamera& camera, const Region& ref,
-                    const std::vector<double>& inverse_depth, const cv::Mat& other,
+                    const std::vector<float>& inverse_depth, const cv::Mat& other,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
                     const DirectOptions& options, bool only_judge) {
   const int width = camera.width, rows = ref.rows;
-  cv::Mat map(rows, width, CV_32FC2), valid(rows, width, CV_32F);
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3d t = pose.translation();
-  for (int y = 0; y < rows; ++y) {
-    auto* m = map.ptr<cv::Point2f>(y);
-    float* ok = valid.ptr<float>(y);
-    const float* ground = ref.ground.ptr<float>(y);
-    for (int x = 0; x < width; ++x) {
-      const double rho =
-          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                        static_cast<std::size_t>(x)];
-      const Eigen::Vector3d p = rotation * camera.ray(Eigen::Vector2d(x, y + ref.first)) + rho * t;
-      ok[x] = 0.0f;
-      m[x] = {-1000.0f, -1000.0f};
-      if (!(p.z() > 1e-3)) continue;
-      const double u = camera.fx * p.x() / p.z() + camera.cx;
-      const double v = camera.fy * p.y() / p.z() + camera.cy;
-      if (!(u > 1 && v > 1 && u < width - 2 && v < camera.height - 2)) continue;
-      m[x] = {static_cast<float>(u), static_cast<float>(v)};
-      if (ground[x] == 0.0f) continue;
-      if (ignored &&
-          (*ignored)[static_cast<std::size_t>(std::lround(v)) * static_cast<std::size_t>(width) +
-                     static_cast<std::size_t>(std::lround(u))]) {
-        continue;
-      }
-      ok[x] = 1.0f;
-    }
-  }
+  const auto [map_x, map_y, valid] = warped(camera, ref, inverse_depth, ignored, pose);
   cv::Mat carried;
-  cv::remap(other, carried, map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+  cv::remap(other, carried, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   cv::Mat here, there;
   cv::GaussianBlur(ref.intensity, here, {}, blur);
   cv::GaussianBlur(carried, there, {}, blur);
@@ -116,7 +130,8 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
   cv::Sobel(middle, gx, CV_32F, 1, 0, 3, 1.0 / 8);
   cv::Sobel(middle, gy, CV_32F, 0, 1, 3, 1.0 / 8);
 
-  // Noise of the residual, then what disagrees with it over a whole neighbourhood.
+  // Noise of the residual, then what disagrees with it over a whole neighbourhood; half a pixel of
+  // misalignment is still to be mended and no reason to leave a pixel out.
   const cv::Mat residual = b - a;
   std::vector<float> sizes;
   for (int y = 0; y < rows; y += 2) {
@@ -135,16 +150,8 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
   const double d2 = options.misregistration_px * options.misregistration_px;
   cv::Mat excess(rows, width, CV_32F), local;
   for (int y = 0; y < rows; ++y) {
-    const float* e = residual.ptr<float>(y);
-    const float* ok = valid.ptr<float>(y);
-    const float* dx = gx.ptr<float>(y);
-    const float* dy = gy.ptr<float>(y);
-    float* o = excess.ptr<float>(y);
-    for (int x = 0; x < width; ++x) {
-      // Half a pixel of misalignment is still to be mended and no reason to leave a pixel out.
-      const double expected = n2 + 0.25 * (dx[x] * dx[x] + dy[x] * dy[x]);
-      o[x] = ok[x] != 0.0f ? static_cast<float>(std::min(16.0, e[x] * e[x] / expected)) : 0.0f;
-    }
+    excess_row(width, residual.ptr<float>(y), gx.ptr<float>(y), gy.ptr<float>(y),
+               valid.ptr<float>(y), static_cast<float>(n2), excess.ptr<float>(y));
   }
   cv::boxFilter(excess, local, CV_32F, {kPatchWide, kPatchHigh});
   cv::Mat share;
@@ -159,11 +166,15 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
     const float* dy = gy.ptr<float>(y);
     const float* l = local.ptr<float>(y);
     const float* s = share.ptr<float>(y);
-    const auto* m = map.ptr<cv::Point2f>(y);
-    const auto* up = map.ptr<cv::Point2f>(y - 1);
-    const auto* down = map.ptr<cv::Point2f>(y + 1);
+    const float* u = map_x.ptr<float>(y);
+    const float* v = map_y.ptr<float>(y);
+    const float* u_up = map_x.ptr<float>(y - 1);
+    const float* v_up = map_y.ptr<float>(y - 1);
+    const float* u_down = map_x.ptr<float>(y + 1);
+    const float* v_down = map_y.ptr<float>(y + 1);
+    std::uint8_t* contradicted = out.contradicted.ptr<std::uint8_t>(y);
     for (int x = 2; x + 2 < width; ++x) {
-      if (s[x] > 0.3f && l[x] > 3.0f * s[x]) out.contradicted.at<std::uint8_t>(y, x) = 1;
+      if (s[x] > 0.3f && l[x] > 3.0f * s[x]) contradicted[x] = 1;
       if (s[x] < 0.98f || l[x] > 3.0f * s[x]) continue;  // near something else, or contradicted
       const bool judge = is_held_out(x, y + ref.first, options.held_out);
       if (only_judge && !judge) continue;
@@ -180,8 +191,8 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
       if (rho > near && ((x | y) & 1)) continue;
       // A shift in the other image, seen in the reference: the inverse of the map's derivative.
       Eigen::Matrix2d by_pixel;
-      by_pixel << 0.5 * (m[x + 1].x - m[x - 1].x), 0.5 * (down[x].x - up[x].x),
-          0.5 * (m[x + 1].y - m[x - 1].y), 0.5 * (down[x].y - up[x].y);
+      by_pixel << 0.5 * (u[x + 1] - u[x - 1]), 0.5 * (u_down[x] - u_up[x]),
+          0.5 * (v[x + 1] - v[x - 1]), 0.5 * (v_down[x] - v_up[x]);
       const double determinant = by_pixel.determinant();
       if (!(determinant > 0.2 && determinant < 5.0)) continue;
       const Eigen::RowVector2d g = Eigen::RowVector2d(dx[x], dy[x]) * by_pixel.inverse();
@@ -235,11 +246,11 @@ struct DirectGround::Impl {
                                        const GroundField& field, double blur,
                                        bool only_judge) const {
     const auto width = static_cast<std::size_t>(camera.width);
-    std::vector<double> depth(static_cast<std::size_t>(region.rows) * width);
+    std::vector<float> depth(static_cast<std::size_t>(region.rows) * width);
     parallel_for(static_cast<std::size_t>(region.rows), options.num_threads, [&](std::size_t y) {
       for (std::size_t x = 0; x < width; ++x) {
         const Eigen::Vector2d pixel(static_cast<double>(x), static_cast<double>(y) + region.first);
-        depth[y * width + x] = std::max(field.inverse_depth(pixel), 1e-6);
+        depth[y * width + x] = static_cast<float>(std::max(field.inverse_depth(pixel), 1e-6));
       }
     });
     const SingleThreadedOpenCv guard;

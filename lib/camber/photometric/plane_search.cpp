@@ -324,24 +324,23 @@ double PlaneSearch::correlation(const MotionEstimate& motion, const RoadHypothes
 
 double PlaneSearch::correlation_with_baseline(const MotionEstimate& motion,
                                               double log_baseline) const {
-  constexpr int kSteps = 6;  // to each side
   RoadHypothesis best{log_baseline, 0.0, 0.0};
   double correlation = -1.0;
-  const auto scan = [&](const Level& level, double share) {
+  const auto scan = [&](const Level& level, int steps, double share) {
     std::vector<RoadHypothesis> tried;
-    for (int c = -kSteps; c <= kSteps; ++c) {
-      for (int r = -kSteps; r <= kSteps; ++r) {
+    for (int c = -steps; c <= steps; ++c) {
+      for (int r = -steps; r <= steps; ++r) {
         const RoadHypothesis h{log_baseline,
-                               best.curvature + share * options_.max_curvature * c / kSteps,
-                               best.roll + share * options_.max_roll * r / kSteps};
+                               best.curvature + share * options_.max_curvature * c / steps,
+                               best.roll + share * options_.max_roll * r / steps};
         if (within(h)) tried.push_back(h);
       }
     }
     correlation = correlations(level, motion, {best}).front();
     take_best(level, motion, tried, &best, &correlation);
   };
-  scan(levels_[1], 1.0);
-  scan(levels_[0], 0.2);
+  scan(levels_[1], 4, 1.0);
+  scan(levels_[0], 2, 0.25);
   return correlation;
 }
 

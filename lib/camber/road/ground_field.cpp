@@ -420,7 +420,17 @@ Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pix
 }
 
 Eigen::MatrixXd GroundField::solve(const Eigen::MatrixXd& of_nodes) const {
-  return impl_->solver.solve(of_nodes);
+  constexpr Eigen::Index kPiece = 16;  // columns
+  if (of_nodes.cols() <= kPiece) return impl_->solver.solve(of_nodes);
+  Eigen::MatrixXd out(of_nodes.rows(), of_nodes.cols());
+  const Eigen::Index pieces = (of_nodes.cols() + kPiece - 1) / kPiece;
+  parallel_for(static_cast<std::size_t>(pieces), impl_->options.num_threads, [&](std::size_t k) {
+    const Eigen::Index first = kPiece * static_cast<Eigen::Index>(k);
+    const Eigen::Index count = std::min(kPiece, of_nodes.cols() - first);
+    out.middleCols(first, count) =
+        impl_->solver.solve(Eigen::MatrixXd(of_nodes.middleCols(first, count)));
+  });
+  return out;
 }
 
 Eigen::MatrixXd GroundField::covariance(const std::vector<Eigen::Vector2d>& pixels,

@@ -115,8 +115,9 @@ CorrespondenceOptions flow_options(const LoadedFrames& frames, const MatchOption
 }  // namespace
 
 Correspondences match(const LoadedFrames& frames, const MatchOptions& options) {
-  return match_images(frames.gray, static_cast<int>(frames.reference),
-                      flow_options(frames, options));
+  CorrespondenceOptions flow = flow_options(frames, options);
+  flow.smooth = flow.keep_lost;  // what stays where matching again fails
+  return match_images(frames.gray, static_cast<int>(frames.reference), flow);
 }
 
 Correspondences match_again(const LoadedFrames& frames, const Correspondences& before,
@@ -124,7 +125,9 @@ Correspondences match_again(const LoadedFrames& frames, const Correspondences& b
                             const MatchOptions& options) {
   const int top = std::max(0, static_cast<int>(ground.field->top()) - 12);
   CorrespondenceOptions flow = flow_options(frames, options);
-  flow.full_resolution = last;
+  // Coarse and smooth to find the road, then fine for where exactly it lies.
+  flow.finest_scale = last ? 0 : flow.keep_lost ? 1 : 2;
+  flow.smooth = !last;
   return refine_matches(frames.gray, before,
                         predict(frames, before, motion, ground, top, flow.num_threads), top, flow);
 }
