@@ -79,7 +79,7 @@ class Driving : public ::testing::TestWithParam<std::uint64_t> {
 TEST_P(Driving, EstimateFindsTheMotionAmongOutliers) {
   const SimulatedMatches s = simulate();
   MotionOptions options;
-  options.correlation = 1.0;  // simulated matches are independent
+  options.noise.correlation = 1.0;  // simulated matches are independent
   const MotionEstimate found = estimate_motion(small_camera(), s.matches, s.all, options);
   expect_motion(found, driving_motion());
   EXPECT_NEAR(found.inlier_ratio, 0.8, 0.06);
@@ -104,7 +104,7 @@ TEST_P(Driving, RefinementPullsInAMotionThatIsNearlyRight) {
                pose.translation() / unit + Eigen::Vector3d(0.004, -0.004, 0.0));
   }
   MotionOptions options;
-  options.correlation = 1.0;
+  options.noise.correlation = 1.0;
   const MotionEstimate found = refine_motion(small_camera(), s.matches, s.all, start, options);
   expect_motion(found, driving_motion());
   const double distance = mahalanobis(found, driving_motion());
@@ -211,7 +211,7 @@ TEST(MotionOptions, ValidateNamesTheField) {
   refused([](MotionOptions& o) { o.inlier_px = std::nan(""); }, "inlier_px");
   refused([](MotionOptions& o) { o.stationary_px = -1.0; }, "stationary_px");
   refused([](MotionOptions& o) { o.parallax_px = 0.0; }, "parallax_px");
-  refused([](MotionOptions& o) { o.correlation = 0.5; }, "correlation");
+  refused([](MotionOptions& o) { o.noise.correlation = 0.5; }, "noise.correlation");
 }
 
 }  // namespace

@@ -84,7 +84,7 @@ TEST(Triangulate, IntervalsHoldWithKnownMotion) {
 TEST(Triangulate, IntervalsHoldWithTheEstimatedMotion) {
   const SimulatedMatches s = simulate_matches(small_camera(), driving_motion(), 1, {});
   MotionOptions options;
-  options.correlation = 1.0;  // simulated matches are independent
+  options.noise.correlation = 1.0;  // simulated matches are independent
   const MotionEstimate motion = estimate_motion(small_camera(), s.matches, s.all, options);
   ASSERT_EQ(motion.status, Status::kOk) << motion.reason;
   const TriangulatedPoints points = triangulate(small_camera(), s.matches, motion, s.all, {});

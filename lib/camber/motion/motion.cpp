@@ -201,7 +201,8 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
   const auto at_longest = static_cast<Eigen::Index>(6 * longest + 3);
   information.block<3, 3>(at_longest, at_longest) += 1e12 * axis * axis.transpose();
   information.diagonal().array() += 1e-6;
-  out.covariance = options.correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  out.covariance =
+      options.noise.correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
   out.points = static_cast<int>(chosen.size());
   out.status = Status::kOk;
 }
@@ -220,7 +221,7 @@ void MotionOptions::validate() const {
   positive("inlier_px", inlier_px, 0);
   positive("stationary_px", stationary_px, 0);
   positive("parallax_px", parallax_px, 0);
-  positive("correlation", correlation, 1);
+  positive("noise.correlation", noise.correlation, 1);
 }
 
 MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondences& matches,

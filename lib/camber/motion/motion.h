@@ -10,6 +10,7 @@
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/geometry/se3.h"
 #include "camber/motion/correspondences.h"
+#include "camber/motion/match_noise.h"
 
 namespace camber {
 
@@ -20,9 +21,7 @@ struct MotionOptions {
   double inlier_px = 1.0;           ///< epipolar and reprojection threshold, > 0
   double stationary_px = 0.35;  ///< median image motion below which the camera stands still, > 0
   double parallax_px = 0.35;    ///< parallax (90th percentile) below which it only turns, > 0
-  /// The errors of a smooth flow are shared by neighbours: the covariance is that of independent
-  /// matches times this, >= 1.
-  double correlation = 16.0;
+  MatchNoise noise;
   int num_threads = 0;    ///< <= 0: see resolve_num_threads
   void validate() const;  ///< throws std::invalid_argument
 };

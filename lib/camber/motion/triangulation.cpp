@@ -13,12 +13,12 @@ namespace {
 /// the image noise over the gradient along e (Szeliski, "Computer Vision", 2nd ed., section
 /// 9.1.3), plus what the run's own residuals show at well-textured points.
 double match_sigma(const Eigen::Vector3f& texture, const Eigen::Vector2d& e, double round_trip,
-                   double pixel_sigma) {
-  constexpr double kIntensityNoise = 0.6;  // intensity, after averaging over the window
+                   double pixel_sigma, const MatchNoise& noise) {
   const double energy =
       texture.x() * e.x() * e.x() + 2.0 * texture.y() * e.x() * e.y() + texture.z() * e.y() * e.y();
-  return std::sqrt(pixel_sigma * pixel_sigma + kIntensityNoise * kIntensityNoise / (energy + 0.05) +
-                   0.25 * round_trip * round_trip);
+  const double own = noise.round_trip_share * round_trip;
+  return std::sqrt(pixel_sigma * pixel_sigma +
+                   noise.intensity * noise.intensity / (energy + noise.least_texture) + own * own);
 }
 
 enum class Outcome : std::uint8_t { kAccepted, kUnwanted, kDropped };
@@ -140,10 +140,10 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
       const double norm = along.norm();
       if (!(norm > 1e-9)) continue;
       const Eigen::Vector2d e = along / norm, across(-e.y(), e.x());
-      const double s1 =
-          match_sigma(matches.texture[i], e, match.round_trip_px[i], motion.pixel_sigma);
-      const double s2 =
-          match_sigma(matches.texture[i], across, match.round_trip_px[i], motion.pixel_sigma);
+      const double s1 = match_sigma(matches.texture[i], e, match.round_trip_px[i],
+                                    motion.pixel_sigma, options.noise);
+      const double s2 = match_sigma(matches.texture[i], across, match.round_trip_px[i],
+                                    motion.pixel_sigma, options.noise);
       view.weight = e * e.transpose() / (s1 * s1) + across * across.transpose() / (s2 * s2);
       views.push_back(view);
       // Linear start (normalised coordinates, each view by its parallax over depth).

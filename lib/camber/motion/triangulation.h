@@ -25,9 +25,10 @@ std::string to_string(DropReason reason);  ///< "no_match", "near_focus_of_expan
 struct TriangulationOptions {
   double max_relative_sigma = 0.5;  ///< of the depth, > 0; larger: kNearFocusOfExpansion
   double max_residual = 3.5;        ///< standard deviations of a reprojection residual, > 0
-  bool with_pose_jacobian = true;   ///< false: leaves pose_jacobian empty, which is faster
-  int num_threads = 0;              ///< <= 0: see resolve_num_threads
-  void validate() const;            ///< throws std::invalid_argument
+  MatchNoise noise;
+  bool with_pose_jacobian = true;  ///< false: leaves pose_jacobian empty, which is faster
+  int num_threads = 0;             ///< <= 0: see resolve_num_threads
+  void validate() const;           ///< throws std::invalid_argument
 };
 
 /// Points on the reference image's viewing rays: x = ray / inverse_depth.

@@ -31,16 +31,16 @@ constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees 
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 
 /// Local mean and contrast taken out, over the valid pixels of a window.
-cv::Mat normalised(const cv::Mat& intensity, const cv::Mat& valid, const cv::Mat& weight) {
+cv::Mat normalised(const cv::Mat& intensity, const cv::Mat& valid, const cv::Mat& weight,
+                   double least_contrast) {
   const cv::Size window(kWindowWide, kWindowHigh);
-  constexpr float kNoise = 2.0F;  // intensities: contrast below this is not blown up
   cv::Mat masked = intensity.mul(valid), sum, squares;
   cv::boxFilter(masked, sum, CV_32F, window);
   cv::boxFilter(masked.mul(masked), squares, CV_32F, window);
   cv::Mat out(intensity.size(), CV_32F);
   for (int y = 0; y < intensity.rows; ++y) {
     normalise_row(intensity.cols, intensity.ptr<float>(y), weight.ptr<float>(y), sum.ptr<float>(y),
-                  squares.ptr<float>(y), kNoise, out.ptr<float>(y));
+                  squares.ptr<float>(y), static_cast<float>(least_contrast), out.ptr<float>(y));
   }
   return out;
 }
@@ -114,6 +114,7 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
                     const DirectOptions& options, bool only_judge) {
   const int width = camera.width, rows = ref.rows;
+  const IntensityNoise& noise = options.noise;
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3d t = pose.translation();
   const auto [map_x, map_y, valid] = warped(camera, ref, inverse_depth, ignored, pose);
@@ -124,14 +125,15 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
   cv::GaussianBlur(carried, there, {}, blur);
   cv::Mat weight;
   cv::boxFilter(valid, weight, CV_32F, {kWindowWide, kWindowHigh});
-  const cv::Mat a = normalised(here, valid, weight), b = normalised(there, valid, weight);
+  const cv::Mat a = normalised(here, valid, weight, noise.least_contrast),
+                b = normalised(there, valid, weight, noise.least_contrast);
   cv::Mat gx, gy;
   const cv::Mat middle = 0.5f * (a + b);
   cv::Sobel(middle, gx, CV_32F, 1, 0, 3, 1.0 / 8);
   cv::Sobel(middle, gy, CV_32F, 0, 1, 3, 1.0 / 8);
 
-  // Noise of the residual, then what disagrees with it over a whole neighbourhood; half a pixel of
-  // misalignment is still to be mended and no reason to leave a pixel out.
+  // Noise of the residual, then what disagrees with it over a whole neighbourhood; what is
+  // still to be mended is no reason to leave a pixel out.
   const cv::Mat residual = b - a;
   std::vector<float> sizes;
   for (int y = 0; y < rows; y += 2) {
@@ -147,11 +149,12 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
                    sizes.end());
   out.noise = 1.4826 * sizes[sizes.size() / 2] + 1e-3;
   const double n2 = out.noise * out.noise;
-  const double d2 = options.misregistration_px * options.misregistration_px;
+  const double d2 = noise.misregistration_px * noise.misregistration_px;
   cv::Mat excess(rows, width, CV_32F), local;
   for (int y = 0; y < rows; ++y) {
     excess_row(width, residual.ptr<float>(y), gx.ptr<float>(y), gy.ptr<float>(y),
-               valid.ptr<float>(y), static_cast<float>(n2), excess.ptr<float>(y));
+               valid.ptr<float>(y), static_cast<float>(n2), static_cast<float>(noise.mended_px),
+               excess.ptr<float>(y));
   }
   cv::boxFilter(excess, local, CV_32F, {kPatchWide, kPatchHigh});
   cv::Mat share;
@@ -229,9 +232,10 @@ void DirectOptions::validate() const {
   };
   require(steps >= 1, "steps", steps, ">= 1");
   require(held_out >= 0 && held_out <= 0.5, "held_out", held_out, "from 0 to 0.5");
-  require(correlation >= 1, "correlation", correlation, ">= 1");
-  require(inflation >= 1, "inflation", inflation, ">= 1");
-  require(misregistration_px >= 0, "misregistration_px", misregistration_px, ">= 0");
+  require(noise.correlation >= 1, "noise.correlation", noise.correlation, ">= 1");
+  require(noise.inflation >= 1, "noise.inflation", noise.inflation, ">= 1");
+  require(noise.misregistration_px >= 0, "noise.misregistration_px", noise.misregistration_px,
+          ">= 0");
 }
 
 struct DirectGround::Impl {
@@ -374,8 +378,8 @@ DirectResult DirectGround::refine(const MotionEstimate& motion, GroundField& fie
             row.transpose();
       }
     }
-    const Eigen::VectorXd change = field.update_with_shared(observations, 2, m.options.correlation,
-                                                            information, moved, &out.covariance);
+    const Eigen::VectorXd change = field.update_with_shared(
+        observations, 2, m.options.noise.correlation, information, moved, &out.covariance);
     moved += change;
     for (std::size_t k = 0; k < m.others.size(); ++k) {
       SE3& pose = out.frame_from_reference[m.others[k]];
@@ -392,7 +396,7 @@ DirectResult DirectGround::refine(const MotionEstimate& motion, GroundField& fie
   // What the pixels add to the motion is worth less than independent pixels would be.
   const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(columns, columns);
   const Eigen::MatrixXd added = out.covariance.ldlt().solve(identity) - information;
-  out.covariance = (information + added / m.options.inflation).ldlt().solve(identity);
+  out.covariance = (information + added / m.options.noise.inflation).ldlt().solve(identity);
   out.motion_change =
       std::sqrt(std::max(0.0, moved.dot(information * moved)) / static_cast<double>(columns));
   const auto width = static_cast<std::size_t>(m.camera.width);

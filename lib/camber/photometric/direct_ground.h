@@ -11,6 +11,7 @@
 #include "camber/geometry/se3.h"
 #include "camber/motion/correspondences.h"
 #include "camber/motion/motion.h"
+#include "camber/photometric/intensity_noise.h"
 #include "camber/road/ground_field.h"
 
 namespace camber {
@@ -23,14 +24,9 @@ struct DirectImage {
 };
 
 struct DirectOptions {
-  int steps = 2;             ///< linearisations, the first on blurred images, >= 1
-  double held_out = 0.2;     ///< share of the pixels that only judge, [0, 0.5]
-  double correlation = 4.0;  ///< information of neighbouring pixels is divided by this, >= 1
-  /// Factor on the variances that the pixels alone would leave of the motion, >= 1: errors that
-  /// whole stretches of road share. Calibrated on rendered scenes, as that of LocalPlaneOptions.
-  double inflation = 4.0;
-  /// px, error of a pixel along its gradient beside the noise of the intensities, >= 0.
-  double misregistration_px = 0.2;
+  int steps = 2;          ///< linearisations, the first on blurred images, >= 1
+  double held_out = 0.2;  ///< share of the pixels that only judge, [0, 0.5]
+  IntensityNoise noise;
   int num_threads = 0;    ///< <= 0: see resolve_num_threads
   void validate() const;  ///< throws std::invalid_argument
 };

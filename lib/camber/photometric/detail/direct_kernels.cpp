@@ -45,9 +45,10 @@ CAMBER_CLONES void normalise_loop(int count, const float* __restrict intensity,
 CAMBER_CLONES void excess_loop(int count, const float* __restrict residual,
                                const float* __restrict by_x, const float* __restrict by_y,
                                const float* __restrict valid, float noise_variance,
-                               float* __restrict out) {
+                               float mended_variance, float* __restrict out) {
   for (int k = 0; k < count; ++k) {
-    const float expected = noise_variance + 0.25F * (by_x[k] * by_x[k] + by_y[k] * by_y[k]);
+    const float expected =
+        noise_variance + mended_variance * (by_x[k] * by_x[k] + by_y[k] * by_y[k]);
     out[k] = valid[k] * at_most(residual[k] * residual[k] / expected, 16.0F);
   }
 }
@@ -65,8 +66,8 @@ void normalise_row(int count, const float* intensity, const float* weight, const
 }
 
 void excess_row(int count, const float* residual, const float* by_x, const float* by_y,
-                const float* valid, float noise_variance, float* out) {
-  excess_loop(count, residual, by_x, by_y, valid, noise_variance, out);
+                const float* valid, float noise_variance, float mended_px, float* out) {
+  excess_loop(count, residual, by_x, by_y, valid, noise_variance, mended_px * mended_px, out);
 }
 
 }  // namespace camber

@@ -19,14 +19,15 @@ constexpr float kNotWarped = -1000.0F;
 void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float right, float bottom,
               const WarpedRow& out);
 
-/// (intensity - mean) / sqrt(variance + noise^2), mean and variance from sums over a window.
+/// (intensity - mean) / sqrt(variance + least_contrast^2), mean and variance from sums over a
+/// window.
 /// @param weight  number of pixels of the window, as a share of what the sums count.
 void normalise_row(int count, const float* intensity, const float* weight, const float* sum,
-                   const float* sum_of_squares, float noise, float* out);
+                   const float* sum_of_squares, float least_contrast, float* out);
 
-/// Squared residual over what noise and half a pixel of misalignment let expect, at most 16; 0
-/// where not valid.
+/// Squared residual over what noise and a misalignment by mended_px let expect, at most 16; 0 where
+/// not valid.
 void excess_row(int count, const float* residual, const float* by_x, const float* by_y,
-                const float* valid, float noise_variance, float* out);
+                const float* valid, float noise_variance, float mended_px, float* out);
 
 }  // namespace camber

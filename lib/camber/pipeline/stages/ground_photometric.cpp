@@ -42,7 +42,7 @@ ProfilePoints photometric_profile(const PinholeCamera& camera, const Corresponde
         weight * observed.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
   }
   ProfilePoints out;
-  out.correlation = DirectOptions().correlation;
+  out.correlation = IntensityNoise().correlation;
   std::vector<Eigen::RowVectorXf> rows;
   for (const Cell& cell : cells) {
     if (!(cell.inverse_depth > 0.0)) continue;
@@ -184,7 +184,7 @@ PhotometricGround refine_photometrically(const LoadedFrames& frames, const Corre
   down_weight_beside(frames, result.contradicted, down_weighted);
   GroundObservations both =
       joined(std::move(down_weighted), result.observations,
-             std::sqrt(direct_options.correlation / GroundFieldOptions().correlation));
+             std::sqrt(direct_options.noise.correlation / GroundFieldOptions().correlation));
   refined->update(both, 2);
   const auto judge = [&] {
     return DirectEvidence(frames.camera.width, frames.camera.height, judged,

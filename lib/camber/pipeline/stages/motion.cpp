@@ -33,14 +33,10 @@ std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
   return out;
 }
 
-// Below this share of inliers the flow may have lost the image motion as a whole.
-constexpr double kTrustedInliers = 0.85;
-
 /// The motion by sparse features, which follow displacements that a dense flow loses. kFailed also
 /// where they agree no better with it than with the motion by the flow.
 MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEstimate& dense,
                                     const MotionOptions& options) {
-  constexpr double kGain = 0.01;  // of the share of features that agree
   FeatureMatchOptions matching;
   matching.num_threads = options.num_threads;
   const Correspondences features =
@@ -51,7 +47,7 @@ MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEsti
   const auto agreement = [&](const MotionEstimate& motion) {
     return epipolar_agreement(frames.camera, features, usable, motion, options.inlier_px);
   };
-  if (!(agreement(out) > agreement(dense) + kGain)) {
+  if (!(agreement(out) > agreement(dense) + options.noise.feature_gain)) {
     out.status = Status::kFailed;
     out.reason = "the features agree as well with the motion by the flow";
   }
@@ -69,7 +65,7 @@ MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches
   }
   const MotionEstimate dense =
       estimate_motion(frames.camera, matches, static_points(frames, matches), options);
-  if (dense.status != Status::kFailed && dense.inlier_ratio >= kTrustedInliers) return dense;
+  if (dense.status != Status::kFailed && dense.inlier_ratio >= options.noise.trusted_inliers) return dense;
   MotionEstimate sparse = motion_from_features(frames, dense, options);
   if (sparse.status != Status::kFailed) return sparse;
   if (dense.status == Status::kFailed) throw NoAnswerError(dense.reason);
