@@ -34,6 +34,11 @@ void add_scene_options(App& app, Arguments& a) {
                "do not read segmentations and road masks: find the road by geometry");
 }
 
+const char* warned_of(const std::string& code) {
+  if (code == "road_contradicted") return "road";
+  return code == "focal_length_contradicted" ? "focal length" : "scale";
+}
+
 Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   const Progress progress = make_progress(command.common);
   scene = read_scene(a.scene, make_warning_sink(command.common));
@@ -99,8 +104,8 @@ void register_reconstruct(App& root) {
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
     for (const RunDocument::Warning& warning : result.run.warnings) {
-      std::fprintf(stderr, "camber: warning: the %s: %s\n",
-                   warning.code == "road_contradicted" ? "road" : "scale", warning.text.c_str());
+      std::fprintf(stderr, "camber: warning: the %s: %s\n", warned_of(warning.code),
+                   warning.text.c_str());
     }
     if (args.json) return print_json(result);
     if (!command->common.quiet) {

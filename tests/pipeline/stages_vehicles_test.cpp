@@ -317,6 +317,29 @@ TEST_F(ParkedCar, AssembleRejectsACarThatContradictsItsGround) {
   EXPECT_THAT(patch->reason, HasSubstr("contradicts"));
 }
 
+TEST_F(ParkedCar, AssembleNamesAFocalLengthThatProportionsContradict) {
+  const MadeDrive drive = drive_past(0.05);
+  const ScaledRoad scaled = exact_scaled(drive, 0.01);
+  const SurfacePlan plan = plan_of(drive, scaled);
+  PlacedVehicles placed = stages::vehicles(drive.frames, drive.motion, scaled, plan, {});
+  EXPECT_EQ(placed.focal_length.vehicles, 1);
+  EXPECT_LT(placed.focal_length.gain, 4.5);
+  const AssembledRoad sound = assembled(drive, scaled, plan, placed);
+  EXPECT_EQ(sound.run.constraints.back().name, "focal_length");
+  EXPECT_TRUE(sound.run.constraints.back().accepted);
+  EXPECT_TRUE(sound.run.warnings.empty());
+
+  placed.focal_length = {4, 0.5, 12.5};
+  const AssembledRoad wrong = assembled(drive, scaled, plan, placed);
+  EXPECT_FALSE(wrong.run.constraints.back().accepted);
+  EXPECT_NEAR(wrong.run.constraints.back().residual_sigma, 5.0, 1e-12);
+  ASSERT_EQ(wrong.run.warnings.size(), 1u);
+  EXPECT_EQ(wrong.run.warnings[0].code, "focal_length_contradicted");
+  EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("0.50 times the focal length"));
+  EXPECT_NEAR(wrong.run.scale_sigma, std::hypot(sound.run.scale_sigma, std::log(2.0)), 1e-9);
+  EXPECT_EQ(wrong.run.scale_status, Status::kWeak);
+}
+
 TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {
   const MadeDrive drive = drive_past(0.05, 0.8);
   const ScaledRoad scaled = exact_scaled(drive, 0.01);

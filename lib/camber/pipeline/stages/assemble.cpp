@@ -72,6 +72,30 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   final_road->reports.push_back(std::move(report));
 }
 
+/// The focal length against the vehicles' proportions: a wrong one stretches the road along the
+/// optical axis, and the scale with it.
+void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& evidence,
+                        FinalRoad* final_road) {
+  if (evidence.vehicles == 0) return;
+  const double sigmas = std::sqrt(2.0 * evidence.gain);
+  ConstraintReport report{"focal_length",
+                          fmt::format("proportions of {} vehicles", evidence.vehicles),
+                          sigmas,
+                          sigmas <= ScaleNoise().focal_length_gate,
+                          {}};
+  if (!report.accepted) {
+    report.reason =
+        fmt::format("they fit {:.1f} standard deviations better with {:.2f} times the focal length",
+                    sigmas, evidence.factor);
+    final_road->warnings.push_back(
+        {"focal_length_contradicted", report.source + ": " + report.reason});
+    if (scaled.metric) {
+      final_road->road = final_road->road.with_wider_scale(std::pow(std::log(evidence.factor), 2));
+    }
+  }
+  final_road->reports.push_back(std::move(report));
+}
+
 FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles) {
   std::vector<Constraint> constraints;
   for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
@@ -85,6 +109,7 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
     out.warnings.push_back({"scale_contradicted", text});
   }
   check_by_vehicles(scaled, constraints, &out);
+  check_focal_length(scaled, vehicles.focal_length, &out);
   const Eigen::Index rows = out.plane_covariance.rows();
   if (rows == 0) return out;
   // The planes themselves: functions of the road and of the unevenness under each vehicle.

@@ -65,7 +65,8 @@ MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches
   }
   const MotionEstimate dense =
       estimate_motion(frames.camera, matches, static_points(frames, matches), options);
-  if (dense.status != Status::kFailed && dense.inlier_ratio >= options.noise.trusted_inliers) return dense;
+  if (dense.status != Status::kFailed && dense.inlier_ratio >= options.noise.trusted_inliers)
+    return dense;
   MotionEstimate sparse = motion_from_features(frames, dense, options);
   if (sparse.status != Status::kFailed) return sparse;
   if (dense.status == Status::kFailed) throw NoAnswerError(dense.reason);

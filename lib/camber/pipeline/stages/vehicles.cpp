@@ -308,6 +308,9 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
     if (constraint) out.constraints.push_back(std::move(*constraint));
   }
   out.ground = std::move(joint);
+  const TrackFrame& reference = out.views[frames.reference];
+  out.focal_length = focal_length_evidence(frames.camera, reference.detections, reference.supports,
+                                           reference.estimates, options.fit, options.num_threads);
   return out;
 }
 

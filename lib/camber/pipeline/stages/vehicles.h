@@ -10,6 +10,7 @@
 #include "camber/road/road_posterior.h"
 #include "camber/scale/scale_noise.h"
 #include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/focal_length.h"
 #include "camber/vehicle/support_plane.h"
 #include "camber/vehicle/vehicle_tracks.h"
 
@@ -47,6 +48,7 @@ struct PlacedVehicles {
   std::vector<TrackMessage> messages;                   ///< of the tracks, with a joint ground
   std::vector<VehicleConstraint> constraints;           ///< of a run's road, by those messages
   SharedGround ground;                                  ///< of the planes, before the vehicles
+  FocalLengthEvidence focal_length;                     ///< of the reference frame's vehicles
 };
 
 namespace stages {

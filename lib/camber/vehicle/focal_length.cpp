@@ -1,0 +1,79 @@
+#include "camber/vehicle/focal_length.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "camber/core/threads.h"
+
+namespace camber {
+namespace {
+
+/// A support plane after all depths are multiplied by a factor.
+SupportPlane stretched(const SupportPlane& support, double factor) {
+  SupportPlane out = support;
+  Plane& plane = out.plane.plane;
+  plane.normal.z() /= factor;
+  const double length = plane.normal.norm();
+  plane.normal /= length;
+  plane.offset /= length;
+  out.plane.centroid.z() *= factor;
+  Eigen::Vector3d along = support.plane.axis1;
+  along.z() *= factor;
+  UncertainPlane::make_axes(plane.normal, along, &out.plane.axis1, &out.plane.axis2);
+  return out;
+}
+
+}  // namespace
+
+FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
+                                          const std::vector<VehicleDetection>& detections,
+                                          const std::vector<SupportPlane>& supports,
+                                          const std::vector<VehicleEstimate>& estimates,
+                                          const VehicleFitOptions& options, int num_threads) {
+  if (supports.size() != detections.size() || estimates.size() != detections.size()) {
+    throw std::invalid_argument(fmt::format("{} detections, {} supports, {} estimates",
+                                            detections.size(), supports.size(), estimates.size()));
+  }
+  const HypothesisGates& noise = options.noise.hypotheses;
+  std::vector<std::size_t> used;
+  for (std::size_t i = 0; i < detections.size(); ++i) {
+    if (std::isfinite(estimates[i].keypoint_cost) &&
+        estimates[i].pose.center().z() < noise.focal_length_farthest) {
+      used.push_back(i);
+    }
+  }
+  FocalLengthEvidence out;
+  out.vehicles = static_cast<int>(used.size());
+  const auto compare = [&](double factor) {
+    const double most = noise.focal_length_most;
+    PinholeCamera other = camera;
+    other.fx *= factor;
+    other.fy *= factor;
+    std::vector<double> gains(used.size());
+    parallel_for(used.size(), num_threads, [&](std::size_t k) {
+      const std::size_t i = used[k];
+      const VehicleEstimate again =
+          fit_vehicle(other, detections[i], stretched(supports[i], factor), options);
+      const double gain = estimates[i].keypoint_cost - again.keypoint_cost;
+      gains[k] = std::isfinite(gain) ? std::clamp(gain, -most, most) : -most;
+    });
+    double sum = 0.0;
+    for (const double gain : gains) sum += gain;
+    if (sum > out.gain) {
+      out.gain = sum;
+      out.factor = factor;
+    }
+  };
+  // Coarsely to both sides, then farther and nearer on the better one.
+  for (const double factor : {1.0 / M_SQRT2, M_SQRT2}) compare(factor);
+  if (out.gain > 0.0) {
+    const double coarse = out.factor;
+    for (const double power : {0.5, 2.0}) compare(std::pow(coarse, power));
+  }
+  return out;
+}
+
+}  // namespace camber

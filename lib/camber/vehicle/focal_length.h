@@ -1,0 +1,33 @@
+#pragma once
+
+#include <vector>
+
+#include "camber/geometry/pinhole_camera.h"
+#include "camber/vehicle/fit_vehicle.h"
+
+namespace camber {
+
+/// What the proportions of vehicles know of the focal length.
+struct FocalLengthEvidence {
+  int vehicles = 0;     ///< that were compared
+  double factor = 1.0;  ///< on the focal length, of those tried the likeliest
+  /// Log likelihood ratio of all vehicles, that factor over 1, >= 0; no vehicle adds more than
+  /// HypothesisGates::focal_length_most.
+  double gain = 0.0;
+};
+
+/// A wrong focal length stretches all that is reconstructed along the optical axis, the ground
+/// included: a vehicle seen obliquely is then too long for its width, its height and the places of
+/// its wheels. Each vehicle is fitted again with other focal lengths, on its plane stretched
+/// likewise, so that every pixel of the ground stays where it is.
+/// @param supports   planes under the detections, camera frame, m.
+/// @param estimates  of the detections on these planes by fit_vehicle; those without a
+///                   keypoint_cost or farther than focal_length_farthest are left out.
+/// The same for any number of threads.
+FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
+                                          const std::vector<VehicleDetection>& detections,
+                                          const std::vector<SupportPlane>& supports,
+                                          const std::vector<VehicleEstimate>& estimates,
+                                          const VehicleFitOptions& options, int num_threads = 0);
+
+}  // namespace camber

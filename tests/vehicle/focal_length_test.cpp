@@ -1,0 +1,86 @@
+#include "camber/vehicle/focal_length.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "vehicle/simulated_vehicle.h"
+
+namespace camber {
+namespace {
+
+/// A street of simulated cars, as it is reconstructed with a focal length that is wrong by a
+/// factor: depths are multiplied by it, pixels stay.
+FocalLengthEvidence evidence_of_street(double factor, std::uint64_t seed, int threads = 1) {
+  constexpr std::uint64_t kCars = 6;
+  test::SimulationOptions simulation;
+  simulation.seed = seed;
+  simulation.min_distance = 7.0;
+  simulation.max_distance = 20.0;
+  PinholeCamera camera;
+  std::vector<VehicleDetection> detections;
+  std::vector<SupportPlane> supports;
+  for (std::uint64_t i = 0; i < kCars; ++i) {
+    const test::SimulatedVehicle s = test::simulate_vehicle(simulation, i);
+    camera = s.camera;
+    detections.push_back(s.detection);
+    // n' = (nx, ny, nz / factor): the plane through all points with their depths multiplied.
+    SupportPlane support = s.support;
+    Plane& plane = support.plane.plane;
+    plane.normal.z() /= factor;
+    plane.offset /= plane.normal.norm();
+    plane.normal.normalize();
+    support.plane.centroid.z() *= factor;
+    UncertainPlane::make_axes(plane.normal, support.plane.axis1, &support.plane.axis1,
+                              &support.plane.axis2);
+    supports.push_back(support);
+  }
+  camera.fx *= factor;
+  camera.fy *= factor;
+  const std::vector<VehicleEstimate> estimates = fit_vehicles(camera, detections, supports, {}, 1);
+  return focal_length_evidence(camera, detections, supports, estimates, {}, threads);
+}
+
+TEST(FocalLength, IsFoundWrongByProportions) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const FocalLengthEvidence large = evidence_of_street(2.0, seed);
+    EXPECT_EQ(large.vehicles, 6);
+    EXPECT_GT(large.gain, 8.8) << seed;
+    EXPECT_LT(large.factor, 0.8) << seed;
+    const FocalLengthEvidence small = evidence_of_street(0.5, seed);
+    EXPECT_GT(small.gain, 8.8) << seed;
+    EXPECT_GT(small.factor, 1.25) << seed;
+  }
+}
+
+TEST(FocalLength, ThatIsRightIsNotContradicted) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const FocalLengthEvidence sound = evidence_of_street(1.0, seed);
+    EXPECT_EQ(sound.vehicles, 6);
+    EXPECT_GE(sound.gain, 0.0);
+    EXPECT_LT(sound.gain, 6.0) << seed;  // chance alone: 4.5 in one of 370
+  }
+}
+
+TEST(FocalLength, IsJudgedAlikeByAnyNumberOfThreads) {
+  const FocalLengthEvidence a = evidence_of_street(1.4, 1, 1), b = evidence_of_street(1.4, 1, 4);
+  EXPECT_EQ(a.gain, b.gain);
+  EXPECT_EQ(a.factor, b.factor);
+}
+
+TEST(FocalLength, NeedsVehiclesWithKeypoints) {
+  const test::SimulatedVehicle s = test::simulate_vehicle({}, 0);
+  VehicleDetection box = s.detection;
+  box.keypoints.clear();
+  const VehicleEstimate estimate = fit_vehicle(s.camera, box, s.support, {});
+  EXPECT_TRUE(std::isnan(estimate.keypoint_cost));
+  const FocalLengthEvidence none =
+      focal_length_evidence(s.camera, {box}, {s.support}, {estimate}, {});
+  EXPECT_EQ(none.vehicles, 0);
+  EXPECT_EQ(none.gain, 0.0);
+  EXPECT_THROW(focal_length_evidence(s.camera, {box}, {}, {estimate}, {}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace camber
