@@ -10,7 +10,10 @@
 
 #include "camber/core/random.h"
 #include "camber/core/threads.h"
+#include "camber/plane/detail/local_noise.h"
+#include "camber/plane/detail/plane_coverage.h"
 #include "camber/plane/noise_model.h"
+#include "camber/plane/plane_covariance.h"
 #include "camber/plane/plane_kernels.h"
 #include "camber/plane/plane_solver.h"
 
@@ -658,8 +661,8 @@ PlaneFit Fitter::run() {
   }
   order_by_neighbourhood();
   if (!fixed_threshold() && (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower)) {
-    learn_local_noise(ordered_, leaves_, {}, up_, options_.max_tilt, least_noise_, options_.seed,
-                      &noise_);
+    detail::learn_local_noise(ordered_, leaves_, {}, up_, options_.max_tilt, least_noise_,
+                              options_.seed, &noise_);
   }
   // Weights of the scored points: with rays the plane's part is left to the kernel.
   if (noise_.kind == NoiseKind::kRays) {
@@ -682,7 +685,7 @@ PlaneFit Fitter::run() {
   for (PlaneCandidate& c : candidates_) {
     c.window = PlaneWindow();
     c.noise = noise_;
-    refine_and_window(&subset_, up_, least_noise_, fixed_threshold(), &c);
+    detail::refine_and_window(&subset_, up_, least_noise_, fixed_threshold(), &c);
     if (candidates_.size() > 1) c.support = count_support(c);
   }
   const auto best = std::max_element(
@@ -696,7 +699,7 @@ PlaneFit Fitter::run() {
     PointArrays many;
     load_many(&many);
     if (c.noise.kind == NoiseKind::kPower) relearn_power_law(&many, &c);
-    refine_and_window(&many, up_, least_noise_, fixed_threshold(), &c, true);
+    detail::refine_and_window(&many, up_, least_noise_, fixed_threshold(), &c, true);
   }
   PlaneFit fit;
   fit.hypotheses = hypotheses_;
