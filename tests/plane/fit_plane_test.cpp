@@ -9,6 +9,7 @@
 #include <set>
 
 #include "camber/core/random.h"
+#include "camber/plane/detail/local_noise.h"
 #include "camber/plane/noise_model.h"
 #include "camber/plane/plane_solver.h"
 #include "plane/road_scene_maker.h"
@@ -299,7 +300,7 @@ TEST(NoiseModel, TheCoreOfResidualsDoesNotDependOnWhereTheSearchBegins) {
 }
 
 TEST(KeyedDraws, OneRowMoreChangesFewDraws) {
-  KeyedDraws all, less;
+  detail::KeyedDraws all, less;
   const CounterRandom keys(1, 2), random(4, 5);
   for (std::uint32_t row = 0; row < 300; ++row) {
     all.add(keys.bits(row), row);
@@ -313,7 +314,7 @@ TEST(KeyedDraws, OneRowMoreChangesFewDraws) {
   }
   EXPECT_GE(same, 960);           // a slot of 256 and the empty ones before it
   EXPECT_GE(drawn.size(), 120u);  // of about 175 slots that hold a row
-  KeyedDraws one;
+  detail::KeyedDraws one;
   one.add(7, 5);
   for (std::uint64_t k = 0; k < 10; ++k) EXPECT_EQ(one.draw(random.bits(k)), 5u);
 }

@@ -8,7 +8,8 @@
 #include "camber/cloud/file_reader.h"
 #include "camber/cloud/point_stream.h"
 
-/// The readers and writers behind open_point_source and make_point_sink, one source file a format.
+/// The readers and writers behind open_point_source and make_point_sink: one source file a
+/// format, with what is large of it (header, writer) in files of its own beside it.
 namespace camber {
 
 std::unique_ptr<PointSource> open_pcd(std::unique_ptr<FileReader> file, const ReadOptions& options);

@@ -2,78 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
+#include "camber/cloud/detail/ply_header.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
 
-constexpr std::size_t kHeaderLine = 1 << 16;  // bytes
-constexpr std::size_t kMostProperties = 4096;
-constexpr std::size_t kMostElements = 4096;
-
-struct Property {
-  std::string name;
-  ScalarType type = ScalarType::kFloat32;  // of the values
-  bool list = false;
-  ScalarType count_type = ScalarType::kUint8;
-};
-
-struct Element {
-  std::string name;
-  std::uint64_t count = 0;
-  std::vector<Property> properties;
-  bool has_lists = false;
-  std::uint64_t fixed_size = 0;  // bytes of a binary record without its lists' values
-  std::uint64_t least_size = 0;  // bytes of the shortest possible record
-};
-
-std::optional<ScalarType> scalar_type(std::string_view name) {
-  static const std::pair<const char*, ScalarType> kNames[] = {
-      {"char", ScalarType::kInt8},      {"int8", ScalarType::kInt8},
-      {"uchar", ScalarType::kUint8},    {"uint8", ScalarType::kUint8},
-      {"short", ScalarType::kInt16},    {"int16", ScalarType::kInt16},
-      {"ushort", ScalarType::kUint16},  {"uint16", ScalarType::kUint16},
-      {"int", ScalarType::kInt32},      {"int32", ScalarType::kInt32},
-      {"uint", ScalarType::kUint32},    {"uint32", ScalarType::kUint32},
-      {"int64", ScalarType::kInt64},    {"long", ScalarType::kInt64},
-      {"uint64", ScalarType::kUint64},  {"ulong", ScalarType::kUint64},
-      {"float", ScalarType::kFloat32},  {"float32", ScalarType::kFloat32},
-      {"double", ScalarType::kFloat64}, {"float64", ScalarType::kFloat64},
-  };
-  for (const auto& [known, type] : kNames) {
-    if (name == known) return type;
-  }
-  return std::nullopt;
-}
-
-const char* name_of(ScalarType type) {
-  switch (type) {
-    case ScalarType::kInt8:
-      return "char";
-    case ScalarType::kUint8:
-      return "uchar";
-    case ScalarType::kInt16:
-      return "short";
-    case ScalarType::kUint16:
-      return "ushort";
-    case ScalarType::kInt32:
-      return "int";
-    case ScalarType::kUint32:
-      return "uint";
-    case ScalarType::kInt64:
-      return "int64";
-    case ScalarType::kUint64:
-      return "uint64";
-    case ScalarType::kFloat32:
-      return "float";
-    case ScalarType::kFloat64:
-      break;
-  }
-  return "double";
-}
+using detail::face_indices;
+using detail::PlyElement;
+using detail::PlyProperty;
 
 constexpr bool kLittleEndianMachine = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__;
 static_assert(kLittleEndianMachine, "the readers of binary files need a little-endian machine");
@@ -83,15 +22,16 @@ class PlySource : public FormatSource {
   PlySource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : FormatSource(std::move(file), options) {
     report_.format = CloudFormat::kPly;
-    read_header();
-    check_sizes();
+    ply_ = detail::read_ply_header(
+        *file_, lines_, options_.lenient, [this](std::string_view text) { read_comment(text); },
+        &report_);
     start_points();
   }
 
   bool next(PointBatch& batch) override {
     batch.count = 0;
     if (!done_) {
-      if (ascii_) {
+      if (ply_.ascii) {
         next_ascii(batch);
       } else if (vertex().has_lists) {
         next_with_lists(batch);
@@ -102,8 +42,8 @@ class PlySource : public FormatSource {
       if (batch.count > 0) return true;
       done_ = true;
       if (!truncated_) {
-        for (std::size_t e = vertex_ + 1; e < elements_.size() && !truncated_; ++e) {
-          pass_element(elements_[e]);
+        for (std::size_t e = ply_.vertex + 1; e < ply_.elements.size() && !truncated_; ++e) {
+          pass_element(ply_.elements[e]);
         }
       }
       if (!truncated_) check_tail();
@@ -113,32 +53,26 @@ class PlySource : public FormatSource {
   }
 
  private:
-  const Element& vertex() const { return elements_[vertex_]; }
-  void read_header();
-  void read_property(std::string_view rest);
-  void check_sizes();
+  const PlyElement& vertex() const { return ply_.elements[ply_.vertex]; }
   void start_points();
   void next_ascii(PointBatch& batch);
   void read_rows();
   void next_with_lists(PointBatch& batch);
-  void pass_element(const Element& element);
-  void pass_ascii(const Element& element, bool faces);
-  void pass_binary(const Element& element, bool faces);
-  bool read_list_row(const Element& element, std::vector<double>* values,
+  void pass_element(const PlyElement& element);
+  void pass_ascii(const PlyElement& element, bool faces);
+  void pass_binary(const PlyElement& element, bool faces);
+  bool read_list_row(const PlyElement& element, std::vector<double>* values,
                      std::vector<double>* indices, int index_property);
-  std::string parse_list_line(std::string_view line, const Element& element,
+  std::string parse_list_line(std::string_view line, const PlyElement& element,
                               std::vector<double>* values, std::vector<double>* indices,
                               int index_property);
   void add_face(const std::vector<double>& indices);
   void check_tail();
   void check_triangles();
-  void end_early(const Element& element, std::uint64_t done);
+  void end_early(const PlyElement& element, std::uint64_t done);
   double binary_value(const unsigned char* data, ScalarType type) const;
-  static int face_indices(const Element& element);
 
-  std::vector<Element> elements_;
-  std::size_t vertex_ = 0;
-  bool ascii_ = false, swap_ = false;
+  detail::PlyHeader ply_;
   bool done_ = false;
   bool truncated_ = false;
   std::vector<int> columns_;  // of the vertex properties, -1: a list
@@ -150,175 +84,12 @@ class PlySource : public FormatSource {
   std::vector<double> row_values_, indices_;
 };
 
-void PlySource::read_header() {
-  std::string_view line;
-  // The first line shows how lines end: \n, \r\n or, on old Macs, \r.
-  file_->fill(16);
-  const std::string_view start(file_->text(), std::min<std::size_t>(file_->available(), 16));
-  const std::size_t end = start.find_first_of("\r\n");
-  if (end != std::string_view::npos && start[end] == '\r' &&
-      (end + 1 == start.size() || start[end + 1] != '\n')) {
-    lines_.set_carriage_return_ends();
-  }
-  if (!lines_.next(line, kHeaderLine)) file_->fail_at(0, "found an empty file, expected 'ply'");
-  std::string_view rest = line;
-  if (next_word(rest) != "ply" || !next_word(rest).empty()) {
-    lines_.fail("found " + shown(line) + ", expected 'ply'");
-  }
-  bool format_seen = false;
-  std::set<std::string> names;
-  while (true) {
-    if (!lines_.next(line, kHeaderLine)) {
-      file_->fail_at(file_->size(), "found the end of the file, expected end_header");
-    }
-    if (file_->position() > (std::uint64_t{1} << 24)) {
-      lines_.fail("found a header of more than 16 MB, expected end_header before");
-    }
-    rest = line;
-    const std::string_view key = next_word(rest);
-    if (key == "comment" || key == "obj_info") {
-      if (key == "comment") read_comment(rest);
-    } else if (key == "format") {
-      const std::string_view format = next_word(rest), version = next_word(rest);
-      if (format_seen) lines_.fail("found a second format line, expected one");
-      format_seen = true;
-      if (format == "ascii") {
-        ascii_ = true;
-        report_.encoding = "ascii";
-      } else if (format == "binary_little_endian") {
-        report_.encoding = "binary little endian";
-      } else if (format == "binary_big_endian") {
-        swap_ = true;
-        report_.encoding = "binary big endian";
-      } else {
-        lines_.fail("found format " + shown(format) +
-                    ", expected ascii, binary_little_endian or binary_big_endian");
-      }
-      if (version != "1.0") lines_.fail("found version " + shown(version) + ", expected 1.0");
-    } else if (key == "element") {
-      Element element;
-      element.name = std::string(next_word(rest));
-      const std::string_view count = next_word(rest);
-      if (element.name.empty() || !parse_unsigned(count, element.count) ||
-          !next_word(rest).empty()) {
-        lines_.fail("found " + shown(line) + ", expected 'element NAME COUNT'");
-      }
-      for (const Element& other : elements_) {
-        if (other.name == element.name) {
-          lines_.fail("found a second element " + shown(element.name) + ", expected one");
-        }
-      }
-      if (elements_.size() == kMostElements) {
-        lines_.fail("found more than " + std::to_string(kMostElements) + " elements");
-      }
-      names.clear();
-      elements_.push_back(std::move(element));
-    } else if (key == "property") {
-      if (elements_.empty()) lines_.fail("found a property, expected an element before it");
-      read_property(rest);
-      Property& property = elements_.back().properties.back();
-      if (!names.insert(property.name).second) {
-        if (!options_.lenient) {
-          lines_.fail("found property " + shown(property.name) +
-                      " twice, expected different names");
-        }
-        report_.notes.push_back("the second property '" + property.name + "' has a number added");
-        do {
-          property.name += "_" + std::to_string(names.size());
-        } while (!names.insert(property.name).second);
-      }
-    } else if (key == "end_header") {
-      break;
-    } else if (!key.empty()) {
-      lines_.fail("found " + shown(key) +
-                  ", expected format, comment, obj_info, element, property or end_header");
-    }
-  }
-  if (!format_seen) lines_.fail("found end_header, expected a format line before it");
-  const auto found = std::find_if(elements_.begin(), elements_.end(),
-                                  [](const Element& e) { return e.name == "vertex"; });
-  if (found == elements_.end()) {
-    lines_.fail("found no element 'vertex', expected one with x, y and z");
-  }
-  vertex_ = static_cast<std::size_t>(found - elements_.begin());
-  for (const Element& element : elements_) {
-    if (element.name == "face") report_.faces = element.count;
-  }
-}
-
-void PlySource::read_property(std::string_view rest) {
-  Property property;
-  const std::string line(rest);
-  std::string_view word = next_word(rest);
-  const auto type = [&](std::string_view name) {
-    const std::optional<ScalarType> found = scalar_type(name);
-    if (!found) {
-      lines_.fail("found property type " + shown(name) +
-                  ", expected char, uchar, short, ushort, int, uint, float, double, int8, ...");
-    }
-    return *found;
-  };
-  if (word == "list") {
-    property.list = true;
-    property.count_type = type(next_word(rest));
-    if (is_float(property.count_type)) {
-      lines_.fail("found a list counted in floats, expected an integer type");
-    }
-    word = next_word(rest);
-  }
-  property.type = type(word);
-  property.name = std::string(next_word(rest));
-  if (property.name.empty() || !next_word(rest).empty()) {
-    lines_.fail("found " + shown("property" + line) + ", expected 'property TYPE NAME'");
-  }
-  Element& element = elements_.back();
-  if (element.properties.size() == kMostProperties) {
-    lines_.fail("found more than " + std::to_string(kMostProperties) + " properties");
-  }
-  const std::uint64_t size = size_of(property.list ? property.count_type : property.type);
-  element.fixed_size += size;
-  element.has_lists = element.has_lists || property.list;
-  element.properties.push_back(std::move(property));
-}
-
-void PlySource::check_sizes() {
-  const std::uint64_t rest = file_->remaining();
-  std::uint64_t sum = 0;
-  lines_.release();
-  for (Element& element : elements_) {
-    // A text value takes a digit and a separator, but for the last of the file.
-    element.least_size = ascii_ ? 2 * element.properties.size() : element.fixed_size;
-    if (element.properties.empty()) continue;  // such an element takes no room, whatever its count
-    const std::uint64_t fitting = (rest + 1) / element.least_size;
-    if (element.count > fitting || sum + element.count * element.least_size > rest + 1) {
-      if (options_.lenient) continue;
-      file_->fail_at(file_->size(), "found the end of the file, expected " +
-                                        std::to_string(element.count) + " of element " +
-                                        shown(element.name) + " with at least " +
-                                        std::to_string(element.least_size) + " bytes each");
-    }
-    sum += element.count * element.least_size;
-  }
-  report_.declared = vertex().count;
-}
-
-int PlySource::face_indices(const Element& element) {
-  if (element.name != "face") return -1;
-  for (std::size_t i = 0; i < element.properties.size(); ++i) {
-    const Property& property = element.properties[i];
-    if (property.list && (property.name == "vertex_indices" || property.name == "vertex_index")) {
-      return static_cast<int>(i);
-    }
-  }
-  return -1;
-}
-
 void PlySource::start_points() {
-  const Element& element = vertex();
+  const PlyElement& element = vertex();
   std::vector<ScalarType> types;
   std::vector<RecordReader::Field> places;
   std::size_t offset = 0;
-  for (const Property& property : element.properties) {
+  for (const PlyProperty& property : element.properties) {
     columns_.push_back(property.list ? -1 : static_cast<int>(header_.fields.size()));
     if (property.list) {
       report_.notes.push_back("the list property '" + property.name + "' is not kept");
@@ -340,9 +111,9 @@ void PlySource::start_points() {
     rules_.push_back(rule);
   }
   check_fields("line " + std::to_string(lines_.line()));
-  for (std::size_t e = 0; e < vertex_ && !truncated_; ++e) pass_element(elements_[e]);
+  for (std::size_t e = 0; e < ply_.vertex && !truncated_; ++e) pass_element(ply_.elements[e]);
   const FieldRoles roles = find_roles(header_.fields);
-  if (ascii_) {
+  if (ply_.ascii) {
     // Some writers print colours of type char as 128 to 255.
     for (const int channel : roles.color) {
       if (channel < 0) continue;
@@ -379,12 +150,12 @@ void PlySource::start_points() {
       truncated_ = true;
     }
     header_.count = count;
-    records_ =
-        RecordReader(static_cast<std::size_t>(element.fixed_size), std::move(places), count, swap_);
+    records_ = RecordReader(static_cast<std::size_t>(element.fixed_size), std::move(places), count,
+                            ply_.big_endian);
   }
 }
 
-void PlySource::end_early(const Element& element, std::uint64_t done) {
+void PlySource::end_early(const PlyElement& element, std::uint64_t done) {
   if (!options_.lenient) {
     file_->fail_at(file_->size(), "found the end of the file after " + std::to_string(done) +
                                       " of element " + shown(element.name) + ", expected " +
@@ -403,7 +174,7 @@ double PlySource::binary_value(const unsigned char* data, ScalarType type) const
   return with_type(type, [&](auto tag) {
     unsigned char bytes[sizeof(tag)];
     std::memcpy(bytes, data, sizeof bytes);
-    if (swap_) std::reverse(bytes, bytes + sizeof bytes);
+    if (ply_.big_endian) std::reverse(bytes, bytes + sizeof bytes);
     std::memcpy(&tag, bytes, sizeof bytes);
     return static_cast<double>(tag);
   });
@@ -412,11 +183,11 @@ double PlySource::binary_value(const unsigned char* data, ScalarType type) const
 /// Reads one binary record with lists; false if the file ends before its end.
 /// @param values   of the properties that are not lists, if wanted
 /// @param indices  of one list, if wanted
-bool PlySource::read_list_row(const Element& element, std::vector<double>* values,
+bool PlySource::read_list_row(const PlyElement& element, std::vector<double>* values,
                               std::vector<double>* indices, int index_property) {
   std::size_t column = 0;
   for (std::size_t p = 0; p < element.properties.size(); ++p) {
-    const Property& property = element.properties[p];
+    const PlyProperty& property = element.properties[p];
     if (!property.list) {
       const std::size_t size = size_of(property.type);
       if (!file_->fill(size)) return false;
@@ -450,7 +221,7 @@ bool PlySource::read_list_row(const Element& element, std::vector<double>* value
 }
 
 void PlySource::next_with_lists(PointBatch& batch) {
-  const Element& element = vertex();
+  const PlyElement& element = vertex();
   rows_.clear();
   row_values_.resize(header_.fields.size());
   while (!truncated_ && !rows_.full() && rows_done_ < element.count) {
@@ -466,7 +237,7 @@ void PlySource::next_with_lists(PointBatch& batch) {
 }
 
 /// Checks one text line with lists; returns what is wrong with it, or nothing.
-std::string PlySource::parse_list_line(std::string_view line, const Element& element,
+std::string PlySource::parse_list_line(std::string_view line, const PlyElement& element,
                                        std::vector<double>* values, std::vector<double>* indices,
                                        int index_property) {
   const char* p = line.data();
@@ -493,7 +264,7 @@ std::string PlySource::parse_list_line(std::string_view line, const Element& ele
   };
   std::size_t column = 0;
   for (std::size_t i = 0; i < element.properties.size(); ++i) {
-    const Property& property = element.properties[i];
+    const PlyProperty& property = element.properties[i];
     double value = 0.0;
     if (!property.list) {
       if (!number(property.type, value)) return wrong;
@@ -517,7 +288,7 @@ std::string PlySource::parse_list_line(std::string_view line, const Element& ele
 }
 
 void PlySource::read_rows() {
-  const Element& element = vertex();
+  const PlyElement& element = vertex();
   rows_.clear();
   std::string_view line;
   while (!truncated_ && !rows_.full() && rows_done_ < element.count) {
@@ -566,8 +337,8 @@ void PlySource::add_face(const std::vector<double>& indices) {
           std::floor(index) == index)) {
       if (!options_.lenient) {
         throw InputError(file_->name(),
-                         ascii_ ? "line " + std::to_string(lines_.line())
-                                : "byte " + std::to_string(file_->position()),
+                         ply_.ascii ? "line " + std::to_string(lines_.line())
+                                    : "byte " + std::to_string(file_->position()),
                          "found a face with vertex " + std::to_string(index) +
                              ", expected one below " + std::to_string(vertex().count));
       }
@@ -582,17 +353,17 @@ void PlySource::add_face(const std::vector<double>& indices) {
   }
 }
 
-void PlySource::pass_element(const Element& element) {
+void PlySource::pass_element(const PlyElement& element) {
   if (element.properties.empty()) return;
   const bool faces = options_.triangles && face_indices(element) >= 0;
-  if (ascii_) {
+  if (ply_.ascii) {
     pass_ascii(element, faces);
   } else {
     pass_binary(element, faces);
   }
 }
 
-void PlySource::pass_ascii(const Element& element, bool faces) {
+void PlySource::pass_ascii(const PlyElement& element, bool faces) {
   const int index_property = face_indices(element);
   std::string_view line;
   for (std::uint64_t done = 0; done < element.count;) {
@@ -614,7 +385,7 @@ void PlySource::pass_ascii(const Element& element, bool faces) {
   }
 }
 
-void PlySource::pass_binary(const Element& element, bool faces) {
+void PlySource::pass_binary(const PlyElement& element, bool faces) {
   if (!element.has_lists) {
     const std::uint64_t fitting = file_->remaining() / element.fixed_size;
     if (element.count > fitting) {
@@ -671,126 +442,11 @@ void PlySource::check_triangles() {
   triangles_.erase(std::remove_if(triangles_.begin(), triangles_.end(), bad), triangles_.end());
 }
 
-// --- writing -----------------------------------------------------------------------------------
-
-class PlySink : public PointSink {
- public:
-  PlySink(std::ostream& out, const PointStreamHeader& header, CloudEncoding encoding)
-      : out_(out), header_(header), encoding_(encoding) {
-    if (encoding == CloudEncoding::kCompressed) {
-      throw std::invalid_argument(
-          "PLY has no compressed encoding, expected binary, ascii or big endian");
-    }
-    if (!header.count) start_ = out.tellp();
-    const FieldRoles roles = find_roles(header.fields);
-    for (std::size_t f = 0; f < header.fields.size(); ++f) {
-      const int index = static_cast<int>(f);
-      if (index == roles.packed_color) {
-        for (const char* const channel : {"red", "green", "blue"}) {
-          add(index, channel, ScalarType::kUint8);
-        }
-        continue;
-      }
-      std::string name = header.fields[f].name;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        static const char* const kAxes[] = {"x", "y", "z"};
-        static const char* const kNormals[] = {"nx", "ny", "nz"};
-        static const char* const kColors[] = {"red", "green", "blue"};
-        if (index == roles.position[axis]) name = kAxes[axis];
-        if (index == roles.normal[axis]) name = kNormals[axis];
-        if (index == roles.color[axis]) name = kColors[axis];
-      }
-      for (char& c : name) {
-        if (is_blank(c) || c == '\n') c = '_';
-      }
-      add(index, name, header.fields[f].type);
-    }
-    packed_ = roles.packed_color;
-    write_header(header.count);
-  }
-
-  void write(const PointBatch& batch) override {
-    count_ += batch.count;
-    PointBatch columns;
-    columns.count = batch.count;
-    std::size_t channel = 2;  // of a little-endian 0xRRGGBB
-    for (const int source : sources_) {
-      FieldView view = batch.fields[static_cast<std::size_t>(source)];
-      if (source == packed_) view.data += channel--;
-      columns.fields.push_back(view);
-    }
-    text_.clear();
-    if (encoding_ == CloudEncoding::kAscii) {
-      for (std::size_t i = 0; i < batch.count; ++i) {
-        for (std::size_t c = 0; c < fields_.size(); ++c) {
-          if (c > 0) text_ += ' ';
-          append_value(text_, columns.fields[c], fields_[c].type, i);
-        }
-        text_ += '\n';
-      }
-    } else {
-      pack_records(columns, fields_, encoding_ == CloudEncoding::kBigEndian, text_);
-    }
-    out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
-  }
-
-  void finish() override {
-    if (header_.count) return;
-    const std::ostream::pos_type end = out_.tellp();
-    out_.seekp(start_);
-    write_header(count_);
-    out_.seekp(end);
-  }
-
- private:
-  void add(int source, const std::string& name, ScalarType type) {
-    PointField field;
-    field.name = name;
-    field.type = type;
-    fields_.push_back(field);
-    sources_.push_back(source);
-  }
-
-  /// @param count unknown: room is left for the largest number.
-  void write_header(std::optional<std::uint64_t> count) {
-    constexpr std::size_t kDigits = 20;
-    const std::string number = count ? std::to_string(*count) : std::string(kDigits, '0');
-    std::string head = "ply\nformat ";
-    head += encoding_ == CloudEncoding::kAscii    ? "ascii"
-            : encoding_ == CloudEncoding::kBinary ? "binary_little_endian"
-                                                  : "binary_big_endian";
-    head += " 1.0\n";
-    for (const std::string& comment : camber_comments(header_)) head += "comment " + comment + "\n";
-    if (!header_.count) head += "comment " + std::string(kDigits - number.size(), '-') + "\n";
-    head += "element vertex " + number + "\n";
-    for (const PointField& field : fields_) {
-      head += std::string("property ") + name_of(field.type) + " " + field.name + "\n";
-    }
-    head += "end_header\n";
-    out_.write(head.data(), static_cast<std::streamsize>(head.size()));
-  }
-
-  std::ostream& out_;
-  PointStreamHeader header_;
-  CloudEncoding encoding_;
-  std::vector<PointField> fields_;
-  std::vector<int> sources_;
-  int packed_ = -1;
-  std::string text_;
-  std::uint64_t count_ = 0;
-  std::ostream::pos_type start_ = 0;
-};
-
 }  // namespace
 
 std::unique_ptr<PointSource> open_ply(std::unique_ptr<FileReader> file,
                                       const ReadOptions& options) {
   return std::make_unique<PlySource>(std::move(file), options);
-}
-
-std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHeader& header,
-                                         CloudEncoding encoding) {
-  return std::make_unique<PlySink>(out, header, encoding);
 }
 
 }  // namespace camber

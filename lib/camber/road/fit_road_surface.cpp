@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "camber/core/threads.h"
+#include "camber/plane/detail/plane_coverage.h"
 #include "camber/road/ground_tree.h"
 #include "camber/road/patch_segmentation.h"
 #include "camber/road/plan_polygon.h"
@@ -72,7 +73,7 @@ void refine_region(const GroundTree& tree, double least_noise, double roughness,
     if (is_rough(&points, c, rough)) c.noise = rough;
   }
   // Errors in common bend the ground: what they are is stated, and not seen as scatter.
-  refine_and_window(&points, kLevelUp, least_noise, fixed_noise || shared > 0.0, &c);
+  detail::refine_and_window(&points, kLevelUp, least_noise, fixed_noise || shared > 0.0, &c);
   points.weigh(c.noise, c.plane);
   const kernels::Moments moments =
       sum_moments(points, c.plane, c.window, kBiweight * kBiweight, kernels::Loss::kNewton, true);

@@ -8,6 +8,7 @@
 
 #include "camber/core/random.h"
 #include "camber/core/threads.h"
+#include "camber/plane/detail/local_noise.h"
 
 namespace camber {
 
@@ -152,7 +153,8 @@ void Segmenter::learn_noise() {
       const std::vector<std::uint64_t> more = tree_.keys(first, last);
       keys.insert(keys.end(), more.begin(), more.end());
     }
-    learn_local_noise(some, pieces, keys, kUp, options_.max_slope, least, options_.seed, &noise);
+    detail::learn_local_noise(some, pieces, keys, kUp, options_.max_slope, least, options_.seed,
+                              &noise);
   }
   noise_ = noise;
   if (!(options_.inlier_threshold > 0.0)) noise_.least = std::max(noise.least, options_.roughness);
@@ -310,7 +312,7 @@ void Segmenter::propose(std::size_t block, std::vector<Proposal>* proposals) con
   const CounterRandom random(options_.seed, range.name);
   const double least_cosine = std::cos(options_.max_slope);
   std::uint64_t counter = 0;
-  KeyedDraws draws;
+  detail::KeyedDraws draws;
   std::vector<int> leaves;
   for (std::size_t leaf = range.first; leaf < range.last; ++leaf) {
     leaves.push_back(static_cast<int>(leaf));

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "camber/plane/plane_solver.h"
+#include "camber/plane/plane_covariance.h"
 #include "camber/road/ground_tree.h"
 
 namespace camber {

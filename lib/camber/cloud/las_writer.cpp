@@ -1,0 +1,335 @@
+// LAS files, versions 1.2 and 1.4, point formats 0 to 3 and 6 to 8: the ASPRS specifications
+// ("LAS Specification 1.4 - R15", 2019, and its predecessors).
+
+#include <algorithm>
+#include <cmath>
+
+#include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/formats.h"
+#include "camber/cloud/number_text.h"
+
+namespace camber {
+namespace {
+
+using detail::kLasAngleUnit;
+using detail::kLasExtraDescription;
+using detail::kLasRecordHeader;
+using detail::las_extra_type;
+using detail::las_point_format;
+using detail::LasPointFormat;
+
+void store(std::string& out, std::size_t at, const void* data, std::size_t size) {
+  std::memcpy(out.data() + at, data, size);
+}
+template <typename T>
+void store(std::string& out, std::size_t at, T value) {
+  store(out, at, &value, sizeof value);
+}
+
+class LasSink : public PointSink {
+ public:
+  LasSink(std::ostream& out, const PointStreamHeader& header) : out_(out), header_(header) {
+    const FieldRoles roles = find_roles(header.fields);
+    position_ = roles.position;
+    color_ = roles.color;
+    packed_ = roles.packed_color;
+    std::vector<bool> standard(header.fields.size(), false);
+    const auto find = [&](const char* name) {
+      for (std::size_t f = 0; f < header.fields.size(); ++f) {
+        if (header.fields[f].name == name) {
+          standard[f] = true;
+          return static_cast<int>(f);
+        }
+      }
+      return -1;
+    };
+    intensity_ = find("intensity");
+    return_number_ = find("return_number");
+    number_of_returns_ = find("number_of_returns");
+    class_flags_ = find("class_flags");
+    channel_ = find("scanner_channel");
+    direction_ = find("scan_direction_flag");
+    edge_ = find("edge_of_flight_line");
+    classification_ = find("classification");
+    user_data_ = find("user_data");
+    angle_ = find("scan_angle");
+    angle_rank_ = find("scan_angle_rank");
+    source_id_ = find("point_source_id");
+    time_ = find("gps_time");
+    infrared_ = find("nir");
+    // An intensity in other units is kept as it is, beside the standard field.
+    if (intensity_ >= 0 && is_float(type(intensity_))) {
+      standard[static_cast<std::size_t>(intensity_)] = false;
+      intensity_ = -1;
+    }
+    for (const int f : position_) mark(standard, f);
+    for (const int f : color_) mark(standard, f);
+    mark(standard, packed_);
+    const bool has_color = color_[0] >= 0 || packed_ >= 0;
+    const bool extended =
+        angle_ >= 0 || channel_ >= 0 || infrared_ >= 0 || (classification_ >= 0 && angle_rank_ < 0);
+    format_id_ = extended ? (infrared_ >= 0 ? 8
+                             : has_color    ? 7
+                                            : 6)
+                          : (time_ >= 0 ? 1 : 0) + (has_color ? 2 : 0);
+    format_ = las_point_format(format_id_);
+    record_size_ = format_.size;
+    for (std::size_t f = 0; f < header.fields.size(); ++f) {
+      if (standard[f]) continue;
+      extras_.push_back(static_cast<int>(f));
+      record_size_ += size_of(header.fields[f].type);
+    }
+    if (record_size_ > UINT16_MAX || extras_.size() > 341) {
+      throw std::invalid_argument("the cloud has " + std::to_string(extras_.size()) +
+                                  " further attributes, expected fewer for LAS");
+    }
+    minor_ = extended || !extras_.empty() || header.count.value_or(UINT64_MAX) > UINT32_MAX ? 4 : 2;
+    start_ = out.tellp();
+    if (header.grid) {
+      scale_ = header.grid->scale;
+      offset_ = header.grid->offset;
+      grid_set_ = true;
+    }
+    write_head();
+  }
+
+  void write(const PointBatch& batch) override {
+    if (!grid_set_) choose_grid(batch);
+    text_.assign(batch.count * record_size_, '\0');
+    for (std::size_t i = 0; i < batch.count; ++i) pack(batch, i, i * record_size_);
+    out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
+    count_ += batch.count;
+  }
+
+  void finish() override {
+    const std::ostream::pos_type end = out_.tellp();
+    out_.seekp(start_);
+    write_head();
+    out_.seekp(end);
+  }
+
+ private:
+  static void mark(std::vector<bool>& standard, int field) {
+    if (field >= 0) standard[static_cast<std::size_t>(field)] = true;
+  }
+  ScalarType type(int field) const { return header_.fields[static_cast<std::size_t>(field)].type; }
+  double value(const PointBatch& batch, int field, std::size_t i, double otherwise = 0.0) const {
+    return field < 0 ? otherwise
+                     : batch.fields[static_cast<std::size_t>(field)].number(type(field), i);
+  }
+  double clamped(const PointBatch& batch, int field, std::size_t i, double largest,
+                 double otherwise = 0.0) const {
+    const double v = value(batch, field, i, otherwise);
+    return v > 0.0 ? std::min(std::floor(v + 0.5), largest) : 0.0;
+  }
+
+  void choose_grid(const PointBatch& batch) {
+    grid_set_ = true;
+    scale_ = Eigen::Vector3d::Constant(1e-4);  // m: +-214 km around the offset
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const Eigen::Index a = static_cast<Eigen::Index>(axis);
+      if (header_.origin) {
+        offset_[a] = (*header_.origin)[a];
+        continue;
+      }
+      const double first = batch.count > 0 ? value(batch, position_[axis], 0) : 0.0;
+      offset_[a] =
+          std::abs(first) > 1e5 && std::isfinite(first) ? std::round(first / 1e3) * 1e3 : 0.0;
+    }
+  }
+
+  void pack(const PointBatch& batch, std::size_t i, std::size_t at) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const Eigen::Index a = static_cast<Eigen::Index>(axis);
+      const double x = value(batch, position_[axis], i);
+      const double steps = std::round((x - offset_[a]) / scale_[a]);
+      if (!(std::abs(steps) <= 2147483647.0)) {
+        std::string shown_value;
+        append_number(shown_value, x);
+        throw std::invalid_argument(
+            "point " + std::to_string(count_ + i) + " has the coordinate " + shown_value +
+            ", expected a finite one within 214 km of the others for LAS (--lenient drops points "
+            "that are not finite)");
+      }
+      store(text_, at + 4 * axis, static_cast<std::int32_t>(steps));
+      const double kept = steps * scale_[a] + offset_[a];
+      if (count_ + i == 0 || kept < low_[a]) low_[a] = kept;
+      if (count_ + i == 0 || kept > high_[a]) high_[a] = kept;
+    }
+    store(text_, at + 12, static_cast<std::uint16_t>(clamped(batch, intensity_, i, 65535.0)));
+    const unsigned most_returns = format_.extended ? 15 : 7;
+    const unsigned number =
+        static_cast<unsigned>(clamped(batch, return_number_, i, most_returns, 1.0));
+    const unsigned returns =
+        static_cast<unsigned>(clamped(batch, number_of_returns_, i, most_returns, 1.0));
+    ++by_return_[number > 0 ? number - 1 : 0];
+    const unsigned direction = static_cast<unsigned>(clamped(batch, direction_, i, 1.0));
+    const unsigned edge = static_cast<unsigned>(clamped(batch, edge_, i, 1.0));
+    if (format_.extended) {
+      text_[at + 14] = static_cast<char>(number | returns << 4);
+      text_[at + 15] =
+          static_cast<char>(static_cast<unsigned>(clamped(batch, class_flags_, i, 15.0)) |
+                            static_cast<unsigned>(clamped(batch, channel_, i, 3.0)) << 4 |
+                            direction << 6 | edge << 7);
+      text_[at + 16] =
+          static_cast<char>(static_cast<std::uint8_t>(clamped(batch, classification_, i, 255.0)));
+      text_[at + 17] =
+          static_cast<char>(static_cast<std::uint8_t>(clamped(batch, user_data_, i, 255.0)));
+      const double degrees = angle_ >= 0 ? value(batch, angle_, i) : value(batch, angle_rank_, i);
+      const double units = std::isfinite(degrees)
+                               ? std::clamp(std::round(degrees / kLasAngleUnit), -30000.0, 30000.0)
+                               : 0.0;
+      store(text_, at + 18, static_cast<std::int16_t>(units));
+      store(text_, at + 20, static_cast<std::uint16_t>(clamped(batch, source_id_, i, 65535.0)));
+    } else {
+      text_[at + 14] = static_cast<char>(number | returns << 3 | direction << 6 | edge << 7);
+      text_[at + 15] =
+          static_cast<char>(static_cast<unsigned>(clamped(batch, classification_, i, 31.0)) |
+                            static_cast<unsigned>(clamped(batch, class_flags_, i, 7.0)) << 5);
+      const double rank = value(batch, angle_rank_, i);
+      text_[at + 16] = static_cast<char>(
+          static_cast<std::int8_t>(std::isfinite(rank) ? std::clamp(rank, -128.0, 127.0) : 0.0));
+      text_[at + 17] =
+          static_cast<char>(static_cast<std::uint8_t>(clamped(batch, user_data_, i, 255.0)));
+      store(text_, at + 18, static_cast<std::uint16_t>(clamped(batch, source_id_, i, 65535.0)));
+    }
+    if (format_.time >= 0)
+      store(text_, at + static_cast<std::size_t>(format_.time), value(batch, time_, i));
+    if (format_.color >= 0) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        store(text_, at + static_cast<std::size_t>(format_.color) + 2 * c,
+              color_value(batch, c, i));
+      }
+    }
+    if (format_.infrared >= 0) {
+      store(text_, at + static_cast<std::size_t>(format_.infrared),
+            static_cast<std::uint16_t>(clamped(batch, infrared_, i, 65535.0)));
+    }
+    std::size_t extra_at = at + format_.size;
+    for (const int field : extras_) {
+      const std::size_t size = size_of(type(field));
+      const FieldView view = batch.fields[static_cast<std::size_t>(field)];
+      store(text_, extra_at, view.data + i * view.stride, size);
+      extra_at += size;
+    }
+  }
+
+  /// 16 bits a channel; 8-bit values fill them.
+  std::uint16_t color_value(const PointBatch& batch, std::size_t channel, std::size_t i) const {
+    if (packed_ >= 0) {
+      const std::uint32_t rgb =
+          batch.fields[static_cast<std::size_t>(packed_)].get<std::uint32_t>(i);
+      return static_cast<std::uint16_t>((rgb >> (16 - 8 * channel) & 255u) * 257u);
+    }
+    const int field = color_[channel];
+    if (size_of(type(field)) == 1) {
+      return static_cast<std::uint16_t>(
+          batch.fields[static_cast<std::size_t>(field)].get<std::uint8_t>(i) * 257u);
+    }
+    const double v = value(batch, field, i);
+    const double scaled = is_float(type(field)) && v <= 1.0 ? v * 65535.0 : v;
+    return static_cast<std::uint16_t>(scaled > 0.0 ? std::min(scaled + 0.5, 65535.0) : 0.0);
+  }
+
+  std::string record(const char* user, std::uint16_t id, const char* description,
+                     const std::string& content) const {
+    std::string out(kLasRecordHeader, '\0');
+    store(out, 2, user, std::strlen(user));
+    store(out, 18, id);
+    store(out, 20, static_cast<std::uint16_t>(content.size()));
+    store(out, 22, description, std::strlen(description));
+    return out + content;
+  }
+
+  std::string describe_extras() const {
+    std::string out;
+    for (const int field : extras_) {
+      std::string d(kLasExtraDescription, '\0');
+      const PointField& f = header_.fields[static_cast<std::size_t>(field)];
+      for (int id = 1; id <= 10; ++id) {
+        if (las_extra_type(id) == f.type) d[2] = static_cast<char>(id);
+      }
+      const std::string name = f.name.substr(0, 31);
+      store(d, 4, name.data(), name.size());
+      out += d;
+    }
+    return out;
+  }
+
+  void write_head() {
+    std::string records;
+    std::uint32_t record_count = 0;
+    std::string comments;
+    for (const std::string& comment : camber_comments(header_)) comments += comment + "\n";
+    if (!comments.empty()) {
+      records += record("Camber", 1, "frame of the coordinates", comments);
+      ++record_count;
+    }
+    if (!extras_.empty()) {
+      records += record("LASF_Spec", 4, "extra bytes", describe_extras());
+      ++record_count;
+    }
+    const std::size_t header_size = minor_ == 4 ? 375 : 227;
+    std::string h(header_size, '\0');
+    store(h, 0, "LASF", 4);
+    h[24] = 1;
+    h[25] = static_cast<char>(minor_);
+    store(h, 26, "Camber", 6);
+    store(h, 58, "Camber", 6);
+    // Formats 6 and later ask for coordinates in well-known text; there are none to give.
+    store(h, 6, static_cast<std::uint16_t>(format_.extended ? 16 : 0));
+    store(h, 94, static_cast<std::uint16_t>(header_size));
+    store(h, 96, static_cast<std::uint32_t>(header_size + records.size()));
+    store(h, 100, record_count);
+    h[104] = static_cast<char>(format_id_);
+    store(h, 105, static_cast<std::uint16_t>(record_size_));
+    const bool old_counts = !format_.extended && count_ <= UINT32_MAX;
+    if (minor_ < 4 && count_ > UINT32_MAX) {
+      throw std::invalid_argument("the cloud has more points than LAS 1.2 can hold");
+    }
+    if (old_counts) {
+      store(h, 107, static_cast<std::uint32_t>(count_));
+      for (std::size_t r = 0; r < 5; ++r) {
+        store(h, 111 + 4 * r, static_cast<std::uint32_t>(by_return_[r]));
+      }
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const Eigen::Index a = static_cast<Eigen::Index>(axis);
+      store(h, 131 + 8 * axis, scale_[a]);
+      store(h, 155 + 8 * axis, offset_[a]);
+      store(h, 179 + 16 * axis, high_[a]);
+      store(h, 187 + 16 * axis, low_[a]);
+    }
+    if (minor_ == 4) {
+      store(h, 247, count_);
+      for (std::size_t r = 0; r < 15; ++r) store(h, 255 + 8 * r, by_return_[r]);
+    }
+    out_.write(h.data(), static_cast<std::streamsize>(h.size()));
+    out_.write(records.data(), static_cast<std::streamsize>(records.size()));
+  }
+
+  std::ostream& out_;
+  PointStreamHeader header_;
+  std::array<int, 3> position_, color_;
+  int packed_ = -1, intensity_ = -1, return_number_ = -1, number_of_returns_ = -1,
+      class_flags_ = -1, channel_ = -1, direction_ = -1, edge_ = -1, classification_ = -1,
+      user_data_ = -1, angle_ = -1, angle_rank_ = -1, source_id_ = -1, time_ = -1, infrared_ = -1;
+  std::vector<int> extras_;
+  int format_id_ = 0, minor_ = 2;
+  LasPointFormat format_;
+  std::size_t record_size_ = 0;
+  Eigen::Vector3d scale_{1e-4, 1e-4, 1e-4}, offset_{0, 0, 0};
+  Eigen::Vector3d low_{0, 0, 0}, high_{0, 0, 0};
+  bool grid_set_ = false;
+  std::array<std::uint64_t, 15> by_return_{};
+  std::uint64_t count_ = 0;
+  std::ostream::pos_type start_ = 0;
+  std::string text_;
+};
+}  // namespace
+
+std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header) {
+  return std::make_unique<LasSink>(out, header);
+}
+
+}  // namespace camber

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <vector>
+
+#include "camber/cloud/road_cloud.h"
+#include "camber/road/detail/height_grid.h"
+
+/// A cloud's points in an up-aligned frame, sorted by the cells of a grid over the plan.
+namespace camber::detail {
+
+/// An up-aligned frame: plan coordinates u, v and the height, m, relative to the cloud's origin.
+struct PlanFrame {
+  Eigen::Vector3d e1, e2, up;
+  Eigen::Matrix3f axes;
+
+  /// @param direction  up, of any length
+  explicit PlanFrame(const Eigen::Vector3d& direction);
+  Eigen::Vector3f operator()(const Eigen::Vector3f& p) const { return axes * p; }
+};
+
+/// Whether a point's coordinates are finite and of a size that a grid can hold.
+inline bool usable(const Eigen::Vector3f& q) {
+  return std::abs(q.x()) + std::abs(q.y()) + std::abs(q.z()) < 1e9f;
+}
+
+/// Of the plan coordinates, m.
+struct PlanBounds {
+  float low[2] = {kNoHeight, kNoHeight}, high[2] = {-kNoHeight, -kNoHeight};
+  double width() const { return static_cast<double>(high[0]) - low[0]; }
+  double height() const { return static_cast<double>(high[1]) - low[1]; }
+};
+
+struct CellPoint {
+  float u, v;  // in cells from the grid's corner
+  float h;     // m, along up
+  int index;   // into the cloud
+};
+
+/// The points in an up-aligned frame, sorted by cell.
+struct GroundCells {
+  float cell = 1.0f;  // m
+  int width = 0, height = 0;
+  std::vector<int> start;  // of each cell in `points`; one more than cells
+  std::vector<CellPoint> points;
+  std::vector<int> occupied;  // cells with points (or a given height), ascending
+
+  std::size_t count() const { return as_size(width) * as_size(height); }
+};
+
+/// Bounds of the points with few of them left out, so that a grid of squares of a given size
+/// has at most `most` of them; where that is not enough, the size grows.
+/// @param all   bounds of all points
+/// @param cell  m, side of a square
+PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
+                         double most, double* cell);
+
+/// @param size  m, side of a cell
+GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& bounds,
+                         double size);
+
+/// Median and mean over occupied squares of 2 x 2 cells of the points a square metre, and the share
+/// of squares that are occupied.
+struct PointDensity {
+  double median = 0.0, mean = 0.0, share = 0.0;
+};
+
+PointDensity measure_density(const GroundCells& cells);
+
+}  // namespace camber::detail

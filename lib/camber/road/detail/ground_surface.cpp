@@ -1,0 +1,306 @@
+#include "camber/road/detail/ground_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace camber::detail {
+namespace {
+
+/// Finds the lowest height above `floor` in a cell that enough points share.
+struct LowestMode {
+  float height = kNoHeight;  // m, mean of those points
+  int support = 0;           // their number
+};
+
+LowestMode lowest_mode(const GroundCells& cells, std::size_t cell, float floor) {
+  constexpr float kBin = 0.125f;  // m; two make a window
+  constexpr int kBins = 96;
+  constexpr float kShare = 0.15f;  // of the fullest window's points
+  const auto begin = cells.points.begin() + cells.start[cell],
+             end = cells.points.begin() + cells.start[cell + 1];
+  float lowest = kNoHeight;
+  for (auto p = begin; p != end; ++p) {
+    if (p->h > floor) lowest = std::min(lowest, p->h);
+  }
+  if (lowest == kNoHeight) return {};
+  std::uint32_t bins[kBins + 1] = {};
+  for (auto p = begin; p != end; ++p) {
+    if (p->h > floor)
+      ++bins[std::min(static_cast<int>(std::min((p->h - lowest) / kBin, 1e4f)), kBins)];
+  }
+  std::uint32_t most = 0;
+  for (int k = 0; k + 1 < kBins; ++k) most = std::max(most, bins[k] + bins[k + 1]);
+  const float enough = std::max(1.0f, kShare * static_cast<float>(most));
+  for (int k = 0; k + 1 < kBins; ++k) {
+    if (static_cast<float>(bins[k] + bins[k + 1]) < enough) continue;
+    const float from = lowest + static_cast<float>(k) * kBin, to = from + 2.0f * kBin;
+    float sum = 0.0f;
+    int inside = 0;
+    for (auto p = begin; p != end; ++p) {
+      if (p->h < from || p->h > to) continue;
+      sum += p->h;
+      ++inside;
+    }
+    if (inside > 0) return {sum / static_cast<float>(inside), inside};
+  }
+  return {lowest, 1};
+}
+
+/// Marks the cells that rise out of openings of the surface with growing squares. Large squares are
+/// taken on a coarser grid.
+std::vector<unsigned char> find_objects(const GroundCells& cells, const GroundRules& rules,
+                                        const HeightGrid& lowest, GapFiller& filler) {
+  std::vector<unsigned char> object(cells.count(), 0);
+  HeightGrid surface = lowest, eroded, opened;
+  filler.fill(surface, 2);
+  std::vector<float> space;
+  const float reach = std::min(0.5f * rules.largest_object / cells.cell,  // cells
+                               static_cast<float>(std::max(cells.width, cells.height)));
+  int factor = 1;
+  float last = 0.0f;
+  for (float radius = 1.0f;; radius = std::max(radius + 1.0f, 1.4f * radius)) {
+    const float r = std::min(radius, reach);
+    if (r <= last) break;
+    while (r / static_cast<float>(factor) > 4.0f) {
+      HeightGrid half((surface.width + 1) / 2, (surface.height + 1) / 2, kNoHeight);
+      for (int y = 0; y < surface.height; ++y) {
+        for (int x = 0; x < surface.width; ++x) {
+          float& z = half.z[half.at(x / 2, y / 2)];
+          z = std::min(z, surface.z[surface.at(x, y)]);
+        }
+      }
+      surface = std::move(half);
+      factor *= 2;
+    }
+    const int window = std::max(1, static_cast<int>(std::lround(r / static_cast<float>(factor))));
+    erode(surface, window, eroded, space);
+    dilate(eroded, window, opened, space);
+    const int slack = factor > 1 ? factor : 0;  // a coarse cell has the height of its lowest place
+    const float limit = rules.slope * static_cast<float>(window * factor + slack) * cells.cell;
+    for (const int c : cells.occupied) {
+      const std::size_t at = as_size(c);
+      if (lowest.z[at] == kNoHeight) continue;
+      const int x = c % cells.width / factor, y = c / cells.width / factor;
+      if (lowest.z[at] - opened.z[opened.at(x, y)] > limit) object[at] = 1;
+    }
+    std::swap(surface, opened);
+    last = r;
+  }
+  return object;
+}
+
+/// Takes out pieces of the surface that stand above what is around them on most of their border:
+/// neighbouring cells whose heights agree, but for the slope of the ground, make a piece; pieces
+/// smaller in area than the square of the largest object are judged.
+void remove_raised(const GroundCells& cells, const GroundRules& rules, const HeightGrid& filled,
+                   HeightGrid& ground) {
+  const int w = cells.width, h = cells.height;
+  std::vector<Eigen::Vector2f> slopes(cells.count(), Eigen::Vector2f::Zero());
+  const float steepest = 0.7f * cells.cell;
+  for (const int c : cells.occupied) {
+    if (ground.z[as_size(c)] == kNoHeight) continue;
+    slopes[as_size(c)] = gradient(filled, c % w, c / w, 2).cwiseMax(-steepest).cwiseMin(steepest);
+  }
+  std::vector<int> parent(cells.count(), -1);  // of roots: minus the number of cells
+  const auto root = [&](int c) {
+    while (parent[as_size(c)] >= 0) {
+      const int up = parent[as_size(c)];
+      if (parent[as_size(up)] >= 0) parent[as_size(c)] = parent[as_size(up)];
+      c = up;
+    }
+    return c;
+  };
+  struct Step {
+    int higher, lower;
+  };
+  std::vector<Step> steps;
+  for (const int c : cells.occupied) {
+    const std::size_t at = as_size(c);
+    if (ground.z[at] == kNoHeight) continue;
+    const int x = c % w, y = c / w;
+    for (int dy = 0; dy <= 2 && y + dy < h; ++dy) {
+      for (int dx = dy == 0 ? 1 : -2; dx <= 2; ++dx) {
+        if (x + dx < 0 || x + dx >= w) continue;
+        const int other = c + dy * w + dx;
+        const std::size_t o = as_size(other);
+        if (ground.z[o] == kNoHeight) continue;
+        const Eigen::Vector2f offset(static_cast<float>(dx), static_cast<float>(dy));
+        const float step = ground.z[o] - ground.z[at] - 0.5f * (slopes[at] + slopes[o]).dot(offset);
+        if (std::abs(step) <= rules.step + rules.step_per_metre * cells.cell * offset.norm()) {
+          const int a = root(c), b = root(other);
+          if (a == b) continue;
+          parent[as_size(a)] += parent[as_size(b)];
+          parent[as_size(b)] = a;
+        } else {
+          steps.push_back(step > 0.0f ? Step{other, c} : Step{c, other});
+        }
+      }
+    }
+  }
+  std::vector<int> balance(cells.count(), 0);
+  for (const Step& step : steps) {
+    const int above = root(step.higher), below = root(step.lower);
+    if (above == below) continue;
+    balance[as_size(above)] += 1;
+    balance[as_size(below)] -= 2;
+  }
+  const float area = rules.largest_object * rules.largest_object / (cells.cell * cells.cell);
+  for (const int c : cells.occupied) {
+    const std::size_t r = as_size(root(c));
+    if (balance[r] > 0 && static_cast<float>(-parent[r]) < area) ground.z[as_size(c)] = kNoHeight;
+  }
+}
+
+/// Moves each ground cell to the mean of the points near its plane. @return the lower third over
+/// cells of the points' scatter, m; 0 where cells hold few points.
+float refine(const GroundCells& cells, const HeightGrid& filled, float reach, HeightGrid& ground) {
+  std::vector<float> scatter;
+  for (const int c : cells.occupied) {
+    const std::size_t at = as_size(c);
+    const float z = ground.z[at];
+    if (z == kNoHeight) continue;
+    const int x = c % cells.width, y = c / cells.width;
+    const Eigen::Vector2f slope = gradient(filled, x, y, 1);
+    const float u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
+    float sum = 0.0f, squares = 0.0f, count = 0.0f;
+    for (int i = cells.start[at]; i < cells.start[at + 1]; ++i) {
+      const CellPoint& p = cells.points[as_size(i)];
+      const float r = p.h - (z + slope.x() * (p.u - u) + slope.y() * (p.v - v));
+      if (r < -reach || r > reach) continue;
+      sum += r;
+      squares += r * r;
+      count += 1.0f;
+    }
+    if (count == 0.0f) continue;
+    const float mean = sum / count;
+    ground.z[at] = z + mean;
+    if (count >= 5.0f) scatter.push_back(std::sqrt(std::max(0.0f, squares / count - mean * mean)));
+  }
+  if (scatter.empty()) return 0.0f;
+  const auto third = scatter.begin() + static_cast<std::ptrdiff_t>(scatter.size() / 3);
+  std::nth_element(scatter.begin(), third, scatter.end());
+  return *third;
+}
+
+}  // namespace
+
+LowestHeights find_lowest(const GroundCells& cells) {
+  LowestHeights out;
+  out.heights = HeightGrid(cells.width, cells.height, kNoHeight);
+  out.support.assign(cells.count(), 0);
+  for (const int c : cells.occupied) {
+    const LowestMode mode = lowest_mode(cells, as_size(c), -kNoHeight);
+    out.heights.z[as_size(c)] = mode.height;
+    out.support[as_size(c)] = mode.support;
+  }
+  return out;
+}
+
+void drop_low(const GroundCells& cells, const GroundRules& rules, LowestHeights& out) {
+  HeightGrid& lowest = out.heights;
+  std::vector<int>& support = out.support;
+  constexpr int kAround = 3;          // cells
+  constexpr int kFew = 30;            // points
+  constexpr float kBelow = 0.3f;      // m, below the plane
+  constexpr float kPerMetre = 0.15f;  // m, for each metre from the middle of the cells around
+  constexpr float kAsDeep = 0.2f, kShare = 0.2f;  // m; of the cells around
+  std::vector<int> low;
+  std::vector<unsigned char> look(cells.count(), 1);  // again where something has changed
+  for (int round = 0; round < 3; ++round) {
+    low.clear();
+    for (const int c : cells.occupied) {
+      const std::size_t at = as_size(c);
+      if (look[at] == 0) continue;
+      look[at] = 0;
+      if (support[at] > kFew || lowest.z[at] == kNoHeight) continue;
+      const int cx = c % cells.width, cy = c / cells.width;
+      const float z = lowest.z[at];
+      float s = 0, sx = 0, sy = 0, sz = 0, sxx = 0, sxy = 0, syy = 0, sxz = 0, syz = 0;
+      int around = 0, as_low = 0;
+      for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
+        for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
+          const std::size_t other = lowest.at(x, y);
+          if (other == at || lowest.z[other] == kNoHeight) continue;
+          const float dx = static_cast<float>(x - cx), dy = static_cast<float>(y - cy),
+                      dz = lowest.z[other] - z;
+          ++around;
+          if (dz < 1.0f + 0.6f * cells.cell * std::max(std::abs(dx), std::abs(dy))) ++as_low;
+          const float weight = static_cast<float>(std::min(support[other], kFew));
+          s += weight;
+          sx += weight * dx;
+          sy += weight * dy;
+          sz += weight * dz;
+          sxx += weight * dx * dx;
+          sxy += weight * dx * dy;
+          syy += weight * dy * dy;
+          sxz += weight * dx * dz;
+          syz += weight * dy * dz;
+        }
+      }
+      if (around < 4) continue;
+      if (rules.from_air) {
+        if (as_low <= 4) low.push_back(c);
+        continue;
+      }
+      if (s < 4.0f * static_cast<float>(support[at])) continue;
+      const float mx = sx / s, my = sy / s, mz = sz / s;
+      constexpr float kLevel = 0.2f;  // cells^2: held level where those around are in one line
+      const float vxx = sxx / s - mx * mx + kLevel, vxy = sxy / s - mx * my,
+                  vyy = syy / s - my * my + kLevel, vxz = sxz / s - mx * mz,
+                  vyz = syz / s - my * mz;
+      const float determinant = vxx * vyy - vxy * vxy;
+      const float gx = (vxz * vyy - vyz * vxy) / determinant,
+                  gy = (vyz * vxx - vxz * vxy) / determinant;
+      const float distance = cells.cell * std::sqrt(mx * mx + my * my);
+      if (!(mz - gx * mx - gy * my > kBelow + kPerMetre * distance)) continue;
+      // Ground between dense traffic is below that plane too, but is as low in more places.
+      int as_deep = 0;
+      for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
+        for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
+          const std::size_t other = lowest.at(x, y);
+          if (other != at && lowest.z[other] < z + kAsDeep) ++as_deep;
+        }
+      }
+      if (static_cast<float>(as_deep) <= kShare * static_cast<float>(around)) low.push_back(c);
+    }
+    if (low.empty()) break;
+    for (const int c : low) {
+      const std::size_t at = as_size(c);
+      const LowestMode next = lowest_mode(cells, at, lowest.z[at] + 0.25f);
+      lowest.z[at] = next.height;
+      support[at] = next.support;
+      const int cx = c % cells.width, cy = c / cells.width;
+      for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
+        for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
+          look[lowest.at(x, y)] = 1;
+        }
+      }
+    }
+  }
+}
+
+GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& rules,
+                                 const HeightGrid& lowest) {
+  GroundSurface out;
+  HeightGrid& ground = out.heights;
+  GapFiller filler;
+  const std::vector<unsigned char> object = find_objects(cells, rules, lowest, filler);
+  ground = HeightGrid(cells.width, cells.height, kNoHeight);
+  for (const int c : cells.occupied) {
+    if (object[as_size(c)] == 0) ground.z[as_size(c)] = lowest.z[as_size(c)];
+  }
+  HeightGrid filled = ground;
+  filler.fill(filled, 2);
+  refine(cells, filled, rules.refine, ground);
+  remove_raised(cells, rules, filled, ground);
+  filled = ground;
+  filler.fill(filled, 2);
+  out.noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, ground);
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    if (ground.z[c] == kNoHeight) ground.z[c] = filled.z[c];
+  }
+  return out;
+}
+
+}  // namespace camber::detail
