@@ -108,8 +108,13 @@ TEST_F(VehicleScene, ThePaperIsAPresetOfItsOwn) {
   };
   const double single = mean_of({}), paper = mean_of({"--preset", "paper"});
   EXPECT_LT(single, 0.8);
-  EXPECT_LT(paper, 3.0);
+  const double printed = mean_of({"--preset", "paper", "--paper-terms", "printed"});
+  EXPECT_LT(paper, 1.5);
   EXPECT_NE(single, paper);
+  EXPECT_NE(printed, paper);
+  const json written = read("v.json");
+  EXPECT_EQ(written["preset"], "paper");
+  EXPECT_EQ(written["paper_terms"], "printed");
   EXPECT_ONE_SENTENCE(run_camber({"vehicles", path("scene.json"), "--out", path("x.json"),
                                   "--surface", path("none")}),
                       2, "surface.json");
