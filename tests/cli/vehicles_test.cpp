@@ -112,6 +112,17 @@ TEST_F(VehicleScene, ThePaperIsAPresetOfItsOwn) {
   EXPECT_LT(paper, 1.5);
   EXPECT_NE(single, paper);
   EXPECT_NE(printed, paper);
+  // Two runs of one method and two presets: a table each.
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("d.json")}).exit_code, 0);
+  const auto both = run_camber({"evaluate", "--truth", path("scene.json"), "--estimate",
+                                path("v.json"), path("d.json"), "--json"});
+  ASSERT_EQ(both.exit_code, 0) << both.error;
+  const json tables = json::parse(both.out)["tables"];
+  ASSERT_EQ(tables.size(), 2u);
+  EXPECT_EQ(tables[0]["method"], tables[1]["method"]);
+  EXPECT_EQ(tables[0]["preset"], "paper");
+  EXPECT_EQ(tables[0]["paper_terms"], "printed");
+  EXPECT_EQ(tables[1]["preset"], "default");
   const json written = read("v.json");
   EXPECT_EQ(written["preset"], "paper");
   EXPECT_EQ(written["paper_terms"], "printed");

@@ -10,7 +10,7 @@ namespace camber::paper {
 /// well. With the cosine c = n_c . n_g, as meant one-sided: r = max(0, limit - c) / sigma, nothing
 /// for a vehicle within acos(limit) of its ground's normal. As printed the term is even in the
 /// normals and has poles where they are perpendicular, r = (1 / c^2 - 1) / sigma: it repeats
-/// equation 5 and cannot tell up from down.
+/// equation 5 and does not separate up from down.
 /// Parameter blocks: pose (7), form (3 + K), plane (4). Fails on a pole.
 template <int K>
 struct NormalDisambiguation {
