@@ -84,6 +84,8 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
   EvaluatedScene out;
   out.scene = scene.name;
   out.method = vehicles.method;
+  out.preset = vehicles.preset;
+  out.paper_terms = vehicles.paper_terms;
   out.detections_source = vehicles.detections_source;
   if (folder && fs::exists(fs::path(estimate) / "surface.json") &&
       fs::exists(fs::path(estimate) / "run.json")) {

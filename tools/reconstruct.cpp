@@ -16,7 +16,9 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, frames, method = "joint";
+  std::string scene, out, frames, method = "joint", preset = "default", terms = "meant",
+                                  scale = "ego";
+  int keypoint_set = 36;
   ReconstructOptions options;
   bool no_pictures = false;
   bool no_masks = false;
@@ -78,7 +80,8 @@ void register_reconstruct(App& root) {
       "as "
       "glTF (scene.glb); with ground truth in the scene also metrics.",
       "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
-      "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip");
+      "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip\n"
+      "  camber reconstruct samples/steep_hill --preset paper --out out/paper");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
@@ -89,12 +92,33 @@ void register_reconstruct(App& root) {
                  "plane at the camera's height)")
       ->check(is_member({"joint", "coplanar", "flat"}))
       ->capture_default_str();
+  app.add_option("--preset", a.preset,
+                 "default, or paper: planes by RANSAC under each vehicle and the paper's joint "
+                 "problem over all vehicles and planes of a frame; takes a single image too")
+      ->check(is_member({"default", "paper"}))
+      ->capture_default_str();
+  app.add_option("--paper-terms", a.terms,
+                 "of preset paper: meant, or printed: equations 4, 6 and 7 as the formulas stand")
+      ->check(is_member({"meant", "printed"}))
+      ->capture_default_str();
+  app.add_option("--paper-scale", a.scale,
+                 "of preset paper: ego: metres once, by the ego patch; patch: as printed, each "
+                 "patch by the median of its points' y")
+      ->check(is_member({"ego", "patch"}))
+      ->capture_default_str();
+  app.add_option("--keypoint-set", a.keypoint_set, "keypoints to use: 36 or 14")
+      ->check(is_member({"36", "14"}))
+      ->capture_default_str();
   app.add_flag("--no-pictures", a.no_pictures, "write no PNG, no scene.glb and no report.html");
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--json", a.json, "print run.json to stdout");
   command->run = [command, arguments] {
     Arguments& args = *arguments;
     args.options.vehicles.method = vehicle_method_from_string(args.method);
+    args.options.vehicles.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
+    args.options.preset = preset_from_string(args.preset);
+    args.options.paper.vehicles.terms = paper::terms_from_string(args.terms);
+    args.options.paper.ground.scale = paper_scale_from_string(args.scale);
     Scene scene;
     Reconstruction result = run(*command, args, scene);
     WriteReconstructionOptions options;

@@ -19,7 +19,7 @@ namespace {
 
 struct Arguments {
   std::string scene, out, kitti_labels, frames, prior, surface, method = "joint",
-                                                                preset = "default";
+                                                                preset = "default", terms = "meant";
   EstimateVehiclesOptions options;
   std::vector<std::filesystem::path> calibration;
   int camera = 2, keypoint_set = 36;
@@ -98,9 +98,13 @@ void register_vehicles(App& root) {
   app.add_flag("--no-tracks", a.no_tracks, "each frame by itself even where the poses are known");
   app.add_option(
          "--preset", a.preset,
-         "default, or paper: the paper's equations as printed, hand-set weights, one problem "
-         "over all vehicles and planes of a frame")
+         "default, or paper: the paper's own starts and joint problem over all vehicles and "
+         "planes of a frame, with hand-set weights; frame by frame")
       ->check(is_member({"default", "paper"}))
+      ->capture_default_str();
+  app.add_option("--paper-terms", a.terms,
+                 "of preset paper: meant, or printed: equations 4, 6 and 7 as the formulas stand")
+      ->check(is_member({"meant", "printed"}))
       ->capture_default_str();
   app.add_option("--prior", a.prior, "vehicle prior file; default: the shipped one");
   app.add_flag("--json", a.json, "print the result with options and timings to stdout");
@@ -140,8 +144,8 @@ void register_vehicles(App& root) {
     options.num_threads = command->common.threads;
     options.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
     options.tracks = !args.no_tracks;
-    args.options.one_problem = args.preset == "paper";
-    if (args.options.one_problem) args.options.joint = paper::JointFitOptions::paper();
+    args.options.preset = preset_from_string(args.preset);
+    args.options.paper.terms = paper::terms_from_string(args.terms);
     VehicleDocument document;
     {
       const StageTimer timer(timings, "compute");
@@ -170,6 +174,7 @@ void register_vehicles(App& root) {
                          {"surface", args.surface},
                          {"tracks", options.tracks},
                          {"preset", args.preset},
+                         {"paper_terms", args.terms},
                          {"keypoint_set", args.keypoint_set},
                          {"given_sigma_height", options.support.given_sigma_height},
                          {"given_sigma_tilt", options.support.given_sigma_tilt},

@@ -31,7 +31,6 @@
 #include "camber/pipeline/reconstruct.h"
 #include "camber/scene/results.h"
 #include "camber/vehicle/fit_vehicle.h"
-#include "camber/vehicle/paper/joint_fit.h"
 #include "camber/vehicle/support_plane.h"
 #include "camber/vehicle/vehicle_tracks.h"
 #include "support/test_data.h"
@@ -106,9 +105,8 @@ struct Row {
   VehicleFitOptions fit;
   // The frames of that road, with the tracks that the program finds; none: the middle one alone.
   const Road Clip::*views = nullptr;
-  bool images = true;                             // and the vehicles' grey values
-  bool shared = false;                            // the vehicles tell each other of the ground
-  const paper::JointFitOptions* joint = nullptr;  // the frame's vehicles and planes in one problem
+  bool images = true;   // and the vehicles' grey values
+  bool shared = false;  // the vehicles tell each other of the ground
 };
 
 EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
@@ -129,12 +127,6 @@ EvaluatedScene evaluate_clip(const Clip& clip, const Row& row) {
     }
     out.estimates = fit_vehicles(clip.scene.camera, out.detections, out.supports, row.fit);
     frames.push_back(std::move(out));
-  }
-  if (row.joint) {
-    TrackFrame& f = frames[middle];
-    f.estimates =
-        paper::fit_joint(clip.scene.camera, f.detections, f.supports, f.estimates, *row.joint)
-            .vehicles;
   }
   VehicleDocument document;
   document.method = row.name;
@@ -402,50 +394,6 @@ void budget(const Bench& bench, const std::vector<Clip>& clips) {
   }
 }
 
-/// The paper's terms in one problem over the vehicles and planes of the frame, term by term.
-void ablation(const Bench& bench, const std::vector<Clip>& clips) {
-  std::printf(
-      "\n## All vehicles and planes of a frame in one problem, planes from 3 images\n\n"
-      "The terms of the paper (Ceres) from the starts of the single fits.\n\n");
-  const auto found = [](const Clip& clip, int frame, const VehicleDetection& d) {
-    return found_support(clip.three, frame, d);
-  };
-  VehicleFitOptions fit;
-  fit.prior = bench.prior;
-  std::vector<std::pair<const char*, paper::JointFitOptions>> variants;
-  paper::JointFitOptions base;
-  base.prior = bench.prior;
-  base.links = paper::PlaneLinks::kNone;
-  variants.emplace_back("5 coefficients, no links", base);
-  base.links = paper::PlaneLinks::kContinuity;
-  variants.emplace_back("5 coefficients, continuity", base);
-  base.links = paper::PlaneLinks::kConsistency;
-  variants.emplace_back("5 coefficients, consistency (eq. 8)", base);
-  base.links = paper::PlaneLinks::kContinuity;
-  base.num_coefficients = 20;
-  variants.emplace_back("20 coefficients, continuity", base);
-  base.as_printed = true;
-  variants.emplace_back("the same, eq. 5, 7, 9 as printed", base);
-  base.as_printed = false;
-  base.fixed_weights = true;
-  variants.emplace_back("the same, hand-set weights", base);
-  base.fixed_weights = false;
-  base.alternating = true;
-  variants.emplace_back("the same, alternating (eq. 2)", base);
-  paper::JointFitOptions paper = paper::JointFitOptions::paper();
-  paper.prior = bench.prior;
-  variants.emplace_back("preset paper", paper);
-  MethodTable table(bench.report, "steep", "steep.one_problem",
-                    "All vehicles and planes of a frame in one problem, planes from 3 images");
-  for (const auto& [name, options] : variants) {
-    std::vector<EvaluatedScene> scenes;
-    const Row row{name, "from 3 images", found, fit, nullptr, false, false, &options};
-    for (const Clip& clip : clips) scenes.push_back(evaluate_clip(clip, row));
-    table.row(row.planes, scenes);
-    if (bench.cars) list_cars(scenes);
-  }
-}
-
 /// Four real cars with real network keypoints; the camera stands about 1.65 m above a flat road.
 void real_keypoints(const Bench& bench, const fs::path& path) {
   std::ifstream in(path);
@@ -532,7 +480,6 @@ void run_steep_roads(bench::Report& report) {
         budget(bench, clips);
       } else {
         steep_roads(bench, clips, "steep", "steep-scenes: vehicles by method");
-        ablation(bench, clips);
       }
     } else {
       std::printf("skipped: no %s\n", (data / "steep-scenes").string().c_str());

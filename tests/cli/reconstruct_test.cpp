@@ -242,6 +242,28 @@ TEST_F(SteepHill, AResultHasItsFilesAndReplacesAnOlderOne) {
   EXPECT_EQ(json::parse(info.out)["files"][0]["kind"], "result");
 }
 
+TEST_F(SteepHill, ThePaperIsAPresetThatTakesOneImageToo) {
+  const auto result = run_camber({"reconstruct", scene(), "--preset", "paper", "--paper-terms",
+                                  "printed", "--paper-scale", "patch", "--keypoint-set", "14",
+                                  "--out", path("result"), "--no-pictures", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json options = json::parse(result.out)["options"];
+  EXPECT_EQ(options["preset"], "paper");
+  EXPECT_EQ(options["paper_terms"], "printed");
+  EXPECT_EQ(options["paper_scale"], "patch");
+  EXPECT_EQ(options["keypoint_set"], 14);
+  const auto single = run_camber(
+      {"reconstruct", scene(), "--preset", "paper", "--frames", "1", "--out", path("single")});
+  ASSERT_EQ(single.exit_code, 0) << single.error;
+  for (const char* file : {"road.ply", "scene.png", "report.html", "metrics.json"}) {
+    EXPECT_TRUE(fs::exists(path("single") + "/" + file)) << file;
+  }
+  // Without it one image has no parallax.
+  EXPECT_ONE_SENTENCE(
+      run_camber({"reconstruct", scene(), "--frames", "1", "--out", path("default")}), 1,
+      "parallax");
+}
+
 TEST_F(SteepHill, PicturesComeWithAReportAndAScene) {
   const auto result =
       run_camber({"reconstruct", scene(), "--frames", "0,1", "--out", path("result"), "--quiet"});

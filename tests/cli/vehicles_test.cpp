@@ -108,8 +108,24 @@ TEST_F(VehicleScene, ThePaperIsAPresetOfItsOwn) {
   };
   const double single = mean_of({}), paper = mean_of({"--preset", "paper"});
   EXPECT_LT(single, 0.8);
-  EXPECT_LT(paper, 3.0);
+  const double printed = mean_of({"--preset", "paper", "--paper-terms", "printed"});
+  EXPECT_LT(paper, 1.5);
   EXPECT_NE(single, paper);
+  EXPECT_NE(printed, paper);
+  // Two runs of one method and two presets: a table each.
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("d.json")}).exit_code, 0);
+  const auto both = run_camber({"evaluate", "--truth", path("scene.json"), "--estimate",
+                                path("v.json"), path("d.json"), "--json"});
+  ASSERT_EQ(both.exit_code, 0) << both.error;
+  const json tables = json::parse(both.out)["tables"];
+  ASSERT_EQ(tables.size(), 2u);
+  EXPECT_EQ(tables[0]["method"], tables[1]["method"]);
+  EXPECT_EQ(tables[0]["preset"], "paper");
+  EXPECT_EQ(tables[0]["paper_terms"], "printed");
+  EXPECT_EQ(tables[1]["preset"], "default");
+  const json written = read("v.json");
+  EXPECT_EQ(written["preset"], "paper");
+  EXPECT_EQ(written["paper_terms"], "printed");
   EXPECT_ONE_SENTENCE(run_camber({"vehicles", path("scene.json"), "--out", path("x.json"),
                                   "--surface", path("none")}),
                       2, "surface.json");

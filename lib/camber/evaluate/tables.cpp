@@ -98,10 +98,16 @@ std::string joined(const std::vector<std::string>& words) {
   return out;
 }
 
+bool is_of(const EvaluatedScene& scene, const MethodTables& table) {
+  return scene.method == table.method && scene.preset == table.preset &&
+         scene.paper_terms == table.paper_terms;
+}
+
 std::string heading(const MethodTables& t) {
   std::string out =
       fmt::format("{}: {} scenes, {} vehicles counted, {} found, recall {:.1f} %, {} unanswered",
-                  t.method, t.scenes, t.counted, t.matched, 100.0 * t.recall, t.unanswered);
+                  method_label(t.method, t.preset, t.paper_terms), t.scenes, t.counted, t.matched,
+                  100.0 * t.recall, t.unanswered);
   const std::string sources = joined(t.detections_sources);
   if (!sources.empty()) out += "; detections: " + sources;
   if (t.without_covariance > 0) {
@@ -198,16 +204,24 @@ ErrorSummary summarise(std::vector<double> values) {
   return out;
 }
 
+std::string method_label(const std::string& method, const std::string& preset,
+                         const std::string& paper_terms) {
+  if (preset != "paper") return method;
+  return method + (paper_terms == "printed" ? " (paper printed)" : " (paper)");
+}
+
 std::vector<MethodTables> make_tables(const std::vector<EvaluatedScene>& scenes,
                                       const std::vector<SubsetEntry>& subset) {
   std::vector<MethodTables> out;
   for (const EvaluatedScene& scene : scenes) {
     auto found = std::find_if(out.begin(), out.end(),
-                              [&](const MethodTables& t) { return t.method == scene.method; });
+                              [&](const MethodTables& t) { return is_of(scene, t); });
     if (found == out.end()) {
       out.emplace_back();
       found = out.end() - 1;
       found->method = scene.method;
+      found->preset = scene.preset;
+      found->paper_terms = scene.paper_terms;
     }
     ++found->scenes;
     found->counted += scene.metrics.counted;
@@ -239,7 +253,7 @@ std::vector<MethodTables> make_tables(const std::vector<EvaluatedScene>& scenes,
         table.matched > 0 ? static_cast<double>(table.unanswered) / table.matched : 0.0;
     std::vector<Placed> all;
     for (const EvaluatedScene& scene : scenes) {
-      if (scene.method != table.method) continue;
+      if (!is_of(scene, table)) continue;
       for (const VehicleError& error : scene.metrics.vehicles) all.push_back({&scene, &error});
     }
     for (const Range& range : ranges) {
@@ -323,6 +337,8 @@ nlohmann::json tables_json(const std::vector<MethodTables>& tables) {
                       {"height_within_95", number(row.height_within_95)}});
     }
     out.push_back({{"method", table.method},
+                   {"preset", table.preset},
+                   {"paper_terms", table.paper_terms},
                    {"detections_sources", table.detections_sources},
                    {"scenes", table.scenes},
                    {"counted", table.counted},
@@ -347,7 +363,8 @@ std::string vehicles_csv(const std::vector<EvaluatedScene>& scenes) {
   for (const EvaluatedScene& scene : scenes) {
     for (const VehicleError& e : scene.metrics.vehicles) {
       out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", scene.scene,
-                         scene.method, scene.detections_source, e.frame, e.truth_id, e.estimate_id,
+                         method_label(scene.method, scene.preset, scene.paper_terms),
+                         scene.detections_source, e.frame, e.truth_id, e.estimate_id,
                          to_string(e.status), value(e.distance), value(e.center_error),
                          value(e.along_error), value(e.center_mahalanobis), value(e.height_error),
                          value(e.height_sigma), value(e.normal_error * kDegrees),

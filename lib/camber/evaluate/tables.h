@@ -15,6 +15,8 @@ struct EvaluatedScene {
   std::string method;             ///< "flat", "coplanar", "joint", ...
   std::string detections_source;  ///< "network", "truth_boxes", ..., or empty
   SceneMetrics metrics;
+  std::string preset{};       ///< "default", "paper", or empty
+  std::string paper_terms{};  ///< of preset "paper": "meant", "printed"; otherwise empty
 };
 
 /// A subset of vehicles by scene, frame and id; -1 stands for all.
@@ -48,9 +50,14 @@ struct LocalisationRow {
   double height_within_95 = 0.0;  ///< share of the heights inside the stated interval
 };
 
-/// The tables of one method over all its scenes.
+/// The method with what distinguishes it from others of its name: "joint", "joint (paper)",
+/// "joint (paper printed)".
+std::string method_label(const std::string& method, const std::string& preset,
+                         const std::string& paper_terms);
+
+/// The tables of one method (with its preset and terms) over all its scenes.
 struct MethodTables {
-  std::string method;
+  std::string method, preset, paper_terms;
   std::vector<std::string> detections_sources;  ///< each once, in order of appearance
   int scenes = 0, counted = 0, matched = 0, missed = 0, unanswered = 0;
   int without_covariance = 0, singular_covariance = 0;  ///< as in SceneMetrics
@@ -59,7 +66,7 @@ struct MethodTables {
   std::vector<LocalisationRow> rows;
 };
 
-/// Tables by method, in order of appearance.
+/// Tables by method, preset and terms, in order of appearance.
 std::vector<MethodTables> make_tables(const std::vector<EvaluatedScene>& scenes,
                                       const std::vector<SubsetEntry>& subset = {});
 

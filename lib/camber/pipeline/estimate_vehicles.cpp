@@ -66,7 +66,7 @@ FrameGround ground_of(const Scene& scene, const SceneFrame& frame, const RoadSur
 void EstimateVehiclesOptions::validate() const {
   vehicles.fit.validate();
   vehicles.support.validate();
-  if (one_problem) joint.validate();
+  paper.weights.validate();
   if (!surface != !cameras) {
     throw std::invalid_argument("surface, cameras: one without the other, must be both or neither");
   }
@@ -109,26 +109,23 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
 
   if (progress) progress("vehicles", 0.0);
   stages::VehicleOptions place = options.vehicles;
-  place.tracks = place.tracks && poses_known && !options.one_problem;
-  const PlacedVehicles placed = stages::place_vehicles(
-      scene.camera, std::move(views), nullptr,
-      options.surface ? options.surface->scale_sigma : place.noise.known_pose_scale, place);
+  place.tracks = place.tracks && poses_known;
+  const PlacedVehicles placed =
+      options.preset == Preset::kPaper
+          ? stages::place_paper_vehicles(scene.camera, std::move(views), place, options.paper)
+          : stages::place_vehicles(
+                scene.camera, std::move(views), nullptr,
+                options.surface ? options.surface->scale_sigma : place.noise.known_pose_scale,
+                place);
   VehicleDocument out;
   out.method = to_string(options.vehicles.method);
-  out.preset = options.one_problem ? "paper" : "default";
+  out.preset = to_string(options.preset);
+  if (options.preset == Preset::kPaper) out.paper_terms = paper::to_string(options.paper.terms);
   out.keypoint_set = static_cast<int>(options.vehicles.fit.keypoint_set);
   out.detections_source = scene.detections_source;
   out.metric = options.surface ? options.surface->metric : scene.height_above_road.has_value();
-  paper::JointFitOptions joint = options.joint;
-  joint.prior = options.vehicles.fit.prior;
-  joint.keypoint_set = options.vehicles.fit.keypoint_set;
   for (std::size_t k = 0; k < frame_ids.size(); ++k) {
     std::vector<VehicleEstimate> vehicles = placed.estimates[k];
-    if (options.one_problem) {
-      vehicles = paper::fit_joint(scene.camera, placed.views[k].detections,
-                                  placed.views[k].supports, vehicles, joint)
-                     .vehicles;
-    }
     for (std::size_t j = 0; j < vehicles.size(); ++j) vehicles[j].track = placed.tracks[k][j];
     out.frames.push_back({frame_ids[k], std::move(vehicles)});
   }

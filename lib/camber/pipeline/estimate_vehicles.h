@@ -3,18 +3,17 @@
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/pipeline/stages/paper_vehicles.h"
 #include "camber/pipeline/stages/vehicles.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
-#include "camber/vehicle/paper/joint_fit.h"
 
 namespace camber {
 
 struct EstimateVehiclesOptions {
   stages::VehicleOptions vehicles;
-  /// Solves all vehicles and planes of a frame in one problem instead, from the single fits.
-  bool one_problem = false;
-  paper::JointFitOptions joint;  ///< of that problem
+  Preset preset = Preset::kDefault;
+  stages::PaperVehicleOptions paper;  ///< of preset kPaper
   /// The road of a run, in place of the scene's planes, and its cameras, in place of the scene's
   /// poses; not owned, both or neither.
   const RoadSurface* surface = nullptr;

@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "camber/pipeline/reconstruct_paper.h"
 #include "camber/pipeline/run_details.h"
 #include "camber/pipeline/stage_runner.h"
 
@@ -34,12 +35,14 @@ void ReconstructOptions::validate() const {
   motion.validate();
   vehicles.fit.validate();
   vehicles.support.validate();
+  paper.vehicles.weights.validate();
 }
 
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress) {
   options.validate();
   const ReconstructOptions o = handed_down(options);
+  if (o.preset == Preset::kPaper) return reconstruct_paper(scene, frame_ids, o, progress);
   Timings timings;
   StageRunner run(timings, progress);
 
@@ -96,7 +99,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.cloud = std::move(road.cloud);
   out.surface = std::move(road.surface);
   out.vehicles = std::move(road.vehicles);
-  out.vehicles.preset = "default";
+  out.vehicles.preset = to_string(o.preset);
   out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
   out.ground = std::move(vehicles.ground);
   out.run = std::move(road.run);

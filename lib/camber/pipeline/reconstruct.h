@@ -12,6 +12,8 @@
 #include "camber/pipeline/stages/load.h"
 #include "camber/pipeline/stages/match.h"
 #include "camber/pipeline/stages/motion.h"
+#include "camber/pipeline/stages/paper_ground.h"
+#include "camber/pipeline/stages/paper_vehicles.h"
 #include "camber/pipeline/stages/scale.h"
 #include "camber/pipeline/stages/surface.h"
 #include "camber/pipeline/stages/vehicles.h"
@@ -19,6 +21,13 @@
 #include "camber/scene/scene.h"
 
 namespace camber {
+
+/// The paper's own stages (preset kPaper); load, match, motion, the ground's points and the method,
+/// keypoint set and prior of `vehicles` are those of ReconstructOptions.
+struct PaperOptions {
+  stages::PaperGroundOptions ground;
+  stages::PaperVehicleOptions vehicles;
+};
 
 /// Options of the main job: those of its stages. Seed and threads are handed down to all of them.
 struct ReconstructOptions {
@@ -33,6 +42,8 @@ struct ReconstructOptions {
   stages::ScaleOptions scale;
   stages::SurfaceOptions surface;
   stages::VehicleOptions vehicles;
+  Preset preset = Preset::kDefault;
+  PaperOptions paper;     ///< of preset kPaper
   void validate() const;  ///< throws std::invalid_argument
 };
 
@@ -51,7 +62,8 @@ struct Reconstruction {
 
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.
 /// Truth in the scene is not read.
-/// @param frame_ids  at least two ids of the scene, ascending.
+/// @param frame_ids  at least two ids of the scene, ascending; preset kPaper also takes one, with
+///                   planes and metres by the scene (given planes, or the camera's height).
 /// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture or road;
 ///         InputError for missing, damaged or mismatching images.
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,

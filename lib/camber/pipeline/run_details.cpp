@@ -86,7 +86,8 @@ void describe_run(const ReconstructOptions& options, const std::vector<int>& fra
                   const LoadedFrames& frames, const PhotometricGround& ground,
                   const ScaledRoad& scaled, RunDocument* document) {
   document->seed = options.seed;
-  *document->options = {{"method", to_string(options.vehicles.method)},
+  *document->options = {{"preset", to_string(options.preset)},
+                        {"method", to_string(options.vehicles.method)},
                         {"frames", frame_ids},
                         {"rounds", options.rounds},
                         {"photometric", options.photometric},

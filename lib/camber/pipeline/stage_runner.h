@@ -17,7 +17,7 @@ class StageRunner {
 
   /// @param share  of the whole run that is done before.
   template <class Stage>
-  auto operator()(const std::string& name, double share, const Stage& stage) {
+  auto operator()(const std::string& name, double share, const Stage& stage) const {
     if (progress_) progress_(name, share);
     const StageTimer timer(timings_, name);
     return stage();

@@ -53,7 +53,9 @@ std::vector<MethodErrors> errors_by_method(const std::vector<EvaluatedScene>& sc
                                            PlottedError which) {
   std::vector<MethodErrors> out;
   for (const EvaluatedScene& scene : scenes) {
-    const std::string name = scene.method.empty() ? "estimate" : scene.method;
+    const std::string name = scene.method.empty()
+                                 ? "estimate"
+                                 : method_label(scene.method, scene.preset, scene.paper_terms);
     auto found =
         std::find_if(out.begin(), out.end(), [&](const MethodErrors& m) { return m.name == name; });
     if (found == out.end()) {
@@ -286,7 +288,9 @@ PlotSheet depth_plots(const std::vector<EvaluatedScene>& methods,
     }
     // Vehicles stand a little beside one another and have marks of their own, which the truth's
     // last point repeats.
-    const std::string method = methods[k].method.empty() ? "estimate" : methods[k].method;
+    const EvaluatedScene& of = methods[k];
+    const std::string method =
+        of.method.empty() ? "estimate" : method_label(of.method, of.preset, of.paper_terms);
     const double size = std::clamp(60.0 / static_cast<double>(instants.size()), 0.35, 1.0);
     int beyond = 0, index = 0;
     std::vector<PlotSeries> marks;

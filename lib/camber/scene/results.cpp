@@ -392,6 +392,7 @@ json to_json(const VehicleDocument& document) {
               {"metric", document.metric},
               {"frames", std::move(frames)}};
   if (!document.preset.empty()) out["preset"] = document.preset;
+  if (!document.paper_terms.empty()) out["paper_terms"] = document.paper_terms;
   if (document.keypoint_set > 0) out["keypoint_set"] = document.keypoint_set;
   return out;
 }
@@ -475,6 +476,7 @@ VehicleDocument read_vehicles(const fs::path& path) {
   VehicleDocument out;
   out.method = find_text(object, "method");
   out.preset = find_text(object, "preset");
+  out.paper_terms = find_text(object, "paper_terms");
   if (const auto v = object.find("keypoint_set")) {
     out.keypoint_set = v->integer(0, kNumKeypoints, "a number of keypoints");
   }

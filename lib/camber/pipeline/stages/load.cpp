@@ -54,7 +54,7 @@ void require_different_images(const LoadedFrames& frames) {
 
 LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
                   const LoadOptions& options) {
-  if (frame_ids.size() < 2) {
+  if (frame_ids.size() < (options.single_image ? 1U : 2U)) {
     throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
                         std::to_string(frame_ids.size()) + " given");
   }

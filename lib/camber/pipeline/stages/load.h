@@ -43,8 +43,9 @@ struct LoadedFrames {
 namespace stages {
 
 struct LoadOptions {
-  bool use_masks = true;  ///< false: segmentations and road masks are not read
-  int num_threads = 0;    ///< <= 0: see resolve_num_threads
+  bool use_masks = true;      ///< false: segmentations and road masks are not read
+  bool single_image = false;  ///< one frame is accepted
+  int num_threads = 0;        ///< <= 0: see resolve_num_threads
 };
 
 /// Decodes the images and masks of the frames.

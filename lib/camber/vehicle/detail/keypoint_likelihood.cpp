@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/vehicle/detail/keypoint_visibility.h"
 #include "camber/vehicle/detail/linear_algebra.h"
 
 namespace camber::internal {
@@ -10,27 +11,6 @@ namespace camber::internal {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-
-bool in_set(KeypointSet set, int keypoint) {
-  constexpr bool kInSmallSet[kNumSideKeypoints] = {true,  true,  false, false, false, false,
-                                                   false, false, false, false, false, true,
-                                                   false, true,  true,  true,  true,  false};
-  return set == KeypointSet::kAll36 || kInSmallSet[keypoint % kNumSideKeypoints];
-}
-
-/// Whether the camera is on the side of the vehicle on which a keypoint can be seen.
-/// @param eye, p  the camera and the keypoint, vehicle frame.
-bool shown(int keypoint, const Eigen::Vector3d& eye, const Eigen::Vector3d& p) {
-  const int row = keypoint % kNumSideKeypoints;
-  const double side = keypoint < kNumSideKeypoints ? -1.0 : 1.0;
-  if (side * (eye.z() - p.z()) > 0.0) return true;
-  // Corners are seen from their end of the car as well; roof corners from above.
-  if (row >= 10 && row <= 12) return eye.x() < p.x();
-  if (row >= 15) return eye.x() > p.x();
-  if (row == 13) return eye.x() < p.x() || eye.y() > p.y();
-  if (row == 14) return eye.x() > p.x() || eye.y() > p.y();
-  return false;
-}
 
 }  // namespace
 
@@ -76,7 +56,7 @@ KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
   std::vector<double> confidence;
   for (int i = 0; i < static_cast<int>(detection.keypoints.size()); ++i) {
     const KeypointObservation& k = detection.keypoints[static_cast<std::size_t>(i)];
-    if (!k.pixel.allFinite() || !in_set(keypoint_set, i)) continue;
+    if (!k.pixel.allFinite() || !in_keypoint_set(keypoint_set, i)) continue;
     points_.push_back(i);
     pixels_.push_back(k.pixel);
     rays_.push_back(camera.ray(k.pixel));
@@ -118,7 +98,7 @@ void KeypointLikelihood::update_visibility(const BodyView& at) {
   cells_by_shape_error_.row(1) = scale_v * (rotation.row(1) - ray.y() * rotation.row(2));
   const Eigen::Vector3d eye = rotation.transpose() * -translation;  // vehicle frame
   for (std::size_t j = 0; j < points_.size(); ++j) {
-    double share = shown(points_[j], eye, at.in_vehicle(points_[j])) ? noise_.seen_share_shown
+    double share = shown_to(eye, points_[j], at.in_vehicle(points_[j])) ? noise_.seen_share_shown
                                                                      : noise_.seen_share_hidden;
     if (use_confidence_) {
       const double odds =

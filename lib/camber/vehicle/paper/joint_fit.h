@@ -4,63 +4,72 @@
 #include <vector>
 
 #include "camber/vehicle/fit_vehicle.h"
+#include "camber/vehicle/paper/start_on_plane.h"
+#include "camber/vehicle/paper/terms.h"
 
 namespace camber::paper {
 
 /// What ties the planes of neighbouring vehicles together.
 enum class PlaneLinks {
   kNone,
-  kConsistency,  ///< equation 8 of the paper: equal normals and offsets
+  kConsistency,  ///< L_c, equation 8: equal normals and offsets
   kContinuity    ///< equal heights midway between the footprints
 };
 
+/// Which unknowns are solved for at a time.
+enum class Schedule {
+  kTogether,    ///< all at once
+  kAlternating  ///< pose and planes with the form held, then the form, in turns (equation 2)
+};
+
+enum class LinearSolver {
+  kCholesky,           ///< sparse, exact
+  kConjugateGradients  ///< on the normal equations, with the Jacobi preconditioner of the paper
+};
+
 struct JointFitOptions {
-  int num_coefficients = 5;  ///< of the shape prior, in [0, 20]
-  /// Equations 5, 7 and 9 as the paper prints them (see ground_contact.h, normal_disambiguation.h,
-  /// base_point.h); false: mended, so that points are drawn to the ground and up differs from down.
-  bool as_printed = false;
-  /// Hand-set weights for all terms, in pixels, metres and radians; false: every term by its
-  /// standard deviation, the plane by its covariance.
-  bool fixed_weights = false;
-  PlaneLinks links = PlaneLinks::kContinuity;
-  double link_reach = 20.0;  ///< m, between vehicles whose planes are linked, > 0
-  /// Pose and planes with the form held, then the form with the poses held, in turns (equation 2 of
-  /// the paper); false: all at once.
-  bool alternating = false;
-  int rounds = 4;          ///< of the alternating schedule, >= 1
-  bool iterative = false;  ///< conjugate gradients with Ceres's Jacobi preconditioner, not Cholesky
-  /// Reprojection by analytic derivatives; false: automatic (only for 0, 5, 10, 15 and 20
-  /// coefficients).
-  bool analytic = true;
-  double huber = 2.0;  ///< standard deviations, of every term, > 0
-  int max_iterations = 30;
-  bool with_covariance = true;  ///< false: that of the starts is kept
+  Terms terms = Terms::kMeant;
+  Weights weights;
+  int num_coefficients = 5;  ///< of the shape prior: 0, 5, 10, 15 or 20
+  PlaneLinks links = PlaneLinks::kConsistency;
+  double link_reach = 7.0;    ///< m, between bottom centres whose planes are linked (paper: 5 to 7)
+  bool planes_fixed = false;  ///< the ground planes are no unknowns (the baselines)
+  Schedule schedule = Schedule::kTogether;
+  int rounds = 4;  ///< of the alternating schedule, >= 1
+  LinearSolver solver = LinearSolver::kCholesky;
+  bool analytic = true;  ///< derivatives of the reprojection; false: automatic
+  int max_iterations = 40;
+  double function_tolerance = 1e-5;  ///< relative change of the cost at which the solver stops
+  bool with_covariance = true;       ///< false: none is stated
   KeypointSet keypoint_set = KeypointSet::kAll36;
   const VehiclePrior* prior = nullptr;  ///< not owned; nullptr: the shipped one
-
-  /// The paper's problem: equations as printed, hand-set weights, global consistency, conjugate
-  /// gradients with a Jacobi preconditioner.
-  static JointFitOptions paper();
-  void validate() const;  ///< throws std::invalid_argument
+  void validate() const;                ///< throws std::invalid_argument
 };
 
 struct JointFit {
   std::vector<VehicleEstimate> vehicles;  ///< one a detection
   std::vector<Plane> planes;              ///< under each, camera frame
   int solved = 0;                         ///< vehicles that entered the problem
+  int links = 0;                          ///< pairs of planes
   int iterations = 0;
   double initial_cost = 0.0, final_cost = 0.0;
   bool converged = false;
   std::string message;  ///< of the solver
 };
 
-/// All vehicles of a frame and their planes in one problem (Ceres, Levenberg-Marquardt, Huber on
-/// every term), from the starts that fit_vehicle gives. Vehicles whose start has no trusted
-/// keypoints keep it. One thread; the same input gives the same bits.
-/// @param supports, starts  one a detection.
+/// The paper's joint problem, equation 9: pose, form and ground plane of all vehicles of a frame
+/// (Ceres, Levenberg-Marquardt, Huber on every term),
+///   L = L_r + L_g + L_n + L_d + L_b + L_c + L_reg
+/// (the print lacks the plus before L_reg). Vehicles without usable keypoints keep their start. One
+/// thread; the same input gives the same bits.
+/// @param supports, starts  one a detection; the supports' covariances weigh the planes' part of
+///                          L_reg.
 /// @throws std::invalid_argument for lists of different lengths or bad options.
-JointFit fit_joint(const PinholeCamera& camera, const std::vector<VehicleDetection>& detections,
-                   const std::vector<SupportPlane>& supports,
-                   const std::vector<VehicleEstimate>& starts, const JointFitOptions& options);
+JointFit fit_joint(const PinholeCamera& camera, const std::vector<SupportPlane>& supports,
+                   const std::vector<VehicleStart>& starts, const JointFitOptions& options);
+
+/// Starts and joint problem together.
+JointFit fit_frame(const PinholeCamera& camera, const std::vector<VehicleDetection>& detections,
+                   const std::vector<SupportPlane>& supports, const JointFitOptions& options);
 
 }  // namespace camber::paper

@@ -8,14 +8,7 @@
 
 namespace camber::paper {
 
-/// A keypoint of the wireframe as shares of the vehicle's box: mean + basis a, to be multiplied by
-/// (length, height, width).
-struct WireframePoint {
-  Eigen::Vector3d mean;
-  Eigen::Matrix<double, 3, Eigen::Dynamic> basis;  ///< 3 x K
-};
-
-/// Reprojection of one keypoint, equations 2 and 3 of the paper:
+/// Reprojection of one keypoint, L_r, equations 2 and 3:
 /// r = (pi(R diag(l, h, w) (mean + basis a) + t) - z) / sigma, in standard deviations, each axis
 /// its own (the network sees the box resized to a square). Visible and hidden keypoints differ in
 /// sigma. Parameter blocks: pose (7), form (3 + K). Fails for a point not in front of the camera.

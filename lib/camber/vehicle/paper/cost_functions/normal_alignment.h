@@ -6,22 +6,27 @@
 
 namespace camber::paper {
 
-/// The vehicle's up axis is its plane's normal, equation 6 of the paper: r = (up x n) / sigma,
-/// three sines of tilt, rad. Parameter blocks: pose (7), plane (4).
+/// The vehicle's normal is its ground's, L_n, equation 5: r = (n_c x n_g) / sigma, three sines of
+/// tilt, rad. Parameter blocks: pose (7), form (3 + K), plane (4).
+template <int K>
 struct NormalAlignment {
+  WheelLine wheels;
   double sigma = 1.0;  ///< rad
 
   template <typename T>
-  bool operator()(const T* pose, const T* plane, T* residual) const {
-    const Eigen::Matrix<T, 3, 1> normal(plane[0], plane[1], plane[2]);
+  bool operator()(const T* pose, const T* form, const T* plane, T* residual) const {
+    const Eigen::Matrix<T, 3, 1> ground(plane[0], plane[1], plane[2]);
     Eigen::Map<Eigen::Matrix<T, 3, 1>> r(residual);
-    r = up_axis(pose).cross(normal) / T(sigma);
+    r = turned(pose, wheel_normal<K>(form, wheels)).cross(ground) / T(sigma);
     return true;
   }
-
-  static ceres::CostFunction* create(double sigma) {
-    return new ceres::AutoDiffCostFunction<NormalAlignment, 3, 7, 4>(new NormalAlignment{sigma});
-  }
 };
+inline ceres::CostFunction* create_normal_alignment(const WheelLine& wheels, double sigma) {
+  return with_coefficients(wheels.rear.basis.cols(), [&](auto k) -> ceres::CostFunction* {
+    using Term = NormalAlignment<decltype(k)::value>;
+    return new ceres::AutoDiffCostFunction<Term, 3, 7, 3 + decltype(k)::value, 4>(
+        new Term{wheels, sigma});
+  });
+}
 
 }  // namespace camber::paper

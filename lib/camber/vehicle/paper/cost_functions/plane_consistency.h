@@ -6,9 +6,9 @@
 
 namespace camber::paper {
 
-/// Neighbouring planes agree, equation 8 of the paper: r = ((n1 - n2) / sigma_normal,
-/// (d1 - d2) / sigma_offset). On a curved road neighbours rightly differ in both: see
-/// PlaneContinuity.
+/// Neighbouring planes agree, L_c, equation 8: r = ((n1 - n2) / sigma_normal, (d1 - d2) /
+/// sigma_offset). On a curved road neighbours rightly differ in both, in d by their angle times
+/// their distance from the camera: see PlaneContinuity.
 /// Parameter blocks: plane (4), plane (4).
 struct VehiclePlaneConsistency {
   double sigma_normal = 1.0;  ///< rad
@@ -27,9 +27,9 @@ struct VehiclePlaneConsistency {
   }
 };
 
-/// Neighbouring planes meet: equal heights at the midpoint between the two footprints, whatever
-/// their slopes: r = (n1 . m + d1 - n2 . m - d2) / sigma, m = (t1 + t2) / 2.
-/// Parameter blocks: pose (7), pose (7), plane (4), plane (4).
+/// In the place of equation 8: neighbouring planes meet, with equal heights at the midpoint between
+/// the two footprints, whatever their slopes: r = (n1 . m + d1 - n2 . m - d2) / sigma, m = (t1 +
+/// t2) / 2. Parameter blocks: pose (7), pose (7), plane (4), plane (4).
 struct PlaneContinuity {
   double sigma = 1.0;  ///< m
 

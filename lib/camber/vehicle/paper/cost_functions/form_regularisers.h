@@ -3,23 +3,11 @@
 #include <ceres/cost_function.h>
 #include <ceres/normal_prior.h>
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 
 namespace camber::paper {
 
-/// Size and shape as the prior knows them, together: r = C^(-1/2) (form - mean), in standard
-/// deviations.
-/// Parameter block: form (3 + K).
-struct FormPrior {
-  static ceres::CostFunction* create(const Eigen::VectorXd& mean,
-                                     const Eigen::MatrixXd& covariance) {
-    const Eigen::MatrixXd information =
-        covariance.llt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
-    return new ceres::NormalPrior(Eigen::MatrixXd(information.llt().matrixU()), mean);
-  }
-};
-
-/// The paper's regulariser of the dimensions alone: r = ((l, w, h) - mean) / sigma.
+/// Part of L_reg: the dimensions alone, r = ((l, w, h) - mean) / sigma.
 /// Parameter block: form (3 + K).
 struct DimensionRegulariser {
   static ceres::CostFunction* create(const Eigen::Vector3d& mean, const Eigen::Vector3d& sigma,
@@ -32,7 +20,7 @@ struct DimensionRegulariser {
   }
 };
 
-/// The paper's regulariser of the shape alone (the coefficients have variance 1): r = a / sigma.
+/// Part of L_reg: the shape alone (the coefficients have variance 1), r = a / sigma.
 /// Parameter block: form (3 + K).
 struct ShapeRegulariser {
   static ceres::CostFunction* create(int num_coefficients, double sigma) {

@@ -1,0 +1,155 @@
+#include "camber/pipeline/reconstruct_paper.h"
+
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/pipeline/stage_runner.h"
+#include "camber/pipeline/stages/paper_assemble.h"
+
+namespace camber {
+namespace {
+
+/// What is found before the vehicles.
+struct SeenRoad {
+  Correspondences matches;
+  MotionEstimate motion;
+  Ground ground;
+};
+
+/// Matches, motion and road points: the stages of the default, without its photometric refinement.
+SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const StageRunner& run) {
+  SeenRoad out;
+  out.matches = run("correspondences", 0.1, [&] { return stages::match(frames, o.match); });
+  out.motion = run("motion", 0.3, [&] { return stages::motion(frames, out.matches, o.motion); });
+  const auto triangulate = [&](double share, const GroundPoints* before) {
+    return run("triangulation", share, [&] {
+      return stages::triangulate(frames, out.matches, out.motion, before, o.ground);
+    });
+  };
+  GroundPoints points = triangulate(0.4, nullptr);
+  const PlaneSearchResult search = run("ground", 0.5, [&] {
+    return o.rounds > 0 ? stages::search_plane(frames, out.motion, o.ground) : PlaneSearchResult();
+  });
+  out.ground = run("ground", 0.5, [&] {
+    return stages::first_ground(frames, out.matches, out.motion, std::move(points), search,
+                                o.ground);
+  });
+  for (int round = 0; round < o.rounds; ++round) {
+    const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
+    out.matches = run("correspondences", share, [&] {
+      return stages::match_again(frames, out.matches, out.motion, out.ground, round + 1 == o.rounds,
+                                 o.match);
+    });
+    out.motion = run("motion", share, [&] {
+      return stages::motion_again(frames, out.matches, out.motion, o.motion);
+    });
+    points = triangulate(share, &out.ground.seen);
+    out.ground = run("ground", share, [&] {
+      return stages::ground(frames, out.matches, out.motion, std::move(points), out.ground,
+                            o.ground);
+    });
+  }
+  return out;
+}
+
+/// A single image: no points; the plane under the camera is the scene's, or a level one at the
+/// camera's height.
+SeenRoad single_image(const LoadedFrames& frames, const ReconstructOptions& o) {
+  const SceneFrame& frame = frames.frames.front();
+  if (!frame.ego_plane && !frames.known.camera_height) {
+    throw NoAnswerError(
+        "one image has no parallax: it needs camera.height_above_road, or frames[].ego_plane");
+  }
+  SeenRoad out;
+  out.motion.status = Status::kOk;
+  out.motion.frame_from_reference = {SE3()};
+  EgoPlane& ego = out.ground.ego;
+  const SupportPlane support = frame.ego_plane
+                                   ? ego_support(*frame.ego_plane, o.vehicles.support)
+                                   : level_support(*frames.known.camera_height, o.vehicles.support);
+  ego.plane = support.plane;
+  ego.height = support.plane.plane.offset;
+  ego.status = Status::kWeak;
+  ego.reason = frame.ego_plane ? "given" : "level, at the camera's height";
+  return out;
+}
+
+std::vector<TrackFrame> views_of(const LoadedFrames& frames, const MotionEstimate& motion,
+                                 const PaperGround& ground, const ReconstructOptions& o) {
+  std::vector<TrackFrame> out;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const SceneFrame& frame = frames.frames[k];
+    TrackFrame view;
+    view.world_from_camera = metric_pose(motion, k, ground.metres_per_baseline).inverse();
+    view.time_s = frame.time_s.value_or(frame.id / frames.frame_rate);
+    view.detections = frame.vehicles;
+    view.supports = stages::choose_supports(
+        frames.camera, frame.vehicles,
+        stages::ground_of_frame(ground, frames, motion, k, o.paper.ground, o.vehicles.support),
+        frames.known.camera_height, o.vehicles);
+    out.push_back(std::move(view));
+  }
+  return out;
+}
+
+void describe(const ReconstructOptions& options, const std::vector<int>& frame_ids,
+              const LoadedFrames& frames, const MotionEstimate& motion, RunDocument* document) {
+  document->seed = options.seed;
+  *document->options = {{"preset", to_string(options.preset)},
+                        {"paper_terms", paper::to_string(options.paper.vehicles.terms)},
+                        {"paper_scale", to_string(options.paper.ground.scale)},
+                        {"method", to_string(options.vehicles.method)},
+                        {"frames", frame_ids},
+                        {"rounds", options.rounds},
+                        {"use_masks", options.load.use_masks},
+                        {"keypoint_set", static_cast<int>(options.vehicles.fit.keypoint_set)}};
+  nlohmann::json& extra = *document->extra;
+  extra["reference_frame"] = frames.frames[frames.reference].id;
+  extra["motion"] = {{"pixel_sigma", motion.pixel_sigma},
+                     {"inlier_ratio", motion.inlier_ratio},
+                     {"known_poses", motion.metres_per_baseline.has_value()}};
+  extra["road_from"] = frames.has_masks() ? "mask" : "geometry";
+}
+
+}  // namespace
+
+Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& frame_ids,
+                                 const ReconstructOptions& o, const Progress& progress) {
+  Timings timings;
+  const StageRunner run(timings, progress);
+  stages::LoadOptions load = o.load;
+  load.single_image = true;
+  LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, load); });
+  const SeenRoad seen = frames.size() == 1 ? single_image(frames, o) : see_road(frames, o, run);
+  const PaperGround ground = run("surface", 0.85, [&] {
+    return stages::paper_ground(frames, seen.matches, seen.motion, seen.ground, o.paper.ground);
+  });
+  const PlacedVehicles vehicles = run("vehicles", 0.9, [&] {
+    return o.vehicles.enabled ? stages::place_paper_vehicles(
+                                    frames.camera, views_of(frames, seen.motion, ground, o),
+                                    o.vehicles, o.paper.vehicles)
+                              : PlacedVehicles();
+  });
+  AssembledRoad road = run("surface", 0.98, [&] {
+    return stages::assemble_paper(frames, seen.matches, seen.motion, seen.ground.seen, ground,
+                                  vehicles, o.vehicles.method);
+  });
+  if (progress) progress("surface", 1.0);
+
+  Reconstruction out;
+  out.frame_ids = frame_ids;
+  out.reference_frame = frames.frames[frames.reference].id;
+  out.cloud = std::move(road.cloud);
+  out.surface = std::move(road.surface);
+  out.vehicles = std::move(road.vehicles);
+  out.vehicles.preset = to_string(Preset::kPaper);
+  out.vehicles.paper_terms = paper::to_string(o.paper.vehicles.terms);
+  out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
+  out.run = std::move(road.run);
+  out.images = std::move(frames.color);
+  describe(o, frame_ids, frames, seen.motion, &out.run);
+  out.run.timings = timings;
+  return out;
+}
+
+}  // namespace camber
