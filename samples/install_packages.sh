@@ -8,7 +8,8 @@ set -euo pipefail
 program_packages=(
   cmake g++ ninja-build
   libceres-dev libcli11-dev libeigen3-dev libembree-dev libfmt-dev libjpeg-dev liblzf-dev
-  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libtbb-dev libvtk9-dev libxxhash-dev nlohmann-json3-dev
+  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libpugixml-dev libtbb-dev libvtk9-dev libxxhash-dev libyaml-cpp-dev
+  nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
 # Besides, to build and to run the tests and the benchmarks; Chromium opens the report, the viewer
