@@ -22,6 +22,13 @@ find_path(PCL_INCLUDE_DIRS pcl/sample_consensus/msac.h
           PATH_SUFFIXES pcl-1.13 pcl-1.14 pcl-1.15 REQUIRED)
 find_library(PCL_COMMON_LIBRARY pcl_common REQUIRED)
 find_library(PCL_SAMPLE_CONSENSUS_LIBRARY pcl_sample_consensus REQUIRED)
+# FFmpeg's libraries: videos.
+find_path(LIBAV_INCLUDE_DIR libavformat/avformat.h REQUIRED)
+set(LIBAV_LIBRARIES "")
+foreach(name avformat avcodec swscale avutil)
+  find_library(LIBAV_${name}_LIBRARY ${name} REQUIRED)
+  list(APPEND LIBAV_LIBRARIES ${LIBAV_${name}_LIBRARY})
+endforeach()
 find_path(LZF_INCLUDE_DIR liblzf/lzf.h REQUIRED)
 find_library(LZF_LIBRARY lzf REQUIRED)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
