@@ -60,6 +60,8 @@ set(camber_package_of
     "X11::.*" "X11"
     "ZLIB::.*" "ZLIB"
     "embree" "embree 3.13"
+    "yaml-cpp" "yaml-cpp"
+    "pugixml::.*" "pugixml"
     "opencv_(.*)" "OpenCV COMPONENTS \\1"
     "[Cc]eres(::ceres)?" "Ceres"
     "VTK::(.*)" "VTK COMPONENTS \\1")

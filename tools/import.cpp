@@ -1,18 +1,14 @@
-// camber import kitti|synthia-sf: native data sets to scene manifests.
+// camber import: a person's own data (import_own.cpp) and native data sets to scene manifests.
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
-#include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
-#include "camber/core/version.h"
 #include "camber/scene/import_kitti.h"
+#include "camber/scene/import_own.h"
 #include "camber/scene/import_synthia.h"
 #include "command.h"
+#include "import_output.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -20,119 +16,12 @@ using nlohmann::json;
 namespace camber::tools {
 namespace {
 
-/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
-fs::path manifest_of(const std::string& out) {
-  const fs::path path = out;
-  return path.extension() == ".json" ? path : path / "scene.json";
-}
-
-/// Creates a folder with all above it and removes what it created unless kept.
-class NewFolder {
- public:
-  explicit NewFolder(const fs::path& folder) {
-    std::error_code error;
-    for (fs::path at = fs::absolute(folder).lexically_normal();
-         !at.empty() && !fs::exists(at, error); at = at.parent_path()) {
-      first_ = at;
-      if (at == at.parent_path()) break;
-    }
-    fs::create_directories(folder, error);
-    if (!fs::is_directory(folder)) {
-      throw OutputError(folder.string(),
-                        "cannot be created" + (error ? ": " + error.message() : std::string()));
-    }
-  }
-  ~NewFolder() {
-    std::error_code ignored;
-    if (!kept_ && !first_.empty()) fs::remove_all(first_, ignored);
-  }
-  NewFolder(const NewFolder&) = delete;
-  NewFolder& operator=(const NewFolder&) = delete;
-  void keep() { kept_ = true; }
-
- private:
-  fs::path first_;  // the topmost folder that was not there before
-  bool kept_ = false;
-};
-
-/// What an import found, for one line of output.
-struct Found {
-  std::size_t frames = 0, detections = 0, truth_vehicles = 0, truth_poses = 0, truth_depth = 0;
-  bool truth_cloud = false;
-};
-
-Found found_in(const Scene& scene) {
-  Found out;
-  out.frames = scene.frames.size();
-  for (const SceneFrame& frame : scene.frames) out.detections += frame.vehicles.size();
-  if (!scene.truth) return out;
-  for (const TruthFrame& frame : scene.truth->frames) {
-    out.truth_vehicles += frame.vehicles.size();
-    out.truth_poses += frame.world_from_camera ? 1 : 0;
-    out.truth_depth += frame.depth.empty() ? 0 : 1;
-  }
-  out.truth_cloud = !scene.truth->cloud.empty();
-  return out;
-}
-
-/// "1 frame", "2 frames".
-std::string counted(std::size_t count, const std::string& one) {
-  return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
-}
-
-std::string describe(const Scene& scene, const Found& found) {
-  std::string out = counted(found.frames, "frame");
-  if (found.frames > 1) {
-    out += fmt::format(" ({} to {})", scene.frames.front().id, scene.frames.back().id);
-  }
-  out += ", " + counted(found.detections, "detection");
-  if (found.detections > 0 && !scene.detections_source.empty()) {
-    out += " (" + scene.detections_source + ")";
-  }
-  std::vector<std::string> truth;
-  const auto add = [&](std::size_t count, const char* one) {
-    if (count > 0) truth.push_back(counted(count, one));
-  };
-  add(found.truth_vehicles, "vehicle");
-  add(found.truth_poses, "pose");
-  add(found.truth_depth, "depth image");
-  if (found.truth_cloud) truth.emplace_back("a cloud");
-  return out + "; truth: " + (truth.empty() ? "none" : fmt::format("{}", fmt::join(truth, ", ")));
-}
-
-/// One line on stderr unless --quiet; with --json the same as JSON on stdout.
-void report(const Command& command, const Scene& scene, const fs::path& manifest, json options,
-            bool as_json, const Timings& timings) {
-  const Found found = found_in(scene);
-  if (!command.common.quiet) {
-    fmt::print(stderr, "camber: {}: {}\n", manifest.string(), describe(scene, found));
-  }
-  if (!as_json) return;
-  json ids = json::array();
-  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
-  json out = {{"version", kVersion},
-              {"seed", command.common.seed},
-              {"options", std::move(options)},
-              {"scene", manifest.string()},
-              {"name", scene.name},
-              {"frames", std::move(ids)},
-              {"detections", found.detections},
-              {"detections_source", scene.detections_source},
-              {"truth",
-               {{"vehicles", found.truth_vehicles},
-                {"poses", found.truth_poses},
-                {"depth", found.truth_depth},
-                {"cloud", found.truth_cloud}}}};
-  out["timings_ms"] = json::object();
-  for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
-  fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
-}
-
 struct KittiArguments {
   KittiImportOptions options;
   std::string images, labels, poses, velodyne, detections, out;
   std::vector<std::string> calibration;
   int camera = -1;
+  double height_sigma = 0.0;
   int reference_frame = -1;
   bool json = false;
 };
@@ -174,9 +63,11 @@ void register_kitti(App& import) {
   app.add_option("--camera", a.camera,
                  "camera of the images; default: by a folder name like image_02")
       ->check(in_range(0, 3));
-  app.add_option("--camera-height", a.options.camera_height, "metres above the road")
+  app.add_option("--height,--camera-height", a.options.camera_height, "metres above the road")
       ->check(positive_number())
       ->capture_default_str();
+  app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
+      ->check(positive_number());
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
       ->delimiter(',')
       ->capture_default_str();
@@ -193,26 +84,28 @@ void register_kitti(App& import) {
     options.velodyne = given.velodyne;
     options.detections = given.detections;
     if (given.camera >= 0) options.camera = given.camera;
+    if (given.height_sigma > 0.0) options.height_sigma = given.height_sigma;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
     options.validate();
     const fs::path manifest = manifest_of(given.out);
-    NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
+    NewFolder folder(folder_of(manifest));
     Timings timings;
     StageTimer timer(timings, "import");
     const Scene scene = import_kitti_to(options, manifest, make_warning_sink(command->common));
     timer.stop();
     folder.keep();
-    report(*command, scene, manifest,
-           {{"images", given.images},
-            {"calib", given.calibration},
-            {"labels", given.labels},
-            {"poses", given.poses},
-            {"velodyne", given.velodyne},
-            {"detections", given.detections},
-            {"detections_from_labels", options.detections_from_labels},
-            {"camera_height", options.camera_height},
-            {"classes", options.classes}},
-           given.json, timings);
+    report_import(*command, scene, manifest, {{}, missing_in(scene)},
+                  {{"images", given.images},
+                   {"calib", given.calibration},
+                   {"labels", given.labels},
+                   {"poses", given.poses},
+                   {"velodyne", given.velodyne},
+                   {"detections", given.detections},
+                   {"detections_from_labels", options.detections_from_labels},
+                   {"camera_height", options.camera_height},
+                   {"height_sigma", scene.height_sigma},
+                   {"classes", options.classes}},
+                  given.json, timings);
     return 0;
   };
 }
@@ -221,6 +114,7 @@ struct SynthiaSfArguments {
   SynthiaSfImportOptions options;
   std::string sequence, detections, out;
   double camera_height = 0.0;
+  double height_sigma = 0.0;
   double frame_rate = 0.0;
   int reference_frame = -1;
   bool json = false;
@@ -248,8 +142,10 @@ void register_synthia_sf(App& import) {
                  "files");
   app.add_flag("--segmentation-from-labels", a.options.segmentation_from_labels,
                "take the true labels as segmentation and say so");
-  app.add_option("--camera-height", a.camera_height,
+  app.add_option("--height,--camera-height", a.camera_height,
                  "metres above the road; without it results are up to scale")
+      ->check(positive_number());
+  app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number());
   app.add_option("--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
@@ -265,22 +161,25 @@ void register_synthia_sf(App& import) {
     options.detections = given.detections;
     if (given.camera_height > 0.0) options.camera_height = given.camera_height;
     if (given.frame_rate > 0.0) options.frame_rate = given.frame_rate;
+    if (given.height_sigma > 0.0) options.height_sigma = given.height_sigma;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
     options.validate();
     const fs::path manifest = manifest_of(given.out);
-    NewFolder folder(manifest.has_parent_path() ? manifest.parent_path() : fs::path("."));
+    NewFolder folder(folder_of(manifest));
     Timings timings;
     StageTimer timer(timings, "import");
     const Scene scene = import_synthia_sf_to(options, manifest, make_warning_sink(command->common));
     timer.stop();
     folder.keep();
-    report(*command, scene, manifest,
-           {{"sequence", given.sequence},
-            {"detections", given.detections},
-            {"segmentation_from_labels", options.segmentation_from_labels},
-            {"camera_height", given.camera_height > 0.0 ? json(given.camera_height) : json()},
-            {"classes", options.classes}},
-           given.json, timings);
+    report_import(
+        *command, scene, manifest, {{}, missing_in(scene)},
+        {{"sequence", given.sequence},
+         {"detections", given.detections},
+         {"segmentation_from_labels", options.segmentation_from_labels},
+         {"camera_height", given.camera_height > 0.0 ? json(given.camera_height) : json()},
+         {"height_sigma", scene.height_sigma},
+         {"classes", options.classes}},
+        given.json, timings);
     return 0;
   };
 }
@@ -288,8 +187,12 @@ void register_synthia_sf(App& import) {
 }  // namespace
 
 void register_import(App& root) {
-  App* import = root.add_subcommand("import", "Writes scene manifests for other data sets");
+  App* import =
+      root.add_subcommand("import", "Writes scene manifests for your own images and for data sets");
   import->require_subcommand();
+  register_import_images(*import);
+  register_import_video(*import);
+  register_import_colmap(*import);
   register_kitti(*import);
   register_synthia_sf(*import);
 }

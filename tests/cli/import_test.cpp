@@ -83,8 +83,9 @@ TEST_F(ImportKitti, WritesAManifestAndSaysWhatItFound) {
   EXPECT_EQ(result.exit_code, 0) << result.error;
   EXPECT_EQ(result.out, "");
   EXPECT_EQ(result.error, "camber: " + path("out/scene.json") +
-                              ": 2 frames (0 to 2), 1 detection (truth_boxes); truth: 1 vehicle, 2 "
-                              "poses\n");
+                              ": 2 frames (0 to 2) of 80 x 60 pixels, 1 detection (truth_boxes); "
+                              "truth: 1 vehicle, 2 poses\n"
+                              "  missing: no masks: the road is found by geometry alone\n");
   const Scene scene = read_scene(path("out/scene.json"));
   EXPECT_EQ(scene.frames.size(), 2u);
   EXPECT_EQ(scene.detections_source, "truth_boxes");
@@ -98,6 +99,13 @@ TEST_F(ImportKitti, WritesAManifestAndSaysWhatItFound) {
                 .exit_code,
             0);
   EXPECT_TRUE(fs::exists(path("new/deep/scene.json")));
+}
+
+TEST_F(ImportKitti, TheHeightHasTwoNamesAndASigma) {
+  ASSERT_EQ(import({"--height", "1.7", "--height-sigma", "0.05"}).exit_code, 0);
+  EXPECT_EQ(read_scene(path("out")).height_above_road, 1.7);
+  EXPECT_EQ(read_scene(path("out")).height_sigma, 0.05);
+  expect_refused({"--height-sigma", "0"}, "--height-sigma");
 }
 
 TEST_F(ImportKitti, SaysWhatItFoundAsJson) {
@@ -115,7 +123,9 @@ TEST_F(ImportKitti, SaysWhatItFoundAsJson) {
             nlohmann::json({{"vehicles", 1}, {"poses", 0}, {"depth", 0}, {"cloud", false}}));
   EXPECT_EQ(found["options"]["labels"], path("labels.txt"));
   const auto plain = import({});
-  EXPECT_THAT(plain.error, ::testing::EndsWith(": 3 frames (0 to 2), 0 detections; truth: none\n"));
+  EXPECT_THAT(plain.error, ::testing::HasSubstr(
+                               ": 3 frames (0 to 2) of 80 x 60 pixels, 0 detections; truth: none\n"
+                               "  missing: no boxes"));
 }
 
 TEST(ImportSynthiaSf, SaysWhatItFound) {
@@ -130,8 +140,11 @@ TEST(ImportSynthiaSf, SaysWhatItFound) {
   const auto run = run_camber({"import", "synthia-sf", "--sequence",
                                (folder.path() / "SEQ1").string(), "--out", manifest, "--json"});
   ASSERT_EQ(run.exit_code, 0) << run.error;
-  EXPECT_EQ(run.error,
-            "camber: " + manifest + ": 2 frames (3 to 4), 0 detections; truth: 2 depth images\n");
+  EXPECT_THAT(run.error, ::testing::StartsWith("camber: " + manifest +
+                                               ": 2 frames (3 to 4) of 64 x 36 pixels, 0 "
+                                               "detections; truth: 2 depth images\n"
+                                               "  missing: no camera height, speed or poses: the "
+                                               "result is up to scale (--height)\n"));
   const nlohmann::json found = nlohmann::json::parse(run.out);
   EXPECT_EQ(found["name"], "SEQ1");
   EXPECT_EQ(found["frames"], (std::vector<int>{3, 4}));

@@ -46,6 +46,9 @@ json whole_manifest() {
   out["camera"] = {{"width", 64}, {"height", 48}, {"fx", 50}, {"fy", 50}, {"cx", 32}, {"cy", 24}};
   out["camera"]["height_above_road"] = 1.5;
   out["camera"]["height_sigma"] = 0.02;
+  out["camera"]["distortion"] = {{"model", "none"}, {"coefficients", json::array()}};
+  out["camera"]["distortion"]["raw"] = {{"width", 64}, {"height", 48}, {"fx", 50},
+                                        {"fy", 50},    {"cx", 32},     {"cy", 24}};
   out["frame_rate"] = 10;
   out["reference_frame"] = 3;
   out["detections_source"] = "network";
@@ -59,6 +62,10 @@ json whole_manifest() {
                     {"road_mask", "c.png"},
                     {"ego_plane", plane},
                     {"world_from_camera", pose},
+                    {"up", {0, -1, 0}},
+                    {"up_sigma_deg", 0.5},
+                    {"speed", 12.5},
+                    {"speed_sigma", 0.25},
                     {"vehicles",
                      {{{"id", 1},
                        {"box", {1, 2, 3, 4}},

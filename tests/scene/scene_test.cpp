@@ -465,6 +465,40 @@ TEST_F(SceneFile, WritingAndReadingGivesTheSameScene) {
   EXPECT_EQ(read_scene(elsewhere).find_frame(4)->image, scene.find_frame(4)->image);
 }
 
+TEST_F(SceneFile, LensUpAndSpeedAreReadAndWritten) {
+  json manifest = full_manifest();
+  json raw = {{"width", 700}, {"height", 500}, {"fx", 510}, {"fy", 511}, {"cx", 350}, {"cy", 250}};
+  manifest["camera"]["distortion"] = {
+      {"model", "brown"}, {"coefficients", {-0.3, 0.1, 0.001, 0.002}}, {"raw", raw}};
+  manifest["frames"][0]["up"] = {0, -0.6, -0.8};
+  manifest["frames"][0]["speed"] = 12.0;
+  manifest["frames"][1]["speed"] = 1.0;
+  manifest["frames"][1]["speed_sigma"] = 0.5;
+  std::vector<std::string> warnings;
+  const Scene read =
+      read_scene(put(manifest), [&](const std::string& text) { warnings.push_back(text); });
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], ::testing::HasSubstr("distortion is not taken out"));
+  const fs::path again = folder_.path() / "again.json";
+  write_scene(read, again);
+  const Scene scene = read_scene(again);
+  EXPECT_EQ(scene.distortion.model, LensModel::kBrown);
+  EXPECT_EQ(scene.distortion.coefficients, (std::vector<double>{-0.3, 0.1, 0.001, 0.002}));
+  EXPECT_EQ(scene.distortion.raw.width, 700);
+  EXPECT_EQ(scene.distortion.raw.fy, 511.0);
+  const SceneFrame& frame = *scene.find_frame(manifest["frames"][0]["id"].get<int>());
+  EXPECT_EQ(frame.up, Eigen::Vector3d(0, -0.6, -0.8));
+  EXPECT_NEAR(frame.up_sigma, 0.2 * 3.14159265 / 180.0, 1e-5);
+  EXPECT_EQ(frame.speed, 12.0);
+  EXPECT_EQ(frame.speed_sigma, 0.24);
+  EXPECT_EQ(scene.find_frame(manifest["frames"][1]["id"].get<int>())->speed_sigma, 0.5);
+  manifest["camera"]["distortion"]["coefficients"] = {1, 2, 3};
+  EXPECT_THAT(error_of(manifest), ::testing::HasSubstr("camera.distortion.coefficients: found 3 "
+                                                       "coefficients, expected 4, 5 or 8"));
+  manifest["camera"]["distortion"]["model"] = "double sphere";
+  EXPECT_THAT(error_of(manifest), ::testing::HasSubstr("expected \"none\", \"brown\" or"));
+}
+
 TEST_F(SceneFile, WritingToAMissingFolderIsAnOutputError) {
   const Scene scene = read_scene(put(minimal_manifest()));
   EXPECT_THROW(write_scene(scene, folder_.path() / "none" / "scene.json"), OutputError);

@@ -1,5 +1,5 @@
-// The functions of the library that call OpenCV's videoio, as the other plugins have them: see
-// late_vtk.cpp.
+// The functions of the library that call OpenCV's videoio and FFmpeg, as the other plugins have
+// them: see late_vtk.cpp.
 
 #include "late_video.h"
 
@@ -24,6 +24,10 @@ std::unique_ptr<FilmEncoder> open_film_encoder(const std::filesystem::path& path
 
 int count_film_pictures(const std::filesystem::path& path, int enough) {
   return video().count_film_pictures(path, enough);
+}
+
+std::unique_ptr<VideoReader> open_video(const std::filesystem::path& path) {
+  return video().open_video(path);
 }
 
 }  // namespace camber

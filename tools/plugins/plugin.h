@@ -10,7 +10,7 @@ namespace camber::tools {
 ///   clouds  commands on clouds
 ///   frames  all other commands: OpenCV, without its image and video formats
 ///   vtk     text and 3D scenes
-///   video   films: OpenCV's videoio
+///   video   films and videos: OpenCV's videoio, FFmpeg
 ///
 /// @return what a plugin exports under that name, not nullptr.
 /// @throws MachineError if the plugin is not there, cannot be loaded, or is of another version.

@@ -3,7 +3,7 @@
 
 CAMBER_EXPORT const camber::tools::VideoFunctions* camber_video();
 CAMBER_EXPORT const camber::tools::VideoFunctions* camber_video() {
-  static const camber::tools::VideoFunctions functions = {camber::open_film_encoder,
-                                                          camber::count_film_pictures};
+  static const camber::tools::VideoFunctions functions = {
+      camber::open_film_encoder, camber::count_film_pictures, camber::open_video};
   return &functions;
 }

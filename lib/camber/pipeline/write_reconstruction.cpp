@@ -9,6 +9,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/evaluate/metrics.h"
 #include "camber/image/image_io.h"
+#include "camber/image/video.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/render/gltf.h"
 #include "camber/render/overlay.h"
@@ -27,7 +28,7 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
   };
   std::vector<fs::path> inputs = options.inputs;
   for (const SceneFrame& frame : scene.frames) {  // also what this run did not read
-    inputs.insert(inputs.end(), {frame.image, frame.segmentation, frame.road_mask});
+    inputs.insert(inputs.end(), {image_file_of(frame.image), frame.segmentation, frame.road_mask});
   }
   inputs.erase(std::remove(inputs.begin(), inputs.end(), fs::path()), inputs.end());
   AtomicFolder out(folder, options.overwrite, inputs);

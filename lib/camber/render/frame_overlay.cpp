@@ -4,6 +4,7 @@
 #include <string>
 
 #include "camber/core/errors.h"
+#include "camber/image/video.h"
 
 namespace camber {
 namespace {
@@ -32,7 +33,7 @@ Image draw_frame_overlay(const LoadedResult& result, int id, OverlayOptions opti
   if (!frame || frame->image.empty()) {
     throw NoAnswerError("the scene has no image of frame " + std::to_string(id));
   }
-  const Image photo = read_frame_image(frame->image, scene.camera).color;
+  const Image photo = FrameImageReader().read(frame->image, scene.camera).color;
   VehicleFrame none;
   const VehicleFrame* vehicles = &none;
   if (result.vehicles) {

@@ -349,6 +349,7 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
   scene.camera.cx = camera.cx;
   scene.camera.cy = camera.cy;
   scene.height_above_road = options.camera_height;
+  if (options.height_sigma) scene.height_sigma = *options.height_sigma;
   scene.frame_rate = options.frame_rate;
   for (const auto& [number, file] : images) {
     SceneFrame frame;

@@ -59,6 +59,7 @@ struct KittiImportOptions {
   std::optional<int> camera;            ///< 0 to 3; none: by a folder name like image_02
   std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
   double camera_height = 1.65;          ///< m above the road, > 0
+  std::optional<double> height_sigma;   ///< m, > 0; none: the manifest's default
   double frame_rate = 10.0;             ///< Hz, > 0
   /// Types that count as vehicles, in any case.
   std::vector<std::string> classes = {"car", "van", "truck", "bus"};

@@ -105,6 +105,7 @@ Scene import_synthia_sf_to(const SynthiaSfImportOptions& options, const fs::path
   if (!folder.has_filename()) folder = folder.parent_path();
   scene.name = options.name.empty() ? folder.filename().string() : options.name;
   scene.height_above_road = options.camera_height;
+  if (options.height_sigma) scene.height_sigma = *options.height_sigma;
   scene.frame_rate = options.frame_rate;
   for (const auto& [number, file] : images) {
     SceneFrame frame;

@@ -35,6 +35,7 @@ struct SynthiaSfImportOptions {
   /// marked in the manifest (segmentation_source "truth").
   bool segmentation_from_labels = false;
   std::optional<double> camera_height;  ///< m above the road, > 0; none: results up to scale
+  std::optional<double> height_sigma;   ///< m, > 0; none: the manifest's default
   std::optional<double> frame_rate;     ///< Hz, > 0; not in the data set
   std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
   std::vector<std::string> classes = {"car", "van", "truck", "bus"};  ///< of the detections

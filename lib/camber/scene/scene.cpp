@@ -23,6 +23,8 @@ constexpr int kFormatVersion = 1;
 constexpr int kMaxId = 2000000000;
 constexpr int kMaxImageSide = 65535;
 constexpr double kMaxIntrinsic = 1e7;  // pixels
+constexpr double kMaxSpeed = 1000.0;   // m/s
+constexpr double kRadians = 0.017453292519943295;  // of a degree
 
 Box2 read_box(const JsonCursor& cursor) {
   const std::vector<double> v = cursor.numbers(4, "4 [x1, y1, x2, y2]");
@@ -88,8 +90,8 @@ VehicleDetection read_detection(const JsonCursor& cursor, std::set<int>& seen) {
   return out;
 }
 
-PinholeCamera read_camera(const JsonCursor& cursor, Scene* scene) {
-  JsonObject object(cursor, "a camera {\"width\", \"height\", \"fx\", \"fy\", \"cx\", \"cy\"}");
+/// The six keys of a pinhole camera.
+PinholeCamera read_intrinsics(JsonObject& object) {
   PinholeCamera out;
   const char* pixels = "a whole number of pixels from 1 to 65535";
   const char* focal = "a positive number of pixels up to 1e7";
@@ -105,6 +107,46 @@ PinholeCamera read_camera(const JsonCursor& cursor, Scene* scene) {
   out.fy = read_focal("fy");
   out.cx = object.require("cx", center).in_range(-kMaxIntrinsic, kMaxIntrinsic, center);
   out.cy = object.require("cy", center).in_range(-kMaxIntrinsic, kMaxIntrinsic, center);
+  return out;
+}
+
+LensDistortion read_distortion(const JsonCursor& cursor, const PinholeCamera& camera) {
+  JsonObject object(cursor, "a distortion {\"model\", \"coefficients\"}");
+  const JsonCursor model = object.require("model", "\"none\", \"brown\" or \"fisheye\"");
+  LensDistortion out;
+  const std::string& name = model.text();
+  if (name == "brown") {
+    out.model = LensModel::kBrown;
+  } else if (name == "fisheye") {
+    out.model = LensModel::kFisheye;
+  } else if (name != "none") {
+    model.fail("\"none\", \"brown\" or \"fisheye\"");
+  }
+  const auto coefficients = object.find("coefficients");
+  if (coefficients) {
+    for (const JsonCursor& c : coefficients->items("an array of numbers")) {
+      out.coefficients.push_back(c.number());
+    }
+  }
+  out.raw = camera;
+  if (auto v = object.find("raw")) {
+    JsonObject raw(*v, "a camera {\"width\", \"height\", \"fx\", \"fy\", \"cx\", \"cy\"}");
+    out.raw = read_intrinsics(raw);
+    raw.note_unknown_keys();
+  }
+  try {
+    out.validate();
+  } catch (const std::invalid_argument& error) {
+    (coefficients ? *coefficients : cursor).fail_because(error.what());
+  }
+  object.note_unknown_keys();
+  return out;
+}
+
+PinholeCamera read_camera(const JsonCursor& cursor, Scene* scene) {
+  JsonObject object(cursor, "a camera {\"width\", \"height\", \"fx\", \"fy\", \"cx\", \"cy\"}");
+  const PinholeCamera out = read_intrinsics(object);
+  if (auto v = object.find("distortion")) scene->distortion = read_distortion(*v, out);
   if (auto v = object.find("height_above_road")) {
     scene->height_above_road = v->positive("a positive number of metres");
   }
@@ -205,6 +247,11 @@ class ManifestReader {
     root.note_unknown_keys();
     context_.report_unknown(warn_);
     warn_about_segmentation(scene);
+    if (warn_ && scene.distortion.model != LensModel::kNone) {
+      warn_(fmt::format("{}: camera.distortion: images are taken as they are, the lens's distortion "
+                        "is not taken out",
+                        context_.file));
+    }
     return scene;
   }
 
@@ -241,6 +288,17 @@ class ManifestReader {
     if (auto v = object.find("road_mask")) out.road_mask = resolve(*v);
     if (auto v = object.find("ego_plane")) out.ego_plane = read_plane(*v, true);
     if (auto v = object.find("world_from_camera")) out.world_from_camera = v->pose();
+    if (auto v = object.find("up")) out.up = v->unit_vector();
+    if (auto v = object.find("up_sigma_deg")) {
+      out.up_sigma = v->positive("a positive number of degrees") * kRadians;
+    }
+    if (auto v = object.find("speed")) {
+      out.speed = v->in_range(0.0, kMaxSpeed, "a speed from 0 to 1000 m/s");
+      out.speed_sigma = default_speed_sigma(*out.speed);
+    }
+    if (auto v = object.find("speed_sigma")) {
+      out.speed_sigma = v->positive("a positive number of m/s");
+    }
     if (auto v = object.find("vehicles")) {
       std::set<int> seen;
       for (const JsonCursor& vehicle : v->items("an array of vehicles")) {
@@ -326,6 +384,12 @@ json plane_json(const Plane& plane) {
   return {{"normal", vector_json(plane.normal)}, {"offset", number_json(plane.offset)}};
 }
 
+json intrinsics_json(const PinholeCamera& camera) {
+  return {{"width", camera.width},        {"height", camera.height},
+          {"fx", number_json(camera.fx)}, {"fy", number_json(camera.fy)},
+          {"cx", number_json(camera.cx)}, {"cy", number_json(camera.cy)}};
+}
+
 json box_json(const Box2& box) {
   return json::array(
       {number_json(box.x1), number_json(box.y1), number_json(box.x2), number_json(box.y2)});
@@ -408,6 +472,8 @@ std::vector<std::string> split(const std::string& text, char separator) {
 
 }  // namespace
 
+double default_speed_sigma(double speed) { return std::max(0.1, 0.02 * speed); }
+
 const SceneFrame* Scene::find_frame(int id) const {
   const auto at =
       std::lower_bound(frames.begin(), frames.end(), id,
@@ -426,10 +492,13 @@ void write_scene(const Scene& scene, const fs::path& path) {
   const fs::path folder = fs::absolute(path).lexically_normal().parent_path();
   json out = {{"format", kFormat}, {"version", kFormatVersion}};
   if (!scene.name.empty()) out["name"] = scene.name;
-  const PinholeCamera& camera = scene.camera;
-  out["camera"] = {{"width", camera.width},        {"height", camera.height},
-                   {"fx", number_json(camera.fx)}, {"fy", number_json(camera.fy)},
-                   {"cx", number_json(camera.cx)}, {"cy", number_json(camera.cy)}};
+  out["camera"] = intrinsics_json(scene.camera);
+  if (scene.distortion.model != LensModel::kNone) {
+    json& lens = out["camera"]["distortion"];
+    lens["model"] = to_string(scene.distortion.model);
+    lens["coefficients"] = scene.distortion.coefficients;
+    lens["raw"] = intrinsics_json(scene.distortion.raw);
+  }
   if (scene.height_above_road) {
     out["camera"]["height_above_road"] = *scene.height_above_road;
     if (scene.height_sigma != Scene().height_sigma) {
@@ -453,6 +522,14 @@ void write_scene(const Scene& scene, const fs::path& path) {
     if (frame.ego_plane) f["ego_plane"] = plane_json(*frame.ego_plane);
     if (frame.world_from_camera)
       f["world_from_camera"] = matrix_json(frame.world_from_camera->matrix());
+    if (frame.up) {
+      f["up"] = vector_json(*frame.up);
+      f["up_sigma_deg"] = number_json(frame.up_sigma / kRadians);
+    }
+    if (frame.speed) {
+      f["speed"] = number_json(*frame.speed);
+      f["speed_sigma"] = number_json(frame.speed_sigma);
+    }
     if (!frame.vehicles.empty()) {
       json vehicles = json::array();
       for (const VehicleDetection& vehicle : frame.vehicles)

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/geometry/lens_distortion.h"
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/geometry/plane.h"
 #include "camber/geometry/se3.h"
@@ -15,7 +16,8 @@
 namespace camber {
 
 /// One image of a scene with what is known about it. Paths are absolute or relative to the working
-/// folder (the reader has resolved them against the manifest); empty: not given.
+/// folder (the reader has resolved them against the manifest); empty: not given. An image may be a
+/// frame of a video, "drive.mp4#120" (image/video.h).
 struct SceneFrame {
   int id = 0;
   std::optional<double> time_s;
@@ -24,6 +26,10 @@ struct SceneFrame {
   std::filesystem::path road_mask;       ///< non-zero is road
   std::optional<Plane> ego_plane;        ///< given, camera frame
   std::optional<SE3> world_from_camera;  ///< known pose
+  std::optional<Eigen::Vector3d> up;     ///< gravity's up, unit, camera frame
+  double up_sigma = 0.0035;              ///< rad, standard deviation about each axis; 0.2 degrees
+  std::optional<double> speed;           ///< m/s, of the camera, >= 0
+  double speed_sigma = 0.0;              ///< m/s, > 0 where there is a speed
   std::vector<VehicleDetection> vehicles;
 };
 
@@ -57,10 +63,14 @@ struct SceneTruth {
   std::optional<int> cloud_frame;  ///< frame id in whose camera the cloud is
 };
 
+/// The standard deviation of a speed that states none: 2 %, at least 0.1 m/s.
+double default_speed_sigma(double speed);
+
 /// A scene manifest (scene.json, format "camber-scene", version 1).
 struct Scene {
   std::string name;
   PinholeCamera camera;
+  LensDistortion distortion;                ///< of the image files; model kNone: none is given
   std::optional<double> height_above_road;  ///< m; none: results are up to scale
   double height_sigma = 0.01;               ///< m, standard deviation of height_above_road, > 0
   std::optional<double> frame_rate;         ///< Hz

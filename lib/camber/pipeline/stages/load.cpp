@@ -1,11 +1,13 @@
 #include "camber/pipeline/stages/load.h"
 
+#include <set>
 #include <stdexcept>
 
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
+#include "camber/image/video.h"
 
 namespace camber::stages {
 namespace {
@@ -74,21 +76,34 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   out.gray.resize(count);
   out.color.resize(count);
   out.masks.resize(count);
-  std::vector<std::vector<std::pair<std::string, std::string>>> hashes(count);
-  parallel_for(count, options.num_threads, [&](std::size_t k) {
+  std::vector<std::filesystem::path> paths;
+  std::vector<std::set<std::filesystem::path>> read(
+      count);  // files, of a video with its first frame
+  std::set<std::filesystem::path> videos;
+  for (std::size_t k = 0; k < count; ++k) {
     const SceneFrame& frame = out.frames[k];
     if (frame.image.empty()) {
       throw NoAnswerError("frame " + std::to_string(frame.id) +
                           " has no image in the manifest; reconstruction needs images");
     }
-    FrameImage image = read_frame_image(frame.image, scene.camera);
-    out.gray[k] = std::move(image.gray);
-    out.color[k] = std::move(image.color);
+    paths.push_back(frame.image);
+    const auto video = video_frame_name(frame.image);
+    if (!video || videos.insert(video->file).second) read[k].insert(image_file_of(frame.image));
+  }
+  std::vector<FrameImage> images = read_frame_images(paths, scene.camera, options.num_threads);
+  std::vector<std::vector<std::pair<std::string, std::string>>> hashes(count);
+  parallel_for(count, options.num_threads, [&](std::size_t k) {
+    const SceneFrame& frame = out.frames[k];
+    out.gray[k] = std::move(images[k].gray);
+    out.color[k] = std::move(images[k].color);
     out.masks[k] = read_masks(scene, frame, options.use_masks);
-    for (const auto& path : {frame.image, frame.segmentation, frame.road_mask}) {
-      const bool read = options.use_masks || path == frame.image;
-      if (read && !path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
-    }
+    const auto hash = [&](const std::filesystem::path& path) {
+      if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
+    };
+    for (const auto& path : read[k]) hash(path);
+    if (!options.use_masks) return;
+    hash(frame.segmentation);
+    hash(frame.road_mask);
   });
   for (auto& list : hashes) {
     out.input_hashes.insert(out.input_hashes.end(), list.begin(), list.end());

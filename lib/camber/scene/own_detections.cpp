@@ -1,0 +1,245 @@
+// Boxes of other programs, given to the frames that they belong to.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "camber/core/errors.h"
+#include "camber/core/read_file.h"
+#include "camber/scene/detail/own_data.h"
+#include "camber/scene/formats/detections.h"
+#include "camber/scene/import_common.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+/// The frames by the names and numbers that detection files use for them.
+class FrameIndex {
+ public:
+  explicit FrameIndex(const Scene& scene) {
+    for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+      const fs::path& image = scene.frames[i].image;
+      names_[image.filename().string()] = i;
+      stems_[image.stem().string()] = i;
+      ids_[scene.frames[i].id] = i;
+      if (const auto number = trailing_number(image.stem().string())) numbers_.emplace(*number, i);
+    }
+    unique_numbers_ = numbers_.size() == scene.frames.size();
+  }
+
+  std::optional<std::size_t> by_name(const std::string& text) const {
+    const fs::path name = fs::path(text).filename();
+    if (const auto at = names_.find(name.string()); at != names_.end()) return at->second;
+    if (const auto at = stems_.find(name.string()); at != stems_.end()) return at->second;
+    if (const auto at = stems_.find(name.stem().string()); at != stems_.end()) return at->second;
+    // Roboflow writes "name_jpg.rf.HASH.jpg".
+    const std::size_t mark = text.find(".rf.");
+    if (mark == std::string::npos) return std::nullopt;
+    std::string stem = fs::path(text.substr(0, mark)).filename().string();
+    const std::size_t end = stem.rfind('_');
+    if (end != std::string::npos) stem.resize(end);
+    const auto at = stems_.find(stem);
+    return at == stems_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+  }
+
+  /// By the last number in the file name, where all frames have different ones; else by id.
+  std::optional<std::size_t> by_number(std::int64_t number) const {
+    if (unique_numbers_) {
+      const auto at = numbers_.find(number);
+      return at == numbers_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+    }
+    const auto at = ids_.find(number);
+    return at == ids_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+  }
+
+ private:
+  static std::optional<std::int64_t> trailing_number(const std::string& stem) {
+    std::size_t end = stem.size();
+    while (end > 0 && (stem[end - 1] < '0' || stem[end - 1] > '9')) --end;
+    std::size_t start = end;
+    while (start > 0 && stem[start - 1] >= '0' && stem[start - 1] <= '9') --start;
+    if (start == end || end - start > 15) return std::nullopt;
+    return std::stoll(stem.substr(start, end - start));
+  }
+
+  std::map<std::string, std::size_t> names_, stems_;
+  std::map<std::int64_t, std::size_t> numbers_, ids_;
+  bool unique_numbers_ = false;
+};
+
+/// The class of Camber's priors for a name of other programs: "vehicle.car" and "Car" are cars.
+std::string vehicle_class_of(const std::string& name) {
+  std::string lower = lower_case(name);
+  static const std::map<std::string, std::string> others = {{"vehicle.car", "car"},
+                                                            {"vehicle.truck", "truck"},
+                                                            {"vehicle.bus.rigid", "bus"},
+                                                            {"vehicle.bus.bendy", "bus"},
+                                                            {"automobile", "car"},
+                                                            {"suv", "car"},
+                                                            {"sedan", "car"},
+                                                            {"lorry", "truck"},
+                                                            {"minivan", "van"},
+                                                            {"vehicle.van", "van"},
+                                                            {"pickup", "truck"},
+                                                            {"pickup truck", "truck"},
+                                                            {"vehicle", "car"},
+                                                            {"object--vehicle--car", "car"},
+                                                            {"object--vehicle--truck", "truck"},
+                                                            {"object--vehicle--bus", "bus"}};
+  const auto at = others.find(lower);
+  return at == others.end() ? lower : at->second;
+}
+
+/// What became of the boxes, for one phrase.
+struct Tally {
+  std::size_t taken = 0, other_class = 0, unscored = 0, outside = 0, clipped = 0, no_frame = 0;
+  std::set<std::string> other_names;
+  bool by_number_without_class = false;
+};
+
+/// A box clipped to the image; nothing if none of it lies inside.
+std::optional<Box2> clipped(const Box2& box, const PinholeCamera& camera, bool* changed) {
+  const double right = camera.width, bottom = camera.height;
+  const Box2 out{std::clamp(box.x1, 0.0, right), std::clamp(box.y1, 0.0, bottom),
+                 std::clamp(box.x2, 0.0, right), std::clamp(box.y2, 0.0, bottom)};
+  if (!(out.x2 - out.x1 >= 1.0 && out.y2 - out.y1 >= 1.0)) return std::nullopt;
+  // A border of a pixel is a matter of how edges are counted.
+  *changed = box.x1 < -1.0 || box.y1 < -1.0 || box.x2 > right + 1.0 || box.y2 > bottom + 1.0;
+  return out;
+}
+
+void put_boxes(const DetectedImage& image, const OwnDetections& options,
+               const PinholeCamera& camera, const std::set<std::string>& classes, SceneFrame& frame,
+               Tally& tally) {
+  int next = 0;
+  std::set<int> ids;
+  for (const VehicleDetection& v : frame.vehicles) next = std::max(next, v.id + 1);
+  for (const DetectedBox& box : image.boxes) {
+    std::string name = vehicle_class_of(box.class_name);
+    if (name.empty() && (!box.class_number || *box.class_number < 0)) {
+      name = options.default_class;
+      tally.by_number_without_class = true;
+    }
+    if (box.ignored || !classes.count(name)) {
+      ++tally.other_class;
+      if (!box.ignored && tally.other_names.size() < 5) {
+        tally.other_names.insert(!name.empty()      ? name
+                                 : box.class_number ? std::to_string(*box.class_number)
+                                                    : "no class");
+      }
+      continue;
+    }
+    if (!std::isnan(box.score) && box.score >= 0.0 && box.score < options.least_score) {
+      ++tally.unscored;
+      continue;
+    }
+    bool changed = false;
+    const auto inside = clipped(box.box, camera, &changed);
+    if (!inside) {
+      ++tally.outside;
+      continue;
+    }
+    tally.clipped += changed ? 1 : 0;
+    VehicleDetection out;
+    out.id = next++;
+    out.vehicle_class = name;
+    out.box = *inside;
+    if (!std::isnan(box.score) && box.score >= 0.0) out.score = box.score;
+    if (box.track >= 0 && box.track <= 2000000000) out.track = static_cast<int>(box.track);
+    frame.vehicles.push_back(std::move(out));
+    ++tally.taken;
+  }
+}
+
+/// MOT counts frames from 1, the others from 0 or by the file's number.
+std::optional<std::size_t> frame_of(const DetectedImage& image, DetectionForm form,
+                                    const FrameIndex& index, std::size_t frames) {
+  if (!image.file_name.empty()) {
+    if (const auto at = index.by_name(image.file_name)) return at;
+  }
+  if (!image.number) return std::nullopt;
+  const bool by_place = form == DetectionForm::kMot || form == DetectionForm::kCvatVideo;
+  if (by_place) {
+    const std::int64_t at = *image.number - (form == DetectionForm::kMot ? 1 : 0);
+    if (at < 0 || at >= static_cast<std::int64_t>(frames)) return std::nullopt;
+    return static_cast<std::size_t>(at);
+  }
+  if (!image.file_name.empty() && form != DetectionForm::kBdd) return std::nullopt;
+  return index.by_number(*image.number);
+}
+
+}  // namespace
+
+void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& out) {
+  const FrameIndex index(scene);
+  DetectionOptions reading;
+  reading.class_names = options.class_names;
+  const std::pair<int, int> size = {scene.camera.width, scene.camera.height};
+  reading.image_size = [&](const std::string&) { return std::make_optional(size); };
+  const DetectionFile file = read_detections(options.file, reading);
+  std::set<std::string> classes;
+  for (const std::string& name : options.classes) classes.insert(lower_case(name));
+  Tally tally;
+  std::size_t images = 0;
+  for (const DetectedImage& image : file.images) {
+    const auto at = frame_of(image, file.form, index, scene.frames.size());
+    if (!at) {
+      tally.no_frame += 1;
+      continue;
+    }
+    ++images;
+    if (image.width && image.height &&
+        (*image.width != scene.camera.width || *image.height != scene.camera.height)) {
+      throw InputError(
+          options.file.string(),
+          fmt::format(
+              "found boxes of an image of {} x {} pixels for {}, expected the images' {} x {}",
+              *image.width, *image.height, printable(image.file_name), scene.camera.width,
+              scene.camera.height));
+    }
+    put_boxes(image, options, scene.camera, classes, scene.frames[*at], tally);
+  }
+  if (images == 0 && file.box_count() > 0) {
+    const DetectedImage& first = file.images.front();
+    throw InputError(
+        options.file.string(),
+        fmt::format("found boxes of {} images (the first is {}), none of which is among the frames",
+                    file.images.size(),
+                    first.file_name.empty() ? std::to_string(first.number.value_or(0))
+                                            : printable(first.file_name)));
+  }
+  if (tally.taken == 0 && tally.outside > 0) {
+    throw InputError(
+        options.file.string(),
+        fmt::format(
+            "found {} boxes wholly outside the images of {} x {} pixels, expected boxes in them",
+            tally.outside, scene.camera.width, scene.camera.height));
+  }
+  scene.detections_source = options.source;
+  std::string phrase =
+      fmt::format("{} boxes from {} ({})", tally.taken,
+                  printable(options.file.filename().string(), 64), to_string(file.form));
+  const auto add = [&](std::size_t count, const std::string& what) {
+    if (count > 0) phrase += fmt::format(", {} {}", count, what);
+  };
+  std::string names;
+  for (const std::string& name : tally.other_names)
+    names += (names.empty() ? "" : ", ") + printable(name);
+  add(tally.other_class, "of other classes left out" + (names.empty() ? "" : " (" + names + ")"));
+  add(tally.unscored, "below the least score left out");
+  add(tally.outside, "outside the image left out");
+  add(tally.clipped, "clipped to the image");
+  add(tally.no_frame, "images of the file are not among the frames");
+  for (const auto& [kind, count] : file.other_shapes)
+    add(static_cast<std::size_t>(count), printable(kind));
+  if (tally.by_number_without_class)
+    phrase += ", without classes: all taken as " + options.default_class;
+  out.found.push_back(phrase);
+}
+
+}  // namespace camber

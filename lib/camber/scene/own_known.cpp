@@ -1,0 +1,419 @@
+// Masks, poses, speeds and directions of gravity, given to the frames that they belong to.
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <set>
+
+#include "camber/core/errors.h"
+#include "camber/core/read_file.h"
+#include "camber/image/image_io.h"
+#include "camber/scene/detail/own_data.h"
+#include "camber/scene/formats/class_map.h"
+#include "camber/scene/formats/frame_files.h"
+#include "camber/scene/formats/trajectory.h"
+#include "camber/scene/import_common.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+/// The share of a file's name that an image and its mask have in common.
+std::string shared_stem(const fs::path& file) {
+  std::string stem = file.stem().string();
+  for (const char* suffix :
+       {"_gtFine_labelIds", "_gtFine_labelTrainIds", "_gtFine_color", "_leftImg8bit", "_train_id",
+        "_drivable_id", "_drivable_color", "_train_color", "_labelIds", "_label", "_mask", "_seg",
+        "_road", "_color"}) {
+    const std::string end = suffix;
+    if (stem.size() > end.size() && stem.compare(stem.size() - end.size(), end.size(), end) == 0) {
+      return stem.substr(0, stem.size() - end.size());
+    }
+  }
+  // KITTI road: um_000000 and um_road_000000.
+  const std::size_t road = stem.find("_road_");
+  if (road != std::string::npos) stem.erase(road, 5);
+  return stem;
+}
+
+std::map<std::string, fs::path> masks_in(const fs::path& folder) {
+  std::map<std::string, fs::path> out;
+  std::error_code error;
+  if (!fs::is_directory(folder, error))
+    throw InputError(folder.string(), "is not a folder, expected a folder of masks");
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    if (lower_case(at->path().extension().string()) == ".png")
+      out.emplace(shared_stem(at->path()), at->path());
+  }
+  if (out.empty())
+    throw InputError(folder.string(),
+                     "found no PNG image, expected one mask a frame, named as its image");
+  return out;
+}
+
+ClassMap class_map_of(const std::string& name) {
+  if (const auto known = named_class_map(name)) return *known;
+  std::error_code error;
+  if (!fs::exists(name, error)) {
+    throw UsageError(fmt::format("--class-map {}: no such file, and none of the names {}, binary",
+                                 printable(name), fmt::join(class_map_names(), ", ")));
+  }
+  return read_class_map(name);
+}
+
+constexpr int kRoadLabel = 1, kPavementLabel = 2, kVehicleLabel = 3;  // of masks that Camber writes
+
+int label_of(MaskRole role) {
+  switch (role) {
+    case MaskRole::kRoad:
+      return kRoadLabel;
+    case MaskRole::kPavement:
+      return kPavementLabel;
+    case MaskRole::kVehicle:
+      return kVehicleLabel;
+    case MaskRole::kOther:
+      break;
+  }
+  return 0;
+}
+
+/// Label values by role; the first of `use_train_ids` that fits the image decides nothing here.
+std::map<std::string, std::vector<int>> values_by_role(const ClassMap& classes, bool train_ids) {
+  std::map<std::string, std::vector<int>> out;
+  for (const MaskClass& one : classes.classes) {
+    const std::optional<int>& id = train_ids ? one.train_id : one.id;
+    if (!id || *id < 0 || *id > 255) continue;
+    const MaskRole role = role_of_class(one.name);
+    const char* name = role == MaskRole::kRoad       ? "road"
+                       : role == MaskRole::kPavement ? "pavement"
+                                                     : "vehicle";
+    std::vector<int>& list = out[name];
+    if (role != MaskRole::kOther && std::find(list.begin(), list.end(), *id) == list.end())
+      list.push_back(*id);
+  }
+  for (auto at = out.begin(); at != out.end();)
+    at = at->second.empty() ? out.erase(at) : std::next(at);
+  return out;
+}
+
+}  // namespace
+
+Image labels_of_colors(const fs::path& mask, const ClassMap& classes, const PinholeCamera& camera) {
+  const Image colors = read_color_image(mask);
+  if (colors.width != camera.width || colors.height != camera.height) {
+    throw InputError(mask.string(),
+                     fmt::format("found an image of {} x {} pixels, expected the camera's {} x {}",
+                                 colors.width, colors.height, camera.width, camera.height));
+  }
+  std::map<int, int> label_by_color;
+  for (const MaskClass& one : classes.classes) {
+    if (one.color)
+      label_by_color.emplace((*one.color)[0] << 16 | (*one.color)[1] << 8 | (*one.color)[2],
+                             label_of(role_of_class(one.name)));
+  }
+  Image out{colors.width, colors.height, 1, {}};
+  out.data.resize(static_cast<std::size_t>(out.width) * out.height);
+  std::size_t unknown = 0;
+  int last = -1, last_label = 0;
+  for (std::size_t i = 0; i < out.data.size(); ++i) {
+    const std::uint8_t* p = &colors.data[3 * i];
+    const int color = p[0] << 16 | p[1] << 8 | p[2];
+    if (color != last) {
+      const auto at = label_by_color.find(color);
+      last = color;
+      last_label = at == label_by_color.end() ? -1 : at->second;
+    }
+    unknown += last_label < 0 ? 1 : 0;
+    out.data[i] = static_cast<std::uint8_t>(std::max(0, last_label));
+  }
+  if (2 * unknown > out.data.size()) {
+    throw InputError(
+        mask.string(),
+        fmt::format("found {:.0f} % of the pixels in colours that the class map does not have, "
+                    "expected its colours",
+                    100.0 * static_cast<double>(unknown) / static_cast<double>(out.data.size())));
+  }
+  return out;
+}
+
+namespace {
+
+/// A value between two samples of rising time; nothing outside, or in a gap of more than `gap`.
+template <typename Samples>
+std::optional<std::pair<std::size_t, double>> place_in(const Samples& samples, double time,
+                                                       double gap) {
+  const auto after =
+      std::lower_bound(samples.begin(), samples.end(), time,
+                       [](const auto& sample, double t) { return sample.time_s < t; });
+  if (after == samples.end()) return std::nullopt;
+  if (after->time_s == time)
+    return std::make_pair(static_cast<std::size_t>(after - samples.begin()), 0.0);
+  if (after == samples.begin()) return std::nullopt;
+  const auto before = after - 1;
+  const double span = after->time_s - before->time_s;
+  if (!(span > 0.0 && span <= gap)) return std::nullopt;
+  return std::make_pair(static_cast<std::size_t>(before - samples.begin()),
+                        (time - before->time_s) / span);
+}
+
+/// Refuses where no frame got anything, with the ranges of both clocks.
+template <typename Samples>
+void require_some(std::size_t count, const Scene& scene, const Samples& samples,
+                  const fs::path& file, const char* what, const char* offset) {
+  if (count > 0) return;
+  const bool timed = std::all_of(scene.frames.begin(), scene.frames.end(),
+                                 [](const SceneFrame& f) { return f.time_s.has_value(); });
+  if (!timed)
+    throw UsageError(
+        fmt::format("{} are joined by time and the frames have none: expected --rate, --times or "
+                    "--times-from-names",
+                    what));
+  throw InputError(
+      file.string(),
+      fmt::format(
+          "found times from {:.3f} to {:.3f} s, expected those of the frames, {:.3f} to {:.3f} s{}",
+          samples.front().time_s, samples.back().time_s, *scene.frames.front().time_s,
+          *scene.frames.back().time_s, offset));
+}
+
+void put_oxts_speeds(Scene& scene, const std::vector<OxtsRecord>& records, std::size_t* count) {
+  std::map<int, const OxtsRecord*> by_number;
+  for (const OxtsRecord& record : records) by_number[record.number] = &record;
+  for (SceneFrame& frame : scene.frames) {
+    const auto at = by_number.find(frame.id);
+    if (at == by_number.end()) continue;
+    frame.speed = std::abs(at->second->forward_speed);
+    frame.speed_sigma = default_speed_sigma(*frame.speed);
+    ++*count;
+  }
+}
+
+}  // namespace
+
+void put_own_masks(Scene& scene, const fs::path& folder, const std::string& class_map,
+                   OwnImport& out) {
+  const auto masks = masks_in(folder);
+  const bool binary = class_map == "binary";
+  const ClassMap classes = binary ? ClassMap() : class_map_of(class_map);
+  std::size_t count = 0;
+  bool colors = false, train_ids = false;
+  for (SceneFrame& frame : scene.frames) {
+    const auto at = masks.find(shared_stem(frame.image));
+    if (at == masks.end()) continue;
+    const ImageInfo info = read_image_info(at->second);
+    if (info.width != scene.camera.width || info.height != scene.camera.height) {
+      throw InputError(
+          at->second.string(),
+          fmt::format("found an image of {} x {} pixels, expected the camera's {} x {}", info.width,
+                      info.height, scene.camera.width, scene.camera.height));
+    }
+    if (count++ == 0) {
+      colors = !binary && (info.channels >= 3 || info.palette || !classes.has_ids());
+      train_ids = at->second.stem().string().find("rainId") != std::string::npos;
+    }
+    if (binary) {
+      frame.road_mask = at->second;
+    } else if (colors) {
+      out.conversions.push_back({frame.id, at->second});
+    } else {
+      frame.segmentation = at->second;
+    }
+  }
+  if (count == 0) {
+    throw InputError(
+        folder.string(),
+        fmt::format("found {} masks, none of which is named as one of the images", masks.size()));
+  }
+  if (!binary) {
+    if (colors && !classes.has_colors()) {
+      throw InputError(folder.string(),
+                       "found masks in colours, expected a class map with colours");
+    }
+    out.mask_classes = classes;
+    scene.segmentation_classes =
+        colors ? std::map<std::string, std::vector<int>>{{"road", {kRoadLabel}},
+                                                         {"pavement", {kPavementLabel}},
+                                                         {"vehicle", {kVehicleLabel}}}
+               : values_by_role(classes, train_ids);
+    const bool road =
+        std::any_of(classes.classes.begin(), classes.classes.end(),
+                    [](const MaskClass& c) { return role_of_class(c.name) == MaskRole::kRoad; });
+    if (!road) throw InputError(class_map, "found no class of the road, expected one named road");
+  }
+  out.found.push_back(fmt::format("{} masks of {} frames, classes {}", count, scene.frames.size(),
+                                  printable(class_map, 64)));
+}
+
+void put_own_poses(Scene& scene, const fs::path& file, double scale, OwnImport& out) {
+  const PoseFile read = read_poses(file);
+  std::size_t count = 0;
+  const auto put = [&](SceneFrame& frame, SE3 pose) {
+    pose.set_translation(scale * pose.translation());
+    frame.world_from_camera = pose;
+    ++count;
+  };
+  const bool named = std::all_of(read.poses.begin(), read.poses.end(),
+                                 [](const TimedPose& p) { return !p.name.empty(); }) &&
+                     read.form != "kapture";
+  const bool timed = std::all_of(read.poses.begin(), read.poses.end(),
+                                 [](const TimedPose& p) { return std::isfinite(p.time_s); });
+  if (named) {
+    std::map<std::string, const TimedPose*> by_name;
+    for (const TimedPose& pose : read.poses) {
+      by_name[fs::path(pose.name).filename().string()] = &pose;
+      by_name.emplace(fs::path(pose.name).stem().string(), &pose);
+    }
+    for (SceneFrame& frame : scene.frames) {
+      auto at = by_name.find(frame.image.filename().string());
+      if (at == by_name.end()) at = by_name.find(frame.image.stem().string());
+      // "frame-000000.color.png" has "frame-000000.pose.txt".
+      if (at == by_name.end()) at = by_name.find(frame.image.stem().stem().string());
+      if (at != by_name.end()) put(frame, at->second->world_from_body());
+    }
+    if (count == 0) {
+      throw InputError(
+          file.string(),
+          fmt::format(
+              "found poses of {} images (the first is {}), none of which is among the frames",
+              read.poses.size(), printable(read.poses.front().name)));
+    }
+  } else if (timed && read.form != "kapture") {
+    std::vector<TimedPose> sorted = read.poses;
+    std::stable_sort(sorted.begin(), sorted.end(),
+                     [](const TimedPose& a, const TimedPose& b) { return a.time_s < b.time_s; });
+    for (SceneFrame& frame : scene.frames) {
+      if (!frame.time_s) continue;
+      const auto place = place_in(sorted, *frame.time_s, 1.0);
+      if (!place) continue;
+      const SE3 a = sorted[place->first].world_from_body();
+      if (place->second == 0.0) {
+        put(frame, a);
+        continue;
+      }
+      const SE3 b = sorted[place->first + 1].world_from_body();
+      put(frame, SE3(a.rotation().slerp(place->second, b.rotation()),
+                     (1.0 - place->second) * a.translation() + place->second * b.translation()));
+    }
+    require_some(count, scene, sorted, file, "poses", "");
+  } else {
+    const int last = scene.frames.back().id;
+    const bool by_place = read.poses.size() == scene.frames.size();
+    if (!by_place && last >= static_cast<int>(read.poses.size())) {
+      throw InputError(
+          file.string(),
+          fmt::format("found {} poses, expected one for each of the {} images, or a row for "
+                      "each frame up to {}",
+                      read.poses.size(), scene.frames.size(), last));
+    }
+    for (std::size_t i = 0; i < scene.frames.size(); ++i) {
+      const std::size_t row = by_place ? i : static_cast<std::size_t>(scene.frames[i].id);
+      put(scene.frames[i], read.poses[row].world_from_body());
+    }
+  }
+  out.found.push_back(
+      fmt::format("poses of {} of {} frames from {} ({}), taken as the camera's, in metres", count,
+                  scene.frames.size(), printable(file.filename().string(), 64), read.form));
+  if (count < scene.frames.size()) {
+    out.missing.push_back(
+        fmt::format("poses of {} frames: known poses are used where all frames of a run have one",
+                    scene.frames.size() - count));
+  }
+}
+
+void put_own_speeds(Scene& scene, const fs::path& file, const std::string& offset, OwnImport& out) {
+  std::size_t count = 0;
+  if (is_oxts(file)) {
+    put_oxts_speeds(scene, read_oxts(file), &count);
+    if (count == 0)
+      throw InputError(file.string(),
+                       "found no record of one of the frames, expected their numbers");
+    out.found.push_back(
+        fmt::format("speeds of {} of {} frames (KITTI oxts)", count, scene.frames.size()));
+    return;
+  }
+  SpeedLog log = read_speeds(file);
+  double shift = 0.0;
+  if (offset == "first") {
+    if (!scene.frames.front().time_s)
+      throw UsageError(
+          "--speed-offset first: the frames have no times, expected --rate or --times");
+    shift = *scene.frames.front().time_s - log.samples.front().time_s;
+  } else if (!offset.empty()) {
+    char* end = nullptr;
+    shift = std::strtod(offset.c_str(), &end);
+    if (*end != 0 || !std::isfinite(shift)) {
+      throw UsageError(
+          fmt::format("--speed-offset {}: expected seconds, or first", printable(offset)));
+    }
+  }
+  for (SpeedSample& sample : log.samples) sample.time_s += shift;
+  for (SceneFrame& frame : scene.frames) {
+    if (!frame.time_s) continue;
+    const auto place = place_in(log.samples, *frame.time_s, 3.0);
+    if (!place) continue;
+    const auto& [at, share] = *place;
+    const SpeedSample& a = log.samples[at];
+    const SpeedSample& b = log.samples[share > 0.0 ? at + 1 : at];
+    frame.speed = (1.0 - share) * a.speed + share * b.speed;
+    // Samples of one receiver have their errors in common.
+    frame.speed_sigma = std::max(a.sigma, b.sigma);
+    ++count;
+  }
+  require_some(count, scene, log.samples, file, "speeds",
+               "; --speed-offset moves the log (first: its start is the first frame)");
+  out.found.push_back(fmt::format("speeds of {} of {} frames from {} ({})", count,
+                                  scene.frames.size(), printable(file.filename().string(), 64),
+                                  log.form));
+}
+
+void put_own_up(Scene& scene, const fs::path& file, double sigma, OwnImport& out) {
+  std::vector<Attitude> rows;
+  if (is_oxts(file)) {
+    for (const OxtsRecord& record : read_oxts(file)) {
+      Attitude one;
+      one.frame = record.number;
+      one.roll = record.roll;
+      one.pitch = record.pitch;
+      rows.push_back(one);
+    }
+  } else {
+    rows = read_attitudes(file);
+  }
+  std::size_t count = 0;
+  const auto put = [&](SceneFrame& frame, double roll, double pitch) {
+    frame.up = up_in_camera(roll, pitch);
+    frame.up_sigma = sigma;
+    ++count;
+  };
+  if (rows.front().frame >= 0) {
+    std::map<int, const Attitude*> by_frame;
+    for (const Attitude& row : rows) by_frame[row.frame] = &row;
+    for (SceneFrame& frame : scene.frames) {
+      if (const auto at = by_frame.find(frame.id); at != by_frame.end())
+        put(frame, at->second->roll, at->second->pitch);
+    }
+    if (count == 0)
+      throw InputError(file.string(), "found no row of one of the frames, expected their ids");
+  } else {
+    for (SceneFrame& frame : scene.frames) {
+      if (!frame.time_s) continue;
+      const auto place = place_in(rows, *frame.time_s, 1.0);
+      if (!place) continue;
+      const Attitude& a = rows[place->first];
+      const Attitude& b = rows[place->second > 0.0 ? place->first + 1 : place->first];
+      put(frame, a.roll + place->second * (b.roll - a.roll),
+          a.pitch + place->second * (b.pitch - a.pitch));
+    }
+    require_some(count, scene, rows, file, "roll and pitch", "");
+  }
+  out.found.push_back(
+      fmt::format("gravity in {} of {} frames, for a camera that looks along the vehicle's axis",
+                  count, scene.frames.size()));
+}
+
+}  // namespace camber

@@ -1,0 +1,61 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "camber/core/atomic_file.h"
+#include "camber/image/video.h"
+#include "camber/scene/detail/own_data.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+/// A folder that goes away again with all in it if it was made here and not kept.
+class MadeFolder {
+ public:
+  explicit MadeFolder(fs::path folder) : folder_(std::move(folder)) {
+    std::error_code error;
+    made_ = fs::create_directories(folder_, error);
+  }
+  ~MadeFolder() {
+    std::error_code ignored;
+    if (made_) fs::remove_all(folder_, ignored);
+  }
+  MadeFolder(const MadeFolder&) = delete;
+  MadeFolder& operator=(const MadeFolder&) = delete;
+  void keep() { made_ = false; }
+
+ private:
+  fs::path folder_;
+  bool made_ = false;
+};
+
+}  // namespace
+
+void write_own_import(OwnImport& import, const fs::path& manifest) {
+  const fs::path folder = manifest.has_parent_path() ? manifest.parent_path() : fs::path(".");
+  Scene& scene = import.scene;
+  AtomicFiles files;
+  std::optional<MadeFolder> masks, images;
+  if (!import.conversions.empty()) masks.emplace(folder / "segmentation");
+  for (const auto& [id, mask] : import.conversions) {
+    const auto frame = std::find_if(scene.frames.begin(), scene.frames.end(),
+                                    [id = id](const SceneFrame& f) { return f.id == id; });
+    if (frame == scene.frames.end()) continue;  // not among the frames that were asked for
+    frame->segmentation = folder / "segmentation" / fmt::format("{:06}.png", id);
+    write_png(labels_of_colors(mask, import.mask_classes, scene.camera),
+              files.stage(frame->segmentation));
+  }
+  if (!import.extractions.empty()) images.emplace(folder / "image");
+  FrameImageReader reader;
+  for (const auto& [from, to] : import.extractions) {
+    write_png(reader.read(from, scene.camera).color, files.stage(to));
+  }
+  files.commit();
+  write_scene(scene, manifest);
+  if (masks) masks->keep();
+  if (images) images->keep();
+}
+
+}  // namespace camber

@@ -1,0 +1,257 @@
+// camber import images|video|colmap as a person uses it: exit codes, what is found and what is
+// missing, nothing half-written.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "camber/render/film.h"
+#include "camber/scene/scene.h"
+#include "cli/run_program.h"
+#include "scene/write_image.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using test::picture;
+using test::run_camber;
+using test::snapshot;
+using test::write_bytes;
+using test::write_png;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class ImportOwn : public ::testing::Test {
+ protected:
+  ImportOwn() {
+    fs::create_directories(path("images"));
+    for (const char* name : {"drive 2.png", "drive 10.png", "drive 1.png"}) {
+      write_png(path("images") + "/" + name, 80, 60, 2, 8, picture(80, 60, 3));
+    }
+    write_bytes(path("camera.yaml"),
+                "image_width: 80\nimage_height: 60\ncamera_matrix: {rows: 3, cols: 3, data: [100, "
+                "0, 40, 0, 101, 30, "
+                "0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: "
+                "5, data: [-0.3, "
+                "0.1, 0.001, 0.002, 0]}\n");
+  }
+  std::string path(const std::string& name) const { return folder_.path() / name; }
+  test::ProgramResult import(std::vector<std::string> more) {
+    std::vector<std::string> all = {"import", "images", path("images"), "--out", path("out")};
+    all.insert(all.end(), more.begin(), more.end());
+    return run_camber(all);
+  }
+  Scene imported(const std::vector<std::string>& more) {
+    const auto result = import(more);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    error_ = result.error;
+    return result.exit_code == 0 ? read_scene(path("out")) : Scene();
+  }
+  void expect_refused(const std::vector<std::string>& more, const std::string& part) {
+    const auto before = snapshot(folder_.path());
+    EXPECT_ONE_SENTENCE(import(more), 2, part);
+    EXPECT_EQ(snapshot(folder_.path()), before);
+  }
+  test::TemporaryFolder folder_;
+  std::string error_;
+};
+
+TEST_F(ImportOwn, ImagesOfAnyNamesInNaturalOrder) {
+  const Scene scene = imported(
+      {"--calib", path("camera.yaml"), "--height", "1.4", "--height-sigma", "0.03", "--rate", "5"});
+  ASSERT_EQ(scene.frames.size(), 3u);
+  EXPECT_EQ(scene.frames[0].image.filename(), "drive 1.png");
+  EXPECT_EQ(scene.frames[1].image.filename(), "drive 2.png");
+  EXPECT_EQ(scene.frames[2].id, 2);
+  EXPECT_EQ(scene.frames[2].time_s, 0.4);
+  EXPECT_EQ(scene.height_above_road, 1.4);
+  EXPECT_EQ(scene.height_sigma, 0.03);
+  EXPECT_EQ(scene.camera.fy, 101.0);
+  EXPECT_EQ(scene.distortion.model, LensModel::kBrown);
+  EXPECT_EQ(scene.distortion.coefficients.size(), 5u);
+  EXPECT_THAT(error_, HasSubstr("3 frames (0 to 2) of 80 x 60 pixels, 0 detections"));
+  EXPECT_THAT(error_, HasSubstr("natural order of the names, drive 1.png to drive 10.png"));
+  EXPECT_THAT(error_, HasSubstr("brown distortion"));
+  EXPECT_THAT(error_, HasSubstr("missing: no boxes"));
+  EXPECT_THAT(error_, Not(HasSubstr("up to scale")));
+  imported({"--fov", "90", "--camera-height", "1.5"});
+  EXPECT_THAT(error_, HasSubstr("missing: no distortion"));
+  EXPECT_THAT(error_, HasSubstr("missing: no times"));
+  const Scene wide = imported({"--fov", "90"});
+  EXPECT_NEAR(wide.camera.fx, 40.0, 1e-9);
+  EXPECT_EQ(wide.camera.cx, 39.5);
+  EXPECT_THAT(
+      error_,
+      HasSubstr("missing: no camera height, speed or poses: the result is up to scale (--height)"));
+}
+
+TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
+  write_bytes(path("boxes.json"),
+              R"({"images": [{"id": 7, "file_name": "drive 10.png", "width": 80, "height": 60},
+      {"id": 8, "file_name": "other.png"}], "categories": [{"id": 3, "name": "Car"}, {"id": 4, "name": "person"}],
+      "annotations": [{"image_id": 7, "category_id": 3, "bbox": [10, 20, 30, 20]},
+      {"image_id": 7, "category_id": 3, "bbox": [70, 20, 30, 20]}, {"image_id": 7, "category_id": 4, "bbox": [1, 2, 3, 4]},
+      {"image_id": 7, "category_id": 3, "bbox": [200, 20, 30, 20]}]})");
+  const Scene scene = imported({"--fov", "90", "--detections", path("boxes.json")});
+  ASSERT_EQ(scene.frames[2].vehicles.size(), 2u);
+  const Box2 box = scene.frames[2].vehicles[0].box;
+  EXPECT_EQ(box.x1, 10);
+  EXPECT_EQ(box.y2, 40);
+  EXPECT_EQ(scene.frames[2].vehicles[1].box.x2, 80);
+  EXPECT_EQ(scene.detections_source, "import");
+  EXPECT_THAT(error_, HasSubstr("2 boxes from boxes.json (COCO data set), 1 of other classes left "
+                                "out (person), 1 outside "
+                                "the image left out, 1 clipped to the image, 1 images of the file "
+                                "are not among the frames"));
+  write_bytes(path("out.json"),
+              R"([{"image_id": 10, "category_id": 3, "bbox": [200, 20, 30, 20], "score": 0.5}])");
+  expect_refused({"--fov", "90", "--detections", path("out.json")},
+                 "found 1 boxes wholly outside the images of 80 x 60 pixels");
+  write_bytes(path("none.json"),
+              R"([{"image_id": 99, "category_id": 3, "bbox": [1, 20, 30, 20], "score": 0.5}])");
+  expect_refused({"--fov", "90", "--detections", path("none.json")},
+                 "none of which is among the frames");
+  write_bytes(path("results.json"),
+              R"([{"image_id": 10, "category_id": 8, "bbox": [1, 20, 30, 20], "score": 0.5}])");
+  const Scene results =
+      imported({"--fov", "90", "--detections", path("results.json"), "--frames", "1:2"});
+  ASSERT_EQ(results.frames.size(), 2u);
+  EXPECT_EQ(results.frames[1].vehicles.at(0).vehicle_class, "truck");
+  EXPECT_EQ(results.frames[1].vehicles.at(0).score, 0.5);
+}
+
+TEST_F(ImportOwn, MasksPosesSpeedsAndGravity) {
+  fs::create_directories(path("masks"));
+  std::vector<std::uint8_t> colors(80 * 60 * 3, 0);
+  for (std::size_t i = 0; i < 80 * 30; ++i)
+    colors[3 * i] = colors[3 * i + 2] = 255;  // the upper half is road
+  write_png(path("masks/drive 2.png"), 80, 60, 2, 8, colors);
+  write_bytes(path("poses.txt"), "0 0 0 0 0 0 0 1\n1 0 0 10 0 0 0 1\n");
+  write_bytes(path("speed.csv"), "time,speed\n100,10\n101,12\n");
+  write_bytes(path("up.csv"), "frame,roll_deg,pitch_deg\n0,0,0\n1,0,5.7295779513\n");
+  const Scene scene =
+      imported({"--fov", "90", "--rate", "2", "--masks", path("masks"), "--class-map", "kitti-road",
+                "--poses", path("poses.txt"), "--speed", path("speed.csv"), "--speed-offset",
+                "first", "--up", path("up.csv"), "--up-sigma-deg", "2"});
+  ASSERT_EQ(scene.frames.size(), 3u);
+  EXPECT_EQ(scene.frames[1].segmentation, path("out/segmentation/000001.png"));
+  EXPECT_TRUE(fs::exists(scene.frames[1].segmentation));
+  EXPECT_EQ(scene.segmentation_classes.at("road"), std::vector<int>{1});
+  ASSERT_TRUE(scene.frames[1].world_from_camera);
+  EXPECT_NEAR(scene.frames[1].world_from_camera->translation().z(), 5.0, 1e-12);
+  EXPECT_EQ(scene.frames[0].speed, 10.0);
+  EXPECT_EQ(scene.frames[1].speed, 11.0);
+  EXPECT_EQ(scene.frames[2].speed, 12.0);
+  EXPECT_EQ(scene.frames[1].speed_sigma, 0.24);
+  ASSERT_TRUE(scene.frames[1].up);
+  EXPECT_NEAR(scene.frames[1].up->z(), -std::sin(0.1), 1e-6);
+  EXPECT_FALSE(scene.frames[2].up);
+  EXPECT_THAT(error_, HasSubstr("1 mask, 3 poses, 3 speeds, 2 directions of gravity"));
+  expect_refused({"--fov", "90", "--masks", path("masks"), "--class-map", "nothing"},
+                 "--class-map nothing: no such file, and none of");
+  expect_refused({"--fov", "90", "--masks", path("masks")}, "expected --class-map");
+  expect_refused({"--fov", "90", "--speed", path("speed.csv")},
+                 "the frames have none: expected --rate");
+  expect_refused({"--fov", "90", "--rate", "2", "--speed", path("speed.csv")},
+                 "found times from 100.000 to 101.000 s");
+}
+
+TEST_F(ImportOwn, WhatCannotBeIsRefusedInOneSentence) {
+  expect_refused({}, "the camera is not given: expected --calib FILE");
+  expect_refused({"--fov", "0"}, "--fov");
+  expect_refused({"--fov", "90", "--fx", "100"}, "excludes");
+  expect_refused({"--calib", path("none.yaml")}, "none.yaml: no such file");
+  write_bytes(path("camera.yaml"),
+              "image_width: 640\nimage_height: 480\nK: [1, 0, 2, 0, 3, 4, 0, 0, 1]\n");
+  expect_refused({"--calib", path("camera.yaml")},
+                 "found a camera of 640 x 480 pixels, expected the images' 80 x 60");
+  expect_refused({"--fov", "90", "--times-from-names"}, "found no time in the file's name");
+  write_bytes(path("times.txt"), "0\n1\n");
+  expect_refused({"--fov", "90", "--times", path("times.txt")},
+                 "found 2 times, expected one for each of the 3 images");
+  write_bytes(path("times.txt"), "0\n1\n1\n");
+  expect_refused({"--fov", "90", "--times", path("times.txt")}, "found the same time 1");
+  write_png(path("images/drive 3.png"), 40, 30, 2, 8, picture(40, 30, 3));
+  expect_refused({"--fov", "90"}, "found an image of 40 x 30 pixels, expected 80 x 60");
+}
+
+TEST_F(ImportOwn, AVideoIsReferredToOrExtracted) {
+  FilmWriter film(path("drive.avi"), 10.0);
+  for (int i = 0; i < 12; ++i) {
+    Image one{80, 60, 3, picture(80, 60, 3)};
+    for (std::size_t k = 0; k < one.data.size() / 2; ++k)
+      one.data[k] = static_cast<std::uint8_t>(20 * i);
+    film.add(one);
+  }
+  film.finish();
+  const auto result = run_camber({"import", "video", path("drive.avi"), "--fov", "90", "--every",
+                                  "2", "--from", "0.2", "--to", "0.85", "--out", path("out")});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_THAT(result.error, HasSubstr("video of 12 whole frames, mjpeg, 1.10 s, 10 a second\n"));
+  const Scene scene = read_scene(path("out"));
+  ASSERT_EQ(scene.frames.size(), 4u);
+  EXPECT_EQ(scene.frames[0].id, 2);
+  EXPECT_EQ(scene.frames[3].image, path("drive.avi") + "#8");
+  EXPECT_NEAR(*scene.frames[3].time_s, 0.8, 1e-9);
+  const auto extracted = run_camber(
+      {"import", "video", path("drive.avi"), "--fov", "90", "--extract", "--out", path("out2")});
+  ASSERT_EQ(extracted.exit_code, 0) << extracted.error;
+  EXPECT_TRUE(fs::exists(path("out2/image/000011.png")));
+  EXPECT_EQ(read_scene(path("out2")).frames[11].image, path("out2/image/000011.png"));
+  const std::string bytes = test::read_bytes(path("drive.avi"));
+  std::size_t at = bytes.find("movi");
+  for (int i = 0; i < 8; ++i) at = bytes.find("00dc", at + 4);
+  write_bytes(path("cut.avi"), bytes.substr(0, at + 60));
+  const auto cut =
+      run_camber({"import", "video", path("cut.avi"), "--fov", "90", "--out", path("out3")});
+  EXPECT_EQ(cut.exit_code, 0) << cut.error;
+  EXPECT_THAT(
+      cut.error,
+      HasSubstr("missing: frames 7 to 11: the video's header counts 12 frames, 7 are there"));
+  EXPECT_EQ(read_scene(path("out3")).frames.size(), 7u);
+  write_bytes(path("bad.mp4"), "no video");
+  const auto before = snapshot(folder_.path());
+  EXPECT_ONE_SENTENCE(
+      run_camber({"import", "video", path("bad.mp4"), "--fov", "90", "--out", path("out4")}), 2,
+      "found no video that can be read");
+  EXPECT_ONE_SENTENCE(run_camber({"import", "video", path("drive.avi"), "--fov", "90", "--from",
+                                  "9", "--out", path("out4")}),
+                      2, "expected some in the part that was asked for");
+  EXPECT_EQ(snapshot(folder_.path()), before);
+}
+
+TEST_F(ImportOwn, AColmapModel) {
+  fs::create_directories(path("model"));
+  write_bytes(path("model/cameras.txt"), "1 SIMPLE_RADIAL 80 60 100 40 30 -0.1\n");
+  write_bytes(path("model/images.txt"), "5 1 0 0 0 0 0 -2 1 drive 10.png\n\n");
+  write_bytes(path("model/points3D.txt"), "");
+  const auto spaced = run_camber(
+      {"import", "colmap", path("model"), "--images", path("images"), "--out", path("out")});
+  EXPECT_NE(spaced.exit_code, 3);  // names with blanks are COLMAP's matter
+  fs::rename(path("images/drive 1.png"), path("images/a1.png"));
+  fs::rename(path("images/drive 10.png"), path("images/a10.png"));
+  write_bytes(path("model/images.txt"),
+              "5 1 0 0 0 0 0 -2 1 a10.png\n\n7 1 0 0 0 0 0 0 1 a1.png\n\n");
+  const auto result = run_camber({"import", "colmap", path("model"), "--images", path("images"),
+                                  "--scale", "3", "--out", path("out")});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const Scene scene = read_scene(path("out"));
+  ASSERT_EQ(scene.frames.size(), 2u);
+  EXPECT_EQ(scene.frames[1].image.filename(), "a10.png");
+  EXPECT_EQ(scene.frames[1].world_from_camera->translation(), Eigen::Vector3d(0, 0, 6));
+  EXPECT_EQ(scene.camera.cx, 39.5);
+  EXPECT_EQ(scene.distortion.coefficients[0], -0.1);
+  const auto plain = run_camber(
+      {"import", "colmap", path("model"), "--images", path("images"), "--out", path("out")});
+  EXPECT_THAT(plain.error, HasSubstr("missing: poses: a model is up to scale"));
+  EXPECT_FALSE(read_scene(path("out")).frames[0].world_from_camera);
+  EXPECT_ONE_SENTENCE(run_camber({"import", "colmap", path("images"), "--images", path("images"),
+                                  "--out", path("o")}),
+                      2, "found no images.bin and no images.txt");
+}
+
+}  // namespace
+}  // namespace camber

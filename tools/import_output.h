@@ -1,0 +1,50 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "camber/core/stopwatch.h"
+#include "camber/scene/scene.h"
+#include "command.h"
+
+namespace camber::tools {
+
+/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
+std::filesystem::path manifest_of(const std::string& out);
+
+/// The folder that a manifest stands in.
+std::filesystem::path folder_of(const std::filesystem::path& manifest);
+
+/// Creates a folder with all above it and removes what it created unless kept.
+class NewFolder {
+ public:
+  explicit NewFolder(const std::filesystem::path& folder);
+  ~NewFolder();
+  NewFolder(const NewFolder&) = delete;
+  NewFolder& operator=(const NewFolder&) = delete;
+  void keep() { kept_ = true; }
+
+ private:
+  std::filesystem::path first_;  // the topmost folder that was not there before
+  bool kept_ = false;
+};
+
+/// What an import has to report beside what stands in the scene; a phrase each.
+struct ImportNotes {
+  std::vector<std::string> found, missing;
+};
+
+/// On stderr unless --quiet: the frames, what was found, what is missing and what that costs; with
+/// --json the same as JSON on stdout.
+void report_import(const Command& command, const Scene& scene,
+                   const std::filesystem::path& manifest, const ImportNotes& notes,
+                   nlohmann::json options, bool as_json, const Timings& timings);
+
+// One function a source of one's own data (import_own.cpp); each registers its command.
+void register_import_images(App& import);
+void register_import_video(App& import);
+void register_import_colmap(App& import);
+
+}  // namespace camber::tools

@@ -1,0 +1,325 @@
+// camber import images|video|colmap: one's own images, with what one has beside them, to a scene
+// manifest.
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/scene/import_own.h"
+#include "import_output.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+/// What all imports of one's own data take; NaN and empty: not given.
+struct OwnArguments {
+  OwnDataOptions options;
+  std::string calibration, times, detections, class_names, masks, poses, speed, up, out;
+  double up_sigma_deg = 1.0;
+  double fx = 0, fy = 0, cx = kNone, cy = kNone, fov = 0, rate = 0, height = 0, height_sigma = 0;
+  int reference_frame = -1;
+  bool json = false;
+
+  static constexpr double kNone = -1e300;
+};
+
+std::optional<double> positive(double value) {
+  return value > 0.0 ? std::optional<double>(value) : std::nullopt;
+}
+
+void add_camera_options(App& app, OwnArguments& a) {
+  app.add_option(
+      "--calib", a.calibration,
+      "calibration file: OpenCV, ROS, Kalibr, EuRoC, camodocal, ORB-SLAM, COLMAP, kapture, "
+      "KITTI, nuScenes, OpenSfM, ...");
+  app.add_option("--camera", a.options.camera.name,
+                 "name or index of the camera in that file, where it has several");
+  app.add_flag("--rectified", a.options.camera.rectified,
+               "the images were rectified with the file's projection matrix")
+      ->needs("--calib");
+  app.add_option("--fx", a.fx, "focal length, pixels, in place of --calib")
+      ->check(positive_number())
+      ->excludes("--calib");
+  app.add_option("--fy", a.fy, "likewise down the image; default: fx")->check(positive_number());
+  app.add_option("--cx", a.cx, "principal point, pixels; default: the middle")
+      ->check(finite_number());
+  app.add_option("--cy", a.cy, "likewise down the image")->check(finite_number());
+  app.add_option("--fov", a.fov, "horizontal field of view, degrees, in place of --calib")
+      ->check(in_range(1.0, 179.0))
+      ->excludes("--calib")
+      ->excludes("--fx");
+  app.add_option(
+         "--height,--camera-height", a.height,
+         "of the camera above the road, m; without a source of metres results are up to scale")
+      ->check(positive_number());
+  app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
+      ->check(positive_number())
+      ->needs("--height");
+}
+
+void add_detection_options(App& app, OwnArguments& a) {
+  app.add_option(
+      "--detections", a.detections,
+      "boxes of vehicles: COCO, YOLO, Pascal VOC, MOT, KITTI, BDD100K, CVAT; a file, or a "
+      "folder of a file an image");
+  app.add_option("--class-names", a.class_names,
+                 "names of the class numbers in --detections: a list, a .data or a YAML file")
+      ->needs("--detections");
+  app.add_option("--classes", a.options.detections.classes, "classes that count as vehicles")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--default-class", a.options.detections.default_class,
+                 "class of boxes in files without classes")
+      ->capture_default_str();
+  app.add_option("--least-score", a.options.detections.least_score,
+                 "boxes with a lower score are left out")
+      ->check(in_range(0.0, 1.0))
+      ->capture_default_str();
+  app.add_option("--detections-source", a.options.detections.source,
+                 "what the manifest states as their source")
+      ->capture_default_str();
+}
+
+void add_known_options(App& app, OwnArguments& a) {
+  app.add_option("--masks", a.masks, "folder of road masks (PNG), named as the images are");
+  app.add_option("--class-map", a.options.class_map,
+                 "of --masks: kitti-road, cityscapes, cityscapes-train, bdd100k, bdd100k-drivable, "
+                 "mapillary, mapillary-2, camber, binary (not zero: road), or a file")
+      ->needs("--masks");
+  app.add_option("--poses", a.poses,
+                 "known poses of the camera in metres: TUM, EuRoC, KITTI, COLMAP, 4 x 4 matrices");
+  app.add_option("--pose-scale", a.options.pose_scale, "metres per unit of --poses")
+      ->check(positive_number())
+      ->capture_default_str();
+  app.add_option("--speed", a.speed,
+                 "speeds: CSV of time and m/s, GPX, NMEA, or a folder of KITTI's oxts");
+  app.add_option(
+         "--speed-offset", a.options.speed_offset,
+         "seconds to add to the times of --speed; first: the log starts with the first frame")
+      ->needs("--speed");
+  app.add_option(
+      "--up", a.up,
+      "roll and pitch of the vehicle: CSV (time or frame, roll, pitch), or KITTI's oxts");
+  app.add_option("--up-sigma-deg", a.up_sigma_deg, "standard deviation of --up, degrees")
+      ->check(positive_number())
+      ->capture_default_str();
+}
+
+void add_output_options(App& app, OwnArguments& a) {
+  app.add_option("--reference", a.reference_frame,
+                 "reference frame; default: left to the run (the middle one)")
+      ->check(non_negative_number());
+  app.add_option("--name", a.options.name, "name of the scene; default: the folder's");
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_flag("--json", a.json, "print what was found as JSON to stdout");
+}
+
+/// The options of the library from what was typed.
+const OwnDataOptions& take(OwnArguments& a) {
+  OwnDataOptions& o = a.options;
+  o.camera.calibration = a.calibration;
+  o.camera.fx = positive(a.fx);
+  o.camera.fy = positive(a.fy);
+  if (a.cx != OwnArguments::kNone) o.camera.cx = a.cx;
+  if (a.cy != OwnArguments::kNone) o.camera.cy = a.cy;
+  o.camera.fov_deg = positive(a.fov);
+  o.times.rate = positive(a.rate);
+  o.times.list = a.times;
+  o.detections.file = a.detections;
+  o.detections.class_names = a.class_names;
+  o.masks = a.masks;
+  o.poses = a.poses;
+  o.speed = a.speed;
+  o.up = a.up;
+  o.up_sigma = a.up_sigma_deg * 0.017453292519943295;
+  o.height = positive(a.height);
+  o.height_sigma = positive(a.height_sigma);
+  if (a.reference_frame >= 0) o.reference_frame = a.reference_frame;
+  o.validate();
+  return o;
+}
+
+json options_json(const OwnArguments& a) {
+  const auto number = [](const std::optional<double>& value) {
+    return value ? json(*value) : json();
+  };
+  const OwnDataOptions& o = a.options;
+  return {{"calib", a.calibration},
+          {"camera", o.camera.name},
+          {"rectified", o.camera.rectified},
+          {"fx", number(o.camera.fx)},
+          {"fy", number(o.camera.fy)},
+          {"cx", number(o.camera.cx)},
+          {"cy", number(o.camera.cy)},
+          {"fov_deg", number(o.camera.fov_deg)},
+          {"rate", number(o.times.rate)},
+          {"times", a.times},
+          {"times_from_names", o.times.from_names},
+          {"height", number(o.height)},
+          {"height_sigma", number(o.height_sigma)},
+          {"detections", a.detections},
+          {"class_names", a.class_names},
+          {"classes", o.detections.classes},
+          {"default_class", o.detections.default_class},
+          {"least_score", o.detections.least_score},
+          {"detections_source", o.detections.source},
+          {"masks", a.masks},
+          {"class_map", o.class_map},
+          {"poses", a.poses},
+          {"pose_scale", o.pose_scale},
+          {"speed", a.speed},
+          {"speed_offset", o.speed_offset},
+          {"up", a.up},
+          {"up_sigma_deg", a.up_sigma_deg},
+          {"frames", o.frames}};
+}
+
+/// Writes the manifest that `import` makes, and reports it.
+template <typename Import>
+int write_import(const Command& command, OwnArguments& a, json options, const Import& import) {
+  const fs::path manifest = manifest_of(a.out);
+  NewFolder folder(folder_of(manifest));
+  Timings timings;
+  StageTimer timer(timings, "import");
+  OwnImport made = import(manifest);
+  write_own_import(made, manifest);
+  timer.stop();
+  folder.keep();
+  report_import(command, made.scene, manifest, {made.found, made.missing}, std::move(options),
+                a.json, timings);
+  return 0;
+}
+
+}  // namespace
+
+void register_import_images(App& import) {
+  Command* command = add_command(
+      import, "images",
+      "Writes the scene manifest of your own images: PNG or JPEG files of any names, in natural "
+      "order. The camera comes from a calibration file of many programs or from numbers.",
+      "  camber import images frames/ --calib camera.yaml --height 1.4 --rate 10 --out scene\n"
+      "  camber import images 'drive/*.jpg' --fov 90 --times-from-names --out scene");
+  struct Arguments : OwnArguments {
+    std::vector<std::string> places;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("images", a.places, "folders, patterns in quotes, or files")->required();
+  add_camera_options(app, a);
+  app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
+  app.add_option("--times", a.times,
+                 "times in seconds, one a line, or with a file name in a second column")
+      ->excludes("--rate");
+  app.add_flag("--times-from-names", a.options.times.from_names,
+               "file names are times: seconds, ms, us or ns by their digits, or dates")
+      ->excludes("--rate")
+      ->excludes("--times");
+  add_detection_options(app, a);
+  add_known_options(app, a);
+  app.add_option("--frames", a.options.frames, "frame ids to keep: 48,49,50 or 48:52 or 0:100:5");
+  add_output_options(app, a);
+  command->run = [arguments, command]() {
+    const OwnDataOptions& options = take(*arguments);
+    json used = options_json(*arguments);
+    used["images"] = arguments->places;
+    return write_import(*command, *arguments, std::move(used), [&](const fs::path&) {
+      return import_images(arguments->places, options, make_warning_sink(command->common));
+    });
+  };
+}
+
+void register_import_video(App& import) {
+  Command* command = add_command(
+      import, "video",
+      "Writes the scene manifest of a video (mp4, mkv, avi, ...). Every frame is decoded once for "
+      "its time; frames are referred to as FILE#NUMBER and stay in the video unless --extract is "
+      "given.",
+      "  camber import video drive.mp4 --calib camera.yaml --height 1.4 --out scene\n"
+      "  camber import video drive.mp4 --fov 90 --from 12.5 --to 20 --every 3 --extract --out "
+      "scene");
+  struct Arguments : OwnArguments {
+    std::string video;
+    VideoChoice choice;
+    double from = -1.0, to = -1.0;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("video", a.video, "file of the video")->required();
+  app.add_option("--every", a.choice.every, "take each n-th frame")
+      ->check(in_range(1, 1000000))
+      ->capture_default_str();
+  app.add_option("--from", a.from, "first time to take, seconds")->check(non_negative_number());
+  app.add_option("--to", a.to, "last time to take, seconds")->check(non_negative_number());
+  app.add_flag("--extract", a.choice.extract, "write the frames as PNG files beside the manifest");
+  add_camera_options(app, a);
+  add_detection_options(app, a);
+  add_known_options(app, a);
+  app.add_option("--frames", a.options.frames, "frames to keep of those taken: 48,49,50 or 48:52");
+  add_output_options(app, a);
+  command->run = [arguments, command]() {
+    Arguments& given = *arguments;
+    const OwnDataOptions& options = take(given);
+    if (given.from >= 0.0) given.choice.from = given.from;
+    if (given.to >= 0.0) given.choice.to = given.to;
+    json used = options_json(given);
+    used["video"] = given.video;
+    used["every"] = given.choice.every;
+    used["from"] = given.from >= 0.0 ? json(given.from) : json();
+    used["to"] = given.to >= 0.0 ? json(given.to) : json();
+    used["extract"] = given.choice.extract;
+    return write_import(*command, given, std::move(used), [&](const fs::path& manifest) {
+      return import_video(given.video, given.choice, options, manifest);
+    });
+  };
+}
+
+void register_import_colmap(App& import) {
+  Command* command =
+      add_command(import, "colmap",
+                  "Writes the scene manifest of a COLMAP model: its images, their camera with its "
+                  "lens, and its "
+                  "poses where the metres per unit are given.",
+                  "  camber import colmap sparse/0 --images frames --height 1.4 --out scene\n"
+                  "  camber import colmap sparse/0 --images frames --scale 1.0 --out scene");
+  struct Arguments : OwnArguments {
+    std::string model, images;
+    double scale = 0.0;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("model", a.model, "folder with cameras, images and points3D, .bin or .txt")
+      ->required();
+  app.add_option("--images", a.images, "folder that the images' names are relative to")->required();
+  app.add_option("--scale", a.scale, "metres per unit of the model: takes its poses")
+      ->check(positive_number());
+  app.add_option("--camera", a.options.camera.name, "id of the camera, where images have several");
+  app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
+  app.add_option(
+         "--height,--camera-height", a.height,
+         "of the camera above the road, m; without a source of metres results are up to scale")
+      ->check(positive_number());
+  app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
+      ->check(positive_number())
+      ->needs("--height");
+  add_detection_options(app, a);
+  app.add_option("--frames", a.options.frames, "frame ids to keep: 48,49,50 or 48:52 or 0:100:5");
+  add_output_options(app, a);
+  command->run = [arguments, command]() {
+    Arguments& given = *arguments;
+    const OwnDataOptions& options = take(given);
+    json used = options_json(given);
+    used["model"] = given.model;
+    used["images"] = given.images;
+    used["scale"] = given.scale > 0.0 ? json(given.scale) : json();
+    return write_import(*command, given, std::move(used), [&](const fs::path&) {
+      return import_colmap(given.model, given.images, positive(given.scale), options);
+    });
+  };
+}
+
+}  // namespace camber::tools
