@@ -3,40 +3,22 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <list>
 #include <memory>
 
-#include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 
 namespace camber::tools {
 
 namespace {
-
-std::atomic<bool> g_interrupted{false};
 
 std::list<Command>& commands() {
   static std::list<Command> all;
   return all;
 }
 
-extern "C" void on_signal(int signal) {
-  if (!g_interrupted.exchange(true)) return;
-  std::signal(signal, SIG_DFL);
-  std::raise(signal);
-}
-
 }  // namespace
-
-void watch_signals() {
-  std::signal(SIGINT, on_signal);
-  for (const int signal : {SIGTERM, SIGHUP}) {
-    // nohup has them ignored, and so they stay.
-    if (std::signal(signal, on_signal) == SIG_IGN) std::signal(signal, SIG_IGN);
-  }
-}
 
 Command* parsed_command() {
   for (Command& command : commands()) {
@@ -65,7 +47,7 @@ Progress make_progress(const CommonOptions& options) {
   const bool draw = !options.quiet && ::isatty(STDERR_FILENO) != 0;
   auto last = std::make_shared<std::string>();
   return [draw, last](const std::string& stage, double share) {
-    check_interrupted();
+    throw_if_interrupted();
     if (!draw) return;
     constexpr int kWidth = 30;
     const int filled = static_cast<int>(kWidth * std::clamp(share, 0.0, 1.0));
@@ -84,10 +66,6 @@ LogSink make_warning_sink(const CommonOptions& options) {
   return [](const std::string& sentence) {
     std::fprintf(stderr, "camber: warning: %s\n", sentence.c_str());
   };
-}
-
-void check_interrupted() {
-  if (g_interrupted) throw InterruptedError();
 }
 
 }  // namespace camber::tools

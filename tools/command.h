@@ -34,18 +34,11 @@ Command* add_command(App& root, const std::string& name, const std::string& desc
 Command* parsed_command();
 
 /// A progress bar on stderr if that is a terminal and --quiet is not given, else silent. Throws
-/// InterruptedError once the user has pressed Ctrl-C.
+/// InterruptedError once a signal to stop has arrived.
 Progress make_progress(const CommonOptions& options);
 
 /// Prints "camber: warning: SENTENCE" to stderr unless --quiet.
 LogSink make_warning_sink(const CommonOptions& options);
-
-/// Throws InterruptedError once a signal to stop has arrived.
-void check_interrupted();
-
-/// From now on the first signal to stop (SIGINT, SIGTERM, SIGHUP) makes check_interrupted() throw,
-/// so that nothing half-written stays; the second ends the program at once.
-void watch_signals();
 
 // One function a source file of this folder; each registers its subcommand.
 void register_reconstruct(App& root);

@@ -14,6 +14,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
+#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/render/comparison_pictures.h"
@@ -316,7 +317,7 @@ void register_compare(App& root) {
     if (!options.viewpoint && camera_frame) options.viewpoint = Eigen::Vector3d::Zero();
     load.stop();
 
-    check_interrupted();
+    throw_if_interrupted();
     StageTimer compute(timings, "compute");
     const CloudComparison comparison = compare_shapes(estimate, truth, options);
     compute.stop();

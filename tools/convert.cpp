@@ -17,6 +17,7 @@
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "own_inputs.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -113,6 +114,7 @@ void register_convert(App& root) {
     const LogSink warn = make_warning_sink(command->common);
     const WriteOptions write = args.files.output.write_options();
     require_known_output(args.files.out, write);
+    refuse_own_inputs({args.files.out}, {args.files.input, args.camera, args.image, args.labels});
     Timings timings;
     StageTimer load(timings, "load");
     RoadCloud cloud;

@@ -10,6 +10,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
 #include "camber/pipeline/kitti_boxes.h"
@@ -207,7 +208,7 @@ void register_evaluate(App& root) {
       const StageTimer timer(timings, "load");
       if (!args.subset.empty()) subset = read_subset(args.subset);
       for (std::size_t i = 0; i < args.estimate.size(); ++i) {
-        check_interrupted();
+        throw_if_interrupted();
         truths.push_back(args.truth[i % args.truth.size()]);
         // The same truth is read for every method; unknown keys need one warning.
         scenes.push_back(evaluate_one(args, truths.back(), args.estimate[i],

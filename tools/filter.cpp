@@ -13,10 +13,12 @@
 #include "camber/cloud/stream_filters.h"
 #include "camber/cloud/voxel_grid.h"
 #include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "own_inputs.h"
 
 using nlohmann::json;
 
@@ -51,7 +53,7 @@ RoadCloud collect(PointSource& source) {
   PointBatch batch;
   while (source.next(batch)) {
     builder.add(batch);
-    check_interrupted();
+    throw_if_interrupted();
   }
   ReadReport report;
   return builder.finish(report);
@@ -108,6 +110,7 @@ void register_filter(App& root) {
     const LogSink warn = make_warning_sink(command->common);
     const WriteOptions write = args.files.output.write_options();
     require_known_output(args.files.out, write);
+    refuse_own_inputs({args.files.out}, {args.files.input});
     Timings timings;
     json steps = json::array();
     const auto step = [&](const char* name, std::uint64_t left) {
@@ -147,7 +150,7 @@ void register_filter(App& root) {
       PointBatch batch;
       while (source->next(batch)) {
         grid->add(batch);
-        check_interrupted();
+        throw_if_interrupted();
       }
       input = std::move(source);
       source = grid->points();
@@ -168,13 +171,13 @@ void register_filter(App& root) {
             radius_inliers(cloud, args.radius[0], whole(args.radius[1], "--radius"), threads));
         step("radius", cloud.size());
       }
-      check_interrupted();
+      throw_if_interrupted();
       if (!args.statistical.empty()) {
         cloud = cloud.select(statistical_inliers(cloud, whole(args.statistical[0], "--statistical"),
                                                  args.statistical[1], threads));
         step("statistical", cloud.size());
       }
-      check_interrupted();
+      throw_if_interrupted();
       if (args.normals > 0) {
         NormalOptions options;
         options.neighbors = args.normals;
@@ -184,7 +187,7 @@ void register_filter(App& root) {
         estimate_normals(cloud, options);
         step("normals", cloud.size());
       }
-      check_interrupted();
+      throw_if_interrupted();
       if (args.morton) {
         cloud = cloud.select(morton_order(cloud.points));
         step("morton", cloud.size());

@@ -8,11 +8,13 @@
 
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/road/segment_ground.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 
 using nlohmann::json;
@@ -72,6 +74,7 @@ void register_ground(App& root) {
     options.validate();
     const WriteOptions write_options = arguments->output.write_options();
     require_known_output(arguments->out, write_options);
+    refuse_own_inputs({arguments->out}, {arguments->cloud});
     const ReadOptions read_options = arguments->reading.read_options();
     Timings timings;
     StageTimer load(timings, "load");
@@ -79,7 +82,7 @@ void register_ground(App& root) {
     warn_about(arguments->cloud, file.report, make_warning_sink(command->common));
     load.stop();
     options.up = arguments->up.up(file.cloud);
-    check_interrupted();
+    throw_if_interrupted();
     StageTimer compute(timings, "compute");
     const GroundSegmentation found = segment_ground(file.cloud, options);
     compute.stop();

@@ -11,6 +11,7 @@
 
 #include "camber/cloud/cloud_summary.h"
 #include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/scene/results.h"
@@ -245,7 +246,7 @@ void register_info(App& root) {
     Timings timings;
     StageTimer load(timings, "load");
     for (const std::string& name : arguments->files) {
-      check_interrupted();
+      throw_if_interrupted();
       const Printed printed = describe(name, options, warn);
       if (arguments->as_json) {
         files.push_back(printed.object);

@@ -11,6 +11,7 @@
 #include "camber/core/version.h"
 #include "camber/pipeline/lift_box.h"
 #include "command.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 
 namespace camber::tools {
@@ -89,6 +90,9 @@ void register_lift(App& root) {
   app.add_flag("--json", a.json, "print what was done as JSON");
   command->run = [command, arguments] {
     const Arguments& args = *arguments;
+    std::vector<fs::path> inputs = args.calibration;
+    inputs.insert(inputs.end(), {args.labels, args.surface});
+    refuse_own_inputs({args.out, tilt_file(args.out)}, inputs);
     Timings timings;
     KittiLabelFile labels;
     RoadSurface surface;

@@ -9,6 +9,7 @@
 #include "camber/core/version.h"
 #include "nearest_name.h"
 #include "plugins/plugin.h"
+#include "standard_streams.h"
 #include "verbs.h"
 
 namespace camber::tools {
@@ -79,7 +80,8 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
-    return camber::tools::run(argc, argv);
+    camber::tools::open_standard_streams();
+    return camber::tools::finish_standard_output(camber::tools::run(argc, argv));
   } catch (const camber::Error& error) {
     std::fprintf(stderr, "camber: %s\n", error.what());
     return error.exit_code();

@@ -10,6 +10,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
+#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/road/fit_road_surface.h"
@@ -93,7 +94,7 @@ void register_patches(App& root) {
     load.stop();
     options.up = arguments->input.up.up(file.cloud);
     options.viewpoint = arguments->input.up.viewpoint();
-    check_interrupted();
+    throw_if_interrupted();
     StageTimer compute(timings, "compute");
     const RoadSurfaceFit fit =
         fit_road_surface(file.cloud, options, make_progress(command->common));

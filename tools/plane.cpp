@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/plane/fit_plane_pcl.h"
@@ -70,7 +71,7 @@ void register_plane(App& root) {
     load.stop();
     options.up = arguments->input.up.up(file.cloud);
     options.viewpoint = arguments->input.up.viewpoint();
-    check_interrupted();
+    throw_if_interrupted();
     StageTimer compute(timings, "compute");
     const bool pcl = arguments->engine == "pcl";
     const PlaneFit fit = pcl ? fit_plane_pcl(file.cloud, options) : fit_plane(file.cloud, options);

@@ -17,6 +17,7 @@
 #include "camber/synth/family_prior.h"
 #include "camber/vehicle/annotated_shapes.h"
 #include "command.h"
+#include "own_inputs.h"
 
 namespace camber::tools {
 namespace {
@@ -84,6 +85,7 @@ int learn(const Command& command, const LearnArguments& args) {
   if (args.family == !args.shapes.empty()) {
     throw UsageError("prior learn: expected either a CSV file or --family");
   }
+  refuse_own_inputs({args.out}, {args.shapes});
   Timings timings;
   VehiclePrior prior;
   nlohmann::json json = {{"version", kVersion}, {"seed", command.common.seed}};
@@ -142,6 +144,7 @@ int learn(const Command& command, const LearnArguments& args) {
 }
 
 int info(const Command& command, const InfoArguments& args) {
+  refuse_own_inputs({args.picture}, {args.prior, args.against});
   Timings timings;
   VehiclePrior prior;
   std::vector<AnnotatedShape> shapes;

@@ -16,6 +16,7 @@
 #include "camber/road/road_profile.h"
 #include "camber/scene/results.h"
 #include "command.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 
 namespace fs = std::filesystem;
@@ -133,6 +134,7 @@ void register_profile(App& root) {
     StageTimer load(timings, "load");
     fs::path surface_path = arguments->surface;
     std::error_code ignored;
+    refuse_own_inputs({out_path, plot_path}, {surface_path, arguments->line});
     if (fs::is_directory(surface_path, ignored)) surface_path /= "surface.json";
     const RoadSurface surface = read_surface(surface_path);
     std::vector<Eigen::Vector3d> line = surface.driven_line;

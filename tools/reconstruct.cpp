@@ -11,6 +11,7 @@
 #include "camber/core/memory.h"
 #include "camber/core/version.h"
 #include "command.h"
+#include "own_inputs.h"
 
 namespace camber::tools {
 namespace {
@@ -44,6 +45,9 @@ const char* warned_of(const std::string& code) {
 Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
   const Progress progress = make_progress(command.common);
   scene = read_scene(a.scene, make_warning_sink(command.common));
+  std::vector<std::filesystem::path> inputs = files_of(scene);
+  inputs.emplace_back(a.scene);
+  refuse_own_inputs({a.out}, inputs);
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.load.use_masks = !a.no_masks;
@@ -124,7 +128,8 @@ void register_reconstruct(App& root) {
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;
-    options.inputs = {args.scene};
+    options.inputs = files_of(scene);
+    options.inputs.emplace_back(args.scene);
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
     for (const RunDocument::Warning& warning : result.run.warnings) {

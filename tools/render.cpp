@@ -27,6 +27,7 @@
 #include "camber/render/vehicle_comparison.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "own_inputs.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -219,7 +220,8 @@ struct Series {
 
 /// Draws all, then writes: a picture that fails leaves nothing behind.
 std::vector<fs::path> write_series(const Series& series, const Arguments& a, double rate,
-                                   const Progress& progress, Timings& timings) {
+                                   const std::vector<fs::path>& inputs, const Progress& progress,
+                                   Timings& timings) {
   const fs::path out = a.out;
   std::optional<FilmWriter> film;
   std::optional<ContactSheet> sheet;
@@ -233,6 +235,7 @@ std::vector<fs::path> write_series(const Series& series, const Arguments& a, dou
     const StageTimer compute(timings, "compute");
     for (int i = 0; i < series.count; ++i) {
       progress("render", static_cast<double>(i) / series.count);
+      if (!film && !sheet) refuse_own_inputs({numbered(out, series.number(i))}, inputs);
       Image picture = series.picture(i);
       if (film) {
         film->add(picture);
@@ -249,20 +252,12 @@ std::vector<fs::path> write_series(const Series& series, const Arguments& a, dou
   if (sheet) write_png(sheet->sheet(), out);
   if (film || sheet) return {out};
   std::vector<fs::path> written;
-  std::vector<fs::path> added;
-  try {
-    for (const auto& [path, image] : pictures) {
-      std::error_code error;
-      const bool new_file = !fs::exists(path, error);
-      write_png(image, path);
-      if (new_file) added.push_back(path);
-      written.push_back(path);
-    }
-  } catch (...) {
-    std::error_code error;
-    for (const fs::path& path : added) fs::remove(path, error);
-    throw;
+  AtomicFiles files;
+  for (const auto& [path, image] : pictures) {
+    write_png(image, files.stage(path));
+    written.push_back(path);
   }
+  files.commit();
   return written;
 }
 
@@ -390,6 +385,13 @@ int run(const Command& command, Arguments& a) {
   LoadedResult result = load_result(a.input, a.cloud.read_options());
   warn_about(a.input, result.cloud_report, warn);
   read_scene_of(a, result, warn);
+  std::vector<fs::path> inputs = {a.input, a.scene, a.truth};
+  inputs.insert(inputs.end(), a.beside.begin(), a.beside.end());
+  if (result.scene) {
+    const std::vector<fs::path> named = files_of(*result.scene);
+    inputs.insert(inputs.end(), named.begin(), named.end());
+  }
+  refuse_own_inputs({a.out}, inputs);
   if (a.truth == "scene") {
     result.load_scene_truth_cloud(a.cloud.read_options());
   } else if (!a.truth.empty()) {
@@ -473,8 +475,8 @@ int run(const Command& command, Arguments& a) {
       };
     }
     return report(command, a,
-                  write_series(pictures, a, rate, make_progress(command.common), timings), record,
-                  timings);
+                  write_series(pictures, a, rate, inputs, make_progress(command.common), timings),
+                  record, timings);
   }
   Image picture;
   {

@@ -12,6 +12,7 @@
 #include "camber/pipeline/estimate_vehicles.h"
 #include "camber/pipeline/kitti_boxes.h"
 #include "command.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 
 namespace camber::tools {
@@ -46,6 +47,19 @@ void require_common_frames(const std::string& folder, const RunDocument& run,
     warn(folder + ": its run has no frame " + missing +
          ": vehicles there stand on planes of the scene");
   }
+}
+
+std::vector<std::filesystem::path> outputs_of(const Arguments& args) {
+  std::vector<std::filesystem::path> outputs = {args.out, args.kitti_labels};
+  if (!args.kitti_labels.empty()) outputs.push_back(tilt_file(args.kitti_labels));
+  return outputs;
+}
+
+std::vector<std::filesystem::path> inputs_of(const Arguments& args, const Scene& scene) {
+  std::vector<std::filesystem::path> inputs = files_of(scene);
+  inputs.insert(inputs.end(), {args.scene, args.surface, args.prior});
+  inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
+  return inputs;
 }
 
 }  // namespace
@@ -123,6 +137,7 @@ void register_vehicles(App& root) {
     {
       const StageTimer timer(timings, "load");
       scene = read_scene(args.scene, make_warning_sink(command->common));
+      refuse_own_inputs(outputs_of(args), inputs_of(args, scene));
       frames = select_frames(scene, args.frames);
       if (!args.surface.empty()) {
         surface = read_camera_surface(args.surface);

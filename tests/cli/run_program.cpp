@@ -18,32 +18,55 @@ namespace camber::test {
 
 ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms,
                          int signal) {
+  Surroundings surroundings;
+  surroundings.signal_after_ms = interrupt_after_ms;
+  surroundings.signal = signal;
+  return run_camber_in(surroundings, arguments);
+}
+
+ProgramResult run_camber_in(const Surroundings& surroundings,
+                            const std::vector<std::string>& arguments) {
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out", error = folder.path() / "error";
-  std::vector<std::string> words = {CAMBER_PROGRAM};
+  std::vector<std::string> words;
+  if (!surroundings.shell.empty()) {
+    words = {"/bin/sh", "-c", surroundings.shell + "; exec \"$0\" \"$@\""};
+  }
+  words.push_back(CAMBER_PROGRAM);
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
+  std::vector<std::string> variables = surroundings.variables;
+  std::vector<char*> environment;
+  for (std::string& variable : variables) environment.push_back(variable.data());
+  for (char** variable = environ; *variable; ++variable) environment.push_back(*variable);
+  environment.push_back(nullptr);
 
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   const int mode = O_WRONLY | O_CREAT | O_TRUNC;
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, out.c_str(), mode, 0600);
+  const std::string& standard_output =
+      surroundings.standard_output.empty() ? out : surroundings.standard_output;
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, standard_output.c_str(), mode, 0600);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, error.c_str(), mode, 0600);
   pid_t child = 0;
-  const int failed = ::posix_spawn(&child, argv[0], &actions, nullptr, argv.data(), environ);
+  const int failed =
+      ::posix_spawn(&child, argv[0], &actions, nullptr, argv.data(), environment.data());
   posix_spawn_file_actions_destroy(&actions);
   if (failed != 0) throw std::runtime_error("cannot start " + words[0]);
-  if (interrupt_after_ms > 0) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(interrupt_after_ms));
-    ::kill(child, signal);
+  if (surroundings.signal_after_ms > 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(surroundings.signal_after_ms));
+    ::kill(child, surroundings.signal);
   }
+  const auto start = std::chrono::steady_clock::now();
   int status = 0;
   if (::waitpid(child, &status, 0) != child) throw std::runtime_error("waitpid failed");
 
   ProgramResult result;
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+  result.seconds_after_signal = elapsed.count();
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   result.out = read_bytes(out);
   result.error = read_bytes(error);

@@ -13,7 +13,20 @@ struct ProgramResult {
   int exit_code = -1;  ///< 128 + N for signal N
   std::string out;
   std::string error;
+  double seconds_after_signal = 0.0;  ///< until it ended
 };
+
+/// What a program is run in.
+struct Surroundings {
+  std::vector<std::string> variables;  ///< "NAME=VALUE", added to the environment
+  std::string standard_output;         ///< a file in place of ProgramResult::out
+  std::string shell;                   ///< run before it by sh: "ulimit -v 500000"
+  int signal_after_ms = 0;             ///< > 0: sends `signal` after that time
+  int signal = SIGINT;
+};
+
+ProgramResult run_camber_in(const Surroundings& surroundings,
+                            const std::vector<std::string>& arguments);
 
 /// Runs the camber program that was just built, with standard input empty.
 /// @param interrupt_after_ms > 0: sends it `signal` after that time, SIGINT as Ctrl-C does.

@@ -1,11 +1,16 @@
 #include "camber/core/atomic_file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "camber/core/errors.h"
 #include "support/test_data.h"
@@ -112,6 +117,114 @@ TEST(AtomicFiles, AppearTogetherOrNotAtAll) {
   EXPECT_EQ(content(table), "new");
   EXPECT_EQ(content(plot), "picture");
   EXPECT_EQ(entries(folder.path()), 2u);
+}
+
+/// A number that no process has: that of one that has ended.
+pid_t dead_process() {
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(0);
+  ::waitpid(child, nullptr, 0);
+  return child;
+}
+
+TEST(AtomicFiles, AreWrittenInPlaceWhereTheyAreStagedAndNamedAsTheyWillBe) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "file.txt";
+  AtomicFiles files;
+  const fs::path beside = files.stage(path);
+  EXPECT_EQ(entries(folder.path()), 1u);
+  write_file_atomically(beside, "text");
+  EXPECT_EQ(entries(folder.path()), 1u);
+  const auto message_of = [](const fs::path& written) {
+    try {
+      write_file_atomically(written, [](std::ostream& out) { out.setstate(std::ios::badbit); });
+    } catch (const OutputError& error) {
+      return error.path();
+    }
+    return std::string();
+  };
+  EXPECT_EQ(message_of(beside), path.string());
+  AtomicFolder result(folder.path() / "result", false);
+  EXPECT_EQ(message_of(result.staging() / "a" / "b"), (folder.path() / "result/a/b").string());
+}
+
+TEST(AtomicFiles, GetTheirOldContentBackWhereOneCannotAppear) {
+  const test::TemporaryFolder folder;
+  const fs::path first = folder.path() / "first", second = folder.path() / "second",
+                 third = folder.path() / "third";
+  write_file_atomically(first, "old");
+  AtomicFiles files;
+  for (const fs::path& path : {first, second, third}) {
+    write_file_atomically(files.stage(path), "new");
+  }
+  // A folder of the name of one of them has come in between.
+  fs::create_directories(third / "full");
+  EXPECT_THROW(files.commit(), OutputError);
+  EXPECT_EQ(content(first), "old");
+  EXPECT_FALSE(fs::exists(second));
+  EXPECT_TRUE(fs::exists(third / "full"));
+}
+
+TEST(AtomicFiles, WhatKilledRunsLeftIsRemovedByTheNext) {
+  const test::TemporaryFolder folder;
+  const std::string dead = std::to_string(dead_process()), alive = std::to_string(::getppid());
+  const fs::path left_file = folder.path() / (".a.csv.camber." + dead + ".0.csv"),
+                 left_folder = folder.path() / (".b.camber." + dead + ".12"),
+                 used = folder.path() / (".a.camber." + dead + ".1");
+  const std::vector<fs::path> foreign = {
+      folder.path() / (".a.camber." + alive + ".0"), folder.path() / (".a.camber." + dead),
+      folder.path() / ("a.camber." + dead + ".0"),   folder.path() / (".camber." + dead + ".0"),
+      folder.path() / (".a.camber." + dead + ".0x"), folder.path() / ".a.camber.."};
+  for (const fs::path& path : foreign) std::ofstream(path) << "foreign";
+  for (const fs::path& path : {left_file, used}) std::ofstream(path) << "half";
+  fs::create_directories(left_folder / "truth");
+  std::ofstream(left_folder / "truth" / "half") << "half";
+  const int lock = ::open(used.c_str(), O_RDONLY);  // as by a process of another container
+  ASSERT_EQ(::flock(lock, LOCK_SH), 0);
+  write_file_atomically(folder.path() / "other", "text");
+  ::close(lock);
+  EXPECT_FALSE(fs::exists(left_file));
+  EXPECT_FALSE(fs::exists(left_folder));
+  EXPECT_EQ(content(used), "half");
+  for (const fs::path& path : foreign) EXPECT_EQ(content(path), "foreign") << path;
+}
+
+TEST(AtomicFolder, AResultUnderItsOtherNameIsTakenBack) {
+  // A file system that cannot exchange names, and a run that was killed between the two steps.
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "result", old = folder.path() / ".result.camber-old";
+  fs::create_directory(old);
+  write_file_atomically(old / "run.json", "old");
+  { AtomicFolder unfinished(path, false); }
+  EXPECT_EQ(content(path / "run.json"), "old");
+  EXPECT_FALSE(fs::exists(old));
+  // After them the old one is no longer needed.
+  fs::create_directory(old);
+  { AtomicFolder unfinished(path, false); }
+  EXPECT_EQ(content(path / "run.json"), "old");
+  EXPECT_FALSE(fs::exists(old));
+}
+
+TEST(StagedOutputs, AreGoneBeforeAProcessThatStillComputesEnds) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "result";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    AtomicFolder result(path, false);
+    AtomicFiles files;
+    write_file_atomically(result.staging() / "run.json", "half");
+    files.stage(folder.path() / "file");
+    std::thread busy([&] { write_file_atomically(result.staging() / "more", "half"); });
+    busy.join();
+    discard_staged_outputs();
+    std::thread late([&] { write_file_atomically(folder.path() / "late", "half"); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    ::_exit(17);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(WEXITSTATUS(status), 17);
+  EXPECT_EQ(entries(folder.path()), 0u);
 }
 
 TEST(AtomicFolder, AppearsWholeOnCommitAndNotAtAllWithout) {

@@ -4,11 +4,15 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdlib>
 #include <numeric>
 #include <stdexcept>
 #include <thread>
 #include <vector>
+
+#include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 
 namespace camber {
 namespace {
@@ -66,6 +70,26 @@ TEST(ParallelFor, SumsInIndexOrderAreTheSameForAnyThreads) {
     return std::accumulate(parts.begin(), parts.end(), 0.0);
   };
   EXPECT_EQ(total(1), total(8));
+}
+
+TEST(ParallelFor, StopsOnceItIsAskedTo) {
+  // In a process of its own: there is no way back.
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  for (const int threads : {1, 4}) {
+    EXPECT_EXIT(
+        {
+          std::atomic<int> calls{0};
+          try {
+            parallel_for(1'000'000, threads, [&](std::size_t) {
+              if (++calls == 10) request_interruption();
+              std::this_thread::sleep_for(std::chrono::microseconds(100));
+            });
+          } catch (const InterruptedError&) {
+            std::_Exit(calls < 1000 ? 130 : 1);
+          }
+        },
+        ::testing::ExitedWithCode(130), "");
+  }
 }
 
 TEST(ParallelFor, MayBeNested) {

@@ -2,18 +2,29 @@
 
 #include <glog/logging.h>
 
-#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
 #include <stdexcept>
 
+#include "../signals.h"
+#include "../standard_streams.h"
 #include "camber/core/errors.h"
 
 namespace camber::tools {
 namespace {
 
 int report(const char* message, int exit_code) {
+  // Whatever an interrupted computation ran into: it was interrupted.
+  if (ends_interrupted()) {
+    const InterruptedError interrupted;
+    std::fprintf(stderr, "camber: %s\n", interrupted.what());
+    return interrupted.exit_code();
+  }
+  if (std::ferror(stdout)) {  // the message of who printed names no file
+    finish_standard_output(0);
+    return 3;
+  }
   std::fprintf(stderr, "camber: %s\n", message);
   return exit_code;
 }
@@ -23,7 +34,6 @@ int report(const char* message, int exit_code) {
 int run_verb(int argc, char** argv,
              const std::vector<std::pair<std::string, void (*)(App&)>>& verbs) {
   watch_signals();
-  std::signal(SIGPIPE, SIG_IGN);
   // Ceres logs trial steps that fail; our statuses hold the outcome.
   FLAGS_minloglevel = google::GLOG_FATAL;
 
@@ -40,7 +50,9 @@ int run_verb(int argc, char** argv,
   try {
     Command* command = parsed_command();
     command->common.command_line = command_line;
-    return command->run();
+    const int exit_code = command->run();
+    ends_interrupted();  // done: a signal from now on changes nothing
+    return exit_code;
   } catch (const Error& error) {
     return report(error.what(), error.exit_code());
   } catch (const std::bad_alloc&) {

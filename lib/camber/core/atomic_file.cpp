@@ -6,24 +6,17 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 
+#include "camber/core/detail/staging.h"
 #include "camber/core/errors.h"
 
 namespace fs = std::filesystem;
 
 namespace camber {
 namespace {
-
-/// A sibling of `path` that no other process uses.
-fs::path sibling(const fs::path& path, const std::string& kind, const std::string& extension = "") {
-  static int counter = 0;
-  // File systems allow names of 255 bytes.
-  const fs::path name = "." + path.filename().string().substr(0, 180) + "." + kind + "." +
-                        std::to_string(::getpid()) + "." + std::to_string(counter++) + extension;
-  return path.parent_path().empty() ? name : path.parent_path() / name;
-}
 
 /// Absolute, without links, "." and "..", and without a slash at the end, as far as it exists.
 fs::path resolved(const fs::path& path) {
@@ -56,31 +49,74 @@ bool lies_in(const fs::path& path, const fs::path& folder) {
 
 std::string last_error() { return std::strerror(errno); }
 
+/// Where a folder's old content is between two renames.
+fs::path old_name(const fs::path& folder) {
+  return folder.parent_path() / ("." + folder.filename().string().substr(0, 180) + ".camber-old");
+}
+
+/// Exchanges two names in one step. @return whether it was done; else errno says why not.
+bool exchange(const fs::path& a, const fs::path& b) {
+  return ::renameat2(AT_FDCWD, a.c_str(), AT_FDCWD, b.c_str(), RENAME_EXCHANGE) == 0;
+}
+
+/// Whether errno says that this file system, or kernel, has no such step.
+bool cannot_exchange() { return errno == EINVAL || errno == ENOSYS || errno == EOPNOTSUPP; }
+
+/// Brings a file or folder to the disk; where the file system knows no such thing nothing happens.
+/// @return whether that failed: errno says why.
+bool sync_failed(const fs::path& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (file < 0) return true;
+  const bool failed =
+      ::fsync(file) != 0 && errno != EINVAL && errno != EROFS && errno != EOPNOTSUPP;
+  const int reason = errno;
+  const bool closed = ::close(file) == 0;
+  if (failed) errno = reason;
+  return failed || !closed;
+}
+
+void sync(const fs::path& path, const std::string& name) {
+  if (sync_failed(path)) throw OutputError(name, "writing failed: " + last_error());
+}
+
+/// The folder that holds a new name. One that may not be opened is left to the system.
+bool sync_parent_failed(const fs::path& path) {
+  const fs::path parent = path.parent_path().empty() ? fs::path(".") : path.parent_path();
+  return sync_failed(parent) && errno != EACCES;
+}
+
+void sync_tree(const fs::path& folder, const std::string& name) {
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_symlink()) continue;
+    const fs::path shown = fs::path(name) / entry.path().lexically_relative(folder);
+    if (entry.is_regular_file() || entry.is_directory()) sync(entry.path(), shown.string());
+  }
+  sync(folder, name);
+}
+
+/// @param name of the file in messages.
+void write_stream(const fs::path& path, const std::string& name,
+                  const std::function<void(std::ostream&)>& write) {
+  errno = 0;
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  if (!out) throw OutputError(name, "cannot be written: " + last_error());
+  write(out);
+  out.flush();
+  if (out) out.close();
+  if (!out) throw OutputError(name, "writing failed" + (errno ? ": " + last_error() : ""));
+}
+
 }  // namespace
 
 void write_file_atomically(const fs::path& path, const std::function<void(std::ostream&)>& write) {
   if (path.empty()) throw UsageError("found an empty name, expected a file to write");
-  std::error_code ignored;
-  if (fs::is_directory(path, ignored)) {
-    throw OutputError(path.string(), "a folder of that name is there");
+  if (is_special(path) || staging::holds(path)) {
+    write_stream(path, staging::final_name(path).string(), write);
+    return;
   }
-  const bool special = is_special(path);
-  const fs::path target = special ? path : link_target(path);
-  const fs::path temporary = special ? path : sibling(target, "part");
-  try {
-    std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-    if (!out) throw OutputError(path.string(), "cannot be written: " + last_error());
-    write(out);
-    out.flush();
-    if (!out) throw OutputError(path.string(), "writing failed: " + last_error());
-    out.close();
-    std::error_code error;
-    if (!special) fs::rename(temporary, target, error);
-    if (error) throw OutputError(path.string(), "cannot be written: " + error.message());
-  } catch (...) {
-    if (!special) fs::remove(temporary, ignored);
-    throw;
-  }
+  AtomicFiles files;
+  write_stream(files.stage(path), path.string(), write);
+  files.commit();
 }
 
 void write_file_atomically(const fs::path& path, const std::string& content) {
@@ -89,9 +125,11 @@ void write_file_atomically(const fs::path& path, const std::string& content) {
   });
 }
 
-AtomicFiles::~AtomicFiles() {
-  std::error_code ignored;
-  for (const auto& [beside, path] : staged_) fs::remove(beside, ignored);
+AtomicFiles::~AtomicFiles() { discard(); }
+
+void AtomicFiles::discard() noexcept {
+  for (const Staged& file : staged_) staging::discard(file.beside);
+  staged_.clear();
 }
 
 fs::path AtomicFiles::stage(const fs::path& path) {
@@ -100,21 +138,51 @@ fs::path AtomicFiles::stage(const fs::path& path) {
   if (fs::is_directory(path, error)) {
     throw OutputError(path.string(), "a folder of that name is there");
   }
-  const fs::path target = link_target(path);
-  staged_.emplace_back(sibling(target, "part", target.extension().string()), target);
-  if (!std::ofstream(staged_.back().first)) {
-    throw OutputError(path.string(), "cannot be written: " + last_error());
+  Staged& file = staged_.emplace_back();
+  file.path = link_target(path);
+  file.name = path.string();
+  try {
+    file.beside = staging::make_file(file.path, file.name);
+  } catch (...) {
+    staged_.pop_back();
+    throw;
   }
-  return staged_.back().first;
+  return file.beside;
 }
 
 void AtomicFiles::commit() {
-  for (const auto& [beside, path] : staged_) {
-    std::error_code error;
-    fs::rename(beside, path, error);
-    if (error) throw OutputError(path.string(), "cannot be written: " + error.message());
+  for (const Staged& file : staged_) sync(file.beside, file.name);
+  {
+    const staging::Renaming together;
+    for (Staged& file : staged_) {
+      std::error_code error;
+      file.exchanged = fs::is_regular_file(fs::symlink_status(file.path, error)) &&
+                       exchange(file.beside, file.path);
+      file.appeared = file.exchanged || ::rename(file.beside.c_str(), file.path.c_str()) == 0;
+      if (!file.appeared) fail(file.name);
+    }
+    for (const Staged& file : staged_) {
+      if (sync_parent_failed(file.path)) fail(file.name);
+    }
   }
-  staged_.clear();
+  discard();  // the old files
+}
+
+void AtomicFiles::fail(const std::string& name) {
+  const std::string reason = last_error();
+  take_back();
+  throw OutputError(name, "cannot be written: " + reason);
+}
+
+void AtomicFiles::take_back() {
+  for (Staged& file : staged_) {
+    if (!file.appeared) continue;
+    if (file.exchanged) {
+      exchange(file.beside, file.path);
+    } else {
+      ::rename(file.path.c_str(), file.beside.c_str());
+    }
+  }
 }
 
 AtomicFolder::AtomicFolder(const fs::path& path, bool overwrite,
@@ -122,55 +190,86 @@ AtomicFolder::AtomicFolder(const fs::path& path, bool overwrite,
     : name_(path.string()), path_(resolved(path)) {
   if (path.empty()) throw UsageError("found an empty name, expected a folder for the result");
   std::error_code error;
-  if (fs::exists(path_, error)) {
-    if (!fs::is_directory(path_, error)) throw OutputError(name_, "a file of that name is there");
-    const bool empty = fs::is_empty(path_, error);
-    if (!empty && !fs::exists(path_ / "run.json", error) && !overwrite) {
-      throw OutputError(name_,
-                        "the folder is not empty and not a Camber result (no run.json); "
-                        "--overwrite replaces it");
-    }
-    if (lies_in(resolved(fs::current_path(error)), path_)) {
-      throw OutputError(name_, "is, or holds, the current folder; a result replaces its folder");
-    }
-    for (const fs::path& input : inputs) {
-      if (!input.empty() && lies_in(resolved(input), path_)) {
-        throw UsageError(name_ + ": holds the input " + input.string() +
-                         ", and a result replaces its folder");
-      }
+  const fs::path old = old_name(path_);
+  if (fs::exists(old, error)) {  // a run was killed between two renames
+    if (fs::exists(path_, error)) {
+      fs::remove_all(old, error);
+    } else {
+      fs::rename(old, path_, error);
     }
   }
+  if (fs::exists(path_, error)) check_replaceable(overwrite, inputs);
   if (path_.has_parent_path()) fs::create_directories(path_.parent_path(), error);
-  staging_ = sibling(path_, "part");
-  if (!fs::create_directory(staging_, error)) {
-    throw OutputError(name_, "cannot be written: " + (error ? error.message() : "name in use"));
+  staging_ = staging::make_folder(path_, name_);
+}
+
+void AtomicFolder::check_replaceable(bool overwrite, const std::vector<fs::path>& inputs) const {
+  std::error_code error;
+  if (!fs::is_directory(path_, error)) throw OutputError(name_, "a file of that name is there");
+  const bool empty = fs::is_empty(path_, error);
+  if (!empty && !fs::exists(path_ / "run.json", error) && !overwrite) {
+    throw OutputError(name_,
+                      "the folder is not empty and not a Camber result (no run.json); "
+                      "--overwrite replaces it");
+  }
+  if (lies_in(resolved(fs::current_path(error)), path_)) {
+    throw OutputError(name_, "is, or holds, the current folder; a result replaces its folder");
+  }
+  for (const fs::path& input : inputs) {
+    if (!input.empty() && lies_in(resolved(input), path_)) {
+      throw UsageError(name_ + ": holds the input " + input.string() +
+                       ", and a result replaces its folder");
+    }
   }
 }
 
 AtomicFolder::~AtomicFolder() {
-  std::error_code ignored;
-  if (!staging_.empty()) fs::remove_all(staging_, ignored);
+  if (!staging_.empty()) staging::discard(staging_);
 }
 
-void AtomicFolder::commit() {
+void AtomicFolder::take_name() {
   std::error_code error;
-  if (fs::exists(path_, error)) {
-    // Two renames: a reader never sees a mixture, and the old result is deleted last.
-    const fs::path old = sibling(path_, "old");
-    fs::rename(path_, old, error);
-    if (error) throw OutputError(name_, "cannot be replaced: " + error.message());
-    fs::rename(staging_, path_, error);
-    if (error) {
-      std::error_code ignored;
-      fs::rename(old, path_, ignored);
-      throw OutputError(name_, "cannot be replaced: " + error.message());
-    }
-    fs::remove_all(old, error);
-  } else {
-    fs::rename(staging_, path_, error);
-    if (error) throw OutputError(name_, "cannot be written: " + error.message());
+  if (!fs::exists(path_, error)) {
+    if (::rename(staging_.c_str(), path_.c_str()) != 0) fail("cannot be written: ");
+    if (!sync_parent_failed(path_)) return;
+    const int reason = errno;
+    ::rename(path_.c_str(), staging_.c_str());
+    errno = reason;
+    fail("cannot be written: ");
   }
+  if (!fs::is_directory(path_, error)) throw OutputError(name_, "a file of that name is there");
+  if (exchange(staging_, path_)) {
+    if (!sync_parent_failed(path_)) return;
+    const int reason = errno;
+    exchange(staging_, path_);
+    errno = reason;
+    fail("cannot be replaced: ");
+  }
+  const fs::path old = old_name(path_);
+  if (!cannot_exchange() || ::rename(path_.c_str(), old.c_str()) != 0) fail("cannot be replaced: ");
+  if (::rename(staging_.c_str(), path_.c_str()) == 0 && !sync_parent_failed(path_)) return;
+  const int reason = errno;
+  ::rename(path_.c_str(), staging_.c_str());  // where that failure was the disk's
+  ::rename(old.c_str(), path_.c_str());
+  errno = reason;
+  fail("cannot be replaced: ");
+}
+
+void AtomicFolder::fail(const char* what) const { throw OutputError(name_, what + last_error()); }
+
+void AtomicFolder::commit() {
+  sync_tree(staging_, name_);
+  {
+    const staging::Renaming at_once;
+    take_name();
+  }
+  // Last, the old result.
+  staging::discard(staging_);
+  std::error_code ignored;
+  fs::remove_all(old_name(path_), ignored);
   staging_.clear();
 }
+
+void discard_staged_outputs() noexcept { staging::discard_all(); }
 
 }  // namespace camber

@@ -4,20 +4,21 @@
 #include <functional>
 #include <ostream>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace camber {
 
-/// Writes a whole file beside its final name, then renames it: under `path` stands either the old
-/// file or the complete new one. A link is followed and stays; devices and pipes are written
-/// directly. @throws OutputError (path, reason).
+/// Writes a whole file beside its final name, brings it to the disk (fsync), then renames it: under
+/// `path` stands either the old file or the complete new one, also after a loss of power. A link is
+/// followed and stays; devices and pipes are written directly, and so is what AtomicFiles or
+/// AtomicFolder has staged. @throws OutputError (path, reason).
 void write_file_atomically(const std::filesystem::path& path,
                            const std::function<void(std::ostream&)>& write);
 void write_file_atomically(const std::filesystem::path& path, const std::string& content);
 
 /// Several files that appear together: each is written under the name that stage() gives, commit()
-/// renames them all. Without commit() nothing of them remains.
+/// brings them to the disk and renames them all; where that fails for one, all get their old
+/// content back. Without commit() nothing of them remains.
 class AtomicFiles {
  public:
   AtomicFiles() = default;
@@ -31,11 +32,24 @@ class AtomicFiles {
   void commit();
 
  private:
-  std::vector<std::pair<std::filesystem::path, std::filesystem::path>> staged_;  // beside, final
+  struct Staged {
+    std::filesystem::path beside, path;
+    std::string name;  // as given, for messages
+    bool appeared = false, exchanged = false;
+  };
+  void take_back();
+  [[noreturn]] void fail(const std::string& name);
+  void discard() noexcept;
+
+  std::vector<Staged> staged_;
 };
 
-/// A result folder that appears whole. Files are written under staging(); commit() swaps it with
-/// the folder at `path`. Without commit() nothing of it remains and what stood there is untouched.
+/// A result folder that appears whole. Files are written under staging(); commit() brings them to
+/// the disk and swaps the folder with that at `path`, in one step (renameat2, RENAME_EXCHANGE).
+/// Without commit() nothing of it remains and what stood there is untouched.
+/// A file system that cannot exchange two names takes two steps: the old folder gets the name
+/// ".NAME.camber-old" beside it, then the new one its own. One of the two names always leads to a
+/// whole folder: where a killed run left only the first, the next one gives it its name back.
 class AtomicFolder {
  public:
   /// @param overwrite allow to replace a non-empty folder that is not a Camber result (one that
@@ -54,9 +68,17 @@ class AtomicFolder {
   void commit();
 
  private:
+  void check_replaceable(bool overwrite, const std::vector<std::filesystem::path>& inputs) const;
+  void take_name();
+  [[noreturn]] void fail(const char* what) const;
+
   std::string name_;  // as given, for messages
   std::filesystem::path path_;
   std::filesystem::path staging_;
 };
+
+/// Removes what is staged and not committed. Afterwards whoever writes a file or commits waits for
+/// good: for a process that is about to end while other threads still compute.
+void discard_staged_outputs() noexcept;
 
 }  // namespace camber

@@ -9,6 +9,8 @@
 #include <optional>
 #include <thread>
 
+#include "camber/core/interruption.h"
+
 namespace camber {
 
 int resolve_num_threads(int requested) {
@@ -27,7 +29,10 @@ void parallel_for(std::size_t count, int num_threads,
                   const std::function<void(std::size_t)>& body) {
   const int threads = resolve_num_threads(num_threads);
   if (threads == 1 || count < 2) {
-    for (std::size_t i = 0; i < count; ++i) body(i);
+    for (std::size_t i = 0; i < count; ++i) {
+      throw_if_interrupted();
+      body(i);
+    }
     return;
   }
   // TBB prints a warning where an arena asks for more threads than the machine has.
@@ -37,7 +42,12 @@ void parallel_for(std::size_t count, int num_threads,
     more.emplace(Control::max_allowed_parallelism, static_cast<std::size_t>(threads));
   }
   oneapi::tbb::task_arena arena(threads);
-  arena.execute([&] { oneapi::tbb::parallel_for(std::size_t{0}, count, body); });
+  arena.execute([&] {
+    oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+      throw_if_interrupted();
+      body(i);
+    });
+  });
 }
 
 }  // namespace camber

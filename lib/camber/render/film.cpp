@@ -1,14 +1,10 @@
 #include "camber/render/film.h"
 
-#include <unistd.h>
-
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/render/detail/film_encoder.h"
 #include "camber/render/picture_file.h"
@@ -27,7 +23,8 @@ struct Codec {
 }  // namespace
 
 struct FilmWriter::Impl {
-  fs::path path, temporary;
+  fs::path path, temporary;  // of the same extension: OpenCV chooses the container by it
+  AtomicFiles files;
   double rate = 10.0;
   int width = 0, height = 0, count = 0;
   std::string codec;
@@ -51,21 +48,11 @@ FilmWriter::FilmWriter(const fs::path& path, double pictures_per_second)
   }
   impl_->path = path;
   impl_->rate = pictures_per_second;
-  if (fs::is_directory(path)) throw OutputError(path.string(), "a folder of that name is there");
-  // The extension must stay: OpenCV chooses the container by it.
-  const std::string name = "." + path.stem().string() + ".part." + std::to_string(::getpid()) +
-                           path.extension().string();
-  impl_->temporary = path.parent_path() / name;
-  std::ofstream probe(impl_->temporary, std::ios::binary);
-  if (!probe) {
-    throw OutputError(path.string(), std::string("cannot be written: ") + std::strerror(errno));
-  }
+  impl_->temporary = impl_->files.stage(path);
 }
 
 FilmWriter::~FilmWriter() {
-  impl_->encoder.reset();
-  std::error_code ignored;
-  if (!impl_->temporary.empty()) fs::remove(impl_->temporary, ignored);
+  impl_->encoder.reset();  // before its file goes
 }
 
 const std::string& FilmWriter::codec() const { return impl_->codec; }
@@ -121,10 +108,7 @@ void FilmWriter::finish() {
                                               std::to_string(found) + " pictures, expected " +
                                               std::to_string(film.count));
   }
-  std::error_code error;
-  fs::rename(film.temporary, film.path, error);
-  if (error) throw OutputError(film.path.string(), "cannot be written: " + error.message());
-  film.temporary.clear();
+  film.files.commit();
 }
 
 }  // namespace camber

@@ -1,0 +1,207 @@
+// What the program does where the machine around it fails: full disks, closed streams, signals.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "camber/cloud/cloud_io.h"
+#include "camber/core/random.h"
+#include "cli/run_program.h"
+#include "scene/write_image.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using test::ProgramResult;
+using test::run_camber;
+using test::run_camber_in;
+using test::Surroundings;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class Reliability : public ::testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  static std::string sample() {
+    return (test::source_dir() / "samples/steep_hill/scene.json").string();
+  }
+
+  /// A level square of 40 m.
+  std::string write_square(const std::string& name, std::size_t points) const {
+    RoadCloud cloud;
+    const CounterRandom random(3);
+    cloud.points.reserve(points);
+    for (std::uint64_t i = 0; i < points; ++i) {
+      cloud.points.push_back(Eigen::Vector3d(random.uniform(4 * i, -20, 20),
+                                             random.uniform(4 * i + 1, -20, 20),
+                                             0.02 * random.normal(i))
+                                 .cast<float>());
+    }
+    write_cloud(cloud, path(name));
+    return path(name);
+  }
+
+  /// A result folder: a patch and a line along it.
+  std::string make_result(const std::string& name) const {
+    const std::string cloud = write_square("square.ply", 3000), line = path("line.xyz");
+    std::ofstream(line) << "x y z\n-10 0 0\n0 0 0\n10 0 0\n";
+    const ProgramResult result =
+        run_camber({"patches", cloud, "--driven-line", line, "--out", path(name)});
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return path(name);
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(Reliability, ResultsThatStandardOutputDoesNotTakeAreAFailure) {
+  const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
+  Surroundings full, closed;
+  full.standard_output = "/dev/full";
+  closed.shell = "exec >&-";
+  const std::vector<std::vector<std::string>> commands = {
+      {"--version"},
+      {"--help"},
+      {"plane", "--help"},
+      {"plane", cloud},
+      {"plane", cloud, "--json"},
+      {"info", cloud},
+      {"info", cloud, "--json"},
+      {"info", result},
+      {"patches", cloud, "--out", path("patches")},
+      {"ground", cloud, "--out", path("ground.ply"), "--json"},
+      {"profile", result, "--json"},
+      {"compare", cloud, cloud},
+      {"convert", cloud, "--out", path("x.pcd"), "--json"},
+      {"filter", cloud, "--voxel", "1", "--out", path("y.pcd"), "--json"},
+      {"prior", "info"},
+      {"prior", "info", "--json"},
+      {"synth", "--frames", "1", "--size", "160x64", "--out", path("scene"), "--json"},
+      {"vehicles", sample(), "--frames", "0", "--out", path("vehicles.json"), "--json"},
+  };
+  for (const auto& command : commands) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    EXPECT_ONE_SENTENCE(run_camber_in(full, command), 3, "standard output cannot be written");
+    EXPECT_ONE_SENTENCE(run_camber_in(closed, command), 3, "standard output cannot be written");
+  }
+  // A failure stays what it is.
+  EXPECT_ONE_SENTENCE(run_camber_in(full, {"plane", path("none.ply")}), 2, "none.ply");
+}
+
+TEST_F(Reliability, AFileNeverTakesThePlaceOfAClosedStream) {
+  // With standard error closed a message would else end in the file that is being written.
+  const std::string cloud = write_square("cloud.ply", 3000);
+  Surroundings closed;
+  closed.shell = "exec 2>&- 1>&- 0<&-";
+  for (const char* out : {"a.ply", "b.ply"}) {
+    run_camber_in(out[0] == 'a' ? Surroundings() : closed,
+                  {"convert", cloud, "--out", path(out), "--json"});
+  }
+  EXPECT_EQ(test::read_bytes(path("b.ply")), test::read_bytes(path("a.ply")));
+  EXPECT_GT(fs::file_size(path("b.ply")), 3000u);
+}
+
+TEST_F(Reliability, AFileBeyondTheLargestSizeIsARefusal) {
+  const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
+  const auto before = test::snapshot(folder_.path());
+  Surroundings small;
+  small.shell = "ulimit -f 1";  // 512 or 1024 bytes
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"convert", cloud, "--out", path("x.pcd")},
+           {"profile", result, "--out", path("profile.csv")},
+           {"patches", cloud, "--out", path("result")},
+           {"vehicles", sample(), "--out", path("vehicles.json")}}) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    const ProgramResult failed = run_camber_in(small, command);
+    EXPECT_ONE_SENTENCE(failed, 3, "File too large");
+    EXPECT_THAT(failed.error, ::testing::Not(HasSubstr(".camber."))) << "a temporary name";
+  }
+  EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
+}
+
+TEST_F(Reliability, NoOutputReplacesAnInput) {
+  const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
+  const std::string line = path("line.xyz");
+  fs::copy(fs::path(sample()).parent_path(), path("scene"), fs::copy_options::recursive);
+  const std::string scene = path("scene/scene.json");
+  fs::create_hard_link(cloud, path("hard.ply"));
+  fs::create_symlink(cloud, path("soft.ply"));
+  fs::create_symlink(scene, path("soft.json"));
+  fs::copy_file(test::source_dir() / "lib/camber/vehicle/shipped_prior.json", path("prior.json"));
+  const auto before = test::snapshot(folder_.path());
+  const std::string folder = folder_.path().string();
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"filter", cloud, "--voxel", "1", "--out", cloud},
+           {"filter", cloud, "--voxel", "1", "--out", path("hard.ply")},
+           {"convert", cloud, "--out", path("soft.ply")},
+           {"convert", path("soft.ply"), "--out", folder + "/./cloud.ply"},
+           {"ground", cloud, "--out", path("hard.ply")},
+           {"profile", result, "--out", result + "/surface.json"},
+           {"profile", result, "--along", line, "--out", path("result/../result/run.json")},
+           {"vehicles", scene, "--out", scene},
+           {"vehicles", path("scene"), "--out", path("soft.json")},
+           {"vehicles", scene, "--out", path("scene/image/000000.png")},
+           {"vehicles", scene, "--prior", path("prior.json"), "--out", path("prior.json")},
+           {"vehicles", scene, "--out", path("v.json"), "--kitti-labels", scene},
+           {"triangulate", scene, "--out", path("scene/truth/road.ply")},
+           {"render", result, "--out", path("scene/image/000000.png"), "--scene", scene},
+           {"prior", "info", path("prior.json"), "--picture", path("prior.json")},
+       }) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    EXPECT_ONE_SENTENCE(run_camber(command), 2, "is the input");
+    EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
+  }
+  // Beside them there is room.
+  EXPECT_EQ(run_camber({"profile", result, "--out", result + "/profile.csv"}).exit_code, 0);
+  EXPECT_EQ(run_camber({"profile", result, "--out", result + "/profile.csv"}).exit_code, 0);
+}
+
+TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {
+  const std::string cloud = write_square("cloud.ply", 1'500'000);
+  const auto before = test::snapshot(folder_.path());
+  const std::vector<std::vector<std::string>> commands = {
+      {"compare", cloud, cloud, "--out", path("compared")},
+      {"filter", cloud, "--normals", "40", "--out", path("normals.ply")},
+      {"convert", cloud, "--out", path("copy.csv")},
+      {"patches", cloud, "--out", path("patches")},
+      {"prior", "learn", "--family", "--out", path("prior.json")},
+      {"synth", "--frames", "20", "--out", path("scene")},
+  };
+  for (const auto& command : commands) {
+    for (const int after : {150, 700}) {
+      SCOPED_TRACE(::testing::PrintToString(command) + " " + std::to_string(after));
+      Surroundings stopped;
+      stopped.signal = SIGTERM;
+      stopped.signal_after_ms = after;
+      const ProgramResult result = run_camber_in(stopped, command);
+      EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+      EXPECT_LT(result.seconds_after_signal, 2.0);  // 1 s on a machine that does nothing else
+      EXPECT_TRUE(test::snapshot(folder_.path()) == before)
+          << "a file is another, or more are there";
+    }
+  }
+}
+
+TEST_F(Reliability, TheSecondSignalDoesNotWait) {
+  // A pipe that nobody writes: opening it never ends by itself.
+  const std::string pipe = path("pipe.json");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const std::vector<std::string> command = {"vehicles", pipe, "--out", path("vehicles.json")};
+  Surroundings stopped;
+  stopped.signal = SIGTERM;
+  stopped.signal_after_ms = 500;
+  const ProgramResult once = run_camber_in(stopped, command);
+  EXPECT_ONE_SENTENCE(once, 130, "interrupted");
+  EXPECT_GT(once.seconds_after_signal, 0.5);
+  stopped.shell = "(sleep 0.7; kill -TERM $$) & :";
+  const ProgramResult twice = run_camber_in(stopped, command);
+  EXPECT_ONE_SENTENCE(twice, 130, "interrupted");
+  EXPECT_LT(twice.seconds_after_signal, 0.6);
+}
+
+}  // namespace
+}  // namespace camber

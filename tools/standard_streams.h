@@ -1,0 +1,14 @@
+#pragma once
+
+namespace camber::tools {
+
+/// Where the program was started with standard input, output or error closed, opens them so that no
+/// file gets their numbers: reading finds the end, writing fails. A closed pipe or a file that
+/// reaches its largest size is then an error of the write, no signal.
+void open_standard_streams();
+
+/// Whether all that was printed has been taken: a result on a full disk is none.
+/// @return `exit_code`; 3 in place of 0, after a sentence on stderr, if something is lost.
+int finish_standard_output(int exit_code);
+
+}  // namespace camber::tools
