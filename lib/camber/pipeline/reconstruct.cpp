@@ -4,6 +4,7 @@
 
 #include "camber/pipeline/reconstruct_paper.h"
 #include "camber/pipeline/run_details.h"
+#include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stage_runner.h"
 
 namespace camber {
@@ -38,15 +39,7 @@ void ReconstructOptions::validate() const {
   paper.vehicles.weights.validate();
 }
 
-Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
-                           const ReconstructOptions& options, const Progress& progress) {
-  options.validate();
-  const ReconstructOptions o = handed_down(options);
-  if (o.preset == Preset::kPaper) return reconstruct_paper(scene, frame_ids, o, progress);
-  Timings timings;
-  StageRunner run(timings, progress);
-
-  LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, o.load); });
+SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const StageRunner& run) {
   Correspondences matches =
       run("correspondences", 0.1, [&] { return stages::match(frames, o.match); });
   MotionEstimate motion =
@@ -75,21 +68,36 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
       return stages::ground(frames, matches, motion, std::move(points), ground, o.ground);
     });
   }
+  return {std::move(matches), std::move(motion), std::move(ground)};
+}
+
+Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
+                           const ReconstructOptions& options, const Progress& progress) {
+  options.validate();
+  const ReconstructOptions o = handed_down(options);
+  if (o.preset == Preset::kPaper) return reconstruct_paper(scene, frame_ids, o, progress);
+  Timings timings;
+  StageRunner run(timings, progress);
+
+  LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, o.load); });
+  const SeenRoad seen = see_road(frames, o, run);
   const PhotometricGround refined = run("ground", 0.8, [&] {
-    return o.photometric ? stages::refine_photometrically(frames, matches, motion, ground, o.ground)
-                         : PhotometricGround{ground, motion, nullptr, {}, {}, {}};
+    return o.photometric ? stages::refine_photometrically(frames, seen.matches, seen.motion,
+                                                          seen.ground, o.ground)
+                         : PhotometricGround{seen.ground, seen.motion, nullptr, {}, {}, {}};
   });
   const ScaledRoad scaled =
-      run("scale", 0.83, [&] { return stages::scale(frames, matches, refined, o.scale); });
+      run("scale", 0.83, [&] { return stages::scale(frames, seen.matches, refined, o.scale); });
   const SurfacePlan plan = run("surface", 0.85, [&] {
-    return stages::surface(frames, matches, refined.motion, refined.ground, scaled.road, o.surface);
+    return stages::surface(frames, seen.matches, refined.motion, refined.ground, scaled.road,
+                           o.surface);
   });
   PlacedVehicles vehicles = run("vehicles", 0.9, [&] {
     return stages::vehicles(frames, refined.motion, scaled, plan, o.vehicles);
   });
   AssembledRoad road = run("surface", 0.98, [&] {
-    return stages::assemble(frames, matches, refined, scaled, plan, vehicles, o.vehicles.method,
-                            {o.num_threads});
+    return stages::assemble(frames, seen.matches, refined, scaled, plan, vehicles,
+                            o.vehicles.method, {o.num_threads});
   });
   if (progress) progress("surface", 1.0);
 

@@ -3,54 +3,11 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
-#include "camber/pipeline/stage_runner.h"
+#include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stages/paper_assemble.h"
 
 namespace camber {
 namespace {
-
-/// What is found before the vehicles.
-struct SeenRoad {
-  Correspondences matches;
-  MotionEstimate motion;
-  Ground ground;
-};
-
-/// Matches, motion and road points: the stages of the default, without its photometric refinement.
-SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const StageRunner& run) {
-  SeenRoad out;
-  out.matches = run("correspondences", 0.1, [&] { return stages::match(frames, o.match); });
-  out.motion = run("motion", 0.3, [&] { return stages::motion(frames, out.matches, o.motion); });
-  const auto triangulate = [&](double share, const GroundPoints* before) {
-    return run("triangulation", share, [&] {
-      return stages::triangulate(frames, out.matches, out.motion, before, o.ground);
-    });
-  };
-  GroundPoints points = triangulate(0.4, nullptr);
-  const PlaneSearchResult search = run("ground", 0.5, [&] {
-    return o.rounds > 0 ? stages::search_plane(frames, out.motion, o.ground) : PlaneSearchResult();
-  });
-  out.ground = run("ground", 0.5, [&] {
-    return stages::first_ground(frames, out.matches, out.motion, std::move(points), search,
-                                o.ground);
-  });
-  for (int round = 0; round < o.rounds; ++round) {
-    const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
-    out.matches = run("correspondences", share, [&] {
-      return stages::match_again(frames, out.matches, out.motion, out.ground, round + 1 == o.rounds,
-                                 o.match);
-    });
-    out.motion = run("motion", share, [&] {
-      return stages::motion_again(frames, out.matches, out.motion, o.motion);
-    });
-    points = triangulate(share, &out.ground.seen);
-    out.ground = run("ground", share, [&] {
-      return stages::ground(frames, out.matches, out.motion, std::move(points), out.ground,
-                            o.ground);
-    });
-  }
-  return out;
-}
 
 /// A single image: no points; the plane under the camera is the scene's, or a level one at the
 /// camera's height.

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "camber/pipeline/reconstruct.h"
+#include "camber/pipeline/stage_runner.h"
+
+namespace camber {
+
+/// The road as matches alone show it.
+struct SeenRoad {
+  Correspondences matches;
+  MotionEstimate motion;
+  Ground ground;
+};
+
+/// Rounds of match, motion and ground: each matches again with the ground of the one before.
+/// @throws NoAnswerError as the stages do.
+SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& options,
+                  const StageRunner& run);
+
+}  // namespace camber
