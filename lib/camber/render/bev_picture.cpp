@@ -7,6 +7,7 @@
 #include "camber/render/color_map.h"
 #include "camber/render/label_layout.h"
 #include "camber/render/picture_file.h"
+#include "camber/render/picture_legend.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/pictures.h"
 #include "camber/render/scene_actors.h"

@@ -12,6 +12,7 @@
 #include "camber/render/detail/vtk_drawing.h"
 #include "camber/render/label_layout.h"
 #include "camber/render/picture_file.h"
+#include "camber/render/picture_legend.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/pictures.h"
 #include "camber/render/scene_camera.h"

@@ -1,0 +1,147 @@
+#include "camber/render/detail/point_colors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "camber/cloud/normals.h"
+#include "camber/core/errors.h"
+#include "camber/evaluate/compare.h"
+
+namespace camber::detail {
+namespace {
+
+std::vector<std::string> height_title(const PictureSpace& space) {
+  if (space.height_name == "height above the road at the camera") {
+    return {"height above the", "road at the camera", "(" + space.unit + ")"};
+  }
+  if (space.height_name == "height above the camera") {
+    return {"height above", "the camera (" + space.unit + ")"};
+  }
+  if (space.height_name.size() < 10) return {space.height_name + " (" + space.unit + ")"};
+  return {space.height_name, "(" + space.unit + ")"};
+}
+
+/// Signed distances to the dense truth, along the normal of its nearest point, up is positive, one
+/// a point kept; NaN where the truth has no normal.
+std::vector<float> truth_errors(const PictureContent& content, const Eigen::Vector3d& up,
+                                const std::vector<std::uint32_t>& kept) {
+  const SE3 truth_from_reference = content.reference_from_truth_cloud.inverse();
+  std::vector<Eigen::Vector3d> places;
+  places.reserve(kept.size());
+  for (const std::uint32_t i : kept) {
+    places.push_back(truth_from_reference *
+                     (content.cloud->origin + content.cloud->points[i].cast<double>()));
+  }
+  Shape truth;
+  truth.cloud.origin = content.truth_cloud->origin;
+  truth.cloud.points = content.truth_cloud->points;
+  NormalOptions normals;
+  normals.up = truth_from_reference.rotation() * up;
+  estimate_normals(truth.cloud, normals);
+  const ShapeDistances found = distances_to(truth, places, 0);
+  return {found.along_normal.begin(), found.along_normal.end()};
+}
+
+[[noreturn]] void lacking(const std::string& what) {
+  throw NoAnswerError("the points cannot be coloured: the cloud has no " + what);
+}
+
+/// The values that the points of a picture are coloured by; none where they have colours already.
+std::vector<float> color_values(const PictureContent& content, const Eigen::Vector3d& up,
+                                const PointColor& color, PictureSpace* space) {
+  const RoadCloud& cloud = *content.cloud;
+  const std::vector<std::uint32_t>& kept = space->kept;
+  std::vector<float> values;
+  values.reserve(kept.size());
+  switch (color.by) {
+    case PointColor::By::kImage:
+      if (cloud.colors.empty()) lacking("colours");
+      for (const std::uint32_t i : kept) space->colors.push_back(cloud.colors[i]);
+      return {};
+    case PointColor::By::kPatch: {
+      const auto found = cloud.labels.find("patch");
+      if (found == cloud.labels.end()) lacking("label \"patch\"");
+      for (const std::uint32_t i : kept) {
+        const int patch = found->second[i];
+        const Color ink = patch < 0 ? Color{170, 170, 170, 1.0} : categorical(patch);
+        space->colors.push_back({ink.red, ink.green, ink.blue});
+      }
+      return {};
+    }
+    case PointColor::By::kHeight:
+      for (const Eigen::Vector3f& p : space->points) values.push_back(p.z());
+      space->color_range = space->heights;
+      space->color_title = height_title(*space);
+      break;
+    case PointColor::By::kSigma:
+      if (cloud.sigmas.empty()) lacking("standard deviations");
+      for (const std::uint32_t i : kept) values.push_back(cloud.sigmas[i]);
+      space->color_title = {"standard", "deviation (" + space->unit + ")"};
+      break;
+    case PointColor::By::kError:
+      if (content.truth_cloud) {
+        values = truth_errors(content, up, kept);
+        space->color_title = {"above (+) or", "below the", "truth (" + space->unit + ")"};
+        space->color_scale = diverging;
+        break;
+      }
+      if (cloud.scalars.find("error") == cloud.scalars.end()) {
+        lacking("attribute \"error\", and there is no dense truth to measure against");
+      }
+      [[fallthrough]];
+    case PointColor::By::kScalar: {
+      const std::string name = color.by == PointColor::By::kError ? "error" : color.name;
+      const auto scalar = cloud.scalars.find(name);
+      const auto label = cloud.labels.find(name);
+      if (scalar == cloud.scalars.end() && label == cloud.labels.end()) {
+        lacking("attribute \"" + name + "\"");
+      }
+      for (const std::uint32_t i : kept) {
+        values.push_back(scalar != cloud.scalars.end() ? scalar->second[i]
+                                                       : static_cast<float>(label->second[i]));
+      }
+      space->color_title = {name};
+      break;
+    }
+  }
+  return values;
+}
+
+/// The range of the colour bar: without stray values, symmetric for diverging colours.
+void choose_range(const PointColor& color, const std::vector<float>& values, PictureSpace* space) {
+  if (color.by != PointColor::By::kHeight) {
+    std::vector<float> finite;
+    for (const float value : values) {
+      if (std::isfinite(value)) finite.push_back(value);
+    }
+    if (finite.empty()) lacking("finite value of what the colours should mean");
+    space->color_range = robust_range(finite, 0.02, 0.98);
+    if (!(space->color_range.span() > 0.0)) {
+      const double half = std::max(1e-6, 1e-3 * std::abs(space->color_range.low));
+      space->color_range = {space->color_range.low - half, space->color_range.high + half};
+    }
+  }
+  if (space->color_scale == diverging) {
+    const double reach =
+        std::max(std::abs(space->color_range.low), std::abs(space->color_range.high));
+    space->color_range = {-reach, reach};
+  }
+}
+
+}  // namespace
+
+void color_points(const PictureContent& content, const Eigen::Vector3d& up, const PointColor& color,
+                  PictureSpace* space) {
+  const std::vector<float> values = color_values(content, up, color, space);
+  if (!space->colors.empty()) return;
+  choose_range(color, values, space);
+  space->has_color_bar = true;
+  for (const float value : values) {
+    const Color ink =
+        space->color_scale((value - space->color_range.low) / space->color_range.span());
+    space->colors.push_back({ink.red, ink.green, ink.blue});
+  }
+}
+
+}  // namespace camber::detail
