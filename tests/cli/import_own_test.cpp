@@ -72,7 +72,7 @@ TEST_F(ImportOwn, ImagesOfAnyNamesInNaturalOrder) {
   EXPECT_EQ(scene.camera.fy, 101.0);
   EXPECT_EQ(scene.distortion.model, LensModel::kBrown);
   EXPECT_EQ(scene.distortion.coefficients.size(), 5u);
-  EXPECT_THAT(error_, HasSubstr("3 frames (0 to 2) of 80 x 60 pixels, 0 detections"));
+  EXPECT_THAT(error_, HasSubstr("3 frames (0 to 2) of 85 x 64 pixels, 0 detections"));
   EXPECT_THAT(error_, HasSubstr("natural order of the names, drive 1.png to drive 10.png"));
   EXPECT_THAT(error_, HasSubstr("brown distortion"));
   EXPECT_THAT(error_, HasSubstr("missing: no boxes"));
@@ -242,7 +242,7 @@ TEST_F(ImportOwn, AColmapModel) {
   ASSERT_EQ(scene.frames.size(), 2u);
   EXPECT_EQ(scene.frames[1].image.filename(), "a10.png");
   EXPECT_EQ(scene.frames[1].world_from_camera->translation(), Eigen::Vector3d(0, 0, 6));
-  EXPECT_EQ(scene.camera.cx, 39.5);
+  EXPECT_EQ(scene.distortion.raw.cx, 39.5);
   EXPECT_EQ(scene.distortion.coefficients[0], -0.1);
   const auto plain = run_camber(
       {"import", "colmap", path("model"), "--images", path("images"), "--out", path("out")});

@@ -62,8 +62,9 @@ TEST_F(Videos, EveryFrameHasItsTimeAndItsPicture) {
       EXPECT_NEAR(level(image), 10 * i, 4) << i;  // of a lossy codec
       EXPECT_GT(image.color.row(0)[0], 240);
     }
-    const std::vector<FrameImage> several = read_frame_images(
-        {path.string() + "#7", path.string() + "#2", path.string() + "#7"}, kCamera, 2);
+    const std::vector<FrameImage> several =
+        read_frame_images({path.string() + "#7", path.string() + "#2", path.string() + "#7"},
+                          Undistortion(kCamera), 2);
     EXPECT_NEAR(level(several[0]), 70, 4);
     EXPECT_NEAR(level(several[1]), 20, 4);
     EXPECT_EQ(several[0].gray.pixels, several[2].gray.pixels);

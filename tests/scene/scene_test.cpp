@@ -477,8 +477,7 @@ TEST_F(SceneFile, LensUpAndSpeedAreReadAndWritten) {
   std::vector<std::string> warnings;
   const Scene read =
       read_scene(put(manifest), [&](const std::string& text) { warnings.push_back(text); });
-  ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_THAT(warnings[0], ::testing::HasSubstr("distortion is not taken out"));
+  EXPECT_TRUE(warnings.empty());
   const fs::path again = folder_.path() / "again.json";
   write_scene(read, again);
   const Scene scene = read_scene(again);

@@ -66,8 +66,17 @@ FrameImage FrameImageReader::read(const fs::path& path, const PinholeCamera& cam
   return of_color(video_->image(), path, camera);
 }
 
+FrameImage FrameImageReader::read(const fs::path& path, const Undistortion& lens) {
+  FrameImage out = read(path, lens.raw());
+  if (!lens.needed()) return out;
+  out.color = lens.image(out.color);
+  Image gray = to_grey(out.color);
+  out.gray = {gray.width, gray.height, std::move(gray.data)};
+  return out;
+}
+
 std::vector<FrameImage> read_frame_images(const std::vector<fs::path>& paths,
-                                          const PinholeCamera& camera, int num_threads) {
+                                          const Undistortion& lens, int num_threads) {
   std::vector<FrameImage> out(paths.size());
   std::map<fs::path, std::vector<std::size_t>> videos;
   std::vector<std::size_t> files;
@@ -89,7 +98,7 @@ std::vector<FrameImage> read_frame_images(const std::vector<fs::path>& paths,
   for (const std::size_t i : files) jobs.push_back({i});
   parallel_for(jobs.size(), num_threads, [&](std::size_t j) {
     FrameImageReader reader;
-    for (const std::size_t i : jobs[j]) out[i] = reader.read(paths[i], camera);
+    for (const std::size_t i : jobs[j]) out[i] = reader.read(paths[i], lens);
   });
   return out;
 }

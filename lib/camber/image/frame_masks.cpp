@@ -90,6 +90,16 @@ FrameMasks make_frame_masks(const PinholeCamera& camera, const MaskInputs& input
     vehicle = boxes;
   }
 
+  if (!inputs.hidden.empty()) {
+    if (inputs.hidden.size() != total) {
+      throw std::invalid_argument("hidden: " + std::to_string(inputs.hidden.size()) +
+                                  " pixels, expected " + std::to_string(total));
+    }
+    for (std::size_t i = 0; i < total; ++i) {
+      vehicle[i] |= inputs.hidden[i];
+      if (inputs.hidden[i]) ground[i] = roadway[i] = 0;
+    }
+  }
   out.vehicle = grown(vehicle, camera, 3);
   Mask both(total);
   for (std::size_t i = 0; i < total; ++i) both[i] = vehicle[i] || boxes[i];

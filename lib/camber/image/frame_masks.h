@@ -21,6 +21,8 @@ struct MaskInputs {
   std::optional<Image> segmentation;  ///< one channel, read through `classes`
   LabelClasses classes;
   std::optional<Image> road_mask;  ///< one channel, non-zero: road; used without a segmentation
+  /// One byte a pixel, or empty: non-zero where the image shows nothing; counts as a vehicle does.
+  std::vector<std::uint8_t> hidden;
 };
 
 /// What the pixels of one image belong to; each one byte a pixel, row-major, non-zero: yes.

@@ -8,6 +8,7 @@
 
 #include "camber/image/image.h"
 #include "camber/image/image_io.h"
+#include "camber/image/undistortion.h"
 
 namespace camber {
 
@@ -60,6 +61,8 @@ class FrameImageReader {
   ~FrameImageReader();
   /// @throws InputError as read_frame_image(), and for a frame that the video does not have.
   FrameImage read(const std::filesystem::path& path, const PinholeCamera& camera);
+  /// The same with the lens's distortion taken out: the file has the size of lens.raw().
+  FrameImage read(const std::filesystem::path& path, const Undistortion& lens);
 
  private:
   std::filesystem::path file_;
@@ -68,7 +71,7 @@ class FrameImageReader {
 
 /// The images of several frames, each video in one pass, on at most `num_threads` threads.
 std::vector<FrameImage> read_frame_images(const std::vector<std::filesystem::path>& paths,
-                                          const PinholeCamera& camera, int num_threads);
+                                          const Undistortion& lens, int num_threads);
 
 /// A scan of a whole video.
 struct VideoScan {

@@ -19,13 +19,14 @@ constexpr double kEnoughAngle = 0.025;  // rad, parallax of the near road
 /// it is: what moves fast is lost, and what is left (cars ahead, far road, chance) moves little.
 constexpr double kLeastMatched = 0.62;
 
-GrayImage small_image(const Scene& scene, std::size_t index, FrameImageReader& images) {
+GrayImage small_image(const Scene& scene, std::size_t index, const Undistortion& lens,
+                      FrameImageReader& images) {
   const SceneFrame& frame = scene.frames[index];
   if (frame.image.empty()) {
     throw NoAnswerError("frame " + std::to_string(frame.id) +
                         " has no image in the manifest; reconstruction needs images");
   }
-  FrameImage image = images.read(frame.image, scene.camera);
+  FrameImage image = images.read(frame.image, lens);
   const cv::Mat full(image.gray.height, image.gray.width, CV_8UC1, image.gray.pixels.data());
   GrayImage out;
   out.width = std::max(16, full.cols / kShrink);
@@ -104,14 +105,15 @@ ChosenFrames choose_frames(const Scene& scene) {
       static_cast<std::size_t>(std::find(ids.begin(), ids.end(), id) - ids.begin());
   const std::size_t behind = reference, ahead = count - 1 - reference;
   const std::size_t most = std::max(behind, ahead);
+  const Undistortion lens(scene.camera, scene.distortion);
   FrameImageReader images;  // goes on through a video as the frames do
-  const GrayImage here = small_image(scene, reference, images);
+  const GrayImage here = small_image(scene, reference, lens, images);
   ChosenFrames out;
   const double enough = kEnoughAngle * scene.camera.fx;
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
-    const auto parallax = near_parallax(scene, here, small_image(scene, other, images),
+    const auto parallax = near_parallax(scene, here, small_image(scene, other, lens, images),
                                         spacing == 1 ? kLeastMatched : 0.0);
     // Too fast to be matched at this size is not too slow.
     out.parallax_px = parallax.value_or(enough);

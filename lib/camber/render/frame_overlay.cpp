@@ -10,14 +10,16 @@ namespace camber {
 namespace {
 
 /// The frame's road as a mask of 0 and 255, from its mask or its labels.
-Image read_road_mask(const Scene& scene, const SceneFrame& frame) {
-  if (!frame.road_mask.empty()) return read_label_image(frame.road_mask, scene.camera);
+Image read_road_mask(const Scene& scene, const SceneFrame& frame, const Undistortion& lens) {
+  if (!frame.road_mask.empty()) {
+    return lens.labels(read_label_image(frame.road_mask, lens.raw()));
+  }
   const auto road = scene.segmentation_classes.find("road");
   if (frame.segmentation.empty() || road == scene.segmentation_classes.end()) {
     throw NoAnswerError("frame " + std::to_string(frame.id) +
                         " has no road mask and no labels of roads");
   }
-  Image mask = read_label_image(frame.segmentation, scene.camera);
+  Image mask = lens.labels(read_label_image(frame.segmentation, lens.raw()));
   for (std::uint8_t& value : mask.data) {
     value = std::count(road->second.begin(), road->second.end(), value) > 0 ? 255 : 0;
   }
@@ -33,7 +35,8 @@ Image draw_frame_overlay(const LoadedResult& result, int id, OverlayOptions opti
   if (!frame || frame->image.empty()) {
     throw NoAnswerError("the scene has no image of frame " + std::to_string(id));
   }
-  const Image photo = FrameImageReader().read(frame->image, scene.camera).color;
+  const Undistortion lens(scene.camera, scene.distortion);
+  const Image photo = FrameImageReader().read(frame->image, lens).color;
   VehicleFrame none;
   const VehicleFrame* vehicles = &none;
   if (result.vehicles) {
@@ -45,7 +48,7 @@ Image draw_frame_overlay(const LoadedResult& result, int id, OverlayOptions opti
   OverlayRoad road;
   Image mask;
   if (options.show_mask) {
-    mask = read_road_mask(scene, *frame);
+    mask = read_road_mask(scene, *frame, lens);
     road.mask = &mask;
   }
   if (options.show_patches || options.show_normals || options.show_grade) {

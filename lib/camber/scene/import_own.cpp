@@ -211,6 +211,7 @@ void finish_import(const OwnDataOptions& options, OwnImport& out) {
     }
     scene.reference_frame = options.reference_frame;
   }
+  take_out_lens(scene, out);
   const std::vector<std::string> lacks = missing_in(scene);
   out.missing.insert(out.missing.begin(), lacks.begin(), lacks.end());
 }

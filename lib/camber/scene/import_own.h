@@ -76,6 +76,13 @@ struct OwnImport {
 /// @throws InputError for masks of other colours or sizes; OutputError.
 void write_own_import(OwnImport& import, const std::filesystem::path& manifest);
 
+/// The camera of the scene's image files: the lens's where there is one.
+const PinholeCamera& file_camera(const Scene& scene);
+
+/// The last step of an import of images of a lens: the scene's camera becomes a pinhole camera that
+/// loses no row of road, and boxes and keypoints, given in the files' pixels, are carried over.
+void take_out_lens(Scene& scene, OwnImport& out);
+
 /// What a scene lacks, a phrase each with what it costs and the option that would give it.
 std::vector<std::string> missing_in(const Scene& scene);
 

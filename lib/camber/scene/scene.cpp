@@ -247,11 +247,6 @@ class ManifestReader {
     root.note_unknown_keys();
     context_.report_unknown(warn_);
     warn_about_segmentation(scene);
-    if (warn_ && scene.distortion.model != LensModel::kNone) {
-      warn_(fmt::format("{}: camera.distortion: images are taken as they are, the lens's distortion "
-                        "is not taken out",
-                        context_.file));
-    }
     return scene;
   }
 

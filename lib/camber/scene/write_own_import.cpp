@@ -44,13 +44,13 @@ void write_own_import(OwnImport& import, const fs::path& manifest) {
                                     [id = id](const SceneFrame& f) { return f.id == id; });
     if (frame == scene.frames.end()) continue;  // not among the frames that were asked for
     frame->segmentation = folder / "segmentation" / fmt::format("{:06}.png", id);
-    write_png(labels_of_colors(mask, import.mask_classes, scene.camera),
+    write_png(labels_of_colors(mask, import.mask_classes, file_camera(scene)),
               files.stage(frame->segmentation));
   }
   if (!import.extractions.empty()) images.emplace(folder / "image");
   FrameImageReader reader;
   for (const auto& [from, to] : import.extractions) {
-    write_png(reader.read(from, scene.camera).color, files.stage(to));
+    write_png(reader.read(from, file_camera(scene)).color, files.stage(to));
   }
   files.commit();
   write_scene(scene, manifest);

@@ -17,17 +17,19 @@ std::vector<int> label_values(const Scene& scene, const std::string& name) {
   return found == scene.segmentation_classes.end() ? std::vector<int>() : found->second;
 }
 
-FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, bool use_masks) {
+FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, const Undistortion& lens,
+                      bool use_masks) {
   MaskInputs inputs;
   inputs.classes = {label_values(scene, "road"), label_values(scene, "pavement"),
                     label_values(scene, "vehicle")};
   for (const VehicleDetection& v : frame.vehicles) inputs.vehicle_boxes.push_back(v.box);
   const bool shows_ground = !inputs.classes.road.empty() || !inputs.classes.pavement.empty();
   if (use_masks && !frame.segmentation.empty() && shows_ground) {
-    inputs.segmentation = read_label_image(frame.segmentation, scene.camera);
+    inputs.segmentation = lens.labels(read_label_image(frame.segmentation, lens.raw()));
   } else if (use_masks && !frame.road_mask.empty()) {
-    inputs.road_mask = read_label_image(frame.road_mask, scene.camera);
+    inputs.road_mask = lens.labels(read_label_image(frame.road_mask, lens.raw()));
   }
+  inputs.hidden = lens.outside();
   return make_frame_masks(scene.camera, inputs);
 }
 
@@ -90,13 +92,14 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
     const auto video = video_frame_name(frame.image);
     if (!video || videos.insert(video->file).second) read[k].insert(image_file_of(frame.image));
   }
-  std::vector<FrameImage> images = read_frame_images(paths, scene.camera, options.num_threads);
+  const Undistortion lens(scene.camera, scene.distortion);
+  std::vector<FrameImage> images = read_frame_images(paths, lens, options.num_threads);
   std::vector<std::vector<std::pair<std::string, std::string>>> hashes(count);
   parallel_for(count, options.num_threads, [&](std::size_t k) {
     const SceneFrame& frame = out.frames[k];
     out.gray[k] = std::move(images[k].gray);
     out.color[k] = std::move(images[k].color);
-    out.masks[k] = read_masks(scene, frame, options.use_masks);
+    out.masks[k] = read_masks(scene, frame, lens, options.use_masks);
     const auto hash = [&](const std::filesystem::path& path) {
       if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
     };

@@ -1,0 +1,90 @@
+// The embedded scene through lenses: images as a distorting camera would have given them.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "camber/evaluate/metrics.h"
+#include "camber/geometry/lens_map.h"
+#include "camber/image/image_io.h"
+#include "camber/pipeline/reconstruct.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+/// Images of the scene's camera as the lens shows them; black where the camera saw nothing.
+class ThroughLens {
+ public:
+  ThroughLens(const PinholeCamera& camera, const LensDistortion& lens)
+      : x_(lens.raw.height, lens.raw.width, CV_32FC1), y_(x_.size(), CV_32FC1) {
+    const LensMap map(camera, lens);
+    for (int v = 0; v < x_.rows; ++v) {
+      for (int u = 0; u < x_.cols; ++u) {
+        const auto pixel = map.pinhole_from_raw({u, v});
+        x_.at<float>(v, u) = pixel ? static_cast<float>(pixel->x()) : -1000.0F;
+        y_.at<float>(v, u) = pixel ? static_cast<float>(pixel->y()) : -1000.0F;
+      }
+    }
+  }
+
+  Image operator()(const Image& image, int interpolation) const {
+    Image out{x_.cols, x_.rows, image.channels, {}};
+    out.data.resize(static_cast<std::size_t>(out.width * out.height * image.channels));
+    const int type = CV_8UC(image.channels);
+    const cv::Mat from(image.height, image.width, type,
+                       const_cast<std::uint8_t*>(image.data.data()));
+    cv::Mat to(out.height, out.width, type, out.data.data());
+    cv::remap(from, to, x_, y_, interpolation, cv::BORDER_CONSTANT);
+    return out;
+  }
+
+ private:
+  cv::Mat x_, y_;
+};
+
+double scale_error(const Scene& scene, const Reconstruction& result) {
+  return evaluate_scene(scene, result.surface, result.vehicles, result.run).scale_error;
+}
+
+TEST(Lens, TheSceneIsAsRightThroughALens) {
+  const Scene scene = read_scene(test::source_dir() / "samples" / "steep_hill");
+  const Reconstruction plain = reconstruct(scene, {0, 1, 2}, {});
+  for (const LensModel model : {LensModel::kBrown, LensModel::kFisheye}) {
+    LensDistortion lens;
+    lens.model = model;
+    lens.coefficients = model == LensModel::kBrown
+                            ? std::vector<double>{-0.25, 0.07, 0.0005, -0.0003, -0.01}
+                            : std::vector<double>{0.01, -0.004, 0.001, 0.0};
+    lens.raw = scene.camera;
+    const ThroughLens through_lens(scene.camera, lens);
+    const test::TemporaryFolder folder;
+    Scene bent = scene;
+    bent.distortion = lens;
+    for (SceneFrame& frame : bent.frames) {
+      const std::string id = std::to_string(frame.id);
+      const Image image = read_color_image(frame.image);
+      const Image labels = read_label_image(frame.segmentation, scene.camera);
+      frame.image = folder.path() / (id + ".png");
+      frame.segmentation = folder.path() / (id + "_labels.png");
+      write_png(through_lens(image, cv::INTER_CUBIC), frame.image);
+      write_png(through_lens(labels, cv::INTER_NEAREST), frame.segmentation);
+    }
+    const Reconstruction result = reconstruct(bent, {0, 1, 2}, {});
+    EXPECT_EQ(result.run.scale_status, Status::kOk) << to_string(model);
+    EXPECT_LT(std::abs(scale_error(bent, result) - scale_error(scene, plain)), 0.01)
+        << to_string(model);
+    EXPECT_GT(result.cloud.size(), 0.8 * plain.cloud.size());
+
+    if (model == LensModel::kFisheye) continue;
+    // Taken as they are the images are of another camera.
+    bent.distortion = LensDistortion{};
+    const Reconstruction wrong = reconstruct(bent, {0, 1, 2}, {});
+    EXPECT_GT(std::abs(scale_error(bent, wrong) - scale_error(scene, plain)), 0.01)
+        << to_string(model);
+  }
+}
+
+}  // namespace
+}  // namespace camber
