@@ -1,11 +1,12 @@
 // The camber program's front: finds the command, loads the plugin that holds it, and hands over.
 
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <exception>
 #include <string>
 #include <vector>
 
-#include "camber/core/errors.h"
 #include "camber/core/version.h"
 #include "nearest_name.h"
 #include "plugins/plugin.h"
@@ -79,11 +80,15 @@ int run(int argc, char** argv) {
 }  // namespace camber::tools
 
 int main(int argc, char** argv) {
+  using namespace camber::tools;
+  std::set_terminate([] {  // a plugin has a better one
+    std::fputs("camber: out of memory\n", stderr);
+    std::_Exit(3);
+  });
   try {
-    camber::tools::open_standard_streams();
-    return camber::tools::finish_standard_output(camber::tools::run(argc, argv));
-  } catch (const camber::Error& error) {
-    std::fprintf(stderr, "camber: %s\n", error.what());
-    return error.exit_code();
+    open_standard_streams();
+    return finish_standard_output(run(argc, argv));
+  } catch (const std::exception& error) {
+    return report_failure(error);
   }
 }

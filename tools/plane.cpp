@@ -76,7 +76,7 @@ void register_plane(App& root) {
     const bool pcl = arguments->engine == "pcl";
     const PlaneFit fit = pcl ? fit_plane_pcl(file.cloud, options) : fit_plane(file.cloud, options);
     compute.stop();
-    if (fit.status == Status::kFailed) {
+    if (fit.status == Status::kFailed || fit.status == Status::kNotObservable) {
       throw NoAnswerError(arguments->input.cloud + ": " + fit.reason);
     }
     PlanePatch patch;

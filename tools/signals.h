@@ -8,6 +8,11 @@ namespace camber::tools {
 /// at once.
 void watch_signals();
 
+/// What cannot be caught where it is thrown: from now on an exception that leaves a thread ends the
+/// program with 3 and a sentence, and so does, under a limit of memory (ulimit -v, -d), a library
+/// that breaks down for want of it; what is half-written is removed.
+void watch_failures();
+
 /// For the end of a command: whether it reports that it was interrupted. Does not return where the
 /// waiting thread is about to end the program.
 bool ends_interrupted();

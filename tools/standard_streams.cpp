@@ -8,6 +8,11 @@
 #include <cstdio>
 #include <cstring>
 #include <initializer_list>
+#include <new>
+#include <stdexcept>
+#include <system_error>
+
+#include "camber/core/errors.h"
 
 namespace camber::tools {
 
@@ -31,6 +36,44 @@ int finish_standard_output(int exit_code) {
   std::fprintf(stderr, "camber: standard output cannot be written%s%s\n", reason ? ": " : "",
                reason ? std::strerror(reason) : "");
   return 3;
+}
+
+bool is_out_of_memory(const std::exception& error) {
+  if (dynamic_cast<const std::bad_alloc*>(&error)) return true;
+  if (dynamic_cast<const Error*>(&error)) return false;
+  // Too long for a container: of a size that overflowed.
+  if (dynamic_cast<const std::length_error*>(&error)) return true;
+  const auto* const system = dynamic_cast<const std::system_error*>(&error);
+  if (system && (system->code() == std::errc::resource_unavailable_try_again ||
+                 system->code() == std::errc::not_enough_memory)) {
+    return true;
+  }
+  // As OpenCV, TBB and VTK put it.
+  for (const char* part :
+       {"Insufficient memory", "Failed to allocate", "pthread_create", "Unable to allocate",
+        "bad_alloc", "Cannot allocate memory", "out of memory"}) {
+    if (std::strstr(error.what(), part)) return true;
+  }
+  return false;
+}
+
+int report_failure(const std::exception& error) {
+  if (is_out_of_memory(error)) {
+    std::fputs("camber: out of memory\n", stderr);
+    return 3;
+  }
+  const auto* const ours = dynamic_cast<const Error*>(&error);
+  std::fputs("camber: ", stderr);
+  // OpenCV's messages have several lines.
+  const char* text = error.what();
+  std::size_t length = std::strlen(text);
+  while (length > 0 && text[length - 1] == '\n') --length;
+  for (std::size_t i = 0; i < length; ++i) {
+    std::fputc(text[i] == '\n' && !ours ? ' ' : text[i], stderr);
+  }
+  std::fputc('\n', stderr);
+  if (ours) return ours->exit_code();
+  return dynamic_cast<const std::invalid_argument*>(&error) ? 2 : 3;
 }
 
 }  // namespace camber::tools

@@ -123,6 +123,46 @@ TEST_F(Reliability, AFileBeyondTheLargestSizeIsARefusal) {
   EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
 }
 
+TEST_F(Reliability, ShortMemoryIsARefusalThatNamesIt) {
+  const std::string result = make_result("result");
+  const auto before = test::snapshot(folder_.path());
+  int refused = 0;
+  for (const int megabytes : {100, 220, 400, 550, 700, 850, 950, 1050}) {
+    for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+             {"render", result, "--view", "oblique", "--out", path("picture.png")},
+             {"reconstruct", sample(), "--out", path("hill")},
+             {"patches", path("square.ply"), "--out", path("patches")}}) {
+      if (command[0] == "reconstruct" && megabytes != 220 && megabytes != 950) continue;  // slow
+      SCOPED_TRACE(command[0] + " " + std::to_string(megabytes));
+      Surroundings small;
+      small.shell = "ulimit -v " + std::to_string(1000 * megabytes);
+      const ProgramResult run = run_camber_in(small, command);
+      if (run.exit_code == 0) {
+        fs::remove_all(command.back());
+        continue;
+      }
+      ++refused;
+      EXPECT_ONE_SENTENCE(run, 3, "memory");
+      EXPECT_TRUE(test::snapshot(folder_.path()) == before);
+    }
+  }
+  EXPECT_GE(refused, 8);
+}
+
+TEST_F(Reliability, NumbersBeyondTheirRangeAreAMistakeOfTheCaller) {
+  for (const char* frames_per_second : {"1e-320", "1e308"}) {
+    EXPECT_ONE_SENTENCE(run_camber({"synth", "--frames", "1", "--size", "160x64", "--hz",
+                                    frames_per_second, "--out", path("scene")}),
+                        2, "frame_rate");
+  }
+  for (const char* intrinsics : {"1e308,1e308,80,32", "100,100,1e200,32", "1e-320,1e-320,80,32"}) {
+    EXPECT_ONE_SENTENCE(run_camber({"synth", "--frames", "1", "--size", "160x64", "--intrinsics",
+                                    intrinsics, "--out", path("scene")}),
+                        2, "camera");
+  }
+  EXPECT_FALSE(fs::exists(path("scene")));
+}
+
 TEST_F(Reliability, NoOutputReplacesAnInput) {
   const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
   const std::string line = path("line.xyz");
@@ -168,7 +208,6 @@ TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {
       {"filter", cloud, "--normals", "40", "--out", path("normals.ply")},
       {"convert", cloud, "--out", path("copy.csv")},
       {"patches", cloud, "--out", path("patches")},
-      {"prior", "learn", "--family", "--out", path("prior.json")},
       {"synth", "--frames", "20", "--out", path("scene")},
   };
   for (const auto& command : commands) {
@@ -178,6 +217,10 @@ TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {
       stopped.signal = SIGTERM;
       stopped.signal_after_ms = after;
       const ProgramResult result = run_camber_in(stopped, command);
+      if (after == 700 && result.exit_code == 0) {  // a fast machine
+        fs::remove_all(command.back());
+        continue;
+      }
       EXPECT_ONE_SENTENCE(result, 130, "interrupted");
       EXPECT_LT(result.seconds_after_signal, 2.0);  // 1 s on a machine that does nothing else
       EXPECT_TRUE(test::snapshot(folder_.path()) == before)

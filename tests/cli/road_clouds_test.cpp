@@ -173,10 +173,7 @@ TEST_F(RoadClouds, DegenerateClouds) {
   };
   EXPECT_ONE_SENTENCE(plane("equal.xyz"), 1, "all points lie at one place");
   EXPECT_ONE_SENTENCE(patches("equal.xyz"), 1, "all points lie at one place");
-  const auto collinear = plane("line.xyz");
-  ASSERT_EQ(collinear.exit_code, 0) << collinear.error;
-  EXPECT_EQ(json::parse(collinear.out)["plane"]["status"], "not_observable");
-  EXPECT_EQ(json::parse(collinear.out)["plane"]["reason"], "the points lie on a line");
+  EXPECT_ONE_SENTENCE(plane("line.xyz"), 1, "the points lie on a line");
   EXPECT_ONE_SENTENCE(patches("line.xyz"), 1, "no planar ground was found");
   EXPECT_FALSE(fs::exists(path("line.xyz.out")));
   for (const char* name : {"flat.xyz", "far.xyz"}) {

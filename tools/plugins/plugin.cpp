@@ -20,7 +20,19 @@ std::string plugin_folder() {
   return program.substr(0, program.rfind('/') + 1) + CAMBER_PLUGIN_FOLDER;
 }
 
+/// Whether the dynamic loader failed for want of memory.
+bool names_memory(const std::string& reason) {
+  for (const char* part : {"failed to map", "cannot allocate memory", "Cannot allocate memory",
+                           "cannot apply additional memory", "cannot create shared object"}) {
+    if (reason.find(part) != std::string::npos) return true;
+  }
+  return false;
+}
+
 [[noreturn]] void refuse(const std::string& file, const std::string& reason) {
+  if (names_memory(reason)) {
+    throw MachineError("out of memory: " + file + " cannot be loaded: " + reason);
+  }
   throw MachineError("this part of the program cannot be loaded: " + file + ": " + reason +
                      "; build or install the program anew");
 }

@@ -54,16 +54,16 @@ fs::path old_name(const fs::path& folder) {
   return folder.parent_path() / ("." + folder.filename().string().substr(0, 180) + ".camber-old");
 }
 
-/// Exchanges two names in one step. @return whether it was done; else errno says why not.
+/// Exchanges two names in one step. @return whether it was done; else errno holds the reason.
 bool exchange(const fs::path& a, const fs::path& b) {
   return ::renameat2(AT_FDCWD, a.c_str(), AT_FDCWD, b.c_str(), RENAME_EXCHANGE) == 0;
 }
 
-/// Whether errno says that this file system, or kernel, has no such step.
+/// Whether errno means that this file system, or kernel, has no such step.
 bool cannot_exchange() { return errno == EINVAL || errno == ENOSYS || errno == EOPNOTSUPP; }
 
 /// Brings a file or folder to the disk; where the file system knows no such thing nothing happens.
-/// @return whether that failed: errno says why.
+/// @return whether that failed: errno holds the reason.
 bool sync_failed(const fs::path& path) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) return true;

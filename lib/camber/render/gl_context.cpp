@@ -20,12 +20,15 @@
 #include <spawn.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
+#include <thread>
 
 #include "camber/core/errors.h"
+#include "camber/core/memory.h"
 
 namespace camber {
 namespace {
@@ -33,6 +36,25 @@ namespace {
 constexpr int kMaxSide = 16384;
 constexpr unsigned int kGlRenderer = 0x1F01;  // GL_RENDERER
 constexpr unsigned int kGlVersion = 0x1F02;   // GL_VERSION
+
+/// Address space of Mesa's software renderer with LLVM, measured: 420 MB for the first window of a
+/// process on two cores besides a stack of 8 MB and a heap of 64 MB for each thread, little for
+/// those after it; with buffers of colour and depth and the copies of a picture 60 bytes a pixel.
+/// Mesa ends the process where it gets less.
+constexpr std::size_t kFirstWindowBytes = std::size_t{420} << 20;
+constexpr std::size_t kThreadBytes = std::size_t{72} << 20;
+constexpr std::size_t kWindowBytes = std::size_t{64} << 20;
+constexpr std::size_t kPixelBytes = 64;
+
+void require_renderer_memory(int width, int height) {
+  static bool first = true;
+  const std::size_t threads = std::clamp(std::thread::hardware_concurrency(), 2u, 16u);
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  require_address_space(
+      (first ? kFirstWindowBytes + threads * kThreadBytes : kWindowBytes) + kPixelBytes * pixels,
+      "drawing a picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
+  first = false;
+}
 
 /// Switches VTK's warnings off for as long as it lives.
 class SilencedVtk {
@@ -302,6 +324,9 @@ OffscreenWindow::OffscreenWindow(int width, int height) : impl_(std::make_unique
                                 std::to_string(height) + " pixels, expected 1 to " +
                                 std::to_string(kMaxSide) + " each");
   }
+  require_renderer_memory(width, height);
+  // Mesa's warnings are about other drivers that it tried.
+  ::setenv("EGL_LOG_LEVEL", "fatal", 0);
   std::string no_egl, no_display, no_xvfb;
   if (impl_->open_surfaceless(width, height, &no_egl)) return;
   if (impl_->open_display(width, height, &no_display)) return;

@@ -1,6 +1,7 @@
 #include <vtkActor.h>
 #include <vtkCamera.h>
 #include <vtkNew.h>
+#include <vtkObject.h>
 #include <vtkRenderWindow.h>
 #include <vtkRenderer.h>
 #include <vtkUnsignedCharArray.h>
@@ -10,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/core/memory.h"
 #include "camber/render/detail/vtk_drawing.h"
 #include "camber/render/gl_context.h"
 #include "camber/render/picture_file.h"
@@ -22,6 +24,10 @@ Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
   const SceneCamera& view = shot.camera;
   const double unit = shot.line_unit;
   const int factor = shot.options.supersampling;
+  constexpr std::size_t kPointBytes = 200;  // of VTK's and OpenGL's copies of a point, measured 170
+  const std::size_t points = space.points.size() + space.truth_points.size();
+  require_address_space(kPointBytes * points,
+                        "drawing a cloud of " + std::to_string(points) + " points");
   OffscreenWindow offscreen(view.width * factor, view.height * factor);
   vtkNew<vtkRenderer> renderer;
   renderer->SetBackground(shot.background.red / 255.0, shot.background.green / 255.0,
@@ -57,7 +63,11 @@ Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
   window->Render();
   vtkNew<vtkUnsignedCharArray> pixels;
   const int width = view.width * factor, height = view.height * factor;
+  // Without memory VTK prints before it throws.
+  const int warnings = vtkObject::GetGlobalWarningDisplay();
+  vtkObject::SetGlobalWarningDisplay(0);
   window->GetPixelData(0, 0, width - 1, height - 1, 0, pixels);
+  vtkObject::SetGlobalWarningDisplay(warnings);
   if (pixels->GetNumberOfValues() != static_cast<vtkIdType>(3) * width * height) {
     throw MachineError("the rendering back end " + offscreen.backend() + " returned no picture");
   }

@@ -86,8 +86,18 @@ void SynthOptions::validate() const {
   check(camera.width >= 16 && camera.width <= 4096, "camera.width", camera.width, "16 to 4096 px");
   check(camera.height >= 16 && camera.height <= 4096, "camera.height", camera.height,
         "16 to 4096 px");
+  // Beyond these a ray's direction leaves what the ray tracer computes with.
+  const double side = std::max(camera.width, camera.height);
+  for (const double focal : {camera.fx, camera.fy}) {
+    check(focal >= 0.01 * side && focal <= 1000.0 * side, "camera.fx, fy", focal,
+          "0.01 to 1000 times the image's longer side");
+  }
+  for (const double middle : {camera.cx, camera.cy}) {
+    check(std::abs(middle) <= 100.0 * side, "camera.cx, cy", middle,
+          "at most 100 times the image's longer side");
+  }
   check(num_frames >= 1 && num_frames <= 1000, "num_frames", num_frames, "1 to 1000");
-  check(frame_rate > 0.0 && frame_rate <= 100.0, "frame_rate", frame_rate, "0 to 100 Hz");
+  check(frame_rate >= 1e-3 && frame_rate <= 100.0, "frame_rate", frame_rate, "0.001 to 100 Hz");
   check(speed >= 0.0 && speed <= 40.0, "speed", speed, "0 to 40 m/s");
   // The road that is made is 420 m long; the view needs the last 200.
   features.validate();
