@@ -40,16 +40,13 @@ void add_camera_options(App& app, OwnArguments& a) {
                "the images were rectified with the file's projection matrix")
       ->needs("--calib");
   app.add_option("--fx", a.fx, "focal length, pixels, in place of --calib")
-      ->check(positive_number())
-      ->excludes("--calib");
+      ->check(positive_number());
   app.add_option("--fy", a.fy, "likewise down the image; default: fx")->check(positive_number());
   app.add_option("--cx", a.cx, "principal point, pixels; default: the middle")
       ->check(finite_number());
   app.add_option("--cy", a.cy, "likewise down the image")->check(finite_number());
   app.add_option("--fov", a.fov, "horizontal field of view, degrees, in place of --calib")
-      ->check(in_range(1.0, 179.0))
-      ->excludes("--calib")
-      ->excludes("--fx");
+      ->check(in_range(1.0, 179.0));
   app.add_option(
          "--height,--camera-height", a.height,
          "of the camera above the road, m; without a source of metres results are up to scale")
@@ -211,12 +208,9 @@ void register_import_images(App& import) {
   add_camera_options(app, a);
   app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
   app.add_option("--times", a.times,
-                 "times in seconds, one a line, or with a file name in a second column")
-      ->excludes("--rate");
+                 "times in seconds, one a line, or with a file name in a second column");
   app.add_flag("--times-from-names", a.options.times.from_names,
-               "file names are times: seconds, ms, us or ns by their digits, or dates")
-      ->excludes("--rate")
-      ->excludes("--times");
+               "file names are times: seconds, ms, us or ns by their digits, or dates");
   add_detection_options(app, a);
   add_known_options(app, a);
   app.add_option("--frames", a.options.frames, "frame ids to keep: 48,49,50 or 48:52 or 0:100:5");

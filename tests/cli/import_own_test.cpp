@@ -162,7 +162,7 @@ TEST_F(ImportOwn, MasksPosesSpeedsAndGravity) {
 TEST_F(ImportOwn, WhatCannotBeIsRefusedInOneSentence) {
   expect_refused({}, "the camera is not given: expected --calib FILE");
   expect_refused({"--fov", "0"}, "--fov");
-  expect_refused({"--fov", "90", "--fx", "100"}, "excludes");
+  expect_refused({"--fov", "90", "--fx", "100"}, "expected one");
   expect_refused({"--calib", path("none.yaml")}, "none.yaml: no such file");
   write_bytes(path("camera.yaml"),
               "image_width: 640\nimage_height: 480\nK: [1, 0, 2, 0, 3, 4, 0, 0, 1]\n");

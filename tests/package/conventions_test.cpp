@@ -144,7 +144,7 @@ TEST(Program, NamesTheNearestOfAMisspeltName) {
     EXPECT_THAT(outcome.err, testing::EndsWith(std::string(expected) + "\n"));
   }
   EXPECT_THAT(run_camber("plane x.ply --zzzzzz").err, testing::Not(HasSubstr("did you mean")));
-  EXPECT_THAT(run_camber("import").err, HasSubstr("; expected kitti or synthia-sf\n"));
+  EXPECT_THAT(run_camber("import").err, HasSubstr("; expected images, video, colmap, kitti or synthia-sf\n"));
 }
 
 TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {

@@ -104,7 +104,7 @@ class DocumentReader {
                 const std::string& suffix = "") const {
     const auto width = find(map, with(prefix, kWidthNames, suffix));
     const auto height = find(map, with(prefix, kHeightNames, suffix));
-    // A file may say 0 for "not known".
+    // 0 stands for "not known" in some files.
     if (width && height && text_of(*width) != "0") {
       camera->width = side(*width);
       camera->height = side(*height);
