@@ -71,7 +71,10 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
   const ConstraintReport* markings = report_of(scaled, "lane_markings");
   const bool marked = markings && markings->accepted;
   const EgoPlane& ego = ground.ground.ego;
-  return {{"source", !marked                      ? "camera height over the ego plane"
+  const ConstraintReport* speed = report_of(scaled, "speed");
+  const bool by_speed = !frames.known.camera_height && speed && speed->accepted;
+  return {{"source", by_speed                     ? (marked ? "speed, and markings" : "speed")
+                     : !marked                    ? "camera height over the ego plane"
                      : frames.known.camera_height ? "camera height over the ego plane, and markings"
                                                   : "markings"},
           {"sigma_camera_height",

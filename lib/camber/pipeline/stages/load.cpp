@@ -1,5 +1,6 @@
 #include "camber/pipeline/stages/load.h"
 
+#include <algorithm>
 #include <set>
 #include <stdexcept>
 
@@ -8,6 +9,15 @@
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/image/video.h"
+
+namespace camber {
+
+bool KnownMetres::has_speed() const {
+  return std::any_of(travelled.begin(), travelled.end(),
+                     [](const auto& stretch) { return stretch.has_value(); });
+}
+
+}  // namespace camber
 
 namespace camber::stages {
 namespace {
@@ -42,6 +52,31 @@ LaneMarkingSizes marking_sizes(const Scene& scene) {
           size("zebra_gap")};
 }
 
+double time_of(const SceneFrame& frame, double frame_rate) {
+  return frame.time_s.value_or(frame.id / frame_rate);
+}
+
+/// The distance between two frames: the integral of the speeds of all frames from one to the other,
+/// linear between them. Their errors are taken to be one and the same.
+std::optional<TravelledDistance> travelled_between(const Scene& scene, int from, int to,
+                                                   double frame_rate) {
+  const SceneFrame* before = nullptr;
+  TravelledDistance out;
+  for (const SceneFrame& frame : scene.frames) {
+    if (frame.id < from || frame.id > to || !frame.speed) continue;
+    if (!before && frame.id != from) return std::nullopt;
+    if (before) {
+      const double span = time_of(frame, frame_rate) - time_of(*before, frame_rate);
+      if (!(span > 0.0)) return std::nullopt;
+      out.metres += 0.5 * span * (*before->speed + *frame.speed);
+      out.sigma += 0.5 * span * (before->speed_sigma + frame.speed_sigma);
+    }
+    before = &frame;
+  }
+  if (!before || before->id != to || !(out.sigma > 0.0)) return std::nullopt;
+  return out;
+}
+
 void require_different_images(const LoadedFrames& frames) {
   for (std::size_t a = 0; a < frames.size(); ++a) {
     for (std::size_t b = 0; b < a; ++b) {
@@ -64,9 +99,13 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   }
   LoadedFrames out;
   out.camera = scene.camera;
-  out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene)};
+  out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}};
   out.detections_source = scene.detections_source;
   out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
+  for (std::size_t k = 1; k < frame_ids.size(); ++k) {
+    out.known.travelled.push_back(
+        travelled_between(scene, frame_ids[k - 1], frame_ids[k], out.frame_rate));
+  }
   const int reference = choose_reference_frame(scene, frame_ids);
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);

@@ -9,6 +9,7 @@
 #include "camber/image/frame_masks.h"
 #include "camber/image/image.h"
 #include "camber/scale/lane_marking_detection.h"
+#include "camber/scale/speed_constraint.h"
 #include "camber/scene/scene.h"
 
 namespace camber {
@@ -18,6 +19,12 @@ struct KnownMetres {
   std::optional<double> camera_height;  ///< m, above the road under the camera
   double camera_height_sigma = 0.01;    ///< m
   LaneMarkingSizes markings;            ///< of painted markings
+  /// From each frame to the next by the speeds of the scene's frames, also of those between that
+  /// are not used; nothing where one of them has none.
+  std::vector<std::optional<TravelledDistance>> travelled;
+
+  /// Whether some stretch is known by its speed.
+  bool has_speed() const;
 };
 
 /// The images of a run with what is known of their pixels, one entry a frame, ascending ids.

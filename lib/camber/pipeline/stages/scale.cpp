@@ -11,6 +11,7 @@
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
+#include "camber/scale/speed_constraint.h"
 
 namespace camber::stages {
 namespace {
@@ -29,6 +30,23 @@ RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_base
           kOpenLogScale};
 }
 
+/// The path over the frames by the speed, where the scene has it.
+std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedFrames& frames,
+                                        const MotionEstimate& motion, const ScaleNoise& noise) {
+  std::vector<TravelledDistance> distances;
+  std::vector<double> baselines;
+  const auto center = [&](std::size_t k) {
+    return motion.frame_from_reference[k].inverse().translation();
+  };
+  for (std::size_t k = 0; k < frames.known.travelled.size(); ++k) {
+    if (!frames.known.travelled[k]) continue;
+    distances.push_back(*frames.known.travelled[k]);
+    baselines.push_back((center(k + 1) - center(k)).norm());
+  }
+  if (distances.empty()) return std::nullopt;
+  return speed_constraint(road, distances, baselines, noise.speed_correlation, noise.speed_path);
+}
+
 /// What gives a run its metres before the road's own features are looked at.
 std::vector<Constraint> anchors(const RoadPosterior& road, const LoadedFrames& frames,
                                 const MotionEstimate& motion, const ScaleNoise& noise) {
@@ -38,6 +56,8 @@ std::vector<Constraint> anchors(const RoadPosterior& road, const LoadedFrames& f
   } else if (frames.known.camera_height) {
     out.push_back(camera_height_constraint(road, *frames.known.camera_height,
                                            frames.known.camera_height_sigma));
+  } else if (auto speed = measure_speed(road, frames, motion, noise)) {
+    out.push_back(std::move(*speed));
   } else {
     out.push_back(camera_height_constraint(road, noise.unknown_camera_height,
                                            noise.unknown_camera_height_sigma));
@@ -234,14 +254,16 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     throw NoAnswerError("no road plane under the camera: no match shows the road near it");
   }
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
-  const bool guessed = !ground.motion.metres_per_baseline && !frames.known.camera_height;
+  const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;
-  // A guessed scale hides markings: with that of the first ones found more are.
+  // A guessed scale hides markings: with that of the first ones found, or of the speed, more are.
   constexpr int kMostRounds = 3;
   double m = start;
   for (int round = 0;; ++round) {
     const RoadPosterior prior = prior_road(ground, m, options);
     std::vector<Constraint> constraints = anchors(prior, frames, ground.motion, options.noise);
+    const bool by_speed = constraints.front().name == "speed";
+    const bool guessed = !given && !by_speed;
     const RoadPosterior anchored = prior.conditioned(all_of(constraints));
     const GroundRaster raster =
         ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
@@ -256,11 +278,15 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
     constraints.push_back(prior.relinearised(markings.constraint, anchored));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
+    if (given) {
+      auto speed = measure_speed(prior, frames, ground.motion, options.noise);
+      if (speed) constraints.push_back(std::move(*speed));
+    }
     FusedRoad fused =
         guessed ? fuse(prior, constraints) : fuse_with_given_metres(prior, constraints);
     const double change = std::log(fused.road.metres_per_baseline() / m);
-    if (guessed && accepted(fused.reports, "lane_markings") && std::abs(change) >= 0.02 &&
-        round + 1 < kMostRounds) {
+    const bool moved = by_speed || (guessed && accepted(fused.reports, "lane_markings"));
+    if (moved && std::abs(change) >= 0.02 && round + 1 < kMostRounds) {
       m *= std::exp(change);
       continue;
     }
