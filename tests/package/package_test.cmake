@@ -95,10 +95,10 @@ step("the installed program" ${WORK}/moved/bin/camber --version)
 if(NOT output MATCHES "^camber [0-9]+[.][0-9]+[.][0-9]+\n$")
   message(FATAL_ERROR "camber --version printed: ${output}")
 endif()
-step("a command of the installed program" ${WORK}/moved/bin/camber plane ${SCENE}/truth/road.ply)
+step("a command of the installed program" ${WORK}/moved/bin/camber plane ${SCENE}/truth/road.ply --threshold 0.05)
 file(GLOB_RECURSE plugin ${WORK}/moved/*/libcamber_clouds.so)
 file(REMOVE ${plugin})
-execute_process(COMMAND ${WORK}/moved/bin/camber plane ${SCENE}/truth/road.ply
+execute_process(COMMAND ${WORK}/moved/bin/camber plane ${SCENE}/truth/road.ply --threshold 0.05
                 RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE error)
 if(NOT status EQUAL 3 OR NOT out STREQUAL ""
    OR NOT error MATCHES "^camber: [^\n]*libcamber_clouds.so: no such file[^\n]*\n$")
