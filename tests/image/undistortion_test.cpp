@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "camber/geometry/lens_map.h"
+#include "camber/image/frame_masks.h"
 
 namespace camber {
 namespace {
@@ -98,6 +99,27 @@ TEST(Undistortion, TakesTheLensOut) {
   EXPECT_EQ(out.data[0], 0);  // a corner that the file does not show
   EXPECT_EQ(labels.data[0], 0);
   EXPECT_NE(undistortion.outside()[0], 0);
+}
+
+// What the lens does not show is neither ground nor compared: it counts as a vehicle does.
+TEST(Undistortion, WhatIsHiddenIsNoGround) {
+  const PinholeCamera camera{40, 20, 30.0, 30.0, 20.0, 10.0};
+  MaskInputs inputs;
+  inputs.hidden.assign(800, 0);
+  inputs.hidden[10 * 40 + 5] = 1;
+  for (const bool with_mask : {false, true}) {
+    if (with_mask) inputs.road_mask = Image{40, 20, 1, std::vector<std::uint8_t>(800, 255)};
+    const FrameMasks masks = make_frame_masks(camera, inputs);
+    for (const std::size_t near : {10u * 40 + 5, 10u * 40 + 8}) {  // a margin of 3 px
+      EXPECT_EQ(masks.ground[near], 0);
+      EXPECT_EQ(masks.roadway[near], 0);
+      EXPECT_NE(masks.vehicle[near], 0);
+    }
+    EXPECT_NE(masks.ground[10 * 40 + 20], 0);
+    EXPECT_EQ(masks.vehicle[10 * 40 + 20], 0);
+  }
+  inputs.hidden.resize(3);
+  EXPECT_THROW(make_frame_masks(camera, inputs), std::invalid_argument);
 }
 
 TEST(Undistortion, IsNothingWithoutALens) {
