@@ -86,5 +86,33 @@ TEST(Lens, TheSceneIsAsRightThroughALens) {
   }
 }
 
+// A pincushion's corners lie outside the file; without masks of its own a run must not take them
+// for ground.
+TEST(Lens, WhatItDoesNotShowIsHiddenFromARun) {
+  const test::TemporaryFolder folder;
+  Scene scene;
+  scene.camera = {160, 100, 100.0, 100.0, 80.0, 50.0};
+  scene.distortion.model = LensModel::kBrown;
+  scene.distortion.coefficients = {0.3, 0.0, 0.0, 0.0};
+  scene.distortion.raw = scene.camera;
+  for (int id = 0; id < 2; ++id) {
+    Image image{160, 100, 3, std::vector<std::uint8_t>(160 * 100 * 3, std::uint8_t(100 + id))};
+    SceneFrame frame;
+    frame.id = id;
+    frame.image = folder.path() / (std::to_string(id) + ".png");
+    write_png(image, frame.image);
+    scene.frames.push_back(frame);
+  }
+  const LoadedFrames frames = stages::load(scene, {0, 1}, {});
+  for (const FrameMasks& masks : frames.masks) {
+    EXPECT_EQ(masks.ground[0], 0);
+    EXPECT_NE(masks.vehicle[0], 0);
+    EXPECT_NE(masks.ground[50 * 160 + 80], 0);
+    EXPECT_EQ(masks.vehicle[50 * 160 + 80], 0);
+  }
+  EXPECT_EQ(frames.gray[1].pixels[50 * 160 + 80], 101);
+  EXPECT_EQ(frames.gray[1].pixels[0], 0);
+}
+
 }  // namespace
 }  // namespace camber
