@@ -16,6 +16,8 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "benchmarks/report.h"
 #include "camber/core/errors.h"
 #include "camber/evaluate/tables.h"
@@ -129,10 +131,10 @@ class RowTable {
     const double share = 100.0 / std::max<double>(1.0, static_cast<double>(errors.size()));
     const ErrorSummary all = summarise(centre);
     const double farther = starts ? share * worse : std::nan("");
-    std::printf("| %s | %d | %.2f | %.2f | %.2f | %.2f | %.2f | %.3f | %.0f %% | %.1f %% | %d |\n",
+    std::printf("| %s | %d | %.2f | %.2f | %.2f | %.2f | %.2f | %.3f | %.0f %% | %s | %d |\n",
                 name.c_str(), all.count, all.mean, all.median, summarise(bins[0]).mean,
                 summarise(bins[1]).mean, summarise(bins[2]).mean, summarise(height).median,
-                share * inside, farther, refused);
+                share * inside, starts ? fmt::format("{:.1f} %", farther).c_str() : "-", refused);
     table_.row({name, all.count, all.mean, all.median, summarise(bins[0]).mean,
                 summarise(bins[1]).mean, summarise(bins[2]).mean, summarise(height).median,
                 share * inside, farther, refused});
