@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 #include <opencv2/calib3d.hpp>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/core/random.h"
@@ -61,6 +62,14 @@ std::vector<int> spread_points(const Correspondences& matches,
   return chosen;
 }
 
+/// The usable points that an image shows.
+std::vector<std::uint8_t> seen_in(const MatchedImage& match, std::vector<std::uint8_t> usable) {
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    if (!std::isfinite(match.round_trip_px[i])) usable[i] = 0;
+  }
+  return usable;
+}
+
 /// Rotation that best explains matched rays with no translation: iteratively reweighted Kabsch.
 Eigen::Matrix3d best_rotation(const PinholeCamera& camera, const std::vector<Eigen::Vector2d>& from,
                               const std::vector<Eigen::Vector2d>& to) {
@@ -100,16 +109,18 @@ double inverse_depth_from(const PinholeCamera& camera, const SE3& frame_from_ref
   return (b0 * e0 + b1 * e1) / den;
 }
 
+/// Says why there is no motion.
+void fail(MotionEstimate& out, const std::string& reason) {
+  out.status = Status::kFailed;
+  out.reason = reason;
+}
+
 /// Bundle adjustment from the poses in `out`: poses and inverse depths of a spread choice of
 /// points; fills status, poses, covariance, pixel_sigma and points.
 void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
                    const std::vector<std::uint8_t>& usable, std::size_t widest,
                    const MotionOptions& options, MotionEstimate& out) {
   const std::size_t others = matches.matches.size();
-  const auto fail = [&](const std::string& reason) {
-    out.status = Status::kFailed;
-    out.reason = reason;
-  };
   const SE3 widest_from_reference =
       out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)];
   std::vector<std::uint8_t> candidate(usable.size(), 0);
@@ -138,8 +149,8 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
   }
   const std::vector<int> chosen = spread_points(matches, candidate, options.max_bundle_points);
   if (chosen.size() < 30) {
-    return fail("too little texture: " + std::to_string(chosen.size()) +
-                " static points agree with the motion, expected at least 30");
+    return fail(out, "too little texture: " + std::to_string(chosen.size()) +
+                         " static points agree with the motion, expected at least 30");
   }
   constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
   BundleProblem problem;
@@ -162,7 +173,7 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
     views.push_back(out.frame_from_reference[static_cast<std::size_t>(match.frame)]);
   }
   if (!solve_bundle(problem, widest, kStartSigma, views, depths)) {
-    return fail("the bundle adjustment did not converge");
+    return fail(out, "the bundle adjustment did not converge");
   }
 
   // Unit: the longest baseline.
@@ -175,7 +186,7 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
       longest = m;
     }
   }
-  if (!(length > 0)) return fail("the bundle adjustment found no baseline");
+  if (!(length > 0)) return fail(out, "the bundle adjustment found no baseline");
   for (std::size_t m = 0; m < others; ++m) {
     views[m].set_translation(views[m].translation() / length);
     out.frame_from_reference[static_cast<std::size_t>(matches.matches[m].frame)] = views[m];
@@ -207,6 +218,200 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
   out.status = Status::kOk;
 }
 
+/// The row of Correspondences::matches with the widest median motion among points that are seen in
+/// it; none (and why) for an image without texture or a camera that stands.
+std::optional<std::size_t> widest_image(const Correspondences& matches,
+                                        const std::vector<std::uint8_t>& usable,
+                                        const MotionOptions& options, MotionEstimate& out) {
+  std::size_t widest = 0;
+  double widest_motion = -1.0;
+  for (std::size_t k = 0; k < matches.matches.size(); ++k) {
+    const MatchedImage& match = matches.matches[k];
+    std::vector<double> lengths;
+    for (const int i : spread_points(matches, seen_in(match, usable), 1000)) {
+      const auto at = static_cast<std::size_t>(i);
+      lengths.push_back((match.pixels[at] - matches.pixels[at]).cast<double>().norm());
+    }
+    if (lengths.size() < 40) {
+      fail(out, "too little texture: " + std::to_string(lengths.size()) +
+                    " matched points between two images, expected at least 40");
+      return std::nullopt;
+    }
+    const double motion = median(lengths);
+    if (motion > widest_motion) {
+      widest_motion = motion;
+      widest = k;
+    }
+  }
+  if (widest_motion < options.stationary_px) {
+    fail(out,
+         "the camera stands still: median image motion " + std::to_string(widest_motion) + " px");
+    return std::nullopt;
+  }
+  return widest;
+}
+
+/// Matches of the reference with one image, spread over the reference.
+struct PairSample {
+  std::vector<int> grid;  ///< grid points
+  std::vector<Eigen::Vector2d> from, to;
+};
+
+PairSample sample_pair(const Correspondences& matches, const std::vector<std::uint8_t>& usable,
+                       std::size_t other, int count) {
+  const MatchedImage& match = matches.matches[other];
+  PairSample sample;
+  sample.grid = spread_points(matches, seen_in(match, usable), count);
+  for (const int i : sample.grid) {
+    const auto at = static_cast<std::size_t>(i);
+    sample.from.push_back(matches.pixels[at].cast<double>());
+    sample.to.push_back(match.pixels[at].cast<double>());
+  }
+  return sample;
+}
+
+/// Whether the points move by more than a rotation explains.
+bool has_parallax(const PinholeCamera& camera, const PairSample& sample,
+                  const MotionOptions& options, MotionEstimate& out) {
+  const Eigen::Matrix3d rotation = best_rotation(camera, sample.from, sample.to);
+  std::vector<double> parallax;
+  for (std::size_t i = 0; i < sample.from.size(); ++i) {
+    const auto p = camera.project(rotation * camera.ray(sample.from[i]));
+    if (p) parallax.push_back((*p - sample.to[i]).norm());
+  }
+  const double wide = quantile(parallax, 0.9);
+  if (wide > options.parallax_px) return true;
+  fail(out, "no parallax: the camera only turns (90 % of the points move less than " +
+                std::to_string(wide) + " px beyond a rotation)");
+  return false;
+}
+
+cv::Matx33d calibration_matrix(const PinholeCamera& camera) {
+  return {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1};
+}
+
+cv::UsacParams usac_parameters(const MotionOptions& options) {
+  cv::UsacParams usac;
+  usac.confidence = 0.9999;
+  usac.isParallel = false;
+  usac.loIterations = 10;
+  usac.loMethod = cv::LOCAL_OPTIM_SIGMA;
+  usac.loSampleSize = 50;
+  usac.maxIterations = 2000;
+  usac.neighborsSearch = cv::NEIGH_GRID;
+  usac.randomGeneratorState = static_cast<int>(CounterRandom(options.seed, 1).bits(0) >> 33);
+  usac.sampler = cv::SAMPLING_UNIFORM;
+  usac.score = cv::SCORE_METHOD_MAGSAC;
+  usac.threshold = options.inlier_px;
+  return usac;
+}
+
+/// Robust essential matrix of the pair: writes the image's pose into `out`.
+/// @return one entry a sampled match, 0 for outliers; none where nothing explains the matches.
+std::optional<std::vector<std::uint8_t>> two_view_motion(
+    const PinholeCamera& camera, const Correspondences& matches, const PairSample& sample,
+    std::size_t other, const MotionOptions& options, MotionEstimate& out) {
+  std::vector<cv::Point2d> from, to;
+  for (std::size_t i = 0; i < sample.from.size(); ++i) {
+    from.emplace_back(sample.from[i].x(), sample.from[i].y());
+    to.emplace_back(sample.to[i].x(), sample.to[i].y());
+  }
+  const cv::Matx33d k = calibration_matrix(camera);
+  cv::Mat mask;
+  const cv::Mat no_distortion;
+  const cv::Mat essential = cv::findEssentialMat(from, to, k, k, no_distortion, no_distortion, mask,
+                                                 usac_parameters(options));
+  if (essential.rows != 3 || essential.cols != 3) {
+    fail(out, "no epipolar geometry explains the matches");
+    return std::nullopt;
+  }
+  std::vector<std::uint8_t> inlier(sample.grid.size());
+  for (std::size_t i = 0; i < inlier.size(); ++i) {
+    inlier[i] = mask.at<std::uint8_t>(static_cast<int>(i));
+  }
+  // A few of the inliers show which of the four decompositions has them in front of both cameras.
+  constexpr std::size_t kFew = 500;
+  std::vector<cv::Point2d> few_from, few_to;
+  const auto inliers = static_cast<std::size_t>(cv::countNonZero(mask));
+  const std::size_t stride = std::max<std::size_t>(1, inliers / kFew);
+  for (std::size_t i = 0, nth = 0; i < inlier.size(); ++i) {
+    if (!inlier[i] || nth++ % stride != 0) continue;
+    few_from.push_back(from[i]);
+    few_to.push_back(to[i]);
+  }
+  cv::Mat r, t;
+  if (few_from.size() >= 5) cv::recoverPose(essential, few_from, few_to, cv::Mat(k), r, t, 1e6);
+  if (r.empty()) {
+    fail(out, "no motion explains the matches");
+    return std::nullopt;
+  }
+  Eigen::Matrix3d rotation;
+  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = r.at<double>(i / 3, i % 3);
+  const Eigen::Vector3d translation(t.at<double>(0), t.at<double>(1), t.at<double>(2));
+  out.frame_from_reference[static_cast<std::size_t>(matches.matches[other].frame)] =
+      SE3(rotation, translation);
+  return inlier;
+}
+
+/// Inverse depths of the pair's inliers, NaN for the others; none where too few lie in front.
+std::optional<std::vector<double>> two_view_depths(const PinholeCamera& camera,
+                                                   const PairSample& sample,
+                                                   const std::vector<std::uint8_t>& inlier,
+                                                   const SE3& other_from_reference,
+                                                   MotionEstimate& out) {
+  std::vector<double> inverse_depths(sample.grid.size(), std::numeric_limits<double>::quiet_NaN());
+  int in_front = 0;
+  for (std::size_t i = 0; i < sample.grid.size(); ++i) {
+    if (!inlier[i]) continue;
+    const double rho =
+        inverse_depth_from(camera, other_from_reference, camera.ray(sample.from[i]), sample.to[i]);
+    if (!(rho > 1e-5)) continue;
+    inverse_depths[i] = rho;
+    ++in_front;
+  }
+  out.inlier_ratio = static_cast<double>(in_front) / static_cast<double>(sample.grid.size());
+  if (in_front < 30 || out.inlier_ratio < 0.15) {
+    fail(out, "no motion explains the matches: " + std::to_string(in_front) + " of " +
+                  std::to_string(sample.grid.size()) + " agree on one");
+    return std::nullopt;
+  }
+  return inverse_depths;
+}
+
+/// Pose of a further image by resection (PnP) on the pair's points, into `out`.
+bool resect(const PinholeCamera& camera, const MatchedImage& match, const PairSample& sample,
+            const std::vector<double>& inverse_depths, const MotionOptions& options,
+            MotionEstimate& out) {
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> pixels;
+  for (std::size_t i = 0; i < sample.grid.size(); ++i) {
+    const auto at = static_cast<std::size_t>(sample.grid[i]);
+    if (!std::isfinite(inverse_depths[i]) || !std::isfinite(match.round_trip_px[at])) continue;
+    const Eigen::Vector3d x = camera.ray(sample.from[i]) / inverse_depths[i];
+    points.emplace_back(x.x(), x.y(), x.z());
+    pixels.emplace_back(match.pixels[at].x(), match.pixels[at].y());
+  }
+  if (points.size() < 20) {
+    fail(out, "image " + std::to_string(match.frame) + " shares " + std::to_string(points.size()) +
+                  " points with the others, expected at least 20");
+    return false;
+  }
+  cv::UsacParams usac = usac_parameters(options);
+  usac.threshold = 2.0 * options.inlier_px;
+  usac.maxIterations = 500;
+  cv::Mat k(calibration_matrix(camera));
+  cv::Mat rvec, tvec, mask;
+  if (!cv::solvePnPRansac(points, pixels, k, cv::noArray(), rvec, tvec, mask, usac)) {
+    fail(out, "image " + std::to_string(match.frame) + " cannot be placed on the points");
+    return false;
+  }
+  const Eigen::Vector3d v(rvec.at<double>(0), rvec.at<double>(1), rvec.at<double>(2));
+  out.frame_from_reference[static_cast<std::size_t>(match.frame)] =
+      SE3(rotation_from_vector(v),
+          Eigen::Vector3d(tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)));
+  return true;
+}
+
 }  // namespace
 
 void MotionOptions::validate() const {
@@ -236,157 +441,26 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
   MotionEstimate out;
   const std::size_t others = matches.matches.size();
   out.frame_from_reference.resize(others + 1);
-  const auto fail = [&](const std::string& reason) {
-    out.status = Status::kFailed;
-    out.reason = reason;
+  if (others == 0) {
+    fail(out, "one image alone has no motion");
     return out;
-  };
-  if (others == 0) return fail("one image alone has no motion");
-
-  // The image with the widest motion among points that are seen in it.
-  std::size_t widest = 0;
-  double widest_motion = -1.0;
-  for (std::size_t k = 0; k < others; ++k) {
-    const MatchedImage& match = matches.matches[k];
-    std::vector<std::uint8_t> seen(usable);
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      if (!std::isfinite(match.round_trip_px[i])) seen[i] = 0;
-    }
-    std::vector<double> lengths;
-    for (const int i : spread_points(matches, seen, 1000)) {
-      const auto at = static_cast<std::size_t>(i);
-      lengths.push_back((match.pixels[at] - matches.pixels[at]).cast<double>().norm());
-    }
-    if (lengths.size() < 40) {
-      return fail("too little texture: " + std::to_string(lengths.size()) +
-                  " matched points between two images, expected at least 40");
-    }
-    const double motion = median(lengths);
-    if (motion > widest_motion) {
-      widest_motion = motion;
-      widest = k;
-    }
-  }
-  if (widest_motion < options.stationary_px) {
-    return fail("the camera stands still: median image motion " + std::to_string(widest_motion) +
-                " px");
   }
 
-  // Robust essential matrix between the reference and that image.
-  std::vector<std::uint8_t> in_widest(usable);
-  for (std::size_t i = 0; i < in_widest.size(); ++i) {
-    if (!std::isfinite(matches.matches[widest].round_trip_px[i])) in_widest[i] = 0;
-  }
-  const std::vector<int> sample = spread_points(matches, in_widest, options.max_essential_points);
-  std::vector<Eigen::Vector2d> from, to;
-  std::vector<cv::Point2d> cv_from, cv_to;
-  for (const int i : sample) {
-    const auto at = static_cast<std::size_t>(i);
-    from.push_back(matches.pixels[at].cast<double>());
-    to.push_back(matches.matches[widest].pixels[at].cast<double>());
-    cv_from.emplace_back(from.back().x(), from.back().y());
-    cv_to.emplace_back(to.back().x(), to.back().y());
-  }
-  {
-    const Eigen::Matrix3d rotation = best_rotation(camera, from, to);
-    std::vector<double> parallax;
-    for (std::size_t i = 0; i < from.size(); ++i) {
-      const auto p = camera.project(rotation * camera.ray(from[i]));
-      if (p) parallax.push_back((*p - to[i]).norm());
-    }
-    const double wide = quantile(parallax, 0.9);
-    if (!(wide > options.parallax_px)) {
-      return fail("no parallax: the camera only turns (90 % of the points move less than " +
-                  std::to_string(wide) + " px beyond a rotation)");
-    }
-  }
-  const cv::Matx33d k(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  cv::UsacParams usac;
-  usac.confidence = 0.9999;
-  usac.isParallel = false;
-  usac.loIterations = 10;
-  usac.loMethod = cv::LOCAL_OPTIM_SIGMA;
-  usac.loSampleSize = 50;
-  usac.maxIterations = 2000;
-  usac.neighborsSearch = cv::NEIGH_GRID;
-  usac.randomGeneratorState = static_cast<int>(CounterRandom(options.seed, 1).bits(0) >> 33);
-  usac.sampler = cv::SAMPLING_UNIFORM;
-  usac.score = cv::SCORE_METHOD_MAGSAC;
-  usac.threshold = options.inlier_px;
-  cv::Mat inlier_mask;
-  const cv::Mat no_distortion;
-  const cv::Mat essential =
-      cv::findEssentialMat(cv_from, cv_to, k, k, no_distortion, no_distortion, inlier_mask, usac);
-  if (essential.rows != 3 || essential.cols != 3) {
-    return fail("no epipolar geometry explains the matches");
-  }
-  // A few of the inliers show which of the four decompositions has them in front of both cameras.
-  constexpr std::size_t kFew = 500;
-  std::vector<cv::Point2d> few_from, few_to;
-  const auto inliers = static_cast<std::size_t>(cv::countNonZero(inlier_mask));
-  const std::size_t stride = std::max<std::size_t>(1, inliers / kFew);
-  for (std::size_t i = 0, nth = 0; i < sample.size(); ++i) {
-    if (!inlier_mask.at<std::uint8_t>(static_cast<int>(i)) || nth++ % stride != 0) continue;
-    few_from.push_back(cv_from[i]);
-    few_to.push_back(cv_to[i]);
-  }
-  cv::Mat r, t;
-  if (few_from.size() >= 5) cv::recoverPose(essential, few_from, few_to, cv::Mat(k), r, t, 1e6);
-  if (r.empty()) return fail("no motion explains the matches");
-  Eigen::Matrix3d rotation;
-  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = r.at<double>(i / 3, i % 3);
-  const Eigen::Vector3d translation(t.at<double>(0), t.at<double>(1), t.at<double>(2));
-  const SE3 widest_from_reference(rotation, translation);
-  out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)] =
-      widest_from_reference;
-
-  // Points on reference rays from the first pair, then the other images by resection (PnP).
-  std::vector<double> inverse_depths(sample.size(), std::numeric_limits<double>::quiet_NaN());
-  int in_front = 0;
-  for (std::size_t i = 0; i < sample.size(); ++i) {
-    if (!inlier_mask.at<std::uint8_t>(static_cast<int>(i))) continue;
-    const double rho =
-        inverse_depth_from(camera, widest_from_reference, camera.ray(from[i]), to[i]);
-    if (!(rho > 1e-5)) continue;
-    inverse_depths[i] = rho;
-    ++in_front;
-  }
-  out.inlier_ratio = static_cast<double>(in_front) / static_cast<double>(sample.size());
-  if (in_front < 30 || out.inlier_ratio < 0.15) {
-    return fail("no motion explains the matches: " + std::to_string(in_front) + " of " +
-                std::to_string(sample.size()) + " agree on one");
-  }
+  const auto widest = widest_image(matches, usable, options, out);
+  if (!widest) return out;
+  const PairSample sample = sample_pair(matches, usable, *widest, options.max_essential_points);
+  if (!has_parallax(camera, sample, options, out)) return out;
+  const auto inlier = two_view_motion(camera, matches, sample, *widest, options, out);
+  if (!inlier) return out;
+  const auto inverse_depths = two_view_depths(
+      camera, sample, *inlier,
+      out.frame_from_reference[static_cast<std::size_t>(matches.matches[*widest].frame)], out);
+  if (!inverse_depths) return out;
   for (std::size_t other = 0; other < others; ++other) {
-    if (other == widest) continue;
-    const MatchedImage& match = matches.matches[other];
-    std::vector<cv::Point3d> points;
-    std::vector<cv::Point2d> pixels;
-    for (std::size_t i = 0; i < sample.size(); ++i) {
-      const auto at = static_cast<std::size_t>(sample[i]);
-      if (!std::isfinite(inverse_depths[i]) || !std::isfinite(match.round_trip_px[at])) continue;
-      const Eigen::Vector3d x = camera.ray(from[i]) / inverse_depths[i];
-      points.emplace_back(x.x(), x.y(), x.z());
-      pixels.emplace_back(match.pixels[at].x(), match.pixels[at].y());
-    }
-    if (points.size() < 20) {
-      return fail("image " + std::to_string(match.frame) + " shares " +
-                  std::to_string(points.size()) + " points with the others, expected at least 20");
-    }
-    cv::Mat rvec, tvec, pnp_mask;
-    cv::UsacParams pnp = usac;
-    pnp.threshold = 2.0 * options.inlier_px;
-    pnp.maxIterations = 500;
-    cv::Mat pnp_k(k);
-    if (!cv::solvePnPRansac(points, pixels, pnp_k, cv::noArray(), rvec, tvec, pnp_mask, pnp)) {
-      return fail("image " + std::to_string(match.frame) + " cannot be placed on the points");
-    }
-    const Eigen::Vector3d v(rvec.at<double>(0), rvec.at<double>(1), rvec.at<double>(2));
-    out.frame_from_reference[static_cast<std::size_t>(match.frame)] =
-        SE3(rotation_from_vector(v),
-            Eigen::Vector3d(tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)));
+    if (other == *widest) continue;
+    if (!resect(camera, matches.matches[other], sample, *inverse_depths, options, out)) return out;
   }
-
-  bundle_adjust(camera, matches, usable, widest, options, out);
+  bundle_adjust(camera, matches, usable, *widest, options, out);
   return out;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
@@ -22,6 +23,169 @@ double match_sigma(const Eigen::Vector3f& texture, const Eigen::Vector2d& e, dou
 }
 
 enum class Outcome : std::uint8_t { kAccepted, kUnwanted, kDropped };
+
+/// A reference point as another image sees it.
+struct View {
+  std::size_t other;       ///< row of Correspondences::matches
+  Eigen::Vector3d ray;     ///< of the reference, rotated into that image
+  Eigen::Vector2d pixel;   ///< observed
+  Eigen::Matrix2d weight;  ///< inverse covariance of the observation, px^-2
+};
+
+/// The inverse depth of reference rays by Gauss-Newton over all images that see them.
+class PointSolver {
+ public:
+  struct Point {
+    Outcome outcome = Outcome::kUnwanted;
+    DropReason reason = DropReason::kNoMatch;
+    double inverse_depth = 0.0;
+    double sigma = 0.0;  ///< of the inverse depth by the matches' own noise
+  };
+
+  PointSolver(const PinholeCamera& camera, const Correspondences& matches,
+              const MotionEstimate& motion, const TriangulationOptions& options)
+      : camera_(camera), matches_(matches), motion_(motion), options_(options) {
+    for (const MatchedImage& match : matches.matches) {
+      const SE3& pose = motion.frame_from_reference.at(static_cast<std::size_t>(match.frame));
+      rotations_.push_back(pose.rotation_matrix());
+      translations_.push_back(pose.translation());
+    }
+  }
+
+  /// @param views      scratch.
+  /// @param jacobians  the derivative by all poses (6 an image) is appended for an accepted point;
+  ///                   may be null.
+  Point solve(std::size_t i, std::vector<View>& views, std::vector<float>* jacobians) const {
+    Point out;
+    out.outcome = Outcome::kDropped;
+    const auto start = linear_start(i, views, out.reason);
+    if (!start) return out;
+    double rho = *start;
+    double information = 0.0;
+    for (int iteration = 0; iteration < 3; ++iteration) {
+      double gradient = 0.0;
+      information = 0.0;
+      for (const View& view : views) {
+        const auto at = linearise(view, rho);
+        if (!at) return dropped(out, DropReason::kBehindCamera);
+        gradient += at->by_depth.dot(view.weight * at->residual);
+        information += at->by_depth.dot(view.weight * at->by_depth);
+      }
+      if (!(information > 0)) return out;
+      rho -= gradient / information;
+    }
+    const double sigma = 1.0 / std::sqrt(information);
+    if (!(sigma < options_.max_relative_sigma * std::abs(rho))) return out;
+    if (!(rho > 0)) return dropped(out, DropReason::kBehindCamera);
+    double chi2 = 0.0, worst = 0.0;
+    for (const View& view : views) {
+      const auto at = linearise(view, rho);
+      if (!at) return dropped(out, DropReason::kBehindCamera);
+      const double squared = at->residual.dot(view.weight * at->residual);
+      chi2 += squared;
+      worst = std::max(worst, squared);
+    }
+    if (worst > options_.max_residual * options_.max_residual) {
+      return dropped(out, DropReason::kInconsistent);
+    }
+    // Contradicting matches widen the estimate (reduced chi-square above 1).
+    const double freedom = 2.0 * static_cast<double>(views.size()) - 1.0;
+    out.sigma = sigma * std::sqrt(std::max(1.0, chi2 / freedom));
+    out.inverse_depth = rho;
+    out.outcome = Outcome::kAccepted;
+    if (jacobians) append_jacobian(views, rho, information, *jacobians);
+    return out;
+  }
+
+ private:
+  /// A view's reprojection at an inverse depth.
+  struct Linearised {
+    Eigen::Vector2d residual;  ///< predicted less observed, px
+    Eigen::Vector2d by_depth;
+    Eigen::Matrix<double, 2, 3> projection;  ///< by the point in that camera
+  };
+
+  static Point dropped(Point point, DropReason reason) {
+    point.reason = reason;
+    return point;
+  }
+
+  /// None behind the camera.
+  std::optional<Linearised> linearise(const View& view, double rho) const {
+    const Eigen::Vector3d p = view.ray + rho * translations_[view.other];
+    if (!(p.z() > 1e-4)) return std::nullopt;
+    Linearised at;
+    at.projection << camera_.fx / p.z(), 0, -camera_.fx * p.x() / (p.z() * p.z()), 0,
+        camera_.fy / p.z(), -camera_.fy * p.y() / (p.z() * p.z());
+    at.residual = Eigen::Vector2d(camera_.fx * p.x() / p.z() + camera_.cx,
+                                  camera_.fy * p.y() / p.z() + camera_.cy) -
+                  view.pixel;
+    at.by_depth = at.projection * translations_[view.other];
+    return at;
+  }
+
+  /// The images that see the point, and its inverse depth by linear least squares in normalised
+  /// coordinates; none where no image has parallax.
+  std::optional<double> linear_start(std::size_t i, std::vector<View>& views,
+                                     DropReason& reason) const {
+    views.clear();
+    const Eigen::Vector3d ray = camera_.ray(matches_.pixels[i].cast<double>());
+    double numerator = 0.0, denominator = 0.0;
+    for (std::size_t m = 0; m < matches_.matches.size(); ++m) {
+      const MatchedImage& match = matches_.matches[m];
+      if (!std::isfinite(match.round_trip_px[i])) continue;
+      reason = DropReason::kNearFocusOfExpansion;
+      View view;
+      view.other = m;
+      view.ray = rotations_[m] * ray;
+      view.pixel = match.pixels[i].cast<double>();
+      // Epipolar direction at the observed pixel: away from the epipole.
+      const Eigen::Vector3d& t = translations_[m];
+      const Eigen::Vector2d along(camera_.fx * t.x() + (camera_.cx - view.pixel.x()) * t.z(),
+                                  camera_.fy * t.y() + (camera_.cy - view.pixel.y()) * t.z());
+      const double norm = along.norm();
+      if (!(norm > 1e-9)) continue;
+      const Eigen::Vector2d e = along / norm, across(-e.y(), e.x());
+      const double s1 = match_sigma(matches_.texture[i], e, match.round_trip_px[i],
+                                    motion_.pixel_sigma, options_.noise);
+      const double s2 = match_sigma(matches_.texture[i], across, match.round_trip_px[i],
+                                    motion_.pixel_sigma, options_.noise);
+      view.weight = e * e.transpose() / (s1 * s1) + across * across.transpose() / (s2 * s2);
+      views.push_back(view);
+      // Each view weighs by its parallax over depth.
+      const Eigen::Vector3d z = camera_.ray(view.pixel);
+      const double b0 = t.x() - z.x() * t.z(), b1 = t.y() - z.y() * t.z();
+      const double e0 = z.x() * view.ray.z() - view.ray.x();
+      const double e1 = z.y() * view.ray.z() - view.ray.y();
+      numerator += (b0 * e0 + b1 * e1) / (s1 * s1);
+      denominator += (b0 * b0 + b1 * b1) / (s1 * s1);
+    }
+    if (views.empty() || !(denominator > 1e-12)) return std::nullopt;
+    return numerator / denominator;
+  }
+
+  /// d rho / d pose = -(1 / information) by_depth' W d(projection) / d pose.
+  void append_jacobian(const std::vector<View>& views, double rho, double information,
+                       std::vector<float>& jacobians) const {
+    const std::size_t own = jacobians.size();
+    jacobians.resize(own + 6 * translations_.size(), 0.0f);
+    for (const View& view : views) {
+      const auto at = linearise(view, rho);
+      const Eigen::RowVector3d left =
+          -(at->by_depth.transpose() * view.weight * at->projection) / information;
+      Eigen::Map<Eigen::Matrix<float, 1, 6>> row(jacobians.data() + own + 6 * view.other);
+      row.head<3>() = (-left * skew(view.ray)).cast<float>();
+      row.tail<3>() = (left * rho).cast<float>();
+    }
+  }
+
+  const PinholeCamera& camera_;
+  const Correspondences& matches_;
+  const MotionEstimate& motion_;
+  const TriangulationOptions& options_;
+  std::vector<Eigen::Matrix3d> rotations_;
+  std::vector<Eigen::Vector3d> translations_;
+};
 
 }  // namespace
 
@@ -83,157 +247,32 @@ TriangulatedPoints triangulate(const PinholeCamera& camera, const Correspondence
                                 " entries, expected one for each of " +
                                 std::to_string(matches.pixels.size()) + " grid points");
   }
-  const std::size_t others = matches.matches.size();
-  const auto columns = static_cast<Eigen::Index>(6 * others);
-  std::vector<Eigen::Matrix3d> rotations;
-  std::vector<Eigen::Vector3d> translations;
-  for (const MatchedImage& match : matches.matches) {
-    const SE3& pose = motion.frame_from_reference.at(static_cast<std::size_t>(match.frame));
-    rotations.push_back(pose.rotation_matrix());
-    translations.push_back(pose.translation());
-  }
-
   const std::size_t total = matches.pixels.size();
-  std::vector<Outcome> outcome(total, Outcome::kUnwanted);
-  std::vector<DropReason> reason(total, DropReason::kNoMatch);
-  std::vector<double> inverse_depth(total, 0.0), sigma(total, 0.0);
-
-  struct View {
-    std::size_t other;
-    Eigen::Vector3d a;       // rotated ray
-    Eigen::Vector2d pixel;   // observed
-    Eigen::Matrix2d weight;  // inverse covariance of the observation, px^-2
-  };
-  // The projection of a + rho t and its derivative by rho.
-  const auto linearise = [&](const View& view, double rho, Eigen::Vector2d* residual,
-                             Eigen::Vector2d* by_depth, Eigen::Matrix<double, 2, 3>* projection) {
-    const Eigen::Vector3d p = view.a + rho * translations[view.other];
-    if (!(p.z() > 1e-4)) return false;
-    *projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0, camera.fy / p.z(),
-        -camera.fy * p.y() / (p.z() * p.z());
-    *residual = Eigen::Vector2d(camera.fx * p.x() / p.z() + camera.cx,
-                                camera.fy * p.y() / p.z() + camera.cy) -
-                view.pixel;
-    *by_depth = *projection * translations[view.other];
-    return true;
-  };
-
-  const auto solve_point = [&](std::size_t i, std::vector<View>& views,
-                               std::vector<float>* jacobians) {
-    if (!wanted[i]) return;
-    outcome[i] = Outcome::kDropped;
-    views.clear();
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
-    double numerator = 0.0, denominator = 0.0;
-    for (std::size_t m = 0; m < others; ++m) {
-      const MatchedImage& match = matches.matches[m];
-      if (!std::isfinite(match.round_trip_px[i])) continue;
-      reason[i] = DropReason::kNearFocusOfExpansion;
-      View view;
-      view.other = m;
-      view.a = rotations[m] * ray;
-      view.pixel = match.pixels[i].cast<double>();
-      // Epipolar direction at the observed pixel: away from the epipole.
-      const Eigen::Vector3d& t = translations[m];
-      const Eigen::Vector2d along(camera.fx * t.x() + (camera.cx - view.pixel.x()) * t.z(),
-                                  camera.fy * t.y() + (camera.cy - view.pixel.y()) * t.z());
-      const double norm = along.norm();
-      if (!(norm > 1e-9)) continue;
-      const Eigen::Vector2d e = along / norm, across(-e.y(), e.x());
-      const double s1 = match_sigma(matches.texture[i], e, match.round_trip_px[i],
-                                    motion.pixel_sigma, options.noise);
-      const double s2 = match_sigma(matches.texture[i], across, match.round_trip_px[i],
-                                    motion.pixel_sigma, options.noise);
-      view.weight = e * e.transpose() / (s1 * s1) + across * across.transpose() / (s2 * s2);
-      views.push_back(view);
-      // Linear start (normalised coordinates, each view by its parallax over depth).
-      const Eigen::Vector3d z = camera.ray(view.pixel);
-      const double b0 = t.x() - z.x() * t.z(), b1 = t.y() - z.y() * t.z();
-      const double e0 = z.x() * view.a.z() - view.a.x(), e1 = z.y() * view.a.z() - view.a.y();
-      numerator += (b0 * e0 + b1 * e1) / (s1 * s1);
-      denominator += (b0 * b0 + b1 * b1) / (s1 * s1);
-    }
-    if (views.empty()) return;  // no match, or only on the very focus of expansion
-    if (!(denominator > 1e-12)) return;
-    double rho = numerator / denominator;
-    Eigen::Vector2d residual, by_depth;
-    Eigen::Matrix<double, 2, 3> projection;
-    double information = 0.0;
-    for (int iteration = 0; iteration < 3; ++iteration) {
-      double gradient = 0.0;
-      information = 0.0;
-      for (const View& view : views) {
-        if (!linearise(view, rho, &residual, &by_depth, &projection)) {
-          reason[i] = DropReason::kBehindCamera;
-          return;
-        }
-        gradient += by_depth.dot(view.weight * residual);
-        information += by_depth.dot(view.weight * by_depth);
-      }
-      if (!(information > 0)) return;
-      rho -= gradient / information;
-    }
-    const double sigma_rho = 1.0 / std::sqrt(information);
-    if (!(sigma_rho < options.max_relative_sigma * std::abs(rho))) return;
-    if (!(rho > 0)) {
-      reason[i] = DropReason::kBehindCamera;
-      return;
-    }
-    double chi2 = 0.0;
-    double worst = 0.0;
-    const std::size_t own = jacobians ? jacobians->size() : 0;
-    if (jacobians) jacobians->resize(own + static_cast<std::size_t>(columns), 0.0f);
-    const auto discard = [&] {
-      if (jacobians) jacobians->resize(own);
-    };
-    for (const View& view : views) {
-      if (!linearise(view, rho, &residual, &by_depth, &projection)) {
-        reason[i] = DropReason::kBehindCamera;
-        return discard();
-      }
-      const double r2 = residual.dot(view.weight * residual);
-      chi2 += r2;
-      worst = std::max(worst, r2);
-      if (jacobians) {
-        // d rho / d pose = -(1 / information) by_depth' W d(projection) / d pose.
-        const Eigen::RowVector3d left =
-            -(by_depth.transpose() * view.weight * projection) / information;
-        Eigen::Map<Eigen::Matrix<float, 1, 6>> row(jacobians->data() + own + 6 * view.other);
-        row.head<3>() = (-left * skew(view.a)).cast<float>();
-        row.tail<3>() = (left * rho).cast<float>();
-      }
-    }
-    if (worst > options.max_residual * options.max_residual) {
-      reason[i] = DropReason::kInconsistent;
-      return discard();
-    }
-    // Contradicting matches widen the estimate (reduced chi-square above 1).
-    const double freedom = 2.0 * static_cast<double>(views.size()) - 1.0;
-    sigma[i] = sigma_rho * std::sqrt(std::max(1.0, chi2 / freedom));
-    inverse_depth[i] = rho;
-    outcome[i] = Outcome::kAccepted;
-  };
-
+  const PointSolver solver(camera, matches, motion, options);
+  std::vector<PointSolver::Point> points(total);
   // The accepted points' derivatives, row by row of the grid.
   std::vector<std::vector<float>> jacobians(static_cast<std::size_t>(matches.rows));
   parallel_for(jacobians.size(), options.num_threads, [&](std::size_t row) {
     std::vector<View> views;
     const auto first = row * static_cast<std::size_t>(matches.columns);
     for (std::size_t i = first; i < first + static_cast<std::size_t>(matches.columns); ++i) {
-      solve_point(i, views, options.with_pose_jacobian ? &jacobians[row] : nullptr);
+      if (!wanted[i]) continue;
+      points[i] = solver.solve(i, views, options.with_pose_jacobian ? &jacobians[row] : nullptr);
     }
   });
 
   TriangulatedPoints out;
   for (std::size_t i = 0; i < total; ++i) {
-    if (outcome[i] == Outcome::kDropped) ++out.dropped[static_cast<std::size_t>(reason[i])];
-    if (outcome[i] != Outcome::kAccepted) continue;
+    const PointSolver::Point& point = points[i];
+    if (point.outcome == Outcome::kDropped) ++out.dropped[static_cast<std::size_t>(point.reason)];
+    if (point.outcome != Outcome::kAccepted) continue;
     out.grid.push_back(static_cast<int>(i));
     out.rays.push_back(camera.ray(matches.pixels[i].cast<double>()));
-    out.inverse_depth.push_back(inverse_depth[i]);
-    out.sigma_own.push_back(sigma[i]);
+    out.inverse_depth.push_back(point.inverse_depth);
+    out.sigma_own.push_back(point.sigma);
   }
   if (!options.with_pose_jacobian) return out;
+  const auto columns = static_cast<Eigen::Index>(6 * matches.matches.size());
   out.pose_jacobian.resize(static_cast<Eigen::Index>(out.size()), columns);
   float* to = out.pose_jacobian.data();
   for (const std::vector<float>& row : jacobians) to = std::copy(row.begin(), row.end(), to);
