@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
@@ -109,6 +110,23 @@ WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
   return out;
 }
 
+/// Robust standard deviation of the residuals of valid pixels, one in six of them; none for too
+/// few.
+std::optional<double> residual_noise(const cv::Mat& residual, const cv::Mat& valid) {
+  std::vector<float> sizes;
+  for (int y = 0; y < residual.rows; y += 2) {
+    const float* e = residual.ptr<float>(y);
+    const float* ok = valid.ptr<float>(y);
+    for (int x = y & 2 ? 1 : 0; x < residual.cols; x += 3) {
+      if (ok[x] != 0.0f) sizes.push_back(std::abs(e[x]));
+    }
+  }
+  if (sizes.size() < 100) return std::nullopt;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return 1.4826 * *middle + 1e-3;
+}
+
 ImageRows linearise(const PinholeCamera& camera, const Region& ref,
                     const std::vector<float>& inverse_depth, const cv::Mat& other,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
@@ -135,19 +153,10 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
   // Noise of the residual, then what disagrees with it over a whole neighbourhood; what is
   // still to be mended is no reason to leave a pixel out.
   const cv::Mat residual = b - a;
-  std::vector<float> sizes;
-  for (int y = 0; y < rows; y += 2) {
-    const float* e = residual.ptr<float>(y);
-    const float* ok = valid.ptr<float>(y);
-    for (int x = y & 2 ? 1 : 0; x < width; x += 3) {
-      if (ok[x] != 0.0f) sizes.push_back(std::abs(e[x]));
-    }
-  }
   ImageRows out;
-  if (sizes.size() < 100) return out;
-  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2),
-                   sizes.end());
-  out.noise = 1.4826 * sizes[sizes.size() / 2] + 1e-3;
+  const auto measured = residual_noise(residual, valid);
+  if (!measured) return out;
+  out.noise = *measured;
   const double n2 = out.noise * out.noise;
   const double d2 = noise.misregistration_px * noise.misregistration_px;
   cv::Mat excess(rows, width, CV_32F), local;

@@ -170,6 +170,119 @@ std::vector<Matrix3d> inverse_blocks(const ceres::CRSMatrix& jacobian) {
   return blocks;
 }
 
+/// The least-squares problem of the patches that valid links join: three parameters a patch (tilt,
+/// tilt, height), its own covariance as the prior.
+struct GraphProblem {
+  ceres::Problem problem;
+  std::vector<Vector3d> change;  ///< a patch
+  std::vector<int> block_of;     ///< a patch; -1: not in the problem
+  std::vector<double*> blocks;
+};
+
+/// Links between patches of one kind that both have an answer.
+std::vector<const PatchLink*> usable_links(const RoadSurface& surface,
+                                           const std::map<int, std::size_t>& index) {
+  const auto usable = [](const PlanePatch& patch) {
+    return patch.status == Status::kOk || patch.status == Status::kWeak;
+  };
+  std::vector<const PatchLink*> used;
+  for (const PatchLink& link : surface.links) {
+    if (!link.valid) continue;
+    const PlanePatch& a = surface.patches[index.at(link.a)];
+    const PlanePatch& b = surface.patches[index.at(link.b)];
+    if (a.kind != b.kind || a.kind == PatchKind::kOther || !usable(a) || !usable(b)) continue;
+    used.push_back(&link);
+  }
+  return used;
+}
+
+void add_priors(const RoadSurface& surface, const std::vector<char>& linked, GraphProblem& graph) {
+  const std::size_t count = surface.patches.size();
+  graph.change.assign(count, Vector3d::Zero());
+  graph.block_of.assign(count, -1);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!linked[i]) continue;
+    const Matrix3d information = surface.patches[i].plane.covariance.inverse();
+    const Eigen::LLT<Matrix3d> llt(0.5 * (information + information.transpose()));
+    if (llt.info() != Eigen::Success) continue;
+    graph.block_of[i] = static_cast<int>(graph.blocks.size());
+    graph.blocks.push_back(graph.change[i].data());
+    graph.problem.AddResidualBlock(PlanePrior::create(llt.matrixU()), nullptr,
+                                   graph.change[i].data());
+  }
+}
+
+/// A link's terms between the patches at places ia and ib.
+void add_link(const PlanView& view, const RoadSurface& surface, const ConsistencyOptions& options,
+              const PatchLink& link, std::size_t ia, std::size_t ib, GraphProblem& graph) {
+  const PlanePatch &a = surface.patches[ia], &b = surface.patches[ib];
+  double* change_a = graph.change[ia].data();
+  double* change_b = graph.change[ib].data();
+  const double slack = std::sqrt(std::max(link.weight, 1e-3));
+  if (options.consistency == Consistency::kPaper) {
+    const PolygonGap gap = polygon_gap(view.polygons[ia], view.polygons[ib]);
+    const Vector3d origin = view.on_plane(a.plane.plane, 0.5 * (gap.on_a + gap.on_b));
+    graph.problem.AddResidualBlock(
+        PlaneConsistency::create(a.plane, b.plane, origin, options.normal_sigma * (1.0 / slack),
+                                 options.offset_sigma * (1.0 / slack)),
+        new ceres::CauchyLoss(2.0), change_a, change_b);
+    return;
+  }
+  for (const Vector2d& place : border_places(view, a, b, view.polygons[ia], view.polygons[ib])) {
+    // The ground may bend on its way across a gap, and where it bends is not known to the inch.
+    const double bend = std::tan(link.angle) * (0.5 * link.distance + kBorderError);
+    const double sigma = std::hypot(options.continuity_sigma, bend) / slack;
+    graph.problem.AddResidualBlock(
+        HeightContinuity::create(
+            view.height(b.plane.plane, place) - view.height(a.plane.plane, place),
+            view.jacobian(a.plane, place), view.jacobian(b.plane, place), sigma),
+        new ceres::CauchyLoss(2.0), change_a, change_b);
+  }
+}
+
+/// Solves to the end: where it stops early depends on rounding.
+/// @return whether the solution is usable.
+bool solve_graph(GraphProblem& graph, ConsistencyReport& report) {
+  ceres::Solver::Options solver;
+  solver.linear_solver_type =
+      graph.blocks.size() > 60 ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::DENSE_NORMAL_CHOLESKY;
+  solver.max_num_iterations = 50;
+  solver.function_tolerance = 1e-12;
+  solver.num_threads = 1;
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &graph.problem, &summary);
+  report.initial_cost = summary.initial_cost;
+  report.final_cost = summary.final_cost;
+  report.residuals = summary.num_residuals_reduced;
+  report.converged = summary.termination_type == ceres::CONVERGENCE;
+  return summary.IsSolutionUsable();
+}
+
+/// Moves the planes and their outlines; covariances are the inverse of the Gauss-Newton matrix at
+/// the solution.
+void apply_solution(const PlanView& view, GraphProblem& graph, RoadSurface* surface) {
+  ceres::Problem::EvaluateOptions evaluate;
+  evaluate.parameter_blocks = graph.blocks;
+  ceres::CRSMatrix jacobian;
+  graph.problem.Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian);
+  const std::vector<Matrix3d> covariances = inverse_blocks(jacobian);
+  for (std::size_t i = 0; i < surface->patches.size(); ++i) {
+    if (graph.block_of[i] < 0) continue;
+    PlanePatch& patch = surface->patches[i];
+    UncertainPlane& plane = patch.plane;
+    plane.plane = plane.perturbed(graph.change[i]);
+    plane.centroid = plane.plane.foot(plane.centroid);
+    const Vector3d along = plane.axis1;
+    UncertainPlane::make_axes(plane.plane.normal, along, &plane.axis1, &plane.axis2);
+    const Matrix3d& block = covariances[static_cast<std::size_t>(graph.block_of[i])];
+    if (block.allFinite()) plane.covariance = 0.5 * (block + block.transpose());
+    for (std::size_t k = 0; k < patch.boundary.size(); ++k) {
+      patch.boundary[k] = view.on_plane(plane.plane, view.polygons[i][k]);
+    }
+  }
+}
+
 }  // namespace
 
 void ConsistencyOptions::validate() const {
@@ -210,112 +323,24 @@ std::vector<PatchLink> find_links(const RoadSurface& surface, const ConsistencyO
 ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurface* surface) {
   options.validate();
   ConsistencyReport report;
+  report.converged = true;
   const std::size_t count = surface->patches.size();
   const PlanView view(*surface);
   std::map<int, std::size_t> index;
   for (std::size_t i = 0; i < count; ++i) index[surface->patches[i].id] = i;
-  std::vector<std::size_t> moved;  // patches that a valid link holds
+  const std::vector<const PatchLink*> used = usable_links(*surface, index);
+  if (options.consistency == Consistency::kNone || used.empty()) return report;
   std::vector<char> linked(count, 0);
-  const auto usable = [](const PlanePatch& patch) {
-    return patch.status == Status::kOk || patch.status == Status::kWeak;
-  };
-  std::vector<const PatchLink*> used;
-  for (const PatchLink& link : surface->links) {
-    if (!link.valid) continue;
-    const std::size_t ia = index.at(link.a), ib = index.at(link.b);
-    const PlanePatch &a = surface->patches[ia], &b = surface->patches[ib];
-    if (a.kind != b.kind || a.kind == PatchKind::kOther || !usable(a) || !usable(b)) continue;
-    used.push_back(&link);
-    linked[ia] = linked[ib] = 1;
-  }
-  if (options.consistency == Consistency::kNone || used.empty()) {
-    report.converged = true;
-    return report;
-  }
-  std::vector<Vector3d> change(count, Vector3d::Zero());
-  ceres::Problem problem;
-  std::vector<double*> blocks;
-  std::vector<int> block_of(count, -1);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!linked[i]) continue;
-    const Matrix3d information = surface->patches[i].plane.covariance.inverse();
-    const Eigen::LLT<Matrix3d> llt(0.5 * (information + information.transpose()));
-    if (llt.info() != Eigen::Success) {
-      linked[i] = 0;
-      continue;
-    }
-    block_of[i] = static_cast<int>(blocks.size());
-    blocks.push_back(change[i].data());
-    problem.AddResidualBlock(PlanePrior::create(llt.matrixU()), nullptr, change[i].data());
-  }
+  for (const PatchLink* link : used) linked[index.at(link->a)] = linked[index.at(link->b)] = 1;
+  GraphProblem graph;
+  add_priors(*surface, linked, graph);
   for (const PatchLink* link : used) {
     const std::size_t ia = index.at(link->a), ib = index.at(link->b);
-    if (!linked[ia] || !linked[ib]) continue;
-    const PlanePatch &a = surface->patches[ia], &b = surface->patches[ib];
-    if (options.consistency == Consistency::kPaper) {
-      const PolygonGap gap = polygon_gap(view.polygons[ia], view.polygons[ib]);
-      const Vector3d origin = view.on_plane(a.plane.plane, 0.5 * (gap.on_a + gap.on_b));
-      const double slack = 1.0 / std::sqrt(std::max(link->weight, 1e-3));
-      problem.AddResidualBlock(
-          PlaneConsistency::create(a.plane, b.plane, origin, options.normal_sigma * slack,
-                                   options.offset_sigma * slack),
-          new ceres::CauchyLoss(2.0), change[ia].data(), change[ib].data());
-      continue;
-    }
-    const std::vector<Vector2d> places =
-        border_places(view, a, b, view.polygons[ia], view.polygons[ib]);
-    for (const Vector2d& place : places) {
-      // The ground may bend on its way across a gap, and where it bends is not known to the inch.
-      const double bend = std::tan(link->angle) * (0.5 * link->distance + kBorderError);
-      const double sigma =
-          std::hypot(options.continuity_sigma, bend) / std::sqrt(std::max(link->weight, 1e-3));
-      problem.AddResidualBlock(
-          HeightContinuity::create(
-              view.height(b.plane.plane, place) - view.height(a.plane.plane, place),
-              view.jacobian(a.plane, place), view.jacobian(b.plane, place), sigma),
-          new ceres::CauchyLoss(2.0), change[ia].data(), change[ib].data());
-    }
+    if (graph.block_of[ia] < 0 || graph.block_of[ib] < 0) continue;
+    add_link(view, *surface, options, *link, ia, ib, graph);
   }
-  if (blocks.empty()) {
-    report.converged = true;
-    return report;
-  }
-  ceres::Solver::Options solver;
-  solver.linear_solver_type =
-      blocks.size() > 60 ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::DENSE_NORMAL_CHOLESKY;
-  // To the end: where it stops early depends on rounding.
-  solver.max_num_iterations = 50;
-  solver.function_tolerance = 1e-12;
-  solver.num_threads = 1;
-  solver.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver, &problem, &summary);
-  report.initial_cost = summary.initial_cost;
-  report.final_cost = summary.final_cost;
-  report.residuals = summary.num_residuals_reduced;
-  report.converged = summary.termination_type == ceres::CONVERGENCE;
-  if (!summary.IsSolutionUsable()) return report;
-
-  // Covariances: the inverse of the Gauss-Newton matrix at the solution.
-  ceres::Problem::EvaluateOptions evaluate;
-  evaluate.parameter_blocks = blocks;
-  ceres::CRSMatrix jacobian;
-  problem.Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian);
-  const std::vector<Matrix3d> covariances = inverse_blocks(jacobian);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (block_of[i] < 0) continue;
-    PlanePatch& patch = surface->patches[i];
-    UncertainPlane& plane = patch.plane;
-    plane.plane = plane.perturbed(change[i]);
-    plane.centroid = plane.plane.foot(plane.centroid);
-    const Vector3d along = plane.axis1;
-    UncertainPlane::make_axes(plane.plane.normal, along, &plane.axis1, &plane.axis2);
-    const Matrix3d& block = covariances[static_cast<std::size_t>(block_of[i])];
-    if (block.allFinite()) plane.covariance = 0.5 * (block + block.transpose());
-    for (std::size_t k = 0; k < patch.boundary.size(); ++k) {
-      patch.boundary[k] = view.on_plane(plane.plane, view.polygons[i][k]);
-    }
-  }
+  if (graph.blocks.empty() || !solve_graph(graph, report)) return report;
+  apply_solution(view, graph, surface);
   for (PatchLink& link : surface->links) {
     PatchLink fresh = link;
     judge(view, *surface, options, index.at(link.a), index.at(link.b), &fresh);

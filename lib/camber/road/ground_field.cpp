@@ -145,6 +145,95 @@ struct GroundField::Impl {
     return std::max(rise * rho * inverse_height, 1e-9);
   }
 
+  /// Observations are worked on in pieces side by side, a fixed number for any number of threads:
+  /// their sums are added in order.
+  static constexpr std::size_t kPieces = 4;
+
+  template <class Work>
+  void in_pieces(std::size_t count, const Work& work) const {
+    parallel_for(kPieces, options.num_threads, [&](std::size_t piece) {
+      work(piece, count * piece / kPieces, count * (piece + 1) / kPieces);
+    });
+  }
+
+  /// Cauchy weights of the observations against the field as it is.
+  void reweigh(const GroundObservations& observations, const std::vector<Footprint>& footprints,
+               double width, std::vector<double>& weight) const {
+    in_pieces(observations.size(), [&](std::size_t, std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) {
+        const double r =
+            (observations.inverse_depth[i] - value(footprints[i], nodes)) / observations.sigma[i];
+        weight[i] = 1.0 / (1.0 + r * r / (6.25 * width * width));
+      }
+    });
+  }
+
+  /// The data's share of the normal equations: a dense 4 x 4 block a cell, so that the triplets are
+  /// few, and the right side.
+  struct DataTerm {
+    std::array<std::vector<Eigen::Matrix4d>, kPieces> blocks;  ///< summed in the first
+    std::array<Eigen::VectorXd, kPieces> right;
+  };
+
+  void accumulate(const GroundObservations& observations, const std::vector<Footprint>& footprints,
+                  const std::vector<double>& weight, double correlation, DataTerm& term) const {
+    const auto cells = static_cast<std::size_t>((columns - 1) * (rows - 1));
+    in_pieces(observations.size(), [&](std::size_t piece, std::size_t first, std::size_t last) {
+      std::vector<Eigen::Matrix4d>& part = term.blocks[piece];
+      Eigen::VectorXd& side = term.right[piece];
+      part.assign(cells, Eigen::Matrix4d::Zero());
+      side = Eigen::VectorXd::Zero(columns * rows);
+      for (std::size_t i = first; i < last; ++i) {
+        const Footprint& f = footprints[i];
+        const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
+        const int cell = f.node[0] / columns * (columns - 1) + f.node[0] % columns;
+        const Eigen::Map<const Eigen::Vector4d> b(f.weight);
+        part[static_cast<std::size_t>(cell)].noalias() += (w * b) * b.transpose();
+        for (int k = 0; k < 4; ++k) {
+          side[f.node[k]] += w * f.weight[k] * observations.inverse_depth[i];
+        }
+      }
+    });
+    for (std::size_t piece = 1; piece < kPieces; ++piece) {
+      for (std::size_t cell = 0; cell < cells; ++cell) {
+        term.blocks[0][cell] += term.blocks[piece][cell];
+      }
+      term.right[0] += term.right[piece];
+    }
+  }
+
+  /// Lower triangle of the data's normal matrix.
+  void append_data(const std::vector<Eigen::Matrix4d>& blocks,
+                   std::vector<Eigen::Triplet<double>>& triplets) const {
+    for (int cell = 0; cell < (columns - 1) * (rows - 1); ++cell) {
+      const int r = cell / (columns - 1), c = cell % (columns - 1);
+      const int at[4] = {index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1)};
+      for (int j = 0; j < 4; ++j) {
+        for (int k = 0; k <= j; ++k) {
+          triplets.emplace_back(std::max(at[j], at[k]), std::min(at[j], at[k]),
+                                blocks[static_cast<std::size_t>(cell)](j, k));
+        }
+      }
+    }
+  }
+
+  /// Lower triangle of the smoothness' normal matrix, each difference weighed anew.
+  void append_smoothness(std::vector<Eigen::Triplet<double>>& triplets) {
+    for (Difference& d : differences) {
+      const double s = spread(d);
+      double difference = 0.0;
+      for (int k = 0; k < d.terms; ++k) difference += d.sign[k] * nodes[d.node[k]];
+      d.weight = 1.0 / (1.0 + difference * difference / (9.0 * s * s));
+      const double w = d.weight / (s * s);
+      for (int j = 0; j < d.terms; ++j) {
+        for (int k = 0; k <= j; ++k) {
+          triplets.emplace_back(std::max(d.node[j], d.node[k]), std::min(d.node[j], d.node[k]),
+                                w * d.sign[j] * d.sign[k]);
+        }
+      }
+    }
+  }
+
   /// Reweighted least squares; `weight` empty: taken from the residuals against the field as it is.
   /// The loss of observations shrinks from first_width to 1 over the iterations.
   void solve(const GroundObservations& observations, std::vector<double> weight, int iterations,
@@ -153,86 +242,23 @@ struct GroundField::Impl {
     if (observations.inverse_depth.size() != count || observations.sigma.size() != count) {
       throw std::invalid_argument("ground observations: arrays differ in length");
     }
-    // Pieces of the observations side by side, a fixed number for any number of threads: their sums
-    // are added in order.
-    constexpr std::size_t kPieces = 4;
-    const auto in_pieces = [&](const auto& work) {
-      parallel_for(kPieces, options.num_threads, [&](std::size_t piece) {
-        work(piece, count * piece / kPieces, count * (piece + 1) / kPieces);
-      });
-    };
     std::vector<Footprint> footprints(count);
-    in_pieces([&](std::size_t, std::size_t first, std::size_t last) {
+    in_pieces(count, [&](std::size_t, std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) footprints[i] = footprint(observations.pixels[i]);
     });
-    const auto reweigh = [&](double width) {
-      in_pieces([&](std::size_t, std::size_t first, std::size_t last) {
-        for (std::size_t i = first; i < last; ++i) {
-          const double r =
-              (observations.inverse_depth[i] - value(footprints[i], nodes)) / observations.sigma[i];
-          weight[i] = 1.0 / (1.0 + r * r / (6.25 * width * width));
-        }
-      });
-    };
     if (weight.empty()) {
       weight.resize(count);
-      reweigh(first_width);
+      reweigh(observations, footprints, first_width, weight);
     }
     const int n = columns * rows;
     Eigen::SparseMatrix<double> normal(n, n);
     std::vector<Eigen::Triplet<double>> triplets;
-    // Dense accumulation of the data term over each cell's 4 x 4 block keeps the triplets few.
-    const int cells = (columns - 1) * (rows - 1);
-    std::array<std::vector<Eigen::Matrix4d>, kPieces> parts;
-    std::array<Eigen::VectorXd, kPieces> rights;
+    DataTerm data;
     for (int iteration = 0; iteration < iterations; ++iteration) {
-      in_pieces([&](std::size_t piece, std::size_t first, std::size_t last) {
-        std::vector<Eigen::Matrix4d>& part = parts[piece];
-        Eigen::VectorXd& side = rights[piece];
-        part.assign(static_cast<std::size_t>(cells), Eigen::Matrix4d::Zero());
-        side = Eigen::VectorXd::Zero(n);
-        for (std::size_t i = first; i < last; ++i) {
-          const Footprint& f = footprints[i];
-          const double w =
-              weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
-          const int cell = f.node[0] / columns * (columns - 1) + f.node[0] % columns;
-          const Eigen::Map<const Eigen::Vector4d> b(f.weight);
-          part[static_cast<std::size_t>(cell)].noalias() += (w * b) * b.transpose();
-          for (int k = 0; k < 4; ++k) {
-            side[f.node[k]] += w * f.weight[k] * observations.inverse_depth[i];
-          }
-        }
-      });
-      std::vector<Eigen::Matrix4d>& blocks = parts[0];
-      Eigen::VectorXd& right = rights[0];
-      for (std::size_t piece = 1; piece < kPieces; ++piece) {
-        for (std::size_t cell = 0; cell < blocks.size(); ++cell) blocks[cell] += parts[piece][cell];
-        right += rights[piece];
-      }
+      accumulate(observations, footprints, weight, correlation, data);
       triplets.clear();
-      for (int cell = 0; cell < cells; ++cell) {
-        const int r = cell / (columns - 1), c = cell % (columns - 1);
-        const int at[4] = {index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1)};
-        for (int j = 0; j < 4; ++j) {
-          for (int k = 0; k <= j; ++k) {
-            triplets.emplace_back(std::max(at[j], at[k]), std::min(at[j], at[k]),
-                                  blocks[static_cast<std::size_t>(cell)](j, k));
-          }
-        }
-      }
-      for (Difference& d : differences) {
-        const double s = spread(d);
-        double difference = 0.0;
-        for (int k = 0; k < d.terms; ++k) difference += d.sign[k] * nodes[d.node[k]];
-        d.weight = 1.0 / (1.0 + difference * difference / (9.0 * s * s));
-        const double w = d.weight / (s * s);
-        for (int j = 0; j < d.terms; ++j) {
-          for (int k = 0; k <= j; ++k) {
-            triplets.emplace_back(std::max(d.node[j], d.node[k]), std::min(d.node[j], d.node[k]),
-                                  w * d.sign[j] * d.sign[k]);
-          }
-        }
-      }
+      append_data(data.blocks[0], triplets);
+      append_smoothness(triplets);
       normal.setFromTriplets(triplets.begin(), triplets.end());
       if (!analysed) {
         solver.analyzePattern(normal);
@@ -242,16 +268,25 @@ struct GroundField::Impl {
       if (solver.info() != Eigen::Success) {
         throw std::invalid_argument("ground observations do not fix the field");
       }
-      nodes = solver.solve(right);
+      nodes = solver.solve(data.right[0]);
       if (iteration + 1 == iterations) break;
       const double share = (iteration + 1.0) / std::max(1, iterations - 1);
-      reweigh(std::pow(first_width, 1.0 - share));
+      reweigh(observations, footprints, std::pow(first_width, 1.0 - share), weight);
     }
+    keep_posterior(observations, footprints, weight, correlation);
+    weights = std::move(weight);
+    last_correlation = correlation;
+  }
 
+  /// What later queries need of the last solution: support and dependence on shared parameters.
+  void keep_posterior(const GroundObservations& observations,
+                      const std::vector<Footprint>& footprints, const std::vector<double>& weight,
+                      double correlation) {
+    const int n = columns * rows;
     node_support = Eigen::VectorXd::Zero(n);
     const Eigen::Index columns_shared = observations.shared_jacobian.cols();
     Eigen::MatrixXd shared_right = Eigen::MatrixXd::Zero(n, columns_shared);
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < observations.size(); ++i) {
       const Footprint& f = footprints[i];
       const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
       for (int k = 0; k < 4; ++k) {
@@ -265,8 +300,6 @@ struct GroundField::Impl {
     }
     shared.resize(n, columns_shared);
     if (columns_shared > 0) shared = solver.solve(shared_right);
-    weights = std::move(weight);
-    last_correlation = correlation;
   }
 };
 
