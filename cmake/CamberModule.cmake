@@ -14,15 +14,32 @@ function(camber_add_module name)
   set_property(GLOBAL APPEND PROPERTY CAMBER_MODULES camber_${name})
 endfunction()
 
-# camber_add_test(MODULE SOURCES ... [LIBRARIES targets...] [LABELS ...])
-# One GoogleTest program a module, test_MODULE; every case becomes a ctest with the label (unit).
+# camber_add_test(MODULE SOURCES ... [LIBRARIES targets...] [LABELS ...] [TOGETHER suites...]
+#                 [FIRST suites...])
+# One GoogleTest program a module, test_MODULE; every case becomes a ctest with the label (unit), but
+# the suites of TOGETHER one ctest each: those that share what is costly to set up or whose cases are
+# shorter than the program's start. None of their cases may skip itself. The suites of FIRST, which
+# take longest, are among TOGETHER's and started before others.
 function(camber_add_test module)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LIBRARIES;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;LIBRARIES;LABELS;TOGETHER;FIRST" ${ARGN})
   add_executable(test_${module} ${ARG_SOURCES})
   target_link_libraries(test_${module} PRIVATE camber_test_support ${ARG_LIBRARIES})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
-  gtest_discover_tests(test_${module} DISCOVERY_TIMEOUT 120
+  set(filter "")
+  foreach(suite IN LISTS ARG_TOGETHER)
+    add_test(NAME ${module}.${suite} COMMAND test_${module} --gtest_filter=${suite}.*)
+    set_tests_properties(${module}.${suite} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 900)
+    string(APPEND filter ":${suite}.*")
+  endforeach()
+  foreach(suite IN LISTS ARG_FIRST)
+    set_tests_properties(${module}.${suite} PROPERTIES COST 20)
+  endforeach()
+  if(filter)
+    string(REGEX REPLACE "^:" "-" filter "${filter}")
+    set(filter TEST_FILTER "${filter}")
+  endif()
+  gtest_discover_tests(test_${module} DISCOVERY_TIMEOUT 120 ${filter}
                        TEST_PREFIX "${module}." PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 900)
 endfunction()

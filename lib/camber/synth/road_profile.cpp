@@ -161,6 +161,12 @@ RoadProfile::RoadProfile(ProfileTrack grade, ProfileTrack bank, ProfileTrack cur
   for (int i = before; i + 1 < static_cast<int>(nodes_.size()); ++i) {
     nodes_[i + 1] = advance(nodes_[i], (i - before) * step_, step_);
   }
+  steps_.resize(nodes_.size());
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    const double heading = nodes_[i].heading;
+    const double slope_angle = grade_.value(begin_ + static_cast<int>(i) * step_);
+    steps_[i] = Eigen::Vector3d(std::cos(heading), std::sin(heading), std::tan(slope_angle)) * step_;
+  }
 }
 
 RoadProfile RoadProfile::sample(RoadProfileKind kind, std::uint64_t seed, double begin,
@@ -252,46 +258,50 @@ RoadProfile RoadProfile::with_curvature(ProfileTrack curvature) const {
   return RoadProfile(grade_, bank_, std::move(curvature), begin_, end_);
 }
 
-RoadProfile::Node RoadProfile::node(double station) const {
-  const double inside = std::clamp(station, begin_, end_);
-  const double x = (inside - begin_) / step_;
-  const int i = std::clamp(static_cast<int>(x), 0, static_cast<int>(nodes_.size()) - 2);
-  const double f = x - i;
-  const Node& a = nodes_[i];
-  const Node& b = nodes_[i + 1];
-  Node out;
-  // Cubic Hermite of the position with its exact derivatives: continuous slopes between nodes.
-  const auto derivative = [&](const Node& n, double s) {
-    return Eigen::Vector3d(std::cos(n.heading), std::sin(n.heading), std::tan(grade_.value(s)));
-  };
-  const Eigen::Vector3d da = derivative(a, begin_ + i * step_) * step_;
-  const Eigen::Vector3d db = derivative(b, begin_ + (i + 1) * step_) * step_;
-  const double f2 = f * f, f3 = f2 * f;
-  out.position = (2 * f3 - 3 * f2 + 1) * a.position + (f3 - 2 * f2 + f) * da +
-                 (3 * f2 - 2 * f3) * b.position + (f3 - f2) * db;
-  out.heading = a.heading + f * (b.heading - a.heading);
-  out.arc = a.arc + f * (b.arc - a.arc);
-  const double beyond = station - inside;
-  if (beyond != 0.0) {
-    const double g = grade_.value(inside);
-    out.position +=
-        beyond * Eigen::Vector3d(std::cos(out.heading), std::sin(out.heading), std::tan(g));
-    out.arc += beyond / std::cos(g);
-  }
+RoadProfile::Interval RoadProfile::interval(double station) const {
+  Interval out;
+  out.inside = std::clamp(station, begin_, end_);
+  out.beyond = station - out.inside;
+  const double x = (out.inside - begin_) / step_;
+  const int first = std::clamp(static_cast<int>(x), 0, static_cast<int>(nodes_.size()) - 2);
+  out.first = static_cast<std::size_t>(first);
+  out.share = x - first;
   return out;
 }
 
-Eigen::Vector3d RoadProfile::center(double station) const { return node(station).position; }
-double RoadProfile::heading(double station) const { return node(station).heading; }
-double RoadProfile::arc_length(double station) const { return node(station).arc; }
+Eigen::Vector3d RoadProfile::center(double station) const {
+  const Interval at = interval(station);
+  // Cubic Hermite of the position with its exact derivatives: continuous slopes between nodes.
+  const double f = at.share, f2 = f * f, f3 = f2 * f;
+  const Eigen::Vector3d inside =
+      (2 * f3 - 3 * f2 + 1) * nodes_[at.first].position + (f3 - 2 * f2 + f) * steps_[at.first] +
+      (3 * f2 - 2 * f3) * nodes_[at.first + 1].position + (f3 - f2) * steps_[at.first + 1];
+  if (at.beyond == 0.0) return inside;
+  const double heading = this->heading(station);
+  return inside + at.beyond * Eigen::Vector3d(std::cos(heading), std::sin(heading),
+                                              std::tan(grade_.value(at.inside)));
+}
+
+double RoadProfile::heading(double station) const {
+  const Interval at = interval(station);
+  const double from = nodes_[at.first].heading;
+  return from + at.share * (nodes_[at.first + 1].heading - from);
+}
+
+double RoadProfile::arc_length(double station) const {
+  const Interval at = interval(station);
+  const double from = nodes_[at.first].arc;
+  const double inside = from + at.share * (nodes_[at.first + 1].arc - from);
+  return at.beyond == 0.0 ? inside : inside + at.beyond / std::cos(grade_.value(at.inside));
+}
 
 Eigen::Vector2d RoadProfile::locate(const Eigen::Vector2d& place, double start) const {
   double s = start, t = 0.0;
   for (int i = 0; i < 20; ++i) {
-    const Node n = node(s);
-    const Eigen::Vector2d along(std::cos(n.heading), std::sin(n.heading));
+    const double heading = this->heading(s);
+    const Eigen::Vector2d along(std::cos(heading), std::sin(heading));
     const Eigen::Vector2d left(-along.y(), along.x());
-    const Eigen::Vector2d away = place - n.position.head<2>();
+    const Eigen::Vector2d away = place - center(s).head<2>();
     t = left.dot(away);
     const double stretch = std::max(0.1, 1.0 - curvature_.value(s) * t);
     const double change = along.dot(away) / stretch;

@@ -88,11 +88,19 @@ class RoadProfile {
     double heading;
     double arc;
   };
-  Node node(double station) const;
+  /// Where a station lies among the nodes.
+  struct Interval {
+    std::size_t first;  ///< node before it
+    double share;       ///< of the step after that node
+    double inside;      ///< the station, clamped to the road
+    double beyond;      ///< of the road's end, m; signed
+  };
+  Interval interval(double station) const;
 
   ProfileTrack grade_, bank_, curvature_;
   double begin_, end_, step_;
   std::vector<Node> nodes_;
+  std::vector<Eigen::Vector3d> steps_;  ///< derivative of the position at each node, times step_, m
 };
 
 }  // namespace camber
