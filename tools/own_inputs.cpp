@@ -2,6 +2,7 @@
 
 #include <system_error>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 
 namespace fs = std::filesystem;
@@ -41,6 +42,7 @@ std::vector<fs::path> files_of(const Scene& scene) {
 
 void refuse_own_inputs(const std::vector<fs::path>& outputs, const std::vector<fs::path>& inputs) {
   for (const fs::path& output : outputs) {
+    check_output_file(output);
     std::error_code error;
     if (output.empty() || !fs::is_regular_file(output, error)) continue;
     for (const fs::path& input : inputs) {

@@ -12,7 +12,7 @@ std::vector<std::filesystem::path> files_of(const Scene& scene);
 
 /// Before the work: throws a UsageError if an output is one of the inputs, under this name or any
 /// other (links). Of a folder among the inputs that is a scene, a result or a COLMAP model, its
-/// files. Empty names are skipped, and what is no regular file.
+/// files; an OutputError if an output cannot be written. Empty names are skipped.
 void refuse_own_inputs(const std::vector<std::filesystem::path>& outputs,
                        const std::vector<std::filesystem::path>& inputs);
 

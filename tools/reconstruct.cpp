@@ -3,10 +3,12 @@
 #include "camber/pipeline/reconstruct.h"
 
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/core/version.h"
@@ -42,12 +44,15 @@ const char* warned_of(const std::string& code) {
   return code == "focal_length_contradicted" ? "focal length" : "scale";
 }
 
-Reconstruction run(const Command& command, Arguments& a, Scene& scene) {
+/// @param check_output  throws if the result cannot be written, given the files that are read.
+Reconstruction run(
+    const Command& command, Arguments& a, Scene& scene,
+    const std::function<void(const std::vector<std::filesystem::path>&)>& check_output) {
   const Progress progress = make_progress(command.common);
   scene = read_scene(a.scene, make_warning_sink(command.common));
   std::vector<std::filesystem::path> inputs = files_of(scene);
   inputs.emplace_back(a.scene);
-  refuse_own_inputs({a.out}, inputs);
+  check_output(inputs);
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.load.use_masks = !a.no_masks;
@@ -124,7 +129,11 @@ void register_reconstruct(App& root) {
     args.options.paper.vehicles.terms = paper::terms_from_string(args.terms);
     args.options.paper.ground.scale = paper_scale_from_string(args.scale);
     Scene scene;
-    Reconstruction result = run(*command, args, scene);
+    Reconstruction result =
+        run(*command, args, scene, [&](const std::vector<std::filesystem::path>& inputs) {
+          if (std::filesystem::is_regular_file(args.out)) refuse_own_inputs({args.out}, inputs);
+          check_output_folder(args.out, args.overwrite, inputs);
+        });
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;
@@ -175,7 +184,10 @@ void register_triangulate(App& root) {
                        ".xyz, .csv or .las");
     }
     Scene scene;
-    Reconstruction result = run(*command, args, scene);
+    Reconstruction result =
+        run(*command, args, scene, [&](const std::vector<std::filesystem::path>& inputs) {
+          refuse_own_inputs({args.out}, inputs);
+        });
     {
       const StageTimer timer(result.run.timings, "write");
       write_cloud(result.cloud, args.out);

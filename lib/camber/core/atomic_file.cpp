@@ -106,6 +106,39 @@ void write_stream(const fs::path& path, const std::string& name,
   if (!out) throw OutputError(name, "writing failed" + (errno ? ": " + last_error() : ""));
 }
 
+/// Whether the folder that stands at `path` (resolved) may be replaced.
+void check_replaceable(const fs::path& path, const std::string& name, bool overwrite,
+                       const std::vector<fs::path>& inputs) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) throw OutputError(name, "a file of that name is there");
+  const bool empty = fs::is_empty(path, error);
+  if (!empty && !fs::exists(path / "run.json", error) && !overwrite) {
+    throw OutputError(name,
+                      "the folder is not empty and not a Camber result (no run.json); "
+                      "--overwrite replaces it");
+  }
+  if (lies_in(resolved(fs::current_path(error)), path)) {
+    throw OutputError(name, "is, or holds, the current folder; a result replaces its folder");
+  }
+  for (const fs::path& input : inputs) {
+    if (!input.empty() && lies_in(resolved(input), path)) {
+      throw UsageError(name + ": holds the input " + input.string() +
+                       ", and a result replaces its folder");
+    }
+  }
+}
+
+/// Whether names can be made in a folder; as far as that can be known without trying.
+void check_folder(const fs::path& folder, const std::string& name) {
+  const fs::path place = folder.empty() ? fs::path(".") : folder;
+  std::error_code error;
+  const bool leads_nowhere = fs::exists(place, error) && !fs::is_directory(place, error);
+  if (leads_nowhere) errno = ENOTDIR;
+  if (leads_nowhere || ::access(place.c_str(), W_OK | X_OK) != 0) {
+    throw OutputError(name, "cannot be written: " + last_error());
+  }
+}
+
 }  // namespace
 
 void write_file_atomically(const fs::path& path, const std::function<void(std::ostream&)>& write) {
@@ -130,6 +163,26 @@ AtomicFiles::~AtomicFiles() { discard(); }
 void AtomicFiles::discard() noexcept {
   for (const Staged& file : staged_) staging::discard(file.beside);
   staged_.clear();
+}
+
+void check_output_file(const fs::path& path) {
+  std::error_code error;
+  if (path.empty() || is_special(path)) return;
+  if (fs::is_directory(path, error)) {
+    throw OutputError(path.string(), "a folder of that name is there");
+  }
+  check_folder(link_target(path).parent_path(), path.string());
+}
+
+void check_output_folder(const fs::path& path, bool overwrite,
+                         const std::vector<fs::path>& inputs) {
+  if (path.empty()) throw UsageError("found an empty name, expected a folder for the result");
+  const fs::path to = resolved(path);
+  std::error_code error;
+  if (fs::exists(to, error)) check_replaceable(to, path.string(), overwrite, inputs);
+  fs::path parent = to.parent_path();  // missing ones will be made
+  while (!fs::exists(parent, error) && parent.has_relative_path()) parent = parent.parent_path();
+  check_folder(parent, path.string());
 }
 
 fs::path AtomicFiles::stage(const fs::path& path) {
@@ -198,29 +251,9 @@ AtomicFolder::AtomicFolder(const fs::path& path, bool overwrite,
       fs::rename(old, path_, error);
     }
   }
-  if (fs::exists(path_, error)) check_replaceable(overwrite, inputs);
+  if (fs::exists(path_, error)) check_replaceable(path_, name_, overwrite, inputs);
   if (path_.has_parent_path()) fs::create_directories(path_.parent_path(), error);
   staging_ = staging::make_folder(path_, name_);
-}
-
-void AtomicFolder::check_replaceable(bool overwrite, const std::vector<fs::path>& inputs) const {
-  std::error_code error;
-  if (!fs::is_directory(path_, error)) throw OutputError(name_, "a file of that name is there");
-  const bool empty = fs::is_empty(path_, error);
-  if (!empty && !fs::exists(path_ / "run.json", error) && !overwrite) {
-    throw OutputError(name_,
-                      "the folder is not empty and not a Camber result (no run.json); "
-                      "--overwrite replaces it");
-  }
-  if (lies_in(resolved(fs::current_path(error)), path_)) {
-    throw OutputError(name_, "is, or holds, the current folder; a result replaces its folder");
-  }
-  for (const fs::path& input : inputs) {
-    if (!input.empty() && lies_in(resolved(input), path_)) {
-      throw UsageError(name_ + ": holds the input " + input.string() +
-                       ", and a result replaces its folder");
-    }
-  }
 }
 
 AtomicFolder::~AtomicFolder() {

@@ -16,6 +16,13 @@ void write_file_atomically(const std::filesystem::path& path,
                            const std::function<void(std::ostream&)>& write);
 void write_file_atomically(const std::filesystem::path& path, const std::string& content);
 
+/// Before the work: throws the OutputError that writing a file there would end with (a folder of
+/// that name, a folder that is missing or not writable). Writes nothing; an empty name is skipped.
+void check_output_file(const std::filesystem::path& path);
+/// The same of an AtomicFolder with these arguments; its UsageError too.
+void check_output_folder(const std::filesystem::path& path, bool overwrite,
+                         const std::vector<std::filesystem::path>& inputs = {});
+
 /// Several files that appear together: each is written under the name that stage() gives, commit()
 /// brings them to the disk and renames them all; where that fails for one, all get their old
 /// content back. Without commit() nothing of them remains.
@@ -68,7 +75,6 @@ class AtomicFolder {
   void commit();
 
  private:
-  void check_replaceable(bool overwrite, const std::vector<std::filesystem::path>& inputs) const;
   void take_name();
   [[noreturn]] void fail(const char* what) const;
 
