@@ -117,7 +117,7 @@ TEST(RandomScene, CameraIsAtItsNominalHeight) {
 }
 
 TEST(RandomScene, SameSceneForOneAndSeveralThreads) {
-  for (const std::uint64_t number : {0u, 1u, 2u, 3u, 4u, 5u}) {
+  for (const std::uint64_t number : {0u, 1u, 4u}) {
     SynthOptions options = in_small(random_scene_options(number));
     const SynthWorld a = make_synth_world(world_options(options));
     const SynthWorld b = make_synth_world(world_options(options));

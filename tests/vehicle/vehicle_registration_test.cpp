@@ -181,7 +181,7 @@ TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
   const CounterRandom random(17);
   for (const double speed : {0.0, 8.0}) {
     double without = 0.0, with = 0.0, inside = 0.0, used = 0.0;
-    const int count = speed > 0.0 ? 24 : 80;
+    const int count = speed > 0.0 ? 24 : 48;
     for (int i = 0; i < count; ++i) {
       PinholeCamera camera;
       std::vector<TrackFrame> frames;
