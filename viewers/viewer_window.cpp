@@ -346,6 +346,7 @@ std::string ViewerWindow::message() const { return statusBar()->currentMessage()
 bool ViewerWindow::help_shown() const { return impl_->help->isVisible(); }
 bool ViewerWindow::has_image() const { return !impl_->photo.isNull(); }
 const PictureSpace& ViewerWindow::space() const { return impl_->space; }
+const std::vector<std::filesystem::path>& ViewerWindow::written() const { return impl_->written; }
 
 bool ViewerWindow::project(const Eigen::Vector3d& place, QPoint* at) const {
   const Eigen::Vector4d c = impl_->projection() * place.homogeneous();

@@ -95,6 +95,7 @@ struct ViewerWindow::Impl {
   QPlainTextEdit* facts = nullptr;
   QLabel* bar = nullptr;
   QLabel* help = nullptr;
+  std::vector<std::filesystem::path> written;
   std::optional<QPoint> pressed;
   bool untouched = true;  // the scene is fitted again when the window's size changes
 
