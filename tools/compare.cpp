@@ -174,29 +174,181 @@ json options_json(const Arguments& a, const CompareOptions& o) {
   return out;
 }
 
-}  // namespace
+/// Two shapes, and what is known of how the estimate was made.
+struct Inputs {
+  Shape estimate, truth;
+  std::optional<RunDocument> run;  ///< of the estimate, where that is a result folder
+  std::string camera;              ///< the scene whose camera saw the estimate; empty: unknown
+};
 
-void register_compare(App& root) {
-  Command* command = add_command(
-      root, "compare",
-      "Measures an estimate against dense truth, both ways. Each may be a cloud, a PLY mesh or a "
-      "result folder; truth may also be a scene with a truth cloud.",
-      "  camber compare out/steep_hill samples/steep_hill --out comparison\n"
-      "  camber compare estimate.ply truth.ply --thresholds 0.05,0.1,0.2 --json\n"
-      "  camber compare estimate.ply truth_mesh.ply --align rigid --out comparison\n"
-      "  camber compare out/run scan.bin --estimate-from-truth camera_from_laser.txt "
-      "--truth-viewpoint 0,0,0 --camera scene.json --farthest 40");
-  const auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
-  App& app = *command->app;
-  app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
-  app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
-  app.add_option("--out", a.out,
-                 "folder for tables (JSON, CSV), coloured clouds (PLY) and pictures (PNG)");
-  app.add_flag("--overwrite", a.overwrite, "replace a foreign folder that is not empty");
-  app.add_option("--thresholds", a.options.thresholds, "metres, for precision, recall and F-score")
-      ->delimiter(',')
-      ->capture_default_str();
+/// Reads both shapes, and into options->estimate_from_truth what takes the truth to the estimate.
+Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* options) {
+  const ReadOptions reading = args.reading.read_options();
+  Inputs in;
+  in.camera = args.camera;
+  in.estimate = read_shape(cloud_of(args.estimate), reading, warn);
+  if (is_result(args.estimate)) in.run = read_run(fs::path(args.estimate) / "run.json");
+  if (!is_result(args.truth) && is_scene(args.truth)) {
+    const Scene scene = read_scene(args.truth, warn);
+    in.truth = read_scene_truth(args.truth, scene, reference_frame(in.run, scene), reading, warn,
+                                &options->estimate_from_truth);
+    if (in.camera.empty()) in.camera = args.truth;
+  } else {
+    in.truth = read_shape(cloud_of(args.truth), reading, warn);
+  }
+  if (!args.transform.empty()) options->estimate_from_truth = read_matrix(args.transform);
+  return in;
+}
+
+/// Rows x y z of the estimate, x y z of the truth.
+void read_pairs(const std::string& path, CompareOptions* options) {
+  const std::vector<double> n = read_numbers(path, 6, "rows of 6");
+  for (std::size_t i = 0; i < n.size(); i += 6) {
+    options->pairs.emplace_back(Eigen::Vector3d(n[i], n[i + 1], n[i + 2]),
+                                Eigen::Vector3d(n[i + 3], n[i + 4], n[i + 5]));
+  }
+}
+
+/// The views of a scene's camera: at the poses of the run, else at the coordinates' zero.
+void add_views(const std::string& scene_path, const std::optional<RunDocument>& run,
+               const LogSink& warn, CompareOptions* options) {
+  const Scene scene = read_scene(scene_path, warn);
+  if (!run || run->cameras.empty()) {
+    options->views.push_back({scene.camera, SE3()});
+    return;
+  }
+  for (const RunDocument::CameraPose& pose : run->cameras) {
+    options->views.push_back({scene.camera, pose.reference_from_camera.inverse()});
+  }
+}
+
+CropBox region_of(const std::vector<double>& numbers) {
+  CropBox box;
+  box.minimum = {numbers[0], numbers[1], numbers[2]};
+  box.maximum = {numbers[3], numbers[4], numbers[5]};
+  if (!(box.minimum.array() <= box.maximum.array()).all()) {
+    throw UsageError(
+        "--region: found a minimum above a maximum, expected "
+        "xmin,ymin,zmin,xmax,ymax,zmax");
+  }
+  return box;
+}
+
+/// Up, the road's direction and the viewpoint: as given, else by the frame of the estimate.
+void set_directions(const Arguments& args, const RoadCloud& estimate, CompareOptions* options) {
+  const bool camera_frame = estimate.frame == CloudFrame::kCamera;
+  options->up = args.up.up(estimate);
+  options->along = camera_frame ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
+  if (!args.along.empty()) options->along = {args.along[0], args.along[1], args.along[2]};
+  if (options->along.cross(options->up).norm() < 1e-6 * options->along.norm()) {
+    throw UsageError(
+        "--along: found a direction along --up, expected one that is level or nearly so");
+  }
+  options->viewpoint = args.up.viewpoint();
+  if (!options->viewpoint && camera_frame) options->viewpoint = Eigen::Vector3d::Zero();
+}
+
+/// What the command line alone decides. @throws UsageError, std::invalid_argument.
+CompareOptions checked_options(const Command& command, const Arguments& args) {
+  CompareOptions options = args.options;
+  options.alignment = kAlignments.at(args.alignment);
+  options.seed = command.common.seed;
+  options.num_threads = command.common.threads;
+  options.road_frame = !args.no_road_frame;
+  options.validate();
+  if (!args.pairs.empty() && options.alignment == Alignment::kNone) {
+    throw UsageError("--pairs needs --align scale, rigid or similarity");
+  }
+  return options;
+}
+
+/// Reads the shapes and completes the options with what lies in files or depends on them.
+Inputs load(const Arguments& args, const LogSink& warn, CompareOptions* options) {
+  Inputs in = read_inputs(args, warn, options);
+  if (!args.pairs.empty()) read_pairs(args.pairs, options);
+  if (!in.camera.empty()) add_views(in.camera, in.run, warn, options);
+  if (!args.region.empty()) options->region = region_of(args.region);
+  if (!args.truth_viewpoint.empty()) {
+    options->truth_viewpoint =
+        Eigen::Vector3d(args.truth_viewpoint[0], args.truth_viewpoint[1], args.truth_viewpoint[2]);
+  }
+  set_directions(args, in.estimate.cloud, options);
+  return in;
+}
+
+/// Tables, coloured clouds and pictures.
+void write_comparison(const CloudComparison& comparison, const CompareOptions& options,
+                      const json& result, const fs::path& at) {
+  double largest = 0.0;
+  for (const double t : options.thresholds) largest = std::max(largest, 2.0 * t);
+  write_json(result, at / "compare.json");
+  write_file_atomically(at / "scores.csv", scores_csv(comparison));
+  write_file_atomically(at / "compare.txt", describe(comparison));
+  write_cloud(color_by_distance(comparison.accuracy, largest), at / "accuracy.ply");
+  write_cloud(color_by_distance(comparison.completeness, largest), at / "completeness.ply");
+  write_png(draw_histogram(comparison), at / "histogram.png");
+  write_png(draw_cumulative(comparison), at / "cumulative.png");
+  if (options.road_frame) {
+    write_file_atomically(at / "road_errors.csv", road_errors_csv(comparison));
+    write_file_atomically(at / "height_error.csv", height_map_csv(comparison.map));
+    write_png(draw_height_map(comparison), at / "height_error.png");
+  }
+}
+
+void write_run(const Arguments& args, const CompareOptions& options, bool metric,
+               const Timings& timings, const fs::path& at) {
+  RunDocument document;
+  document.seed = options.seed;
+  document.options = options_json(args, options);
+  document.options["command"] = "compare";
+  document.timings = timings;
+  document.metric = metric;
+  for (const fs::path& path : {cloud_of(args.estimate), cloud_of(args.truth)}) {
+    std::error_code error;
+    if (!fs::is_regular_file(path, error)) continue;
+    document.input_hashes.emplace_back(path.string(), hash_file(path));
+  }
+  write_json(to_json(document), at / "run.json");
+}
+
+int run(const Command& command, const Arguments& args) {
+  CompareOptions options = checked_options(command, args);
+  const std::vector<fs::path> inputs = {args.estimate, args.truth, args.transform, args.pairs};
+  std::optional<AtomicFolder> folder;
+  if (!args.out.empty()) folder.emplace(args.out, args.overwrite, inputs);
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  const Inputs in = load(args, make_warning_sink(command.common), &options);
+  load_timer.stop();
+
+  throw_if_interrupted();
+  StageTimer compute(timings, "compute");
+  const CloudComparison comparison = compare_shapes(in.estimate, in.truth, options);
+  compute.stop();
+
+  StageTimer write(timings, "write");
+  json result = to_json(comparison);
+  result["estimate"] = args.estimate;
+  result["truth"] = args.truth;
+  if (folder) write_comparison(comparison, options, result, folder->staging());
+  write.stop();
+  if (folder) {
+    write_run(args, options, in.estimate.cloud.metric, timings, folder->staging());
+    folder->commit();
+  }
+  if (!args.as_json) {
+    fmt::print("{}", describe(comparison));
+    return 0;
+  }
+  result["version"] = kVersion;
+  result["seed"] = options.seed;
+  result["options"] = options_json(args, options);
+  result["timings_ms"] = cloud_timings(timings);
+  fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+  return 0;
+}
+
+void add_alignment_arguments(App& app, Arguments& a) {
   app.add_option("--align", a.alignment,
                  "move the estimate first: none, scale (about the coordinates' zero), rigid or "
                  "similarity; reported with its residual")
@@ -207,6 +359,10 @@ void register_compare(App& root) {
                  "the truth; default: iterated closest points");
   app.add_option("--estimate-from-truth", a.transform,
                  "file of a 4 x 4 matrix that takes truth into the estimate's frame");
+}
+
+/// Which points count.
+void add_visibility_arguments(App& app, Arguments& a) {
   app.add_option(
          "--region", a.region,
          "metres, in the estimate's frame: xmin,ymin,zmin,xmax,ymax,zmax; what lies outside "
@@ -224,6 +380,10 @@ void register_compare(App& root) {
                  "points behind it, or where it has none, do not count")
       ->delimiter(',')
       ->expected(3);
+}
+
+/// The frame in which errors are split, and the points that stand for surfaces.
+void add_road_frame_arguments(App& app, Arguments& a) {
   add_up_arguments(app, a.up);
   app.add_option("--along", a.along,
                  "direction x,y,z of the road; default: the camera's axis, else x")
@@ -238,141 +398,39 @@ void register_compare(App& root) {
                  "points a square metre that stand for a mesh")
       ->capture_default_str();
   app.add_flag("--no-road-frame", a.no_road_frame, "no errors in the road's frame: faster");
+}
+
+void add_arguments(App& app, Arguments& a) {
+  app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
+  app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
+  app.add_option("--out", a.out,
+                 "folder for tables (JSON, CSV), coloured clouds (PLY) and pictures (PNG)");
+  app.add_flag("--overwrite", a.overwrite, "replace a foreign folder that is not empty");
+  app.add_option("--thresholds", a.options.thresholds, "metres, for precision, recall and F-score")
+      ->delimiter(',')
+      ->capture_default_str();
+  add_alignment_arguments(app, a);
+  add_visibility_arguments(app, a);
+  add_road_frame_arguments(app, a);
   add_cloud_arguments(app, a.reading);
   app.add_flag("--json", a.as_json, "one JSON object on stdout");
+}
 
-  command->run = [command, arguments] {
-    const Arguments& args = *arguments;
-    CompareOptions options = args.options;
-    options.alignment = kAlignments.at(args.alignment);
-    options.seed = command->common.seed;
-    options.num_threads = command->common.threads;
-    options.road_frame = !args.no_road_frame;
-    options.validate();
-    if (!args.pairs.empty() && options.alignment == Alignment::kNone) {
-      throw UsageError("--pairs needs --align scale, rigid or similarity");
-    }
-    const std::vector<fs::path> inputs = {args.estimate, args.truth, args.transform, args.pairs};
-    std::optional<AtomicFolder> folder;
-    if (!args.out.empty()) folder.emplace(args.out, args.overwrite, inputs);
-    const LogSink warn = make_warning_sink(command->common);
-    Timings timings;
-    StageTimer load(timings, "load");
-    const ReadOptions reading = args.reading.read_options();
-    const Shape estimate = read_shape(cloud_of(args.estimate), reading, warn);
-    std::optional<RunDocument> run;
-    if (is_result(args.estimate)) run = read_run(fs::path(args.estimate) / "run.json");
-    Shape truth;
-    std::string camera = args.camera;
-    if (!is_result(args.truth) && is_scene(args.truth)) {
-      const Scene scene = read_scene(args.truth, warn);
-      truth = read_scene_truth(args.truth, scene, reference_frame(run, scene), reading, warn,
-                               &options.estimate_from_truth);
-      if (camera.empty()) camera = args.truth;
-    } else {
-      truth = read_shape(cloud_of(args.truth), reading, warn);
-    }
-    if (!args.transform.empty()) options.estimate_from_truth = read_matrix(args.transform);
-    if (!args.pairs.empty()) {
-      const std::vector<double> n = read_numbers(args.pairs, 6, "rows of 6");
-      for (std::size_t i = 0; i < n.size(); i += 6) {
-        options.pairs.emplace_back(Eigen::Vector3d(n[i], n[i + 1], n[i + 2]),
-                                   Eigen::Vector3d(n[i + 3], n[i + 4], n[i + 5]));
-      }
-    }
-    if (!camera.empty()) {
-      const Scene scene = read_scene(camera, warn);
-      if (run && !run->cameras.empty()) {
-        for (const RunDocument::CameraPose& pose : run->cameras) {
-          options.views.push_back({scene.camera, pose.reference_from_camera.inverse()});
-        }
-      } else {
-        options.views.push_back({scene.camera, SE3()});
-      }
-    }
-    if (!args.region.empty()) {
-      CropBox box;
-      box.minimum = {args.region[0], args.region[1], args.region[2]};
-      box.maximum = {args.region[3], args.region[4], args.region[5]};
-      if (!(box.minimum.array() <= box.maximum.array()).all()) {
-        throw UsageError(
-            "--region: found a minimum above a maximum, expected "
-            "xmin,ymin,zmin,xmax,ymax,zmax");
-      }
-      options.region = box;
-    }
-    if (!args.truth_viewpoint.empty()) {
-      options.truth_viewpoint = Eigen::Vector3d(args.truth_viewpoint[0], args.truth_viewpoint[1],
-                                                args.truth_viewpoint[2]);
-    }
-    const bool camera_frame = estimate.cloud.frame == CloudFrame::kCamera;
-    options.up = args.up.up(estimate.cloud);
-    options.along = camera_frame ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
-    if (!args.along.empty()) options.along = {args.along[0], args.along[1], args.along[2]};
-    if (options.along.cross(options.up).norm() < 1e-6 * options.along.norm()) {
-      throw UsageError(
-          "--along: found a direction along --up, expected one that is level or nearly so");
-    }
-    options.viewpoint = args.up.viewpoint();
-    if (!options.viewpoint && camera_frame) options.viewpoint = Eigen::Vector3d::Zero();
-    load.stop();
+}  // namespace
 
-    throw_if_interrupted();
-    StageTimer compute(timings, "compute");
-    const CloudComparison comparison = compare_shapes(estimate, truth, options);
-    compute.stop();
-
-    StageTimer write(timings, "write");
-    json result = to_json(comparison);
-    result["estimate"] = args.estimate;
-    result["truth"] = args.truth;
-    if (folder) {
-      const fs::path& at = folder->staging();
-      double largest = 0.0;
-      for (const double t : options.thresholds) largest = std::max(largest, 2.0 * t);
-      write_json(result, at / "compare.json");
-      write_file_atomically(at / "scores.csv", scores_csv(comparison));
-      write_file_atomically(at / "compare.txt", describe(comparison));
-      write_cloud(color_by_distance(comparison.accuracy, largest), at / "accuracy.ply");
-      write_cloud(color_by_distance(comparison.completeness, largest), at / "completeness.ply");
-      write_png(draw_histogram(comparison), at / "histogram.png");
-      write_png(draw_cumulative(comparison), at / "cumulative.png");
-      if (options.road_frame) {
-        write_file_atomically(at / "road_errors.csv", road_errors_csv(comparison));
-        write_file_atomically(at / "height_error.csv", height_map_csv(comparison.map));
-        write_png(draw_height_map(comparison), at / "height_error.png");
-      }
-    }
-    write.stop();
-    if (folder) {
-      RunDocument document;
-      document.seed = options.seed;
-      document.options = options_json(args, options);
-      document.options["command"] = "compare";
-      document.timings = timings;
-      document.metric = estimate.cloud.metric;
-      const auto add_hash = [&](const fs::path& path) {
-        std::error_code error;
-        if (fs::is_regular_file(path, error)) {
-          document.input_hashes.emplace_back(path.string(), hash_file(path));
-        }
-      };
-      add_hash(cloud_of(args.estimate));
-      add_hash(cloud_of(args.truth));
-      write_json(to_json(document), folder->staging() / "run.json");
-      folder->commit();
-    }
-    if (!args.as_json) {
-      fmt::print("{}", describe(comparison));
-      return 0;
-    }
-    result["version"] = kVersion;
-    result["seed"] = options.seed;
-    result["options"] = options_json(args, options);
-    result["timings_ms"] = cloud_timings(timings);
-    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
-    return 0;
-  };
+void register_compare(App& root) {
+  Command* command = add_command(
+      root, "compare",
+      "Measures an estimate against dense truth, both ways. Each may be a cloud, a PLY mesh or a "
+      "result folder; truth may also be a scene with a truth cloud.",
+      "  camber compare out/steep_hill samples/steep_hill --out comparison\n"
+      "  camber compare estimate.ply truth.ply --thresholds 0.05,0.1,0.2 --json\n"
+      "  camber compare estimate.ply truth_mesh.ply --align rigid --out comparison\n"
+      "  camber compare out/run scan.bin --estimate-from-truth camera_from_laser.txt "
+      "--truth-viewpoint 0,0,0 --camera scene.json --farthest 40");
+  const auto arguments = std::make_shared<Arguments>();
+  add_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
 }
 
 }  // namespace camber::tools

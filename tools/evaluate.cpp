@@ -149,22 +149,87 @@ void write_plots(const fs::path& folder, const std::vector<EvaluatedScene>& scen
   }
 }
 
-}  // namespace
+/// All estimates beside their truths; a row of each list belongs together.
+struct Evaluation {
+  std::vector<EvaluatedScene> scenes;
+  std::vector<std::string> truths;           ///< as given
+  std::vector<std::map<int, double>> times;  ///< as write_plots() takes them
+};
 
-void register_evaluate(App& root) {
-  Command* command = add_command(
-      root, "evaluate",
-      "The paper's tables: 3D localisation error of the vehicles by distance, recall, plane height "
-      "and normal under each vehicle, yaw, and whether the stated uncertainty holds. Estimates are "
-      "paired with truths in order; with more estimates than truths (several methods), the truths "
-      "start over.",
-      "  camber evaluate --truth samples/steep_hill --estimate out/steep_hill\n"
-      "  camber evaluate --truth a/scene.json b/scene.json --estimate a_joint b_joint a_flat "
-      "b_flat --out tables\n"
-      "  camber evaluate --truth label_02/0009.txt --estimate lifted.txt --calib calib/0009.txt");
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
-  App& app = *command->app;
+Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
+  Evaluation all;
+  all.times.resize(args.estimate.size());
+  for (std::size_t i = 0; i < args.estimate.size(); ++i) {
+    throw_if_interrupted();
+    all.truths.push_back(args.truth[i % args.truth.size()]);
+    // The same truth is read for every method; unknown keys need one warning.
+    all.scenes.push_back(evaluate_one(args, all.truths.back(), args.estimate[i],
+                                      i < args.truth.size() ? warn : LogSink{}, &all.times[i]));
+  }
+  return all;
+}
+
+/// @param json  the tables, with the options that made them.
+void write_folder(const Command& command, const Arguments& args, const Evaluation& all,
+                  const std::vector<MethodTables>& tables, const nlohmann::json& json,
+                  const Timings& timings) {
+  std::vector<fs::path> inputs(args.truth.begin(), args.truth.end());
+  inputs.insert(inputs.end(), args.estimate.begin(), args.estimate.end());
+  inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
+  inputs.emplace_back(args.subset);
+  AtomicFolder folder(args.out, args.overwrite, inputs);
+  write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
+  write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
+  write_json(json, folder.staging() / "tables.json");
+  write_plots(folder.staging(), all.scenes, all.truths, all.times);
+  RunDocument run;
+  run.seed = command.common.seed;
+  run.options = json["options"];
+  run.timings = timings;
+  run.extra["command"] = command.common.command_line;
+  write_json(to_json(run), folder.staging() / "run.json");
+  folder.commit();
+}
+
+int run(const Command& command, const Arguments& args) {
+  if (args.estimate.size() % args.truth.size() != 0) {
+    throw UsageError("--estimate: " + std::to_string(args.estimate.size()) + " given for " +
+                     std::to_string(args.truth.size()) + " truths, expected as many or a multiple");
+  }
+  Timings timings;
+  StageTimer load(timings, "load");
+  std::vector<SubsetEntry> subset;
+  if (!args.subset.empty()) subset = read_subset(args.subset);
+  const Evaluation all = evaluate_all(args, make_warning_sink(command.common));
+  load.stop();
+  StageTimer compute(timings, "compute");
+  const std::vector<MethodTables> tables = make_tables(all.scenes, subset);
+  compute.stop();
+  int counted = 0;
+  for (const MethodTables& table : tables) counted += table.counted;
+  if (counted == 0) throw NoAnswerError("no true vehicle counts in the frames of the results");
+  nlohmann::json json = {
+      {"version", kVersion},
+      {"seed", command.common.seed},
+      {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
+      {"tables", tables_json(tables)}};
+  if (!args.out.empty()) {
+    const StageTimer write(timings, "write");
+    write_folder(command, args, all, tables, json, timings);
+  }
+  if (args.json) {
+    for (const auto& [stage, milliseconds] : timings.stages()) {
+      json["timings_ms"][stage] = milliseconds;
+    }
+    std::printf("%s\n", json.dump(2).c_str());
+  } else {
+    const std::string text = args.markdown ? tables_markdown(tables) : tables_text(tables);
+    std::printf("%s", text.c_str());
+  }
+  return 0;
+}
+
+void add_arguments(App& app, Arguments& a) {
   app.add_option("--truth", a.truth,
                  "scene manifests (or their folders) with truth, or KITTI label files (.txt)")
       ->required();
@@ -191,73 +256,24 @@ void register_evaluate(App& root) {
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--markdown", a.markdown, "print Markdown tables instead of plain text");
   app.add_flag("--json", a.json, "print the tables as JSON");
-  command->run = [command, arguments] {
-    const Arguments& args = *arguments;
-    if (args.estimate.size() % args.truth.size() != 0) {
-      throw UsageError("--estimate: " + std::to_string(args.estimate.size()) + " given for " +
-                       std::to_string(args.truth.size()) +
-                       " truths, expected as many or a multiple");
-    }
-    Timings timings;
-    const LogSink warn = make_warning_sink(command->common);
-    std::vector<EvaluatedScene> scenes;
-    std::vector<SubsetEntry> subset;
-    std::vector<std::string> truths;
-    std::vector<std::map<int, double>> times(args.estimate.size());
-    {
-      const StageTimer timer(timings, "load");
-      if (!args.subset.empty()) subset = read_subset(args.subset);
-      for (std::size_t i = 0; i < args.estimate.size(); ++i) {
-        throw_if_interrupted();
-        truths.push_back(args.truth[i % args.truth.size()]);
-        // The same truth is read for every method; unknown keys need one warning.
-        scenes.push_back(evaluate_one(args, truths.back(), args.estimate[i],
-                                      i < args.truth.size() ? warn : LogSink{}, &times[i]));
-      }
-    }
-    std::vector<MethodTables> tables;
-    {
-      const StageTimer timer(timings, "compute");
-      tables = make_tables(scenes, subset);
-    }
-    int counted = 0;
-    for (const MethodTables& table : tables) counted += table.counted;
-    if (counted == 0) throw NoAnswerError("no true vehicle counts in the frames of the results");
-    nlohmann::json json = {
-        {"version", kVersion},
-        {"seed", command->common.seed},
-        {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
-        {"tables", tables_json(tables)}};
-    if (!args.out.empty()) {
-      const StageTimer timer(timings, "write");
-      std::vector<fs::path> inputs(args.truth.begin(), args.truth.end());
-      inputs.insert(inputs.end(), args.estimate.begin(), args.estimate.end());
-      inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
-      inputs.emplace_back(args.subset);
-      AtomicFolder folder(args.out, args.overwrite, inputs);
-      write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
-      write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(scenes));
-      write_json(json, folder.staging() / "tables.json");
-      write_plots(folder.staging(), scenes, truths, times);
-      RunDocument run;
-      run.seed = command->common.seed;
-      run.options = json["options"];
-      run.timings = timings;
-      run.extra["command"] = command->common.command_line;
-      write_json(to_json(run), folder.staging() / "run.json");
-      folder.commit();
-    }
-    if (args.json) {
-      for (const auto& [stage, milliseconds] : timings.stages()) {
-        json["timings_ms"][stage] = milliseconds;
-      }
-      std::printf("%s\n", json.dump(2).c_str());
-    } else {
-      const std::string text = args.markdown ? tables_markdown(tables) : tables_text(tables);
-      std::printf("%s", text.c_str());
-    }
-    return 0;
-  };
+}
+
+}  // namespace
+
+void register_evaluate(App& root) {
+  Command* command = add_command(
+      root, "evaluate",
+      "The paper's tables: 3D localisation error of the vehicles by distance, recall, plane height "
+      "and normal under each vehicle, yaw, and whether the stated uncertainty holds. Estimates are "
+      "paired with truths in order; with more estimates than truths (several methods), the truths "
+      "start over.",
+      "  camber evaluate --truth samples/steep_hill --estimate out/steep_hill\n"
+      "  camber evaluate --truth a/scene.json b/scene.json --estimate a_joint b_joint a_flat "
+      "b_flat --out tables\n"
+      "  camber evaluate --truth label_02/0009.txt --estimate lifted.txt --calib calib/0009.txt");
+  const auto arguments = std::make_shared<Arguments>();
+  add_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
 }
 
 }  // namespace camber::tools

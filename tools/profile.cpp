@@ -27,6 +27,13 @@ namespace {
 
 constexpr double kDegree = M_PI / 180.0;
 
+struct Arguments {
+  std::string surface, out, plot, line;
+  ProfileOptions options;
+  double levelling_sigma_deg = options.levelling_sigma / kDegree;
+  bool json = false;
+};
+
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
 json percent(double value) { return number(100.0 * value); }
 
@@ -73,6 +80,167 @@ json profile_json(const Command& command, const RoadSurface& surface,
           {"stations", std::move(stations)}};
 }
 
+std::string profile_csv(const std::vector<ProfilePoint>& profile) {
+  std::string text =
+      "station_m,x,y,z,height_m,grade_percent,cross_slope_percent,vertical_radius_m,"
+      "sigma_height_m,sigma_grade_percent,sigma_cross_slope_percent,patch,status\n";
+  for (const ProfilePoint& p : profile) {
+    text += fmt::format(
+        "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
+        p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
+        cell(100.0 * p.cross_slope, 4), cell(p.vertical_radius, 2), cell(p.sigma_height, 5),
+        cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
+        p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)));
+  }
+  return text;
+}
+
+/// @throws UsageError where nothing is asked for, or a form that there is not.
+void check_outputs(const Arguments& args) {
+  const std::string kind = fs::path(args.out).extension().string();
+  const std::string plot_kind = fs::path(args.plot).extension().string();
+  if (args.out.empty() && args.plot.empty() && !args.json) {
+    throw UsageError("found neither --out, --plot nor --json, expected one of them");
+  }
+  if (!args.plot.empty() && plot_kind != ".png" && plot_kind != ".svg") {
+    throw UsageError("--plot: found '" + args.plot + "', expected FILE.png or FILE.svg");
+  }
+  if (!args.out.empty() && kind != ".csv" && kind != ".json") {
+    throw UsageError("--out: found '" + args.out + "', expected FILE.csv or FILE.json");
+  }
+}
+
+/// A surface and a line on it.
+struct Inputs {
+  fs::path surface_file;
+  RoadSurface surface;
+  std::vector<Eigen::Vector3d> line;
+};
+
+Inputs load(const Arguments& args) {
+  Inputs in;
+  in.surface_file = args.surface;
+  refuse_own_inputs({args.out, args.plot}, {in.surface_file, args.line});
+  std::error_code ignored;
+  if (fs::is_directory(in.surface_file, ignored)) in.surface_file /= "surface.json";
+  in.surface = read_surface(in.surface_file);
+  in.line = args.line.empty() ? in.surface.driven_line : read_line(args.line);
+  return in;
+}
+
+/// @throws NoAnswerError where the line does not lead anywhere.
+void check_line(const Inputs& in, const Arguments& args) {
+  if (in.line.size() < 2) {
+    throw NoAnswerError(in.surface_file.string() +
+                        ": holds no driven line; give a line with --along FILE");
+  }
+  const Eigen::Vector3d& first = in.line.front();
+  const bool moves = std::any_of(in.line.begin(), in.line.end(), [&](const Eigen::Vector3d& place) {
+    return in.surface.up.cross(place - first).norm() > 1e-9;
+  });
+  if (!moves) {
+    throw NoAnswerError((args.line.empty() ? in.surface_file.string() : args.line) +
+                        ": the line does not leave its first point");
+  }
+}
+
+/// The plot of --plot, drawn: an SVG's text or a picture.
+struct DrawnPlot {
+  std::string svg;
+  Image picture;
+};
+
+DrawnPlot draw(const Arguments& args, const std::vector<ProfilePoint>& profile, bool metric,
+               Timings& timings) {
+  DrawnPlot drawn;
+  if (args.plot.empty()) return drawn;
+  const StageTimer timer(timings, "draw");
+  const PlotSheet sheet = profile_plots(profile, metric, "Profile of the road");
+  if (fs::path(args.plot).extension() == ".svg") {
+    drawn.svg = plots_svg(sheet);
+  } else {
+    drawn.picture = draw_plots(sheet, {1200, 360, 20.0});
+  }
+  return drawn;
+}
+
+/// @param result  profile_json(): the timings so far are added.
+void write(const Arguments& args, const std::vector<ProfilePoint>& profile, const DrawnPlot& plot,
+           json result, Timings& timings) {
+  const StageTimer timer(timings, "write");
+  const std::string kind = fs::path(args.out).extension().string();
+  AtomicFiles files;
+  if (!plot.svg.empty()) {
+    write_file_atomically(files.stage(args.plot), plot.svg);
+  } else if (!args.plot.empty()) {
+    write_png(plot.picture, files.stage(args.plot));
+  }
+  if (kind == ".csv") {
+    write_file_atomically(files.stage(args.out), profile_csv(profile));
+  } else if (kind == ".json") {
+    result["timings_ms"] = cloud_timings(timings);
+    write_json(result, files.stage(args.out));
+  }
+  files.commit();
+}
+
+int run(const Command& command, const Arguments& args) {
+  ProfileOptions options = args.options;
+  options.levelling_sigma = args.levelling_sigma_deg * kDegree;
+  options.validate();
+  check_outputs(args);
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  const Inputs in = load(args);
+  load_timer.stop();
+  check_line(in, args);
+  StageTimer compute(timings, "compute");
+  const std::vector<ProfilePoint> profile = road_profile(in.surface, in.line, options);
+  compute.stop();
+  const std::size_t covered = covered_stations(profile);
+  if (covered == 0) {
+    throw NoAnswerError(fmt::format("{}: none of the line's {} stations is covered",
+                                    in.surface_file.string(), profile.size()));
+  }
+  // Drawn before the first file is written: without an answer nothing is.
+  const DrawnPlot plot = draw(args, profile, in.surface.metric, timings);
+  json result = profile_json(command, in.surface, profile, options);
+  write(args, profile, plot, result, timings);
+  if (args.json) {
+    result["timings_ms"] = cloud_timings(timings);
+    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+  }
+  if (!command.common.quiet && covered < profile.size()) {
+    make_warning_sink(command.common)(
+        fmt::format("{} of {} stations are not covered", profile.size() - covered, profile.size()));
+  }
+  return 0;
+}
+
+void add_arguments(App& app, Arguments& a) {
+  app.add_option("surface", a.surface, "result folder, or its surface.json")->required();
+  app.add_option("--out", a.out, "FILE.csv or FILE.json");
+  app.add_option("--plot", a.plot,
+                 "FILE.png or FILE.svg: height, grade and cross slope with bands of 95 %");
+  app.add_option("--along", a.line,
+                 "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "
+                 "z_m); default: the driven line of the result");
+  app.add_option("--step", a.options.step, "metres between stations")->capture_default_str();
+  app.add_option("--length", a.options.length,
+                 "metres of road over which grade and vertical radius are measured")
+      ->capture_default_str();
+  app.add_option("--reach", a.options.reach,
+                 "metres that a station may lie beyond a patch's boundary")
+      ->capture_default_str();
+  app.add_option("--levelling-sigma-deg", a.levelling_sigma_deg,
+                 "how well the cloud's up is known, degrees: part of the bands")
+      ->capture_default_str();
+  app.add_option("--drift-sigma", a.options.drift_sigma,
+                 "metres by which the cloud's heights may drift along the road: part of the bands")
+      ->capture_default_str();
+  app.add_flag("--json", a.json, "print the stations as JSON to stdout");
+}
+
 }  // namespace
 
 void register_profile(App& root) {
@@ -82,135 +250,9 @@ void register_profile(App& root) {
                   "  camber profile results --plot profile.png\n"
                   "  camber profile results --json > profile.json\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json");
-  struct Arguments {
-    std::string surface, out, plot, line;
-    ProfileOptions options;
-    double levelling_sigma_deg = options.levelling_sigma / kDegree;
-    bool json = false;
-  };
   const auto arguments = std::make_shared<Arguments>();
-  App& app = *command->app;
-  app.add_option("surface", arguments->surface, "result folder, or its surface.json")->required();
-  app.add_option("--out", arguments->out, "FILE.csv or FILE.json");
-  app.add_option("--plot", arguments->plot,
-                 "FILE.png or FILE.svg: height, grade and cross slope with bands of 95 %");
-  app.add_option("--along", arguments->line,
-                 "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "
-                 "z_m); default: the driven line of the result");
-  app.add_option("--step", arguments->options.step, "metres between stations")
-      ->capture_default_str();
-  app.add_option("--length", arguments->options.length,
-                 "metres of road over which grade and vertical radius are measured")
-      ->capture_default_str();
-  app.add_option("--reach", arguments->options.reach,
-                 "metres that a station may lie beyond a patch's boundary")
-      ->capture_default_str();
-  app.add_option("--levelling-sigma-deg", arguments->levelling_sigma_deg,
-                 "how well the cloud's up is known, degrees: part of the bands")
-      ->capture_default_str();
-  app.add_option("--drift-sigma", arguments->options.drift_sigma,
-                 "metres by which the cloud's heights may drift along the road: part of the bands")
-      ->capture_default_str();
-  app.add_flag("--json", arguments->json, "print the stations as JSON to stdout");
-
-  command->run = [command, arguments] {
-    ProfileOptions options = arguments->options;
-    options.levelling_sigma = arguments->levelling_sigma_deg * kDegree;
-    options.validate();
-    const fs::path out_path = arguments->out;
-    const std::string extension = out_path.extension().string();
-    const fs::path plot_path = arguments->plot;
-    const std::string plot_kind = plot_path.extension().string();
-    if (arguments->out.empty() && arguments->plot.empty() && !arguments->json) {
-      throw UsageError("found neither --out, --plot nor --json, expected one of them");
-    }
-    if (!arguments->plot.empty() && plot_kind != ".png" && plot_kind != ".svg") {
-      throw UsageError("--plot: found '" + arguments->plot + "', expected FILE.png or FILE.svg");
-    }
-    if (!arguments->out.empty() && extension != ".csv" && extension != ".json") {
-      throw UsageError("--out: found '" + arguments->out + "', expected FILE.csv or FILE.json");
-    }
-    Timings timings;
-    StageTimer load(timings, "load");
-    fs::path surface_path = arguments->surface;
-    std::error_code ignored;
-    refuse_own_inputs({out_path, plot_path}, {surface_path, arguments->line});
-    if (fs::is_directory(surface_path, ignored)) surface_path /= "surface.json";
-    const RoadSurface surface = read_surface(surface_path);
-    std::vector<Eigen::Vector3d> line = surface.driven_line;
-    if (!arguments->line.empty()) line = read_line(arguments->line);
-    load.stop();
-    if (line.size() < 2) {
-      throw NoAnswerError(surface_path.string() +
-                          ": holds no driven line; give a line with --along FILE");
-    }
-    const bool moves = std::any_of(line.begin(), line.end(), [&](const Eigen::Vector3d& place) {
-      return surface.up.cross(place - line.front()).norm() > 1e-9;
-    });
-    if (!moves) {
-      throw NoAnswerError((arguments->line.empty() ? surface_path.string() : arguments->line) +
-                          ": the line does not leave its first point");
-    }
-    StageTimer compute(timings, "compute");
-    const std::vector<ProfilePoint> profile = road_profile(surface, line, options);
-    compute.stop();
-    const std::size_t covered = covered_stations(profile);
-    if (covered == 0) {
-      throw NoAnswerError(fmt::format("{}: none of the line's {} stations is covered",
-                                      surface_path.string(), profile.size()));
-    }
-
-    // Drawn before the first file is written: without an answer nothing is.
-    std::string svg;
-    Image picture;
-    if (!arguments->plot.empty()) {
-      const StageTimer draw(timings, "draw");
-      const PlotSheet sheet = profile_plots(profile, surface.metric, "Profile of the road");
-      if (plot_kind == ".svg") {
-        svg = plots_svg(sheet);
-      } else {
-        picture = draw_plots(sheet, {1200, 360, 20.0});
-      }
-    }
-
-    StageTimer write(timings, "write");
-    AtomicFiles files;
-    if (!svg.empty()) {
-      write_file_atomically(files.stage(plot_path), svg);
-    } else if (!arguments->plot.empty()) {
-      write_png(picture, files.stage(plot_path));
-    }
-    if (extension == ".csv") {
-      std::string text =
-          "station_m,x,y,z,height_m,grade_percent,cross_slope_percent,vertical_radius_m,"
-          "sigma_height_m,sigma_grade_percent,sigma_cross_slope_percent,patch,status\n";
-      for (const ProfilePoint& p : profile) {
-        text += fmt::format(
-            "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
-            p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
-            cell(100.0 * p.cross_slope, 4), cell(p.vertical_radius, 2), cell(p.sigma_height, 5),
-            cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
-            p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)));
-      }
-      write_file_atomically(files.stage(out_path), text);
-    } else if (extension == ".json") {
-      json out = profile_json(*command, surface, profile, options);
-      out["timings_ms"] = cloud_timings(timings);
-      write_json(out, files.stage(out_path));
-    }
-    files.commit();
-    write.stop();
-    if (arguments->json) {
-      json out = profile_json(*command, surface, profile, options);
-      out["timings_ms"] = cloud_timings(timings);
-      fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
-    }
-    if (!command->common.quiet && covered < profile.size()) {
-      make_warning_sink(command->common)(fmt::format("{} of {} stations are not covered",
-                                                     profile.size() - covered, profile.size()));
-    }
-    return 0;
-  };
+  add_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
 }
 
 }  // namespace camber::tools

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -20,14 +19,13 @@
 #include "camber/render/frame_overlay.h"
 #include "camber/render/gltf.h"
 #include "camber/render/loaded_result.h"
-#include "camber/render/overlay.h"
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
 #include "camber/render/result_plots.h"
 #include "camber/render/vehicle_comparison.h"
-#include "cloud_arguments.h"
 #include "command.h"
 #include "own_inputs.h"
+#include "render_arguments.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -36,104 +34,6 @@ namespace camber::tools {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-
-struct Arguments {
-  std::string input, out, scene, view, color = "height", size = "1600x900", title, truth;
-  std::vector<std::string> show, hide;
-  double upscale = 1.0;
-  std::vector<double> camera, up;
-  double azimuth_deg = ScenePictureOptions().azimuth / kDegree;
-  double elevation_deg = ScenePictureOptions().elevation / kDegree;
-  ScenePictureOptions picture;
-  std::optional<int> frame;
-  int turntable = 0, sheet_columns = 0;
-  std::string frames;
-  std::vector<std::string> beside;
-  std::optional<int> vehicle;
-  double rate = 0.0;
-  bool sheet = false;
-  bool no_truth = false, links = false, json = false;
-  CloudArguments cloud;
-};
-
-void parse_size(const std::string& text, int* width, int* height) {
-  char rest = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%c", width, height, &rest) != 2) {
-    throw UsageError("--size: found '" + text + "', expected WIDTHxHEIGHT such as 1920x1080");
-  }
-}
-
-SceneView view_of(const std::string& name) {
-  if (name == "oblique") return SceneView::kOblique;
-  if (name == "side") return SceneView::kSide;
-  if (name == "driver") return SceneView::kDriver;
-  return SceneView::kObliqueAndSide;
-}
-
-FreeView free_view_of(const std::vector<double>& numbers) {
-  FreeView view;
-  view.eye = {numbers[0], numbers[1], numbers[2]};
-  view.target = {numbers[3], numbers[4], numbers[5]};
-  view.up = {numbers[6], numbers[7], numbers[8]};
-  view.field_of_view = numbers[9] * kDegree;
-  return view;
-}
-
-struct OverlaySwitch {
-  const char* name;
-  bool OverlayOptions::*shown;
-};
-constexpr OverlaySwitch kOverlaySwitches[] = {
-    {"boxes-2d", &OverlayOptions::show_boxes_2d}, {"boxes", &OverlayOptions::show_boxes_3d},
-    {"planes", &OverlayOptions::show_planes},     {"labels", &OverlayOptions::show_labels},
-    {"ellipses", &OverlayOptions::show_ellipses}, {"patches", &OverlayOptions::show_patches},
-    {"normals", &OverlayOptions::show_normals},   {"grade", &OverlayOptions::show_grade},
-    {"mask", &OverlayOptions::show_mask}};
-
-struct BevSwitch {
-  const char* name;
-  bool BevPictureOptions::*shown;
-};
-constexpr BevSwitch kBevSwitches[] = {{"points", &BevPictureOptions::show_points},
-                                      {"truth-cloud", &BevPictureOptions::show_truth_cloud},
-                                      {"patches", &BevPictureOptions::show_patches},
-                                      {"links", &BevPictureOptions::show_links},
-                                      {"vehicles", &BevPictureOptions::show_vehicles},
-                                      {"truth", &BevPictureOptions::show_truth},
-                                      {"cameras", &BevPictureOptions::show_cameras}};
-
-/// Sets the switches that --show and --hide name. @param table has `name` and `shown`.
-template <typename Table, typename Options>
-void switch_parts(const Table& table, const Arguments& a, const std::string& view,
-                  Options* options) {
-  const auto set = [&](const char* option, const std::vector<std::string>& names, bool value) {
-    for (const std::string& name : names) {
-      bool known = false;
-      std::string all;
-      for (const auto& entry : table) {
-        if (name == entry.name) {
-          options->*entry.shown = value;
-          known = true;
-        }
-        all += (all.empty() ? "" : ", ") + std::string(entry.name);
-      }
-      if (!known) {
-        throw UsageError(fmt::format("{}: found '{}', which the view {} does not have; expected {}",
-                                     option, name, view, all));
-      }
-    }
-  };
-  set("--show", a.show, true);
-  set("--hide", a.hide, false);
-}
-
-/// "grid, points, ...".
-template <typename Table>
-std::string names_of(const Table& table) {
-  std::string all;
-  for (const auto& entry : table) all += (all.empty() ? "" : ", ") + std::string(entry.name);
-  return all;
-}
 
 /// "out.png" and 3 give "out_003.png".
 fs::path numbered(const fs::path& path, int index) {
@@ -167,18 +67,19 @@ std::string make_page(const PictureContent& content, const fs::path& input) {
   return make_report(report);
 }
 
-int report(const Command& command, const Arguments& a, const std::vector<fs::path>& written,
-           const RenderRecord& record, const Timings& timings) {
+void report(const Command& command, const RenderArguments& a, const ScenePictureOptions& picture,
+            const std::vector<fs::path>& written, const RenderRecord& record,
+            const Timings& timings) {
   if (a.json) {
     json out;
     out["version"] = kVersion;
     out["seed"] = command.common.seed;
     out["options"] = {{"view", a.camera.empty() ? a.view : "free"},
                       {"color", a.color},
-                      {"width", a.picture.width},
-                      {"height", a.picture.height},
-                      {"supersampling", a.picture.supersampling},
-                      {"truth", a.picture.show_truth}};
+                      {"width", picture.width},
+                      {"height", picture.height},
+                      {"supersampling", picture.supersampling},
+                      {"truth", picture.show_truth}};
     out["files"] = json::array();
     for (const fs::path& path : written) out["files"].push_back(path.string());
     out["gl_backend"] = record.backend;
@@ -189,7 +90,6 @@ int report(const Command& command, const Arguments& a, const std::vector<fs::pat
   } else if (!command.common.quiet) {
     for (const fs::path& path : written) std::printf("%s\n", path.string().c_str());
   }
-  return 0;
 }
 
 /// The frames of a result that a --frames list names.
@@ -219,7 +119,7 @@ struct Series {
 };
 
 /// Draws all, then writes: a picture that fails leaves nothing behind.
-std::vector<fs::path> write_series(const Series& series, const Arguments& a, double rate,
+std::vector<fs::path> write_series(const Series& series, const RenderArguments& a, double rate,
                                    const std::vector<fs::path>& inputs, const Progress& progress,
                                    Timings& timings) {
   const fs::path out = a.out;
@@ -283,7 +183,7 @@ Image draw_timings(const LoadedResult& result, const std::string& title,
 
 /// Reads the scene of --scene, else that of the run.
 /// @throws UsageError where something is to be drawn that needs a scene, and there is none.
-void read_scene_of(const Arguments& a, LoadedResult& result, const LogSink& warn) {
+void read_scene_of(const RenderArguments& a, LoadedResult& result, const LogSink& warn) {
   std::string missing;
   if (!a.scene.empty()) {
     result.scene = read_scene(a.scene, warn);
@@ -305,189 +205,185 @@ void read_scene_of(const Arguments& a, LoadedResult& result, const LogSink& warn
   }
 }
 
-int run(const Command& command, Arguments& a) {
-  Timings timings;
-  const std::string kind = fs::path(a.out).extension().string();
-  const bool film = FilmWriter::knows(kind), series = a.turntable > 0 || !a.frames.empty();
-  if (kind != ".png" && kind != ".glb" && kind != ".html" && !film) {
-    throw UsageError("--out: found '" + a.out +
-                     "', expected a name in .png, .glb, .html, .mp4 or .avi");
-  }
-  if (series && kind != ".png" && !film) {
-    throw UsageError(
-        "--turntable and --frames make pictures: --out must end in .png, .mp4 or .avi");
-  }
-  if (a.turntable > 0 && !a.frames.empty()) {
-    throw UsageError("--turntable and --frames exclude each other");
-  }
-  if (a.frame && !a.frames.empty()) throw UsageError("--frame and --frames exclude each other");
-  if ((film || a.sheet) && !series) {
-    throw UsageError(std::string(film ? "a film" : "--sheet") +
-                     " needs several pictures: --frames or --turntable");
-  }
-  if (a.rate > 0.0 && !film) {
-    throw UsageError("--rate goes with a film: --out must end in .mp4 or .avi");
-  }
-  if (a.sheet_columns > 0 && !a.sheet) throw UsageError("--sheet-columns goes with --sheet");
-  if (film && a.sheet) throw UsageError("--sheet makes one picture: --out must end in .png");
-  if ((film || a.sheet) && a.picture.transparent) {
-    throw UsageError("--transparent goes with single pictures only");
-  }
-  const bool timing = a.view == "timings", beside = !a.beside.empty();
-  if (beside && (series || kind != ".png")) {
-    throw UsageError("--beside makes one picture: expected a .png, without a series");
-  }
-  if (a.vehicle && !beside) throw UsageError("--vehicle names the one that --beside compares");
-  if (timing && (series || kind != ".png")) {
-    throw UsageError("--view timings is one picture: --out must end in .png, without a series");
-  }
-  const bool bev = a.view == "bev", overlay = a.view == "overlay";
-  if (a.turntable > 0 &&
-      (bev || overlay || !a.camera.empty() || a.view == "driver" || a.view == "side")) {
-    throw UsageError("--turntable turns the oblique view and goes with no other");
-  }
-  ScenePictureOptions& options = a.picture;
-  parse_size(a.size, &options.width, &options.height);
-  options.view = a.turntable > 0 ? SceneView::kOblique : view_of(a.view);
-  options.azimuth = a.azimuth_deg * kDegree;
-  options.elevation = a.elevation_deg * kDegree;
-  options.color = PointColor::parse(a.color);
-  options.show_truth = !a.no_truth;
-  options.show_links = a.links;
-  OverlayOptions overlay_options;
-  overlay_options.upscale = a.upscale;
-  BevPictureOptions bev_options;
-  bev_options.show_truth = options.show_truth;
-  bev_options.show_links = options.show_links;
-  if (bev) {
-    switch_parts(kBevSwitches, a, "bev", &bev_options);
-  } else if (overlay) {
-    switch_parts(kOverlaySwitches, a, "overlay", &overlay_options);
-    overlay_options.validate();
-  } else {
-    switch_parts(scene_switches(), a, a.camera.empty() ? a.view : "free", &options);
-  }
-  if (options.transparent && (bev || overlay || kind != ".png")) {
-    throw UsageError("--transparent goes with the 3D views only");
-  }
-  if (!a.camera.empty()) {
-    options.view = SceneView::kFree;
-    options.free_view = free_view_of(a.camera);
-  }
-  bev_options.width = options.width;
-  bev_options.height = options.height;
-  bev_options.point_size = options.point_size;
-  bev_options.color = options.color;
-  bev ? bev_options.validate() : options.validate();
+/// What is drawn, in memory.
+struct Loaded {
+  LoadedResult result;
+  std::vector<LoadedResult> others;  ///< of --beside
+  std::vector<fs::path> inputs;      ///< all files that were named, none of which may be replaced
+};
 
-  StageTimer load(timings, "load");
-  const LogSink warn = make_warning_sink(command.common);
-  LoadedResult result = load_result(a.input, a.cloud.read_options());
+Loaded load(const RenderArguments& a, const LogSink& warn) {
+  Loaded loaded;
+  LoadedResult& result = loaded.result;
+  result = load_result(a.input, a.cloud.read_options());
   warn_about(a.input, result.cloud_report, warn);
   read_scene_of(a, result, warn);
-  std::vector<fs::path> inputs = {a.input, a.scene, a.truth};
-  inputs.insert(inputs.end(), a.beside.begin(), a.beside.end());
+  loaded.inputs = {a.input, a.scene, a.truth};
+  loaded.inputs.insert(loaded.inputs.end(), a.beside.begin(), a.beside.end());
   if (result.scene) {
     const std::vector<fs::path> named = files_of(*result.scene);
-    inputs.insert(inputs.end(), named.begin(), named.end());
+    loaded.inputs.insert(loaded.inputs.end(), named.begin(), named.end());
   }
-  refuse_own_inputs({a.out}, inputs);
+  refuse_own_inputs({a.out}, loaded.inputs);
   if (a.truth == "scene") {
     result.load_scene_truth_cloud(a.cloud.read_options());
   } else if (!a.truth.empty()) {
     result.truth_cloud = read_cloud_file(a.truth, a.cloud.read_options()).cloud;
   }
-  std::vector<LoadedResult> others;
-  for (const std::string& other : a.beside) others.push_back(load_result(other));
+  for (const std::string& other : a.beside) loaded.others.push_back(load_result(other));
+  const bool beside = !a.beside.empty();
   if (beside && result.scene->truth && !result.scene->truth->cloud.empty() && !result.truth_cloud) {
     result.load_scene_truth_cloud(a.cloud.read_options());
   }
-  load.stop();
+  return loaded;
+}
 
+/// The content of the loaded result, which it points into.
+PictureContent content_of(const RenderArguments& a, const LoadedResult& result) {
   PictureContent content = result.content();
   if (a.frame) content.frame = *a.frame;
   if (!a.up.empty()) content.up = Eigen::Vector3d(a.up[0], a.up[1], a.up[2]);
   content.title = a.title;
   if (content.title.empty() && result.scene) content.title = result.scene->name;
   if (content.title.empty()) content.title = fs::path(a.input).filename().string();
+  return content;
+}
 
-  if (kind == ".glb" || kind == ".html") {
-    std::string file;
-    {
-      const StageTimer compute(timings, "compute");
-      file = kind == ".glb" ? make_glb(content, options) : make_page(content, a.input);
+/// Draws what a plan says, of any frame and from any side.
+class Painter {
+ public:
+  Painter(const RenderPlan& plan, const Loaded& loaded, PictureContent content,
+          std::optional<int> vehicle)
+      : plan_(plan), loaded_(loaded), content_(std::move(content)), vehicle_(vehicle) {}
+
+  void set_frame(int id) { content_.frame = id; }
+  void set_azimuth(double azimuth) { plan_.scene.azimuth = azimuth; }  ///< rad
+  double azimuth() const { return plan_.scene.azimuth; }
+  const RenderRecord& record() const { return record_; }
+
+  Image draw() {
+    switch (plan_.drawing) {
+      case RenderPlan::Drawing::kVehicleComparison:
+        return draw_vehicle_comparison();
+      case RenderPlan::Drawing::kTimings:
+        return draw_timings(loaded_.result, content_.title, plan_.scene);
+      case RenderPlan::Drawing::kOverlay:
+        return draw_frame_overlay(loaded_.result, content_.frame, plan_.overlay);
+      case RenderPlan::Drawing::kBev:
+        return render_bev_picture(content_, plan_.bev);
+      case RenderPlan::Drawing::kScene:
+        break;
     }
-    {
-      const StageTimer write(timings, "write");
-      write_file_atomically(a.out, file);
-    }
-    return report(command, a, {a.out}, {}, timings);
+    return render_scene_picture(content_, plan_.scene, &record_);
   }
 
-  RenderRecord record;
-  const auto draw = [&] {
-    if (beside) {
-      std::vector<const LoadedResult*> results = {&result};
-      for (const LoadedResult& other : others) results.push_back(&other);
-      PlotStyle style = plot_style(options);
-      style.panel_height = (style.panel_height - static_cast<int>(style.text_size)) / 2;
-      return draw_plots(vehicle_comparison(results, content.frame, a.vehicle), style);
-    }
-    if (timing) return draw_timings(result, content.title, options);
-    if (overlay) return draw_frame_overlay(result, content.frame, overlay_options);
-    if (bev) return render_bev_picture(content, bev_options);
-    return render_scene_picture(content, options, &record);
+ private:
+  Image draw_vehicle_comparison() const {
+    std::vector<const LoadedResult*> results = {&loaded_.result};
+    for (const LoadedResult& other : loaded_.others) results.push_back(&other);
+    PlotStyle style = plot_style(plan_.scene);
+    style.panel_height = (style.panel_height - static_cast<int>(style.text_size)) / 2;
+    return draw_plots(vehicle_comparison(results, content_.frame, vehicle_), style);
+  }
+
+  RenderPlan plan_;
+  const Loaded& loaded_;
+  PictureContent content_;
+  std::optional<int> vehicle_;
+  RenderRecord record_;
+};
+
+/// All around, `count` pictures. The painter must outlive the series.
+Series turntable(int count, Painter& painter) {
+  const auto turned = [count](int i) { return 2.0 * M_PI * i / count; };
+  Series series;
+  series.count = count;
+  series.picture = [&painter, turned, start = painter.azimuth()](int i) {
+    painter.set_azimuth(start + turned(i));
+    return painter.draw();
   };
-  if (series) {
-    const std::vector<int> frames =
-        a.frames.empty() ? std::vector<int>() : frames_of(result, a.frames);
-    double rate = a.rate;
-    if (!(rate > 0.0)) {
-      rate = !frames.empty() && result.scene && result.scene->frame_rate ? *result.scene->frame_rate
-                                                                         : 10.0;
-    }
-    const double start = options.azimuth;
-    Series pictures;
-    if (frames.empty()) {
-      pictures.count = a.turntable;
-      const auto turned = [&](int i) { return 2.0 * M_PI * i / a.turntable; };
-      pictures.picture = [&, turned](int i) {
-        options.azimuth = start + turned(i);
-        return draw();
-      };
-      pictures.caption = [turned](int i) { return fmt::format("{:.0f} deg", turned(i) / kDegree); };
-      pictures.number = [](int i) { return i; };
-    } else {
-      pictures.count = static_cast<int>(frames.size());
-      pictures.picture = [&](int i) {
-        content.frame = frames[static_cast<std::size_t>(i)];
-        return draw();
-      };
-      pictures.number = [&](int i) { return frames[static_cast<std::size_t>(i)]; };
-      pictures.caption = [&](int i) {
-        const int id = frames[static_cast<std::size_t>(i)];
-        std::string text = "frame " + std::to_string(id);
-        if (!result.scene) return text;
-        for (const SceneFrame& frame : result.scene->frames) {
-          if (frame.id == id && frame.time_s) text += fmt::format(", {:.2f} s", *frame.time_s);
-        }
-        return text;
-      };
-    }
-    return report(command, a,
-                  write_series(pictures, a, rate, inputs, make_progress(command.common), timings),
-                  record, timings);
+  series.caption = [turned](int i) { return fmt::format("{:.0f} deg", turned(i) / kDegree); };
+  series.number = [](int i) { return i; };
+  return series;
+}
+
+/// "frame 3, 0.30 s".
+std::string frame_caption(const std::optional<Scene>& scene, int id) {
+  std::string text = "frame " + std::to_string(id);
+  if (!scene) return text;
+  for (const SceneFrame& frame : scene->frames) {
+    if (frame.id == id && frame.time_s) text += fmt::format(", {:.2f} s", *frame.time_s);
   }
-  Image picture;
-  {
-    const StageTimer compute(timings, "compute");
-    picture = draw();
+  return text;
+}
+
+/// A picture of each frame. The painter and the scene must outlive the series.
+Series pictures_of_frames(const std::vector<int>& frames, const std::optional<Scene>& scene,
+                          Painter& painter) {
+  const auto id = [frames](int i) { return frames[static_cast<std::size_t>(i)]; };
+  Series series;
+  series.count = static_cast<int>(frames.size());
+  series.picture = [&painter, id](int i) {
+    painter.set_frame(id(i));
+    return painter.draw();
+  };
+  series.caption = [&scene, id](int i) { return frame_caption(scene, id(i)); };
+  series.number = id;
+  return series;
+}
+
+std::vector<fs::path> draw_series(const RenderArguments& a, const Loaded& loaded,
+                                  const Progress& progress, Painter& painter, Timings& timings) {
+  const LoadedResult& result = loaded.result;
+  if (a.frames.empty()) {
+    const double rate = a.rate > 0.0 ? a.rate : 10.0;
+    return write_series(turntable(a.turntable, painter), a, rate, loaded.inputs, progress, timings);
   }
-  {
-    const StageTimer write(timings, "write");
-    write_png(picture, a.out);
+  const Series series = pictures_of_frames(frames_of(result, a.frames), result.scene, painter);
+  double rate = a.rate;
+  if (!(rate > 0.0)) {
+    rate = result.scene && result.scene->frame_rate ? *result.scene->frame_rate : 10.0;
   }
-  return report(command, a, {a.out}, record, timings);
+  return write_series(series, a, rate, loaded.inputs, progress, timings);
+}
+
+/// One file, glTF or a report.
+void write_document(const RenderArguments& a, const RenderPlan& plan, const PictureContent& content,
+                    Timings& timings) {
+  StageTimer compute(timings, "compute");
+  const std::string file = plan.output == RenderPlan::Output::kGltf ? make_glb(content, plan.scene)
+                                                                    : make_page(content, a.input);
+  compute.stop();
+  const StageTimer write(timings, "write");
+  write_file_atomically(a.out, file);
+}
+
+void draw_one(const std::string& out, Painter& painter, Timings& timings) {
+  StageTimer compute(timings, "compute");
+  const Image picture = painter.draw();
+  compute.stop();
+  const StageTimer write(timings, "write");
+  write_png(picture, out);
+}
+
+int run(const Command& command, const RenderArguments& a) {
+  const RenderPlan plan = make_render_plan(a);
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  const Loaded loaded = load(a, make_warning_sink(command.common));
+  load_timer.stop();
+  const PictureContent content = content_of(a, loaded.result);
+  std::vector<fs::path> written = {a.out};
+  Painter painter(plan, loaded, content, a.vehicle);
+  if (plan.output == RenderPlan::Output::kGltf || plan.output == RenderPlan::Output::kReport) {
+    write_document(a, plan, content, timings);
+  } else if (plan.series) {
+    written = draw_series(a, loaded, make_progress(command.common), painter, timings);
+  } else {
+    draw_one(a.out, painter, timings);
+  }
+  report(command, a, plan.scene, written, painter.record(), timings);
+  return 0;
 }
 
 }  // namespace
@@ -513,89 +409,8 @@ void register_render(App& root) {
       "  camber render out/steep_hill --show links,normals --transparent --out graph.png\n"
       "  camber render road.ply --color sigma --size 3840x2160 --out road.png\n"
       "  camber render scan.las --camera 0,-20,15,0,30,0,0,0,1,40 --out scan.png");
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
-  App& app = *command->app;
-  app.add_option("input", a.input, "result folder, or a cloud of any format")->required();
-  app.add_option(
-         "--out", a.out,
-         "file to write: .png a picture, .mp4 or .avi a film of --frames or --turntable, .glb the "
-         "scene as glTF, .html a report of a result folder")
-      ->required();
-  a.view = "both";
-  app.add_option("--view", a.view,
-                 "both (oblique over side), oblique, side, driver (needs a scene), bev, overlay "
-                 "(the frame's image, needs a scene), timings (of the stages of the run)")
-      ->check(is_member({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
-      ->capture_default_str();
-  app.add_option("--camera", a.camera,
-                 "free view: eye x,y,z, target x,y,z, up x,y,z in metres of the input's frame, and "
-                 "the vertical field of view in degrees")
-      ->delimiter(',')
-      ->expected(10)
-      ->excludes("--view");
-  app.add_option("--azimuth-deg", a.azimuth_deg,
-                 "oblique view: direction of looking, from ahead to the right")
-      ->capture_default_str();
-  app.add_option("--elevation-deg", a.elevation_deg, "oblique view: height of the eye")
-      ->capture_default_str();
-  app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
-      ->check(in_range(1, 3600));
-  app.add_option("--beside", a.beside,
-                 "results of other methods for the same --scene: one vehicle as each places it, "
-                 "from the side and from above, over the truth");
-  app.add_option("--vehicle", a.vehicle,
-                 "--beside: id of the true vehicle; default: where the results differ most");
-  app.add_option("--frames", a.frames,
-                 "a picture of each of these frames: ids as 48,49,50, 48:52, 0:10:5 or all; "
-                 "OUT_048.png, ...");
-  app.add_flag("--sheet", a.sheet,
-               "all pictures of --frames or --turntable on one contact sheet, --out itself");
-  app.add_option("--sheet-columns", a.sheet_columns, "of a contact sheet; 0: from the shapes")
-      ->check(in_range(0, 1000))
-      ->capture_default_str();
-  app.add_option("--rate", a.rate,
-                 "film: pictures a second; default: the scene's frame rate, else 10")
-      ->check(in_range(0.1, 240.0));
-  app.add_option("--color", a.color,
-                 "of the points: height, sigma, patch, image, error (above or below the "
-                 "cloud of --truth), or the name of an attribute")
-      ->capture_default_str();
-  app.add_option("--size", a.size, "WIDTHxHEIGHT in pixels, up to 8192 each")
-      ->capture_default_str();
-  app.add_option("--supersampling", a.picture.supersampling,
-                 "the 3D scene is drawn so many times larger and averaged, 1 to 4")
-      ->capture_default_str();
-  app.add_option("--point-size", a.picture.point_size, "pixels; 0: from the number of points")
-      ->capture_default_str();
-  app.add_option("--show", a.show,
-                 "parts to draw besides the usual ones. 3D: " + names_of(scene_switches()) +
-                     "; bev: " + names_of(kBevSwitches) +
-                     "; overlay: " + names_of(kOverlaySwitches))
-      ->delimiter(',')
-      ->type_name("LIST");
-  app.add_option("--hide", a.hide, "parts to leave out, as --show")
-      ->delimiter(',')
-      ->type_name("LIST");
-  app.add_flag("--links", a.links,
-               "draw the consistency graph of the patches: links coloured by their height step, "
-               "those not used dashed");
-  app.add_flag("--transparent", a.picture.transparent,
-               "3D views: a picture with an alpha channel instead of a white ground");
-  app.add_option("--upscale", a.upscale, "overlay: the image is enlarged so many times")
-      ->capture_default_str();
-  app.add_option("--scene", a.scene,
-                 "manifest of the run: adds the camera and the truth, in red; default: the one "
-                 "that the run read, if it is still there");
-  app.add_option("--truth", a.truth,
-                 "dense ground truth to draw, in grey: a cloud in the input's frame, or the word "
-                 "scene for that of --scene");
-  app.add_flag("--no-truth", a.no_truth, "leave out the truth of --scene");
-  app.add_option("--frame", a.frame, "frame id whose vehicles are shown; default: the reference");
-  app.add_option("--up", a.up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
-  app.add_option("--title", a.title, "heading; default: the scene's or the input's name");
-  app.add_flag("--json", a.json, "print what was done as JSON to stdout");
-  add_cloud_arguments(app, a.cloud);
+  const auto arguments = std::make_shared<RenderArguments>();
+  add_render_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };
 }
 

@@ -62,22 +62,127 @@ std::vector<std::filesystem::path> inputs_of(const Arguments& args, const Scene&
   return inputs;
 }
 
-}  // namespace
+/// What the estimate is made from. The options point into it.
+struct Inputs {
+  Scene scene;
+  std::vector<int> frames;  ///< ids
+  VehiclePrior prior;
+  RoadSurface surface;
+  RunDocument run;
+  Eigen::Vector3d camera_offset = Eigen::Vector3d::Zero();  ///< m, of --calib
+};
 
-void register_vehicles(App& root) {
-  Command* command = add_command(
-      root, "vehicles",
-      "Vehicles alone, from a scene's detections, keypoints and planes; no images are needed. A "
-      "vehicle without a plane of its own stands on the frame's ego plane, or on a level one at "
-      "the camera's height.",
-      "  camber vehicles samples/steep_hill --out vehicles.json\n"
-      "  camber vehicles clip/scene.json --surface out/clip --out joined.json\n"
-      "  camber vehicles clip/scene.json --out vehicles.json --kitti-labels labels.txt\n"
-      "  camber vehicles samples/steep_hill --preset paper --out paper.json\n"
-      "  camber vehicles clip/scene.json --frames 48:50 --method flat --out flat.json --json");
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
-  App& app = *command->app;
+void load(const Command& command, const Arguments& args, Inputs* in) {
+  const LogSink warn = make_warning_sink(command.common);
+  in->scene = read_scene(args.scene, warn);
+  refuse_own_inputs(outputs_of(args), inputs_of(args, in->scene));
+  in->frames = select_frames(in->scene, args.frames);
+  if (!args.surface.empty()) {
+    in->surface = read_camera_surface(args.surface);
+    in->run = read_run(std::filesystem::path(args.surface) / "run.json");
+    require_common_frames(args.surface, in->run, in->frames, warn);
+  }
+  if (!args.calibration.empty()) {
+    in->camera_offset = read_kitti_calibration(args.calibration).camera(args.camera).offset;
+  }
+  if (!args.prior.empty()) in->prior = read_vehicle_prior(args.prior);
+}
+
+/// @param in  must outlive the options.
+EstimateVehiclesOptions options_of(const Command& command, const Arguments& args,
+                                   const Inputs& in) {
+  EstimateVehiclesOptions options = args.options;
+  if (!args.surface.empty()) {
+    options.surface = &in.surface;
+    options.cameras = &in.run.cameras;
+  }
+  if (!args.prior.empty()) options.vehicles.fit.prior = &in.prior;
+  options.vehicles.method = vehicle_method_from_string(args.method);
+  options.vehicles.num_threads = command.common.threads;
+  options.vehicles.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
+  options.vehicles.tracks = !args.no_tracks;
+  options.preset = preset_from_string(args.preset);
+  options.paper.terms = paper::terms_from_string(args.terms);
+  return options;
+}
+
+/// The result, and KITTI's form of it where that is wanted.
+void write(const Arguments& args, const Inputs& in, const VehicleDocument& document,
+           const nlohmann::json& json) {
+  AtomicFiles files;
+  const std::filesystem::path result_file = files.stage(args.out);
+  if (!args.kitti_labels.empty()) {
+    const std::vector<LiftedBox> rows = kitti_from_vehicles(document, in.scene, in.camera_offset);
+    KittiLabelFile file{KittiLabelForm::kTracking, {}};
+    for (const LiftedBox& row : rows) file.labels.push_back(row.label);
+    write_tilts(rows, files.stage(tilt_file(args.kitti_labels)));
+    write_kitti_labels(file, files.stage(args.kitti_labels));
+  }
+  write_json(json, result_file);
+  files.commit();
+}
+
+/// The result with how it was made, on stdout.
+void print_json(const Command& command, const Arguments& args, const std::vector<int>& frames,
+                const Timings& timings, nlohmann::json json) {
+  const stages::VehicleOptions& options = args.options.vehicles;
+  json["version"] = kVersion;
+  json["seed"] = command.common.seed;
+  json["options"] = {{"method", args.method},
+                     {"frames", frames},
+                     {"surface", args.surface},
+                     {"tracks", !args.no_tracks},
+                     {"preset", args.preset},
+                     {"paper_terms", args.terms},
+                     {"keypoint_set", args.keypoint_set},
+                     {"given_sigma_height", options.support.given_sigma_height},
+                     {"given_sigma_tilt", options.support.given_sigma_tilt},
+                     {"prior", args.prior.empty() ? "shipped" : args.prior}};
+  for (const auto& [stage, milliseconds] : timings.stages()) {
+    json["timings_ms"][stage] = milliseconds;
+  }
+  std::printf("%s\n", json.dump(2).c_str());
+}
+
+void print_summary(const std::string& out, const VehicleDocument& document) {
+  int count = 0, trusted = 0;
+  for (const VehicleFrame& frame : document.frames) {
+    for (const VehicleEstimate& v : frame.vehicles) {
+      ++count;
+      trusted += v.status == Status::kOk ? 1 : 0;
+    }
+  }
+  std::printf("%s: %d vehicles in %zu frames, %d of them ok\n", out.c_str(), count,
+              document.frames.size(), trusted);
+}
+
+int run(const Command& command, const Arguments& args) {
+  if (!args.calibration.empty() && args.kitti_labels.empty()) {
+    throw UsageError("--calib says in which frame --kitti-labels are written; give both");
+  }
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  Inputs in;
+  load(command, args, &in);
+  load_timer.stop();
+  StageTimer compute(timings, "compute");
+  const VehicleDocument document = estimate_vehicles(
+      in.scene, in.frames, options_of(command, args, in), make_progress(command.common));
+  compute.stop();
+  const nlohmann::json json = to_json(document);
+  StageTimer write_timer(timings, "write");
+  write(args, in, document, json);
+  write_timer.stop();
+  if (args.json) {
+    print_json(command, args, in.frames, timings, json);
+  } else if (!command.common.quiet) {
+    print_summary(args.out, document);
+  }
+  return 0;
+}
+
+/// The scene, what is written, and from what planes and frames.
+void add_input_arguments(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   app.add_option("--out", a.out, "result file (vehicles.json form)")->required();
   app.add_option("--kitti-labels", a.kitti_labels,
@@ -110,6 +215,10 @@ void register_vehicles(App& root) {
       "result folder of reconstruct: planes and poses from there; vehicles seen in several "
       "frames are then solved with one shape");
   app.add_flag("--no-tracks", a.no_tracks, "each frame by itself even where the poses are known");
+}
+
+/// How it is solved.
+void add_solver_arguments(App& app, Arguments& a) {
   app.add_option(
          "--preset", a.preset,
          "default, or paper: the paper's own starts and joint problem over all vehicles and "
@@ -122,95 +231,25 @@ void register_vehicles(App& root) {
       ->capture_default_str();
   app.add_option("--prior", a.prior, "vehicle prior file; default: the shipped one");
   app.add_flag("--json", a.json, "print the result with options and timings to stdout");
-  command->run = [command, arguments] {
-    Arguments& args = *arguments;
-    Timings timings;
-    Scene scene;
-    VehiclePrior prior;
-    RoadSurface surface;
-    RunDocument run;
-    std::vector<int> frames;
-    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-    if (!args.calibration.empty() && args.kitti_labels.empty()) {
-      throw UsageError("--calib says in which frame --kitti-labels are written; give both");
-    }
-    {
-      const StageTimer timer(timings, "load");
-      scene = read_scene(args.scene, make_warning_sink(command->common));
-      refuse_own_inputs(outputs_of(args), inputs_of(args, scene));
-      frames = select_frames(scene, args.frames);
-      if (!args.surface.empty()) {
-        surface = read_camera_surface(args.surface);
-        run = read_run(std::filesystem::path(args.surface) / "run.json");
-        require_common_frames(args.surface, run, frames, make_warning_sink(command->common));
-        args.options.surface = &surface;
-        args.options.cameras = &run.cameras;
-      }
-      if (!args.calibration.empty()) {
-        offset = read_kitti_calibration(args.calibration).camera(args.camera).offset;
-      }
-      if (!args.prior.empty()) {
-        prior = read_vehicle_prior(args.prior);
-        args.options.vehicles.fit.prior = &prior;
-      }
-    }
-    stages::VehicleOptions& options = args.options.vehicles;
-    options.method = vehicle_method_from_string(args.method);
-    options.num_threads = command->common.threads;
-    options.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
-    options.tracks = !args.no_tracks;
-    args.options.preset = preset_from_string(args.preset);
-    args.options.paper.terms = paper::terms_from_string(args.terms);
-    VehicleDocument document;
-    {
-      const StageTimer timer(timings, "compute");
-      document = estimate_vehicles(scene, frames, args.options, make_progress(command->common));
-    }
-    nlohmann::json json = to_json(document);
-    {
-      const StageTimer timer(timings, "write");
-      AtomicFiles files;
-      const std::filesystem::path result_file = files.stage(args.out);
-      if (!args.kitti_labels.empty()) {
-        const std::vector<LiftedBox> rows = kitti_from_vehicles(document, scene, offset);
-        KittiLabelFile file{KittiLabelForm::kTracking, {}};
-        for (const LiftedBox& row : rows) file.labels.push_back(row.label);
-        write_tilts(rows, files.stage(tilt_file(args.kitti_labels)));
-        write_kitti_labels(file, files.stage(args.kitti_labels));
-      }
-      write_json(json, result_file);
-      files.commit();
-    }
-    if (args.json) {
-      json["version"] = kVersion;
-      json["seed"] = command->common.seed;
-      json["options"] = {{"method", args.method},
-                         {"frames", frames},
-                         {"surface", args.surface},
-                         {"tracks", options.tracks},
-                         {"preset", args.preset},
-                         {"paper_terms", args.terms},
-                         {"keypoint_set", args.keypoint_set},
-                         {"given_sigma_height", options.support.given_sigma_height},
-                         {"given_sigma_tilt", options.support.given_sigma_tilt},
-                         {"prior", args.prior.empty() ? "shipped" : args.prior}};
-      for (const auto& [stage, milliseconds] : timings.stages()) {
-        json["timings_ms"][stage] = milliseconds;
-      }
-      std::printf("%s\n", json.dump(2).c_str());
-    } else if (!command->common.quiet) {
-      int count = 0, trusted = 0;
-      for (const VehicleFrame& frame : document.frames) {
-        for (const VehicleEstimate& v : frame.vehicles) {
-          ++count;
-          trusted += v.status == Status::kOk ? 1 : 0;
-        }
-      }
-      std::printf("%s: %d vehicles in %zu frames, %d of them ok\n", args.out.c_str(), count,
-                  document.frames.size(), trusted);
-    }
-    return 0;
-  };
+}
+
+}  // namespace
+
+void register_vehicles(App& root) {
+  Command* command = add_command(
+      root, "vehicles",
+      "Vehicles alone, from a scene's detections, keypoints and planes; no images are needed. A "
+      "vehicle without a plane of its own stands on the frame's ego plane, or on a level one at "
+      "the camera's height.",
+      "  camber vehicles samples/steep_hill --out vehicles.json\n"
+      "  camber vehicles clip/scene.json --surface out/clip --out joined.json\n"
+      "  camber vehicles clip/scene.json --out vehicles.json --kitti-labels labels.txt\n"
+      "  camber vehicles samples/steep_hill --preset paper --out paper.json\n"
+      "  camber vehicles clip/scene.json --frames 48:50 --method flat --out flat.json --json");
+  const auto arguments = std::make_shared<Arguments>();
+  add_input_arguments(*command->app, *arguments);
+  add_solver_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
 }
 
 }  // namespace camber::tools

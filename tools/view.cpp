@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 namespace camber::tools {
 namespace {
 
-int run(const ViewArguments& arguments) {
+int run(const CommonOptions& common, const ViewArguments& arguments) {
   std::error_code error;
   if (!fs::exists(arguments.input, error)) {
     throw InputError(arguments.input,
@@ -32,6 +32,8 @@ int run(const ViewArguments& arguments) {
   }
   std::vector<std::string> words = arguments.words();
   words.insert(words.begin(), viewer.string());
+  words.insert(words.end(), {"--seed", std::to_string(common.seed)});
+  if (common.quiet) words.emplace_back("--quiet");
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
@@ -49,10 +51,11 @@ void register_view(App& root) {
       "render.",
       "  camber view out/steep_hill --scene samples/steep_hill\n"
       "  camber view out/steep_hill --scene samples/steep_hill --truth scene --color error\n"
-      "  camber view scan.las --color intensity");
+      "  camber view scan.las --color intensity\n"
+      "  camber view scan.las --picture window.png --json");
   auto arguments = std::make_shared<ViewArguments>();
   arguments->add_to(*command->app);
-  command->run = [arguments] { return run(*arguments); };
+  command->run = [command, arguments] { return run(command->common, *arguments); };
 }
 
 }  // namespace camber::tools

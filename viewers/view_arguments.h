@@ -13,6 +13,7 @@ struct ViewArguments {
   std::string input, scene, truth, color = "height", snapshots = "camber-view", picture;
   std::optional<int> frame;
   std::vector<double> up;
+  bool json = false;
 
   void add_to(tools::App& app) {
     app.add_option("input", input, "result folder, or a cloud of any format")->required();
@@ -32,6 +33,8 @@ struct ViewArguments {
     app.add_option(
         "--picture", picture,
         "write a picture of the window, as it is at the beginning, into this PNG and end");
+    app.add_flag("--json", json,
+                 "print what was shown and written as JSON to stdout once the window is closed");
   }
 
   /// The arguments that give the same view again.
@@ -43,6 +46,7 @@ struct ViewArguments {
     add("--scene", scene);
     add("--truth", truth);
     add("--picture", picture);
+    if (json) out.emplace_back("--json");
     if (frame) add("--frame", std::to_string(*frame));
     if (up.size() == 3) {
       out.push_back("--up=" + tools::to_text(up[0]) + "," + tools::to_text(up[1]) + "," +

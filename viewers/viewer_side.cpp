@@ -128,6 +128,7 @@ void ViewerWindow::Impl::save(const std::filesystem::path& path, bool whole_wind
     throw MachineError("the picture of the window cannot be encoded");
   }
   write_file_atomically(path, bytes.toStdString());
+  written.push_back(path);
 }
 
 }  // namespace camber

@@ -144,6 +144,108 @@ bool ViewerWindow::Impl::on_key(const QKeyEvent& event) {
   return false;
 }
 
+void ViewerWindow::Impl::make_view(QSplitter* split) {
+  view = new QVTKOpenGLNativeWidget(split);
+  view->setMinimumSize(320, 240);
+  view->setFocusPolicy(Qt::StrongFocus);
+  gl->SetMultiSamples(space.points.size() > 500000 ? 0 : 4);
+  view->setRenderWindow(gl.Get());
+  renderer->SetBackground(1, 1, 1);
+  gl->SetNumberOfLayers(2);
+  gl->AddRenderer(renderer);
+  labels->SetLayer(1);
+  labels->InteractiveOff();
+  labels->SetActiveCamera(renderer->GetActiveCamera());
+  gl->AddRenderer(labels);
+  vtkNew<LevelStyle> style;
+  view->interactor()->SetInteractorStyle(style);
+}
+
+void ViewerWindow::Impl::make_side(QSplitter* split) {
+  auto* side = new QWidget(split);
+  auto* column = new QVBoxLayout(side);
+  image = new QLabel(side);
+  image->setAlignment(Qt::AlignCenter);
+  image->setMinimumSize(240, 130);
+  image->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+  image->setWordWrap(true);
+  column->addWidget(image);
+  column->addLayout(make_frame_row(side));
+  facts = new QPlainTextEdit(side);
+  facts->setReadOnly(true);
+  column->addWidget(facts, 1);
+  column->addWidget(make_switches(side));
+  column->addLayout(make_point_row(side));
+}
+
+QLayout* ViewerWindow::Impl::make_frame_row(QWidget* side) {
+  auto* row = new QHBoxLayout;
+  frame_label = new QLabel(side);
+  frame_slider = new QSlider(Qt::Horizontal, side);
+  frame_slider->setRange(0, std::max(0, static_cast<int>(frames.size()) - 1));
+  frame_slider->setValue(frame_index());
+  frame_slider->setEnabled(frames.size() > 1);
+  row->addWidget(frame_label);
+  row->addWidget(frame_slider);
+  return row;
+}
+
+QWidget* ViewerWindow::Impl::make_switches(QWidget* side) {
+  auto* group = new QGroupBox("Show", side);
+  auto* grid = new QGridLayout(group);
+  int count = 0;
+  for (const SceneSwitch& entry : scene_switches()) {
+    auto* box =
+        new QCheckBox(QString(entry.text) + " (" + QString(key_of(entry.element)) + ")", group);
+    box->setObjectName(entry.name);
+    grid->addWidget(box, count / 2, count % 2);
+    ++count;
+    boxes[entry.element] = box;
+    const SceneElement element = entry.element;
+    connect(box, &QCheckBox::toggled, window, [this, element] { toggle(element); });
+  }
+  return group;
+}
+
+QLayout* ViewerWindow::Impl::make_point_row(QWidget* side) {
+  auto* row = new QHBoxLayout;
+  row->addWidget(new QLabel("colour (m)", side));
+  color_box = new QComboBox(side);
+  for (const std::string& name : colors) color_box->addItem(from(name));
+  color_box->setCurrentText(from(options.color_name));
+  row->addWidget(color_box, 1);
+  row->addWidget(new QLabel("size (+ -)", side));
+  size_slider = new QSlider(Qt::Horizontal, side);
+  size_slider->setRange(1, 20);
+  row->addWidget(size_slider, 1);
+  return row;
+}
+
+void ViewerWindow::Impl::make_overlays() {
+  const char* const plate = "background: rgba(255,255,255,225); color: #26282c; padding: 8px;";
+  bar = new QLabel(view);
+  bar->setAttribute(Qt::WA_TransparentForMouseEvents);
+  help = new QLabel(help_text(), view);
+  help->setStyleSheet(QString(plate) + "border: 1px solid #6e747c;");
+  help->hide();
+}
+
+double ViewerWindow::Impl::default_point_size() const {
+  // Half the gap between points is a size that closes them; see render_scene_picture().
+  const double area = std::max(1e-6, space.right.span() * space.ahead.span());
+  const double spacing =
+      std::sqrt(area / static_cast<double>(std::max<std::size_t>(1, space.points.size())));
+  const double pixels = 900.0 / std::max(1e-6, std::max(space.right.span(), space.ahead.span()));
+  return std::clamp(std::round(0.7 * spacing * pixels), 2.0, 5.0);
+}
+
+void ViewerWindow::Impl::connect_controls() {
+  connect(frame_slider, &QSlider::valueChanged, window, [this](int index) { set_frame(index); });
+  connect(size_slider, &QSlider::valueChanged, window, [this](int size) { set_point_size(size); });
+  connect(color_box, QOverload<int>::of(&QComboBox::activated), window,
+          [this](int index) { set_color(colors[static_cast<std::size_t>(index)]); });
+}
+
 ViewerWindow::ViewerWindow(LoadedResult result, const ViewerOptions& options)
     : impl_(std::make_unique<Impl>()) {
   Impl& d = *impl_;
@@ -161,98 +263,18 @@ ViewerWindow::ViewerWindow(LoadedResult result, const ViewerOptions& options)
 
   auto* split = new QSplitter(Qt::Horizontal, this);
   setCentralWidget(split);
-  d.view = new QVTKOpenGLNativeWidget(split);
-  d.view->setMinimumSize(320, 240);
-  d.view->setFocusPolicy(Qt::StrongFocus);
-  d.gl->SetMultiSamples(d.space.points.size() > 500000 ? 0 : 4);
-  d.view->setRenderWindow(d.gl.Get());
-  d.renderer->SetBackground(1, 1, 1);
-  d.gl->SetNumberOfLayers(2);
-  d.gl->AddRenderer(d.renderer);
-  d.labels->SetLayer(1);
-  d.labels->InteractiveOff();
-  d.labels->SetActiveCamera(d.renderer->GetActiveCamera());
-  d.gl->AddRenderer(d.labels);
-  vtkNew<LevelStyle> style;
-  d.view->interactor()->SetInteractorStyle(style);
-
-  auto* side = new QWidget(split);
-  auto* column = new QVBoxLayout(side);
-  d.image = new QLabel(side);
-  d.image->setAlignment(Qt::AlignCenter);
-  d.image->setMinimumSize(240, 130);
-  d.image->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
-  d.image->setWordWrap(true);
-  column->addWidget(d.image);
-
-  auto* frame_row = new QHBoxLayout;
-  d.frame_label = new QLabel(side);
-  d.frame_slider = new QSlider(Qt::Horizontal, side);
-  d.frame_slider->setRange(0, std::max(0, static_cast<int>(d.frames.size()) - 1));
-  d.frame_slider->setValue(d.frame_index());
-  d.frame_slider->setEnabled(d.frames.size() > 1);
-  frame_row->addWidget(d.frame_label);
-  frame_row->addWidget(d.frame_slider);
-  column->addLayout(frame_row);
-
-  d.facts = new QPlainTextEdit(side);
-  d.facts->setReadOnly(true);
-  column->addWidget(d.facts, 1);
-
-  auto* group = new QGroupBox("Show", side);
-  auto* grid = new QGridLayout(group);
-  int count = 0;
-  for (const SceneSwitch& entry : scene_switches()) {
-    auto* box =
-        new QCheckBox(QString(entry.text) + " (" + QString(key_of(entry.element)) + ")", group);
-    box->setObjectName(entry.name);
-    grid->addWidget(box, count / 2, count % 2);
-    ++count;
-    d.boxes[entry.element] = box;
-    const SceneElement element = entry.element;
-    connect(box, &QCheckBox::toggled, this, [this, element] { impl_->toggle(element); });
-  }
-  column->addWidget(group);
-
-  auto* color_row = new QHBoxLayout;
-  color_row->addWidget(new QLabel("colour (m)", side));
-  d.color_box = new QComboBox(side);
-  for (const std::string& name : d.colors) d.color_box->addItem(from(name));
-  d.color_box->setCurrentText(from(d.options.color_name));
-  color_row->addWidget(d.color_box, 1);
-  color_row->addWidget(new QLabel("size (+ -)", side));
-  d.size_slider = new QSlider(Qt::Horizontal, side);
-  d.size_slider->setRange(1, 20);
-  color_row->addWidget(d.size_slider, 1);
-  column->addLayout(color_row);
+  d.make_view(split);
+  d.make_side(split);
   split->setStretchFactor(0, 1);
   split->setStretchFactor(1, 0);
   split->setSizes({980, 420});
+  d.make_overlays();
 
-  const char* const plate = "background: rgba(255,255,255,225); color: #26282c; padding: 8px;";
-  d.bar = new QLabel(d.view);
-  d.bar->setAttribute(Qt::WA_TransparentForMouseEvents);
-  d.help = new QLabel(Impl::help_text(), d.view);
-  d.help->setStyleSheet(QString(plate) + "border: 1px solid #6e747c;");
-  d.help->hide();
-
-  // Half the gap between points is a size that closes them; see render_scene_picture().
-  const double area = std::max(1e-6, d.space.right.span() * d.space.ahead.span());
-  const double spacing =
-      std::sqrt(area / static_cast<double>(std::max<std::size_t>(1, d.space.points.size())));
-  const double pixels =
-      900.0 / std::max(1e-6, std::max(d.space.right.span(), d.space.ahead.span()));
-  d.point_size = std::clamp(std::round(0.7 * spacing * pixels), 2.0, 5.0);
+  d.point_size = d.default_point_size();
   d.size_slider->setValue(static_cast<int>(d.point_size));
   d.build_layers([](SceneElement) { return true; });
   d.draw_bar();
-
-  connect(d.frame_slider, &QSlider::valueChanged, this,
-          [this](int index) { impl_->set_frame(index); });
-  connect(d.size_slider, &QSlider::valueChanged, this,
-          [this](int size) { impl_->set_point_size(size); });
-  connect(d.color_box, QOverload<int>::of(&QComboBox::activated), this,
-          [this](int index) { impl_->set_color(impl_->colors[static_cast<std::size_t>(index)]); });
+  d.connect_controls();
   qApp->installEventFilter(this);
 
   show();
@@ -324,6 +346,7 @@ std::string ViewerWindow::message() const { return statusBar()->currentMessage()
 bool ViewerWindow::help_shown() const { return impl_->help->isVisible(); }
 bool ViewerWindow::has_image() const { return !impl_->photo.isNull(); }
 const PictureSpace& ViewerWindow::space() const { return impl_->space; }
+const std::vector<std::filesystem::path>& ViewerWindow::written() const { return impl_->written; }
 
 bool ViewerWindow::project(const Eigen::Vector3d& place, QPoint* at) const {
   const Eigen::Vector4d c = impl_->projection() * place.homogeneous();

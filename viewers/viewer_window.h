@@ -1,9 +1,11 @@
 #pragma once
 
 #include <QMainWindow>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "camber/render/loaded_result.h"
 #include "camber/render/picture_space.h"
@@ -46,6 +48,8 @@ class ViewerWindow : public QMainWindow {
   /// Where a place of the picture frame lies on the scene's widget; false: behind the eye.
   bool project(const Eigen::Vector3d& place, QPoint* at) const;
   const PictureSpace& space() const;
+  /// The pictures that save() and the key s wrote, in that order.
+  const std::vector<std::filesystem::path>& written() const;
 
  protected:
   bool eventFilter(QObject* object, QEvent* event) override;

@@ -97,13 +97,12 @@ TEST(PlaneKernels, FromTheCloudToSumsAndInliers) {
       kernels::Moments m;
       const float* none = nullptr;
       const float* from = n > 0 ? p.data() : none;
+      const kernels::Target target = {kPlane, kWindow, kLimit, kInlier};
       const std::size_t found =
-          way == 2
-              ? kernels::accumulate_and_list(x.data(), y.data(), z.data(), 1, n, kPivot, kWeight,
-                                             kPlane, kWindow, kLimit, kInlier, 11, list.data(), &m)
-              : kernels::accumulate_and_list(from, from + 1, from + 2, 3, n, kPivot, kWeight,
-                                             kPlane, kWindow, kLimit, kInlier, 11,
-                                             way == 0 ? list.data() : nullptr, &m);
+          way == 2 ? kernels::accumulate_and_list({x.data(), y.data(), z.data(), 1, n}, kPivot,
+                                                  kWeight, target, 11, list.data(), &m)
+                   : kernels::accumulate_and_list({from, from + 1, from + 2, 3, n}, kPivot, kWeight,
+                                                  target, 11, way == 0 ? list.data() : nullptr, &m);
       // A residual within rounding of the threshold may fall on either side.
       EXPECT_NEAR(static_cast<double>(found), static_cast<double>(expected.size()), 1.0);
       EXPECT_EQ(m.inliers, static_cast<double>(found));

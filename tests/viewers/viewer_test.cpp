@@ -13,11 +13,14 @@
 #include <cstdlib>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/core/version.h"
 #include "camber/render/picture_file.h"
+#include "camber/scene/results.h"
 #include "cli/run_program.h"
 #include "render/picture_content.h"
 #include "scene/write_image.h"
@@ -314,6 +317,55 @@ TEST_F(ViewCommand, WritesAPictureOfItsWindow) {
   ::unsetenv("DISPLAY");
 }
 
+TEST_F(ViewCommand, TellsWhatItShowedAndWroteAsJson) {
+  const test::VirtualDisplay display("1600x1000x24");
+  if (display.number().empty()) GTEST_SKIP() << "no Xvfb on this machine";
+  ::setenv("DISPLAY", (":" + display.number()).c_str(), 1);
+  const std::string picture = path("window.png");
+  const auto run = test::run_camber(
+      {"view", cloud(), "--picture", picture, "--color", "height", "--seed", "5", "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const auto out = nlohmann::json::parse(run.out);
+  EXPECT_EQ(out.at("version"), kVersion);
+  EXPECT_EQ(out.at("seed"), 5);
+  EXPECT_EQ(out.at("file"), cloud());
+  EXPECT_EQ(out.at("scene"), "");
+  EXPECT_EQ(out.at("points"), test::PictureScene().cloud.size());
+  EXPECT_EQ(out.at("patches"), 0);
+  EXPECT_EQ(out.at("files"), nlohmann::json({picture}));
+  EXPECT_EQ(out.at("options").at("color"), "height");
+  EXPECT_EQ(out.at("options").at("picture"), picture);
+  EXPECT_TRUE(out.at("options").at("frame").is_null());
+  for (const char* stage : {"load", "compute", "write"}) {
+    EXPECT_GT(out.at("timings_ms").at(stage), 0.0) << stage;
+  }
+  // A picture that cannot be written is no result.
+  const auto failed =
+      test::run_camber({"view", cloud(), "--picture", path("none/window.png"), "--json"});
+  EXPECT_EQ(failed.exit_code, 3);
+  EXPECT_EQ(failed.out, "");
+  ::unsetenv("DISPLAY");
+}
+
+TEST_F(ViewCommand, IsQuietWhereItIsTold) {
+  const test::VirtualDisplay display("1600x1000x24");
+  if (display.number().empty()) GTEST_SKIP() << "no Xvfb on this machine";
+  ::setenv("DISPLAY", (":" + display.number()).c_str(), 1);
+  // A result whose scene is gone.
+  std::filesystem::create_directories(path("result"));
+  write_cloud(test::PictureScene().cloud, path("result/road.ply"));
+  RunDocument document;
+  document.scene = path("gone/scene.json");
+  write_json(to_json(document), path("result/run.json"));
+  std::vector<std::string> words = {"view", path("result"), "--picture", path("window.png")};
+  EXPECT_THAT(test::run_camber(words).error, HasSubstr("camber: warning: "));
+  words.emplace_back("--quiet");
+  const auto quiet = test::run_camber(words);
+  EXPECT_EQ(quiet.exit_code, 0);
+  EXPECT_THAT(quiet.error, testing::Not(HasSubstr("warning")));
+  ::unsetenv("DISPLAY");
+}
+
 TEST_F(ViewCommand, SaysThatTheViewerIsMissing) {
   // The program and its plugins without the viewer, as where Qt is not installed.
   const std::filesystem::path program(CAMBER_PROGRAM);
@@ -349,7 +401,7 @@ TEST_F(ViewCommand, OpensAWindowThatTakesRealKeys) {
   ::setenv("DISPLAY", (":" + display.number()).c_str(), 1);
   test::ProgramResult result;
   std::thread program([&] {
-    result = test::run_camber({"view", cloud(), "--snapshots", path("seen")}, 0);
+    result = test::run_camber({"view", cloud(), "--snapshots", path("seen"), "--json"}, 0);
   });
   EXPECT_TRUE(eventually("xdotool search --onlyvisible --name Camber"));
   // A window without a manager gets its keys where the pointer is.
@@ -363,6 +415,9 @@ TEST_F(ViewCommand, OpensAWindowThatTakesRealKeys) {
   program.join();
   EXPECT_EQ(result.exit_code, 0) << result.error;
   ASSERT_TRUE(std::filesystem::exists(path("seen-1.png")));
+  const auto out = nlohmann::json::parse(result.out, nullptr, false);
+  ASSERT_TRUE(out.is_object()) << result.out;
+  EXPECT_EQ(out.at("files").at(0), path("seen-1.png"));
   const Image seen = read_color_image(path("seen-1.png"));
   EXPECT_GT(count_inked(seen), seen.width * seen.height / 20);
   ::unsetenv("DISPLAY");

@@ -95,8 +95,19 @@ struct ViewerWindow::Impl {
   QPlainTextEdit* facts = nullptr;
   QLabel* bar = nullptr;
   QLabel* help = nullptr;
+  std::vector<std::filesystem::path> written;
   std::optional<QPoint> pressed;
   bool untouched = true;  // the scene is fitted again when the window's size changes
+
+  // The widgets (viewer_window.cpp).
+  void make_view(QSplitter* split);
+  void make_side(QSplitter* split);
+  QLayout* make_frame_row(QWidget* side);
+  QWidget* make_switches(QWidget* side);
+  QLayout* make_point_row(QWidget* side);
+  void make_overlays();  ///< in the view: colour bar and help
+  void connect_controls();
+  double default_point_size() const;  ///< pixels
 
   // The scene (viewer_scene.cpp).
   void list_frames();

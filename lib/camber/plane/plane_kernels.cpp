@@ -32,38 +32,100 @@ __attribute__((always_inline)) inline double lane_sum(const F8& lanes) {
   return sum;
 }
 
-template <Loss kLoss, bool kInfluence, bool kMark>
-__attribute__((always_inline)) inline void accumulate_block(const float* x, const float* y,
-                                                            const float* z, const float* w,
-                                                            std::size_t n, const FloatPlane& plane,
-                                                            const Window& window, float limit,
-                                                            float inlier_limit, std::int32_t* mask,
-                                                            const float* ahead, Moments* moments) {
+#define CAMBER_INLINE __attribute__((always_inline)) inline
+
+/// Residuals and window coordinates of eight points.
+CAMBER_INLINE void project_eight(const F8& x, const F8& y, const F8& z, const FloatPlane& p,
+                                 const Window& f, F8& r, F8& u, F8& v) {
+  r = p.nx * x + p.ny * y + p.nz * z + p.d;
+  u = f.ax * x + f.ay * y + f.az * z + f.a0;
+  v = f.bx * x + f.by * y + f.bz * z + f.b0;
+}
+
+/// A window's edges, in lengths of their ramps.
+struct Ramps {
+  float steep_u, steep_v, end_u, end_v;
+
+  explicit Ramps(const Window& window)
+      : steep_u(1.0f / window.ramp_u),
+        steep_v(1.0f / window.ramp_v),
+        end_u(window.half_u * steep_u),
+        end_v(window.half_v * steep_v) {}
+};
+
+/// The window's taper; also 0 for rows without a weight.
+CAMBER_INLINE void taper_eight(const Ramps& ramps, const F8& u, const F8& v, const F8& w,
+                               F8& taper) {
   const F8 zero = {};
   const F8 one = zero + 1.0f;
-  const float inverse = 1.0f / limit;
-  const float near = inlier_limit * inverse;
-  const float steep_u = 1.0f / window.ramp_u, steep_v = 1.0f / window.ramp_v;
-  const float end_u = window.half_u * steep_u, end_v = window.half_v * steep_v;
-  F8 s1 = zero, su = zero, sv = zero, suu = zero, suv = zero, svv = zero, sr = zero, sru = zero,
-     srv = zero, count = zero;
-  F8 i1 = zero, iu = zero, iv = zero, iuu = zero, iuv = zero, ivv = zero, squares = zero;
+  F8 taper_u = ramps.end_u - ramps.steep_u * (u < zero ? -u : u);
+  F8 taper_v = ramps.end_v - ramps.steep_v * (v < zero ? -v : v);
+  taper_u = taper_u < one ? taper_u : one;
+  taper_u = taper_u > zero ? taper_u : zero;
+  taper_v = taper_v < one ? taper_v : one;
+  taper_v = taper_v > zero ? taper_v : zero;
+  taper = taper_u * taper_v;
+  taper = w > zero ? taper : zero;
+}
+
+/// Weights of the residual (omega) and of the matrix, see Loss.
+template <Loss kLoss>
+CAMBER_INLINE void weigh_eight(const F8& t, const F8& weight, F8& omega, F8& matrix) {
+  const F8 zero = {};
+  const F8 one = zero + 1.0f;
+  const I8 core = t < one;
+  const F8 rest = one - t;
+  if constexpr (kLoss == Loss::kNewton) {
+    constexpr float kBalance = 2.0f / 27.0f;
+    const F8 lobe = t < 4.0f ? kBalance * rest * (4.0f - t) : zero;
+    omega = weight * (core ? rest * rest : lobe);
+    matrix = core ? weight * rest * (one - 5.0f * t) : zero;
+  } else {
+    omega = core ? weight * rest * rest : zero;
+    matrix = omega;
+  }
+}
+
+/// Sums {1, u, v, uu, uv, vv} of a factor, in lanes.
+struct QuadraticSums {
+  F8 s1 = {}, su = {}, sv = {}, suu = {}, suv = {}, svv = {};
+
+  CAMBER_INLINE void add(const F8& factor, const F8& u, const F8& v) {
+    const F8 fu = factor * u, fv = factor * v;
+    s1 += factor;
+    su += fu;
+    sv += fv;
+    suu += fu * u;
+    suv += fu * v;
+    svv += fv * v;
+  }
+};
+
+template <Loss kLoss, bool kInfluence, bool kMark>
+CAMBER_INLINE void accumulate_block(const Rows& rows, const Target& target, std::int32_t* mask,
+                                    const float* ahead, Moments* moments) {
+  const F8 zero = {};
+  const F8 one = zero + 1.0f;
+  const float inverse = 1.0f / target.limit;
+  const float near = target.inlier_limit * inverse;
+  const Ramps ramps(target.window);
+  QuadraticSums matrices, influences;
+  F8 sr = zero, sru = zero, srv = zero, count = zero, squares = zero;
   I8 inliers = {};
-  for (std::size_t i = 0; i < n; i += kLanes) {
+  for (std::size_t i = 0; i < rows.n; i += kLanes) {
     F8 px, py, pz, pw;
-    load(x + i, px);
-    load(y + i, py);
-    load(z + i, pz);
-    load(w + i, pw);
+    load(rows.x + i, px);
+    load(rows.y + i, py);
+    load(rows.z + i, pz);
+    load(rows.w + i, pw);
     if constexpr (kMark) {
       if (ahead) {
         __builtin_prefetch(ahead + 3 * i);
         __builtin_prefetch(ahead + 3 * i + 16);
       }
     }
-    const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
-    const F8 u = window.ax * px + window.ay * py + window.az * pz + window.a0;
-    const F8 v = window.bx * px + window.by * py + window.bz * pz + window.b0;
+    F8 r, u, v, taper, omega, matrix;
+    project_eight(px, py, pz, target.plane, target.window, r, u, v);
     const F8 r2 = r * r;
     const F8 t = r2 * pw * inverse;
     if constexpr (kMark) {
@@ -72,68 +134,33 @@ __attribute__((always_inline)) inline void accumulate_block(const float* x, cons
       inliers -= inlier;
       if (mask) std::memcpy(mask + i, &inlier, sizeof(inlier));
     }
-    // The window's taper; also 0 for rows without a weight.
-    F8 taper_u = end_u - steep_u * (u < zero ? -u : u);
-    F8 taper_v = end_v - steep_v * (v < zero ? -v : v);
-    taper_u = taper_u < one ? taper_u : one;
-    taper_u = taper_u > zero ? taper_u : zero;
-    taper_v = taper_v < one ? taper_v : one;
-    taper_v = taper_v > zero ? taper_v : zero;
-    F8 taper = taper_u * taper_v;
-    taper = pw > zero ? taper : zero;
-    const F8 weight = pw * taper;
-    const I8 core = t < one;
-    const F8 rest = one - t;
-    F8 omega, matrix;
-    if constexpr (kLoss == Loss::kNewton) {
-      constexpr float kBalance = 2.0f / 27.0f;
-      const F8 lobe = t < 4.0f ? kBalance * rest * (4.0f - t) : zero;
-      omega = weight * (core ? rest * rest : lobe);
-      matrix = core ? weight * rest * (one - 5.0f * t) : zero;
-    } else {
-      omega = core ? weight * rest * rest : zero;
-      matrix = omega;
-    }
+    taper_eight(ramps, u, v, pw, taper);
+    weigh_eight<kLoss>(t, pw * taper, omega, matrix);
     const F8 psi = omega == zero ? zero : omega * r;
-    const F8 wu = matrix * u, wv = matrix * v;
-    s1 += matrix;
-    su += wu;
-    sv += wv;
-    suu += wu * u;
-    suv += wu * v;
-    svv += wv * v;
+    matrices.add(matrix, u, v);
     sr += psi;
     sru += psi * u;
     srv += psi * v;
-    count += core ? taper : zero;
-    if constexpr (kInfluence) {
-      const F8 squared = psi * psi;
-      const F8 qu = squared * u, qv = squared * v;
-      i1 += squared;
-      iu += qu;
-      iv += qv;
-      iuu += qu * u;
-      iuv += qu * v;
-      ivv += qv * v;
-    }
+    count += t < one ? taper : zero;
+    if constexpr (kInfluence) influences.add(psi * psi, u, v);
   }
-  moments->weight += lane_sum(s1);
-  moments->u += lane_sum(su);
-  moments->v += lane_sum(sv);
-  moments->uu += lane_sum(suu);
-  moments->uv += lane_sum(suv);
-  moments->vv += lane_sum(svv);
+  moments->weight += lane_sum(matrices.s1);
+  moments->u += lane_sum(matrices.su);
+  moments->v += lane_sum(matrices.sv);
+  moments->uu += lane_sum(matrices.suu);
+  moments->uv += lane_sum(matrices.suv);
+  moments->vv += lane_sum(matrices.svv);
   moments->r += lane_sum(sr);
   moments->ru += lane_sum(sru);
   moments->rv += lane_sum(srv);
   moments->count += lane_sum(count);
   if constexpr (kInfluence) {
-    moments->i1 += lane_sum(i1);
-    moments->iu += lane_sum(iu);
-    moments->iv += lane_sum(iv);
-    moments->iuu += lane_sum(iuu);
-    moments->iuv += lane_sum(iuv);
-    moments->ivv += lane_sum(ivv);
+    moments->i1 += lane_sum(influences.s1);
+    moments->iu += lane_sum(influences.su);
+    moments->iv += lane_sum(influences.sv);
+    moments->iuu += lane_sum(influences.suu);
+    moments->iuv += lane_sum(influences.suv);
+    moments->ivv += lane_sum(influences.svv);
   }
   if constexpr (kMark) {
     moments->squares += lane_sum(squares);
@@ -166,20 +193,19 @@ Moments& Moments::operator+=(const Moments& other) {
 }
 
 CAMBER_CLONES
-float msac_cost(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                const FloatPlane& plane, float limit, float bound) {
+float msac_cost(Rows rows, const FloatPlane& plane, float limit, float bound) {
   constexpr std::size_t kStep = 256;
   const F8 cap = F8{} + limit;
   double total = 0.0;
-  for (std::size_t begin = 0; begin < n; begin += kStep) {
-    const std::size_t end = begin + kStep < n ? begin + kStep : n;
+  for (std::size_t begin = 0; begin < rows.n; begin += kStep) {
+    const std::size_t end = begin + kStep < rows.n ? begin + kStep : rows.n;
     F8 sum = {};
     for (std::size_t i = begin; i < end; i += kLanes) {
       F8 px, py, pz, pw;
-      load(x + i, px);
-      load(y + i, py);
-      load(z + i, pz);
-      load(w + i, pw);
+      load(rows.x + i, px);
+      load(rows.y + i, py);
+      load(rows.z + i, pz);
+      load(rows.w + i, pw);
       const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
       const F8 t = r * r * pw;
       sum += t < cap ? t : cap;
@@ -191,21 +217,20 @@ float msac_cost(const float* x, const float* y, const float* z, const float* w, 
 }
 
 CAMBER_CLONES
-float msac_cost_rays(const float* x, const float* y, const float* z, const float* w,
-                     const float* floor2, std::size_t n, const FloatPlane& plane, float view2,
+float msac_cost_rays(Rows rows, const float* floor2, const FloatPlane& plane, float view2,
                      float limit, float bound) {
   constexpr std::size_t kStep = 256;
   const F8 cap = F8{} + limit;
   double total = 0.0;
-  for (std::size_t begin = 0; begin < n; begin += kStep) {
-    const std::size_t end = begin + kStep < n ? begin + kStep : n;
+  for (std::size_t begin = 0; begin < rows.n; begin += kStep) {
+    const std::size_t end = begin + kStep < rows.n ? begin + kStep : rows.n;
     F8 sum = {};
     for (std::size_t i = begin; i < end; i += kLanes) {
       F8 px, py, pz, pw, pf;
-      load(x + i, px);
-      load(y + i, py);
-      load(z + i, pz);
-      load(w + i, pw);
+      load(rows.x + i, px);
+      load(rows.y + i, py);
+      load(rows.z + i, pz);
+      load(rows.w + i, pw);
       load(floor2 + i, pf);
       const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
       const F8 t = r * r * pw / (view2 + pf);
@@ -220,33 +245,24 @@ float msac_cost_rays(const float* x, const float* y, const float* z, const float
 namespace {
 
 template <bool kMark>
-__attribute__((always_inline)) inline void accumulate_any(
-    const float* x, const float* y, const float* z, const float* w, std::size_t n,
-    const FloatPlane& plane, const Window& window, float limit, Loss loss, bool influence,
-    float inlier_limit, std::int32_t* mask, const float* ahead, Moments* moments) {
+CAMBER_INLINE void accumulate_any(const Rows& rows, const Target& target, Loss loss, bool influence,
+                                  std::int32_t* mask, const float* ahead, Moments* moments) {
   if constexpr (kMark) {
-    accumulate_block<Loss::kNewton, false, true>(x, y, z, w, n, plane, window, limit, inlier_limit,
-                                                 mask, ahead, moments);
+    accumulate_block<Loss::kNewton, false, true>(rows, target, mask, ahead, moments);
   } else if (loss == Loss::kReweighted) {
-    accumulate_block<Loss::kReweighted, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
-                                                      nullptr, nullptr, moments);
+    accumulate_block<Loss::kReweighted, false, false>(rows, target, nullptr, nullptr, moments);
   } else if (influence) {
-    accumulate_block<Loss::kNewton, true, false>(x, y, z, w, n, plane, window, limit, 0.0f, nullptr,
-                                                 nullptr, moments);
+    accumulate_block<Loss::kNewton, true, false>(rows, target, nullptr, nullptr, moments);
   } else {
-    accumulate_block<Loss::kNewton, false, false>(x, y, z, w, n, plane, window, limit, 0.0f,
-                                                  nullptr, nullptr, moments);
+    accumulate_block<Loss::kNewton, false, false>(rows, target, nullptr, nullptr, moments);
   }
 }
 
 #ifdef CAMBER_FUSED
 template <bool kMark>
-CAMBER_FUSED void accumulate_fused(const float* x, const float* y, const float* z, const float* w,
-                                   std::size_t n, const FloatPlane& plane, const Window& window,
-                                   float limit, Loss loss, bool influence, float inlier_limit,
+CAMBER_FUSED void accumulate_fused(Rows rows, const Target& target, Loss loss, bool influence,
                                    std::int32_t* mask, const float* ahead, Moments* moments) {
-  accumulate_any<kMark>(x, y, z, w, n, plane, window, limit, loss, influence, inlier_limit, mask,
-                        ahead, moments);
+  accumulate_any<kMark>(rows, target, loss, influence, mask, ahead, moments);
 }
 
 bool can_fuse() {
@@ -257,31 +273,23 @@ bool can_fuse() {
 
 }  // namespace
 
-void accumulate(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-                const FloatPlane& plane, const Window& window, float limit, Loss loss,
-                bool influence, Moments* moments) {
+void accumulate(Rows rows, const Target& target, Loss loss, bool influence, Moments* moments) {
 #ifdef CAMBER_FUSED
   if (can_fuse()) {
-    return accumulate_fused<false>(x, y, z, w, n, plane, window, limit, loss, influence, 0.0f,
-                                   nullptr, nullptr, moments);
+    return accumulate_fused<false>(rows, target, loss, influence, nullptr, nullptr, moments);
   }
 #endif
-  accumulate_any<false>(x, y, z, w, n, plane, window, limit, loss, influence, 0.0f, nullptr,
-                        nullptr, moments);
+  accumulate_any<false>(rows, target, loss, influence, nullptr, nullptr, moments);
 }
 
-void accumulate_and_mark(const float* x, const float* y, const float* z, const float* w,
-                         std::size_t n, const FloatPlane& plane, const Window& window, float limit,
-                         float inlier_limit, std::int32_t* mask, const float* ahead,
+void accumulate_and_mark(Rows rows, const Target& target, std::int32_t* mask, const float* ahead,
                          Moments* moments) {
 #ifdef CAMBER_FUSED
   if (can_fuse()) {
-    return accumulate_fused<true>(x, y, z, w, n, plane, window, limit, Loss::kNewton, false,
-                                  inlier_limit, mask, ahead, moments);
+    return accumulate_fused<true>(rows, target, Loss::kNewton, false, mask, ahead, moments);
   }
 #endif
-  accumulate_any<true>(x, y, z, w, n, plane, window, limit, Loss::kNewton, false, inlier_limit,
-                       mask, ahead, moments);
+  accumulate_any<true>(rows, target, Loss::kNewton, false, mask, ahead, moments);
 }
 
 namespace {
@@ -302,55 +310,81 @@ constexpr std::array<std::array<std::uint8_t, kLanes>, 256> make_lane_lists() {
 alignas(64) constexpr std::array<std::array<std::uint8_t, kLanes>, 256> kLaneLists =
     make_lane_lists();
 
-/// accumulate_and_list in one go from memory to sums, n a multiple of kLanes. Residuals are scaled
-/// so that t is their square, u and v so that the tapers' ramps are of length 1; the sums are
-/// scaled back at the end.
-template <bool kTriples, bool kList>
-CAMBER_FUSED std::size_t accumulate_and_list_fused(const float* x, const float* y, const float* z,
-                                                   std::size_t n, const float pivot[3],
-                                                   float weight, const FloatPlane& plane,
-                                                   const Window& window, float limit,
-                                                   float inlier_limit, int first, int* list,
-                                                   Moments* moments) {
-  const float unit = std::sqrt(weight / limit);
-  const float steep_u = 1.0f / window.ramp_u, steep_v = 1.0f / window.ramp_v;
+#define CAMBER_FUSED_PART __attribute__((target("avx2,fma"), always_inline)) inline
+
+/// Scaled so that t is the square of a residual, and u and v so that the tapers' ramps are of
+/// length 1.
+struct ScaledTarget {
+  FloatPlane plane;
+  Window window;  ///< but for the ramps, which are 1
+  float near;     ///< largest t of an inlier
+  float unit;     ///< factor to residuals
+};
+
+CAMBER_FUSED_PART ScaledTarget scale_target(const Target& target, float weight) {
+  const FloatPlane& p = target.plane;
+  const Window& f = target.window;
+  const float unit = std::sqrt(weight / target.limit);
+  const float steep_u = 1.0f / f.ramp_u, steep_v = 1.0f / f.ramp_v;
+  return {{unit * p.nx, unit * p.ny, unit * p.nz, unit * p.d},
+          {steep_u * f.ax, steep_u * f.ay, steep_u * f.az, steep_u * f.a0, steep_v * f.bx,
+           steep_v * f.by, steep_v * f.bz, steep_v * f.b0, f.half_u * steep_u, f.half_v * steep_v,
+           1.0f, 1.0f},
+          target.inlier_limit / target.limit,
+          unit};
+}
+
+/// A block of points as seen from a scaled target. Rows that are not usable have the residual NaN,
+/// which compares false with everything.
+struct ScaledBlock {
+  alignas(32) float residual[kBlock], u[kBlock], v[kBlock];
+};
+
+/// Eight points from i on: three vectors of x y z x y z ... become one each of x, y and z.
+CAMBER_FUSED_PART void load_triples(const float* from, __m256& px, __m256& py, __m256& pz) {
+  const __m256 m03 =
+      _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from)), _mm_loadu_ps(from + 12), 1);
+  const __m256 m14 = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from + 4)),
+                                          _mm_loadu_ps(from + 16), 1);
+  const __m256 m25 = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from + 8)),
+                                          _mm_loadu_ps(from + 20), 1);
+  const __m256 xy = _mm256_shuffle_ps(m14, m25, _MM_SHUFFLE(2, 1, 3, 2));
+  const __m256 yz = _mm256_shuffle_ps(m03, m14, _MM_SHUFFLE(1, 0, 2, 1));
+  px = _mm256_shuffle_ps(m03, xy, _MM_SHUFFLE(2, 0, 3, 0));
+  py = _mm256_shuffle_ps(yz, xy, _MM_SHUFFLE(3, 1, 2, 0));
+  pz = _mm256_shuffle_ps(yz, m25, _MM_SHUFFLE(3, 0, 3, 1));
+}
+
+/// a x + b y + c z + d.
+CAMBER_FUSED_PART __m256 affine(const __m256 (&factors)[4], const __m256& x, const __m256& y,
+                                const __m256& z) {
+  return _mm256_fmadd_ps(
+      factors[0], x, _mm256_fmadd_ps(factors[1], y, _mm256_fmadd_ps(factors[2], z, factors[3])));
+}
+
+/// @param points  stride 3, x y z beside one another (kTriples), or 1
+template <bool kTriples>
+CAMBER_FUSED_PART void project_block(const StridedPoints& points, const float pivot[3],
+                                     const ScaledTarget& target, ScaledBlock* block) {
+  const FloatPlane& p = target.plane;
+  const Window& f = target.window;
   const __m256 ox = _mm256_set1_ps(pivot[0]), oy = _mm256_set1_ps(pivot[1]),
                oz = _mm256_set1_ps(pivot[2]);
-  const __m256 nx = _mm256_set1_ps(unit * plane.nx), ny = _mm256_set1_ps(unit * plane.ny),
-               nz = _mm256_set1_ps(unit * plane.nz), nd = _mm256_set1_ps(unit * plane.d);
-  const __m256 ax = _mm256_set1_ps(steep_u * window.ax), ay = _mm256_set1_ps(steep_u * window.ay),
-               az = _mm256_set1_ps(steep_u * window.az), a0 = _mm256_set1_ps(steep_u * window.a0);
-  const __m256 bx = _mm256_set1_ps(steep_v * window.bx), by = _mm256_set1_ps(steep_v * window.by),
-               bz = _mm256_set1_ps(steep_v * window.bz), b0 = _mm256_set1_ps(steep_v * window.b0);
-  const __m256 end_u = _mm256_set1_ps(window.half_u * steep_u),
-               end_v = _mm256_set1_ps(window.half_v * steep_v);
-  const __m256 zero = _mm256_setzero_ps(), one = _mm256_set1_ps(1.0f), four = _mm256_set1_ps(4.0f),
-               five = _mm256_set1_ps(5.0f), balance = _mm256_set1_ps(2.0f / 27.0f);
-  const __m256 far = _mm256_set1_ps(1e15f), near = _mm256_set1_ps(inlier_limit / limit);
-  const __m256 sign = _mm256_set1_ps(-0.0f);
-  __m256 s1 = zero, su = zero, sv = zero, suu = zero, suv = zero, svv = zero, sr = zero, sru = zero,
-         srv = zero, count = zero, squares = zero;
-  alignas(32) float residual[kBlock], along[kBlock], across[kBlock];
-  for (std::size_t i = 0; i < n; i += kLanes) {
+  const __m256 to_r[4] = {_mm256_set1_ps(p.nx), _mm256_set1_ps(p.ny), _mm256_set1_ps(p.nz),
+                          _mm256_set1_ps(p.d)};
+  const __m256 to_u[4] = {_mm256_set1_ps(f.ax), _mm256_set1_ps(f.ay), _mm256_set1_ps(f.az),
+                          _mm256_set1_ps(f.a0)};
+  const __m256 to_v[4] = {_mm256_set1_ps(f.bx), _mm256_set1_ps(f.by), _mm256_set1_ps(f.bz),
+                          _mm256_set1_ps(f.b0)};
+  const __m256 far = _mm256_set1_ps(1e15f), sign = _mm256_set1_ps(-0.0f);
+  for (std::size_t i = 0; i < points.n; i += kLanes) {
     __m256 px, py, pz;
     if constexpr (kTriples) {
-      // Eight triples to three vectors.
-      const float* from = x + 3 * i;
-      const __m256 m03 = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from)),
-                                              _mm_loadu_ps(from + 12), 1);
-      const __m256 m14 = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from + 4)),
-                                              _mm_loadu_ps(from + 16), 1);
-      const __m256 m25 = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from + 8)),
-                                              _mm_loadu_ps(from + 20), 1);
-      const __m256 xy = _mm256_shuffle_ps(m14, m25, _MM_SHUFFLE(2, 1, 3, 2));
-      const __m256 yz = _mm256_shuffle_ps(m03, m14, _MM_SHUFFLE(1, 0, 2, 1));
-      px = _mm256_shuffle_ps(m03, xy, _MM_SHUFFLE(2, 0, 3, 0));
-      py = _mm256_shuffle_ps(yz, xy, _MM_SHUFFLE(3, 1, 2, 0));
-      pz = _mm256_shuffle_ps(yz, m25, _MM_SHUFFLE(3, 0, 3, 1));
+      load_triples(points.x + 3 * i, px, py, pz);
     } else {
-      px = _mm256_loadu_ps(x + i);
-      py = _mm256_loadu_ps(y + i);
-      pz = _mm256_loadu_ps(z + i);
+      px = _mm256_loadu_ps(points.x + i);
+      py = _mm256_loadu_ps(points.y + i);
+      pz = _mm256_loadu_ps(points.z + i);
     }
     px = _mm256_sub_ps(px, ox);
     py = _mm256_sub_ps(py, oy);
@@ -358,22 +392,67 @@ CAMBER_FUSED std::size_t accumulate_and_list_fused(const float* x, const float* 
     const __m256 away =
         _mm256_add_ps(_mm256_add_ps(_mm256_andnot_ps(sign, px), _mm256_andnot_ps(sign, py)),
                       _mm256_andnot_ps(sign, pz));
-    // True for NaN; such rows get the residual NaN, which compares false with everything.
-    const __m256 useless = _mm256_cmp_ps(away, far, _CMP_NLT_UQ);
-    const __m256 r = _mm256_fmadd_ps(nx, px, _mm256_fmadd_ps(ny, py, _mm256_fmadd_ps(nz, pz, nd)));
-    const __m256 u = _mm256_fmadd_ps(ax, px, _mm256_fmadd_ps(ay, py, _mm256_fmadd_ps(az, pz, a0)));
-    const __m256 v = _mm256_fmadd_ps(bx, px, _mm256_fmadd_ps(by, py, _mm256_fmadd_ps(bz, pz, b0)));
-    _mm256_store_ps(residual + i, _mm256_or_ps(r, useless));
-    _mm256_store_ps(along + i, _mm256_andnot_ps(useless, u));
-    _mm256_store_ps(across + i, _mm256_andnot_ps(useless, v));
+    const __m256 useless = _mm256_cmp_ps(away, far, _CMP_NLT_UQ);  // true for NaN
+    _mm256_store_ps(block->residual + i, _mm256_or_ps(affine(to_r, px, py, pz), useless));
+    _mm256_store_ps(block->u + i, _mm256_andnot_ps(useless, affine(to_u, px, py, pz)));
+    _mm256_store_ps(block->v + i, _mm256_andnot_ps(useless, affine(to_v, px, py, pz)));
   }
+}
+
+/// Sums of a scaled block, in lanes; the first eleven of Moments, without the influence.
+struct ScaledSums {
+  __m256 s1, su, sv, suu, suv, svv, r, ru, rv, count, squares;
+};
+
+/// Adds eight points: the loss kNewton.
+/// @param end_u, end_v  where the tapers end
+CAMBER_FUSED_PART void add_eight(const __m256& r, const __m256& u, const __m256& v,
+                                 const __m256& end_u, const __m256& end_v, ScaledSums& sums) {
+  const __m256 zero = _mm256_setzero_ps(), one = _mm256_set1_ps(1.0f), four = _mm256_set1_ps(4.0f),
+               five = _mm256_set1_ps(5.0f), balance = _mm256_set1_ps(2.0f / 27.0f);
+  const __m256 sign = _mm256_set1_ps(-0.0f);
+  const __m256 t = _mm256_mul_ps(r, r);
+  const __m256 core = _mm256_cmp_ps(t, one, _CMP_LT_OQ);
+  const __m256 taper_u =
+      _mm256_max_ps(_mm256_min_ps(_mm256_sub_ps(end_u, _mm256_andnot_ps(sign, u)), one), zero);
+  const __m256 taper_v =
+      _mm256_max_ps(_mm256_min_ps(_mm256_sub_ps(end_v, _mm256_andnot_ps(sign, v)), one), zero);
+  const __m256 taper = _mm256_mul_ps(taper_u, taper_v);
+  const __m256 slack = _mm256_sub_ps(one, t);
+  const __m256 lobe = _mm256_mul_ps(balance, _mm256_sub_ps(four, t));
+  const __m256 part = _mm256_mul_ps(taper, slack);
+  const __m256 psi =
+      _mm256_and_ps(_mm256_mul_ps(_mm256_mul_ps(part, _mm256_blendv_ps(lobe, slack, core)), r),
+                    _mm256_cmp_ps(t, four, _CMP_LT_OQ));
+  const __m256 matrix = _mm256_and_ps(_mm256_mul_ps(part, _mm256_fnmadd_ps(five, t, one)), core);
+  const __m256 wu = _mm256_mul_ps(matrix, u), wv = _mm256_mul_ps(matrix, v);
+  sums.s1 = _mm256_add_ps(sums.s1, matrix);
+  sums.su = _mm256_add_ps(sums.su, wu);
+  sums.sv = _mm256_add_ps(sums.sv, wv);
+  sums.suu = _mm256_fmadd_ps(wu, u, sums.suu);
+  sums.suv = _mm256_fmadd_ps(wu, v, sums.suv);
+  sums.svv = _mm256_fmadd_ps(wv, v, sums.svv);
+  sums.r = _mm256_add_ps(sums.r, psi);
+  sums.ru = _mm256_fmadd_ps(psi, u, sums.ru);
+  sums.rv = _mm256_fmadd_ps(psi, v, sums.rv);
+  sums.count = _mm256_add_ps(sums.count, _mm256_and_ps(taper, core));
+}
+
+/// Adds a block's points to the sums and lists its inliers.
+/// @return  number of inliers
+template <bool kList>
+CAMBER_FUSED_PART std::size_t add_block(const ScaledBlock& block, std::size_t n,
+                                        const ScaledTarget& target, int first, int* list,
+                                        ScaledSums& sums) {
+  const __m256 near = _mm256_set1_ps(target.near);
+  const __m256 end_u = _mm256_set1_ps(target.window.half_u),
+               end_v = _mm256_set1_ps(target.window.half_v);
   std::size_t inliers = 0;
   for (std::size_t i = 0; i < n; i += kLanes) {
-    const __m256 r = _mm256_load_ps(residual + i), u = _mm256_load_ps(along + i),
-                 v = _mm256_load_ps(across + i);
+    const __m256 r = _mm256_load_ps(block.residual + i);
     const __m256 t = _mm256_mul_ps(r, r);
     const __m256 inlier = _mm256_cmp_ps(t, near, _CMP_LE_OQ);
-    squares = _mm256_add_ps(squares, _mm256_and_ps(inlier, t));
+    sums.squares = _mm256_add_ps(sums.squares, _mm256_and_ps(inlier, t));
     const auto lanes = static_cast<unsigned>(_mm256_movemask_ps(inlier));
     if constexpr (kList) {
       const __m256i which = _mm256_cvtepu8_epi32(
@@ -382,44 +461,17 @@ CAMBER_FUSED std::size_t accumulate_and_list_fused(const float* x, const float* 
                           _mm256_add_epi32(which, _mm256_set1_epi32(first + static_cast<int>(i))));
     }
     inliers += static_cast<std::size_t>(__builtin_popcount(lanes));
-    const __m256 core = _mm256_cmp_ps(t, one, _CMP_LT_OQ);
-    const __m256 taper_u =
-        _mm256_max_ps(_mm256_min_ps(_mm256_sub_ps(end_u, _mm256_andnot_ps(sign, u)), one), zero);
-    const __m256 taper_v =
-        _mm256_max_ps(_mm256_min_ps(_mm256_sub_ps(end_v, _mm256_andnot_ps(sign, v)), one), zero);
-    const __m256 taper = _mm256_mul_ps(taper_u, taper_v);
-    const __m256 taper_core = _mm256_and_ps(taper, core);
-    const __m256 slack = _mm256_sub_ps(one, t);
-    const __m256 lobe = _mm256_mul_ps(balance, _mm256_sub_ps(four, t));
-    const __m256 part = _mm256_mul_ps(taper, slack);
-    const __m256 psi =
-        _mm256_and_ps(_mm256_mul_ps(_mm256_mul_ps(part, _mm256_blendv_ps(lobe, slack, core)), r),
-                      _mm256_cmp_ps(t, four, _CMP_LT_OQ));
-    const __m256 matrix = _mm256_and_ps(_mm256_mul_ps(part, _mm256_fnmadd_ps(five, t, one)), core);
-    const __m256 wu = _mm256_mul_ps(matrix, u), wv = _mm256_mul_ps(matrix, v);
-    s1 = _mm256_add_ps(s1, matrix);
-    su = _mm256_add_ps(su, wu);
-    sv = _mm256_add_ps(sv, wv);
-    suu = _mm256_fmadd_ps(wu, u, suu);
-    suv = _mm256_fmadd_ps(wu, v, suv);
-    svv = _mm256_fmadd_ps(wv, v, svv);
-    sr = _mm256_add_ps(sr, psi);
-    sru = _mm256_fmadd_ps(psi, u, sru);
-    srv = _mm256_fmadd_ps(psi, v, srv);
-    count = _mm256_add_ps(count, taper_core);
+    add_eight(r, _mm256_load_ps(block.u + i), _mm256_load_ps(block.v + i), end_u, end_v, sums);
   }
+  return inliers;
+}
+
+/// Adds the sums as they are without the scales.
+CAMBER_FUSED_PART void add_unscaled(const ScaledSums& scaled, const Window& window, float weight,
+                                    float unit, Moments* moments) {
   float lanes[11][kLanes];
-  _mm256_storeu_ps(lanes[0], s1);
-  _mm256_storeu_ps(lanes[1], su);
-  _mm256_storeu_ps(lanes[2], sv);
-  _mm256_storeu_ps(lanes[3], suu);
-  _mm256_storeu_ps(lanes[4], suv);
-  _mm256_storeu_ps(lanes[5], svv);
-  _mm256_storeu_ps(lanes[6], sr);
-  _mm256_storeu_ps(lanes[7], sru);
-  _mm256_storeu_ps(lanes[8], srv);
-  _mm256_storeu_ps(lanes[9], count);
-  _mm256_storeu_ps(lanes[10], squares);
+  static_assert(sizeof(lanes) == sizeof(scaled), "a row of lanes for each sum");
+  std::memcpy(lanes, &scaled, sizeof(lanes));
   double sums[11] = {};
   for (std::size_t k = 0; k < 11; ++k) {
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
@@ -439,6 +491,19 @@ CAMBER_FUSED std::size_t accumulate_and_list_fused(const float* x, const float* 
   moments->rv += w * fr * fv * sums[8];
   moments->count += sums[9];
   moments->squares += fr * fr * sums[10];
+}
+
+/// accumulate_and_list in one go from memory to sums, n a multiple of kLanes.
+template <bool kTriples, bool kList>
+CAMBER_FUSED std::size_t accumulate_and_list_fused(StridedPoints points, const float pivot[3],
+                                                   float weight, const Target& target, int first,
+                                                   int* list, Moments* moments) {
+  const ScaledTarget scaled = scale_target(target, weight);
+  ScaledBlock block;
+  project_block<kTriples>(points, pivot, scaled, &block);
+  ScaledSums sums = {};
+  const std::size_t inliers = add_block<kList>(block, points.n, scaled, first, list, sums);
+  add_unscaled(sums, target.window, weight, scaled.unit, moments);
   moments->inliers += static_cast<double>(inliers);
   return inliers;
 }
@@ -447,44 +512,41 @@ CAMBER_FUSED std::size_t accumulate_and_list_fused(const float* x, const float* 
 
 }  // namespace
 
-std::size_t accumulate_and_list(const float* x, const float* y, const float* z, std::size_t stride,
-                                std::size_t n, const float pivot[3], float weight,
-                                const FloatPlane& plane, const Window& window, float limit,
-                                float inlier_limit, int first, int* list, Moments* moments) {
+std::size_t accumulate_and_list(StridedPoints points, const float pivot[3], float weight,
+                                const Target& target, int first, int* list, Moments* moments) {
+  const std::size_t n = points.n;
 #ifdef CAMBER_FUSED
-  const bool triples = stride == 3 && y == x + 1 && z == x + 2;
-  if (can_fuse() && (triples || stride == 1)) {
+  const bool triples = points.stride == 3 && points.y == points.x + 1 && points.z == points.x + 2;
+  if (can_fuse() && (triples || points.stride == 1)) {
     const auto fused = triples ? (list ? accumulate_and_list_fused<true, true>
                                        : accumulate_and_list_fused<true, false>)
                                : (list ? accumulate_and_list_fused<false, true>
                                        : accumulate_and_list_fused<false, false>);
     const std::size_t whole = n / kLanes * kLanes;
-    std::size_t found = fused(x, y, z, whole, pivot, weight, plane, window, limit, inlier_limit,
-                              first, list, moments);
+    const StridedPoints body = {points.x, points.y, points.z, points.stride, whole};
+    std::size_t found = fused(body, pivot, weight, target, first, list, moments);
     if (whole < n) {
       // The last few, and rows that are not usable.
       float rest[3 * kLanes];
       for (float& value : rest) value = __builtin_nanf("");
       const std::size_t step = triples ? 1 : kLanes, each = triples ? 3 : 1;
       for (std::size_t k = 0; whole + k < n; ++k) {
-        rest[each * k] = x[each * (whole + k)];
-        rest[each * k + step] = y[each * (whole + k)];
-        rest[each * k + 2 * step] = z[each * (whole + k)];
+        rest[each * k] = points.x[each * (whole + k)];
+        rest[each * k + step] = points.y[each * (whole + k)];
+        rest[each * k + 2 * step] = points.z[each * (whole + k)];
       }
-      found += fused(rest, rest + step, rest + 2 * step, kLanes, pivot, weight, plane, window,
-                     limit, inlier_limit, first + static_cast<int>(whole),
-                     list ? list + found : nullptr, moments);
+      found += fused({rest, rest + step, rest + 2 * step, each, kLanes}, pivot, weight, target,
+                     first + static_cast<int>(whole), list ? list + found : nullptr, moments);
     }
     return found;
   }
 #endif
   alignas(32) float px[kBlock], py[kBlock], pz[kBlock], pw[kBlock];
   alignas(32) std::int32_t mask[kBlock];
-  load_points(x, y, z, stride, n, pivot, weight, px, py, pz, pw);
+  load_points(points, pivot, weight, {px, py, pz, pw});
   const std::size_t rows = padded(n);
   for (std::size_t k = n; k < rows; ++k) px[k] = py[k] = pz[k] = pw[k] = 0.0f;
-  accumulate_and_mark(px, py, pz, pw, rows, plane, window, limit, inlier_limit, mask, nullptr,
-                      moments);
+  accumulate_and_mark({px, py, pz, pw, rows}, target, mask, nullptr, moments);
   std::size_t inliers = 0;
   for (std::size_t k = 0; k < n; ++k) {
     if (list) list[inliers] = first + static_cast<int>(k);
@@ -496,21 +558,16 @@ std::size_t accumulate_and_list(const float* x, const float* y, const float* z, 
 namespace {
 
 /// @param normalised  holds the square roots of w
-__attribute__((always_inline)) inline void project_any(const float* x, const float* y,
-                                                       const float* z, const float* w,
-                                                       std::size_t n, const FloatPlane& p,
-                                                       const Window& f, float* normalised, float* u,
-                                                       float* v) {
-  for (std::size_t i = 0; i < n; i += kLanes) {
-    F8 px, py, pz, pw, root = {};
-    load(x + i, px);
-    load(y + i, py);
-    load(z + i, pz);
-    load(w + i, pw);
+CAMBER_INLINE void project_any(const Rows& rows, const FloatPlane& plane, const Window& window,
+                               float* normalised, float* u, float* v) {
+  for (std::size_t i = 0; i < rows.n; i += kLanes) {
+    F8 px, py, pz, pw, root = {}, r, along, across;
+    load(rows.x + i, px);
+    load(rows.y + i, py);
+    load(rows.z + i, pz);
+    load(rows.w + i, pw);
     load(normalised + i, root);
-    const F8 r = p.nx * px + p.ny * py + p.nz * pz + p.d;
-    const F8 along = f.ax * px + f.ay * py + f.az * pz + f.a0;
-    const F8 across = f.bx * px + f.by * py + f.bz * pz + f.b0;
+    project_eight(px, py, pz, plane, window, r, along, across);
     const F8 scaled = pw > 0.0f ? r * root : F8{} + 1e30f;
     std::memcpy(u + i, &along, sizeof(F8));
     std::memcpy(v + i, &across, sizeof(F8));
@@ -519,39 +576,37 @@ __attribute__((always_inline)) inline void project_any(const float* x, const flo
 }
 
 #ifdef CAMBER_FUSED
-CAMBER_FUSED void project_fused(const float* x, const float* y, const float* z, const float* w,
-                                std::size_t n, const FloatPlane& p, const Window& f,
+CAMBER_FUSED void project_fused(Rows rows, const FloatPlane& plane, const Window& window,
                                 float* normalised, float* u, float* v) {
-  for (std::size_t i = 0; i < n; i += kLanes) {
-    _mm256_storeu_ps(normalised + i, _mm256_sqrt_ps(_mm256_loadu_ps(w + i)));
+  for (std::size_t i = 0; i < rows.n; i += kLanes) {
+    _mm256_storeu_ps(normalised + i, _mm256_sqrt_ps(_mm256_loadu_ps(rows.w + i)));
   }
-  project_any(x, y, z, w, n, p, f, normalised, u, v);
+  project_any(rows, plane, window, normalised, u, v);
 }
 #endif
 
 }  // namespace
 
-void project(const float* x, const float* y, const float* z, const float* w, std::size_t n,
-             const FloatPlane& plane, const Window& window, float* normalised, float* u, float* v) {
+void project(Rows rows, const FloatPlane& plane, const Window& window, float* normalised, float* u,
+             float* v) {
 #ifdef CAMBER_FUSED
-  if (can_fuse()) return project_fused(x, y, z, w, n, plane, window, normalised, u, v);
+  if (can_fuse()) return project_fused(rows, plane, window, normalised, u, v);
 #endif
-  for (std::size_t i = 0; i < n; ++i) normalised[i] = std::sqrt(w[i]);
-  project_any(x, y, z, w, n, plane, window, normalised, u, v);
+  for (std::size_t i = 0; i < rows.n; ++i) normalised[i] = std::sqrt(rows.w[i]);
+  project_any(rows, plane, window, normalised, u, v);
 }
 
 CAMBER_CLONES
-PieceStatistics piece_statistics(const float* x, const float* y, const float* z, const float* w,
-                                 std::size_t n, const FloatPlane& plane, float limit) {
+PieceStatistics piece_statistics(Rows rows, const FloatPlane& plane, float limit) {
   const F8 zero = {};
   const F8 one = zero + 1.0f, cap = zero + limit;
   F8 cost = zero, inliers = zero, weight = zero, gradient = zero;
-  for (std::size_t i = 0; i < n; i += kLanes) {
+  for (std::size_t i = 0; i < rows.n; i += kLanes) {
     F8 px, py, pz, pw;
-    load(x + i, px);
-    load(y + i, py);
-    load(z + i, pz);
-    load(w + i, pw);
+    load(rows.x + i, px);
+    load(rows.y + i, py);
+    load(rows.z + i, pz);
+    load(rows.w + i, pw);
     const F8 r = plane.nx * px + plane.ny * py + plane.nz * pz + plane.d;
     const F8 rw = r * pw;
     const F8 t = r * rw;
@@ -566,9 +621,9 @@ PieceStatistics piece_statistics(const float* x, const float* y, const float* z,
 }
 
 CAMBER_CLONES
-void load_points(const float* x, const float* y, const float* z, std::size_t stride, std::size_t n,
-                 const float pivot[3], float weight, float* out_x, float* out_y, float* out_z,
-                 float* out_w) {
+void load_points(StridedPoints points, const float pivot[3], float weight, RowColumns out) {
+  const float *x = points.x, *y = points.y, *z = points.z;
+  const std::size_t stride = points.stride, n = points.n;
   const float px = pivot[0], py = pivot[1], pz = pivot[2];
   constexpr float kFar2 = 1e30f;
   std::size_t i = 0;
@@ -591,19 +646,19 @@ void load_points(const float* x, const float* y, const float* z, std::size_t str
       vy = usable ? vy : zero;
       vz = usable ? vz : zero;
       const F8 vw = usable ? zero + weight : zero;
-      std::memcpy(out_x + i, &vx, sizeof(vx));
-      std::memcpy(out_y + i, &vy, sizeof(vy));
-      std::memcpy(out_z + i, &vz, sizeof(vz));
-      std::memcpy(out_w + i, &vw, sizeof(vw));
+      std::memcpy(out.x + i, &vx, sizeof(vx));
+      std::memcpy(out.y + i, &vy, sizeof(vy));
+      std::memcpy(out.z + i, &vz, sizeof(vz));
+      std::memcpy(out.w + i, &vw, sizeof(vw));
     }
   }
   for (; i < n; ++i) {
     const float vx = x[stride * i] - px, vy = y[stride * i] - py, vz = z[stride * i] - pz;
     const bool usable = vx * vx + vy * vy + vz * vz < kFar2;
-    out_x[i] = usable ? vx : 0.0f;
-    out_y[i] = usable ? vy : 0.0f;
-    out_z[i] = usable ? vz : 0.0f;
-    out_w[i] = usable ? weight : 0.0f;
+    out.x[i] = usable ? vx : 0.0f;
+    out.y[i] = usable ? vy : 0.0f;
+    out.z[i] = usable ? vz : 0.0f;
+    out.w[i] = usable ? weight : 0.0f;
   }
 }
 

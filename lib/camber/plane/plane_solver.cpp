@@ -57,10 +57,11 @@ kernels::Moments sum_moments(const PointArrays& s, const PivotPlane& plane,
                              bool influence) {
   kernels::Moments moments;
   const std::size_t n = kernels::padded(s.size);
+  const kernels::Target target = {plane.as_float(), window.as_float(), static_cast<float>(limit)};
   for (std::size_t begin = 0; begin < n; begin += kernels::kBlock) {
-    kernels::accumulate(s.x.data() + begin, s.y.data() + begin, s.z.data() + begin,
-                        s.w.data() + begin, std::min(kernels::kBlock, n - begin), plane.as_float(),
-                        window.as_float(), static_cast<float>(limit), loss, influence, &moments);
+    kernels::accumulate({s.x.data() + begin, s.y.data() + begin, s.z.data() + begin,
+                         s.w.data() + begin, std::min(kernels::kBlock, n - begin)},
+                        target, loss, influence, &moments);
   }
   return moments;
 }

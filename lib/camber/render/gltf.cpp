@@ -239,6 +239,141 @@ std::vector<std::uint32_t> triangulate(const std::vector<Eigen::Vector3d>& polyg
   return out;
 }
 
+/// Every so many points that at most `most` remain (0: all).
+int points_node(Document& document, const PictureSpace& space, std::size_t most) {
+  std::size_t stride = 1;
+  if (most > 0) stride = (space.points.size() + most - 1) / most;
+  std::vector<Eigen::Vector3f> points;
+  std::vector<std::array<std::uint8_t, 3>> inks;
+  for (std::size_t i = 0; i < space.points.size(); i += stride) {
+    points.push_back(to_gltf(space.points[i].cast<double>()));
+    inks.push_back(space.colors[i]);
+  }
+  json cloud = {{"attributes",
+                 {{"POSITION", document.positions(points)}, {"COLOR_0", document.colors(inks)}}},
+                {"material", document.material({255, 255, 255, 1.0}, "points")},
+                {"mode", kPoints}};
+  return document.mesh_node("road points", json::array({cloud}));
+}
+
+/// Corner i of a closed outline with the next.
+std::vector<std::uint32_t> closed_outline(std::size_t corners) {
+  const auto count = static_cast<std::uint32_t>(corners);
+  std::vector<std::uint32_t> lines;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    lines.push_back(i);
+    lines.push_back((i + 1) % count);
+  }
+  return lines;
+}
+
+int patches_node(Document& document, const std::vector<PlacedPatch>& patches) {
+  std::vector<int> nodes;
+  std::array<int, 3> panes{-1, -1, -1}, rims{-1, -1, -1};  // materials, made when first used
+  for (const PlacedPatch& patch : patches) {
+    std::vector<Eigen::Vector3f> points;
+    for (const Eigen::Vector3d& corner : patch.boundary) points.push_back(to_gltf(corner));
+    const auto k = static_cast<std::size_t>(patch.kind);
+    if (panes[k] < 0) {
+      const std::string name = std::string(to_string(patch.kind)) + " patch";
+      panes[k] = document.material(patch_color(patch.kind).with_alpha(0.25), name);
+      rims[k] = document.material(patch_color(patch.kind), name + " outline");
+    }
+    const int positions = document.positions(points);
+    json primitives = json::array();
+    primitives.push_back(
+        primitive(positions, document.indices(triangulate(patch.boundary)), panes[k], kTriangles));
+    primitives.push_back(primitive(
+        positions, document.indices(closed_outline(patch.boundary.size())), rims[k], kLines));
+    nodes.push_back(document.mesh_node("patch " + std::to_string(patch.id), primitives,
+                                       {{"id", patch.id}, {"status", to_string(patch.status)}}));
+  }
+  return document.group("patches", nodes);
+}
+
+/// The body's faces and its wireframe.
+void wireframe_primitives(Document& document, const PlacedVehicle& vehicle, const Color& color,
+                          json* primitives) {
+  std::vector<Eigen::Vector3f> points;
+  for (const Eigen::Vector3d& x : vehicle.keypoints) points.push_back(to_gltf(x));
+  std::vector<std::uint32_t> faces, lines;
+  for (const auto& t : wireframe_triangles()) {
+    for (const int corner : t) faces.push_back(static_cast<std::uint32_t>(corner));
+  }
+  for (const auto& [a, b] : wireframe_edges()) {
+    lines.push_back(static_cast<std::uint32_t>(a));
+    lines.push_back(static_cast<std::uint32_t>(b));
+  }
+  const int positions = document.positions(points);
+  primitives->push_back(primitive(positions, document.indices(faces),
+                                  document.material(color.with_alpha(0.6), vehicle.name + " body"),
+                                  kTriangles));
+  primitives->push_back(
+      primitive(positions, document.indices(lines),
+                document.material(darker(color, 0.5), vehicle.name + " wireframe"), kLines));
+}
+
+int vehicles_node(Document& document, const PictureSpace& space) {
+  std::vector<int> nodes;
+  for (const PlacedVehicle& vehicle : space.vehicles) {
+    const Color color = vehicle_color(vehicle);
+    json primitives = json::array();
+    if (vehicle.wireframe) wireframe_primitives(document, vehicle, color, &primitives);
+    box_lines(document, vehicle.box, &primitives,
+              document.material(darker(color, 0.7), vehicle.name + " box"));
+    nodes.push_back(document.mesh_node(vehicle.name, primitives, facts(vehicle, space.unit)));
+  }
+  return document.group("vehicles", nodes);
+}
+
+int truth_node(Document& document, const PictureSpace& space) {
+  std::vector<int> nodes;
+  const int red = document.material(kTruthRed, "truth");
+  for (const PlacedVehicle& vehicle : space.truth) {
+    json primitives = json::array();
+    box_lines(document, vehicle.box, &primitives, red);
+    nodes.push_back(document.mesh_node("true vehicle " + std::to_string(vehicle.id), primitives,
+                                       facts(vehicle, space.unit)));
+  }
+  return document.group("truth", nodes);
+}
+
+/// A mesh of lines alone.
+int lines_node(Document& document, const std::string& name,
+               const std::vector<Eigen::Vector3f>& points, const std::vector<std::uint32_t>& lines,
+               int material) {
+  return document.mesh_node(
+      name, json::array({primitive(document.positions(points), document.indices(lines), material,
+                                   kLines)}));
+}
+
+/// The camera's pyramid in each pose, where `camera` is known, and the path between the poses.
+std::vector<int> camera_nodes(Document& document, const PictureSpace& space,
+                              const PinholeCamera* camera) {
+  std::vector<int> nodes;
+  const int ink = document.material(kInk, "camera");
+  const double depth =
+      std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
+  std::vector<Eigen::Vector3f> path;
+  std::vector<std::uint32_t> path_lines;
+  for (std::size_t i = 0; i < space.cameras.size(); ++i) {
+    path.push_back(to_gltf(space.cameras[i].translation()));
+    if (i > 0) {
+      path_lines.push_back(static_cast<std::uint32_t>(i - 1));
+      path_lines.push_back(static_cast<std::uint32_t>(i));
+    }
+    if (!camera) continue;
+    std::vector<Eigen::Vector3f> points = {path.back()};
+    for (const Eigen::Vector3d& corner : frustum_corners(*camera, depth)) {
+      points.push_back(to_gltf(space.cameras[i] * corner));
+    }
+    nodes.push_back(lines_node(document, "camera " + std::to_string(space.camera_ids[i]), points,
+                               {0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1}, ink));
+  }
+  if (!path_lines.empty()) nodes.push_back(lines_node(document, "path", path, path_lines, ink));
+  return nodes;
+}
+
 }  // namespace
 
 void GltfOptions::validate() const {
@@ -253,126 +388,12 @@ std::string encode_glb(const PictureContent& content, const GltfOptions& options
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
   Document document;
   std::vector<int> top;
-
-  if (!space.points.empty()) {
-    std::size_t stride = 1;
-    if (options.max_points > 0) {
-      stride = (space.points.size() + options.max_points - 1) / options.max_points;
-    }
-    std::vector<Eigen::Vector3f> points;
-    std::vector<std::array<std::uint8_t, 3>> inks;
-    for (std::size_t i = 0; i < space.points.size(); i += stride) {
-      points.push_back(to_gltf(space.points[i].cast<double>()));
-      inks.push_back(space.colors[i]);
-    }
-    json cloud = {{"attributes",
-                   {{"POSITION", document.positions(points)}, {"COLOR_0", document.colors(inks)}}},
-                  {"material", document.material({255, 255, 255, 1.0}, "points")},
-                  {"mode", kPoints}};
-    top.push_back(document.mesh_node("road points", json::array({cloud})));
-  }
-
-  if (!space.patches.empty()) {
-    std::vector<int> nodes;
-    std::array<int, 3> panes{-1, -1, -1}, rims{-1, -1, -1};  // materials, made when first used
-    for (const PlacedPatch& patch : space.patches) {
-      std::vector<Eigen::Vector3f> points;
-      std::vector<std::uint32_t> rim;
-      const auto count = static_cast<std::uint32_t>(patch.boundary.size());
-      for (std::uint32_t i = 0; i < count; ++i) {
-        points.push_back(to_gltf(patch.boundary[i]));
-        rim.push_back(i);
-        rim.push_back((i + 1) % count);
-      }
-      const auto k = static_cast<std::size_t>(patch.kind);
-      if (panes[k] < 0) {
-        const std::string name = std::string(to_string(patch.kind)) + " patch";
-        panes[k] = document.material(patch_color(patch.kind).with_alpha(0.25), name);
-        rims[k] = document.material(patch_color(patch.kind), name + " outline");
-      }
-      const int positions = document.positions(points);
-      json primitives = json::array();
-      primitives.push_back(primitive(positions, document.indices(triangulate(patch.boundary)),
-                                     panes[k], kTriangles));
-      primitives.push_back(primitive(positions, document.indices(rim), rims[k], kLines));
-      nodes.push_back(document.mesh_node("patch " + std::to_string(patch.id), primitives,
-                                         {{"id", patch.id}, {"status", to_string(patch.status)}}));
-    }
-    top.push_back(document.group("patches", nodes));
-  }
-
-  if (!space.vehicles.empty()) {
-    std::vector<int> nodes;
-    for (const PlacedVehicle& vehicle : space.vehicles) {
-      const Color color = vehicle_color(vehicle);
-      json primitives = json::array();
-      if (vehicle.wireframe) {
-        std::vector<Eigen::Vector3f> points;
-        for (const Eigen::Vector3d& x : vehicle.keypoints) points.push_back(to_gltf(x));
-        std::vector<std::uint32_t> faces, lines;
-        for (const auto& t : wireframe_triangles()) {
-          for (const int corner : t) faces.push_back(static_cast<std::uint32_t>(corner));
-        }
-        for (const auto& [a, b] : wireframe_edges()) {
-          lines.push_back(static_cast<std::uint32_t>(a));
-          lines.push_back(static_cast<std::uint32_t>(b));
-        }
-        const int positions = document.positions(points);
-        primitives.push_back(primitive(
-            positions, document.indices(faces),
-            document.material(color.with_alpha(0.6), vehicle.name + " body"), kTriangles));
-        primitives.push_back(
-            primitive(positions, document.indices(lines),
-                      document.material(darker(color, 0.5), vehicle.name + " wireframe"), kLines));
-      }
-      box_lines(document, vehicle.box, &primitives,
-                document.material(darker(color, 0.7), vehicle.name + " box"));
-      nodes.push_back(document.mesh_node(vehicle.name, primitives, facts(vehicle, space.unit)));
-    }
-    top.push_back(document.group("vehicles", nodes));
-  }
-
-  if (!space.truth.empty()) {
-    std::vector<int> nodes;
-    const int red = document.material(kTruthRed, "truth");
-    for (const PlacedVehicle& vehicle : space.truth) {
-      json primitives = json::array();
-      box_lines(document, vehicle.box, &primitives, red);
-      nodes.push_back(document.mesh_node("true vehicle " + std::to_string(vehicle.id), primitives,
-                                         facts(vehicle, space.unit)));
-    }
-    top.push_back(document.group("truth", nodes));
-  }
-
+  if (!space.points.empty()) top.push_back(points_node(document, space, options.max_points));
+  if (!space.patches.empty()) top.push_back(patches_node(document, space.patches));
+  if (!space.vehicles.empty()) top.push_back(vehicles_node(document, space));
+  if (!space.truth.empty()) top.push_back(truth_node(document, space));
   if (!space.cameras.empty()) {
-    std::vector<int> nodes;
-    const int ink = document.material(kInk, "camera");
-    const double depth =
-        std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
-    std::vector<Eigen::Vector3f> path;
-    std::vector<std::uint32_t> path_lines;
-    for (std::size_t i = 0; i < space.cameras.size(); ++i) {
-      path.push_back(to_gltf(space.cameras[i].translation()));
-      if (i > 0) {
-        path_lines.push_back(static_cast<std::uint32_t>(i - 1));
-        path_lines.push_back(static_cast<std::uint32_t>(i));
-      }
-      if (!content.camera) continue;
-      std::vector<Eigen::Vector3f> points = {path.back()};
-      for (const Eigen::Vector3d& corner : frustum_corners(*content.camera, depth)) {
-        points.push_back(to_gltf(space.cameras[i] * corner));
-      }
-      const std::vector<std::uint32_t> lines = {0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1};
-      nodes.push_back(document.mesh_node(
-          "camera " + std::to_string(space.camera_ids[i]),
-          json::array(
-              {primitive(document.positions(points), document.indices(lines), ink, kLines)})));
-    }
-    if (!path_lines.empty()) {
-      nodes.push_back(document.mesh_node(
-          "path", json::array({primitive(document.positions(path), document.indices(path_lines),
-                                         ink, kLines)})));
-    }
+    const std::vector<int> nodes = camera_nodes(document, space, content.camera);
     if (!nodes.empty()) top.push_back(document.group("cameras", nodes));
   }
   return document.finish(content.title, top);

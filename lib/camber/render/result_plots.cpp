@@ -82,6 +82,151 @@ double round_up(double value) {
   return 10.0 * power;
 }
 
+/// Depths of the true vehicles, m, by id and frame.
+using TrueDepths = std::map<int, std::map<int, double>>;
+
+/// Of all methods: they may have matched different ones.
+TrueDepths true_depths(const std::vector<EvaluatedScene>& methods) {
+  TrueDepths truth;
+  for (const EvaluatedScene& method : methods) {
+    for (const VehicleError& error : method.metrics.vehicles) {
+      truth[error.truth_id][error.frame] = error.true_depth;
+    }
+  }
+  if (truth.empty()) throw NoAnswerError("depth over time: no detection matches a true vehicle");
+  return truth;
+}
+
+/// When frames were taken: at their times, or, where these are not known, at their numbers.
+class Timeline {
+ public:
+  /// @throws NoAnswerError if no frame of the truth has a time.
+  Timeline(const TrueDepths& truth, const std::map<int, double>& times) : times_(times) {
+    for (const auto& [id, depths] : truth) {
+      for (const auto& [frame, depth] : depths) {
+        if (std::isfinite(when(frame))) instants_.insert(when(frame));
+      }
+    }
+    if (instants_.empty()) throw NoAnswerError("depth over time: no frame has a time");
+  }
+
+  /// NaN for a frame without a time.
+  double when(int frame) const {
+    const auto found = times_.find(frame);
+    return times_.empty() ? frame : found == times_.end() ? kNaN : found->second;
+  }
+  double count() const { return static_cast<double>(instants_.size()); }
+  /// Room before the first and after the last.
+  double margin() const {
+    if (instants_.size() < 2) return 0.5;
+    return 0.3 * (*instants_.rbegin() - *instants_.begin()) /
+           static_cast<double>(instants_.size() - 1);
+  }
+  PlotAxis axis() const {
+    PlotAxis axis;
+    axis.title = times_.empty() ? "frame" : "time, s";
+    axis.whole = times_.empty();
+    axis.low = *instants_.begin() - margin();
+    axis.high = *instants_.rbegin() + margin();
+    if (instants_.size() > 10) return axis;
+    for (const double t : instants_) {
+      axis.names.emplace_back(t, format_number(t, times_.empty() ? 0 : 2));
+    }
+    return axis;
+  }
+
+ private:
+  const std::map<int, double>& times_;
+  std::set<double> instants_;
+};
+
+/// A curve with a gap where the vehicle was out of sight for long.
+PlotSeries true_depth_curve(const std::map<int, double>& depths, const Timeline& timeline) {
+  PlotSeries curve = line("", kTruthRed);
+  int last = depths.begin()->first;
+  for (const auto& [frame, depth] : depths) {
+    if (frame - last > kLongGap) {
+      curve.x.push_back(timeline.when(last));
+      curve.y.push_back(kNaN);
+    }
+    curve.x.push_back(timeline.when(frame));
+    curve.y.push_back(depth);
+    last = frame;
+  }
+  return curve;
+}
+
+/// One vehicle's estimated depths with bars of 95 %.
+/// @param shift  along the time axis
+PlotSeries estimated_depths(const std::vector<VehicleError>& errors, int id,
+                            const Timeline& timeline, double shift) {
+  PlotSeries points;
+  points.kind = PlotSeries::Kind::kPoints;
+  int before = -1;
+  for (const VehicleError& error : errors) {
+    if (error.truth_id != id) continue;
+    if (before >= 0 && error.frame - before > kLongGap) {
+      points.x.push_back(timeline.when(error.frame));
+      for (auto* values : {&points.y, &points.low, &points.high}) values->push_back(kNaN);
+    }
+    before = error.frame;
+    points.x.push_back(timeline.when(error.frame) + shift);
+    points.y.push_back(error.depth);
+    const double margin = kMargin * error.depth_sigma;
+    points.low.push_back(std::isfinite(margin) ? error.depth - margin : error.depth);
+    points.high.push_back(std::isfinite(margin) ? error.depth + margin : error.depth);
+  }
+  return points;
+}
+
+/// The true curves of all vehicles; the first names them all.
+void add_truth(const TrueDepths& truth, const Timeline& timeline, Plot* plot) {
+  const bool many = truth.size() > kManyVehicles;
+  for (const auto& [id, depths] : truth) {
+    PlotSeries curve = true_depth_curve(depths, timeline);
+    if (plot->series.empty()) curve.name = many ? "truth, with the vehicles' ids" : "truth";
+    curve.label = (many ? "" : "vehicle ") + std::to_string(id);
+    plot->series.push_back(curve);
+  }
+}
+
+/// The estimates of all vehicles. They stand a little beside one another and have marks of their
+/// own, which the truth's last point repeats.
+void add_estimates(const EvaluatedScene& method, const Color& color, const TrueDepths& truth,
+                   const Timeline& timeline, Plot* plot) {
+  const double size = std::clamp(60.0 / timeline.count(), 0.35, 1.0);
+  const auto vehicles = static_cast<double>(truth.size());
+  std::vector<PlotSeries> marks;
+  int index = 0;
+  for (const auto& [id, depths] : truth) {
+    const double shift = 0.16 * timeline.margin() * (index - 0.5 * (vehicles - 1.0)) /
+                         std::max(1.0, 0.25 * vehicles);
+    PlotSeries points = estimated_depths(method.metrics.vehicles, id, timeline, shift);
+    points.color = color;
+    points.marker_size = size;
+    PlotSeries last = line("", kTruthRed);
+    last.kind = PlotSeries::Kind::kPoints;
+    last.marker_size = std::max(size, truth.size() > kManyVehicles ? 0.5 : 1.0);
+    last.x = {timeline.when(depths.rbegin()->first)};
+    last.y = {depths.rbegin()->second};
+    points.marker = last.marker = index++;
+    PlotSeries path = line("", color.with_alpha(0.6));
+    path.x = points.x;
+    path.y = points.y;
+    path.thickness = 1.0;
+    marks.insert(marks.end(), {path, points, last});
+  }
+  const std::string name = method.method.empty()
+                               ? "estimate"
+                               : method_label(method.method, method.preset, method.paper_terms);
+  marks[1].name = name + ", bars: 95 %";
+  const auto beyond =
+      std::count_if(method.metrics.vehicles.begin(), method.metrics.vehicles.end(),
+                    [&](const VehicleError& error) { return error.depth > *plot->y.high; });
+  if (beyond > 0) marks[1].name += ", " + std::to_string(beyond) + " off the plot";
+  plot->series.insert(plot->series.end(), marks.begin(), marks.end());
+}
+
 }  // namespace
 
 PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
@@ -224,111 +369,22 @@ PlotSheet error_plots(const std::vector<EvaluatedScene>& scenes, PlottedError wh
 
 PlotSheet depth_plots(const std::vector<EvaluatedScene>& methods,
                       const std::map<int, double>& times) {
-  const auto when = [&](int frame) {
-    const auto found = times.find(frame);
-    return times.empty() ? frame : found == times.end() ? kNaN : found->second;
-  };
-  // The truth by vehicle and frame: methods may have matched different ones.
-  std::map<int, std::map<int, double>> truth;
-  for (const EvaluatedScene& method : methods) {
-    for (const VehicleError& error : method.metrics.vehicles) {
-      truth[error.truth_id][error.frame] = error.true_depth;
-    }
-  }
-  if (truth.empty()) throw NoAnswerError("depth over time: no detection matches a true vehicle");
-  std::set<double> instants;
+  const TrueDepths truth = true_depths(methods);
+  const Timeline timeline(truth, times);
   double farthest = 0.0;
   for (const auto& [id, depths] : truth) {
-    for (const auto& [frame, depth] : depths) {
-      if (std::isfinite(when(frame))) instants.insert(when(frame));
-      farthest = std::max(farthest, depth);
-    }
-  }
-  if (instants.empty()) throw NoAnswerError("depth over time: no frame has a time");
-  PlotAxis axis;
-  axis.title = times.empty() ? "frame" : "time, s";
-  axis.whole = times.empty();
-  const double pad = instants.size() < 2 ? 0.5
-                                         : 0.3 * (*instants.rbegin() - *instants.begin()) /
-                                               static_cast<double>(instants.size() - 1);
-  axis.low = *instants.begin() - pad;
-  axis.high = *instants.rbegin() + pad;
-  if (instants.size() <= 10) {
-    for (const double t : instants) {
-      axis.names.emplace_back(t, format_number(t, times.empty() ? 0 : 2));
-    }
+    for (const auto& [frame, depth] : depths) farthest = std::max(farthest, depth);
   }
   PlotSheet sheet;
   sheet.title = "Depth over time: " + methods.front().scene;
   for (std::size_t k = 0; k < methods.size(); ++k) {
     Plot plot;
-    plot.x = axis;
+    plot.x = timeline.axis();
     plot.y.title = "depth of the centre, m";
     plot.y.low = 0.0;
     plot.y.high = 1.25 * farthest;
-    bool first = true;
-    for (const auto& [id, depths] : truth) {
-      const bool many = truth.size() > kManyVehicles;
-      PlotSeries curve =
-          line(first ? (many ? "truth, with the vehicles' ids" : "truth") : "", kTruthRed);
-      first = false;
-      curve.label = (many ? "" : "vehicle ") + std::to_string(id);
-      int last = depths.begin()->first;
-      for (const auto& [frame, depth] : depths) {
-        // A gap where the vehicle was out of sight for long.
-        if (frame - last > kLongGap) {
-          curve.x.push_back(when(last));
-          curve.y.push_back(kNaN);
-        }
-        curve.x.push_back(when(frame));
-        curve.y.push_back(depth);
-        last = frame;
-      }
-      plot.series.push_back(curve);
-    }
-    // Vehicles stand a little beside one another and have marks of their own, which the truth's
-    // last point repeats.
-    const EvaluatedScene& of = methods[k];
-    const std::string method =
-        of.method.empty() ? "estimate" : method_label(of.method, of.preset, of.paper_terms);
-    const double size = std::clamp(60.0 / static_cast<double>(instants.size()), 0.35, 1.0);
-    int beyond = 0, index = 0;
-    std::vector<PlotSeries> marks;
-    for (const auto& [id, depths] : truth) {
-      const double shift = 0.16 * pad * (index - 0.5 * static_cast<double>(truth.size() - 1)) /
-                           std::max(1.0, 0.25 * static_cast<double>(truth.size()));
-      PlotSeries points = line("", plot_color(static_cast<int>(k))), last = line("", kTruthRed);
-      points.kind = last.kind = PlotSeries::Kind::kPoints;
-      points.marker = last.marker = index;
-      points.marker_size = size;
-      last.marker_size = std::max(size, truth.size() > kManyVehicles ? 0.5 : 1.0);
-      last.x = {when(depths.rbegin()->first)};
-      last.y = {depths.rbegin()->second};
-      ++index;
-      int before = -1;
-      for (const VehicleError& error : methods[k].metrics.vehicles) {
-        if (error.truth_id != id) continue;
-        if (before >= 0 && error.frame - before > kLongGap) {
-          points.x.push_back(when(error.frame));
-          for (auto* values : {&points.y, &points.low, &points.high}) values->push_back(kNaN);
-        }
-        before = error.frame;
-        points.x.push_back(when(error.frame) + shift);
-        points.y.push_back(error.depth);
-        const double margin = kMargin * error.depth_sigma;
-        points.low.push_back(std::isfinite(margin) ? error.depth - margin : error.depth);
-        points.high.push_back(std::isfinite(margin) ? error.depth + margin : error.depth);
-        if (error.depth > *plot.y.high) ++beyond;
-      }
-      PlotSeries path = line("", points.color.with_alpha(0.6));
-      path.x = points.x;
-      path.y = points.y;
-      path.thickness = 1.0;
-      marks.insert(marks.end(), {path, points, last});
-    }
-    marks[1].name = method + ", bars: 95 %";
-    if (beyond > 0) marks[1].name += ", " + std::to_string(beyond) + " off the plot";
-    plot.series.insert(plot.series.end(), marks.begin(), marks.end());
+    add_truth(truth, timeline, &plot);
+    add_estimates(methods[k], plot_color(static_cast<int>(k)), truth, timeline, &plot);
     sheet.panels.push_back(plot);
   }
   return sheet;

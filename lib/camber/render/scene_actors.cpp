@@ -151,14 +151,14 @@ vtkSmartPointer<vtkActor> colored_lines_actor(const std::vector<Segment3>& lines
 
 /// A shaft with four barbs.
 void append_arrow(std::vector<Segment3>* lines, const Eigen::Vector3d& from,
-                  const Eigen::Vector3d& way) {
-  const Eigen::Vector3d tip = from + way;
+                  const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d tip = from + direction;
   lines->emplace_back(from, tip);
-  const Eigen::Vector3d side = way.unitOrthogonal() * (0.12 * way.norm());
-  const Eigen::Vector3d other = way.normalized().cross(side);
+  const Eigen::Vector3d side = direction.unitOrthogonal() * (0.12 * direction.norm());
+  const Eigen::Vector3d other = direction.normalized().cross(side);
   for (const Eigen::Vector3d& barb :
        {side, Eigen::Vector3d(-side), other, Eigen::Vector3d(-other)}) {
-    lines->emplace_back(tip, tip - 0.25 * way + barb);
+    lines->emplace_back(tip, tip - 0.25 * direction + barb);
   }
 }
 
@@ -177,74 +177,88 @@ double lift_of(const PictureSpace& space) {
   return 0.001 * (space.ahead.span() + space.right.span());
 }
 
-}  // namespace
+/// The layers of a scene while they are filled, one a switch.
+class Layers {
+ public:
+  explicit Layers(double line_unit) : line_unit_(line_unit) {
+    for (const SceneSwitch& entry : scene_switches()) layers_.push_back({entry.element, {}});
+  }
+  void add(SceneElement element, const vtkSmartPointer<vtkActor>& actor) {
+    layers_[static_cast<std::size_t>(element)].actors.push_back(shared(actor));
+  }
+  /// @param width  of the lines, in line units; nothing is added where there are none
+  void add_lines(SceneElement element, const std::vector<Segment3>& lines, double width,
+                 const Color& color) {
+    if (!lines.empty()) add(element, lines_actor(lines, width * line_unit_, color));
+  }
+  double line_unit() const { return line_unit_; }
+  /// Those with something in them that are wanted.
+  std::vector<SceneLayer> filled(const std::function<bool(SceneElement)>& wanted) && {
+    layers_.erase(std::remove_if(layers_.begin(), layers_.end(),
+                                 [&](const SceneLayer& layer) {
+                                   return layer.actors.empty() || !wanted(layer.element);
+                                 }),
+                  layers_.end());
+    return std::move(layers_);
+  }
 
-std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
-                                          const SceneStyle& style,
-                                          const std::function<bool(SceneElement)>& wanted) {
-  std::vector<SceneLayer> layers;
-  for (const SceneSwitch& entry : scene_switches()) layers.push_back({entry.element, {}});
-  const auto add = [&](SceneElement element, const vtkSmartPointer<vtkActor>& actor) {
-    layers[static_cast<std::size_t>(element)].actors.push_back(shared(actor));
-  };
-  const double px = style.line_unit;
+ private:
+  double line_unit_;  // pixels
+  std::vector<SceneLayer> layers_;
+};
 
+void add_grid(const PictureSpace& space, Layers& layers) {
   const SceneGrid grid = make_scene_grid(space);
-  std::vector<Segment3> grid_lines = outline({{grid.x1, grid.y1, grid.z},
-                                              {grid.x2, grid.y1, grid.z},
-                                              {grid.x2, grid.y2, grid.z},
-                                              {grid.x1, grid.y2, grid.z}});
+  std::vector<Segment3> lines = outline({{grid.x1, grid.y1, grid.z},
+                                         {grid.x2, grid.y1, grid.z},
+                                         {grid.x2, grid.y2, grid.z},
+                                         {grid.x1, grid.y2, grid.z}});
   for (const double x : grid.xs.values) {
-    grid_lines.push_back({{x, grid.y1, grid.z}, {x, grid.y2, grid.z}});
+    lines.push_back({{x, grid.y1, grid.z}, {x, grid.y2, grid.z}});
   }
   for (const double y : grid.ys.values) {
-    grid_lines.push_back({{grid.x1, y, grid.z}, {grid.x2, y, grid.z}});
+    lines.push_back({{grid.x1, y, grid.z}, {grid.x2, y, grid.z}});
   }
-  add(SceneElement::kGrid, lines_actor(grid_lines, 1.0 * px, {206, 210, 215, 1.0}));
+  layers.add_lines(SceneElement::kGrid, lines, 1.0, {206, 210, 215, 1.0});
+}
 
-  const auto want = [&](SceneElement element) { return !wanted || wanted(element); };
-  if (!space.truth_points.empty() && want(SceneElement::kTruthCloud)) {
-    add(SceneElement::kTruthCloud,
-        cloud_actor(space.truth_points, {}, kTruthGrey, std::max(1.0, 0.75 * style.point_size)));
+void add_wireframe(const PlacedVehicle& vehicle, const Color& color, Layers& layers) {
+  std::vector<Segment3> lines;
+  for (const auto& [a, b] : wireframe_edges()) {
+    lines.emplace_back(vehicle.keypoints[a], vehicle.keypoints[b]);
   }
-  if (!space.points.empty() && want(SceneElement::kPoints)) {
-    add(SceneElement::kPoints, cloud_actor(space.points, space.colors, kInk, style.point_size));
+  layers.add_lines(SceneElement::kVehicles, lines, 2.6, darker(color, 0.5));
+  std::vector<std::vector<Eigen::Vector3d>> faces;
+  for (const auto& t : wireframe_triangles()) {
+    faces.push_back({vehicle.keypoints[t[0]], vehicle.keypoints[t[1]], vehicle.keypoints[t[2]]});
   }
+  layers.add(SceneElement::kVehicles, faces_actor(faces, color.with_alpha(0.6)));
+}
 
-  for (const PlacedVehicle& vehicle : space.vehicles) {
+/// Bodies, boxes and the ground under them.
+void add_vehicles(const std::vector<PlacedVehicle>& vehicles, Layers& layers) {
+  for (const PlacedVehicle& vehicle : vehicles) {
     const Color color = vehicle_color(vehicle);
-    if (vehicle.wireframe) {
-      std::vector<Segment3> lines;
-      for (const auto& [a, b] : wireframe_edges()) {
-        lines.emplace_back(vehicle.keypoints[a], vehicle.keypoints[b]);
-      }
-      add(SceneElement::kVehicles, lines_actor(lines, 2.6 * px, darker(color, 0.5)));
-      std::vector<std::vector<Eigen::Vector3d>> faces;
-      for (const auto& t : wireframe_triangles()) {
-        faces.push_back(
-            {vehicle.keypoints[t[0]], vehicle.keypoints[t[1]], vehicle.keypoints[t[2]]});
-      }
-      add(SceneElement::kVehicles, faces_actor(faces, color.with_alpha(0.6)));
-    }
-    add(SceneElement::kBoxes, lines_actor(box_lines(vehicle.box), 1.0 * px, darker(color, 0.6)));
-    if (!vehicle.ground.empty()) {
-      add(SceneElement::kPlanes,
-          lines_actor(outline(vehicle.ground), 1.6 * px, darker(color, 0.8)));
-      add(SceneElement::kPlanes, faces_actor({vehicle.ground}, color.with_alpha(0.25)));
-    }
+    if (vehicle.wireframe) add_wireframe(vehicle, color, layers);
+    layers.add_lines(SceneElement::kBoxes, box_lines(vehicle.box), 1.0, darker(color, 0.6));
+    if (vehicle.ground.empty()) continue;
+    layers.add_lines(SceneElement::kPlanes, outline(vehicle.ground), 1.6, darker(color, 0.8));
+    layers.add(SceneElement::kPlanes, faces_actor({vehicle.ground}, color.with_alpha(0.25)));
   }
-  std::vector<Segment3> truth_lines, truth_planes;
-  for (const PlacedVehicle& vehicle : space.truth) {
-    append(&truth_lines, box_lines(vehicle.box));
-    if (!vehicle.ground.empty()) append(&truth_planes, outline(vehicle.ground));
-  }
-  if (!truth_lines.empty())
-    add(SceneElement::kTruth, lines_actor(truth_lines, 1.5 * px, kTruthRed));
-  if (!truth_planes.empty()) {
-    add(SceneElement::kTruth, lines_actor(truth_planes, 1.0 * px, kTruthRed));
-  }
+}
 
-  // Cameras: small pyramids and the path.
+void add_truth(const std::vector<PlacedVehicle>& vehicles, Layers& layers) {
+  std::vector<Segment3> boxes, planes;
+  for (const PlacedVehicle& vehicle : vehicles) {
+    append(&boxes, box_lines(vehicle.box));
+    if (!vehicle.ground.empty()) append(&planes, outline(vehicle.ground));
+  }
+  layers.add_lines(SceneElement::kTruth, boxes, 1.5, kTruthRed);
+  layers.add_lines(SceneElement::kTruth, planes, 1.0, kTruthRed);
+}
+
+/// Small pyramids, where `camera` is known, and the path.
+void add_cameras(const PictureSpace& space, const PinholeCamera* camera, Layers& layers) {
   std::vector<Segment3> path, pyramids;
   const double depth =
       std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
@@ -252,9 +266,9 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
     if (i > 0) {
       path.emplace_back(space.cameras[i - 1].translation(), space.cameras[i].translation());
     }
-    if (!content.camera) continue;
+    if (!camera) continue;
     std::vector<Eigen::Vector3d> placed;
-    for (const Eigen::Vector3d& corner : frustum_corners(*content.camera, depth)) {
+    for (const Eigen::Vector3d& corner : frustum_corners(*camera, depth)) {
       placed.push_back(space.cameras[i] * corner);
     }
     append(&pyramids, outline(placed));
@@ -262,9 +276,11 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
       pyramids.emplace_back(space.cameras[i].translation(), corner);
     }
   }
-  if (!pyramids.empty()) add(SceneElement::kCameras, lines_actor(pyramids, 1.3 * px, kInk));
-  if (!path.empty()) add(SceneElement::kCameras, lines_actor(path, 2.5 * px, kInk));
+  layers.add_lines(SceneElement::kCameras, pyramids, 1.3, kInk);
+  layers.add_lines(SceneElement::kCameras, path, 2.5, kInk);
+}
 
+void add_patches(const PictureSpace& space, Layers& layers) {
   const double lift = lift_of(space);
   std::vector<std::vector<Eigen::Vector3d>> panes;
   std::vector<Segment3> normals;
@@ -273,15 +289,18 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
   for (const PlacedPatch& patch : space.patches) {
     panes.push_back(patch.boundary);
     for (Eigen::Vector3d& corner : panes.back()) corner.z() += lift;
-    add(SceneElement::kPatches,
-        lines_actor(outline(panes.back()), 2.0 * px, patch_color(patch.kind)));
+    layers.add_lines(SceneElement::kPatches, outline(panes.back()), 2.0, patch_color(patch.kind));
     append_arrow(&normals, patch.middle, patch.normal * normal_length);
   }
-  if (!panes.empty()) add(SceneElement::kPatches, faces_actor(panes, kPaper.with_alpha(0.4)));
-  if (!normals.empty()) {
-    add(SceneElement::kNormals, lines_actor(normals, 2.0 * px, patch_color(PatchKind::kRoad)));
+  if (!panes.empty()) {
+    layers.add(SceneElement::kPatches, faces_actor(panes, kPaper.with_alpha(0.4)));
   }
+  layers.add_lines(SceneElement::kNormals, normals, 2.0, patch_color(PatchKind::kRoad));
+}
 
+/// The consistency graph: valid links coloured, others dashed.
+void add_links(const PictureSpace& space, Layers& layers) {
+  const double lift = lift_of(space);
   std::vector<Segment3> valid, invalid;
   std::vector<Color> inks;
   for (const PlacedLink& link : space.links) {
@@ -295,15 +314,34 @@ std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const P
       append_dashes(&invalid, a, b, 5.0 * lift);
     }
   }
-  if (!valid.empty()) add(SceneElement::kLinks, colored_lines_actor(valid, inks, 3.5 * px));
-  if (!invalid.empty()) add(SceneElement::kLinks, lines_actor(invalid, 1.6 * px, kInk));
+  if (!valid.empty()) {
+    layers.add(SceneElement::kLinks, colored_lines_actor(valid, inks, 3.5 * layers.line_unit()));
+  }
+  layers.add_lines(SceneElement::kLinks, invalid, 1.6, kInk);
+}
 
-  layers.erase(std::remove_if(layers.begin(), layers.end(),
-                              [&](const SceneLayer& layer) {
-                                return layer.actors.empty() || !want(layer.element);
-                              }),
-               layers.end());
-  return layers;
+}  // namespace
+
+std::vector<SceneLayer> make_scene_layers(const PictureContent& content, const PictureSpace& space,
+                                          const SceneStyle& style,
+                                          const std::function<bool(SceneElement)>& wanted) {
+  const auto want = [&](SceneElement element) { return !wanted || wanted(element); };
+  Layers layers(style.line_unit);
+  add_grid(space, layers);
+  if (!space.truth_points.empty() && want(SceneElement::kTruthCloud)) {
+    layers.add(SceneElement::kTruthCloud, cloud_actor(space.truth_points, {}, kTruthGrey,
+                                                      std::max(1.0, 0.75 * style.point_size)));
+  }
+  if (!space.points.empty() && want(SceneElement::kPoints)) {
+    layers.add(SceneElement::kPoints,
+               cloud_actor(space.points, space.colors, kInk, style.point_size));
+  }
+  add_vehicles(space.vehicles, layers);
+  add_truth(space.truth, layers);
+  add_cameras(space, content.camera, layers);
+  add_patches(space, layers);
+  add_links(space, layers);
+  return std::move(layers).filled(want);
 }
 
 void apply_camera(const SceneCamera& from, const PictureSpace& space, vtkCamera* to) {

@@ -1,6 +1,7 @@
 #include "camber/render/vehicle_comparison.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -81,6 +82,7 @@ class View {
   Vector3d to_reference(double ahead, double left) const {
     return origin_ + ahead * ahead_ - left * right_ - camera_height_ * up_;
   }
+  double camera_height() const { return camera_height_; }
 
  private:
   SE3 reference_from_camera_;
@@ -116,41 +118,33 @@ std::map<double, double> road_line(const LoadedResult& result, const View& view,
   return line;
 }
 
-void add_edge(PlotSeries* side, PlotSeries* top, const Vector3d& a, const Vector3d& b) {
-  for (const Vector3d& p : {a, b}) {
-    side->x.push_back(p.x());
-    side->y.push_back(p.z());
-    top->x.push_back(p.x());
-    top->y.push_back(p.y());
-  }
-  for (PlotSeries* series : {side, top}) {
-    series->x.push_back(kNaN);
-    series->y.push_back(kNaN);
-  }
-}
-
-}  // namespace
-
-PlotSheet vehicle_comparison(const std::vector<const LoadedResult*>& results, int frame,
-                             std::optional<int> vehicle) {
-  if (results.empty()) throw std::invalid_argument("vehicle comparison: found no results");
-  const LoadedResult& first = *results.front();
-  if (!first.scene || !first.scene->truth) {
+const TruthFrame& truth_of(const LoadedResult& result, int frame) {
+  if (!result.scene || !result.scene->truth) {
     throw NoAnswerError("a comparison of vehicles needs a scene with truth");
   }
   const TruthFrame* truth = nullptr;
-  for (const TruthFrame& candidate : first.scene->truth->frames) {
+  for (const TruthFrame& candidate : result.scene->truth->frames) {
     if (candidate.id == frame) truth = &candidate;
   }
-  if (!truth) {
-    throw NoAnswerError("the scene has no truth of frame " + std::to_string(frame));
-  }
-  const auto answers = find_answers(results, frame, *truth, first.scene->camera);
-  const std::vector<Answer>* chosen = nullptr;
-  const TruthVehicle* t = nullptr;
+  if (!truth) throw NoAnswerError("the scene has no truth of frame " + std::to_string(frame));
+  return *truth;
+}
+
+/// A true vehicle and what each result makes of it.
+struct ComparedVehicle {
+  TruthVehicle truth;
+  std::vector<Answer> answers;
+};
+
+/// @param vehicle  id of the true one; none: where the errors differ most.
+ComparedVehicle choose_vehicle(const std::vector<const LoadedResult*>& results, int frame,
+                               std::optional<int> vehicle) {
+  const TruthFrame& truth = truth_of(*results.front(), frame);
+  const auto answers = find_answers(results, frame, truth, results.front()->scene->camera);
+  std::optional<ComparedVehicle> chosen;
   double widest = -1.0;
   for (const auto& [index, list] : answers) {
-    const TruthVehicle& candidate = truth->vehicles[index];
+    const TruthVehicle& candidate = truth.vehicles[index];
     if (vehicle && candidate.id != *vehicle) continue;
     double least = std::numeric_limits<double>::infinity(), largest = 0.0;
     for (const Answer& answer : list) {
@@ -159,81 +153,102 @@ PlotSheet vehicle_comparison(const std::vector<const LoadedResult*>& results, in
     }
     if (largest - least <= widest) continue;
     widest = largest - least;
-    chosen = &list;
-    t = &candidate;
+    chosen = {candidate, list};
   }
-  if (!chosen) {
-    throw NoAnswerError("frame " + std::to_string(frame) +
-                        (vehicle ? ": true vehicle " + std::to_string(*vehicle) +
-                                       " is not matched and answered by all results"
-                                 : ": no true vehicle is matched and answered by all results"));
-  }
+  if (chosen) return *chosen;
+  throw NoAnswerError("frame " + std::to_string(frame) +
+                      (vehicle ? ": true vehicle " + std::to_string(*vehicle) +
+                                     " is not matched and answered by all results"
+                               : ": no true vehicle is matched and answered by all results"));
+}
 
+View view_from_camera(const LoadedResult& result, int frame) {
   SE3 reference_from_camera;
-  if (first.run) {
-    for (const RunDocument::CameraPose& camera : first.run->cameras) {
+  if (result.run) {
+    for (const RunDocument::CameraPose& camera : result.run->cameras) {
       if (camera.id == frame) reference_from_camera = camera.reference_from_camera;
     }
   }
-  const double camera_height = first.scene->height_above_road.value_or(0.0);
-  const View view(reference_from_camera,
-                  first.surface ? first.surface->up : Vector3d(0.0, -1.0, 0.0), camera_height);
-  const Vector3d place = view(t->pose.bottom_center());
-  if (!(place.x() > 0.5)) {
-    throw NoAnswerError("true vehicle " + std::to_string(t->id) + " is not ahead of the camera");
-  }
+  return {reference_from_camera, result.surface ? result.surface->up : Vector3d(0.0, -1.0, 0.0),
+          result.scene->height_above_road.value_or(0.0)};
+}
 
-  Plot side, top;
-  side.title = "From the side";
-  top.title = "From above";
-  side.equal_scale = top.equal_scale = true;
-  side.x.title = top.x.title = "ahead of the camera, m";
-  side.y.title = first.scene->height_above_road ? "height above the near road, m"
-                                                : "height above the camera, m";
-  top.y.title = "left of the camera, m";
+/// The same lines in both plots.
+struct Lines {
+  PlotSeries side, top;
 
-  PlotSeries true_side, true_top;
-  true_side.name = "true box";
-  true_side.color = true_top.color = kTruthRed;
-  true_side.thickness = true_top.thickness = 2.6;
-  const auto true_corners = t->pose.corners();
-  for (const auto& [a, b] : box_edges()) {
-    add_edge(&true_side, &true_top, view(true_corners.col(a)), view(true_corners.col(b)));
+  void style(const Color& color, double thickness) {
+    side.color = top.color = color;
+    side.thickness = top.thickness = thickness;
   }
-  double low = place.x(), high = place.x();
-  std::vector<PlotSeries> estimates_side, estimates_top;
-  for (std::size_t k = 0; k < chosen->size(); ++k) {
-    const Answer& answer = (*chosen)[k];
-    PlotSeries s, u;
-    s.name = answer.name + ": centre " + format_number(answer.error, 2) + " m off";
-    s.color = u.color = plot_color(static_cast<int>(k));
-    s.thickness = u.thickness = 2.0;
-    if (has_wireframe(answer.estimate)) {
-      for (const auto& [a, b] : wireframe_edges()) {
-        add_edge(&s, &u, view(answer.estimate.keypoints[static_cast<std::size_t>(a)]),
-                 view(answer.estimate.keypoints[static_cast<std::size_t>(b)]));
-      }
-    } else {
-      const auto corners = answer.estimate.pose.corners();
-      for (const auto& [a, b] : box_edges()) {
-        add_edge(&s, &u, view(corners.col(a)), view(corners.col(b)));
-      }
-    }
+  void add_point(const Vector3d& p) {
+    side.x.push_back(p.x());
+    side.y.push_back(p.z());
+    top.x.push_back(p.x());
+    top.y.push_back(p.y());
+  }
+  void add_edge(const Vector3d& a, const Vector3d& b) {
+    add_point(a);
+    add_point(b);
+    add_point({kNaN, kNaN, kNaN});
+  }
+  void add_box(const OrientedBox& box, const View& view) {
+    const auto corners = box.corners();
+    for (const auto& [a, b] : box_edges()) add_edge(view(corners.col(a)), view(corners.col(b)));
+  }
+};
+
+Lines true_box(const TruthVehicle& truth, const View& view) {
+  Lines lines;
+  lines.side.name = "true box";
+  lines.style(kTruthRed, 2.6);
+  lines.add_box(truth.pose, view);
+  return lines;
+}
+
+/// Its wireframe, or its box where it has none.
+Lines estimated_vehicle(const Answer& answer, int color, const View& view) {
+  Lines lines;
+  lines.side.name = answer.name + ": centre " + format_number(answer.error, 2) + " m off";
+  lines.style(plot_color(color), 2.0);
+  if (!has_wireframe(answer.estimate)) {
+    lines.add_box(answer.estimate.pose, view);
+    return lines;
+  }
+  const auto& keypoints = answer.estimate.keypoints;
+  for (const auto& [a, b] : wireframe_edges()) {
+    lines.add_edge(view(keypoints[static_cast<std::size_t>(a)]),
+                   view(keypoints[static_cast<std::size_t>(b)]));
+  }
+  return lines;
+}
+
+/// Distances ahead that the plots show, m.
+struct Range {
+  double low, high;
+};
+
+/// From before to behind all places that the vehicle has.
+Range range_of(const ComparedVehicle& vehicle, double true_ahead, const View& view) {
+  Range range{true_ahead, true_ahead};
+  for (const Answer& answer : vehicle.answers) {
     const double ahead = view(answer.estimate.pose.center()).x();
-    low = std::min(low, ahead);
-    high = std::max(high, ahead);
-    estimates_side.push_back(s);
-    estimates_top.push_back(u);
+    range.low = std::min(range.low, ahead);
+    range.high = std::max(range.high, ahead);
   }
-  low = std::max(0.0, std::min(low - 6.0, 0.5 * low));
-  high += 6.0;
+  range.low = std::max(0.0, std::min(range.low - 6.0, 0.5 * range.low));
+  range.high += 6.0;
+  return range;
+}
 
-  PlotSeries road, ray_side, ray_top;
-  road.name = first.truth_cloud ? "true road" : "road as estimated by " + (*chosen)[0].name;
+/// @param line  road_line().
+PlotSeries road_series(const std::map<double, double>& line, const std::string& name) {
+  PlotSeries road;
+  road.name = name;
   road.color = {185, 185, 185, 1.0};
   road.thickness = 7.0;
   double last = kNaN;
-  for (const auto& [ahead, height] : road_line(first, view, place, low, high)) {
+  for (const auto& [ahead, height] : line) {
     if (ahead - last > 3.0) {  // a gap
       road.x.push_back(kNaN);
       road.y.push_back(kNaN);
@@ -242,35 +257,72 @@ PlotSheet vehicle_comparison(const std::vector<const LoadedResult*>& results, in
     road.y.push_back(height);
     last = ahead;
   }
-  ray_side.name = "ray of the camera";
-  ray_side.color = ray_top.color = {120, 120, 120, 1.0};
-  ray_side.dashed = ray_top.dashed = true;
-  ray_side.thickness = ray_top.thickness = 1.2;
-  const Vector3d center = view(t->pose.center());
-  for (const double ahead : {low, high}) {
+  return road;
+}
+
+/// From the camera through the vehicle's true centre.
+Lines camera_ray(const TruthVehicle& truth, const Range& range, const View& view) {
+  Lines ray;
+  ray.side.name = "ray of the camera";
+  ray.style({120, 120, 120, 1.0}, 1.2);
+  ray.side.dashed = ray.top.dashed = true;
+  const Vector3d center = view(truth.pose.center());
+  for (const double ahead : {range.low, range.high}) {
     const double share = ahead / center.x();
-    ray_side.x.push_back(ahead);
-    ray_side.y.push_back(camera_height + share * (center.z() - camera_height));
-    ray_top.x.push_back(ahead);
-    ray_top.y.push_back(share * center.y());
+    ray.add_point({ahead, share * center.y(),
+                   view.camera_height() + share * (center.z() - view.camera_height())});
   }
-  if (!road.x.empty()) side.series.push_back(road);
-  side.series.push_back(ray_side);
-  side.series.push_back(true_side);
-  top.series = {ray_top, true_top};
-  // The first result, usually the best, on top of the others.
-  for (std::size_t k = chosen->size(); k-- > 0;) {
-    side.series.push_back(estimates_side[k]);
-    top.series.push_back(estimates_top[k]);
-  }
+  return ray;
+}
+
+/// Both plots without anything in them.
+std::array<Plot, 2> empty_panels(const Range& range, bool road_known) {
+  Plot side, top;
+  side.title = "From the side";
+  top.title = "From above";
+  side.y.title = road_known ? "height above the near road, m" : "height above the camera, m";
+  top.y.title = "left of the camera, m";
   for (Plot* plot : {&side, &top}) {
-    plot->x.low = low;
-    plot->x.high = high;
+    plot->equal_scale = true;
+    plot->x.title = "ahead of the camera, m";
+    plot->x.low = range.low;
+    plot->x.high = range.high;
+  }
+  return {side, top};
+}
+
+}  // namespace
+
+PlotSheet vehicle_comparison(const std::vector<const LoadedResult*>& results, int frame,
+                             std::optional<int> vehicle) {
+  if (results.empty()) throw std::invalid_argument("vehicle comparison: found no results");
+  const LoadedResult& first = *results.front();
+  const ComparedVehicle chosen = choose_vehicle(results, frame, vehicle);
+  const std::string id = std::to_string(chosen.truth.id);
+  const View view = view_from_camera(first, frame);
+  const Vector3d place = view(chosen.truth.pose.bottom_center());
+  if (!(place.x() > 0.5)) {
+    throw NoAnswerError("true vehicle " + id + " is not ahead of the camera");
+  }
+  const Range range = range_of(chosen, place.x(), view);
+  auto [side, top] = empty_panels(range, first.scene->height_above_road.has_value());
+
+  const PlotSeries road = road_series(
+      road_line(first, view, place, range.low, range.high),
+      first.truth_cloud ? "true road" : "road as estimated by " + chosen.answers[0].name);
+  if (!road.x.empty()) side.series.push_back(road);
+  std::vector<Lines> drawn = {camera_ray(chosen.truth, range, view), true_box(chosen.truth, view)};
+  // The first result, usually the best, on top of the others.
+  for (std::size_t k = chosen.answers.size(); k-- > 0;) {
+    drawn.push_back(estimated_vehicle(chosen.answers[k], static_cast<int>(k), view));
+  }
+  for (const Lines& lines : drawn) {
+    side.series.push_back(lines.side);
+    top.series.push_back(lines.top);
   }
   PlotSheet sheet;
-  sheet.title = first.scene->name + ", frame " + std::to_string(frame) + ": vehicle " +
-                std::to_string(t->id) + ", truly " +
-                format_number(t->pose.bottom_center().norm(), 1) + " m away";
+  sheet.title = first.scene->name + ", frame " + std::to_string(frame) + ": vehicle " + id +
+                ", truly " + format_number(chosen.truth.pose.bottom_center().norm(), 1) + " m away";
   sheet.panels = {side, top};
   return sheet;
 }

@@ -29,19 +29,20 @@ double count_support(const PointColumns& source, const std::array<float, 3>& piv
   window.half_v *= 0.5f / 0.48f;
   window.ramp_u *= 1e-3f;
   window.ramp_v *= 1e-3f;
+  const kernels::Target target = {c.plane.as_float(), window,
+                                  static_cast<float>(kCountSigmas * kCountSigmas)};
   double count = 0.0;
   for (std::size_t block = 0; block < blocks; block += step) {
     const std::size_t begin = block * kernels::kBlock;
     const std::size_t m = std::min(kernels::kBlock, source.size - begin);
     const std::size_t first = source.stride * begin;
-    kernels::load_points(source.x + first, source.y + first, source.z + first, source.stride, m,
-                         pivot.data(), 1.0f, x, y, z, weight);
+    kernels::load_points({source.x + first, source.y + first, source.z + first, source.stride, m},
+                         pivot.data(), 1.0f, {x, y, z, weight});
     for (std::size_t k = m; k < kernels::padded(m); ++k) x[k] = y[k] = z[k] = weight[k] = 0.0f;
     c.noise.weigh(c.plane.n, c.plane.d, m, x, y, z, source.sigma ? source.sigma + begin : nullptr,
                   source.covariance ? source.covariance + begin : nullptr, weight);
     kernels::Moments moments;
-    kernels::accumulate(x, y, z, weight, kernels::padded(m), c.plane.as_float(), window,
-                        static_cast<float>(kCountSigmas * kCountSigmas), kernels::Loss::kReweighted,
+    kernels::accumulate({x, y, z, weight, kernels::padded(m)}, target, kernels::Loss::kReweighted,
                         false, &moments);
     count += moments.count;
   }
@@ -54,8 +55,8 @@ void load_many(const PointColumns& source, const std::array<float, 3>& pivot, Po
   const std::size_t n = (source.size + every - 1) / every;
   PointArrays& s = *many;
   s.resize(n, source.sigma != nullptr, source.covariance != nullptr);
-  kernels::load_points(source.x, source.y, source.z, source.stride * every, n, pivot.data(), 1.0f,
-                       s.x.data(), s.y.data(), s.z.data(), s.w.data());
+  kernels::load_points({source.x, source.y, source.z, source.stride * every, n}, pivot.data(), 1.0f,
+                       {s.x.data(), s.y.data(), s.z.data(), s.w.data()});
   for (std::size_t k = 0; k < n; ++k) {
     // Far from everything, so that no plane holds those that are not usable.
     if (!(s.w[k] > 0.0f)) s.x[k] = s.y[k] = s.z[k] = 1e15f;
@@ -76,10 +77,9 @@ CloudMoments sum_cloud_moments(const PointColumns& source, const std::array<floa
     std::vector<int> inliers;
   };
   std::vector<Part> parts(chunks);
-  const kernels::FloatPlane p = c.plane.as_float();
-  const kernels::Window w = c.window.as_float();
-  constexpr float kLimit = static_cast<float>(kBiweight * kBiweight);
-  constexpr float kInlier = static_cast<float>(kInlierSigmas * kInlierSigmas);
+  const kernels::Target target = {c.plane.as_float(), c.window.as_float(),
+                                  static_cast<float>(kBiweight * kBiweight),
+                                  static_cast<float>(kInlierSigmas * kInlierSigmas)};
   list = list && finish;
   const int threads = resolve_num_threads(num_threads);
   CloudMoments out;
@@ -103,27 +103,26 @@ CloudMoments sum_cloud_moments(const PointColumns& source, const std::array<floa
     for (std::size_t begin = chunk * kChunk; begin < chunk_end; begin += kernels::kBlock) {
       const std::size_t m = std::min(kernels::kBlock, chunk_end - begin);
       const std::size_t first = source.stride * begin;
+      const kernels::StridedPoints points = {source.x + first, source.y + first, source.z + first,
+                                             source.stride, m};
       if (same) {
         const std::size_t filled = kernels::accumulate_and_list(
-            source.x + first, source.y + first, source.z + first, source.stride, m, pivot.data(),
-            same_weight, p, w, kLimit, kInlier, static_cast<int>(begin), list ? buffer : nullptr,
-            &part.moments);
+            points, pivot.data(), same_weight, target, static_cast<int>(begin),
+            list ? buffer : nullptr, &part.moments);
         if (list) inliers.insert(inliers.end(), buffer, buffer + filled);
         continue;
       }
-      kernels::load_points(source.x + first, source.y + first, source.z + first, source.stride, m,
-                           pivot.data(), 1.0f, x, y, z, weight);
+      kernels::load_points(points, pivot.data(), 1.0f, {x, y, z, weight});
       const std::size_t rows = kernels::padded(m);
       for (std::size_t k = m; k < rows; ++k) x[k] = y[k] = z[k] = weight[k] = 0.0f;
       c.noise.weigh(c.plane.n, c.plane.d, m, x, y, z, source.sigma ? source.sigma + begin : nullptr,
                     source.covariance ? source.covariance + begin : nullptr, weight);
       if (!finish) {
-        kernels::accumulate(x, y, z, weight, rows, p, w, kLimit, kernels::Loss::kNewton, false,
+        kernels::accumulate({x, y, z, weight, rows}, target, kernels::Loss::kNewton, false,
                             &part.moments);
         continue;
       }
-      kernels::accumulate_and_mark(x, y, z, weight, rows, p, w, kLimit, kInlier,
-                                   list ? mask : nullptr,
+      kernels::accumulate_and_mark({x, y, z, weight, rows}, target, list ? mask : nullptr,
                                    source.stride == 3 && begin + 2 * kernels::kBlock <= n
                                        ? source.x + first + 3 * kernels::kBlock
                                        : nullptr,

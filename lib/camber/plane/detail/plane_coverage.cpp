@@ -230,8 +230,9 @@ struct Projection {
     update(s, c);
   }
   void update(const PointArrays& s, const PlaneCandidate& c) {
-    kernels::project(s.x.data(), s.y.data(), s.z.data(), s.w.data(), s.x.size(), c.plane.as_float(),
-                     c.window.as_float(), normalised.data(), u.data(), v.data());
+    kernels::project({s.x.data(), s.y.data(), s.z.data(), s.w.data(), s.x.size()},
+                     c.plane.as_float(), c.window.as_float(), normalised.data(), u.data(),
+                     v.data());
   }
 };
 

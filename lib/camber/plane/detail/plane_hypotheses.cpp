@@ -56,18 +56,16 @@ bool PlaneHypotheses::orient(PivotPlane* plane) const {
 
 double PlaneHypotheses::cost(const PivotPlane& plane, double bound) const {
   constexpr float kLimit = static_cast<float>(kInlierSigmas * kInlierSigmas);
-  const std::size_t n = kernels::padded(sample_.scored.size);
+  const kernels::Rows rows = {sample_.scored.x.data(), sample_.scored.y.data(),
+                              sample_.scored.z.data(), sample_.scored.w.data(),
+                              kernels::padded(sample_.scored.size)};
   const float most = static_cast<float>(std::min(bound, 1e30));
   if (noise_.kind == NoiseKind::kRays) {
     const double height = plane.n.dot(noise_.viewpoint) + plane.d;
-    return kernels::msac_cost_rays(sample_.scored.x.data(), sample_.scored.y.data(),
-                                   sample_.scored.z.data(), sample_.scored.w.data(),
-                                   sample_.scored.floor2.data(), n, plane.as_float(),
+    return kernels::msac_cost_rays(rows, sample_.scored.floor2.data(), plane.as_float(),
                                    static_cast<float>(height * height), kLimit, most);
   }
-  return kernels::msac_cost(sample_.scored.x.data(), sample_.scored.y.data(),
-                            sample_.scored.z.data(), sample_.scored.w.data(), n, plane.as_float(),
-                            kLimit, most);
+  return kernels::msac_cost(rows, plane.as_float(), kLimit, most);
 }
 
 /// Refines a plane on the scored points as long as its cost falls.

@@ -19,7 +19,7 @@ kernels::PieceStatistics LeafEvaluator::statistics(const PivotPlane& plane,
                        rays);
     w = rays;
   }
-  return kernels::piece_statistics(&s_.x[b], &s_.y[b], &s_.z[b], w, n, plane.as_float(),
+  return kernels::piece_statistics({&s_.x[b], &s_.y[b], &s_.z[b], w, n}, plane.as_float(),
                                    static_cast<float>(kLeafLimit));
 }
 
@@ -27,8 +27,7 @@ kernels::Moments LeafEvaluator::moments(const PivotPlane& plane, const PlaneWind
                                         const std::vector<int>& leaves, double limit) const {
   kernels::Moments sum;
   alignas(32) float rays[kernels::kBlock];
-  const kernels::FloatPlane p = plane.as_float();
-  const kernels::Window f = window.as_float();
+  const kernels::Target target = {plane.as_float(), window.as_float(), static_cast<float>(limit)};
   for (std::size_t k = 0; k < leaves.size();) {
     // Leaves that follow each other are one run of rows.
     const std::size_t b = tree_.leaves()[static_cast<std::size_t>(leaves[k])].begin;
@@ -46,8 +45,8 @@ kernels::Moments LeafEvaluator::moments(const PivotPlane& plane, const PlaneWind
                          rays);
       w = rays;
     }
-    kernels::accumulate(&s_.x[b], &s_.y[b], &s_.z[b], w, n, p, f, static_cast<float>(limit),
-                        kernels::Loss::kReweighted, false, &sum);
+    kernels::accumulate({&s_.x[b], &s_.y[b], &s_.z[b], w, n}, target, kernels::Loss::kReweighted,
+                        false, &sum);
   }
   return sum;
 }

@@ -64,7 +64,7 @@ void propose_planes(const LeafEvaluator& evaluator, std::size_t block,
                           &s.sigma[begin], nullptr, scored.data());
       }
       const double cost = static_cast<double>(kernels::msac_cost(
-          &s.x[begin], &s.y[begin], &s.z[begin], scored.data(), n, plane.as_float(),
+          {&s.x[begin], &s.y[begin], &s.z[begin], scored.data(), n}, plane.as_float(),
           static_cast<float>(kLeafLimit), static_cast<float>(std::min(best, 1e30))));
       if (cost < best) {
         best = cost;
