@@ -7,10 +7,13 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 namespace camber {
 namespace {
+
+constexpr double kPi = 3.14159265358979323846;
 
 /// Robust plane through points: u = c + alpha b + beta a in a road frame.
 Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noise) {
@@ -33,11 +36,17 @@ Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noi
   return x;
 }
 
+/// The nearest road that is seen, unit of the points.
+struct NearRoad {
+  double plane_height = 0.0;  ///< of the camera above the plane through it
+  double begins = 0.0;        ///< ahead of the camera
+};
+
 /// Turns the frame about the direction of travel to the cross slope of the nearest road, whose
 /// height below the camera gives a first scale: near points lie about one camera height below the
 /// travelled line. @return why there is none; empty: there is one.
 std::string fit_near_plane(const RoadPoints& road, double camera_height, detail::TravelFrame* frame,
-                           double* near_plane_height) {
+                           NearRoad* out) {
   std::vector<Eigen::Vector3d> abu;
   abu.reserve(road.points.size());
   std::vector<double> ahead;
@@ -75,34 +84,45 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
     frame->right = frame->forward.cross(frame->up);
     for (std::size_t i = 0; i < abu.size(); ++i) abu[i] = frame->of(road.points[i]);
   }
-  *near_plane_height = height;
+  *out = {height, nearest};
   return "";
 }
 
-/// The camera's other positions in the frame, ahead and behind as far as roads bend evenly.
-std::vector<Eigen::Vector3d> usable_path(const RoadPoints& road, const detail::TravelFrame& frame,
-                                         double metres_per_baseline) {
+/// A position of the camera on its path, in the travel frame.
+struct CameraPosition {
+  Eigen::Vector3d place;
+  std::optional<double> turn;  ///< rad, to the right
+};
+
+/// The camera's other positions, ahead and behind as far as roads bend evenly.
+std::vector<CameraPosition> usable_path(const RoadPoints& road, const detail::TravelFrame& frame,
+                                        double metres_per_baseline) {
   constexpr double kShortest = 0.02, kLongest = 10.0;  // m, to either side
-  std::vector<Eigen::Vector3d> out;
-  for (const Eigen::Vector3d& p : road.camera_path) {
-    const Eigen::Vector3d q = frame.of(p);
+  std::vector<CameraPosition> out;
+  for (std::size_t k = 0; k < road.camera_path.size(); ++k) {
+    const Eigen::Vector3d q = frame.of(road.camera_path[k]);
     const double distance = metres_per_baseline * std::abs(q.y());
     if (distance > kShortest && distance < kLongest && q.norm() < 1.2 * std::abs(q.y())) {
-      out.push_back(q);
+      out.push_back({q, std::nullopt});
+      if (!road.camera_turns.empty()) out.back().turn = road.camera_turns[k];
     }
   }
   return out;
 }
 
-/// Curvature in plan of the path through the camera's positions, 1 / unit.
-double path_curvature(const std::vector<Eigen::Vector3d>& path, double metres_per_baseline,
+/// Curvature in plan of the path, by the camera's positions and how far it has turned there,
+/// 1 / unit.
+double path_curvature(const std::vector<CameraPosition>& path, double metres_per_baseline,
                       const EgoPlaneOptions& options) {
   double information = 1.0 / (options.path_curvature * options.path_curvature), moment = 0.0;
-  for (const Eigen::Vector3d& p : path) {
-    const Eigen::Vector3d q = metres_per_baseline * p;
-    const double by_curvature = 0.5 * q.y() * q.y() / options.path_sigma;
-    information += by_curvature * by_curvature;
-    moment += by_curvature * q.x() / options.path_sigma;
+  const auto add = [&](double by_curvature, double value, double sigma) {
+    information += by_curvature * by_curvature / (sigma * sigma);
+    moment += by_curvature * value / (sigma * sigma);
+  };
+  for (const CameraPosition& p : path) {
+    const Eigen::Vector3d q = metres_per_baseline * p.place;
+    add(0.5 * q.y() * q.y(), q.x(), options.path_sigma);
+    if (p.turn) add(q.y(), *p.turn, options.heading_sigma);
   }
   return moment / information * metres_per_baseline;
 }
@@ -128,6 +148,18 @@ double assumption_variance(const detail::ProfileMeasurements& measured,
   return by_width * by_width + 0.25 * (by_soft * by_soft + by_stiff * by_stiff);
 }
 
+/// What a turn between the camera and the nearest road that is seen leaves open: a path that turns
+/// leaves one fall of the road for another, and its slope changes by up to the fall times the sine
+/// of the angle, somewhere on the way.
+/// @return variance of the logarithm of the scale.
+double turn_variance(double path_curvature, const NearRoad& near, double metres_per_baseline,
+                     const EgoPlaneOptions& options) {
+  const double turned = std::min(std::abs(path_curvature) * near.begins, 0.5 * kPi);
+  const double height =
+      0.5 * metres_per_baseline * near.begins * options.cross_fall * std::sin(turned);
+  return std::pow(height / options.camera_height, 2);
+}
+
 }  // namespace
 
 void EgoPlaneOptions::validate() const {
@@ -146,6 +178,8 @@ void EgoPlaneOptions::validate() const {
   require(path_curvature > 0, "path_curvature", path_curvature, "> 0");
   require(path_sigma > 0, "path_sigma", path_sigma, "> 0");
   require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");
+  require(heading_sigma > 0, "heading_sigma", heading_sigma, "> 0");
+  require(cross_fall >= 0, "cross_fall", cross_fall, ">= 0");
   require(heave >= 0, "heave", heave, ">= 0");
   require(travel_reach > 0, "travel_reach", travel_reach, "> 0");
   require(curvature > 0, "curvature", curvature, "> 0");
@@ -170,6 +204,11 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
     return out;
   };
   const std::size_t count = road.points.size();
+  if (!road.camera_turns.empty() && road.camera_turns.size() != road.camera_path.size()) {
+    throw std::invalid_argument("camera_turns has " + std::to_string(road.camera_turns.size()) +
+                                " entries, expected one for each of " +
+                                std::to_string(road.camera_path.size()) + " positions");
+  }
   if (count < 30) {
     return fail("too few road points: " + std::to_string(count) + ", expected at least 30");
   }
@@ -178,17 +217,20 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const Eigen::Vector3d level = (up - up.dot(forward) * forward).normalized();
   // x right, y down, z forward: z x (-y) = x
   detail::TravelFrame frame{forward.cross(level), forward, level};
-  const std::string failure =
-      fit_near_plane(road, options.camera_height, &frame, &out.near_plane_height);
+  NearRoad near;
+  const std::string failure = fit_near_plane(road, options.camera_height, &frame, &near);
   if (!failure.empty()) return fail(failure);
+  out.near_plane_height = near.plane_height;
   double metres_per_baseline = options.camera_height / out.near_plane_height;
 
   detail::ProfileMeasurements measured;
   measured.road = &road;
-  for (const Eigen::Vector3d& p : road.points) measured.points.push_back(frame.of(p));
-  measured.path = usable_path(road, frame, metres_per_baseline);
+  const std::vector<CameraPosition> path = usable_path(road, frame, metres_per_baseline);
+  const detail::CircularPath circle{path_curvature(path, metres_per_baseline, options)};
+  for (const Eigen::Vector3d& p : road.points) measured.points.push_back(circle.along(frame.of(p)));
+  for (const CameraPosition& p : path) measured.path.push_back(circle.along(p.place));
   measured.level_cross_slope = -frame.right.dot(level) / frame.up.dot(level);
-  measured.path_curvature = path_curvature(measured.path, metres_per_baseline, options);
+  measured.path_curvature = circle.curvature;
 
   EgoPlaneOptions narrow = options, wide = options;
   wide.half_width = options.wide_half_width;
@@ -196,9 +238,11 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const bool is_wide = !profile.failure.empty() || profile.points < options.narrow_points;
   if (is_wide) profile = detail::fit_driven_profile(measured, metres_per_baseline, wide);
   if (!profile.failure.empty()) return fail(profile.failure);
-  const double assumptions = assumption_variance(measured, profile, is_wide ? wide : narrow,
-                                                 is_wide ? narrow.half_width : wide.half_width);
   metres_per_baseline = profile.metres_per_baseline;
+  const double assumptions =
+      assumption_variance(measured, profile, is_wide ? wide : narrow,
+                          is_wide ? narrow.half_width : wide.half_width) +
+      turn_variance(measured.path_curvature, near, metres_per_baseline, options);
   const Eigen::Index columns = road.shared_jacobian.cols();
   Eigen::MatrixXd covariance = options.inflation * profile.covariance;
   if (columns > 0 && shared_covariance.size() > 0) {
@@ -232,8 +276,8 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
                                  height_share * height_share);
   for (int j = foot; j < nodes; ++j) {
     const double ahead = (j - foot) * step / metres_per_baseline;
-    out.line.push_back(forward * ahead +
-                       frame.right * (0.5 * measured.path_curvature * ahead * ahead) +
+    const Eigen::Vector2d place = circle.at(ahead);
+    out.line.push_back(forward * place.y() + frame.right * place.x() +
                        frame.up * (profile.x[j] / metres_per_baseline));
   }
   out.points = profile.points;

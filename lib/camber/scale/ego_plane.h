@@ -19,6 +19,9 @@ struct RoadPoints {
   /// Other positions of the same camera on its path, same frame and unit, in any order; may be
   /// empty. The road below them is the camera's height lower.
   std::vector<Eigen::Vector3d> camera_path;
+  /// How far the camera has turned about up at each of those positions, rad, positive to the right;
+  /// empty: not known.
+  std::vector<double> camera_turns;
 };
 
 struct EgoPlaneOptions {
@@ -33,6 +36,11 @@ struct EgoPlaneOptions {
   int narrow_points = 150;       ///< fewer are too few
   double path_curvature = 0.03;  ///< 1/m, standard deviation of a driven path's, in plan, > 0
   double path_sigma = 0.02;      ///< m, of a position across the path, > 0
+  double heading_sigma = 0.005;  ///< rad, of a camera's turn against the path's, > 0
+  /// Standard deviation of a road's fall to a side, >= 0: built to 2 to 2.5 % (AASHTO, "A Policy on
+  /// Geometric Design of Highways and Streets", cross slope). A path that turns leaves one fall for
+  /// another.
+  double cross_fall = 0.02;
   double travel_sigma = 0.0042;  ///< rad, between the direction of travel and the road, > 0
   /// m: over longer distances than this, to either side, what the camera rises and falls against
   /// the road is a random walk, > 0.

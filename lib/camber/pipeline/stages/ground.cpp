@@ -140,7 +140,11 @@ EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, Profi
   ego.camera_height = frames.known.camera_height.value_or(options.unknown_camera_height);
   for (std::size_t k = 0; k < frames.size(); ++k) {
     if (k == frames.reference) continue;
-    points.road.camera_path.push_back(motion.frame_from_reference[k].inverse().translation());
+    const SE3 reference_from_frame = motion.frame_from_reference[k].inverse();
+    points.road.camera_path.push_back(reference_from_frame.translation());
+    // The optical axes in plan: roads are nearly level in the camera's frame.
+    const Eigen::Vector3d axis = reference_from_frame.rotation() * Eigen::Vector3d::UnitZ();
+    points.road.camera_turns.push_back(std::atan2(axis.x(), axis.z()));
   }
   return fit_ego_plane(points.road, travel_direction(motion, frames.reference),
                        Eigen::Vector3d(0, -1, 0), motion.covariance, ego);

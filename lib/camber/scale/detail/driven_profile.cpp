@@ -10,6 +10,8 @@
 namespace camber::detail {
 namespace {
 
+constexpr double kPi = 3.14159265358979323846;
+
 using Terms = std::vector<std::pair<int, double>>;
 
 /// Positions on one side of the camera, outwards, at least `reach` apart; the farthest if none is.
@@ -83,12 +85,6 @@ class ProfileFit {
  private:
   Eigen::Index shared_columns() const { return measured_.road->shared_jacobian.cols(); }
 
-  /// To the right of the driven path, m.
-  double lateral(const Eigen::Vector3d& p) const {
-    const double curvature = measured_.path_curvature / profile_.metres_per_baseline;
-    return p.x() - 0.5 * curvature * p.y() * p.y();
-  }
-
   void add_points(bool robust) {
     const double step = profile_.step;
     const int nodes = profile_.nodes;
@@ -97,7 +93,7 @@ class ProfileFit {
     std::vector<double> seen;  // m ahead
     for (std::size_t i = 0; i < measured_.points.size(); ++i) {
       const Eigen::Vector3d p = profile_.metres_per_baseline * measured_.points[i];
-      const double at = p.y() / step + profile_.foot, side = lateral(p);
+      const double at = p.y() / step + profile_.foot, side = p.x();
       if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(side) > options_.half_width) continue;
       const int j = static_cast<int>(at);
       const double f = at - j;
@@ -139,11 +135,16 @@ class ProfileFit {
   double curve_begins(int j) const {
     if (!(seen_from_ < options_.near_road * options_.camera_height)) return 1.0;
     const Eigen::VectorXd& x = profile_.x;
+    const int bank = profile_.nodes + j;
     const double change =
-        (x[j + 3] - 3 * x[j + 2] + 3 * x[j + 1] - x[j]) / (profile_.step * profile_.step);
+        (x[j + 3] - 3 * x[j + 2] + 3 * x[j + 1] - x[j]) / (profile_.step * profile_.step) -
+        turn() * (x[bank + 2] - x[bank + 1]);
     const double sigmas = change / (options_.curvature_walk * std::sqrt(profile_.step));
     return std::min(std::hypot(1.0, sigmas / options_.curve_begins), options_.curve_begins_most);
   }
+
+  /// Curvature of the path in plan, 1/m.
+  double turn() const { return measured_.path_curvature / profile_.metres_per_baseline; }
 
   void add_measurement(const Terms& terms, double value, double sigma) {
     const double w = 1.0 / (sigma * sigma);
@@ -166,7 +167,7 @@ class ProfileFit {
     const int j = std::clamp(static_cast<int>(std::lround(at)), 1, nodes - 2);
     const double slope = (x[j + 1] - x[j - 1]) / (2 * step), cross = x[nodes + j];
     const double h = options_.camera_height / std::sqrt(1 + slope * slope + cross * cross);
-    return {p.y() + h * slope, lateral(p) + h * cross, p.z() + options_.camera_height - h};
+    return {p.y() + h * slope, p.x() + h * cross, p.z() + options_.camera_height - h};
   }
 
   /// Every position of the camera is its height above the road below it, as a random walk against
@@ -214,15 +215,24 @@ class ProfileFit {
     const int foot = profile_.foot, nodes = profile_.nodes;
     const double walk = options_.curvature_walk * std::sqrt(step);
     const double curvature = options_.curvature * std::sqrt((options_.reach / step + 2.0) / 4.0);
+    // Along a path that turns, an even slope changes to a cross slope and back: what bends is what
+    // remains.
+    const double turn = this->turn();
     for (int j = 0; j + 2 < nodes; ++j) {
-      add_measurement({{j, 1 / s2}, {j + 1, -2 / s2}, {j + 2, 1 / s2}}, 0.0, curvature);
+      add_measurement({{j, 1 / s2}, {j + 1, -2 / s2}, {j + 2, 1 / s2}, {nodes + j + 1, -turn}}, 0.0,
+                      curvature);
       if (j + 3 < nodes) {
-        add_measurement({{j, -1 / s2}, {j + 1, 3 / s2}, {j + 2, -3 / s2}, {j + 3, 1 / s2}}, 0.0,
-                        walk * (robust ? curve_begins(j) : 1.0));
+        add_measurement({{j, -1 / s2},
+                         {j + 1, 3 / s2},
+                         {j + 2, -3 / s2},
+                         {j + 3, 1 / s2},
+                         {nodes + j + 1, turn},
+                         {nodes + j + 2, -turn}},
+                        0.0, walk * (robust ? curve_begins(j) : 1.0));
       }
     }
     for (int j = 0; j + 1 < nodes; ++j) {
-      add_measurement({{nodes + j, -1.0}, {nodes + j + 1, 1.0}}, 0.0,
+      add_measurement({{nodes + j, -1.0}, {nodes + j + 1, 1.0}, {j, -turn}, {j + 1, turn}}, 0.0,
                       options_.bank_walk * std::sqrt(step));
     }
     add_measurement({{nodes + foot, 1.0}}, measured_.level_cross_slope, options_.roll_sigma);
@@ -238,6 +248,24 @@ class ProfileFit {
 };
 
 }  // namespace
+
+Eigen::Vector3d CircularPath::along(const Eigen::Vector3d& p) const {
+  constexpr double kStraight = 1e-6;
+  if (std::abs(curvature) * p.head<2>().norm() < kStraight) {
+    return {p.x() - 0.5 * curvature * p.y() * p.y(), p.y() * (1.0 + curvature * p.x()), p.z()};
+  }
+  const double radius = 1.0 / std::abs(curvature), side = curvature > 0 ? 1.0 : -1.0;
+  const double inwards = radius - side * p.x();  // from the circle's centre, towards the camera
+  const double angle = std::atan2(p.y(), inwards);
+  return {side * (radius - std::hypot(inwards, p.y())),
+          std::abs(angle) < 0.5 * kPi ? radius * angle : -radius * 0.5 * kPi, p.z()};
+}
+
+Eigen::Vector2d CircularPath::at(double distance) const {
+  const double angle = curvature * distance;
+  if (std::abs(angle) < 1e-6) return {0.5 * angle * distance, distance};
+  return {(1.0 - std::cos(angle)) / curvature, std::sin(angle) / curvature};
+}
 
 double DrivenProfile::camera_height() const {
   return -x[foot] / std::sqrt(1.0 + slope() * slope() + cross_slope() * cross_slope());

@@ -17,7 +17,17 @@ struct TravelFrame {
   }
 };
 
-/// What a profile is fitted to, in the travel frame; lengths up to scale.
+/// A path of constant curvature in plan that leaves the camera along its direction of travel.
+struct CircularPath {
+  double curvature = 0.0;  ///< positive: to the right
+  /// A point of the travel frame as (to the right of the path, along it, up). What lies beyond a
+  /// quarter of the circle is behind the camera.
+  Eigen::Vector3d along(const Eigen::Vector3d& p) const;
+  /// (right, forward) of the path's point that far along it.
+  Eigen::Vector2d at(double distance) const;
+};
+
+/// What a profile is fitted to, along the driven path (CircularPath::along); lengths up to scale.
 struct ProfileMeasurements {
   std::vector<Eigen::Vector3d> points;
   const RoadPoints* road = nullptr;   ///< spreads and shared parameters of the points
