@@ -114,14 +114,16 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to, const CorrespondenceOptions& options) {
+/// @param start  a first guess of the flow, or empty.
+cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to, const CorrespondenceOptions& options,
+                   const cv::Mat& start = {}) {
   const cv::Ptr<cv::DISOpticalFlow> dis =
       cv::DISOpticalFlow::create(options.finest_scale == 2 ? cv::DISOpticalFlow::PRESET_FAST
                                                            : cv::DISOpticalFlow::PRESET_MEDIUM);
   dis->setFinestScale(options.finest_scale);
   if (options.finest_scale == 0) dis->setPatchStride(4);
   if (!options.smooth) dis->setVariationalRefinementIterations(0);
-  cv::Mat flow;
+  cv::Mat flow = start;
   dis->calc(from, to, flow);
   return flow;
 }
@@ -133,6 +135,75 @@ cv::Point2f sample_flow(const cv::Mat& flow, float x, float y) {
   const auto* r0 = flow.ptr<cv::Point2f>(y0);
   const auto* r1 = flow.ptr<cv::Point2f>(y1);
   return (1 - ay) * ((1 - ax) * r0[x0] + ax * r0[x1]) + ay * ((1 - ax) * r1[x0] + ax * r1[x1]);
+}
+
+/// Flow from the reference to another image, and back.
+struct FlowPair {
+  cv::Mat there, back;
+};
+
+/// Follows every grid point there and back; accepted are those that return.
+void check_round_trips(const Correspondences& grid, const FlowPair& flow, double most,
+                       MatchedImage& match) {
+  match.pixels.resize(grid.pixels.size());
+  match.round_trip_px.assign(grid.pixels.size(), std::numeric_limits<float>::infinity());
+  const auto right = static_cast<float>(flow.there.cols - 1);
+  const auto bottom = static_cast<float>(flow.there.rows - 1);
+  for (std::size_t i = 0; i < grid.pixels.size(); ++i) {
+    const float x = grid.pixels[i].x(), y = grid.pixels[i].y();
+    const auto f = flow.there.at<cv::Point2f>(static_cast<int>(y), static_cast<int>(x));
+    const float tx = x + f.x, ty = y + f.y;
+    match.pixels[i] = {tx, ty};
+    if (!(tx >= 0 && ty >= 0 && tx <= right && ty <= bottom)) continue;
+    const cv::Point2f b = sample_flow(flow.back, tx, ty);
+    const float error = std::hypot(f.x + b.x, f.y + b.y);
+    if (error <= static_cast<float>(most)) match.round_trip_px[i] = error;
+  }
+}
+
+std::ptrdiff_t accepted(const MatchedImage& match) {
+  return std::count_if(match.round_trip_px.begin(), match.round_trip_px.end(),
+                       [](float px) { return std::isfinite(px); });
+}
+
+/// Whether a flow lost its image: neighbours share nearly as much with the reference.
+bool is_lost(const MatchedImage& match, const MatchedImage& nearer) {
+  return 2 * accepted(match) < accepted(nearer);
+}
+
+/// One flow after another: x -> first(x) + second(x + first(x)).
+cv::Mat composed(const cv::Mat& first, const cv::Mat& second) {
+  cv::Mat out(first.size(), CV_32FC2);
+  const auto right = static_cast<float>(first.cols - 1);
+  const auto bottom = static_cast<float>(first.rows - 1);
+  for (int y = 0; y < first.rows; ++y) {
+    const auto* from = first.ptr<cv::Point2f>(y);
+    auto* to = out.ptr<cv::Point2f>(y);
+    for (int x = 0; x < first.cols; ++x) {
+      const float u = std::clamp(static_cast<float>(x) + from[x].x, 0.0f, right);
+      const float v = std::clamp(static_cast<float>(y) + from[x].y, 0.0f, bottom);
+      to[x] = from[x] + sample_flow(second, u, v);
+    }
+  }
+  return out;
+}
+
+/// Flow to an image that is far from the reference, from a start by way of the image between;
+/// taken where more comes back than without it.
+void follow(const cv::Mat& reference, const cv::Mat& between, const cv::Mat& image,
+            const FlowPair& to_between, const CorrespondenceOptions& options,
+            const Correspondences& grid, FlowPair& flow, MatchedImage& match) {
+  FlowPair found;
+  found.there = dense_flow(reference, image, options,
+                           composed(to_between.there, dense_flow(between, image, options)));
+  found.back = dense_flow(image, reference, options,
+                          composed(dense_flow(image, between, options), to_between.back));
+  MatchedImage again;
+  again.frame = match.frame;
+  check_round_trips(grid, found, options.forward_backward_px, again);
+  if (accepted(again) <= accepted(match)) return;
+  match = std::move(again);
+  flow = std::move(found);
 }
 
 /// Another image carried onto the reference by a prediction.
@@ -274,38 +345,39 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
   for (int k = 0; k < static_cast<int>(images.size()); ++k) {
     if (k != reference) others.push_back(k);
   }
-  std::vector<cv::Mat> flows(2 * others.size() + 1);
+  std::vector<FlowPair> flows(others.size());
   Correspondences out;
-  parallel_for(flows.size(), options.num_threads, [&](std::size_t task) {
-    if (task == flows.size() - 1) {
+  parallel_for(2 * flows.size() + 1, options.num_threads, [&](std::size_t task) {
+    if (task == 2 * flows.size()) {
       out = grid_of(base, reference, options.step);
       return;
     }
     const cv::Mat a = view(base);
     const cv::Mat b = view(images[static_cast<std::size_t>(others[task / 2])]);
-    flows[task] = task % 2 == 0 ? dense_flow(a, b, options) : dense_flow(b, a, options);
+    FlowPair& pair = flows[task / 2];
+    if (task % 2 == 0) {
+      pair.there = dense_flow(a, b, options);
+    } else {
+      pair.back = dense_flow(b, a, options);
+    }
   });
 
   out.matches.resize(others.size());
   parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
-    MatchedImage& match = out.matches[k];
-    match.frame = others[k];
-    match.pixels.resize(out.pixels.size());
-    match.round_trip_px.assign(out.pixels.size(), std::numeric_limits<float>::infinity());
-    const cv::Mat& forward = flows[2 * k];
-    const cv::Mat& backward = flows[2 * k + 1];
-    for (std::size_t i = 0; i < out.pixels.size(); ++i) {
-      const float x = out.pixels[i].x(), y = out.pixels[i].y();
-      const auto f = forward.at<cv::Point2f>(static_cast<int>(y), static_cast<int>(x));
-      const float tx = x + f.x, ty = y + f.y;
-      match.pixels[i] = {tx, ty};
-      if (!(tx >= 0 && ty >= 0 && tx <= static_cast<float>(base.width - 1) &&
-            ty <= static_cast<float>(base.height - 1))) {
-        continue;
-      }
-      const cv::Point2f b = sample_flow(backward, tx, ty);
-      const float error = std::hypot(f.x + b.x, f.y + b.y);
-      if (error <= static_cast<float>(options.forward_backward_px)) match.round_trip_px[i] = error;
+    out.matches[k].frame = others[k];
+    check_round_trips(out, flows[k], options.forward_backward_px, out.matches[k]);
+  });
+  // Outwards on both sides of the reference, each image after its neighbour. A list of others has
+  // the image before the reference at reference - 1, the one after it at reference.
+  const auto count = static_cast<int>(others.size());
+  parallel_for(2, options.num_threads, [&](std::size_t side) {
+    const int step = side == 0 ? -1 : 1;
+    for (int k = side == 0 ? reference - 2 : reference + 1; k >= 0 && k < count; k += step) {
+      const auto at = static_cast<std::size_t>(k), nearer = static_cast<std::size_t>(k - step);
+      if (!is_lost(out.matches[at], out.matches[nearer])) continue;
+      follow(view(base), view(images[static_cast<std::size_t>(others[nearer])]),
+             view(images[static_cast<std::size_t>(others[at])]), flows[nearer], options, out,
+             flows[at], out.matches[at]);
     }
   });
   return out;

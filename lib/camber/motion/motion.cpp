@@ -406,9 +406,23 @@ bool resect(const PinholeCamera& camera, const MatchedImage& match, const PairSa
     return false;
   }
   const Eigen::Vector3d v(rvec.at<double>(0), rvec.at<double>(1), rvec.at<double>(2));
-  out.frame_from_reference[static_cast<std::size_t>(match.frame)] =
-      SE3(rotation_from_vector(v),
-          Eigen::Vector3d(tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)));
+  const SE3 pose(rotation_from_vector(v),
+                 Eigen::Vector3d(tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)));
+  std::size_t inliers = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto p = camera.project(pose * Eigen::Vector3d(points[i].x, points[i].y, points[i].z));
+    if (p && (*p - Eigen::Vector2d(pixels[i].x, pixels[i].y)).norm() < usac.threshold) ++inliers;
+  }
+  constexpr std::size_t kLeast = 20;
+  constexpr double kLeastShare = 0.3;
+  if (inliers < kLeast ||
+      static_cast<double>(inliers) < kLeastShare * static_cast<double>(points.size())) {
+    fail(out, "image " + std::to_string(match.frame) +
+                  " cannot be placed: " + std::to_string(inliers) + " of " +
+                  std::to_string(points.size()) + " points agree on one pose");
+    return false;
+  }
+  out.frame_from_reference[static_cast<std::size_t>(match.frame)] = pose;
   return true;
 }
 
