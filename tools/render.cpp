@@ -249,7 +249,7 @@ PictureContent content_of(const RenderArguments& a, const LoadedResult& result) 
   return content;
 }
 
-/// Draws what a plan says, of any frame and from any side.
+/// Draws a plan, of any frame and from any side.
 class Painter {
  public:
   Painter(const RenderPlan& plan, const Loaded& loaded, PictureContent content,

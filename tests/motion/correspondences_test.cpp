@@ -128,6 +128,61 @@ TEST(MatchImages, IsTheSameForAnyNumberOfThreads) {
   }
 }
 
+/// Two octaves of value noise, of cells 6 and 24 px wide, from column `left` on: nothing repeats.
+GrayImage speckles(int left) {
+  const CounterRandom random(9);
+  const auto noise = [&](int x, int y, int cell, std::uint64_t octave) {
+    const int i = x / cell, j = y / cell;
+    const double fx = static_cast<double>(x % cell) / cell;
+    const double fy = static_cast<double>(y % cell) / cell;
+    const auto at = [&](int column, int row) {
+      return random.uniform(static_cast<std::uint64_t>(row) * 1000 +
+                            static_cast<std::uint64_t>(column) + octave * 1000000);
+    };
+    return (1 - fy) * ((1 - fx) * at(i, j) + fx * at(i + 1, j)) +
+           fy * ((1 - fx) * at(i, j + 1) + fx * at(i + 1, j + 1));
+  };
+  GrayImage image;
+  image.width = kWidth;
+  image.height = kHeight;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = left; x < left + kWidth; ++x) {
+      image.pixels.push_back(
+          static_cast<std::uint8_t>(127.0 * (noise(x, y, 6, 0) + noise(x, y, 24, 1))));
+    }
+  }
+  return image;
+}
+
+// As in a turn: the first image and the last share a third of what they show.
+TEST(MatchImages, FarImagesAreReachedThroughThoseBetween) {
+  constexpr int kStep = 18, kImages = 12;
+  std::vector<GrayImage> images;
+  for (int k = 0; k < kImages; ++k) images.push_back(speckles(kStep * k));
+  const auto right = [](const Correspondences& found, std::size_t image, double shift) {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < found.pixels.size(); ++i) {
+      const MatchedImage& match = found.matches[image];
+      if (!std::isfinite(match.round_trip_px[i])) continue;
+      count += (match.pixels[i] - found.pixels[i] - Eigen::Vector2f(shift, 0)).norm() < 0.5f;
+    }
+    return count;
+  };
+  const Correspondences alone = match_images({images.front(), images.back()}, 0, {});
+  const std::size_t shared =
+      alone.pixels.size() * (kWidth - kStep * (kImages - 1)) / static_cast<std::size_t>(kWidth);
+  EXPECT_LT(right(alone, 0, -kStep * (kImages - 1)), shared / 10);
+  for (const int reference : {0, 3, kImages - 1}) {
+    const Correspondences found = match_images(images, reference, {});
+    for (std::size_t k = 0; k < found.matches.size(); ++k) {
+      const int apart = found.matches[k].frame - reference;
+      const auto common =
+          alone.pixels.size() * static_cast<std::size_t>(kWidth - kStep * std::abs(apart)) / kWidth;
+      EXPECT_GT(right(found, k, -kStep * apart), common / 2) << reference << " to " << apart;
+    }
+  }
+}
+
 TEST(MatchImages, SizesThatDisagreeThrow) {
   EXPECT_THROW(match_images({waves({0, 0}), waves({0, 0}, kWidth, kHeight - 1)}, 0, {}),
                std::invalid_argument);

@@ -101,6 +101,43 @@ TEST(DrivenStrip, StripFollowsATurn) {
   EXPECT_GT(std::abs(scale_error(fit(road, straight))), 2.0 * std::abs(scale_error(ego)));
 }
 
+// Positions a step apart hardly bend; the camera's turn tells.
+TEST(DrivenStrip, TurnsOfTheCameraBendTheStrip) {
+  constexpr double kCurvature = 0.1;
+  const Ground corner = [](double s, double right) {
+    return right < 0.5 * kCurvature * s * s - 1.6 ? 0.15 : 0.0;
+  };
+  const std::vector<double> path = {-0.45, 0.45};
+  RoadPoints road = road_points(corner, 4.0, path, kCurvature);
+  for (Eigen::Vector3d& p : road.camera_path) p.y() = 0.0;
+  const double without = std::abs(scale_error(fit(road, options_of_camera())));
+  for (const double s : path) road.camera_turns.push_back(kCurvature * s);
+  const EgoPlane ego = fit(road, options_of_camera());
+  ASSERT_EQ(ego.status, Status::kOk) << ego.reason;
+  EXPECT_NEAR(scale_error(ego), 0.0, 0.01);
+  EXPECT_GT(without, 2.0 * std::abs(scale_error(ego)));
+  EXPECT_NEAR(ego.line[10].x(), (1.0 - std::cos(10 * kCurvature)) / kCurvature / kMetresPerUnit,
+              0.1 * ego.line[10].x());
+  road.camera_turns.pop_back();
+  EXPECT_THROW(fit(road, options_of_camera()), std::invalid_argument);
+}
+
+// On a plane, a path that turns meets slope and cross slope in turn; nothing bends.
+TEST(DrivenStrip, AnEvenFallUnderATurnIsNoCurve) {
+  constexpr double kCurvature = 0.1, kFall = 0.012;
+  const Ground plane = [](double, double right) { return kFall * right; };
+  const std::vector<double> path = {-0.9, -0.45, 0.45, 0.9};
+  RoadPoints road = road_points(plane, 4.0, path, kCurvature);
+  EgoPlaneOptions options = options_of_camera();
+  options.roll_sigma = 0.05;
+  const double straight_sigma = fit(road, options).relative_sigma;
+  for (const double s : path) road.camera_turns.push_back(kCurvature * s);
+  const EgoPlane ego = fit(road, options);
+  ASSERT_EQ(ego.status, Status::kOk) << ego.reason;
+  EXPECT_NEAR(scale_error(ego), 0.0, 0.002);
+  EXPECT_GT(ego.relative_sigma, 1.2 * straight_sigma);  // real roads have a crown
+}
+
 TEST(DrivenStrip, OptionsAreChecked) {
   const auto refused = [](const std::function<void(EgoPlaneOptions*)>& change) {
     EgoPlaneOptions options;

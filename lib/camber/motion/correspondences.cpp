@@ -188,7 +188,7 @@ cv::Mat composed(const cv::Mat& first, const cv::Mat& second) {
   return out;
 }
 
-/// Flow to an image that is far from the reference, from a start by way of the image between;
+/// Flow to an image that is far from the reference, from a start through the image between;
 /// taken where more comes back than without it.
 void follow(const cv::Mat& reference, const cv::Mat& between, const cv::Mat& image,
             const FlowPair& to_between, const CorrespondenceOptions& options,

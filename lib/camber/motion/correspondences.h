@@ -61,7 +61,7 @@ Correspondences correspondence_grid(const GrayImage& image, int reference, int s
 /// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,
 /// Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse Search", ECCV 2016) with a
 /// forward-backward check. Images in the order of time: where one shares less than half as much
-/// with the reference as its neighbour towards it, the flow starts again by way of that neighbour.
+/// with the reference as its neighbour towards it, the flow starts again through that neighbour.
 /// All images have the same size (else std::invalid_argument). The same result for any number of
 /// threads.
 Correspondences match_images(const std::vector<GrayImage>& images, int reference,

@@ -109,7 +109,7 @@ double inverse_depth_from(const PinholeCamera& camera, const SE3& frame_from_ref
   return (b0 * e0 + b1 * e1) / den;
 }
 
-/// Says why there is no motion.
+/// Marks the motion as failed, with the reason.
 void fail(MotionEstimate& out, const std::string& reason) {
   out.status = Status::kFailed;
   out.reason = reason;

@@ -150,7 +150,7 @@ double assumption_variance(const detail::ProfileMeasurements& measured,
 
 /// What a turn between the camera and the nearest road that is seen leaves open: a path that turns
 /// leaves one fall of the road for another, and its slope changes by up to the fall times the sine
-/// of the angle, somewhere on the way.
+/// of the angle, somewhere in between.
 /// @return variance of the logarithm of the scale.
 double turn_variance(double path_curvature, const NearRoad& near, double metres_per_baseline,
                      const EgoPlaneOptions& options) {
