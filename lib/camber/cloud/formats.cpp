@@ -33,6 +33,13 @@ void FormatSource::read_comment(std::string_view comment) {
   }
 }
 
+void FormatSource::take_crs(const CoordinateSystem& of_file) {
+  const CoordinateSystem& crs = options_.crs ? *options_.crs : of_file;
+  if (!crs.stated() && !crs.horizontal.known() && crs.epsg == 0) return;
+  header_.crs = crs;
+  if (!crs.metric()) header_.metric = false;
+}
+
 void FormatSource::check_fields(const std::string& position) {
   const FieldRoles roles = find_roles(header_.fields);
   for (std::size_t axis = 0; axis < 2; ++axis) {
@@ -222,46 +229,52 @@ std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rule
              std::to_string(found);
     }
     const ColumnRule& rule = rules[found];
-    if (separated && (p == end || *p == separator)) {
+    const bool quoted = separated && p < end && *p == '"';
+    if (rule.column < 0 && fractional != nullptr) {
+      // A column that is skipped may hold words.
+      for (bool within = false; p < end; ++p) {
+        if (separated && *p == '"') within = !within;
+        if (!within && (separated ? *p == separator : is_blank(*p))) break;
+      }
+    } else if (separated && (p == end || *p == separator)) {
       if (!is_float(rule.type)) return "found no value, expected a whole number";
       if (rule.packed_color) return "found no value, expected a colour";
       if (rule.column >= 0) row[rule.column] = std::numeric_limits<double>::quiet_NaN();
       if (fractional != nullptr && rule.column >= 0)
         (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
     } else {
+      if (quoted) ++p;
       const ParsedNumber number = parse_number(p, end);
-      if (number.end == nullptr || (number.end < end && !is_blank(*number.end) &&
-                                    !(separated && *number.end == separator))) {
-        if (rule.column >= 0 || fractional == nullptr) {
-          std::string_view rest(p, static_cast<std::size_t>(end - p));
-          return "found " + shown(next_word(rest)) + ", expected a number";
-        }
-        // A column that is skipped may hold words.
-        while (p < end && (separated ? *p != separator : !is_blank(*p))) ++p;
-      } else {
-        double value = number.value;
-        if (!is_float(rule.type)) {
-          const std::string_view text(p, static_cast<std::size_t>(number.end - p));
-          if (!(std::isfinite(value) && std::floor(value) == value)) {
-            return "found " + shown(text) + ", expected a whole number";
-          }
-          if (!in_range(rule.type, value)) {
-            return "found " + shown(text) + ", expected a number in the range of its integer type";
-          }
-        } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
-          const float bits = static_cast<float>(value);
-          std::uint32_t packed = 0;
-          std::memcpy(&packed, &bits, 4);
-          value = packed;
-        }
-        if (rule.column >= 0) {
-          row[rule.column] = value;
-          if (fractional != nullptr && !number.whole) {
-            (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
-          }
-        }
-        p = number.end;
+      const char* behind = number.end;
+      if (quoted && behind != nullptr)
+        behind = behind < end && *behind == '"' ? behind + 1 : nullptr;
+      if (behind == nullptr ||
+          (behind < end && !is_blank(*behind) && !(separated && *behind == separator))) {
+        std::string_view rest(p, static_cast<std::size_t>(end - p));
+        return "found " + shown(next_word(rest)) + ", expected a number";
       }
+      double value = number.value;
+      if (!is_float(rule.type)) {
+        const std::string_view text(p, static_cast<std::size_t>(number.end - p));
+        if (!(std::isfinite(value) && std::floor(value) == value)) {
+          return "found " + shown(text) + ", expected a whole number";
+        }
+        if (!in_range(rule.type, value)) {
+          return "found " + shown(text) + ", expected a number in the range of its integer type";
+        }
+      } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
+        const float bits = static_cast<float>(value);
+        std::uint32_t packed = 0;
+        std::memcpy(&packed, &bits, 4);
+        value = packed;
+      }
+      if (rule.column >= 0) {
+        row[rule.column] = value;
+        if (fractional != nullptr && !number.whole) {
+          (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
+        }
+      }
+      p = behind;
     }
     ++found;
     skip_blanks();
