@@ -103,9 +103,8 @@ void warn_about_losses(const std::string& path, const PointStreamHeader& header,
       warn(fmt::format("{}: {} are not kept", path, what));
     }
   }
-  if (las || !header.crs) return;
-  const bool named = header.crs->stated() || header.crs->epsg > 0;
-  if (named) {
+  if (format != CloudFormat::kKittiBin || !header.crs) return;
+  if (header.crs->stated() || header.crs->epsg > 0) {
     warn(fmt::format("{}: the coordinate system ({}) has no place in the output", path,
                      describe(*header.crs)));
   } else if (!header.crs->metric()) {

@@ -80,6 +80,27 @@ json flags_json(const LasFile& las, const CloudSummary& summary) {
   return out;
 }
 
+/// What in the header contradicts the file or its points, one sentence each.
+std::vector<std::string> contradictions(const LasFile& las, const CloudSummary& summary) {
+  std::vector<std::string> out = las.contradictions();
+  for (const AttributeSummary& attribute : summary.attributes) {
+    if (attribute.name != "return_number") continue;
+    std::string header, points;
+    bool same = true;
+    for (std::size_t r = 1; r <= las.points_by_return.size(); ++r) {
+      const auto found = attribute.counts.find(static_cast<int>(r));
+      const std::uint64_t count = found == attribute.counts.end() ? 0 : found->second;
+      same = same && count == las.points_by_return[r - 1];
+      header += " " + std::to_string(las.points_by_return[r - 1]);
+      points += " " + std::to_string(count);
+    }
+    if (!same) {
+      out.push_back("the header counts points by return as" + header + ", they are" + points);
+    }
+  }
+  return out;
+}
+
 json las_json(const LasFile& las, const CloudSummary& summary) {
   json records = json::array(), extended = json::array(), extras = json::array();
   for (const LasRecord& record : las.records) {
@@ -116,7 +137,7 @@ json las_json(const LasFile& las, const CloudSummary& summary) {
               {"extra_bytes_per_point", las.extra_length()},
               {"extra_bytes", extras},
               {"flags", flags_json(las, summary)},
-              {"contradictions", las.contradictions()}};
+              {"contradictions", contradictions(las, summary)}};
   if (las.points_start > las.records_end) {
     out["gap_before_points"] = las.points_start - las.records_end;
   }
@@ -270,7 +291,7 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
     for (const std::string& what : report.las_only) {
       out.line("note", what + ": kept from LAS to LAS alone");
     }
-    for (const std::string& what : summary.las->contradictions()) out.line("note", what);
+    for (const std::string& what : contradictions(*summary.las, summary)) out.line("note", what);
   }
   return out;
 }

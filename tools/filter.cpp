@@ -250,7 +250,7 @@ void register_filter(App& root) {
       }
       if (!input) input = std::move(source);
       if (kept.records.empty()) {
-        source = make_point_source(cloud);
+        source = with_crs(make_point_source(cloud), input->header().crs);
       } else {
         source = make_las_rows(input->header(), std::move(kept.records), std::move(kept.order));
         if (args.normals > 0) source = add_normals(std::move(source), cloud.normals);

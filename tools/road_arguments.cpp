@@ -57,7 +57,9 @@ void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& t
 }
 
 std::vector<Eigen::Vector3d> read_line(const std::string& path) {
-  const RoadCloud cloud = read_cloud(path);
+  CloudFile file = read_cloud_file(path);
+  use_metres(path, &file, {});
+  const RoadCloud& cloud = file.cloud;
   std::vector<Eigen::Vector3d> line;
   for (const Eigen::Vector3f& p : cloud.points) {
     if (p.allFinite()) line.push_back(cloud.origin + p.cast<double>());

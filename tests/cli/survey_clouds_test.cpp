@@ -189,7 +189,9 @@ void compare_las(Comparison& c, const json& expected, const json& info) {
     const std::string text = issue;
     const char* wanted = text.find("legacy") != std::string::npos        ? "older count"
                          : text.find("extra bytes") != std::string::npos ? "extra bytes"
+                         : text.find("by return") != std::string::npos   ? "by return"
                                                                          : nullptr;
+    // "header size 393, version 1.5 has None" is none: 393 bytes are what version 1.5 has.
     if (wanted && las["contradictions"].dump().find(wanted) == std::string::npos) {
       c.differ("issues", issue, las["contradictions"]);
     }

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "camber/cloud/units.h"
+#include "cloud/cloud_files.h"
 
 namespace camber {
 namespace {
@@ -132,6 +133,38 @@ TEST(CoordinateSystem, GeoTiffKeysThatPointOutsideAreLeftOut) {
   }
   EXPECT_LE(bytes, std::size_t{1} << 20);
   EXPECT_GT(bytes, 0u);
+}
+
+TEST(CoordinateSystem, OtherFormatsCarryItInComments) {
+  RoadCloud cloud;
+  cloud.points = {{1, 2, 3}, {4, 5, 6}};
+  CoordinateSystem by_code;
+  by_code.epsg = 2994;
+  by_code.horizontal = by_code.vertical = unit_from_name("foot");
+  CoordinateSystem odd;
+  odd.horizontal = unit_from_metres(0.25);
+  odd.vertical = unit_from_metres(1.0);
+  for (const CloudFormat format : {CloudFormat::kPly, CloudFormat::kPcd, CloudFormat::kText}) {
+    for (const CoordinateSystem& system : {coordinate_system_from_wkt(kUtm), by_code, odd}) {
+      const auto source = make_point_source(cloud);
+      PointStreamHeader header = source->header();
+      header.crs = system;
+      std::ostringstream out;
+      const auto sink = make_point_sink(out, header, format, CloudEncoding::kAscii);
+      PointBatch batch;
+      while (source->next(batch)) sink->write(batch);
+      sink->finish();
+      const CloudFile back =
+          test::read_from_memory(out.str(), format == CloudFormat::kText ? "a.xyz" : "a.ply");
+      ASSERT_TRUE(back.report.crs.has_value());
+      EXPECT_EQ(back.report.crs->wkt, system.wkt);
+      EXPECT_EQ(back.report.crs->epsg, system.epsg);
+      EXPECT_EQ(back.report.crs->horizontal.metres, system.horizontal.metres);
+      EXPECT_EQ(back.report.crs->vertical.metres, system.vertical.metres);
+      EXPECT_EQ(back.cloud.metric, system.metric());
+    }
+  }
+  EXPECT_EQ(test::read_error("# camber unit 0 1\n1 2 3\n", "a.xyz").substr(0, 13), "a.xyz: line 1");
 }
 
 TEST(Units, FeetBecomeMetres) {

@@ -6,6 +6,8 @@
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/stream_filters.h"
 #include "cloud/cloud_files.h"
+#include "cloud/memory_meter.h"
+#include "support/test_data.h"
 
 namespace camber {
 namespace {
@@ -308,6 +310,32 @@ TEST(LasRows, InAnotherOrderWithNormals) {
   EXPECT_EQ(out.substr(las.points_start, made.record),
             made.bytes.substr(made.start + 49 * made.record, made.record));
   EXPECT_EQ(read_from_memory(out, "a.las").cloud.normals, normals);
+}
+
+TEST(LasCopyStream, LargeFilesNeedLittleMemory) {
+  // 48 MB of points, with 20 MB behind them.
+  Made made = make_file(4, 6);
+  const std::size_t times = 26000;
+  const std::string block = made.bytes.substr(made.start, made.end - made.start);
+  const std::string head = made.bytes.substr(0, made.start);
+  std::string tail = vlr("LASF_Spec", 65535, std::string(20 << 20, 'w'), true);
+  std::string bytes = head;
+  for (std::size_t i = 0; i < times; ++i) bytes += block;
+  const std::uint64_t end = bytes.size();
+  bytes += tail;
+  set(bytes, 247, static_cast<std::uint64_t>(times * made.count));
+  set(bytes, 227, end);
+  set(bytes, 235, end);
+  set(bytes, 243, std::uint32_t{1});
+  const test::TemporaryFolder folder;
+  const std::filesystem::path in = folder.path() / "in.las", out = folder.path() / "out.las";
+  std::ofstream(in, std::ios::binary) << bytes;
+  {
+    test::MemoryMeter meter;
+    write_points(*open_point_source(in), out);
+    EXPECT_LT(meter.peak(), std::size_t{6} << 20);
+  }
+  EXPECT_TRUE(test::read_text(out) == bytes);
 }
 
 TEST(LasWriter, OtherCloudsGetTheirCoordinateSystem) {

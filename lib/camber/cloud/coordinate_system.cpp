@@ -301,6 +301,18 @@ CoordinateUnit unit_from_epsg(int code) {
   return {};
 }
 
+CoordinateUnit unit_from_metres(double metres) {
+  for (const KnownUnit& known : kUnits) {
+    if (!known.angle && known.metres == metres) return make_unit(known);
+  }
+  CoordinateUnit unit;
+  unit.name = "unit of ";
+  append_number(unit.name, metres);
+  unit.name += " m";
+  unit.metres = metres;
+  return unit;
+}
+
 CoordinateUnit unit_from_name(std::string_view name) {
   std::string key = " ";
   for (const char c : lower_case(name)) {
@@ -321,6 +333,8 @@ CoordinateSystem coordinate_system_from_wkt(std::string_view wkt) {
          (wkt.back() == '\0' || std::isspace(static_cast<unsigned char>(wkt.back())))) {
     wkt.remove_suffix(1);
   }
+  while (!wkt.empty() && std::isspace(static_cast<unsigned char>(wkt.front())))
+    wkt.remove_prefix(1);
   CoordinateSystem out;
   out.wkt = std::string(wkt);
   WktNode root;
@@ -350,8 +364,7 @@ CoordinateSystem coordinate_system_from_geotiff(std::map<int, GeoKeyValue> keys)
       const auto* metres =
           size == keys.end() ? nullptr : std::get_if<std::vector<double>>(&size->second);
       if (metres && metres->size() == 1 && std::isfinite((*metres)[0]) && (*metres)[0] > 0.0) {
-        out.horizontal.name = "unit of " + std::to_string((*metres)[0]) + " m";
-        out.horizontal.metres = (*metres)[0];
+        out.horizontal = unit_from_metres((*metres)[0]);
       }
     }
     const bool utm =

@@ -55,6 +55,9 @@ CoordinateUnit unit_from_epsg(int code);
 /// "ft"); one that is not known() for others.
 CoordinateUnit unit_from_name(std::string_view name);
 
+/// A unit of so many metres, with its name if it has one.
+CoordinateUnit unit_from_metres(double metres);
+
 /// Kind, names, codes and units out of well-known text, version 1 (OGC 01-009) or 2 (ISO 19162).
 /// Nothing else is interpreted. Text that is not well formed gives kind kUnknown.
 CoordinateSystem coordinate_system_from_wkt(std::string_view wkt);

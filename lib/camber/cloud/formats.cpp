@@ -30,6 +30,38 @@ void FormatSource::read_comment(std::string_view comment) {
       origin[axis] = number.value;
     }
     header_.origin = origin;
+  } else if (!options_.crs) {
+    read_crs_comment(key, comment);
+  }
+}
+
+void FormatSource::read_crs_comment(std::string_view key, std::string_view rest) {
+  if (key == "crs") {
+    CoordinateSystem crs = coordinate_system_from_wkt(rest);
+    std::string_view word = next_word(rest);
+    std::uint64_t code = 0;
+    if (word.substr(0, 5) == "EPSG:" && parse_unsigned(word.substr(5), code) && code < 1000000) {
+      crs = CoordinateSystem();
+      crs.epsg = static_cast<int>(code);
+    }
+    if (crs.kind != CoordinateSystem::Kind::kUnknown || crs.epsg > 0) take_crs(crs);
+  } else if (key == "unit") {
+    double metres[2];
+    for (double& value : metres) {
+      const std::string_view word = next_word(rest);
+      const ParsedNumber number = parse_number(word.data(), word.data() + word.size());
+      const bool good = !word.empty() && number.end == word.data() + word.size() &&
+                        std::isfinite(number.value) && number.value > 0.0;
+      if (!good) {
+        lines_.fail("found " + shown(word) + " in 'camber unit', expected two lengths in metres");
+      }
+      value = number.value;
+    }
+    CoordinateSystem crs = header_.crs.value_or(CoordinateSystem());
+    crs.horizontal = unit_from_metres(metres[0]);
+    crs.vertical = unit_from_metres(metres[1]);
+    crs.vertical_stated = true;
+    take_crs(crs);
   }
 }
 
@@ -304,6 +336,25 @@ std::vector<std::string> camber_comments(const PointStreamHeader& header) {
       line += ' ';
       append_number(line, (*header.origin)[axis]);
     }
+    comments.push_back(line);
+  }
+  if (!header.crs) return comments;
+  const CoordinateSystem& crs = *header.crs;
+  constexpr std::size_t kLongestWkt = 1 << 14;  // bytes
+  if (!crs.wkt.empty() && crs.wkt.size() <= kLongestWkt) {
+    std::string line = "camber crs " + crs.wkt;
+    for (char& c : line) {
+      if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+    }
+    comments.push_back(line);
+  } else if (crs.epsg > 0) {
+    comments.push_back("camber crs EPSG:" + std::to_string(crs.epsg));
+  }
+  if (!crs.metric() && !crs.horizontal.angle && !crs.vertical.angle) {
+    std::string line = "camber unit ";
+    append_number(line, crs.horizontal.metres);
+    line += ' ';
+    append_number(line, crs.vertical.metres);
     comments.push_back(line);
   }
   return comments;

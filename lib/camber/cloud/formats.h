@@ -42,7 +42,8 @@ class FormatSource : public PointSource {
   FormatSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : file_(std::move(file)), options_(options), lines_(*file_) {}
 
-  /// Takes "camber frame camera", "camber metric false" or "camber origin X Y Z" from a comment.
+  /// Takes "camber frame camera", "camber metric false", "camber origin X Y Z", "camber crs EPSG:n"
+  /// (or well-known text) or "camber unit H V" (metres) from a comment.
   void read_comment(std::string_view comment);
 
   /// Takes the coordinate system that the file states, or the one of the options instead. Units
@@ -60,6 +61,9 @@ class FormatSource : public PointSource {
   std::unique_ptr<FileReader> file_;
   ReadOptions options_;
   LineReader lines_;
+
+ private:
+  void read_crs_comment(std::string_view key, std::string_view rest);
 };
 
 /// Binary records of one size: hands out views into the file's window.

@@ -253,7 +253,9 @@ class LasSink : public PointSink {
     std::string records;
     std::uint32_t record_count = 0;
     std::string comments;
-    for (const std::string& comment : camber_comments(header_)) comments += comment + "\n";
+    PointStreamHeader frame = header_;
+    frame.crs.reset();  // has records of its own
+    for (const std::string& comment : camber_comments(frame)) comments += comment + "\n";
     if (!comments.empty()) {
       records += las_record("Camber", 1, "frame of the coordinates", comments);
       ++record_count;

@@ -183,6 +183,19 @@ class Labelled : public Wrapper {
   std::size_t done_ = 0;
 };
 
+class WithCrs : public Wrapper {
+ public:
+  WithCrs(std::unique_ptr<PointSource> source, const std::optional<CoordinateSystem>& crs)
+      : Wrapper(std::move(source)) {
+    header_.crs = crs;
+  }
+  bool next(PointBatch& batch) override {
+    const bool more = source_->next(batch);
+    report_ = source_->report();
+    return more;
+  }
+};
+
 class WithNormals : public Wrapper {
  public:
   WithNormals(std::unique_ptr<PointSource> source, const std::vector<Eigen::Vector3f>& normals)
@@ -348,6 +361,11 @@ std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, cons
 std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,
                                          const std::vector<Eigen::Vector3f>& normals) {
   return std::make_unique<WithNormals>(std::move(source), normals);
+}
+
+std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source,
+                                      const std::optional<CoordinateSystem>& crs) {
+  return std::make_unique<WithCrs>(std::move(source), crs);
 }
 
 std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source,

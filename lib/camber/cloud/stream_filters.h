@@ -30,6 +30,10 @@ std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, cons
 std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,
                                          const std::vector<Eigen::Vector3f>& normals);
 
+/// Gives a stream the coordinate system of the file that its points come from.
+std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source,
+                                      const std::optional<CoordinateSystem>& crs);
+
 /// Sets the ASPRS class of ground points to 2, and to 1 where a point was 0 or 2 and is no ground;
 /// other classes stay. Adds the attribute "classification" where it is not there.
 /// @param ground 1 for ground, 0 for none, -1 for points whose class is left as it is; one a point.

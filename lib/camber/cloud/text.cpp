@@ -324,6 +324,7 @@ void TextSource::check_names(std::vector<std::string>& names) {
 }
 
 void TextSource::take_units(const AxisColumns& axes) {
+  if (header_.crs && !axes.horizontal.known()) return;  // by a comment of Camber's
   CoordinateSystem crs;  // nothing known, unless names or comments state it
   crs.epsg = epsg_;
   if (axes.geographic) crs.kind = CoordinateSystem::Kind::kGeographic;
