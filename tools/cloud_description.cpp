@@ -1,4 +1,4 @@
-// What `camber info` says of a cloud.
+// The output of `camber info` for a cloud.
 
 #include "cloud_description.h"
 

@@ -16,10 +16,10 @@ CoordinateSystem crs_from_option(const std::string& definition);
 void complete_crs(CoordinateSystem* system);
 
 /// Takes a cloud for a command that computes in metres: coordinates in other lengths are converted,
-/// and it is said; of degrees and unknown units it is said that they are taken as metres.
+/// with a warning; of degrees there is a warning alone, and unknown units count as metres.
 void use_metres(const std::string& path, CloudFile* file, const LogSink& warn);
 
-/// What a command says of a system that is not in metres when it leaves the coordinates as they
+/// Warning for a system that is not in metres when it leaves the coordinates as they
 /// are; empty for metres.
 std::string unit_remark(const CoordinateSystem& system);
 

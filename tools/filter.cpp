@@ -85,7 +85,7 @@ Collected collect(PointSource& source) {
   return out;
 }
 
-/// Metres in the file's unit of length; says so where that is another one. Degrees stay.
+/// Metres in the file's unit of length; warns where that is another one. Degrees stay.
 double metres_in(const PointSource& source, const Arguments& args, const LogSink& warn) {
   const bool lengths = args.range > 0.0 || args.voxel > 0.0 || !args.radius.empty();
   if (!source.header().crs || !lengths) return 1.0;

@@ -21,7 +21,7 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
   PJ* const system = proj_create(context, text.c_str());
   const bool good = system != nullptr && proj_is_crs(system) != 0;
   if (good) {
-    // The version of the text that LAS asks for; systems that it cannot say get the newer one.
+    // The version of the text that LAS asks for; systems that it cannot express get the newer one.
     const char* const options[] = {"MULTILINE=NO", nullptr};
     const char* wkt = proj_as_wkt(context, system, PJ_WKT1_GDAL, options);
     if (wkt == nullptr) wkt = proj_as_wkt(context, system, PJ_WKT2_2019, options);

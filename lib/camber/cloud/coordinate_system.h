@@ -37,7 +37,7 @@ struct CoordinateSystem {
   std::string wkt;                          ///< well-known text; empty where there is none
   std::map<int, GeoKeyValue> geotiff_keys;  ///< by the key's number
   bool given = false;                       ///< by the user, in place of what the file states
-  bool wkt_bit = false;                     ///< a LAS header says that the text counts
+  bool wkt_bit = false;                     ///< of a LAS header: the text counts
 
   bool stated() const { return kind != Kind::kUnknown || !wkt.empty() || !geotiff_keys.empty(); }
   /// Whether all three axes are in metres; unknown units count as metres.

@@ -116,8 +116,8 @@ class KittiBinSink : public PointSink {
  private:
   static constexpr float kFar = 8192.0f;  // m; a float is good to 0.5 mm below
 
-  /// Coordinates of a map do not fit into floats: the round part of the first point is taken away,
-  /// and said.
+  /// Coordinates of a map do not fit into floats: the round part of the first point is taken away
+  /// and named in the notes.
   void choose_origin(const PointBatch& batch) {
     if (batch.count == 0) return;
     started_ = true;

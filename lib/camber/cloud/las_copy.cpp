@@ -58,7 +58,7 @@ class LasCopySink : public PointSink {
     const std::uint64_t points_end = points_start_ + count_ * record_length_;
     copy_tail();
     move_extended_records(points_end);
-    // Where all points are there, the header says of them what it said before.
+    // Where all points are there, the header keeps its counts and bounds.
     if (count_ != las_.declared_count) count_in_header();
     const std::ostream::pos_type end = out_.tellp();
     out_.seekp(start_);

@@ -292,7 +292,7 @@ void Reader::read_extra_descriptions() {
   }
 }
 
-/// The header's bit 4 says which of the two kinds counts; the other is taken where there is one
+/// The header's bit 4 decides which of the two kinds counts; the other is taken where there is one
 /// only.
 void Reader::read_coordinate_system() {
   constexpr int kWkt = 2112, kKeys = 34735, kDoubles = 34736, kText = 34737;

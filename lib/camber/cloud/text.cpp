@@ -213,7 +213,7 @@ std::vector<std::string> TextSource::read_first_line(std::string_view line) {
   return names;
 }
 
-/// The first row tells separator and decimal sign.
+/// The first row decides on separator and decimal sign.
 void TextSource::look_at_first_row() {
   std::string_view line;
   if (!first_pending_) {
