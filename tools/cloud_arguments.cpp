@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "camber/core/errors.h"
+#include "crs.h"
 
 namespace camber::tools {
 
@@ -24,6 +25,7 @@ ReadOptions CloudArguments::read_options() const {
   options.columns = columns;
   if (!format.empty()) options.format = format_from_name(format);
   if (!columns.empty() && !options.format) options.format = CloudFormat::kText;
+  if (!crs.empty()) options.crs = crs_from_option(crs);
   return options;
 }
 
@@ -35,6 +37,9 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
   app.add_option("--columns", arguments.columns,
                  "columns of a text file without a header line: x,y,z,intensity (_ skips one)")
       ->delimiter(',');
+  app.add_option("--crs", arguments.crs,
+                 "coordinate system of the input, in place of the one that it states: EPSG:n, "
+                 "well-known text, a PROJ string, or a file with one of them");
 }
 
 WriteOptions OutputArguments::write_options() const {
@@ -84,6 +89,27 @@ void warn_about(const std::string& path, const ReadReport& report, const LogSink
     warn(fmt::format("{}: dropped {}: {}", path, reason, count));
   }
   for (const std::string& note : report.notes) warn(path + ": " + note);
+}
+
+void warn_about_losses(const std::string& path, const PointStreamHeader& header,
+                       const ReadReport& report, const WriteOptions& output, const std::string& out,
+                       const LogSink& warn) {
+  if (!warn) return;
+  const std::optional<CloudFormat> format =
+      output.format ? output.format : format_from_extension(out);
+  const bool las = format == CloudFormat::kLas;
+  if (!las || !header.records) {
+    for (const std::string& what : report.las_only) {
+      warn(fmt::format("{}: {} are not kept", path, what));
+    }
+  }
+  if (format != CloudFormat::kKittiBin || !header.crs) return;
+  if (header.crs->stated() || header.crs->epsg > 0) {
+    warn(fmt::format("{}: the coordinate system ({}) has no place in the output", path,
+                     describe(*header.crs)));
+  } else if (!header.crs->metric()) {
+    warn(path + ": " + unit_remark(*header.crs));
+  }
 }
 
 }  // namespace camber::tools

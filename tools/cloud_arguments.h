@@ -6,6 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/cloud/point_stream.h"
 #include "camber/core/stopwatch.h"
 #include "command.h"
 
@@ -16,6 +17,7 @@ struct CloudArguments {
   bool lenient = false;
   std::string format;                ///< empty: by content, then by extension
   std::vector<std::string> columns;  ///< of text without a header line
+  std::string crs;                   ///< empty: what the file states
 
   ReadOptions read_options() const;
 };
@@ -58,5 +60,10 @@ CloudFormat format_from_name(const std::string& name);
 
 /// Prints what a reader dropped and remarked, one warning a line.
 void warn_about(const std::string& path, const ReadReport& report, const LogSink& warn);
+
+/// Prints what a copy in this format loses of a cloud: what only LAS keeps, the coordinate system.
+void warn_about_losses(const std::string& path, const PointStreamHeader& header,
+                       const ReadReport& report, const WriteOptions& output, const std::string& out,
+                       const LogSink& warn);
 
 }  // namespace camber::tools

@@ -22,6 +22,7 @@
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "crs.h"
 #include "road_arguments.h"
 
 namespace fs = std::filesystem;
@@ -119,6 +120,7 @@ Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn)
   options.triangles = true;
   CloudFile file = read_cloud_file(path, options);
   warn_about(path.string(), file.report, warn);
+  use_metres(path.string(), &file, warn);
   Shape shape;
   shape.cloud = std::move(file.cloud);
   shape.triangles = std::move(file.triangles);

@@ -128,11 +128,16 @@ void register_convert(App& root) {
     }
     load.stop();
     StageTimer writing(timings, "write");
+    std::vector<std::string> notes;  // of the output
     const std::uint64_t points =
-        write_points(*source, args.files.out, write, make_progress(command->common));
+        write_points(*source, args.files.out, write, make_progress(command->common), &notes);
     writing.stop();
     const ReadReport& report = source->report();
     warn_about(args.files.input, report, warn);
+    warn_about_losses(args.files.input, source->header(), report, write, args.files.out, warn);
+    for (const std::string& note : notes) {
+      if (warn) warn(args.files.out + ": " + note);
+    }
     if (report.faces > 0 && warn) {
       warn(fmt::format("{}: {} faces are not written", args.files.input, report.faces));
     }
@@ -150,7 +155,8 @@ void register_convert(App& root) {
                               {"out", args.files.out},
                               {"points", points},
                               {"dropped", dropped},
-                              {"notes", report.notes}}
+                              {"notes", report.notes},
+                              {"output_notes", notes}}
                              .dump(2, ' ', false, json::error_handler_t::replace));
     }
     return 0;

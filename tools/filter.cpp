@@ -7,7 +7,9 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
+#include "camber/cloud/las_file.h"
 #include "camber/cloud/morton.h"
 #include "camber/cloud/normals.h"
 #include "camber/cloud/stream_filters.h"
@@ -18,6 +20,7 @@
 #include "camber/core/version.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "crs.h"
 #include "own_inputs.h"
 
 using nlohmann::json;
@@ -48,15 +51,65 @@ int whole(double value, const char* option) {
   return static_cast<int>(value);
 }
 
-RoadCloud collect(PointSource& source) {
+/// What is held in memory: the points, and of a LAS file their records.
+struct Collected {
+  RoadCloud cloud;
+  std::string records;
+  std::vector<int> order;  // of the points that are left, into the records
+
+  void select(const std::vector<int>& indices) {
+    cloud = cloud.select(indices);
+    std::vector<int> left;
+    left.reserve(indices.size());
+    for (const int i : indices) left.push_back(order[static_cast<std::size_t>(i)]);
+    order = std::move(left);
+  }
+};
+
+Collected collect(PointSource& source) {
+  Collected out;
   CloudBuilder builder(source.header(), false);
   PointBatch batch;
   while (source.next(batch)) {
     builder.add(batch);
+    if (batch.records.data != nullptr) {
+      out.records.append(reinterpret_cast<const char*>(batch.records.data),
+                         batch.count * batch.records.stride);
+    }
     throw_if_interrupted();
   }
   ReadReport report;
-  return builder.finish(report);
+  out.cloud = builder.finish(report);
+  out.order.resize(out.cloud.size());
+  std::iota(out.order.begin(), out.order.end(), 0);
+  return out;
+}
+
+/// Metres in the file's unit of length; warns where that is another one. Degrees stay.
+double metres_in(const PointSource& source, const Arguments& args, const LogSink& warn) {
+  const bool lengths = args.range > 0.0 || args.voxel > 0.0 || !args.radius.empty();
+  if (!source.header().crs || !lengths) return 1.0;
+  CoordinateSystem crs = *source.header().crs;
+  complete_crs(&crs);
+  if (crs.metric()) return 1.0;
+  if (warn) {
+    warn(args.files.input + ": " + unit_remark(crs) +
+         (crs.horizontal.angle
+              ? std::string()
+              : "; the metres of --range, --voxel and --radius were converted, --box is in the "
+                "file's units"));
+  }
+  return 1.0 / crs.horizontal.metres;
+}
+
+/// The mean of points has no waveform.
+void require_no_waves(const std::string& input, const PointStreamHeader& header) {
+  if (!header.las) return;
+  const int format = header.las->point_format;
+  if (format != 4 && format != 5 && format < 9) return;
+  throw InputError(input, "found points with wave packets (point format " + std::to_string(format) +
+                              "), which --voxel cannot keep: it writes means of points; expected "
+                              "another point format, or other filters");
 }
 
 }  // namespace
@@ -122,6 +175,7 @@ void register_filter(App& root) {
     std::unique_ptr<PointSource> source =
         open_typed_source(args.files.input, args.files.cloud.read_options());
     const bool lenient = args.files.cloud.lenient;
+    const double metre = metres_in(*source, args, warn);
     if (lenient) source = drop_bad_points(std::move(source));
     if (args.drop_non_finite || !args.box.empty() || args.range > 0.0) {
       CropBox box;
@@ -135,7 +189,7 @@ void register_filter(App& root) {
       }
       const bool has_box = !args.box.empty();
       const bool outside = args.outside;
-      const double range = args.range;
+      const double range = args.range * metre;
       source = select_points(std::move(source), [=](const Eigen::Vector3d& x) {
         return x.allFinite() && (!has_box || box.contains(x) != outside) &&
                (range <= 0.0 || x.norm() <= range);
@@ -146,7 +200,8 @@ void register_filter(App& root) {
     std::unique_ptr<PointSource> input;  // keeps the reader and its report
     std::unique_ptr<VoxelGrid> grid;
     if (args.voxel > 0.0) {
-      grid = std::make_unique<VoxelGrid>(source->header(), args.voxel);
+      require_no_waves(args.files.input, source->header());
+      grid = std::make_unique<VoxelGrid>(source->header(), args.voxel * metre);
       PointBatch batch;
       while (source->next(batch)) {
         grid->add(batch);
@@ -155,9 +210,10 @@ void register_filter(App& root) {
       input = std::move(source);
       source = grid->points();
     }
-    RoadCloud cloud;
+    Collected kept;
+    RoadCloud& cloud = kept.cloud;
     if (in_memory) {
-      cloud = collect(*source);
+      kept = collect(*source);
       grid.reset();
     }
     load.stop();
@@ -167,14 +223,14 @@ void register_filter(App& root) {
       const int threads = command->common.threads;
       step("read", cloud.size());
       if (!args.radius.empty()) {
-        cloud = cloud.select(
-            radius_inliers(cloud, args.radius[0], whole(args.radius[1], "--radius"), threads));
+        kept.select(radius_inliers(cloud, args.radius[0] * metre, whole(args.radius[1], "--radius"),
+                                   threads));
         step("radius", cloud.size());
       }
       throw_if_interrupted();
       if (!args.statistical.empty()) {
-        cloud = cloud.select(statistical_inliers(cloud, whole(args.statistical[0], "--statistical"),
-                                                 args.statistical[1], threads));
+        kept.select(statistical_inliers(cloud, whole(args.statistical[0], "--statistical"),
+                                        args.statistical[1], threads));
         step("statistical", cloud.size());
       }
       throw_if_interrupted();
@@ -189,20 +245,30 @@ void register_filter(App& root) {
       }
       throw_if_interrupted();
       if (args.morton) {
-        cloud = cloud.select(morton_order(cloud.points));
+        kept.select(morton_order(cloud.points));
         step("morton", cloud.size());
       }
       if (!input) input = std::move(source);
-      source = make_point_source(cloud);
+      if (kept.records.empty()) {
+        source = with_crs(make_point_source(cloud), input->header().crs);
+      } else {
+        source = make_las_rows(input->header(), std::move(kept.records), std::move(kept.order));
+        if (args.normals > 0) source = add_normals(std::move(source), cloud.normals);
+      }
     }
     compute.stop();
 
     StageTimer writing(timings, "write");
+    std::vector<std::string> notes;  // of the output
     const std::uint64_t points =
-        write_points(*source, args.files.out, write, make_progress(command->common));
+        write_points(*source, args.files.out, write, make_progress(command->common), &notes);
     writing.stop();
     const ReadReport& report = input ? input->report() : source->report();
     warn_about(args.files.input, report, warn);
+    warn_about_losses(args.files.input, source->header(), report, write, args.files.out, warn);
+    for (const std::string& note : notes) {
+      if (warn) warn(args.files.out + ": " + note);
+    }
     if (args.files.as_json) {
       json dropped = json::object();
       for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
@@ -225,7 +291,8 @@ void register_filter(App& root) {
                               {"steps", steps},
                               {"points", points},
                               {"dropped", dropped},
-                              {"notes", report.notes}}
+                              {"notes", report.notes},
+                              {"output_notes", notes}}
                              .dump(2, ' ', false, json::error_handler_t::replace));
     }
     return 0;

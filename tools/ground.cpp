@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,31 +15,77 @@
 #include "camber/road/segment_ground.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "crs.h"
 #include "own_inputs.h"
 #include "road_arguments.h"
 
 using nlohmann::json;
 
 namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string cloud, out;
+  CloudArguments reading;
+  OutputArguments output;
+  UpArguments up;
+  GroundOptions options;
+  std::vector<int> keep_classes{7, 9, 17, 18};
+  bool as_json = false;
+};
+
+/// Indices of the points that are asked about: not those of a class that stays, nor those that a
+/// survey has withdrawn (the flag withheld). Clouds without classes have all.
+std::vector<int> points_to_judge(const RoadCloud& cloud, const std::vector<int>& keep_classes) {
+  constexpr int kWithheld = 4;  // of class_flags, in all point formats
+  const auto classes = cloud.labels.find("classification");
+  const auto flags = cloud.labels.find("class_flags");
+  std::vector<int> judged;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const bool kept = classes != cloud.labels.end() &&
+                      std::find(keep_classes.begin(), keep_classes.end(), classes->second[i]) !=
+                          keep_classes.end();
+    const bool withheld = flags != cloud.labels.end() && (flags->second[i] & kWithheld) != 0;
+    if (!kept && !withheld) judged.push_back(static_cast<int>(i));
+  }
+  return judged;
+}
+
+/// The input with its ground: in LAS by the ASPRS classes, else by an int ground.
+void write_ground(const Arguments& arguments, const ReadOptions& read_options,
+                  const WriteOptions& write_options, std::size_t points,
+                  const std::vector<int>& judged, const std::vector<int>& labels) {
+  const std::optional<CloudFormat> format =
+      write_options.format ? write_options.format : format_from_extension(arguments.out);
+  const bool las = format == CloudFormat::kLas;
+  std::vector<int> ground(points, las ? -1 : 0);
+  for (std::size_t i = 0; i < judged.size(); ++i) {
+    ground[static_cast<std::size_t>(judged[i])] = labels[i];
+  }
+  if (!las) {
+    write_labelled_copy(arguments.cloud, read_options, "ground", ground, arguments.out,
+                        write_options);
+    return;
+  }
+  std::unique_ptr<PointSource> source = open_typed_source(arguments.cloud, read_options);
+  if (read_options.lenient) source = drop_bad_points(std::move(source));
+  source = classify_ground(std::move(source), ground);
+  write_points(*source, arguments.out, write_options);
+}
+
+}  // namespace
 
 void register_ground(App& root) {
   Command* command = add_command(
       root, "ground",
       "Tells ground from what stands on it: the output is the input cloud, in its order, with an "
-      "int ground (1 or 0). For single laser scans, clouds of a camera and airborne scans, in "
+      "int ground (1 or 0); LAS gets the ASPRS classes 2 and 1 (of points that were 0 or 2). For "
+      "single laser scans, clouds of a camera and airborne scans, in "
       "metres.",
       "  camber ground 000000.bin --out ground.ply --sensor-height 1.73\n"
       "  camber ground road.ply --out ground.ply --json\n"
-      "  camber ground airborne.las --out ground.las --largest-object 40\n"
+      "  camber ground airborne.las --out ground.las --largest-object 40 --keep-classes 6,7,9,18\n"
       "  camber ground scan.pcd --out ground.pcd --up 0,0,1 --tolerance 0.1");
-  struct Arguments {
-    std::string cloud, out;
-    CloudArguments reading;
-    OutputArguments output;
-    UpArguments up;
-    GroundOptions options;
-    bool as_json = false;
-  };
   const auto arguments = std::make_shared<Arguments>();
   GroundOptions& bound = arguments->options;
   App& app = *command->app;
@@ -65,6 +112,13 @@ void register_ground(App& root) {
   app.add_option("--tolerance", bound.tolerance,
                  "metres of ground points from the surface; 0: by their scatter")
       ->capture_default_str();
+  app.add_option(
+         "--keep-classes", arguments->keep_classes,
+         "ASPRS classes whose points are left as they are and take no part: 7 and 18 noise, "
+         "9 water, 17 bridges; so are withheld points")
+      ->check(in_range(0, 255))
+      ->delimiter(',')
+      ->capture_default_str();
   add_cloud_arguments(app, arguments->reading);
   add_output_arguments(app, arguments->output);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
@@ -78,20 +132,24 @@ void register_ground(App& root) {
     const ReadOptions read_options = arguments->reading.read_options();
     Timings timings;
     StageTimer load(timings, "load");
-    const CloudFile file = read_cloud_file(arguments->cloud, read_options);
-    warn_about(arguments->cloud, file.report, make_warning_sink(command->common));
+    CloudFile file = read_cloud_file(arguments->cloud, read_options);
+    const LogSink warn = make_warning_sink(command->common);
+    warn_about(arguments->cloud, file.report, warn);
+    use_metres(arguments->cloud, &file, warn);
+    const std::vector<int> judged = points_to_judge(file.cloud, arguments->keep_classes);
+    const bool all = judged.size() == file.cloud.size();
     load.stop();
     options.up = arguments->up.up(file.cloud);
     throw_if_interrupted();
     StageTimer compute(timings, "compute");
-    const GroundSegmentation found = segment_ground(file.cloud, options);
+    const GroundSegmentation found =
+        segment_ground(all ? file.cloud : file.cloud.select(judged), options);
     compute.stop();
     if (found.status == Status::kFailed) {
       throw NoAnswerError(arguments->cloud + ": " + found.reason);
     }
     StageTimer write(timings, "write");
-    write_labelled_copy(arguments->cloud, read_options, "ground", found.labels, arguments->out,
-                        write_options);
+    write_ground(*arguments, read_options, write_options, file.cloud.size(), judged, found.labels);
     write.stop();
     if (!arguments->as_json) {
       fmt::print("{}: {} of {} points are ground, within {:.2f} m of its surface\n", arguments->out,
@@ -108,10 +166,12 @@ void register_ground(App& root) {
           {"cell", options.cell},
           {"largest_object", options.largest_object},
           {"slope", options.slope},
-          {"tolerance", options.tolerance}}},
+          {"tolerance", options.tolerance},
+          {"keep_classes", arguments->keep_classes}}},
         {"file", arguments->cloud},
         {"out", arguments->out},
         {"points", file.cloud.size()},
+        {"kept_as_they_are", file.cloud.size() - judged.size()},
         {"ground", found.ground},
         {"from_air", found.from_air},
         {"used",

@@ -17,7 +17,9 @@
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
+#include "cloud_description.h"
 #include "command.h"
+#include "crs.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -27,91 +29,9 @@ namespace {
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
 
-json vector(const Eigen::Vector3d& v) {
-  return json::array({number(v.x()), number(v.y()), number(v.z())});
-}
-
-std::string text(const Eigen::Vector3d& v) {
-  return fmt::format("{:.3f} {:.3f} {:.3f}", v.x(), v.y(), v.z());
-}
-
-struct Printed {
-  json object;
-  std::string lines;
-
-  void line(const std::string& name, const std::string& value) {
-    lines += fmt::format("  {:<14}{}\n", name, value);
-  }
-};
-
-Printed describe_cloud(const std::string& path, const CloudSummary& summary) {
-  Printed out;
-  const ReadReport& report = summary.report;
-  json& o = out.object;
-  o["file"] = path;
-  o["kind"] = "cloud";
-  o["format"] = to_string(report.format);
-  o["encoding"] = report.encoding;
-  o["points"] = summary.points;
-  o["non_finite"] = summary.non_finite;
-  o["frame"] = to_string(summary.frame);
-  o["metric"] = summary.metric;
-  o["bounds"] = {{"min", vector(summary.minimum)}, {"max", vector(summary.maximum)}};
-  if (summary.origin) o["origin"] = vector(*summary.origin);
-  o["attributes"] = json::array();
-  for (const AttributeSummary& attribute : summary.attributes) {
-    o["attributes"].push_back({{"name", attribute.name},
-                               {"type", attribute.type},
-                               {"min", number(attribute.minimum)},
-                               {"max", number(attribute.maximum)},
-                               {"non_finite", attribute.non_finite}});
-  }
-  if (report.width > 0) o["organised"] = {{"width", report.width}, {"height", report.height}};
-  if (report.faces > 0) o["faces"] = report.faces;
-  if (std::isfinite(summary.sigma_mean)) {
-    o["sigma"] = {{"mean_m", summary.sigma_mean},
-                  {"median_m", number(summary.sigma_median)},
-                  {"quantile_95_m", number(summary.sigma_95)}};
-  }
-  o["dropped"] = json::object();
-  for (const auto& [reason, count] : report.dropped) o["dropped"][reason] = count;
-  o["notes"] = report.notes;
-
-  out.line("format", std::string(to_string(report.format)) + ", " + report.encoding);
-  out.line("points",
-           std::to_string(summary.points) +
-               (summary.non_finite > 0 ? fmt::format(" ({} not finite)", summary.non_finite)
-                                       : std::string()));
-  if (report.width > 0) out.line("organised", fmt::format("{} x {}", report.width, report.height));
-  if (report.faces > 0) out.line("faces", std::to_string(report.faces));
-  if (summary.points > summary.non_finite) {
-    out.line("min [m]", text(summary.minimum));
-    out.line("max [m]", text(summary.maximum));
-  }
-  out.line("frame",
-           std::string(to_string(summary.frame)) + (summary.metric ? "" : ", up to scale"));
-  if (summary.origin) out.line("origin [m]", text(*summary.origin));
-  if (std::isfinite(summary.sigma_mean)) {
-    out.line("sigma [m]", fmt::format("mean {:.4g}, median {:.3g}, 95 % below {:.3g}",
-                                      summary.sigma_mean, summary.sigma_median, summary.sigma_95));
-  }
-  out.line("attributes", "");
-  for (const AttributeSummary& attribute : summary.attributes) {
-    out.lines += fmt::format(
-        "    {:<22}{:<9}{:.10g} to {:.10g}{}\n", attribute.name, attribute.type, attribute.minimum,
-        attribute.maximum,
-        attribute.non_finite > 0 ? fmt::format(", {} not finite", attribute.non_finite) : "");
-  }
-  for (const auto& [reason, count] : report.dropped) {
-    out.line("dropped", fmt::format("{}: {}", reason, count));
-  }
-  for (const std::string& note : report.notes) out.line("note", note);
-  return out;
-}
-
-Printed describe_scene(const fs::path& path, const LogSink& warn) {
+Description describe_scene(const fs::path& path, const LogSink& warn) {
   const Scene scene = read_scene(path, warn);
-  Printed out;
+  Description out;
   json& o = out.object;
   std::size_t vehicles = 0, keypoints = 0;
   json ids = json::array();
@@ -151,8 +71,8 @@ Printed describe_scene(const fs::path& path, const LogSink& warn) {
   return out;
 }
 
-Printed describe_result(const fs::path& folder, const ReadOptions& options) {
-  Printed out;
+Description describe_result(const fs::path& folder, const ReadOptions& options) {
+  Description out;
   json& o = out.object;
   const RunDocument run = read_run(folder / "run.json");
   o["file"] = folder.string();
@@ -183,7 +103,7 @@ Printed describe_result(const fs::path& folder, const ReadOptions& options) {
   }
   if (fs::exists(folder / "road.ply")) {
     const fs::path cloud = folder / "road.ply";
-    const Printed road =
+    const Description road =
         describe_cloud(cloud.string(), summarise(*open_point_source(cloud, options)));
     o["road"] = road.object;
     out.lines += "road.ply\n" + road.lines;
@@ -200,7 +120,7 @@ bool looks_like_json(const fs::path& path) {
   return in && c == '{';
 }
 
-Printed describe(const std::string& name, const ReadOptions& options, const LogSink& warn) {
+Description describe(const std::string& name, const ReadOptions& options, const LogSink& warn) {
   const fs::path path = name;
   std::error_code error;
   if (fs::is_directory(path, error)) {
@@ -214,7 +134,12 @@ Printed describe(const std::string& name, const ReadOptions& options, const LogS
     }
   }
   if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_scene(path, warn);
-  return describe_cloud(name, summarise(*open_point_source(path, options)));
+  CloudSummary summary = summarise(*open_point_source(path, options));
+  if (summary.crs) {
+    complete_crs(&*summary.crs);
+    summary.metric = summary.metric && summary.crs->metric();
+  }
+  return describe_cloud(name, summary);
 }
 
 }  // namespace
@@ -247,7 +172,7 @@ void register_info(App& root) {
     StageTimer load(timings, "load");
     for (const std::string& name : arguments->files) {
       throw_if_interrupted();
-      const Printed printed = describe(name, options, warn);
+      const Description printed = describe(name, options, warn);
       if (arguments->as_json) {
         files.push_back(printed.object);
       } else {

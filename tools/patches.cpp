@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/cloud/stream_filters.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
@@ -47,6 +48,7 @@ void register_patches(App& root) {
     double max_slope_deg = RoadSurfaceOptions().max_slope / kDegree;
     std::string consistency = "continuity";
     bool overwrite = false;
+    bool las = false;
   };
   const auto arguments = std::make_shared<Arguments>();
   RoadSurfaceOptions& bound = arguments->options;
@@ -55,6 +57,9 @@ void register_patches(App& root) {
   app.add_option("--out", arguments->out,
                  "folder for surface.json, labels.ply (the cloud with an int patch) and run.json")
       ->required();
+  app.add_flag("--las", arguments->las,
+               "write labels.las, too: the input as it is, with patch as an extra attribute; of a "
+               "LAS input all records stay");
   app.add_flag("--overwrite", arguments->overwrite, "replace a folder that is not a Camber result");
   app.add_option("--max-slope-deg", arguments->max_slope_deg, "steepest ground, degrees from level")
       ->capture_default_str();
@@ -110,6 +115,10 @@ void register_patches(App& root) {
     for (const int label : fit.labels) kept += label >= 0 ? 1 : 0;
     file.cloud.labels["patch"] = fit.labels;
     write_cloud(file.cloud, folder.staging() / "labels.ply");
+    if (arguments->las) {
+      write_labelled_copy(arguments->input.cloud, arguments->input.reading.read_options(), "patch",
+                          fit.labels, folder.staging() / "labels.las");
+    }
     RunDocument run;
     run.seed = options.seed;
     *run.options = {{"command", "patches"},

@@ -5,6 +5,7 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"
+#include "crs.h"
 
 namespace camber::tools {
 
@@ -38,7 +39,9 @@ void add_up_arguments(App& app, UpArguments& arguments) {
 
 CloudFile RoadCloudArguments::read(const CommonOptions& common) const {
   CloudFile file = read_cloud_file(cloud, reading.read_options());
-  warn_about(cloud, file.report, make_warning_sink(common));
+  const LogSink warn = make_warning_sink(common);
+  warn_about(cloud, file.report, warn);
+  use_metres(cloud, &file, warn);
   return file;
 }
 
@@ -54,7 +57,9 @@ void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& t
 }
 
 std::vector<Eigen::Vector3d> read_line(const std::string& path) {
-  const RoadCloud cloud = read_cloud(path);
+  CloudFile file = read_cloud_file(path);
+  use_metres(path, &file, {});
+  const RoadCloud& cloud = file.cloud;
   std::vector<Eigen::Vector3d> line;
   for (const Eigen::Vector3f& p : cloud.points) {
     if (p.allFinite()) line.push_back(cloud.origin + p.cast<double>());

@@ -34,7 +34,7 @@ struct RoadCloudArguments {
   UpArguments up;
   bool as_json = false;
 
-  /// Reads the cloud; warns of what its reader remarked.
+  /// Reads the cloud, in metres; warns of what its reader remarked.
   CloudFile read(const CommonOptions& common) const;
 };
 

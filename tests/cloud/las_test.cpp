@@ -137,7 +137,7 @@ TEST(Las, HeadersThatLieAreErrorsBeforeMemoryIsTaken) {
       {"LASF", "expected a LAS header of 227 bytes"},
       {changed(107, std::uint32_t{0xffffffff}), "after at most 2 points, expected 4294967295"},
       {changed(24, std::uint8_t{2}), "byte 24: found LAS version 2.2"},
-      {changed(25, std::uint8_t{5}), "byte 24: found LAS version 1.5"},
+      {changed(25, std::uint8_t{6}), "byte 24: found LAS version 1.6"},
       {changed(94, std::uint16_t{100}), "byte 94: found a header size of 100"},
       {changed(94, std::uint16_t{60000}), "byte 94: found a header size of 60000"},
       {changed(96, std::uint32_t{100}), "byte 96: found points starting at byte 100"},

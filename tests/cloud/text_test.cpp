@@ -66,6 +66,113 @@ TEST(Text, ColumnsInMetresAreAxes) {
             Eigen::Vector3f(1, 2, 3));
 }
 
+TEST(Text, NamesOfSurveyorsAndTheirUnits) {
+  const struct {
+    const char* text;
+    double x, y, z;
+    bool metric;
+  } cases[] = {
+      {"Point,Easting,Northing,Elevation,Code\n7,1,2,3,TREE\n", 1, 2, 3, true},
+      {"No,UTM-Ch,UTM-East,UTM-North,Name,Altitude,Date\n1,R,1,2,\"a, b\",3,2008/08/23\n", 1, 2, 3,
+       true},
+      {"# exported 2021\n# x [m]\ty [m]\tz [m]\tintensity\n1\t2\t3\t9\n", 1, 2, 3, true},
+      {"# x [m] y [m] z [m]\n1 2 3\n", 1, 2, 3, true},
+      {"N;E;H\n2;1;3\n", 1, 2, 3, true},
+      {"x_ft y_ft z_ft\n1 2 3\n", 1, 2, 3, false},
+      {"northing (usft),easting (usft),elev (m)\n2,1,3\n", 1, 2, 3, false},
+      {"# a b LONGITUDE_CENTROID LATITUDE_CENTROID ELEVATION_CENTROID\n8 9 1 2 3\n", 1, 2, 3,
+       false},
+      {"lat,lon,alt\n2,1,3\n", 1, 2, 3, false},
+      {"x,y,height,easting\n1,2,3,9\n", 1, 2, 3, true},
+      {"\"X\",\"Y\",\"Z\"\n\"1\",\"2\",\"3\"\n", 1, 2, 3, true},
+  };
+  for (const auto& c : cases) {
+    const CloudFile file = read_from_memory(c.text, "a.csv");
+    ASSERT_EQ(file.cloud.size(), 1u) << c.text;
+    EXPECT_EQ(file.cloud.points[0], Eigen::Vector3d(c.x, c.y, c.z).cast<float>()) << c.text;
+    EXPECT_EQ(file.cloud.metric, c.metric) << c.text;
+  }
+  const CloudFile feet = read_from_memory("x_ft,y_ft,z_m\n1,2,3\n", "a.csv");
+  EXPECT_DOUBLE_EQ(feet.report.crs->horizontal.metres, 0.3048);
+  EXPECT_EQ(feet.report.crs->vertical.name, "metre");
+  EXPECT_EQ(read_from_memory("# in EPSG:26917\n1 2 3\n", "a.xyz").report.crs.has_value(), true);
+  // A word where the first row had a number stays an error.
+  EXPECT_THAT(read_error("x,y,z,code\n1,2,3,4\n5,6,7,TREE\n", "a.csv"),
+              HasSubstr("line 3: found 'TREE'"));
+  EXPECT_THAT(read_error("x,y,z\n1,two,3\n", "a.csv"), HasSubstr("line 2: found 'two,3'"));
+}
+
+TEST(Text, DecimalCommas) {
+  const std::vector<Eigen::Vector3f> expected = {{1.5f, -2.25f, 3}, {4, 5.5f, 60}};
+  for (const char* const text :
+       {"X;Y;Z\n1,5;-2,25;3\n4;5,5;6e1\n", "1,5 -2,25 3,0\n4,0 5,5 6,0e1\n",
+        "x\ty\tz\n1,5\t-2,25\t3,0\n4,0\t5,5\t6,0e1\n", "1,5; -2,25 ;3\r\n4;5,5;60\r\n"}) {
+    EXPECT_EQ(points(text), expected) << text;
+  }
+  // Commas between numbers stay separators.
+  EXPECT_EQ(points("1,2,3\n"), (std::vector<Eigen::Vector3f>{{1, 2, 3}}));
+  EXPECT_EQ(points("1, 2, 3\n"), (std::vector<Eigen::Vector3f>{{1, 2, 3}}));
+}
+
+TEST(Text, LayoutAndNamesThatAreNotUtf8) {
+  const CloudFile file = read_from_memory("X;Y;Z;Intensit\xe4t\r\n1;2;3;4\r\n", "a.csv");
+  const TextLayout& layout = *file.report.text;
+  EXPECT_EQ(layout.header, (std::vector<std::string>{"X;Y;Z;Intensit\xc3\xa4t"}));
+  EXPECT_EQ(layout.line_ends, "CR LF");
+  EXPECT_EQ(layout.separator, "semicolon");
+  EXPECT_EQ(layout.columns, 4u);
+  EXPECT_EQ(file.cloud.labels.count("Intensit\xc3\xa4t"), 1u);
+}
+
+CloudFile read_ptx(const std::string& text, bool lenient = false) {
+  ReadOptions options;
+  options.lenient = lenient;
+  return read_from_memory(text, "a.ptx", options);
+}
+
+TEST(Ptx, ScansWithTheirPoses) {
+  const std::string scan =
+      "2\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 1 0 0\n-1 0 0 0\n0 0 1 0\n100 200 300 1\n";
+  const std::string rows = "1 2 3 0.5\n0 0 0 0.5\n4 5 6 0.25\n7 8 9 1\n";
+  const CloudFile file = read_ptx(scan + rows + scan + rows);
+  ASSERT_EQ(file.cloud.size(), 6u);  // a place without a return a scan
+  // (x y z 1) M: the x axis goes to y, y to -x, then the scanner's place.
+  const Eigen::Vector3d first = file.cloud.origin + file.cloud.points[0].cast<double>();
+  EXPECT_TRUE(first.isApprox(Eigen::Vector3d(98, 201, 303)));
+  EXPECT_EQ(file.cloud.scalars.at("intensity")[1], 0.25f);
+  EXPECT_EQ(file.report.scans.size(), 2u);
+  EXPECT_THAT(file.report.notes.back(), HasSubstr("2 places of the scan without a return"));
+  // An empty scan before one with colours.
+  const std::string empty =
+      "0\n0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+  const CloudFile colors = read_ptx(
+      empty +
+      "1\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 2 3 0.5 9 8 7\n");
+  EXPECT_EQ(colors.cloud.colors.at(0), (std::array<std::uint8_t, 3>{9, 8, 7}));
+}
+
+TEST(Ptx, DamagedFilesAreErrorsAtALine) {
+  const std::string head = "2\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+  const struct {
+    std::string text;
+    const char* message;
+  } cases[] = {
+      {"two\n", "line 1: found 'two', expected the number of a scan's columns"},
+      {"2\n", "expected the number of a scan's rows"},
+      {"99999999\n99999999\n" + head.substr(4) + "1 2 3 4\n", "more than the file has room for"},
+      {"2\n1\n0 0\n", "line 3: found 2 values, expected 3 of the scanner's pose"},
+      {head + "1 2 3 4\n", "expected 1 more points of the scan"},
+      {head + "1 2\n", "line 11: found 2 values, expected x y z"},
+      {head + "1 2 3 4\n1 2 3\n", "line 12: found 3 values, expected 4"},
+      {head + "1 2 3 4 300 0 0\n", "line 11: found '300', expected a number in the range"},
+  };
+  for (const auto& c : cases) {
+    EXPECT_THAT(read_error(c.text, "a.ptx"), HasSubstr(c.message)) << c.text;
+  }
+  EXPECT_EQ(read_ptx(head + "1 2 3 4\n", true).cloud.size(), 1u);
+  EXPECT_TRUE(read_ptx("").cloud.empty());
+}
+
 TEST(Text, MissingValuesAreNaN) {
   const CloudFile file = read_from_memory("x,y,z,i\n1,2,3,\n4,,6,7\n,,,\n", "a.csv");
   ASSERT_EQ(file.cloud.size(), 3u);

@@ -8,14 +8,15 @@
 
 /// Reads any bytes as a cloud of one format, strictly and leniently: either a cloud whose arrays
 /// agree, or an InputError.
-inline void read_as_cloud(const std::uint8_t* data, std::size_t size, camber::CloudFormat format) {
+inline void read_as_cloud(const std::uint8_t* data, std::size_t size, camber::CloudFormat format,
+                          const char* name = "input") {
   for (const bool lenient : {false, true}) {
     camber::ReadOptions options;
     options.format = format;
     options.lenient = lenient;
     options.triangles = true;
     try {
-      const camber::CloudFile file = camber::read_cloud_memory(data, size, "input", options);
+      const camber::CloudFile file = camber::read_cloud_memory(data, size, name, options);
       file.cloud.validate();
       for (const auto& triangle : file.triangles) {
         for (const std::uint32_t index : triangle) {

@@ -10,6 +10,7 @@ namespace camber::tools {
 ///   clouds  commands on clouds
 ///   frames  all other commands: OpenCV, without its image and video formats
 ///   vtk     text and 3D scenes
+///   crs     coordinate systems by name: PROJ
 ///   video   films and videos: OpenCV's videoio, FFmpeg
 ///
 /// @return what a plugin exports under that name, not nullptr.

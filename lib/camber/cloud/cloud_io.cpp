@@ -18,7 +18,6 @@ const char* refusal_by_extension(const std::string& extension) {
       {".obj", "Wavefront OBJ"},
       {".stl", "STL"},
       {".off", "OFF"},
-      {".ptx", "PTX"},
       {".npy", "NumPy"},
       {".npz", "NumPy"},
       {".zip", "ZIP"},
@@ -82,6 +81,8 @@ std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
                                          const ReadOptions& options) {
   std::optional<CloudFormat> format = options.format;
   if (!format) format = format_from_content(*file);
+  const bool text = format.value_or(CloudFormat::kText) == CloudFormat::kText;
+  if (text && extension_of(file->name()) == ".ptx") return open_ptx(std::move(file), options);
   if (!format) {
     const std::string extension = extension_of(file->name());
     format = format_from_extension(file->name());
@@ -126,6 +127,10 @@ CloudFile collect(PointSource& source, const std::string& name, const ReadOption
   }
   CloudFile file;
   file.report = source.report();
+  file.report.crs = source.header().crs;
+  for (const std::string& what : file.report.las_only) {
+    file.report.notes.push_back(what + " are not read");
+  }
   file.cloud = builder.finish(file.report);
   file.triangles = std::move(source.triangles());
   return file;
@@ -217,7 +222,7 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
       if (encoding != CloudEncoding::kBinary) {
         throw std::invalid_argument("LAS files have one encoding, binary");
       }
-      return make_las_sink(out, header);
+      return header.records ? make_las_copy_sink(out, header) : make_las_sink(out, header);
     case CloudFormat::kColmap:
       throw std::invalid_argument(
           "COLMAP models are read only, expected ply, pcd, bin, las or text");

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "camber/cloud/coordinate_system.h"
 #include "camber/cloud/road_cloud.h"
 
 namespace camber {
@@ -17,8 +18,8 @@ enum class CloudFormat {
   kPcd,       ///< Point Cloud Library: ASCII, binary or binary_compressed
   kPly,       ///< Polygon files: ASCII, little or big endian; vertices are the points
   kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance
-  kLas,       ///< LAS 1.0 to 1.4, uncompressed
-  kText,      ///< XYZ or CSV: one point a line
+  kLas,       ///< LAS 1.0 to 1.5, uncompressed
+  kText,      ///< XYZ or CSV: one point a line; PTX (read only)
   kColmap,    ///< points3D.bin or points3D.txt of a COLMAP model; read only
 };
 
@@ -26,8 +27,8 @@ enum class CloudFormat {
 std::string_view to_string(CloudFormat format);
 
 /// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, and .xyz,
-/// .txt, .csv, .asc, .pts for text; files named points3D.bin and points3D.txt are COLMAP's; nothing
-/// for others.
+/// .txt, .csv, .asc, .pts for text (.ptx is read, not written); files named points3D.bin and
+/// points3D.txt are COLMAP's; nothing for others.
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
 
 struct ReadOptions {
@@ -41,8 +42,29 @@ struct ReadOptions {
   /// Text only: names of the columns of a file without a header line ("x", "y", "z", "intensity",
   /// ...; "_" skips one). Empty: the header line, or x y z and further columns by number.
   std::vector<std::string> columns;
+  /// The coordinate system of the file, whatever it states itself.
+  std::optional<CoordinateSystem> crs;
   /// PLY only: keep the faces, split into triangles (fans).
   bool triangles = false;
+};
+
+/// How a text file is laid out.
+struct TextLayout {
+  std::string separator;         ///< "comma", "semicolon", "blanks or tabs"
+  std::string line_ends = "LF";  ///< or "CR LF", by the first line
+  char decimal_sign = '.';
+  std::uint64_t header_lines = 0;   ///< comments, names and the like before the points
+  std::vector<std::string> header;  ///< the first of them, as UTF-8
+  std::size_t columns = 0;
+  std::array<int, 3> position{-1, -1, -1};  ///< columns of x, y and z, from 0
+  std::optional<std::uint64_t> count_line;  ///< the number of points in the first line
+};
+
+/// One scan of a PTX file.
+struct PtxScan {
+  std::uint64_t columns = 0, rows = 0;
+  /// Lines 7 to 10: a point is the row vector (x y z 1) times this matrix; row by row.
+  std::array<double, 16> pose{};
 };
 
 /// What a reader found out about a file beside its points.
@@ -62,6 +84,12 @@ struct ReadReport {
   std::vector<std::pair<std::string, std::uint64_t>> dropped;
   /// Remarks a user may want to see, one sentence each.
   std::vector<std::string> notes;
+  std::optional<CoordinateSystem> crs;  ///< where the file, or ReadOptions, states one
+  std::optional<TextLayout> text;       ///< of a text file
+  std::vector<PtxScan> scans;           ///< of a PTX file, the first 64
+  /// What the points have that is not among their attributes and that only another LAS file keeps:
+  /// "wave packets", ...
+  std::vector<std::string> las_only;
 
   void drop(const std::string& reason, std::uint64_t count = 1);  ///< adds to `dropped`
 };

@@ -37,6 +37,15 @@ void widen(double value, double& minimum, double& maximum) {
   if (!(value <= maximum)) maximum = value;
 }
 
+/// Attributes of survey clouds whose values are names of classes, not amounts.
+bool is_counted(const PointField& field) {
+  if (field.type != ScalarType::kUint8) return false;
+  for (const char* const name : {"classification", "return_number", "class_flags"}) {
+    if (field.name == name) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 const char* to_string(ScalarType type) {
@@ -75,6 +84,8 @@ CloudSummary summarise(PointSource& source) {
   out.frame = header.frame;
   out.metric = header.metric;
   out.origin = header.origin;
+  out.crs = header.crs;
+  out.las = header.las;
   for (const PointField& field : header.fields) {
     AttributeSummary attribute;
     attribute.name = field.name;
@@ -85,6 +96,13 @@ CloudSummary summarise(PointSource& source) {
   LogHistogram sigmas;
   double sigma_sum = 0.0;
   std::uint64_t sigma_count = 0;
+  std::vector<std::vector<std::uint64_t>> byte_counts(header.fields.size());
+  for (std::size_t f = 0; f < header.fields.size(); ++f) {
+    if (is_counted(header.fields[f])) byte_counts[f].resize(256);
+  }
+  // Of the distances from the first point, so that large coordinates lose nothing.
+  Eigen::Vector3d first = Eigen::Vector3d::Zero(), sum = Eigen::Vector3d::Zero();
+  std::uint64_t finite = 0;
   PointBatch batch;
   std::vector<std::array<double, 3>> positions;
   while (source.next(batch)) {
@@ -93,7 +111,15 @@ CloudSummary summarise(PointSource& source) {
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       AttributeSummary& attribute = out.attributes[f];
       const FieldView view = batch.fields[f];
-      with_type(header.fields[f].type, [&](auto tag) {
+      const ScalarType type = header.fields[f].type;
+      if (batch.count > 0) {
+        if (out.points == batch.count) attribute.first = view.number(type, 0);
+        attribute.last = view.number(type, batch.count - 1);
+      }
+      if (!byte_counts[f].empty()) {
+        for (std::size_t i = 0; i < batch.count; ++i) ++byte_counts[f][view.get<std::uint8_t>(i)];
+      }
+      with_type(type, [&](auto tag) {
         for (std::size_t i = 0; i < batch.count; ++i) {
           const double value = static_cast<double>(view.get<decltype(tag)>(i));
           if (!std::isfinite(value)) {
@@ -128,7 +154,17 @@ CloudSummary summarise(PointSource& source) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const Eigen::Index a = static_cast<Eigen::Index>(axis);
         widen(p[axis], out.minimum[a], out.maximum[a]);
+        if (finite == 0) first[a] = p[axis];
+        sum[a] += p[axis] - first[a];
       }
+      ++finite;
+    }
+  }
+  if (finite > 0) out.mean = first + sum / static_cast<double>(finite);
+  for (std::size_t f = 0; f < byte_counts.size(); ++f) {
+    for (std::size_t value = 0; value < byte_counts[f].size(); ++value) {
+      const std::uint64_t count = byte_counts[f][value];
+      if (count > 0) out.attributes[f].counts[static_cast<int>(value)] = count;
     }
   }
   if (sigma_count > 0) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,11 @@ struct AttributeSummary {
   double minimum = std::numeric_limits<double>::quiet_NaN();  ///< of the finite values
   double maximum = std::numeric_limits<double>::quiet_NaN();
   std::uint64_t non_finite = 0;
+  double first = std::numeric_limits<double>::quiet_NaN();  ///< of the first point
+  double last = std::numeric_limits<double>::quiet_NaN();
+  /// Of classification, return_number and class_flags of LAS files: how many points have each value
+  /// that occurs; else empty.
+  std::map<int, std::uint64_t> counts;
 };
 
 /// What a cloud file holds.
@@ -28,9 +34,13 @@ struct CloudSummary {
   std::optional<Eigen::Vector3d> origin;  ///< if the file records one
   std::uint64_t points = 0;
   std::uint64_t non_finite = 0;  ///< points with a NaN or infinite coordinate
-  /// Bounds of the finite points, m; NaN without any.
+  /// Bounds of the finite points, in the file's units; NaN without any.
   Eigen::Vector3d minimum = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   Eigen::Vector3d maximum = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  /// Mean of the finite points; NaN without any.
+  Eigen::Vector3d mean = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::optional<CoordinateSystem> crs;
+  std::shared_ptr<const LasFile> las;        ///< of a LAS file
   std::vector<AttributeSummary> attributes;  ///< coordinates included, in the file's order
 
   /// Of the attribute "sigma" where there is one, over its finite values; else NaN. The quantiles

@@ -306,6 +306,7 @@ class ColmapSource : public FormatSource {
   ColmapSource(std::unique_ptr<FileReader> file, const ReadOptions& options, bool binary)
       : FormatSource(std::move(file), options), binary_(binary), in_(*file_), text_(*file_) {
     report_.format = CloudFormat::kColmap;
+    take_crs({});
     report_.encoding = binary ? "binary" : "text";
     header_.metric = false;
     report_.notes.emplace_back("a COLMAP model has no scale of its own; lengths are in its unit");

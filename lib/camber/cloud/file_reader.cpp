@@ -13,6 +13,43 @@ namespace {
 constexpr std::size_t kChunk = std::size_t{1} << 18;  // fits the second-level cache
 }  // namespace
 
+FileBytes::FileBytes(int descriptor, std::uint64_t size, std::string name)
+    : descriptor_(descriptor), size_(size), name_(std::move(name)) {}
+
+FileBytes::FileBytes(const void* data, std::size_t size, std::string name)
+    : data_(static_cast<const unsigned char*>(data)), size_(size), name_(std::move(name)) {}
+
+FileBytes::~FileBytes() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+std::string FileBytes::read(std::uint64_t start, std::uint64_t length) const {
+  if (start > size_ || length > size_ - start) {
+    fail_at(size_, "found the end of the file, expected " + std::to_string(length) +
+                       " bytes from byte " + std::to_string(start));
+  }
+  if (data_ != nullptr || length == 0) {
+    return length == 0 ? std::string()
+                       : std::string(reinterpret_cast<const char*>(data_) + start,
+                                     static_cast<std::size_t>(length));
+  }
+  std::string out(static_cast<std::size_t>(length), '\0');
+  std::size_t done = 0;
+  while (done < out.size()) {
+    const ssize_t got = ::pread(descriptor_, out.data() + done, out.size() - done,
+                                static_cast<off_t>(start + done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) fail_at(start + done, std::string("reading failed: ") + std::strerror(errno));
+    if (got == 0) fail_at(start + done, "the file became shorter while it was being read");
+    done += static_cast<std::size_t>(got);
+  }
+  return out;
+}
+
+void FileBytes::fail_at(std::uint64_t byte, const std::string& reason) const {
+  throw InputError(name_, "byte " + std::to_string(byte), reason);
+}
+
 FileReader::FileReader(const std::filesystem::path& path) : name_(path.string()) {
   descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor_ < 0) {
@@ -34,6 +71,7 @@ FileReader::FileReader(const void* data, std::size_t size, std::string name)
     : name_(std::move(name)),
       size_(size),
       data_(static_cast<const unsigned char*>(data)),
+      memory_(data),
       available_(size) {}
 
 FileReader::~FileReader() {
@@ -86,6 +124,15 @@ bool FileReader::skip(std::uint64_t bytes) {
   return true;
 }
 
+std::shared_ptr<const FileBytes> FileReader::bytes() const {
+  if (descriptor_ < 0) {
+    return std::make_shared<FileBytes>(memory_, static_cast<std::size_t>(size_), name_);
+  }
+  const int copy = ::fcntl(descriptor_, F_DUPFD_CLOEXEC, 0);
+  if (copy < 0) throw InputError(name_, std::string("cannot be read: ") + std::strerror(errno));
+  return std::make_shared<FileBytes>(copy, size_, name_);
+}
+
 void FileReader::fail_at(std::uint64_t byte, const std::string& reason) const {
   throw InputError(name_, "byte " + std::to_string(byte), reason);
 }
@@ -121,7 +168,11 @@ bool LineReader::next(std::string_view& line, std::size_t limit) {
     fail("found a line of more than " + std::to_string(limit) + " bytes, expected shorter ones");
   }
   line = std::string_view(file_.text(), length);
-  if (end_ == '\n' && !line.empty() && line.back() == '\r') line.remove_suffix(1);
+  ends_ = pending_ == length ? "" : end_ == '\n' ? "LF" : "CR";
+  if (end_ == '\n' && !line.empty() && line.back() == '\r') {
+    line.remove_suffix(1);
+    ends_ = "CR LF";
+  }
   return true;
 }
 

@@ -10,6 +10,29 @@
 
 namespace camber {
 
+/// The bytes of a file (or of memory, which must outlive it) at any place.
+class FileBytes {
+ public:
+  FileBytes(int descriptor, std::uint64_t size, std::string name);  ///< takes the descriptor over
+  FileBytes(const void* data, std::size_t size, std::string name);
+  ~FileBytes();
+  FileBytes(const FileBytes&) = delete;
+  FileBytes& operator=(const FileBytes&) = delete;
+
+  const std::string& name() const { return name_; }
+  std::uint64_t size() const { return size_; }
+  /// @throws InputError where the file ends before, without taking memory, or cannot be read.
+  std::string read(std::uint64_t start, std::uint64_t length) const;
+  /// Throws an InputError at a byte of the file.
+  [[noreturn]] void fail_at(std::uint64_t byte, const std::string& reason) const;
+
+ private:
+  int descriptor_ = -1;
+  const unsigned char* data_ = nullptr;
+  std::uint64_t size_ = 0;
+  std::string name_;
+};
+
 /// Sequential reading of a file (or of bytes in memory) through a buffer that holds a window of it.
 /// Never holds more than was asked for plus one chunk. A file that shrinks while it is being read
 /// ends in an InputError.
@@ -40,6 +63,9 @@ class FileReader {
   /// Moves past `bytes`, which may reach beyond the window; false if the file ends before.
   bool skip(std::uint64_t bytes);
 
+  /// The same file at any place; reading there does not move the window.
+  std::shared_ptr<const FileBytes> bytes() const;
+
   /// Throws an InputError at a byte of the file.
   [[noreturn]] void fail_at(std::uint64_t byte, const std::string& reason) const;
 
@@ -51,6 +77,7 @@ class FileReader {
   std::uint64_t size_ = 0;
   std::uint64_t position_ = 0;
   const unsigned char* data_ = nullptr;
+  const void* memory_ = nullptr;  ///< the whole, where it is no file
   std::size_t available_ = 0;
   std::unique_ptr<unsigned char[]> buffer_;
   std::size_t capacity_ = 0;
@@ -67,6 +94,8 @@ class LineReader {
   bool next(std::string_view& line, std::size_t limit = kLineLimit);
   std::uint64_t line() const { return line_; }  ///< number of the line that next() gave, from 1
   void set_carriage_return_ends() { end_ = '\r'; }
+  /// How the line that next() gave ends: "LF", "CR LF", "CR"; "" for a last line without an end.
+  const char* ends() const { return ends_; }
 
   /// Throws an InputError at the current line.
   [[noreturn]] void fail(const std::string& reason) const;
@@ -77,6 +106,7 @@ class LineReader {
   FileReader& file_;
   std::uint64_t line_ = 0;
   std::size_t pending_ = 0;  ///< bytes of the current line, consumed by the next call
+  const char* ends_ = "";
   char end_ = '\n';
 
  public:

@@ -30,7 +30,46 @@ void FormatSource::read_comment(std::string_view comment) {
       origin[axis] = number.value;
     }
     header_.origin = origin;
+  } else if (!options_.crs) {
+    read_crs_comment(key, comment);
   }
+}
+
+void FormatSource::read_crs_comment(std::string_view key, std::string_view rest) {
+  if (key == "crs") {
+    CoordinateSystem crs = coordinate_system_from_wkt(rest);
+    std::string_view word = next_word(rest);
+    std::uint64_t code = 0;
+    if (word.substr(0, 5) == "EPSG:" && parse_unsigned(word.substr(5), code) && code < 1000000) {
+      crs = CoordinateSystem();
+      crs.epsg = static_cast<int>(code);
+    }
+    if (crs.kind != CoordinateSystem::Kind::kUnknown || crs.epsg > 0) take_crs(crs);
+  } else if (key == "unit") {
+    double metres[2];
+    for (double& value : metres) {
+      const std::string_view word = next_word(rest);
+      const ParsedNumber number = parse_number(word.data(), word.data() + word.size());
+      const bool good = !word.empty() && number.end == word.data() + word.size() &&
+                        std::isfinite(number.value) && number.value > 0.0;
+      if (!good) {
+        lines_.fail("found " + shown(word) + " in 'camber unit', expected two lengths in metres");
+      }
+      value = number.value;
+    }
+    CoordinateSystem crs = header_.crs.value_or(CoordinateSystem());
+    crs.horizontal = unit_from_metres(metres[0]);
+    crs.vertical = unit_from_metres(metres[1]);
+    crs.vertical_stated = true;
+    take_crs(crs);
+  }
+}
+
+void FormatSource::take_crs(const CoordinateSystem& of_file) {
+  const CoordinateSystem& crs = options_.crs ? *options_.crs : of_file;
+  if (!crs.stated() && !crs.horizontal.known() && crs.epsg == 0) return;
+  header_.crs = crs;
+  if (!crs.metric()) header_.metric = false;
 }
 
 void FormatSource::check_fields(const std::string& position) {
@@ -222,46 +261,52 @@ std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rule
              std::to_string(found);
     }
     const ColumnRule& rule = rules[found];
-    if (separated && (p == end || *p == separator)) {
+    const bool quoted = separated && p < end && *p == '"';
+    if (rule.column < 0 && fractional != nullptr) {
+      // A column that is skipped may hold words.
+      for (bool within = false; p < end; ++p) {
+        if (separated && *p == '"') within = !within;
+        if (!within && (separated ? *p == separator : is_blank(*p))) break;
+      }
+    } else if (separated && (p == end || *p == separator)) {
       if (!is_float(rule.type)) return "found no value, expected a whole number";
       if (rule.packed_color) return "found no value, expected a colour";
       if (rule.column >= 0) row[rule.column] = std::numeric_limits<double>::quiet_NaN();
       if (fractional != nullptr && rule.column >= 0)
         (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
     } else {
+      if (quoted) ++p;
       const ParsedNumber number = parse_number(p, end);
-      if (number.end == nullptr || (number.end < end && !is_blank(*number.end) &&
-                                    !(separated && *number.end == separator))) {
-        if (rule.column >= 0 || fractional == nullptr) {
-          std::string_view rest(p, static_cast<std::size_t>(end - p));
-          return "found " + shown(next_word(rest)) + ", expected a number";
-        }
-        // A column that is skipped may hold words.
-        while (p < end && (separated ? *p != separator : !is_blank(*p))) ++p;
-      } else {
-        double value = number.value;
-        if (!is_float(rule.type)) {
-          const std::string_view text(p, static_cast<std::size_t>(number.end - p));
-          if (!(std::isfinite(value) && std::floor(value) == value)) {
-            return "found " + shown(text) + ", expected a whole number";
-          }
-          if (!in_range(rule.type, value)) {
-            return "found " + shown(text) + ", expected a number in the range of its integer type";
-          }
-        } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
-          const float bits = static_cast<float>(value);
-          std::uint32_t packed = 0;
-          std::memcpy(&packed, &bits, 4);
-          value = packed;
-        }
-        if (rule.column >= 0) {
-          row[rule.column] = value;
-          if (fractional != nullptr && !number.whole) {
-            (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
-          }
-        }
-        p = number.end;
+      const char* behind = number.end;
+      if (quoted && behind != nullptr)
+        behind = behind < end && *behind == '"' ? behind + 1 : nullptr;
+      if (behind == nullptr ||
+          (behind < end && !is_blank(*behind) && !(separated && *behind == separator))) {
+        std::string_view rest(p, static_cast<std::size_t>(end - p));
+        return "found " + shown(next_word(rest)) + ", expected a number";
       }
+      double value = number.value;
+      if (!is_float(rule.type)) {
+        const std::string_view text(p, static_cast<std::size_t>(number.end - p));
+        if (!(std::isfinite(value) && std::floor(value) == value)) {
+          return "found " + shown(text) + ", expected a whole number";
+        }
+        if (!in_range(rule.type, value)) {
+          return "found " + shown(text) + ", expected a number in the range of its integer type";
+        }
+      } else if (rule.packed_color && !(number.whole && value >= 0.0 && value <= 4294967295.0)) {
+        const float bits = static_cast<float>(value);
+        std::uint32_t packed = 0;
+        std::memcpy(&packed, &bits, 4);
+        value = packed;
+      }
+      if (rule.column >= 0) {
+        row[rule.column] = value;
+        if (fractional != nullptr && !number.whole) {
+          (*fractional)[static_cast<std::size_t>(rule.column)] = 1;
+        }
+      }
+      p = behind;
     }
     ++found;
     skip_blanks();
@@ -291,6 +336,25 @@ std::vector<std::string> camber_comments(const PointStreamHeader& header) {
       line += ' ';
       append_number(line, (*header.origin)[axis]);
     }
+    comments.push_back(line);
+  }
+  if (!header.crs) return comments;
+  const CoordinateSystem& crs = *header.crs;
+  constexpr std::size_t kLongestWkt = 1 << 14;  // bytes
+  if (!crs.wkt.empty() && crs.wkt.size() <= kLongestWkt) {
+    std::string line = "camber crs " + crs.wkt;
+    for (char& c : line) {
+      if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+    }
+    comments.push_back(line);
+  } else if (crs.epsg > 0) {
+    comments.push_back("camber crs EPSG:" + std::to_string(crs.epsg));
+  }
+  if (!crs.metric() && !crs.horizontal.angle && !crs.vertical.angle) {
+    std::string line = "camber unit ";
+    append_number(line, crs.horizontal.metres);
+    line += ' ';
+    append_number(line, crs.vertical.metres);
     comments.push_back(line);
   }
   return comments;

@@ -17,6 +17,7 @@ std::unique_ptr<PointSource> open_ply(std::unique_ptr<FileReader> file, const Re
 std::unique_ptr<PointSource> open_las(std::unique_ptr<FileReader> file, const ReadOptions& options);
 std::unique_ptr<PointSource> open_text(std::unique_ptr<FileReader> file,
                                        const ReadOptions& options);
+std::unique_ptr<PointSource> open_ptx(std::unique_ptr<FileReader> file, const ReadOptions& options);
 std::unique_ptr<PointSource> open_kitti_bin(std::unique_ptr<FileReader> file,
                                             const ReadOptions& options);
 
@@ -30,6 +31,8 @@ std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHea
                                          CloudEncoding encoding);
 std::unique_ptr<PointSink> make_kitti_bin_sink(std::ostream& out, const PointStreamHeader& header);
 std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header);
+/// The points of a LAS file into another one: for headers with records.
+std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header);
 std::unique_ptr<PointSink> make_text_sink(std::ostream& out, const PointStreamHeader& header,
                                           CloudEncoding encoding);
 
@@ -39,8 +42,13 @@ class FormatSource : public PointSource {
   FormatSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : file_(std::move(file)), options_(options), lines_(*file_) {}
 
-  /// Takes "camber frame camera", "camber metric false" or "camber origin X Y Z" from a comment.
+  /// Takes "camber frame camera", "camber metric false", "camber origin X Y Z", "camber crs EPSG:n"
+  /// (or well-known text) or "camber unit H V" (metres) from a comment.
   void read_comment(std::string_view comment);
+
+  /// Takes the coordinate system that the file states, or the one of the options instead. Units
+  /// other than metres make the cloud not metric.
+  void take_crs(const CoordinateSystem& of_file);
 
   /// Fails unless x and y are there; a missing z is noted (it reads as 0).
   void check_fields(const std::string& position);
@@ -53,6 +61,9 @@ class FormatSource : public PointSource {
   std::unique_ptr<FileReader> file_;
   ReadOptions options_;
   LineReader lines_;
+
+ private:
+  void read_crs_comment(std::string_view key, std::string_view rest);
 };
 
 /// Binary records of one size: hands out views into the file's window.

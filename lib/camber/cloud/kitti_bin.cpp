@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "camber/cloud/formats.h"
+#include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
@@ -14,6 +15,7 @@ class KittiBinSource : public FormatSource {
   KittiBinSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : FormatSource(std::move(file), options) {
     report_.format = CloudFormat::kKittiBin;
+    take_crs({});
     report_.encoding = "binary little endian";
     const std::uint64_t count = file_->size() / kRecord;
     if (file_->size() % kRecord != 0) {
@@ -73,14 +75,18 @@ class KittiBinSink : public PointSink {
   }
 
   void write(const PointBatch& batch) override {
+    if (!started_) choose_origin(batch);
     values_.resize(4 * batch.count);
     for (std::size_t c = 0; c < 4; ++c) {
       const int field = fields_[c];
       for (std::size_t i = 0; i < batch.count; ++i) {
         values_[4 * i + c] =
-            field < 0 ? 0.0f
-                      : static_cast<float>(batch.fields[static_cast<std::size_t>(field)].number(
-                            header_.fields[static_cast<std::size_t>(field)].type, i));
+            field < 0
+                ? 0.0f
+                : static_cast<float>(batch.fields[static_cast<std::size_t>(field)].number(
+                                         header_.fields[static_cast<std::size_t>(field)].type, i) -
+                                     origin_[c]);
+        if (c < 3 && std::abs(values_[4 * i + c]) >= kFar) far_ = true;
       }
     }
     out_.write(reinterpret_cast<const char*>(values_.data()),
@@ -89,9 +95,55 @@ class KittiBinSink : public PointSink {
 
   void finish() override {}
 
+  std::vector<std::string> notes() const override {
+    std::vector<std::string> notes;
+    if (origin_[0] != 0.0 || origin_[1] != 0.0 || origin_[2] != 0.0) {
+      std::string place;
+      for (std::size_t c = 0; c < 3; ++c) {
+        place += ' ';
+        append_number(place, origin_[c]);
+      }
+      notes.push_back("KITTI .bin holds floats: the coordinates are written relative to" + place +
+                      ", which the file does not record");
+    }
+    if (far_) {
+      notes.emplace_back(
+          "some coordinates are beyond 8 km, where a float is good to half a millimetre or worse");
+    }
+    return notes;
+  }
+
  private:
+  static constexpr float kFar = 8192.0f;  // m; a float is good to 0.5 mm below
+
+  /// Coordinates of a map do not fit into floats: the round part of the first point is taken away
+  /// and named in the notes.
+  void choose_origin(const PointBatch& batch) {
+    if (batch.count == 0) return;
+    started_ = true;
+    bool far = false;
+    std::array<double, 3> first{0.0, 0.0, 0.0};
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (fields_[c] < 0) continue;
+      const std::size_t f = static_cast<std::size_t>(fields_[c]);
+      for (std::size_t i = 0; i < batch.count; ++i) {
+        const double x = batch.fields[f].number(header_.fields[f].type, i);
+        if (!std::isfinite(x)) continue;
+        first[c] = x;
+        break;
+      }
+      far = far || std::abs(first[c]) >= kFar;
+    }
+    if (!far) return;
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (std::abs(first[c]) < 1e12) origin_[c] = std::round(first[c] / 1000.0) * 1000.0;
+    }
+  }
+
   std::ostream& out_;
   PointStreamHeader header_;
+  std::array<double, 4> origin_{0.0, 0.0, 0.0, 0.0};
+  bool started_ = false, far_ = false;
   std::array<int, 4> fields_{-1, -1, -1, -1};
   std::vector<float> values_;
 };

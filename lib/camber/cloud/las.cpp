@@ -1,5 +1,5 @@
-// LAS files, versions 1.0 to 1.4, point formats 0 to 10, uncompressed: the ASPRS specifications
-// ("LAS Specification 1.4 - R15", 2019, and its predecessors).
+// Points of LAS files, versions 1.0 to 1.5, point formats 0 to 10, uncompressed: the ASPRS
+// specifications ("LAS Specification 1.4 - R15", 2019, its predecessors, and 1.5).
 
 #include <algorithm>
 #include <cmath>
@@ -7,14 +7,13 @@
 
 #include "camber/cloud/detail/las_format.h"
 #include "camber/cloud/formats.h"
+#include "camber/cloud/las_file.h"
 #include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
 
 using detail::kLasAngleUnit;
-using detail::kLasExtraDescription;
-using detail::kLasRecordHeader;
 using detail::las_extra_type;
 using detail::las_point_format;
 using detail::LasPointFormat;
@@ -31,28 +30,24 @@ struct Column {
   double scale = 1.0, shift_by = 0.0;
 };
 
-class LasSource : public FormatSource {
+/// The attributes in the records of a LAS file.
+class LasColumns {
  public:
-  LasSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
-      : FormatSource(std::move(file), options) {
-    report_.format = CloudFormat::kLas;
-    read_header();
+  /// @throws InputError where the extra bytes do not fit their description, unless lenient.
+  LasColumns(const LasFile& las, bool lenient, ReadReport* report)
+      : las_(las), record_size_(las.record_length) {
+    const LasPointFormat format = las_point_format(las.point_format);
+    add_standard_columns(format, report);
+    add_extra_columns(format, lenient, report);
   }
 
-  bool next(PointBatch& batch) override {
-    batch.count = 0;
-    batch.fields.clear();
-    file_->consume(pending_);
-    pending_ = 0;
-    if (left_ == 0) return false;
-    file_->fill(record_size_);
-    const std::size_t count = static_cast<std::size_t>(std::min<std::uint64_t>(
-        std::min<std::uint64_t>(left_, kBatchSize), file_->available() / record_size_));
-    const unsigned char* const data = file_->data();
-    pending_ = count * record_size_;
-    left_ -= count;
+  const std::vector<PointField>& fields() const { return fields_; }
+
+  /// Views into `data`, which holds `count` records, or into values that stay until the next call.
+  void decode(const unsigned char* data, std::size_t count, PointBatch& batch) {
+    batch.clear();
     batch.count = count;
-    report_.points += count;
+    batch.records = {data, record_size_};
     for (std::size_t c = 0; c < columns_.size(); ++c) {
       const Column& column = columns_[c];
       const unsigned char* const first = data + column.offset;
@@ -81,198 +76,40 @@ class LasSource : public FormatSource {
       });
       batch.fields.push_back({values.data(), sizeof(double)});
     }
-    return true;
   }
 
  private:
-  void read_header();
-  void read_records(std::uint64_t first, std::uint64_t end, std::uint32_t count);
-  void read_extra_descriptions(const unsigned char* data, std::size_t size);
-  void add_standard_columns(const LasPointFormat& format);
-  void add_extra_columns(const LasPointFormat& format);
+  void add_standard_columns(const LasPointFormat& format, ReadReport* report);
+  void add_extra_columns(const LasPointFormat& format, bool lenient, ReadReport* report);
   void add(const std::string& name, ScalarType type, const Column& column);
   void add_plain(const std::string& name, ScalarType type, std::size_t offset);
   void add_bits(const std::string& name, std::size_t offset, unsigned shift, unsigned mask);
 
-  struct Extra {
-    std::string name;
-    int type = 0;
-    std::size_t size = 0;  // type 0: bytes that nothing is known of
-    bool scaled = false;
-    double scale = 1.0, offset = 0.0;
-  };
-
+  const LasFile& las_;
   std::size_t record_size_ = 0;
-  std::uint64_t left_ = 0;
-  std::size_t pending_ = 0;
+  std::vector<PointField> fields_;
   std::vector<Column> columns_;
   std::vector<std::vector<unsigned char>> values_;
-  std::vector<Extra> extras_;
-  double scale_[3] = {1, 1, 1}, offset_[3] = {0, 0, 0};
 };
 
-void LasSource::read_header() {
-  constexpr std::size_t kShortest = 227, kLongest = 375;
-  if (!file_->fill(kShortest)) {
-    file_->fail_at(file_->size(), "found the end of the file, expected a LAS header of 227 bytes");
-  }
-  file_->fill(std::min<std::uint64_t>(kLongest, file_->remaining()));
-  const unsigned char* const h = file_->data();
-  if (std::memcmp(h, "LASF", 4) != 0) file_->fail_at(0, "found no 'LASF', expected a LAS header");
-  const int major = h[24], minor = h[25];
-  if (major != 1 || minor > 4) {
-    file_->fail_at(24, "found LAS version " + std::to_string(major) + "." + std::to_string(minor) +
-                           ", expected 1.0 to 1.4");
-  }
-  report_.encoding = "version 1." + std::to_string(minor);
-  const std::size_t needed = minor >= 4 ? kLongest : minor == 3 ? 235 : kShortest;
-  const std::uint16_t header_size = load<std::uint16_t>(h + 94);
-  if (header_size < needed || header_size > file_->size()) {
-    file_->fail_at(94, "found a header size of " + std::to_string(header_size) +
-                           ", expected at least " + std::to_string(needed) +
-                           " for this version, within the file");
-  }
-  const std::uint32_t data_start = load<std::uint32_t>(h + 96);
-  const std::uint32_t record_count = load<std::uint32_t>(h + 100);
-  const int format_byte = h[104];
-  if ((format_byte & 0xc0) != 0) {
-    throw InputError(
-        file_->name(),
-        "found LAZ (compressed LAS), which is not supported; expected uncompressed LAS "
-        "(laszip or pdal convert it)");
-  }
-  if (format_byte > 10) {
-    file_->fail_at(104, "found point format " + std::to_string(format_byte) + ", expected 0 to 10");
-  }
-  record_size_ = load<std::uint16_t>(h + 105);
-  const LasPointFormat format = las_point_format(format_byte);
-  if (record_size_ < format.size) {
-    file_->fail_at(105, "found points of " + std::to_string(record_size_) +
-                            " bytes, expected at least " + std::to_string(format.size) +
-                            " for point format " + std::to_string(format_byte));
-  }
-  report_.encoding += ", point format " + std::to_string(format_byte);
-  std::uint64_t count = load<std::uint32_t>(h + 107);
-  if (minor >= 4) {
-    const std::uint64_t large = load<std::uint64_t>(h + 247);
-    if (count != 0 && large != count && large != 0 && !options_.lenient) {
-      file_->fail_at(247, "found " + std::to_string(large) + " points, expected the " +
-                              std::to_string(count) + " of the older field at byte 107");
-    }
-    if (large != 0) count = large;
-  }
-  for (int axis = 0; axis < 3; ++axis) {
-    scale_[axis] = load<double>(h + 131 + 8 * axis);
-    offset_[axis] = load<double>(h + 155 + 8 * axis);
-    if (!std::isfinite(scale_[axis]) || scale_[axis] == 0.0 || !std::isfinite(offset_[axis])) {
-      file_->fail_at(static_cast<std::uint64_t>(131 + 8 * axis),
-                     "found scale " + std::to_string(scale_[axis]) + " and offset " +
-                         std::to_string(offset_[axis]) +
-                         ", expected finite numbers and no zero scale");
-    }
-  }
-  if (data_start < header_size || data_start > file_->size()) {
-    file_->fail_at(96, "found points starting at byte " + std::to_string(data_start) +
-                           ", expected one between the header's end at " +
-                           std::to_string(header_size) + " and the file's at " +
-                           std::to_string(file_->size()));
-  }
-  header_.grid = PointGrid{{scale_[0], scale_[1], scale_[2]}, {offset_[0], offset_[1], offset_[2]}};
-  file_->skip(header_size);
-  read_records(header_size, data_start, record_count);
-  file_->skip(data_start - file_->position());
-  report_.declared = count;
-  left_ = check_count(count, record_size_, file_->remaining(), "points");
-  report_.drop("truncated", count - left_);
-  header_.count = left_;
-  add_standard_columns(format);
-  add_extra_columns(format);
-}
-
-/// Walks the variable-length records; two kinds of them are looked into.
-void LasSource::read_records(std::uint64_t first, std::uint64_t end, std::uint32_t count) {
-  for (std::uint32_t i = 0; i < count; ++i) {
-    const std::uint64_t start = file_->position();
-    const auto fail = [&](const std::string& found) {
-      if (!options_.lenient) {
-        file_->fail_at(start, found + ", expected " + std::to_string(count) +
-                                  " variable-length records between bytes " +
-                                  std::to_string(first) + " and " + std::to_string(end));
-      }
-      report_.notes.push_back("of " + std::to_string(count) + " variable-length records " +
-                              std::to_string(i) + " are sound");
-    };
-    if (end - start < kLasRecordHeader || !file_->fill(kLasRecordHeader)) {
-      return fail("found no room for record " + std::to_string(i + 1));
-    }
-    const unsigned char* const h = file_->data();
-    const char* const user = reinterpret_cast<const char*>(h + 2);
-    const std::string user_id(user,
-                              static_cast<std::size_t>(std::find(user, user + 16, '\0') - user));
-    const std::uint16_t id = load<std::uint16_t>(h + 18);
-    const std::uint16_t length = load<std::uint16_t>(h + 20);
-    if (length > end - start - kLasRecordHeader) {
-      return fail("found record " + std::to_string(i + 1) + " with " + std::to_string(length) +
-                  " bytes that reach into the points");
-    }
-    file_->consume(kLasRecordHeader);
-    file_->fill(length);
-    if (user_id == "LASF_Spec" && id == 4) read_extra_descriptions(file_->data(), length);
-    if (user_id == "Camber" && id == 1) {
-      std::string_view text(file_->text(), length);
-      while (!text.empty()) {
-        const std::size_t line = std::min(text.find('\n'), text.size());
-        read_comment(text.substr(0, line));
-        text.remove_prefix(std::min(line + 1, text.size()));
-      }
-    }
-    file_->consume(length);
-  }
-}
-
-void LasSource::read_extra_descriptions(const unsigned char* data, std::size_t size) {
-  for (std::size_t at = 0; at + kLasExtraDescription <= size; at += kLasExtraDescription) {
-    const unsigned char* const d = data + at;
-    Extra extra;
-    extra.type = d[2];
-    const char* const name = reinterpret_cast<const char*>(d + 4);
-    extra.name.assign(name, std::find(name, name + 32, '\0'));
-    const int options = d[3];
-    if (extra.type == 0) {
-      extra.size = static_cast<std::size_t>(options);
-    } else if (extra.type <= 30) {
-      const std::size_t elements = static_cast<std::size_t>((extra.type - 1) / 10 + 1);
-      extra.size = elements * size_of(las_extra_type(extra.type));
-      extra.scaled = (options & 0x18) != 0;
-      if (options & 0x08) extra.scale = load<double>(d + 112);
-      if (options & 0x10) extra.offset = load<double>(d + 136);
-    } else {
-      file_->fail_at(
-          file_->position() + at + 2,
-          "found extra bytes of type " + std::to_string(extra.type) + ", expected 0 to 30");
-    }
-    extras_.push_back(extra);
-  }
-}
-
-void LasSource::add(const std::string& name, ScalarType type, const Column& column) {
+void LasColumns::add(const std::string& name, ScalarType type, const Column& column) {
   PointField field;
   field.name = name;
   field.type = type;
-  header_.fields.push_back(field);
+  fields_.push_back(field);
   columns_.push_back(column);
   values_.emplace_back();
 }
 
-void LasSource::add_plain(const std::string& name, ScalarType type, std::size_t offset) {
+void LasColumns::add_plain(const std::string& name, ScalarType type, std::size_t offset) {
   Column column;
   column.offset = offset;
   column.stored = type;
   add(name, type, column);
 }
 
-void LasSource::add_bits(const std::string& name, std::size_t offset, unsigned shift,
-                         unsigned mask) {
+void LasColumns::add_bits(const std::string& name, std::size_t offset, unsigned shift,
+                          unsigned mask) {
   Column column;
   column.kind = Column::Kind::kBits;
   column.offset = offset;
@@ -281,15 +118,15 @@ void LasSource::add_bits(const std::string& name, std::size_t offset, unsigned s
   add(name, ScalarType::kUint8, column);
 }
 
-void LasSource::add_standard_columns(const LasPointFormat& format) {
+void LasColumns::add_standard_columns(const LasPointFormat& format, ReadReport* report) {
   const char* const axes[] = {"x", "y", "z"};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     Column column;
     column.kind = Column::Kind::kCoordinate;
     column.offset = 4 * axis;
     column.stored = ScalarType::kInt32;
-    column.scale = scale_[axis];
-    column.shift_by = offset_[axis];
+    column.scale = las_.scale[axis];
+    column.shift_by = las_.offset[axis];
     add(axes[axis], ScalarType::kFloat64, column);
   }
   add_plain("intensity", ScalarType::kUint16, 12);
@@ -332,70 +169,178 @@ void LasSource::add_standard_columns(const LasPointFormat& format) {
   if (format.infrared >= 0) {
     add_plain("nir", ScalarType::kUint16, static_cast<std::size_t>(format.infrared));
   }
-  if (format.wave >= 0) report_.notes.emplace_back("wave packets are not kept");
+  if (format.wave >= 0) report->las_only.emplace_back("wave packets");
 }
 
 /// Columns of the extra bytes that are described.
-void LasSource::add_extra_columns(const LasPointFormat& format) {
+void LasColumns::add_extra_columns(const LasPointFormat& format, bool lenient, ReadReport* report) {
   const std::size_t extra_bytes = record_size_ - format.size;
   if (extra_bytes > kMostExtraBytes) {
-    file_->fail_at(105, "found " + std::to_string(extra_bytes) +
-                            " extra bytes a point, expected at most " +
-                            std::to_string(kMostExtraBytes));
+    las_.bytes->fail_at(105, "found " + std::to_string(extra_bytes) +
+                                 " extra bytes a point, expected at most " +
+                                 std::to_string(kMostExtraBytes));
   }
-  std::size_t described = 0;
-  for (const Extra& extra : extras_) described += extra.size;
+  const std::size_t described = las_.described_length();
   if (described > extra_bytes) {
-    if (!options_.lenient) {
-      file_->fail_at(105, "found " + std::to_string(extra_bytes) +
-                              " extra bytes a point, expected the " + std::to_string(described) +
-                              " that are described");
+    if (!lenient) {
+      las_.bytes->fail_at(105, "found " + std::to_string(extra_bytes) +
+                                   " extra bytes a point, expected the " +
+                                   std::to_string(described) + " that are described");
     }
-    report_.notes.emplace_back("the extra bytes do not fit their description and are not kept");
+    report->notes.emplace_back("the extra bytes do not fit their description and are not read");
     return;
   }
-  if (described < extra_bytes) {
-    report_.notes.push_back(std::to_string(extra_bytes - described) +
-                            " extra bytes a point without a description are not kept");
+  std::size_t unknown = extra_bytes - described;
+  for (const LasExtraBytes& extra : las_.extra_bytes) unknown += extra.type == 0 ? extra.size : 0;
+  if (unknown > 0) {
+    report->las_only.push_back(std::to_string(unknown) +
+                               " extra bytes a point without a description");
   }
   // An attribute that is described under the name of a standard one goes before it.
-  for (const Extra& extra : extras_) {
-    for (std::size_t f = 3; f < header_.fields.size(); ++f) {
-      if (header_.fields[f].name != extra.name) continue;
-      header_.fields.erase(header_.fields.begin() + static_cast<std::ptrdiff_t>(f));
+  for (const LasExtraBytes& extra : las_.extra_bytes) {
+    for (std::size_t f = 3; f < fields_.size(); ++f) {
+      if (fields_[f].name != extra.name) continue;
+      fields_.erase(fields_.begin() + static_cast<std::ptrdiff_t>(f));
       columns_.erase(columns_.begin() + static_cast<std::ptrdiff_t>(f));
       values_.pop_back();
       break;
     }
   }
   std::set<std::string> names;
-  for (const PointField& field : header_.fields) names.insert(field.name);
+  for (const PointField& field : fields_) names.insert(field.name);
   std::size_t offset = format.size;
-  for (const Extra& extra : extras_) {
-    const std::size_t elements =
-        extra.type == 0 ? 0 : static_cast<std::size_t>((extra.type - 1) / 10 + 1);
-    for (std::size_t k = 0; k < elements; ++k) {
+  for (const LasExtraBytes& extra : las_.extra_bytes) {
+    for (std::size_t k = 0; k < extra.elements; ++k) {
       const ScalarType type = las_extra_type(extra.type);
       std::string name = extra.name.empty() ? "extra" : extra.name;
-      if (elements > 1) name += "_" + std::to_string(k);
+      if (extra.elements > 1) name += "_" + std::to_string(k);
       while (!names.insert(name).second) name += "_";
       Column column;
       column.offset = offset + k * size_of(type);
       column.stored = type;
-      column.kind = extra.scaled ? Column::Kind::kScaled : Column::Kind::kPlain;
-      column.scale = extra.scale;
-      column.shift_by = extra.offset;
-      add(name, extra.scaled ? ScalarType::kFloat64 : type, column);
+      column.kind = extra.scaled() ? Column::Kind::kScaled : Column::Kind::kPlain;
+      column.scale = extra.scale[k];
+      column.shift_by = extra.offset[k];
+      add(name, extra.scaled() ? ScalarType::kFloat64 : type, column);
     }
     offset += extra.size;
   }
 }
+
+class LasSource : public FormatSource {
+ public:
+  LasSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
+      : FormatSource(std::move(file), options) {
+    report_.format = CloudFormat::kLas;
+    read_header();
+  }
+
+  bool next(PointBatch& batch) override {
+    batch.clear();
+    file_->consume(pending_);
+    pending_ = 0;
+    if (left_ == 0) return false;
+    const std::size_t record_size = header_.las->record_length;
+    file_->fill(record_size);
+    const std::size_t count = static_cast<std::size_t>(std::min<std::uint64_t>(
+        std::min<std::uint64_t>(left_, kBatchSize), file_->available() / record_size));
+    columns_->decode(file_->data(), count, batch);
+    pending_ = count * record_size;
+    left_ -= count;
+    report_.points += count;
+    return true;
+  }
+
+ private:
+  void read_header();
+  void read_comments(const LasRecord& record);
+
+  std::uint64_t left_ = 0;
+  std::size_t pending_ = 0;
+  std::unique_ptr<LasColumns> columns_;
+};
+
+void LasSource::read_header() {
+  const auto las = std::make_shared<const LasFile>(
+      read_las_file(file_->bytes(), options_.lenient, &report_.notes));
+  left_ = las->points;
+  report_.encoding = "version 1." + std::to_string(las->minor) + ", point format " +
+                     std::to_string(las->point_format);
+  report_.declared = las->declared_count;
+  report_.drop("truncated", las->declared_count - left_);
+  header_.las = las;
+  header_.records = true;
+  for (const LasRecord& record : las->records) {
+    if (record.user_id == "Camber" && record.record_id == 1) read_comments(record);
+  }
+  const auto vector = [](const std::array<double, 3>& v) {
+    return Eigen::Vector3d(v[0], v[1], v[2]);
+  };
+  header_.grid = PointGrid{vector(las->scale), vector(las->offset)};
+  header_.count = left_;
+  take_crs(las->crs);
+  columns_ = std::make_unique<LasColumns>(*las, options_.lenient, &report_);
+  header_.fields = columns_->fields();
+  file_->skip(las->points_start);
+}
+
+/// The comments that Camber puts into a record of its own.
+void LasSource::read_comments(const LasRecord& record) {
+  constexpr std::uint64_t kMost = 1 << 16;
+  const std::string content =
+      header_.las->bytes->read(record.content, std::min(record.length, kMost));
+  std::string_view text = content;
+  while (!text.empty()) {
+    const std::size_t line = std::min(text.find('\n'), text.size());
+    read_comment(text.substr(0, line));
+    text.remove_prefix(std::min(line + 1, text.size()));
+  }
+}
+
+class LasRows : public PointSource {
+ public:
+  LasRows(const PointStreamHeader& header, std::string records, std::vector<int> order)
+      : records_(std::move(records)),
+        order_(std::move(order)),
+        columns_(*header.las, true, &report_) {
+    header_ = header;
+    header_.fields = columns_.fields();
+    header_.count = order_.size();
+    report_ = {};
+    report_.format = CloudFormat::kLas;
+    report_.declared = order_.size();
+  }
+
+  bool next(PointBatch& batch) override {
+    const std::size_t size = header_.las->record_length;
+    const std::size_t count = std::min(kBatchSize, order_.size() - done_);
+    rows_.clear();
+    for (std::size_t i = 0; i < count; ++i) {
+      rows_.append(records_, static_cast<std::size_t>(order_[done_ + i]) * size, size);
+    }
+    columns_.decode(reinterpret_cast<const unsigned char*>(rows_.data()), count, batch);
+    done_ += count;
+    report_.points = done_;
+    return count > 0;
+  }
+
+ private:
+  std::string records_, rows_;
+  std::vector<int> order_;
+  LasColumns columns_;
+  std::size_t done_ = 0;
+};
 
 }  // namespace
 
 std::unique_ptr<PointSource> open_las(std::unique_ptr<FileReader> file,
                                       const ReadOptions& options) {
   return std::make_unique<LasSource>(std::move(file), options);
+}
+
+std::unique_ptr<PointSource> make_las_rows(const PointStreamHeader& header, std::string records,
+                                           std::vector<int> order) {
+  return std::make_unique<LasRows>(header, std::move(records), std::move(order));
 }
 
 }  // namespace camber

@@ -6,25 +6,18 @@
 
 #include "camber/cloud/detail/las_format.h"
 #include "camber/cloud/formats.h"
+#include "camber/cloud/las_file.h"
 #include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
 
 using detail::kLasAngleUnit;
-using detail::kLasExtraDescription;
 using detail::kLasRecordHeader;
-using detail::las_extra_type;
 using detail::las_point_format;
+using detail::las_record;
 using detail::LasPointFormat;
-
-void store(std::string& out, std::size_t at, const void* data, std::size_t size) {
-  std::memcpy(out.data() + at, data, size);
-}
-template <typename T>
-void store(std::string& out, std::size_t at, T value) {
-  store(out, at, &value, sizeof value);
-}
+using detail::store;
 
 class LasSink : public PointSink {
  public:
@@ -162,7 +155,7 @@ class LasSink : public PointSink {
         static_cast<unsigned>(clamped(batch, return_number_, i, most_returns, 1.0));
     const unsigned returns =
         static_cast<unsigned>(clamped(batch, number_of_returns_, i, most_returns, 1.0));
-    ++by_return_[number > 0 ? number - 1 : 0];
+    if (number > 0) ++by_return_[number - 1];  // 0 is no return
     const unsigned direction = static_cast<unsigned>(clamped(batch, direction_, i, 1.0));
     const unsigned edge = static_cast<unsigned>(clamped(batch, edge_, i, 1.0));
     if (format_.extended) {
@@ -231,44 +224,47 @@ class LasSink : public PointSink {
     return static_cast<std::uint16_t>(scaled > 0.0 ? std::min(scaled + 0.5, 65535.0) : 0.0);
   }
 
-  std::string record(const char* user, std::uint16_t id, const char* description,
-                     const std::string& content) const {
-    std::string out(kLasRecordHeader, '\0');
-    store(out, 2, user, std::strlen(user));
-    store(out, 18, id);
-    store(out, 20, static_cast<std::uint16_t>(content.size()));
-    store(out, 22, description, std::strlen(description));
-    return out + content;
-  }
-
   std::string describe_extras() const {
     std::string out;
     for (const int field : extras_) {
-      std::string d(kLasExtraDescription, '\0');
       const PointField& f = header_.fields[static_cast<std::size_t>(field)];
-      for (int id = 1; id <= 10; ++id) {
-        if (las_extra_type(id) == f.type) d[2] = static_cast<char>(id);
-      }
-      const std::string name = f.name.substr(0, 31);
-      store(d, 4, name.data(), name.size());
-      out += d;
+      out += detail::describe_extra_bytes(f.name, f.type);
     }
     return out;
+  }
+
+  /// Those of the LAS file that the points come from, else from what is known of the system.
+  void append_crs(std::string* records, std::uint32_t* count) const {
+    if (!header_.crs) return;
+    const std::uint32_t before = *count;
+    if (header_.las && !header_.crs->given) {
+      for (const LasRecord& r : header_.las->records) {
+        if (r.extended || !detail::is_projection_record(r.user_id, r.record_id)) continue;
+        *records += header_.las->bytes->read(r.start, kLasRecordHeader + r.length);
+        ++*count;
+      }
+    }
+    if (*count == before) {
+      *records += detail::projection_records(*header_.crs, format_id_, count);
+    }
   }
 
   void write_head() {
     std::string records;
     std::uint32_t record_count = 0;
     std::string comments;
-    for (const std::string& comment : camber_comments(header_)) comments += comment + "\n";
+    PointStreamHeader frame = header_;
+    frame.crs.reset();  // has records of its own
+    for (const std::string& comment : camber_comments(frame)) comments += comment + "\n";
     if (!comments.empty()) {
-      records += record("Camber", 1, "frame of the coordinates", comments);
+      records += las_record("Camber", 1, "frame of the coordinates", comments);
       ++record_count;
     }
     if (!extras_.empty()) {
-      records += record("LASF_Spec", 4, "extra bytes", describe_extras());
+      records += las_record("LASF_Spec", 4, "extra bytes", describe_extras());
       ++record_count;
     }
+    append_crs(&records, &record_count);
     const std::size_t header_size = minor_ == 4 ? 375 : 227;
     std::string h(header_size, '\0');
     store(h, 0, "LASF", 4);
@@ -276,8 +272,10 @@ class LasSink : public PointSink {
     h[25] = static_cast<char>(minor_);
     store(h, 26, "Camber", 6);
     store(h, 58, "Camber", 6);
-    // Formats 6 and later ask for coordinates in well-known text; there are none to give.
-    store(h, 6, static_cast<std::uint16_t>(format_.extended ? 16 : 0));
+    // Formats 6 and later ask for the coordinate system in well-known text, if there is one.
+    const bool wkt = header_.crs && detail::takes_wkt(*header_.crs, format_id_);
+    const unsigned time_kind = header_.las ? header_.las->global_encoding & 1u : 0u;
+    store(h, 6, static_cast<std::uint16_t>((format_.extended || wkt ? 16u : 0u) | time_kind));
     store(h, 94, static_cast<std::uint16_t>(header_size));
     store(h, 96, static_cast<std::uint32_t>(header_size + records.size()));
     store(h, 100, record_count);

@@ -46,6 +46,7 @@ class PcdSource : public FormatSource {
   PcdSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : FormatSource(std::move(file), options) {
     report_.format = CloudFormat::kPcd;
+    take_crs({});
     pcd_ = detail::read_pcd_header(
         *file_, lines_, [this](std::string_view text) { read_comment(text); }, &report_);
     lay_out();

@@ -22,6 +22,7 @@ class PlySource : public FormatSource {
   PlySource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : FormatSource(std::move(file), options) {
     report_.format = CloudFormat::kPly;
+    take_crs({});
     ply_ = detail::read_ply_header(
         *file_, lines_, options_.lenient, [this](std::string_view text) { read_comment(text); },
         &report_);

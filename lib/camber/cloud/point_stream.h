@@ -11,10 +11,13 @@
 #include <vector>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/cloud/coordinate_system.h"
 
 /// Point clouds as streams of batches: what the readers, the writers, `convert` and `filter` are
 /// made of. A file of any size passes through a few megabytes of memory.
 namespace camber {
+
+struct LasFile;
 
 enum class ScalarType : std::uint8_t {
   kInt8,
@@ -66,6 +69,8 @@ struct PointField {
   ScalarType type = ScalarType::kFloat32;
   /// From text: the values come as double, and the attribute is an integer one if all are whole.
   bool text = false;
+  /// Not (or no longer) as in the LAS record that the point comes from.
+  bool changed = false;
 };
 
 /// The values of one field in a batch, in the machine's byte order, at any alignment.
@@ -91,6 +96,15 @@ struct FieldView {
 struct PointBatch {
   std::size_t count = 0;
   std::vector<FieldView> fields;  ///< parallel to PointStreamHeader::fields
+  /// The whole record of each point as its LAS file has it; no data where there is none. The
+  /// fields that are not `changed` are as in the record.
+  FieldView records;
+
+  void clear() {
+    count = 0;
+    fields.clear();
+    records = {};
+  }
 };
 inline constexpr std::size_t kBatchSize = 8192;
 
@@ -107,6 +121,9 @@ struct PointStreamHeader {
   bool metric = true;
   std::optional<Eigen::Vector3d> origin;  ///< recorded by the writer; coordinates include it
   std::optional<PointGrid> grid;          ///< of a LAS file, so that another one keeps it
+  std::optional<CoordinateSystem> crs;    ///< where the file, or who reads it, states one
+  std::shared_ptr<const LasFile> las;     ///< what a LAS file has beside its points
+  bool records = false;                   ///< batches have the records of `las`
 };
 
 /// Which fields of a stream have a meaning of their own: indices, -1 for none.
@@ -150,12 +167,21 @@ std::unique_ptr<PointSource> open_point_source(const void* data, std::size_t siz
 /// A RoadCloud as a stream, true coordinates (double if it has an origin); it must outlive it.
 std::unique_ptr<PointSource> make_point_source(const RoadCloud& cloud);
 
+/// Points of a LAS file in another order, or some of them, with all that their records hold.
+/// @param header  of the file's source, with `las`
+/// @param records the file's records, one behind the other; taken over
+/// @param order   which of them, in their new order
+std::unique_ptr<PointSource> make_las_rows(const PointStreamHeader& header, std::string records,
+                                           std::vector<int> order);
+
 /// A cloud being written. Call write() for each batch, then finish().
 class PointSink {
  public:
   virtual ~PointSink() = default;
   virtual void write(const PointBatch& batch) = 0;
   virtual void finish() = 0;
+  /// What was written in another way than a user may expect, one sentence each; after finish().
+  virtual std::vector<std::string> notes() const { return {}; }
 };
 
 /// @param out must be seekable unless header.count is given.

@@ -41,8 +41,7 @@ class Selected : public Wrapper {
   }
 
   bool next(PointBatch& batch) override {
-    batch.count = 0;
-    batch.fields.clear();
+    batch.clear();
     while (true) {
       if (!source_->next(inner_)) {
         end();
@@ -66,7 +65,16 @@ class Selected : public Wrapper {
     batch.count = rows_.size();
     if (rows_.size() == inner_.count) {
       batch.fields = inner_.fields;
+      batch.records = inner_.records;
       return true;
+    }
+    if (inner_.records.data != nullptr) {
+      const std::size_t size = inner_.records.stride;
+      records_.resize(rows_.size() * size);
+      for (std::size_t i = 0; i < rows_.size(); ++i) {
+        std::memcpy(records_.data() + i * size, inner_.records.data + rows_[i] * size, size);
+      }
+      batch.records = {records_.data(), size};
     }
     for (std::size_t f = 0; f < columns_.size(); ++f) {
       std::vector<unsigned char>& column = columns_[f];
@@ -92,6 +100,7 @@ class Selected : public Wrapper {
   PointBatch inner_;
   std::vector<std::size_t> rows_;
   std::vector<std::vector<unsigned char>> columns_;
+  std::vector<unsigned char> records_;
 };
 
 class WithoutBadPoints : public Selected {
@@ -133,6 +142,7 @@ class Labelled : public Wrapper {
     PointField field;
     field.name = name;
     field.type = ScalarType::kInt32;
+    field.changed = true;
     if (replaced_ < header_.fields.size()) {
       header_.fields[replaced_] = field;
     } else {
@@ -170,6 +180,130 @@ class Labelled : public Wrapper {
 
   const std::vector<int>& values_;
   std::size_t replaced_ = std::numeric_limits<std::size_t>::max();
+  std::size_t done_ = 0;
+};
+
+class WithCrs : public Wrapper {
+ public:
+  WithCrs(std::unique_ptr<PointSource> source, const std::optional<CoordinateSystem>& crs)
+      : Wrapper(std::move(source)) {
+    header_.crs = crs;
+  }
+  bool next(PointBatch& batch) override {
+    const bool more = source_->next(batch);
+    report_ = source_->report();
+    return more;
+  }
+};
+
+class WithNormals : public Wrapper {
+ public:
+  WithNormals(std::unique_ptr<PointSource> source, const std::vector<Eigen::Vector3f>& normals)
+      : Wrapper(std::move(source)), normals_(normals) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      PointField field;
+      field.name = std::string("n") + "xyz"[axis];
+      field.changed = true;
+      place_[axis] = header_.fields.size();
+      for (std::size_t f = 0; f < header_.fields.size(); ++f) {
+        if (header_.fields[f].name == field.name) place_[axis] = f;
+      }
+      if (place_[axis] == header_.fields.size()) {
+        header_.fields.push_back(field);
+      } else {
+        header_.fields[place_[axis]] = field;
+      }
+    }
+  }
+
+  bool next(PointBatch& batch) override {
+    if (!source_->next(batch)) {
+      end();
+      if (done_ != normals_.size()) fail(done_);
+      return false;
+    }
+    if (batch.count > normals_.size() - done_) fail(done_ + batch.count);
+    batch.fields.resize(header_.fields.size());
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      batch.fields[place_[axis]] = {
+          reinterpret_cast<const unsigned char*>(normals_[done_].data() + axis),
+          sizeof(Eigen::Vector3f)};
+    }
+    done_ += batch.count;
+    report_.points = done_;
+    return true;
+  }
+
+ private:
+  [[noreturn]] void fail(std::uint64_t points) const {
+    throw std::invalid_argument("found " + std::to_string(normals_.size()) + " normals, expected " +
+                                std::to_string(points) + ", one for each point");
+  }
+
+  const std::vector<Eigen::Vector3f>& normals_;
+  std::array<std::size_t, 3> place_{};
+  std::size_t done_ = 0;
+};
+
+class Classified : public Wrapper {
+ public:
+  Classified(std::unique_ptr<PointSource> source, const std::vector<int>& ground)
+      : Wrapper(std::move(source)), ground_(ground) {
+    for (std::size_t f = 0; f < header_.fields.size(); ++f) {
+      if (header_.fields[f].name != "classification") continue;
+      place_ = f;
+      old_type_ = header_.fields[f].type;
+      had_ = true;
+    }
+    PointField field;
+    field.name = "classification";
+    field.type = ScalarType::kUint8;
+    field.changed = true;
+    if (had_) {
+      header_.fields[place_] = field;
+    } else {
+      place_ = header_.fields.size();
+      header_.fields.push_back(field);
+    }
+  }
+
+  bool next(PointBatch& batch) override {
+    if (!source_->next(batch)) {
+      end();
+      if (done_ != ground_.size()) fail(done_);
+      return false;
+    }
+    if (batch.count > ground_.size() - done_) fail(done_ + batch.count);
+    classes_.resize(batch.count);
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const double old = had_ ? batch.fields[place_].number(old_type_, i) : 0.0;
+      const std::uint8_t before = static_cast<std::uint8_t>(old >= 0.0 && old <= 255.0 ? old : 0.0);
+      const int ground = ground_[done_ + i];
+      classes_[i] = ground < 0                         ? before
+                    : ground > 0                       ? kGround
+                    : before == 0 || before == kGround ? kUnclassified
+                                                       : before;
+    }
+    batch.fields.resize(header_.fields.size());
+    batch.fields[place_] = {classes_.data(), 1};
+    done_ += batch.count;
+    report_.points = done_;
+    return true;
+  }
+
+ private:
+  static constexpr std::uint8_t kUnclassified = 1, kGround = 2;
+
+  [[noreturn]] void fail(std::uint64_t points) const {
+    throw std::invalid_argument("found " + std::to_string(ground_.size()) + " labels, expected " +
+                                std::to_string(points) + ", one for each point");
+  }
+
+  const std::vector<int>& ground_;
+  std::size_t place_ = 0;
+  ScalarType old_type_ = ScalarType::kUint8;
+  bool had_ = false;
+  std::vector<std::uint8_t> classes_;
   std::size_t done_ = 0;
 };
 
@@ -224,13 +358,29 @@ std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, cons
   return std::make_unique<Labelled>(std::move(source), name, values);
 }
 
+std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,
+                                         const std::vector<Eigen::Vector3f>& normals) {
+  return std::make_unique<WithNormals>(std::move(source), normals);
+}
+
+std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source,
+                                      const std::optional<CoordinateSystem>& crs) {
+  return std::make_unique<WithCrs>(std::move(source), crs);
+}
+
+std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source,
+                                             const std::vector<int>& ground) {
+  return std::make_unique<Classified>(std::move(source), ground);
+}
+
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
                                                const ReadOptions& options) {
   std::unique_ptr<PointSource> source = open_point_source(path, options);
   if (source->report().format != CloudFormat::kText) return source;
   const PointStreamHeader& header = source->header();
   const FieldRoles roles = find_roles(header.fields);
-  std::vector<bool> whole(header.fields.size(), true);
+  std::vector<bool> whole;
+  for (const PointField& field : header.fields) whole.push_back(field.text);
   for (const int field : roles.position) {
     if (field >= 0) whole[static_cast<std::size_t>(field)] = false;
   }
@@ -249,7 +399,8 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
 }
 
 std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,
-                           const WriteOptions& options, const Progress& progress) {
+                           const WriteOptions& options, const Progress& progress,
+                           std::vector<std::string>* notes) {
   const std::optional<CloudFormat> format =
       options.format ? options.format : format_from_extension(path);
   if (!format) {
@@ -271,6 +422,7 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
       if (progress) progress("write", std::min(1.0, static_cast<double>(count) / total));
     }
     sink->finish();
+    if (notes) *notes = sink->notes();
   });
   return count;
 }

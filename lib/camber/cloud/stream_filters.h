@@ -25,15 +25,34 @@ std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source
 std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, const std::string& name,
                                        const std::vector<int>& values);
 
+/// Adds normals nx ny nz, or replaces them. The source must have as many points as there are
+/// normals; `normals` must outlive it.
+std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,
+                                         const std::vector<Eigen::Vector3f>& normals);
+
+/// Gives a stream the coordinate system of the file that its points come from.
+std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source,
+                                      const std::optional<CoordinateSystem>& crs);
+
+/// Sets the ASPRS class of ground points to 2, and to 1 where a point was 0 or 2 and is no ground;
+/// other classes stay. Adds the attribute "classification" where it is not there.
+/// @param ground 1 for ground, 0 for none, -1 for points whose class is left as it is; one a point.
+std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source,
+                                             const std::vector<int>& ground);
+
 /// Opens a file like open_point_source. The columns of a text file whose values are all whole
 /// numbers of 32 bits get an integer type, which takes a first pass over the file.
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
                                                const ReadOptions& options = {});
 
 /// Writes all points of a source to a file, atomically, in constant memory (but for a compressed
-/// PCD, whose format needs all at once). @return number of points. @throws as write_cloud.
+/// PCD, whose format needs all at once). From LAS to LAS records, header, variable-length records
+/// and what stands behind the points stay as they are but for what changed.
+/// @param notes if given, gets what a user should know about the output, one sentence each
+/// @return number of points. @throws as write_cloud.
 std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,
-                           const WriteOptions& options = {}, const Progress& progress = {});
+                           const WriteOptions& options = {}, const Progress& progress = {},
+                           std::vector<std::string>* notes = nullptr);
 
 /// Copies a cloud file with one more integer attribute, all others unchanged: `values` are those of
 /// its points in their order. @throws InputError, OutputError, std::invalid_argument.

@@ -2,80 +2,32 @@
 // line of names before them.
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <array>
 #include <set>
 
+#include "camber/cloud/detail/text_columns.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
 
+using detail::AxisColumns;
+using detail::find_axes;
+using detail::split_line;
+using detail::split_names;
+
 constexpr std::size_t kMostColumns = 4096;
 constexpr std::size_t kLongestLine = 1 << 20;  // bytes
-
-/// Splits a line at a separator, or at runs of blanks for ' '; words lose blanks and quotes.
-std::vector<std::string_view> split(std::string_view line, char separator) {
-  std::vector<std::string_view> words;
-  if (separator == ' ') {
-    for (std::string_view word = next_word(line); !word.empty(); word = next_word(line)) {
-      words.push_back(word);
-    }
-  } else {
-    while (true) {
-      const std::size_t end = std::min(line.find(separator), line.size());
-      words.push_back(line.substr(0, end));
-      if (end == line.size()) break;
-      line.remove_prefix(end + 1);
-    }
-  }
-  for (std::string_view& word : words) {
-    while (!word.empty() && is_blank(word.front())) word.remove_prefix(1);
-    while (!word.empty() && is_blank(word.back())) word.remove_suffix(1);
-    if (word.size() >= 2 && word.front() == '"' && word.back() == '"') {
-      word = word.substr(1, word.size() - 2);
-    }
-  }
-  return words;
-}
-
-bool is_number(std::string_view word) {
-  const ParsedNumber number = parse_number(word.data(), word.data() + word.size());
-  return number.end != nullptr && number.end == word.data() + word.size();
-}
-
-/// Columns x_m, y_m and z_m are x, y and z where there are none of these names.
-void take_metres_for_axes(std::vector<std::string>* names) {
-  for (const char axis : {'x', 'y', 'z'}) {
-    const std::string plain(1, axis), with_unit = plain + "_m";
-    if (std::find(names->begin(), names->end(), plain) != names->end()) continue;
-    const auto found = std::find(names->begin(), names->end(), with_unit);
-    if (found != names->end()) *found = plain;
-  }
-}
-
-/// How many of x and y are among the names.
-int count_axes(std::vector<std::string> names) {
-  take_metres_for_axes(&names);
-  std::vector<PointField> fields(names.size());
-  for (std::size_t i = 0; i < names.size(); ++i) fields[i].name = names[i];
-  const FieldRoles roles = find_roles(fields);
-  return (roles.position[0] >= 0 ? 1 : 0) + (roles.position[1] >= 0 ? 1 : 0);
-}
-
-char find_separator(std::string_view line) {
-  for (const char separator : {';', ','}) {
-    if (line.find(separator) != std::string_view::npos) return separator;
-  }
-  return ' ';
-}
+constexpr std::size_t kMostHeaderLines = 64;   // that are kept
+constexpr std::size_t kMostHeaderBytes = 1 << 16;
 
 class TextSource : public FormatSource {
  public:
   TextSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
       : FormatSource(std::move(file), options) {
     report_.format = CloudFormat::kText;
+    report_.text.emplace();
     read_head();
     read_rows();
     rows_pending_ = true;
@@ -103,21 +55,41 @@ class TextSource : public FormatSource {
 
  private:
   void read_head();
+  bool read_comments(std::string_view& line);
+  void read_empty();
+  std::vector<std::string> read_first_line(std::string_view line);
+  void read_count(std::string_view word);
+  void look_at_first_row();
+  std::vector<std::string> names_from_comments(std::size_t columns) const;
+  std::vector<std::string> names_by_number(std::size_t columns);
+  void check_names(std::vector<std::string>& names);
+  void build_columns(const std::vector<std::string>& names);
+  void take_units(const AxisColumns& axes);
+  void keep_header_line(std::string_view line);
   void read_rows();
-  void name_columns(std::vector<std::string> names);
   bool next_line(std::string_view& line);
 
-  char separator_ = ' ';
+  detail::NumberStyle style_;
   std::string first_;  // a data line that was read to find out about the file
   bool first_pending_ = false;
   std::optional<std::uint64_t> promised_;
   std::uint64_t seen_ = 0;
   bool checked_ = false;
+  bool named_ = false;                 // by a line of names or a comment
+  std::vector<std::string> comments_;  // the last ones before the data may hold the names
+  int epsg_ = 0;                       // in a comment
+  std::size_t header_bytes_ = 0;
   std::vector<ColumnRule> rules_;
   std::vector<unsigned char> fractional_;
+  std::string with_points_;
   RowBuffer rows_;
   bool rows_pending_ = false;
 };
+
+bool is_comment(std::string_view line) {
+  const std::string_view word = next_word(line);
+  return !word.empty() && (word[0] == '#' || word.substr(0, 2) == "//");
+}
 
 /// The next line that is not empty; comments are looked into and passed over.
 bool TextSource::next_line(std::string_view& line) {
@@ -140,124 +112,245 @@ bool TextSource::next_line(std::string_view& line) {
   return false;
 }
 
-void TextSource::read_head() {
-  std::string_view line;
-  std::string comment;  // the last one before the data may hold the names
-  bool found = false;
-  while (!found && lines_.next(line, kLongestLine)) {
-    if (lines_.line() == 1 && line.substr(0, 3) == "\xef\xbb\xbf") line.remove_prefix(3);
+void TextSource::keep_header_line(std::string_view line) {
+  TextLayout& layout = *report_.text;
+  ++layout.header_lines;
+  header_bytes_ += line.size();
+  if (layout.header.size() < kMostHeaderLines && header_bytes_ < kMostHeaderBytes) {
+    layout.header.push_back(detail::to_utf8(line));
+  }
+}
+
+/// Passes over comments and empty lines; false at the end of the file.
+bool TextSource::read_comments(std::string_view& line) {
+  constexpr std::size_t kMostComments = 16;
+  int epsg = 0;
+  while (lines_.next(line, kLongestLine)) {
+    if (lines_.line() == 1) {
+      report_.text->line_ends = lines_.ends();
+      if (line.substr(0, 3) == "\xef\xbb\xbf") line.remove_prefix(3);
+    }
     std::string_view rest = line;
-    const std::string_view word = next_word(rest);
-    if (word.empty()) continue;
-    if (word[0] == '#' || word.substr(0, 2) == "//") {
-      std::string_view text = line.substr(line.find(word[0]));
-      while (!text.empty() && (text[0] == '#' || text[0] == '/')) text.remove_prefix(1);
-      read_comment(text);
-      std::string_view first_word = text;
-      if (next_word(first_word) != "camber") comment = std::string(text);
-      continue;
+    if (next_word(rest).empty()) continue;
+    if (!is_comment(line)) {
+      epsg_ = epsg;
+      return true;
     }
-    found = true;
-  }
-  if (!found) {
-    if (options_.columns.empty()) {
-      // An empty file is an empty cloud; the comment may still name its columns.
-      std::vector<std::string> names;
-      for (const std::string_view word : split(comment, find_separator(comment))) {
-        names.emplace_back(word);
-      }
-      name_columns(count_axes(names) == 2 ? names : std::vector<std::string>{"x", "y", "z"});
-    } else {
-      name_columns(options_.columns);
+    keep_header_line(line);
+    std::string_view text = line;
+    while (!text.empty() && (is_blank(text[0]) || text[0] == '#' || text[0] == '/')) {
+      text.remove_prefix(1);
     }
-    report_.encoding = "text";
-    return;
+    read_comment(text);
+    if (epsg == 0) epsg = detail::find_epsg_code(text.substr(0, 4096));
+    std::string_view first_word = text;
+    if (next_word(first_word) == "camber" || text.size() > kMostHeaderBytes) continue;
+    if (comments_.size() == kMostComments) comments_.erase(comments_.begin());
+    comments_.emplace_back(text);
   }
-  for (const char c : line.substr(0, 1024)) {
-    if (c == '\0') lines_.fail("found binary data, expected lines of numbers");
+  return false;
+}
+
+/// An empty file is an empty cloud; a comment may still name its columns.
+void TextSource::read_empty() {
+  report_.encoding = "text";
+  std::vector<std::string> names = options_.columns;
+  if (names.empty() && !comments_.empty()) {
+    const std::string& comment = comments_.back();
+    names = split_names(comment, detail::find_number_style(comment).separator);
   }
-  separator_ = find_separator(line);
-  std::vector<std::string_view> words = split(line, separator_);
+  if (options_.columns.empty() && !find_axes(names).found()) names = {"x", "y", "z"};
+  check_names(names);
+  build_columns(names);
+}
+
+void TextSource::read_count(std::string_view word) {
+  std::uint64_t count = 0;
+  if (!parse_unsigned(word, count)) {
+    lines_.fail("found one value, expected at least x and y, between blanks, commas or semicolons");
+  }
+  promised_ = count;
+  if (count > file_->remaining() && !options_.lenient) {
+    lines_.fail("found the number of points " + std::to_string(count) +
+                ", expected no more than the file has room for");
+  }
+  report_.text->count_line = count;
+}
+
+/// The names in the first line that is no comment, if it is one of names; the first row of numbers
+/// is in first_ then, if there is one.
+std::vector<std::string> TextSource::read_first_line(std::string_view line) {
+  style_ = detail::find_number_style(line);
+  const std::vector<std::string_view> words = split_line(line, style_.separator);
   bool numbers = true;
   for (std::size_t c = 0; c < words.size(); ++c) {
     // A column that is skipped may hold words.
     const bool skipped = c < options_.columns.size() && options_.columns[c] == "_";
-    numbers = numbers && (skipped || words[c].empty() || is_number(words[c]));
+    numbers = numbers &&
+              (skipped || words[c].empty() || detail::is_number(words[c], style_.decimal_comma));
   }
-  std::vector<std::string> names = options_.columns;
-  if (!numbers) {
-    // A line of names. Given columns go before it.
+  if (numbers && !(words.size() == 1 && options_.columns.size() != 1)) {
+    first_ = std::string(line);
+    first_pending_ = true;
+    return {};
+  }
+  keep_header_line(line);
+  std::vector<std::string> names;
+  if (numbers) {
+    // The number of points before the points, as .pts files have it.
+    read_count(words[0]);
+  } else {
     if (words.size() > kMostColumns) {
       lines_.fail("found " + std::to_string(words.size()) + " columns, expected at most " +
                   std::to_string(kMostColumns));
     }
-    if (names.empty()) names.assign(words.begin(), words.end());
-    if (separator_ == ' ' && count_axes(names) < 2 && options_.columns.empty()) {
+    names = split_names(line, style_.separator);
+    if (style_.separator == ' ' && !find_axes(names).found() && options_.columns.empty()) {
       lines_.fail("found " + shown(line) +
                   ", expected numbers or the names of columns with x and y");
     }
-  } else if (words.size() == 1 && options_.columns.size() != 1) {
-    // The number of points before the points, as .pts files have it.
-    std::uint64_t count = 0;
-    if (!parse_unsigned(words[0], count)) {
-      lines_.fail(
-          "found one value, expected at least x and y, between blanks, commas or semicolons");
-    }
-    promised_ = count;
-    if (count > file_->remaining() && !options_.lenient) {
-      lines_.fail("found the number of points " + std::to_string(count) +
-                  ", expected no more than the file has room for");
-    }
-    if (lines_.next(line, kLongestLine)) {
-      separator_ = find_separator(line);
-      words = split(line, separator_);
-      first_ = std::string(line);
-      first_pending_ = !words.empty();
-    }
-  } else {
+  }
+  return names;
+}
+
+/// The first row decides on separator and decimal sign.
+void TextSource::look_at_first_row() {
+  std::string_view line;
+  if (!first_pending_) {
+    if (!next_line(line)) return;
     first_ = std::string(line);
     first_pending_ = true;
   }
-  if (names.empty()) {
-    const std::vector<std::string_view> from_comment = split(comment, find_separator(comment));
-    std::vector<std::string> candidates(from_comment.begin(), from_comment.end());
-    if (candidates.size() == words.size() && count_axes(candidates) >= 2) names = candidates;
-  }
-  if (names.empty()) {
-    if (words.size() < 2) {
-      lines_.fail("found " + std::to_string(words.size()) +
-                  " values, expected at least x and y, between blanks, commas or semicolons");
-    }
-    if (words.size() > kMostColumns) {
-      lines_.fail("found " + std::to_string(words.size()) + " columns, expected at most " +
-                  std::to_string(kMostColumns));
-    }
-    for (std::size_t c = 0; c < words.size(); ++c) {
-      static const char* const kAxes[] = {"x", "y", "z"};
-      names.push_back(c < 3 ? kAxes[c] : "column_" + std::to_string(c + 1));
-    }
-    report_.notes.emplace_back("there is no line of names; the first columns are taken as x y z");
-  }
-  report_.encoding = separator_ == ',' ? "commas" : separator_ == ';' ? "semicolons" : "blanks";
-  name_columns(std::move(names));
+  const detail::NumberStyle style = detail::find_number_style(first_);
+  // A row of blanks below names with commas is a damaged one, not another style.
+  const bool row_decides = !named_ || style.decimal_comma || style.separator == style_.separator;
+  if (row_decides) style_ = style;
 }
 
-void TextSource::name_columns(std::vector<std::string> names) {
-  take_metres_for_axes(&names);
+/// The last comment that names as many columns as there are, x and y among them.
+std::vector<std::string> TextSource::names_from_comments(std::size_t columns) const {
+  for (auto comment = comments_.rbegin(); comment != comments_.rend(); ++comment) {
+    for (const char separator : {';', ',', ' '}) {
+      if (separator != ' ' && comment->find(separator) == std::string::npos) continue;
+      std::vector<std::string> names = split_names(*comment, separator);
+      if (names.size() == columns && find_axes(names).found()) return names;
+    }
+  }
+  return {};
+}
+
+std::vector<std::string> TextSource::names_by_number(std::size_t columns) {
+  if (columns < 2) {
+    lines_.fail("found " + std::to_string(columns) +
+                " values, expected at least x and y, between blanks, commas or semicolons");
+  }
+  if (columns > kMostColumns) {
+    lines_.fail("found " + std::to_string(columns) + " columns, expected at most " +
+                std::to_string(kMostColumns));
+  }
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < columns; ++c) {
+    static const char* const kAxes[] = {"x", "y", "z"};
+    names.push_back(c < 3 ? kAxes[c] : "column_" + std::to_string(c + 1));
+  }
+  report_.notes.emplace_back("there is no line of names; the first columns are taken as x y z");
+  return names;
+}
+
+void TextSource::read_head() {
+  std::string_view line;
+  if (!read_comments(line)) return read_empty();
+  if (line.substr(0, 1024).find('\0') != std::string_view::npos) {
+    lines_.fail("found binary data, expected lines of numbers");
+  }
+  std::vector<std::string> names = read_first_line(line);
+  named_ = !names.empty();
+  if (!options_.columns.empty()) names = options_.columns;
+  if (named_) {
+    // The names are judged before the next line is read, so that a complaint names their line.
+    check_names(names);
+    look_at_first_row();
+  } else {
+    look_at_first_row();
+    const std::size_t columns = split_line(first_, style_.separator).size();
+    if (names.empty()) names = names_from_comments(columns);
+    if (names.empty()) names = names_by_number(columns);
+    check_names(names);
+  }
+  build_columns(names);
+  TextLayout& layout = *report_.text;
+  const char separator = style_.separator;
+  report_.encoding = separator == ',' ? "commas" : separator == ';' ? "semicolons" : "blanks";
+  if (style_.decimal_comma) report_.encoding += ", decimal commas";
+  layout.separator = separator == ',' ? "comma" : separator == ';' ? "semicolon" : "blanks or tabs";
+  layout.decimal_sign = style_.decimal_comma ? ',' : '.';
+}
+
+/// Gives the axes their names and every column one of its own.
+void TextSource::check_names(std::vector<std::string>& names) {
+  const AxisColumns axes = find_axes(names);
+  const std::uint64_t line = std::max<std::uint64_t>(lines_.line(), 1);
+  report_.text->columns = names.size();
+  report_.text->position = axes.column;
   std::set<std::string> seen;
   for (std::size_t c = 0; c < names.size(); ++c) {
+    if (names[c] == "_") continue;
+    if (names[c].empty()) names[c] = "column_" + std::to_string(c + 1);
+    if (seen.insert(names[c]).second) continue;
+    const std::string found =
+        "found column " + shown(names[c]) + " twice, expected different names";
+    if (lines_.line() == 0) throw InputError(file_->name(), found);
+    if (!options_.lenient) lines_.fail(found);
+    do {
+      names[c] += "_" + std::to_string(c + 1);
+    } while (!seen.insert(names[c]).second);
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (axes.column[axis] < 0) continue;
+    std::string& name = names[static_cast<std::size_t>(axes.column[axis])];
+    const std::string plain(1, "xyz"[axis]);
+    if (lower_case(name) == plain) continue;
+    for (std::string& other : names) {
+      if (lower_case(other) == plain) other += "_";  // no axis, since it has no partner
+    }
+    name = plain;
+  }
+  if (!axes.found()) {
+    throw InputError(file_->name(), "line " + std::to_string(line),
+                     std::string("found no field '") + (seen.count("x") > 0 ? 'y' : 'x') +
+                         "', expected x, y and z, or easting, northing and elevation");
+  }
+  take_units(axes);
+}
+
+void TextSource::take_units(const AxisColumns& axes) {
+  if (header_.crs && !axes.horizontal.known()) return;  // by a comment of Camber's
+  CoordinateSystem crs;  // nothing known, unless names or comments state it
+  crs.epsg = epsg_;
+  if (axes.geographic) crs.kind = CoordinateSystem::Kind::kGeographic;
+  crs.horizontal = axes.horizontal;
+  crs.vertical = axes.vertical;
+  crs.vertical_stated = axes.vertical.known();
+  if (!crs.vertical_stated) {
+    crs.vertical = axes.geographic ? unit_from_epsg(9001) : axes.horizontal;
+  }
+  take_crs(crs);
+}
+
+/// Columns in which the first row has a word, but for the axes, are passed over.
+void TextSource::build_columns(const std::vector<std::string>& names) {
+  const std::vector<std::string_view> first =
+      first_pending_ ? split_line(first_, style_.separator) : std::vector<std::string_view>();
+  const std::array<int, 3>& axes = report_.text->position;
+  const bool comparable = first.size() == names.size() && named_;
+  for (std::size_t c = 0; c < names.size(); ++c) {
     ColumnRule rule;
-    if (names[c] != "_") {
-      if (names[c].empty()) names[c] = "column_" + std::to_string(c + 1);
-      if (!seen.insert(names[c]).second) {
-        const std::string found =
-            "found column " + shown(names[c]) + " twice, expected different names";
-        if (lines_.line() == 0) throw InputError(file_->name(), found);
-        if (!options_.lenient) lines_.fail(found);
-        do {
-          names[c] += "_" + std::to_string(c + 1);
-        } while (!seen.insert(names[c]).second);
-      }
+    const bool axis = std::find(axes.begin(), axes.end(), static_cast<int>(c)) != axes.end();
+    const bool words = comparable && !axis && !first[c].empty() &&
+                       !detail::is_number(first[c], style_.decimal_comma);
+    if (words) {
+      report_.notes.push_back("column " + shown(names[c]) + " holds words and is not read");
+    } else if (names[c] != "_") {
       rule.column = static_cast<int>(header_.fields.size());
       PointField field;
       field.name = names[c];
@@ -277,7 +370,13 @@ void TextSource::read_rows() {
   std::string_view line;
   while (!rows_.full() && next_line(line)) {
     ++seen_;
-    const std::string wrong = parse_row(line, rules_, separator_, rows_.new_row(), &fractional_);
+    if (style_.decimal_comma) {
+      with_points_.assign(line);
+      std::replace(with_points_.begin(), with_points_.end(), ',', '.');
+      line = with_points_;
+    }
+    const std::string wrong =
+        parse_row(line, rules_, style_.separator, rows_.new_row(), &fractional_);
     if (wrong.empty()) {
       rows_.keep_row();
     } else if (options_.lenient) {
@@ -288,82 +387,11 @@ void TextSource::read_rows() {
   }
 }
 
-// --- writing -----------------------------------------------------------------------------------
-
-class TextSink : public PointSink {
- public:
-  TextSink(std::ostream& out, const PointStreamHeader& header, CloudEncoding encoding)
-      : out_(out), header_(header), separator_(encoding == CloudEncoding::kCommas ? ',' : ' ') {
-    if (encoding != CloudEncoding::kBinary && encoding != CloudEncoding::kAscii &&
-        encoding != CloudEncoding::kCommas) {
-      throw std::invalid_argument("text has no big-endian or compressed encoding");
-    }
-    packed_ = find_roles(header.fields).packed_color;
-    std::string head;
-    for (const std::string& comment : camber_comments(header)) head += "# " + comment + "\n";
-    if (separator_ == ' ') head += "# ";
-    for (std::size_t f = 0; f < header.fields.size(); ++f) {
-      if (f > 0) head += separator_;
-      if (static_cast<int>(f) == packed_) {
-        head += std::string("red") + separator_ + "green" + separator_ + "blue";
-        continue;
-      }
-      std::string name = header.fields[f].name;
-      for (char& c : name) {
-        if (is_blank(c) || c == ',' || c == ';' || c == '\n' || c == '"') c = '_';
-      }
-      head += name;
-    }
-    head += '\n';
-    out_.write(head.data(), static_cast<std::streamsize>(head.size()));
-  }
-
-  void write(const PointBatch& batch) override {
-    text_.clear();
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      for (std::size_t f = 0; f < batch.fields.size(); ++f) {
-        if (f > 0) text_ += separator_;
-        if (static_cast<int>(f) == packed_) {
-          const std::uint32_t rgb = batch.fields[f].get<std::uint32_t>(i);
-          for (const unsigned shift : {16u, 8u, 0u}) {
-            append_number(text_, static_cast<std::uint64_t>(rgb >> shift & 255u));
-            if (shift > 0) text_ += separator_;
-          }
-          continue;
-        }
-        const std::size_t start = text_.size();
-        append_value(text_, batch.fields[f], header_.fields[f].type, i);
-        // So that an attribute that is not an integer one does not look like one.
-        if (is_float(header_.fields[f].type) && !header_.fields[f].text &&
-            text_.find_first_not_of("-0123456789", start) == std::string::npos) {
-          text_ += ".0";
-        }
-      }
-      text_ += '\n';
-    }
-    out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
-  }
-
-  void finish() override {}
-
- private:
-  std::ostream& out_;
-  PointStreamHeader header_;
-  char separator_;
-  int packed_ = -1;
-  std::string text_;
-};
-
 }  // namespace
 
 std::unique_ptr<PointSource> open_text(std::unique_ptr<FileReader> file,
                                        const ReadOptions& options) {
   return std::make_unique<TextSource>(std::move(file), options);
-}
-
-std::unique_ptr<PointSink> make_text_sink(std::ostream& out, const PointStreamHeader& header,
-                                          CloudEncoding encoding) {
-  return std::make_unique<TextSink>(out, header, encoding);
 }
 
 }  // namespace camber

@@ -262,6 +262,7 @@ class VoxelGrid::Source : public PointSource {
  public:
   explicit Source(State& grid) : s_(grid) {
     header_ = s_.header;
+    header_.records = false;  // means are no records
     header_.count = s_.count;
     header_.grid.reset();
     report_.declared = s_.count;

@@ -1,5 +1,9 @@
 #include "camber/cloud/detail/las_format.h"
 
+#include <array>
+#include <stdexcept>
+#include <vector>
+
 namespace camber::detail {
 
 LasPointFormat las_point_format(int id) {
@@ -19,6 +23,69 @@ ScalarType las_extra_type(int id) {
       ScalarType::kUint32,  ScalarType::kInt32,  ScalarType::kUint64, ScalarType::kInt64,
       ScalarType::kFloat32, ScalarType::kFloat64};
   return kTypes[(id - 1) % 10];
+}
+
+std::string las_record(const char* user, std::uint16_t id, const char* description,
+                       const std::string& content) {
+  std::string out(kLasRecordHeader, '\0');
+  store(out, 2, user, std::strlen(user));
+  store(out, 18, id);
+  store(out, 20, static_cast<std::uint16_t>(content.size()));
+  store(out, 22, description, std::strlen(description));
+  return out + content;
+}
+
+std::string describe_extra_bytes(const std::string& name, ScalarType type) {
+  std::string out(kLasExtraDescription, '\0');
+  for (int id = 1; id <= 10; ++id) {
+    if (las_extra_type(id) == type) out[2] = static_cast<char>(id);
+  }
+  const std::string shown_name = name.substr(0, 31);
+  store(out, 4, shown_name.data(), shown_name.size());
+  return out;
+}
+
+bool is_projection_record(const std::string& user_id, int record_id) {
+  const bool keys = record_id >= 34735 && record_id <= 34737;
+  const bool wkt = record_id == 2111 || record_id == 2112;
+  return (user_id == "LASF_Projection" && (keys || wkt)) || (user_id == "liblas" && wkt);
+}
+
+bool takes_wkt(const CoordinateSystem& crs, int point_format) {
+  return !crs.wkt.empty() && (point_format >= 6 || crs.epsg == 0);
+}
+
+std::string projection_records(const CoordinateSystem& crs, int point_format,
+                               std::uint32_t* count) {
+  const char* const user = "LASF_Projection";
+  if (takes_wkt(crs, point_format)) {
+    if (crs.wkt.size() + 1 > UINT16_MAX) {
+      throw std::invalid_argument("the coordinate system's text has " +
+                                  std::to_string(crs.wkt.size()) +
+                                  " bytes, expected at most 65534 for LAS");
+    }
+    ++*count;
+    return las_record(user, 2112, "OGC WKT", crs.wkt + '\0');
+  }
+  if (crs.epsg == 0) return {};
+  // Keys in ascending order: model, raster, system, units, vertical system and units.
+  const bool geographic = crs.kind == CoordinateSystem::Kind::kGeographic;
+  const bool geocentric = crs.kind == CoordinateSystem::Kind::kGeocentric;
+  std::vector<std::array<std::uint16_t, 4>> keys = {{1, 1, 0, 0}};
+  const auto add = [&](int key, int value) {
+    if (value <= 0 || value > UINT16_MAX) return;
+    keys.push_back({static_cast<std::uint16_t>(key), 0, 1, static_cast<std::uint16_t>(value)});
+  };
+  add(1024, geographic ? 2 : geocentric ? 3 : 1);
+  add(1025, 1);
+  add(geographic || geocentric ? 2048 : 3072, crs.epsg);
+  if (!geographic && !geocentric) add(3076, crs.horizontal.epsg);
+  add(4096, crs.vertical_epsg);
+  if (crs.vertical_stated) add(4099, crs.vertical.epsg);
+  keys[0][3] = static_cast<std::uint16_t>(keys.size() - 1);
+  ++*count;
+  return las_record(user, 34735, "GeoTIFF keys",
+                    std::string(reinterpret_cast<const char*>(keys.data()), 8 * keys.size()));
 }
 
 }  // namespace camber::detail

@@ -8,6 +8,7 @@
 namespace camber::detail {
 
 inline constexpr std::size_t kLasRecordHeader = 54;  ///< bytes of a variable-length record's header
+inline constexpr std::size_t kLasExtendedHeader = 60;  ///< of one behind the points
 inline constexpr std::size_t kLasExtraDescription =
     192;                                        ///< bytes of one description of extra bytes
 inline constexpr double kLasAngleUnit = 0.006;  ///< degrees, scan angles of formats 6 to 10
@@ -18,6 +19,15 @@ T load(const unsigned char* data) {
   T value;
   std::memcpy(&value, data, sizeof value);
   return value;
+}
+
+/// Puts bytes, or a number, at a place of a string that has room there.
+inline void store(std::string& out, std::size_t at, const void* data, std::size_t size) {
+  std::memcpy(out.data() + at, data, size);
+}
+template <typename T>
+void store(std::string& out, std::size_t at, T value) {
+  store(out, at, &value, sizeof value);
 }
 
 /// Standard part of a point record. Offsets in bytes, -1: not there.
@@ -33,5 +43,23 @@ LasPointFormat las_point_format(int id);
 /// Type of a value of extra bytes, or of each of its two or three.
 /// @param id  1 to 30, as in the description of extra bytes
 ScalarType las_extra_type(int id);
+
+/// A variable-length record with its header. @param content at most 65535 bytes.
+std::string las_record(const char* user, std::uint16_t id, const char* description,
+                       const std::string& content);
+
+/// One description of extra bytes: one value of a type a point.
+std::string describe_extra_bytes(const std::string& name, ScalarType type);
+
+/// Whether a record states the coordinate system.
+bool is_projection_record(const std::string& user_id, int record_id);
+
+/// Whether points of a format take this system as well-known text: formats 6 to 10 must, others do
+/// where it has no code.
+bool takes_wkt(const CoordinateSystem& crs, int point_format);
+
+/// The records that state a coordinate system; adds their number to `count`. None for a system
+/// that is neither text nor a code.
+std::string projection_records(const CoordinateSystem& crs, int point_format, std::uint32_t* count);
 
 }  // namespace camber::detail

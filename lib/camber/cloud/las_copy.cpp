@@ -1,0 +1,323 @@
+// Points of a LAS file into another LAS file: header, records and what stands behind the points
+// stay byte for byte as they are, but for what changed. The ASPRS specifications 1.0 to 1.5.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/formats.h"
+#include "camber/cloud/las_file.h"
+
+namespace camber {
+namespace {
+
+using detail::kLasExtraDescription;
+using detail::kLasRecordHeader;
+using detail::las_point_format;
+using detail::load;
+using detail::store;
+
+constexpr std::uint64_t kChunk = 1 << 20;  // bytes
+
+class LasCopySink : public PointSink {
+ public:
+  LasCopySink(std::ostream& out, const PointStreamHeader& header)
+      : out_(out),
+        header_(header),
+        las_(*header.las),
+        format_(las_point_format(las_.point_format)) {
+    find_changes();
+    start_ = out_.tellp();
+    head_ = las_.bytes->read(0, las_.header_size);
+    write_head();
+  }
+
+  void write(const PointBatch& batch) override {
+    if (batch.records.data == nullptr && batch.count > 0) {
+      throw std::invalid_argument("the points have no LAS records, expected those of their file");
+    }
+    rows_.assign(batch.count * record_length_, '\0');
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      char* const row = rows_.data() + i * record_length_;
+      std::memcpy(row, batch.records.data + i * batch.records.stride, las_.record_length);
+      for (const Change& change : changes_) {
+        const FieldView& view = batch.fields[change.field];
+        if (change.classification) {
+          set_class(row, view.get<std::uint8_t>(i));
+        } else {
+          std::memcpy(row + change.offset, view.data + i * view.stride, size_of(change.type));
+        }
+      }
+      count_point(reinterpret_cast<const unsigned char*>(row));
+    }
+    out_.write(rows_.data(), static_cast<std::streamsize>(rows_.size()));
+  }
+
+  void finish() override {
+    const std::uint64_t points_end = points_start_ + count_ * record_length_;
+    copy_tail();
+    move_extended_records(points_end);
+    // Where all points are there, the header keeps its counts and bounds.
+    if (count_ != las_.declared_count) count_in_header();
+    const std::ostream::pos_type end = out_.tellp();
+    out_.seekp(start_);
+    out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
+    out_.seekp(end);
+  }
+
+  std::vector<std::string> notes() const override {
+    std::vector<std::string> notes;
+    const bool waves_beside = format_.wave >= 0 && (las_.global_encoding & 4) != 0;
+    if (waves_beside) {
+      notes.emplace_back(
+          "the waveforms are in a .wdp file of the input's name, which is not copied");
+    }
+    return notes;
+  }
+
+ private:
+  struct Change {
+    std::size_t field = 0;
+    bool classification = false;
+    ScalarType type = ScalarType::kInt32;
+    std::size_t offset = 0;  // in the record
+  };
+
+  void find_changes();
+  std::string describe_new() const;
+  void write_head();
+  std::string changed_records(std::uint32_t* count) const;
+  void copy_bytes(std::uint64_t from, std::uint64_t to);
+  void copy_tail();
+  void move_extended_records(std::uint64_t points_end);
+  void count_in_header();
+  bool is_replaced(const LasRecord& record) const {
+    const bool crs = header_.crs && header_.crs->given;
+    return crs && detail::is_projection_record(record.user_id, record.record_id);
+  }
+
+  void set_class(char* row, unsigned value) const {
+    if (format_.extended) {
+      row[16] = static_cast<char>(value);
+    } else {
+      const unsigned flags = static_cast<unsigned char>(row[15]) & 0xe0u;
+      row[15] = static_cast<char>(flags | std::min(value, 31u));
+    }
+  }
+
+  void count_point(const unsigned char* row) {
+    const unsigned number = row[14] & (format_.extended ? 15u : 7u);
+    if (number > 0) ++by_return_[number - 1];  // 0 is no return
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::int32_t x = load<std::int32_t>(row + 4 * axis);
+      low_[axis] = std::min(low_[axis], x);
+      high_[axis] = std::max(high_[axis], x);
+    }
+    if (las_.minor >= 5 && format_.time >= 0) {
+      const double time = load<double>(row + format_.time);
+      first_time_ = std::min(first_time_, time);
+      last_time_ = std::max(last_time_, time);
+    }
+    ++count_;
+  }
+
+  std::ostream& out_;
+  PointStreamHeader header_;
+  const LasFile& las_;
+  detail::LasPointFormat format_;
+  std::vector<Change> changes_;
+  std::vector<std::size_t> new_fields_;  // that become extra bytes
+  std::size_t record_length_ = 0;
+  std::string head_, rows_;
+  std::ostream::pos_type start_ = 0;
+  std::uint64_t points_start_ = 0;
+  std::uint64_t count_ = 0;
+  std::array<std::uint64_t, 15> by_return_{};
+  std::array<std::int32_t, 3> low_{INT32_MAX, INT32_MAX, INT32_MAX};
+  std::array<std::int32_t, 3> high_{INT32_MIN, INT32_MIN, INT32_MIN};
+  double first_time_ = std::numeric_limits<double>::infinity();
+  double last_time_ = -std::numeric_limits<double>::infinity();
+};
+
+/// Changed attributes go where the record has them; those that it does not have become extra bytes.
+void LasCopySink::find_changes() {
+  record_length_ = las_.record_length;
+  for (std::size_t f = 0; f < header_.fields.size(); ++f) {
+    const PointField& field = header_.fields[f];
+    if (!field.changed) continue;
+    Change change;
+    change.field = f;
+    change.type = field.type;
+    change.classification = field.name == "classification" && field.type == ScalarType::kUint8;
+    std::size_t at = las_.standard_length();
+    for (const LasExtraBytes& extra : las_.extra_bytes) {
+      const bool same = extra.elements == 1 && !extra.scaled() && extra.name == field.name &&
+                        detail::las_extra_type(extra.type) == field.type;
+      if (same && at + extra.size <= las_.record_length) change.offset = at;
+      at += extra.size;
+    }
+    if (!change.classification && change.offset == 0) {
+      change.offset = record_length_;
+      record_length_ += size_of(field.type);
+      new_fields_.push_back(f);
+    }
+    changes_.push_back(change);
+  }
+  if (record_length_ > UINT16_MAX) {
+    throw std::invalid_argument("a point would have " + std::to_string(record_length_) +
+                                " bytes, expected at most 65535 for LAS");
+  }
+}
+
+/// Descriptions of what is appended. Bytes before them that nothing describes are described as
+/// such: descriptions count from the first extra byte.
+std::string LasCopySink::describe_new() const {
+  std::string out;
+  const std::size_t described = las_.described_length(), there = las_.extra_length();
+  if (described > there) {
+    throw std::invalid_argument(
+        "the file's extra bytes do not fit their description: no attribute can be added");
+  }
+  for (std::size_t left = there - described; left > 0;) {
+    const std::size_t some = std::min<std::size_t>(left, 255);
+    std::string d(kLasExtraDescription, '\0');
+    d[3] = static_cast<char>(some);
+    out += d;
+    left -= some;
+  }
+  for (const std::size_t f : new_fields_) {
+    out += detail::describe_extra_bytes(header_.fields[f].name, header_.fields[f].type);
+  }
+  return out;
+}
+
+/// The records before the points with one of extra bytes that describes the new ones, and with the
+/// coordinate system that was given, if one was.
+std::string LasCopySink::changed_records(std::uint32_t* count) const {
+  std::string out;
+  bool described = new_fields_.empty();
+  for (const LasRecord& record : las_.records) {
+    if (record.extended || is_replaced(record)) continue;
+    std::string bytes = las_.bytes->read(record.start, kLasRecordHeader + record.length);
+    if (!described && record.user_id == "LASF_Spec" && record.record_id == 4) {
+      // Some writers leave a rest behind the last description.
+      const std::size_t whole = record.length / kLasExtraDescription * kLasExtraDescription;
+      bytes.resize(kLasRecordHeader + whole);
+      bytes += describe_new();
+      if (bytes.size() - kLasRecordHeader > UINT16_MAX) {
+        throw std::invalid_argument("the file has too many extra attributes to add one");
+      }
+      store(bytes, 20, static_cast<std::uint16_t>(bytes.size() - kLasRecordHeader));
+      described = true;
+    }
+    out += bytes;
+    ++*count;
+  }
+  if (!described) {
+    out += detail::las_record("LASF_Spec", 4, "extra bytes", describe_new());
+    ++*count;
+  }
+  if (header_.crs && header_.crs->given) {
+    out += detail::projection_records(*header_.crs, las_.point_format, count);
+  }
+  return out;
+}
+
+void LasCopySink::copy_bytes(std::uint64_t from, std::uint64_t to) {
+  for (std::uint64_t at = from; at < to;) {
+    const std::string part = las_.bytes->read(at, std::min(kChunk, to - at));
+    out_.write(part.data(), static_cast<std::streamsize>(part.size()));
+    at += part.size();
+  }
+}
+
+void LasCopySink::write_head() {
+  const bool crs = header_.crs && header_.crs->given;
+  if (new_fields_.empty() && !crs) {
+    points_start_ = las_.points_start;
+    out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
+    return copy_bytes(las_.header_size, las_.points_start);
+  }
+  std::uint32_t count = 0;
+  const std::string records = changed_records(&count);
+  const std::uint64_t gap = las_.points_start - las_.records_end;
+  points_start_ = las_.header_size + records.size() + gap;
+  if (points_start_ > UINT32_MAX) {
+    throw std::invalid_argument("the records before the points have more than 4 GB");
+  }
+  store(head_, 96, static_cast<std::uint32_t>(points_start_));
+  store(head_, 100, count);
+  store(head_, 105, static_cast<std::uint16_t>(record_length_));
+  if (crs && las_.minor >= 4) {
+    const bool wkt = detail::takes_wkt(*header_.crs, las_.point_format);
+    store(head_, 6,
+          static_cast<std::uint16_t>(wkt ? las_.global_encoding | 16 : las_.global_encoding & ~16));
+  }
+  out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
+  out_.write(records.data(), static_cast<std::streamsize>(records.size()));
+  copy_bytes(las_.records_end, las_.points_start);
+}
+
+/// What stands behind the points. A coordinate system there that another one replaces is marked as
+/// superseded (LASF_Spec 7).
+void LasCopySink::copy_tail() {
+  std::uint64_t at = las_.points_end;
+  for (const LasRecord& record : las_.records) {
+    if (!record.extended || !is_replaced(record)) continue;
+    copy_bytes(at, record.start);
+    std::string h = las_.bytes->read(record.start, detail::kLasExtendedHeader);
+    store(h, 2, "LASF_Spec\0\0\0\0\0\0\0", 16);
+    store(h, 18, std::uint16_t{7});
+    out_.write(h.data(), static_cast<std::streamsize>(h.size()));
+    at = record.content;
+  }
+  copy_bytes(at, las_.bytes->size());
+}
+
+void LasCopySink::move_extended_records(std::uint64_t points_end) {
+  const auto move = [&](std::size_t place) {
+    const std::uint64_t old =
+        load<std::uint64_t>(reinterpret_cast<const unsigned char*>(head_.data()) + place);
+    if (old >= las_.points_end) store(head_, place, old - las_.points_end + points_end);
+  };
+  if (las_.minor >= 3) move(227);  // wave packets
+  if (las_.minor >= 4) move(235);  // extended records
+}
+
+/// Counts and bounds of the points that were written.
+void LasCopySink::count_in_header() {
+  const bool old_fields = !format_.extended || las_.legacy_count != 0;
+  if (las_.minor < 4 && count_ > UINT32_MAX) {
+    throw std::invalid_argument("the file has more points than LAS 1." +
+                                std::to_string(las_.minor) + " can hold");
+  }
+  const bool fits = old_fields && count_ <= UINT32_MAX;
+  store(head_, 107, static_cast<std::uint32_t>(fits ? count_ : 0));
+  for (std::size_t r = 0; r < 5; ++r) {
+    store(head_, 111 + 4 * r,
+          static_cast<std::uint32_t>(fits && !format_.extended ? by_return_[r] : 0));
+  }
+  if (las_.minor >= 4) {
+    store(head_, 247, count_);
+    for (std::size_t r = 0; r < 15; ++r) store(head_, 255 + 8 * r, by_return_[r]);
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double a = count_ == 0 ? 0.0 : low_[axis] * las_.scale[axis] + las_.offset[axis];
+    const double b = count_ == 0 ? 0.0 : high_[axis] * las_.scale[axis] + las_.offset[axis];
+    store(head_, 179 + 16 * axis, std::max(a, b));
+    store(head_, 187 + 16 * axis, std::min(a, b));
+  }
+  if (las_.minor >= 5 && last_time_ >= first_time_) {
+    store(head_, 375, last_time_);
+    store(head_, 383, first_time_);
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header) {
+  return std::make_unique<LasCopySink>(out, header);
+}
+
+}  // namespace camber

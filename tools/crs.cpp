@@ -1,0 +1,102 @@
+#include "crs.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "camber/cloud/units.h"
+#include "camber/core/errors.h"
+#include "options.h"
+#include "plugins/crs_plugin.h"
+#include "plugins/plugin.h"
+
+namespace camber::tools {
+namespace {
+
+bool look_up(const std::string& definition, CoordinateSystem* found, std::string* reason) {
+  static const auto find = reinterpret_cast<FindCrs>(plugin_symbol("crs", "camber_find_crs"));
+  return find(definition.c_str(), found, reason);
+}
+
+/// "US survey foot (0.30480061 m)"
+std::string with_length(const CoordinateUnit& unit) {
+  return fmt::format("{} ({:.8g} m)", unit.name, unit.metres);
+}
+
+}  // namespace
+
+CoordinateSystem crs_from_option(const std::string& definition) {
+  constexpr std::size_t kMost = 1 << 16;  // bytes of a file
+  std::string text = definition;
+  std::error_code error;
+  if (std::filesystem::is_regular_file(definition, error)) {
+    std::ifstream in(definition, std::ios::binary);
+    text.resize(kMost);
+    in.read(text.data(), static_cast<std::streamsize>(text.size()));
+    text.resize(static_cast<std::size_t>(in.gcount()));
+    while (!text.empty() && static_cast<unsigned char>(text.back()) <= ' ') text.pop_back();
+  }
+  CoordinateSystem system = coordinate_system_from_wkt(text);
+  if (system.kind == CoordinateSystem::Kind::kUnknown) {
+    std::string reason;
+    if (!look_up(text, &system, &reason)) {
+      throw UsageError(fmt::format(
+          "--crs: found '{}', expected EPSG:n, well-known text, a PROJ string or a file with one "
+          "of them: {}",
+          definition.substr(0, 80), reason));
+    }
+  }
+  system.given = true;
+  return system;
+}
+
+void complete_crs(CoordinateSystem* system) {
+  const bool complete =
+      system->horizontal.known() && system->kind != CoordinateSystem::Kind::kUnknown;
+  if (complete || system->epsg == 0) return;
+  CoordinateSystem found;
+  std::string reason;
+  if (!look_up("EPSG:" + std::to_string(system->epsg), &found, &reason)) return;
+  if (!system->horizontal.known()) system->horizontal = found.horizontal;
+  if (system->kind == CoordinateSystem::Kind::kUnknown) system->kind = found.kind;
+  if (system->name.empty()) system->name = found.name;
+  if (!system->vertical_stated) system->vertical = found.vertical;
+}
+
+void use_metres(const std::string& path, CloudFile* file, const LogSink& warn) {
+  if (!file->report.crs) return;
+  CoordinateSystem& crs = *file->report.crs;
+  complete_crs(&crs);
+  if (crs.metric()) return;
+  if (crs.horizontal.angle) {
+    file->cloud.metric = false;
+    if (warn) warn(path + ": " + unit_remark(crs));
+    return;
+  }
+  to_metres(&file->cloud, crs);
+  if (!warn) return;
+  const bool same = crs.horizontal.name == crs.vertical.name;
+  warn(
+      fmt::format("{}: the coordinates are in units of {}{}; they were converted to metres, in "
+                  "which thresholds and results are",
+                  path, with_length(crs.horizontal),
+                  same ? "" : ", the heights of " + with_length(crs.vertical)));
+}
+
+std::string unit_remark(const CoordinateSystem& system) {
+  if (system.metric()) return {};
+  if (system.horizontal.angle) {
+    return fmt::format(
+        "the coordinates are longitude and latitude in units of {}, not metres: "
+        "distances and slopes mean nothing; project the cloud first, or state its "
+        "system with --crs",
+        system.horizontal.name);
+  }
+  const bool same = system.horizontal.name == system.vertical.name;
+  return fmt::format("the coordinates are in units of {}{}", with_length(system.horizontal),
+                     same ? "" : ", the heights of " + with_length(system.vertical));
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+
+#include "camber/cloud/cloud_io.h"
+#include "camber/core/progress.h"
+
+namespace camber::tools {
+
+/// The coordinate system that --crs names: EPSG:n, well-known text, a PROJ string, or a file that
+/// holds one of them. Text is read without PROJ. @throws UsageError for what is none.
+CoordinateSystem crs_from_option(const std::string& definition);
+
+/// Looks a system up whose file names its code but no unit; others stay as they are. One that PROJ
+/// does not know stays, too.
+void complete_crs(CoordinateSystem* system);
+
+/// Takes a cloud for a command that computes in metres: coordinates in other lengths are converted,
+/// with a warning; of degrees there is a warning alone, and unknown units count as metres.
+void use_metres(const std::string& path, CloudFile* file, const LogSink& warn);
+
+/// Warning for a system that is not in metres when it leaves the coordinates as they
+/// are; empty for metres.
+std::string unit_remark(const CoordinateSystem& system);
+
+}  // namespace camber::tools
