@@ -45,7 +45,8 @@ std::set<std::string> loaded_by(const std::string& arguments, int expected_exit_
   return objects;
 }
 
-const auto is_for_drawing = ContainsRegex("libvtk|libopencv_(imgcodecs|videoio|highgui)|libgdal");
+const auto is_for_drawing =
+    ContainsRegex("libvtk|libopencv_(dnn|imgcodecs|videoio|highgui)|libgdal");
 
 std::string small_cloud() {
   return "'" + (camber::test::source_dir() / "samples/steep_hill/truth/road.ply").string() + "'";
@@ -59,7 +60,8 @@ TEST(Start, TheVersionTakesTheFrontAlone) {
 
 TEST(Start, CommandsOnCloudsLoadNoOpenCvAndNoVtk) {
   for (const std::string& arguments :
-       {"plane " + small_cloud() + " --threshold 0.05 --json", "ground " + small_cloud() + " --out ground.ply",
+       {"plane " + small_cloud() + " --threshold 0.05 --json",
+        "ground " + small_cloud() + " --out ground.ply",
         "patches " + small_cloud() + " --out patches", "info " + small_cloud(),
         "filter " + small_cloud() + " --out filtered.pcd", std::string("convert --help"),
         std::string("lift --help"), std::string("view --help")}) {
@@ -71,8 +73,9 @@ TEST(Start, CommandsOnCloudsLoadNoOpenCvAndNoVtk) {
 }
 
 TEST(Start, NoCommandLoadsWhatDrawsBeforeItDraws) {
-  for (const char* command : {"reconstruct", "triangulate", "vehicles", "profile", "compare",
-                              "evaluate", "render", "import kitti", "prior info", "synth"}) {
+  for (const char* command :
+       {"detect", "reconstruct", "triangulate", "vehicles", "profile", "compare", "evaluate",
+        "render", "import kitti", "prior info", "synth"}) {
     SCOPED_TRACE(command);
     EXPECT_THAT(loaded_by(std::string(command) + " --help"), Each(Not(is_for_drawing)));
   }

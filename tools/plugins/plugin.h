@@ -11,6 +11,7 @@ namespace camber::tools {
 ///   frames  all other commands: OpenCV, without its image and video formats
 ///   vtk     text and 3D scenes
 ///   video   films and videos: OpenCV's videoio, FFmpeg
+///   networks  detectors and segmenters: OpenCV's DNN
 ///
 /// @return what a plugin exports under that name, not nullptr.
 /// @throws MachineError if the plugin is not there, cannot be loaded, or is of another version.
