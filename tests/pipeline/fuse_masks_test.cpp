@@ -105,9 +105,9 @@ TEST(FuseMasks, WhatLiesHigherOrLowerIsNot) {
   EXPECT_GT(share(ground, -9.0, -6.5), 0.9);
 }
 
-TEST(FuseMasks, WhatIsSmallOrBadlyKnownSaysNothing) {
+TEST(FuseMasks, WhatHasRoadBeyondOrIsBadlyKnownIsKept) {
   const auto bump = [](double x, double z) {
-    return std::abs(x - 3.0) < 0.3 && std::abs(z - 12.0) < 0.5 ? 0.5 : 0.0;
+    return std::abs(x - 4.8) < 0.6 && std::abs(z - 12.0) < 1.5 ? 0.5 : 0.0;
   };
   EXPECT_EQ(share(made(bump), -8.0, 8.0), 0.0);
   MadeGround ground = made([](double x, double) { return x > 5.0 ? 0.45 : 0.0; });

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
@@ -119,6 +120,33 @@ class CellGrid {
                                     at % grid_columns_ / wide_);
   }
 
+  /// Clears marks with too much unmarked ground beyond them in their row, seen from the driven
+  /// line.
+  /// @param across  m, of the cells' middles; NaN: nothing is known of the cell.
+  void drop_with_road_beyond(const std::vector<double>& across, double most,
+                             std::vector<std::uint8_t>* marked) const {
+    for (int row = 0; row < rows_; ++row) {
+      const auto cell = [&](int column) {
+        return static_cast<std::size_t>(row * columns_ + column);
+      };
+      int middle = -1;  // the driven line's column
+      for (int c = 0; c < columns_; ++c) {
+        if (std::isnan(across[cell(c)])) continue;
+        if (middle < 0 || std::abs(across[cell(c)]) < std::abs(across[cell(middle)])) middle = c;
+      }
+      if (middle < 0) continue;
+      for (const int step : {1, -1}) {
+        int on = 0, off = 0;
+        for (int c = step > 0 ? 0 : columns_ - 1; c != middle; c += step) {
+          if (std::isnan(across[cell(c)])) continue;
+          ++((*marked)[cell(c)] ? off : on);
+          if (on > most * off) (*marked)[cell(c)] = 0;
+        }
+      }
+      (*marked)[cell(middle)] = 0;
+    }
+  }
+
   /// Clears the marks of groups of fewer cells that touch at their sides.
   void drop_small(int least, std::vector<std::uint8_t>* marked) const {
     std::vector<std::uint8_t> seen(size(), 0);
@@ -161,20 +189,26 @@ std::vector<std::uint8_t> off_road_surface(const Correspondences& matches, const
   const CentralSurface surface(points, options);
 
   const CellGrid grid(matches, options);
-  std::vector<std::vector<double>> heights(grid.size()), sigmas(grid.size());  // m
+  std::vector<std::vector<double>> heights(grid.size()), sigmas(grid.size()),
+      across(grid.size());  // m
   for (const GroundHeight& p : points) {
     const auto level = surface.at(p.along, p.across);
     if (!level || p.sigma > options.max_sigma) continue;
     const std::size_t cell = grid.cell_of(p.grid);
     heights[cell].push_back(p.height - *level);
     sigmas[cell].push_back(p.sigma);
+    across[cell].push_back(p.across);
   }
   std::vector<std::uint8_t> cell_off(grid.size(), 0);
+  std::vector<double> middle(grid.size(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t c = 0; c < grid.size(); ++c) {
     if (heights[c].size() < static_cast<std::size_t>(options.least_points)) continue;
+    middle[c] = median(across[c]);
+    if (std::abs(middle[c]) <= options.slope_width) continue;  // the road itself
     cell_off[c] =
         std::abs(median(heights[c])) > options.most_height + options.sigmas * median(sigmas[c]);
   }
+  grid.drop_with_road_beyond(middle, options.most_road_beyond, &cell_off);
   grid.drop_small(options.least_cells, &cell_off);
   for (std::size_t i = 0; i < off.size(); ++i) {
     off[i] = seen.is_ground[i] != 0 && cell_off[grid.cell_of(i)] != 0;

@@ -10,15 +10,18 @@ namespace camber::stages {
 /// What a network calls road against where it lies.
 struct MaskFusionOptions {
   double most_height = 0.2;  ///< m above or below the road's surface, > 0
-  double sigmas = 2.0;       ///< of a cell's height, beside most_height
+  double sigmas = 1.0;       ///< of a cell's height, beside most_height
   double half_width = 2.5;   ///< m: the driven part, which carries the surface along the road
-  double slope_width = 3.5;  ///< m, to each side, for the cross slope
-  double max_sigma = 0.3;    ///< m: heights that are known worse are not used
+  /// m, to each side: it gives the cross slope, and nothing nearer is off.
+  double slope_width = 3.5;
+  double max_sigma = 0.3;                ///< m: heights that are known worse are not used
   int cell_width = 16, cell_height = 8;  ///< px: one match alone may be wrong
   int least_points = 3;                  ///< of a cell
-  /// Of cells that touch: what is smaller is a moving shadow or a wrong match, no evidence
-  /// of where the road lies.
-  int least_cells = 24;
+  int least_cells = 8;                   ///< that touch: what is smaller may be a wrong match
+  /// Of the cells from the outer edge of what is seen up to a cell that is off, in its row: those
+  /// on the surface over those off it, at most. What has road beyond it is no side street but the
+  /// shadow of something that moves.
+  double most_road_beyond = 0.5;
 };
 
 /// Grid points of the ground that lie off the road's surface by more than is allowed: side streets,
