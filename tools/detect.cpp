@@ -71,15 +71,21 @@ int run(const Command& command, const Arguments& a) {
   std::vector<fs::path> inputs = files_of(scene);
   inputs.emplace_back(a.scene);
   for (const fs::path& file : files_of(options.networks)) inputs.push_back(file);
+  NewFolder folder(folder_of(manifest));
   refuse_own_inputs({manifest}, inputs);
   StageTimer compute(timings, "compute");
   const NetworkView view =
       detect_frames(scene, select_frames(scene, a.frames == "all" ? "" : a.frames), options,
                     make_progress(command.common), warn);
   compute.stop();
-  refuse_own_inputs(detected_scene_files(view, manifest), inputs);
+  // The folder of the label images is made when they are written.
+  std::vector<fs::path> replaced;
+  for (const fs::path& file : detected_scene_files(view, manifest)) {
+    std::error_code error;
+    if (fs::exists(file, error)) replaced.push_back(file);
+  }
+  refuse_own_inputs(replaced, inputs);
   StageTimer write(timings, "write");
-  NewFolder folder(folder_of(manifest));
   write_detected_scene(scene, view, manifest);
   folder.keep();
   write.stop();
