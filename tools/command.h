@@ -51,6 +51,7 @@ void register_render(App& root);
 void register_prior(App& root);
 void register_synth(App& root);
 void register_vehicles(App& root);
+void register_detect(App& root);
 void register_evaluate(App& root);
 void register_plane(App& root);
 void register_patches(App& root);

@@ -13,6 +13,7 @@
 #include "camber/core/memory.h"
 #include "camber/core/version.h"
 #include "command.h"
+#include "network_arguments.h"
 #include "own_inputs.h"
 
 namespace camber::tools {
@@ -23,6 +24,7 @@ struct Arguments {
                                   scale = "ego";
   int keypoint_set = 36;
   ReconstructOptions options;
+  NetworkArguments networks;
   bool no_pictures = false;
   bool no_masks = false;
   bool overwrite = false;
@@ -52,6 +54,8 @@ Reconstruction run(
   scene = read_scene(a.scene, make_warning_sink(command.common));
   std::vector<std::filesystem::path> inputs = files_of(scene);
   inputs.emplace_back(a.scene);
+  const DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
+  for (const std::filesystem::path& file : files_of(networks.networks)) inputs.push_back(file);
   check_output(inputs);
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
@@ -66,8 +70,22 @@ Reconstruction run(
   } else {
     frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
   }
+  NetworkView view;
+  Timings network_time;
+  if (!networks.networks.empty()) {
+    const StageTimer timer(network_time, "networks");
+    view = detect_frames(scene, frames, networks, progress, make_warning_sink(command.common));
+    put_network_view(view, &scene);
+    if (!command.common.quiet)
+      std::fprintf(stderr, "camber: networks:\n%s", describe(view).c_str());
+    a.options.load.labels = std::move(view.labels);
+  }
   keep_freed_memory();
   Reconstruction result = reconstruct(scene, frames, a.options, progress);
+  if (!networks.networks.empty()) {
+    result.run.extra["networks"] = network_json(view);
+    for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
+  }
   result.run.extra["command"] = command.common.command_line;
   // Wherever the result is looked at from.
   result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
@@ -90,11 +108,13 @@ void register_reconstruct(App& root) {
       "glTF (scene.glb); with ground truth in the scene also metrics.",
       "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
       "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip\n"
+      "  camber reconstruct scene --detector yolox.onnx --segmenter road.onnx --out out/own\n"
       "  camber reconstruct samples/steep_hill --preset paper --out out/paper");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
   add_scene_options(app, a);
+  add_network_options(app, a.networks);
   app.add_option("--out", a.out, "result folder; an earlier result there is replaced")->required();
   app.add_option("--method", a.method,
                  "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "

@@ -14,6 +14,7 @@ inline constexpr Verb kVerbs[] = {
     {"reconstruct", "frames", "a few frames of one moving camera to a metric road with vehicles"},
     {"triangulate", "frames", "the road cloud alone"},
     {"vehicles", "frames", "vehicles alone, from a scene's detections, keypoints and planes"},
+    {"detect", "frames", "boxes and road masks of a scene's frames by networks (ONNX)"},
     {"plane", "clouds", "one plane of a cloud with outliers"},
     {"patches", "clouds", "planar patches of a road cloud and their consistency graph"},
     {"ground", "clouds", "the ground of a cloud, separated from what stands on it"},

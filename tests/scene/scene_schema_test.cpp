@@ -52,6 +52,7 @@ json whole_manifest() {
   out["frame_rate"] = 10;
   out["reference_frame"] = 3;
   out["detections_source"] = "network";
+  out["box_sigma_px"] = 2.5;
   out["segmentation_classes"] = {{"road", {1}}};
   out["segmentation_source"] = "network";
   out["markings_m"] = {{"dash_length", 3}};

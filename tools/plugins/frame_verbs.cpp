@@ -6,6 +6,7 @@ CAMBER_EXPORT int camber_run(int argc, char** argv) {
                   {{"reconstruct", register_reconstruct},
                    {"triangulate", register_triangulate},
                    {"vehicles", register_vehicles},
+                   {"detect", register_detect},
                    {"profile", register_profile},
                    {"compare", register_compare},
                    {"evaluate", register_evaluate},

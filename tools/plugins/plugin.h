@@ -12,6 +12,7 @@ namespace camber::tools {
 ///   vtk     text and 3D scenes
 ///   crs     coordinate systems by name: PROJ
 ///   video   films and videos: OpenCV's videoio, FFmpeg
+///   networks  detectors and segmenters: OpenCV's DNN
 ///
 /// @return what a plugin exports under that name, not nullptr.
 /// @throws MachineError if the plugin is not there, cannot be loaded, or is of another version.

@@ -9,6 +9,25 @@
 #include "camber/core/errors.h"
 
 namespace camber {
+namespace {
+
+std::string hexadecimal(const XXH128_hash_t& hash) {
+  XXH128_canonical_t digest;
+  XXH128_canonicalFromHash(&digest, hash);
+  static const char* const kDigits = "0123456789abcdef";
+  std::string text;
+  for (const unsigned char byte : digest.digest) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string hash_bytes(std::string_view bytes) {
+  return hexadecimal(XXH3_128bits(bytes.data(), bytes.size()));
+}
 
 std::string hash_file(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
@@ -21,15 +40,7 @@ std::string hash_file(const std::filesystem::path& path) {
     XXH3_128bits_update(state.get(), buffer.data(), static_cast<std::size_t>(in.gcount()));
   }
   if (in.bad()) throw InputError(path.string(), "reading failed");
-  XXH128_canonical_t digest;
-  XXH128_canonicalFromHash(&digest, XXH3_128bits_digest(state.get()));
-  static const char* const kDigits = "0123456789abcdef";
-  std::string text;
-  for (const unsigned char byte : digest.digest) {
-    text += kDigits[byte >> 4];
-    text += kDigits[byte & 15];
-  }
-  return text;
+  return hexadecimal(XXH3_128bits_digest(state.get()));
 }
 
 }  // namespace camber

@@ -110,6 +110,7 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
   if (progress) progress("vehicles", 0.0);
   stages::VehicleOptions place = options.vehicles;
   place.tracks = place.tracks && poses_known;
+  if (scene.box_sigma_px) place.fit.noise.box.pixel_sigma = *scene.box_sigma_px;
   const PlacedVehicles placed =
       options.preset == Preset::kPaper
           ? stages::place_paper_vehicles(scene.camera, std::move(views), place, options.paper)

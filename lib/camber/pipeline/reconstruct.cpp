@@ -6,6 +6,7 @@
 #include "camber/pipeline/run_details.h"
 #include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stage_runner.h"
+#include "camber/pipeline/stages/fuse_masks.h"
 
 namespace camber {
 namespace {
@@ -26,6 +27,16 @@ ReconstructOptions handed_down(const ReconstructOptions& options) {
   return out;
 }
 
+Image road_mask_of(const LoadedFrames& frames) {
+  if (!frames.masks_by_network || !frames.has_masks()) return {};
+  const FrameMasks& masks = frames.reference_masks();
+  Image out{frames.camera.width, frames.camera.height, 1, masks.roadway};
+  for (std::size_t i = 0; i < out.data.size(); ++i) {
+    out.data[i] = masks.roadway[i] ? 1 : masks.ground[i] ? 2 : 0;
+  }
+  return out;
+}
+
 }  // namespace
 
 void ReconstructOptions::validate() const {
@@ -39,7 +50,7 @@ void ReconstructOptions::validate() const {
   paper.vehicles.weights.validate();
 }
 
-SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const StageRunner& run) {
+SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& o, const StageRunner& run) {
   Correspondences matches =
       run("correspondences", 0.1, [&] { return stages::match(frames, o.match); });
   MotionEstimate motion =
@@ -52,7 +63,10 @@ SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const
     return o.rounds > 0 ? stages::search_plane(frames, motion, o.ground) : PlaneSearchResult();
   });
   Ground ground = run("ground", 0.5, [&] {
-    return stages::first_ground(frames, matches, motion, std::move(points), search, o.ground);
+    Ground first =
+        stages::first_ground(frames, matches, motion, std::move(points), search, o.ground);
+    stages::fuse_masks(matches, motion, first, &frames, &first.seen);
+    return first;
   });
   for (int round = 0; round < o.rounds; ++round) {
     const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
@@ -62,7 +76,9 @@ SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const
     motion = run("motion", share,
                  [&] { return stages::motion_again(frames, matches, motion, o.motion); });
     points = run("triangulation", share, [&] {
-      return stages::triangulate(frames, matches, motion, &ground.seen, o.ground);
+      GroundPoints seen = stages::triangulate(frames, matches, motion, &ground.seen, o.ground);
+      stages::fuse_masks(matches, motion, ground, &frames, &seen);
+      return seen;
     });
     ground = run("ground", share, [&] {
       return stages::ground(frames, matches, motion, std::move(points), ground, o.ground);
@@ -74,12 +90,13 @@ SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& o, const
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress) {
   options.validate();
-  const ReconstructOptions o = handed_down(options);
+  ReconstructOptions o = handed_down(options);
   if (o.preset == Preset::kPaper) return reconstruct_paper(scene, frame_ids, o, progress);
   Timings timings;
   StageRunner run(timings, progress);
 
   LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, o.load); });
+  if (frames.box_sigma_px) o.vehicles.fit.noise.box.pixel_sigma = *frames.box_sigma_px;
   const SeenRoad seen = see_road(frames, o, run);
   const PhotometricGround refined = run("ground", 0.8, [&] {
     return o.photometric ? stages::refine_photometrically(frames, seen.matches, seen.motion,
@@ -111,6 +128,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
   out.ground = std::move(vehicles.ground);
   out.run = std::move(road.run);
+  out.road_mask = road_mask_of(frames);
   out.images = std::move(frames.color);
   describe_run(options, frame_ids, frames, refined, scaled, &out.run);
   out.run.timings = timings;

@@ -58,6 +58,9 @@ struct Reconstruction {
   SharedGround ground;
   RunDocument run;
   std::vector<Image> images;  ///< colour, one a frame, as read
+  /// Of the reference frame where its mask is a network's: 1 road, 2 pavement, 0 neither, after
+  /// what lies off the road's surface was taken off. Empty otherwise.
+  Image road_mask;
 };
 
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.

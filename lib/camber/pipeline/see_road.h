@@ -14,7 +14,7 @@ struct SeenRoad {
 
 /// Rounds of match, motion and ground: each matches again with the ground of the one before.
 /// @throws NoAnswerError as the stages do.
-SeenRoad see_road(const LoadedFrames& frames, const ReconstructOptions& options,
-                  const StageRunner& run);
+/// @param frames  what lies off the road is taken off the masks of a network (fuse_masks.h).
+SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& options, const StageRunner& run);
 
 }  // namespace camber

@@ -77,6 +77,7 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
   {
     const StageTimer timer(timings, "write");
     write_cloud(result.cloud, staging / "road.ply");
+    if (!result.road_mask.empty()) write_png(result.road_mask, staging / "road_mask.png");
     write_json(to_json(result.surface), staging / "surface.json");
     write_json(to_json(result.vehicles), staging / "vehicles.json");
     if (scene.truth) {

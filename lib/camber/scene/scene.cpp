@@ -22,8 +22,8 @@ constexpr const char* kFormat = "camber-scene";
 constexpr int kFormatVersion = 1;
 constexpr int kMaxId = 2000000000;
 constexpr int kMaxImageSide = 65535;
-constexpr double kMaxIntrinsic = 1e7;  // pixels
-constexpr double kMaxSpeed = 1000.0;   // m/s
+constexpr double kMaxIntrinsic = 1e7;              // pixels
+constexpr double kMaxSpeed = 1000.0;               // m/s
 constexpr double kRadians = 0.017453292519943295;  // of a degree
 
 Box2 read_box(const JsonCursor& cursor) {
@@ -219,6 +219,9 @@ class ManifestReader {
       scene.frame_rate = v->positive("a positive number of frames a second");
     }
     if (auto v = root.find("detections_source")) scene.detections_source = v->text();
+    if (auto v = root.find("box_sigma_px")) {
+      scene.box_sigma_px = v->positive("a positive number of pixels");
+    }
     if (auto v = root.find("segmentation_classes")) read_classes(*v, scene);
     if (auto v = root.find("segmentation_source")) scene.segmentation_source = v->text();
     if (auto v = root.find("markings_m")) {
@@ -503,6 +506,7 @@ void write_scene(const Scene& scene, const fs::path& path) {
   if (scene.frame_rate) out["frame_rate"] = *scene.frame_rate;
   if (scene.reference_frame) out["reference_frame"] = *scene.reference_frame;
   if (!scene.detections_source.empty()) out["detections_source"] = scene.detections_source;
+  if (scene.box_sigma_px) out["box_sigma_px"] = number_json(*scene.box_sigma_px);
   if (!scene.segmentation_classes.empty()) out["segmentation_classes"] = scene.segmentation_classes;
   if (!scene.segmentation_source.empty()) out["segmentation_source"] = scene.segmentation_source;
   if (!scene.markings_m.empty()) out["markings_m"] = scene.markings_m;

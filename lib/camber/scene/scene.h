@@ -76,6 +76,8 @@ struct Scene {
   std::optional<double> frame_rate;         ///< Hz
   std::optional<int> reference_frame;       ///< frame id
   std::string detections_source;            ///< "network", "truth_boxes", ..., or empty
+  /// Standard deviation of the sides of all frames' boxes, px; none: BoxNoise's.
+  std::optional<double> box_sigma_px;
   std::map<std::string, std::vector<int>> segmentation_classes;  ///< "road" -> label values
   std::string segmentation_source;           ///< "network", "truth", ..., or empty
   std::map<std::string, double> markings_m;  ///< "dash_length" -> m

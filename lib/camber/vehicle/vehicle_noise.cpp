@@ -49,6 +49,7 @@ void VehicleNoise::validate() const {
                     {"keypoint.adapt_min", keypoint.adapt_min},
                     {"keypoint.min_shape_variance", keypoint.min_shape_variance},
                     {"box.pixel_sigma", box.pixel_sigma},
+                    {"box.network_pixel_sigma", box.network_pixel_sigma},
                     {"box.gate", box.gate},
                     {"contact.sigma_height", contact.sigma_height},
                     {"contact.sigma_tilt", contact.sigma_tilt},

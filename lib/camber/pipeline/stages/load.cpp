@@ -28,13 +28,17 @@ std::vector<int> label_values(const Scene& scene, const std::string& name) {
 }
 
 FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, const Undistortion& lens,
-                      bool use_masks) {
+                      const LoadOptions& options) {
+  const bool use_masks = options.use_masks;
+  const auto given = options.labels.find(frame.id);
   MaskInputs inputs;
   inputs.classes = {label_values(scene, "road"), label_values(scene, "pavement"),
                     label_values(scene, "vehicle")};
   for (const VehicleDetection& v : frame.vehicles) inputs.vehicle_boxes.push_back(v.box);
   const bool shows_ground = !inputs.classes.road.empty() || !inputs.classes.pavement.empty();
-  if (use_masks && !frame.segmentation.empty() && shows_ground) {
+  if (use_masks && given != options.labels.end() && shows_ground) {
+    inputs.segmentation = lens.labels(given->second);
+  } else if (use_masks && !frame.segmentation.empty() && shows_ground) {
     inputs.segmentation = lens.labels(read_label_image(frame.segmentation, lens.raw()));
   } else if (use_masks && !frame.road_mask.empty()) {
     inputs.road_mask = lens.labels(read_label_image(frame.road_mask, lens.raw()));
@@ -101,6 +105,8 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   out.camera = scene.camera;
   out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}};
   out.detections_source = scene.detections_source;
+  out.masks_by_network = scene.segmentation_source.rfind("network:", 0) == 0;
+  out.box_sigma_px = scene.box_sigma_px;
   out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
   for (std::size_t k = 1; k < frame_ids.size(); ++k) {
     out.known.travelled.push_back(
@@ -138,12 +144,12 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
     const SceneFrame& frame = out.frames[k];
     out.gray[k] = std::move(images[k].gray);
     out.color[k] = std::move(images[k].color);
-    out.masks[k] = read_masks(scene, frame, lens, options.use_masks);
+    out.masks[k] = read_masks(scene, frame, lens, options);
     const auto hash = [&](const std::filesystem::path& path) {
       if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
     };
     for (const auto& path : read[k]) hash(path);
-    if (!options.use_masks) return;
+    if (!options.use_masks || options.labels.count(frame.id) > 0) return;
     hash(frame.segmentation);
     hash(frame.road_mask);
   });

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -35,9 +36,11 @@ struct LoadedFrames {
   std::vector<GrayImage> gray;    ///< intensities
   std::vector<Image> color;       ///< 3 channels
   std::vector<FrameMasks> masks;  ///< of every image
+  bool masks_by_network = false;  ///< the scene's segmentation is a network's
   KnownMetres known;
-  std::string detections_source;  ///< as the scene declares it
-  double frame_rate = 10.0;       ///< Hz, for frames without a time
+  std::string detections_source;       ///< as the scene declares it
+  std::optional<double> box_sigma_px;  ///< of the detections, as the scene states it
+  double frame_rate = 10.0;            ///< Hz, for frames without a time
   /// Path as the scene gives it and hash of its content, of all files that were read.
   std::vector<std::pair<std::string, std::string>> input_hashes;
 
@@ -53,6 +56,8 @@ struct LoadOptions {
   bool use_masks = true;      ///< false: segmentations and road masks are not read
   bool single_image = false;  ///< one frame is accepted
   int num_threads = 0;        ///< <= 0: see resolve_num_threads
+  /// By frame id, as the image files are, in place of the scene's files: a segmenter's.
+  std::map<int, Image> labels;
 };
 
 /// Decodes the images and masks of the frames.

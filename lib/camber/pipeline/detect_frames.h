@@ -1,0 +1,61 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "camber/core/progress.h"
+#include "camber/detect/detector.h"
+#include "camber/detect/segmenter.h"
+#include "camber/pipeline/detection_cache.h"
+#include "camber/scene/scene.h"
+
+namespace camber {
+
+/// The files of the networks that a person brings; empty: none.
+struct NetworkFiles {
+  std::filesystem::path detector, segmenter;                ///< ONNX
+  std::filesystem::path detector_config, segmenter_config;  ///< empty: beside the network, .json
+  bool empty() const { return detector.empty() && segmenter.empty(); }
+};
+
+struct DetectFramesOptions {
+  NetworkFiles networks;
+  std::filesystem::path cache;  ///< folder of DetectionCache; empty: none
+  int num_threads = 0;          ///< <= 0: see resolve_num_threads
+};
+
+/// What was used of a network.
+struct NetworkUse {
+  std::string file, hash;        ///< as given; hash_file()
+  std::string name;              ///< of its description
+  std::string layers;            ///< Network::layers()
+  int computed = 0, cached = 0;  ///< images
+};
+
+/// What the networks see in the frames of a scene.
+struct NetworkView {
+  std::map<int, std::vector<VehicleDetection>> vehicles;  ///< by frame id; with a detector
+  std::map<int, Image> labels;  ///< as the image files are, by frame id; with a segmenter
+  std::optional<NetworkUse> detector, segmenter;
+  double box_sigma_px = 0.0;                ///< of the detector's boxes
+  std::optional<SegmenterClasses> classes;  ///< of the segmenter: which labels may occur
+};
+
+/// Runs the networks on the images of frames. Boxes are found in the undistorted image, labels in
+/// the image as the camera gave it.
+/// @param frame_ids  ids of the scene that have images, else NoAnswerError.
+/// @throws InputError for images, networks and side files that cannot be read.
+NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
+                          const DetectFramesOptions& options, const Progress& progress = {},
+                          const LogSink& warn = {});
+
+/// Puts what the networks see into the scene: boxes with their sigma and source in place of those
+/// of the same frames (boxes of other frames are dropped: they are another detector's); the
+/// meaning and source of the labels. The label images themselves are the caller's.
+void put_network_view(const NetworkView& view, Scene* scene);
+
+}  // namespace camber

@@ -1,0 +1,121 @@
+// camber detect: boxes and road masks of a scene's frames by networks that the user brings.
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/pipeline/write_detected_scene.h"
+#include "command.h"
+#include "import_output.h"
+#include "network_arguments.h"
+#include "own_inputs.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string scene, out, frames;
+  NetworkArguments networks;
+  bool json = false;
+};
+
+void print_json(const Command& command, const Arguments& a, const NetworkView& view,
+                const fs::path& manifest, const Timings& timings) {
+  json frames = json::array();
+  std::vector<int> ids;
+  for (const auto& [id, vehicles] : view.vehicles) ids.push_back(id);
+  if (ids.empty()) {
+    for (const auto& [id, labels] : view.labels) ids.push_back(id);
+  }
+  for (const int id : ids) {
+    const auto found = view.vehicles.find(id);
+    frames.push_back(
+        {{"id", id},
+         {"vehicles", found == view.vehicles.end() ? json() : json(found->second.size())},
+         {"mask", view.labels.count(id) > 0}});
+  }
+  json out = {{"version", kVersion},
+              {"seed", command.common.seed},
+              {"options",
+               {{"scene", a.scene},
+                {"frames", a.frames},
+                {"detector", a.networks.detector},
+                {"detector_config", a.networks.detector_config},
+                {"segmenter", a.networks.segmenter},
+                {"segmenter_config", a.networks.segmenter_config}}},
+              {"scene", manifest.string()},
+              {"networks", network_json(view)},
+              {"frames", std::move(frames)},
+              {"timings_ms", json::object()}};
+  for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
+  std::printf("%s\n", out.dump(2, ' ', false, json::error_handler_t::replace).c_str());
+}
+
+int run(const Command& command, const Arguments& a) {
+  const DetectFramesOptions options = detect_options(a.networks, command.common.threads);
+  const LogSink warn = make_warning_sink(command.common);
+  Timings timings;
+  StageTimer load(timings, "load");
+  const Scene scene = read_scene(a.scene, warn);
+  load.stop();
+  if (a.networks.detector.empty() && a.networks.segmenter.empty()) {
+    throw UsageError("detect: expected --detector or --segmenter, or both");
+  }
+  const fs::path manifest = manifest_of(a.out);
+  std::vector<fs::path> inputs = files_of(scene);
+  inputs.emplace_back(a.scene);
+  for (const fs::path& file : files_of(options.networks)) inputs.push_back(file);
+  NewFolder folder(folder_of(manifest));
+  refuse_own_inputs({manifest}, inputs);
+  StageTimer compute(timings, "compute");
+  const NetworkView view =
+      detect_frames(scene, select_frames(scene, a.frames == "all" ? "" : a.frames), options,
+                    make_progress(command.common), warn);
+  compute.stop();
+  // The folder of the label images is made when they are written.
+  std::vector<fs::path> replaced;
+  for (const fs::path& file : detected_scene_files(view, manifest)) {
+    std::error_code error;
+    if (fs::exists(file, error)) replaced.push_back(file);
+  }
+  refuse_own_inputs(replaced, inputs);
+  StageTimer write(timings, "write");
+  write_detected_scene(scene, view, manifest);
+  folder.keep();
+  write.stop();
+  if (!command.common.quiet) {
+    std::fprintf(stderr, "camber: %s:\n%s", manifest.string().c_str(), describe(view).c_str());
+  }
+  if (a.json) print_json(command, a, view, manifest, timings);
+  return 0;
+}
+
+}  // namespace
+
+void register_detect(App& root) {
+  Command* command = add_command(
+      root, "detect",
+      "Fills a scene with vehicle boxes and road masks by networks that you bring as ONNX files, "
+      "each with a short description beside it. Boxes and masks that the scene had are replaced.",
+      "  camber detect scene --out detected --detector yolox_nano.onnx\n"
+      "  camber detect scene --out detected --detector yolox_nano.onnx --segmenter road.onnx "
+      "--frames 0:20");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  add_network_options(app, a.networks);
+  app.add_option("--frames", a.frames,
+                 "frame ids to look at: 48,49,50 or 48:52 or 0:10:5; default: all");
+  app.add_flag("--json", a.json, "print what was done as JSON to stdout");
+  command->run = [command, arguments] { return run(*command, *arguments); };
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "camber/pipeline/detect_frames.h"
+#include "options.h"
+
+namespace camber::tools {
+
+/// The networks that a command runs on a scene's images.
+struct NetworkArguments {
+  std::string detector, detector_config, segmenter, segmenter_config, cache;
+  bool no_cache = false;
+};
+
+void add_network_options(App& app, NetworkArguments& arguments);
+
+/// @throws UsageError for a side file without its network.
+DetectFramesOptions detect_options(const NetworkArguments& arguments, int num_threads);
+
+/// What the networks are read from.
+std::vector<std::filesystem::path> files_of(const NetworkFiles& networks);
+
+/// For --json and run.json: file, hash, name, layers, images computed and taken from the cache.
+nlohmann::json network_json(const NetworkView& view);
+
+/// Lines for a person: what was found, and that a network's layers are not joined.
+std::string describe(const NetworkView& view);
+
+}  // namespace camber::tools

@@ -1,0 +1,18 @@
+// The functions of the library that call OpenCV's DNN, as the other plugins have them: see
+// late_vtk.cpp.
+
+#include "late_networks.h"
+
+#include "plugin.h"
+
+namespace camber {
+
+std::unique_ptr<Network> open_network(const std::filesystem::path& path, const NetworkInput& input,
+                                      const NetworkCheck& check) {
+  using Functions = const tools::NetworkFunctions* (*)();
+  static const auto* functions =
+      reinterpret_cast<Functions>(tools::plugin_symbol("networks", "camber_networks"))();
+  return functions->open_network(path, input, check);
+}
+
+}  // namespace camber
