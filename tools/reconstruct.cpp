@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/core/version.h"
+#include "camber/scene/findings.h"
 #include "command.h"
 #include "network_arguments.h"
 #include "own_inputs.h"
@@ -90,6 +91,13 @@ Reconstruction run(
   // Wherever the result is looked at from.
   result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
   return result;
+}
+
+/// What is missing or not to be relied on, in words.
+void print_findings(const Reconstruction& result) {
+  for (const Finding& finding : findings(result.run, &result.surface, &result.vehicles)) {
+    if (!finding.complete) std::printf("%s\n", finding.text.c_str());
+  }
 }
 
 int print_json(const Reconstruction& result) {
@@ -175,8 +183,9 @@ void register_reconstruct(App& root) {
       if (result.surface.metric) {
         std::printf("scale known to %.1f %% (1 sigma)\n", 100.0 * result.surface.scale_sigma);
       } else {
-        std::printf("no camera height in the scene: the result is up to scale\n");
+        std::printf("the result is up to scale\n");
       }
+      print_findings(result);
       if (!summary.empty()) std::printf("%s", summary.c_str());
     }
     return 0;

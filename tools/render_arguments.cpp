@@ -46,7 +46,7 @@ constexpr OverlaySwitch kOverlaySwitches[] = {
     {"planes", &OverlayOptions::show_planes},     {"labels", &OverlayOptions::show_labels},
     {"ellipses", &OverlayOptions::show_ellipses}, {"patches", &OverlayOptions::show_patches},
     {"normals", &OverlayOptions::show_normals},   {"grade", &OverlayOptions::show_grade},
-    {"mask", &OverlayOptions::show_mask}};
+    {"grid", &OverlayOptions::show_grid},         {"mask", &OverlayOptions::show_mask}};
 
 struct BevSwitch {
   const char* name;

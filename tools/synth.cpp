@@ -1,10 +1,12 @@
 // camber synth: a scene of a drive with complete truth.
 
+#include <charconv>
 #include <cstdio>
 #include <functional>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
@@ -100,6 +102,27 @@ void add_drive(App& app, Settings* settings) {
                  "points of the true road cloud");
 }
 
+void set_lens(const std::string& text, SynthOptions* options) {
+  std::vector<std::string> words;
+  std::istringstream in(text);
+  for (std::string word; std::getline(in, word, ',');) words.push_back(word);
+  if (words.empty() || (words[0] != "brown" && words[0] != "fisheye")) {
+    throw UsageError("--distortion: found " + text +
+                     ", expected brown or fisheye and its coefficients: MODEL,k1,k2,...");
+  }
+  options->lens = words[0] == "brown" ? LensModel::kBrown : LensModel::kFisheye;
+  options->lens_coefficients.clear();
+  for (std::size_t i = 1; i < words.size(); ++i) {
+    double value = 0.0;
+    const char* end = words[i].data() + words[i].size();
+    const auto [at, error] = std::from_chars(words[i].data(), end, value);
+    if (error != std::errc() || at != end) {
+      throw UsageError("--distortion: found " + words[i] + ", expected a number");
+    }
+    options->lens_coefficients.push_back(value);
+  }
+}
+
 void add_camera(App& app, Settings* settings) {
   settings->bind(app, "--camera-height", &SynthOptions::camera_height, "above the road, m");
   settings
@@ -127,6 +150,11 @@ void add_camera(App& app, Settings* settings) {
           })
       ->delimiter(',')
       ->expected(4);
+  settings->add<std::string>(
+      app, "--distortion",
+      "MODEL,COEFFICIENTS of the lens: brown,k1,k2,p1,p2[,k3[,k4,k5,k6]] or fisheye,k1,k2,k3,k4; "
+      "size and intrinsics are then those of the image files",
+      "", set_lens);
   const auto angle = [&](const char* name, const char* help,
                          std::optional<double> MountingOptions::*field) {
     settings->add<double>(app, name, help, 0.0, [field](const double& degrees, SynthOptions* o) {
@@ -264,7 +292,8 @@ void register_synth(App& root) {
       "  camber synth --random 17 --out scene_17\n"
       "  camber synth --corner stem --turn left --wet 0.8 --frames 10 --out corner\n"
       "  camber synth --profile crest --size 960x540 --intrinsics 423.8,423.8,479.5,269.5 --hz 5 "
-      "--out scene");
+      "--out scene\n"
+      "  camber synth --distortion brown,-0.3,0.1,0,0 --out scene");
   struct Arguments {
     Settings settings;
     std::string out;

@@ -16,6 +16,7 @@
 namespace camber {
 namespace {
 
+using nlohmann::json;
 using test::picture;
 using test::run_camber;
 using test::snapshot;
@@ -221,6 +222,37 @@ TEST_F(ImportOwn, AVideoIsReferredToOrExtracted) {
                                   "9", "--out", path("out4")}),
                       2, "expected some in the part that was asked for");
   EXPECT_EQ(snapshot(folder_.path()), before);
+}
+
+/// A detector that ran on frames which another program had written to files names those.
+TEST_F(ImportOwn, BoxesOfAVideoAreFoundByTheNumbersInTheirImagesNames) {
+  FilmWriter film(path("drive.avi"), 10.0);
+  for (int i = 0; i < 4; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});
+  film.finish();
+  const auto boxes_of = [&](int first, int last) {
+    json images = json::array(), boxes = json::array();
+    for (int i = first; i <= last; ++i) {
+      images.push_back({{"id", 50 + i}, {"file_name", "out_" + std::to_string(i) + ".jpg"}});
+    }
+    boxes.push_back({{"image_id", 50 + 2}, {"category_id", 3}, {"bbox", {10, 20, 30, 20}}});
+    const json file = {
+        {"images", images}, {"categories", {{{"id", 3}, {"name", "car"}}}}, {"annotations", boxes}};
+    write_bytes(path("boxes.json"), file.dump());
+    const auto result = run_camber({"import", "video", path("drive.avi"), "--fov", "90",
+                                    "--detections", path("boxes.json"), "--out", path("out")});
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    error_ = result.error;
+    return read_scene(path("out"));
+  };
+  const Scene from_zero = boxes_of(0, 3);
+  EXPECT_EQ(from_zero.frames[2].vehicles.size(), 1u);
+  EXPECT_THAT(error_, HasSubstr("by the numbers in the names of images, from 0 on"));
+  const Scene from_one = boxes_of(1, 4);
+  EXPECT_EQ(from_one.frames[1].vehicles.size(), 1u);
+  EXPECT_EQ(from_one.frames[2].vehicles.size(), 0u);
+  EXPECT_THAT(error_, HasSubstr("by the numbers in the names of images, from 1 on"));
+  const Scene some = boxes_of(1, 2);  // of a part: their numbers hold
+  EXPECT_EQ(some.frames[2].vehicles.size(), 1u);
 }
 
 TEST_F(ImportOwn, AColmapModel) {

@@ -104,11 +104,27 @@ TEST_F(Synth, FeaturesAreOptions) {
   EXPECT_NEAR(rotation_to_vector(step.rotation()).norm(), 3.0 * 3.14159265 / 180.0, 0.008);
 }
 
+TEST_F(Synth, DrawsThroughALens) {
+  const auto made =
+      synth({"--distortion", "fisheye,0.02,-0.01,0.001,0", "--frames", "2", "--json"}, "a");
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_EQ(json::parse(made.out)["options"]["distortion"]["model"], "fisheye");
+  const Scene scene = read_scene(path("a"));
+  EXPECT_EQ(scene.distortion.model, LensModel::kFisheye);
+  EXPECT_EQ(scene.distortion.coefficients, (std::vector<double>{0.02, -0.01, 0.001, 0.0}));
+  EXPECT_EQ(scene.distortion.raw.width, 160);
+  EXPECT_GT(scene.camera.width, 160);
+}
+
 TEST_F(Synth, RefusesWhatItCannotMake) {
   EXPECT_ONE_SENTENCE(synth({"--corner", "stem", "--corner-radius", "2"}, "a"), 2, "corner.radius");
   EXPECT_ONE_SENTENCE(synth({"--corner", "stem", "--bend-radius", "60"}, "a"), 2, "bend.radius");
   EXPECT_ONE_SENTENCE(synth({"--wet", "7"}, "a"), 2, "asphalt.wetness");
   EXPECT_EQ(synth({"--corner", "roundabout"}, "a").exit_code, 2);
+  EXPECT_ONE_SENTENCE(synth({"--distortion", "mirror,1,2,3,4"}, "a"), 2, "brown or fisheye");
+  EXPECT_ONE_SENTENCE(synth({"--distortion", "brown,-0.3,x,0,0"}, "a"), 2, "found x");
+  EXPECT_ONE_SENTENCE(synth({"--distortion", "fisheye,0,0,0"}, "a"), 2, "3 coefficients");
+  EXPECT_ONE_SENTENCE(synth({"--distortion", "brown,-2,0,0,0"}, "a"), 2, "lens's model reaches");
   EXPECT_EQ(synth({"--random", "-1"}, "a").exit_code, 2);
   EXPECT_EQ(synth({"--random", "x"}, "a").exit_code, 2);
   EXPECT_FALSE(std::filesystem::exists(path("a")));

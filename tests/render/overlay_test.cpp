@@ -2,12 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <stdexcept>
 
 #include "camber/core/random.h"
 #include "camber/render/color_map.h"
+#include "camber/render/detail/road_grid.h"
 #include "camber/render/label_layout.h"
 #include "camber/render/picture_file.h"
 #include "camber/render/wireframe.h"
@@ -66,6 +68,66 @@ TEST(Overlay, SameInputSamePixelsAndEveryPartIsSeen) {
     options.*part = false;
     EXPECT_GT(changed_pixels(all, draw_overlay(photo, scene.camera, frame, options)), 100);
   }
+}
+
+/// Two patches of a level road 1.5 m below a camera, 4 to 12 and 10 to 30 m ahead, 4 m wide.
+RoadSurface two_patches() {
+  RoadSurface surface;
+  for (const auto& [from, to] : {std::pair(4.0, 12.0), std::pair(10.0, 30.0)}) {
+    PlanePatch patch;
+    patch.plane.plane = Plane::through({0.0, 1.5, from}, {0.0, -1.0, 0.0});
+    patch.boundary = {{-2.5, 1.5, from}, {2.5, 1.5, from}, {2.5, 1.5, to}, {-2.5, 1.5, to}};
+    surface.patches.push_back(patch);
+  }
+  return surface;
+}
+
+TEST(Overlay, TheRoadsGridCountsMetresOnce) {
+  const RoadGrid grid = road_grid(two_patches(), SE3());
+  // Across: each metre from 4 to 12, then 15 and 25; 10 and 20 are coarse, and so is 30, at the
+  // border or not.
+  double length = 0.0;
+  int ahead = 0;
+  for (const auto& [a, b] : grid.fine) {
+    EXPECT_NEAR(a.y(), 1.5, 1e-12);
+    if (std::abs(a.z() - b.z()) < 1e-9) {
+      EXPECT_NEAR(std::abs(b.x() - a.x()), 5.0, 1e-9);
+      ++ahead;
+    } else {
+      length += std::abs(b.z() - a.z());
+    }
+  }
+  EXPECT_GE(ahead, 9);
+  EXPECT_LE(ahead, 11);
+  EXPECT_NEAR(length, 5 * 26.0, 1e-9);  // x from -2 to 2, each metre of the road once
+  ASSERT_GE(grid.labels.size(), 2u);
+  EXPECT_EQ(grid.labels[0].first, 10);
+  EXPECT_NEAR((grid.labels[0].second - Eigen::Vector3d(2.5, 1.5, 10.0)).norm(), 0.0, 1e-9);
+  EXPECT_EQ(grid.labels[1].first, 20);
+  // From a camera 1 m ahead of the reference all is a metre nearer, and keeps its number.
+  const RoadGrid moved =
+      road_grid(two_patches(), SE3(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -1.0)));
+  EXPECT_EQ(moved.labels[0].first, 10);
+  EXPECT_NEAR(moved.labels[0].second.z(), 9.0, 1e-9);
+}
+
+TEST(Overlay, ARoadWithoutVehiclesShowsItsGrid) {
+  const PictureScene scene;
+  const Image photo = make_picture(1242, 375, 90);
+  const RoadSurface surface = two_patches();
+  OverlayRoad road;
+  road.surface = &surface;
+  OverlayOptions options;
+  const Image plain = draw_overlay(photo, scene.camera, {}, options, road);
+  EXPECT_EQ(plain.data, photo.data);
+  options.show_grid = true;
+  const Image grid = draw_overlay(photo, scene.camera, {}, options, road);
+  EXPECT_GT(changed_pixels(plain, grid), 1000);
+  // The line 10 m ahead is bright where it is seen.
+  const Eigen::Vector2d at = *scene.camera.project({0.5, 1.5, 10.0});
+  EXPECT_GT(grid.row(static_cast<int>(std::lround(at.y())))[3 * std::lround(at.x())], 200);
+  options.metric = false;  // numbers without a unit
+  EXPECT_GT(changed_pixels(grid, draw_overlay(photo, scene.camera, {}, options, road)), 20);
 }
 
 TEST(Overlay, EnlargesThePictureBeforeDrawing) {

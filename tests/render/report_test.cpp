@@ -313,6 +313,10 @@ TEST(Report, WithoutScaleNoMetreIsClaimed) {
   content.picture = scene.content();
   const std::string page = make_report(content);
   EXPECT_THAT(page, HasSubstr("up to scale"));
+  // The first paragraph names what would give metres.
+  const std::string first = page.substr(page.find("<p>"), page.find("</p>") - page.find("<p>"));
+  EXPECT_THAT(first, HasSubstr("Lengths are in units, not in metres"));
+  EXPECT_THAT(first, HasSubstr("--height of camber import"));
   EXPECT_THAT(page, HasSubstr("bottom centre (units)"));
   EXPECT_THAT(page, Not(HasSubstr("bottom centre (m)")));
 }

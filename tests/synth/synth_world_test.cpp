@@ -240,7 +240,8 @@ TEST(Detections, SegmentationIsRaggedButRight) {
   const SynthOptions options = small_options(RoadProfileKind::kDownhill, 3);
   const SynthWorld world = make_synth_world(world_options(options));
   const ViewTruth truth = trace_view(world, 0, options.camera, 2);
-  const std::vector<std::uint8_t> found = simulate_segmentation(truth, options.camera, 3, 0);
+  const std::vector<std::uint8_t> found =
+      simulate_segmentation(truth.labels, options.camera.width, options.camera.height, 3, 0);
   std::size_t road = 0, both = 0, either = 0;
   for (std::size_t i = 0; i < found.size(); ++i) {
     const bool truly = truth.labels[i] == static_cast<std::uint8_t>(TruthLabel::kRoad);

@@ -19,6 +19,20 @@
 namespace fs = std::filesystem;
 
 namespace camber {
+namespace {
+
+/// Without vehicles the picture of a frame shows the road: patches with their grade, and metres.
+void show_road(const Reconstruction& result, int frame, OverlayRoad* road,
+               OverlayOptions* options) {
+  for (const RunDocument::CameraPose& camera : result.run.cameras) {
+    if (camera.id != frame) continue;
+    road->surface = &result.surface;
+    road->reference_from_camera = camera.reference_from_camera;
+    options->show_patches = options->show_grade = options->show_grid = true;
+  }
+}
+
+}  // namespace
 
 std::string write_reconstruction(const Scene& scene, Reconstruction& result, const fs::path& folder,
                                  const WriteReconstructionOptions& options,
@@ -54,9 +68,12 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
           k < result.vehicles.frames.size() ? result.vehicles.frames[k] : none;
       OverlayOptions overlay;
       overlay.metric = result.vehicles.metric;
+      OverlayRoad road;
+      if (vehicles.vehicles.empty()) show_road(result, result.frame_ids[k], &road, &overlay);
       char name[40];
       std::snprintf(name, sizeof name, "overlay_%06d.png", result.frame_ids[k]);
-      write_png(draw_overlay(result.images[k], scene.camera, vehicles, overlay), staging / name);
+      write_png(draw_overlay(result.images[k], scene.camera, vehicles, overlay, road),
+                staging / name);
       report("render",
              0.3 * static_cast<double>(k + 1) / static_cast<double>(result.frame_ids.size()));
     }

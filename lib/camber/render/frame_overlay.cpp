@@ -51,7 +51,7 @@ Image draw_frame_overlay(const LoadedResult& result, int id, OverlayOptions opti
     mask = read_road_mask(scene, *frame, lens);
     road.mask = &mask;
   }
-  if (options.show_patches || options.show_normals || options.show_grade) {
+  if (options.show_patches || options.show_normals || options.show_grade || options.show_grid) {
     if (!result.surface) throw NoAnswerError("there are no patches to draw: no surface.json");
     const RunDocument::CameraPose* pose = nullptr;
     if (result.run) {

@@ -11,6 +11,7 @@
 
 #include "camber/render/canvas.h"
 #include "camber/render/color_map.h"
+#include "camber/render/detail/road_grid.h"
 #include "camber/render/label_layout.h"
 #include "camber/render/picture_file.h"
 #include "camber/render/wireframe.h"
@@ -229,13 +230,50 @@ Box2 draw_grade_bar(Canvas& canvas, double low, double high, double unit) {
   return plate;
 }
 
+/// The road's grid with its numbers; adds what these cover.
+void draw_grid(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+               const RoadGrid& grid, bool metric, double unit, std::vector<Box2>* taken) {
+  const Color white{255, 255, 255, 1.0};
+  const auto lines_of = [&](const std::vector<RoadGrid::Line>& from) {
+    SplitLines lines;
+    for (const auto& [a, b] : from) {
+      lines.add(camera, occluders, a, b, std::clamp(static_cast<int>((b - a).norm() * 2.0), 2, 64),
+                0.02);
+    }
+    return lines.visible;
+  };
+  canvas.segments(lines_of(grid.fine), 0.9 * unit, white.with_alpha(0.4));
+  canvas.segments(lines_of(grid.coarse), 2.0 * unit, white.with_alpha(0.9));
+  const double size = 16.0 * unit;
+  for (const auto& [distance, end] : grid.labels) {
+    const auto pixel = end.z() > kNear ? camera.project(end) : std::nullopt;
+    if (!pixel) continue;
+    const std::string text = std::to_string(distance) + (metric ? " m" : "");
+    const Eigen::Vector2d extent = Canvas::text_size(text, size, true);
+    const Box2 plate{pixel->x() + 0.4 * size, pixel->y() - 0.6 * extent.y(),
+                     pixel->x() + 0.8 * size + extent.x(), pixel->y() + 0.6 * extent.y()};
+    const bool inside = plate.x1 >= 0.0 && plate.y1 >= 0.0 && plate.x2 < canvas.width() &&
+                        plate.y2 < canvas.height();
+    const bool free = std::none_of(taken->begin(), taken->end(), [&](const Box2& other) {
+      return plate.x1 < other.x2 && other.x1 < plate.x2 && plate.y1 < other.y2 &&
+             other.y1 < plate.y2;
+    });
+    if (!inside || !free) continue;
+    canvas.rectangle(plate, kDark.with_alpha(0.7), 0.2 * size);
+    canvas.text({plate.x1 + 0.2 * size, plate.center().y()}, text, size, white, TextAnchor::kLeft,
+                true);
+    taken->push_back(plate);
+  }
+}
+
 /// Patches of the road, farthest first, under the vehicles. Returns what may not be covered.
 std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& camera,
                             const Occluders& occluders, const std::vector<Drawn>& all,
                             const OverlayRoad& road, const OverlayOptions& options, double unit) {
   std::vector<Box2> taken;
   const bool tint = options.show_mask && road.mask;
-  const bool patches = options.show_patches || options.show_normals || options.show_grade;
+  const bool patches =
+      options.show_patches || options.show_normals || options.show_grade || options.show_grid;
   if (!tint && !(patches && road.surface)) return taken;
   cv::Mat pixels(image.height, image.width, CV_8UC3, image.data.data());
   const cv::Mat before = pixels.clone();
@@ -285,6 +323,10 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
     }
     restore_vehicles(pixels, before, camera, all);
     taken.push_back(draw_grade_bar(canvas, low, high, unit));
+  }
+  if (options.show_grid) {
+    const RoadGrid grid = road_grid(*road.surface, camera_from_reference);
+    draw_grid(canvas, camera, occluders, grid, options.metric, unit, &taken);
   }
   for (const Placed& p : placed) {
     const Color ink = p.patch->kind == PatchKind::kRoad       ? Color{90, 170, 255, 1.0}

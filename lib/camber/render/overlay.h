@@ -21,7 +21,9 @@ struct OverlayOptions {
   bool show_patches = false;  ///< outlines
   bool show_normals = false;  ///< an arrow of one metre on each patch
   bool show_grade = false;    ///< patches coloured by their slope along the road, with a colour bar
-  bool show_mask = false;     ///< tints the pixels that are road
+  /// Metres ahead and to the side on the patches, with numbers every ten.
+  bool show_grid = false;
+  bool show_mask = false;  ///< tints the pixels that are road
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };

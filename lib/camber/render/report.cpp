@@ -27,6 +27,7 @@
 #include "camber/render/result_plots.h"
 #include "camber/render/wireframe.h"
 #include "camber/road/road_profile.h"
+#include "camber/scene/findings.h"
 
 namespace camber {
 namespace {
@@ -124,6 +125,18 @@ std::string frame_number(const std::string& stem) {
   const std::string digits = stem.substr(std::min(stem.size(), stem.find('_') + 1));
   const std::size_t from = digits.find_first_not_of('0');
   return digits.empty() ? stem : from == std::string::npos ? "0" : digits.substr(from);
+}
+
+/// What the shown frame's picture holds, as write_reconstruction() draws it.
+std::string overlay_caption(const PictureContent& picture, const std::string& unit) {
+  if (picture.vehicles) {
+    for (const VehicleFrame& frame : picture.vehicles->frames) {
+      if (frame.id == picture.frame && !frame.vehicles.empty()) {
+        return ": wireframes, boxes and distances; a metre grid on the plane under each vehicle";
+      }
+    }
+  }
+  return ": the road's patches by their grade, and distances ahead (" + unit + ")";
 }
 
 /// A plot twice: as wide as the page, and with larger words for narrow screens.
@@ -437,7 +450,14 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   if (picture.run && metric && picture.run->scale_sigma > 0.0) {
     summary += "; scale known to " + number(196.0 * picture.run->scale_sigma, 1) + " % (95 %)";
   }
-  if (!metric) summary += "; up to scale: no camera height was given";
+  if (!metric) summary += "; up to scale";
+  if (picture.run) {
+    std::string text;
+    for (const Finding& finding : findings(*picture.run, picture.surface, picture.vehicles)) {
+      text += (text.empty() ? "" : " ") + finding.text;
+    }
+    out += "<p>" + escape(text) + "</p>\n";
+  }
   out += "<p class=n>" + escape(summary) + "</p>\n";
 
   if (!content.picture_folder.empty()) {
@@ -456,11 +476,8 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
       return path.filename() == wanted;
     });
     if (shown != overlays.end()) {
-      out += figure(*shown,
-                    "Frame " + std::to_string(picture.frame) +
-                        ": wireframes, boxes and distances; a metre grid on the plane "
-                        "under each vehicle",
-                    true);
+      out += figure(
+          *shown, "Frame " + std::to_string(picture.frame) + overlay_caption(picture, unit), true);
     }
     if (fs::exists(content.picture_folder / "scene.png", error)) {
       out += figure(content.picture_folder / "scene.png",

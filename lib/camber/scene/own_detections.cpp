@@ -9,6 +9,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
+#include "camber/image/video.h"
 #include "camber/scene/detail/own_data.h"
 #include "camber/scene/formats/detections.h"
 #include "camber/scene/import_common.h"
@@ -24,9 +25,13 @@ class FrameIndex {
   explicit FrameIndex(const Scene& scene) {
     for (std::size_t i = 0; i < scene.frames.size(); ++i) {
       const fs::path& image = scene.frames[i].image;
+      ids_[scene.frames[i].id] = i;
+      if (video_frame_name(image)) {
+        of_video_ = true;
+        continue;
+      }
       names_[image.filename().string()] = i;
       stems_[image.stem().string()] = i;
-      ids_[scene.frames[i].id] = i;
       if (const auto number = trailing_number(image.stem().string())) numbers_.emplace(*number, i);
     }
     unique_numbers_ = numbers_.size() == scene.frames.size();
@@ -45,6 +50,28 @@ class FrameIndex {
     if (end != std::string::npos) stem.resize(end);
     const auto at = stems_.find(stem);
     return at == stems_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+  }
+
+  bool of_video() const { return of_video_; }
+
+  /// A frame of a video by the last number in the name of a file that somebody wrote it to.
+  std::optional<std::size_t> by_video_name(const std::string& name, std::int64_t first) const {
+    const auto number = trailing_number(fs::path(name).stem().string());
+    const auto at = number ? ids_.find(*number - first) : ids_.end();
+    return at == ids_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+  }
+
+  /// What the names of a video's frames count from: 1 where they go from there to the number after
+  /// the last frame's, as programs that write frames to files count.
+  std::int64_t first_video_number(const std::vector<DetectedImage>& images) const {
+    std::optional<std::int64_t> least, greatest;
+    for (const DetectedImage& image : images) {
+      const auto number = trailing_number(fs::path(image.file_name).stem().string());
+      if (!number) continue;
+      least = std::min(least.value_or(*number), *number);
+      greatest = std::max(greatest.value_or(*number), *number);
+    }
+    return least == 1 && greatest == ids_.rbegin()->first + 1 ? 1 : 0;
   }
 
   /// By the last number in the file name, where all frames have different ones; else by id.
@@ -69,7 +96,7 @@ class FrameIndex {
 
   std::map<std::string, std::size_t> names_, stems_;
   std::map<std::int64_t, std::size_t> numbers_, ids_;
-  bool unique_numbers_ = false;
+  bool unique_numbers_ = false, of_video_ = false;
 };
 
 /// The class of Camber's priors for a name of other programs: "vehicle.car" and "Car" are cars.
@@ -157,9 +184,12 @@ void put_boxes(const DetectedImage& image, const OwnDetections& options,
 }
 
 /// MOT counts frames from 1, the others from 0 or by the file's number.
+/// @param first_video_number  what the names of a video's frames count from
 std::optional<std::size_t> frame_of(const DetectedImage& image, DetectionForm form,
-                                    const FrameIndex& index, std::size_t frames) {
+                                    const FrameIndex& index, std::size_t frames,
+                                    std::int64_t first_video_number) {
   if (!image.file_name.empty()) {
+    if (index.of_video()) return index.by_video_name(image.file_name, first_video_number);
     if (const auto at = index.by_name(image.file_name)) return at;
   }
   if (!image.number) return std::nullopt;
@@ -185,14 +215,17 @@ void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& o
   std::set<std::string> classes;
   for (const std::string& name : options.classes) classes.insert(lower_case(name));
   Tally tally;
+  const std::int64_t counted_from = index.of_video() ? index.first_video_number(file.images) : 0;
   std::size_t images = 0;
+  bool by_video_names = false;
   for (const DetectedImage& image : file.images) {
-    const auto at = frame_of(image, file.form, index, scene.frames.size());
+    const auto at = frame_of(image, file.form, index, scene.frames.size(), counted_from);
     if (!at) {
       tally.no_frame += 1;
       continue;
     }
     ++images;
+    by_video_names = by_video_names || (index.of_video() && !image.file_name.empty());
     if (image.width && image.height &&
         (*image.width != scene.camera.width || *image.height != scene.camera.height)) {
       throw InputError(
@@ -237,6 +270,10 @@ void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& o
   add(tally.no_frame, "images of the file are not among the frames");
   for (const auto& [kind, count] : file.other_shapes)
     add(static_cast<std::size_t>(count), printable(kind));
+  if (by_video_names) {
+    phrase += fmt::format(", their frames by the numbers in the names of images, from {} on",
+                          counted_from);
+  }
   if (tally.by_number_without_class)
     phrase += ", without classes: all taken as " + options.default_class;
   out.found.push_back(phrase);

@@ -15,10 +15,10 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kHalf = kNumKeypoints / 2;
 
-/// Whether a keypoint is inside the image and hidden by no more than 6 cm of anything.
-bool keypoint_visible(const SynthWorld& world, int frame, const PinholeCamera& camera,
+/// Whether a keypoint is inside what the files show and hidden by no more than 6 cm of anything.
+bool keypoint_visible(const SynthWorld& world, int frame, const ViewCamera& view,
                       const Eigen::Vector3d& in_camera, const Eigen::Vector2d& pixel) {
-  if (!camera.contains(pixel, -0.5)) return false;
+  if (!view.shows(pixel)) return false;
   const SE3& pose = world.views[frame].world_from_camera;
   const Eigen::Vector3d direction = pose.rotation() * in_camera;
   const WorldHit hit = cast_ray(world, frame, pose.translation(), direction);
@@ -42,8 +42,8 @@ Box2 full_box(const SynthCar& car, int frame, const SE3& world_from_camera,
   return box;
 }
 
-std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
-                                        const PinholeCamera& camera, const ViewTruth& truth) {
+std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame, const ViewCamera& view,
+                                        const ViewTruth& truth) {
   std::vector<TruthVehicle> out;
   const SE3& world_from_camera = world.views[frame].world_from_camera;
   const SE3 camera_from_world = world_from_camera.inverse();
@@ -53,9 +53,8 @@ std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
     vehicle.pose = {camera_from_world * car.world_from_vehicle[frame], car.model.dimensions};
     const auto corners = vehicle.pose.corners();
     if (corners.row(2).minCoeff() < 0.5) continue;
-    vehicle.box = full_box(car, frame, world_from_camera, camera);
-    const double area = vehicle.box.area();
-    const double inside = vehicle.box.clipped(camera.width, camera.height).area();
+    vehicle.box = full_box(car, frame, world_from_camera, view.camera());
+    const double inside = view.shown(vehicle.box).share;
     if (!(inside > 0.0)) continue;
     vehicle.id = car.track;
     vehicle.vehicle_class = car.model.car_class == CarClass::kVan ? "van" : "car";
@@ -64,7 +63,7 @@ std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
       vehicle.keypoints.push_back(vehicle.pose.camera_from_vehicle * keypoint);
     }
     vehicle.moving = car.moving;
-    vehicle.truncation = std::clamp(1.0 - inside / area, 0.0, 1.0);
+    vehicle.truncation = std::clamp(1.0 - inside, 0.0, 1.0);
     vehicle.occlusion =
         truth.outline_pixels[i] > 0
             ? 1.0 - static_cast<double>(truth.visible_pixels[i]) / truth.outline_pixels[i]
@@ -78,14 +77,15 @@ namespace {
 
 /// A keypoint as the simulated network places it in the detection's box.
 /// @param base  first index of its random numbers
-KeypointObservation simulate_keypoint(const SynthWorld& world, int frame,
-                                      const PinholeCamera& camera, const TruthVehicle& vehicle,
-                                      int k, const Box2& box, const DetectorModel& model,
-                                      const CounterRandom& random, std::uint64_t base) {
+KeypointObservation simulate_keypoint(const SynthWorld& world, int frame, const ViewCamera& view,
+                                      const TruthVehicle& vehicle, int k, const Box2& box,
+                                      const DetectorModel& model, const CounterRandom& random,
+                                      std::uint64_t base) {
+  const PinholeCamera& camera = view.camera();
   const double crop_x = box.width() / 64.0, crop_y = box.height() / 64.0;
   const auto pixel = camera.project(vehicle.keypoints[k]);
   const Eigen::Vector2d truth = pixel.value_or(box.center());
-  const bool visible = pixel && keypoint_visible(world, frame, camera, vehicle.keypoints[k], truth);
+  const bool visible = pixel && keypoint_visible(world, frame, view, vehicle.keypoints[k], truth);
   const Eigen::Vector2d wobble(random.normal(base), random.normal(base + 1));
   Eigen::Vector2d crop((truth.x() - box.x1) / crop_x, (truth.y() - box.y1) / crop_y);
   double confidence = 0.0;
@@ -117,7 +117,7 @@ KeypointObservation simulate_keypoint(const SynthWorld& world, int frame,
 
 /// Nothing where the vehicle is missed.
 std::optional<VehicleDetection> simulate_detection(const SynthWorld& world, int frame,
-                                                   const PinholeCamera& camera,
+                                                   const ViewCamera& view,
                                                    const TruthVehicle& vehicle,
                                                    const DetectorModel& model) {
   const CounterRandom random(model.seed, 0x44455400u +
@@ -130,7 +130,8 @@ std::optional<VehicleDetection> simulate_detection(const SynthWorld& world, int 
 
   VehicleDetection detection;
   detection.vehicle_class = vehicle.vehicle_class;
-  const Box2 clipped = vehicle.box.clipped(camera.width, camera.height);
+  const PinholeCamera& camera = view.camera();
+  const Box2 clipped = view.shown(vehicle.box).box;
   const double spread = std::clamp(0.02 * clipped.height(), 0.4, 2.0);
   detection.box =
       Box2{clipped.x1 + spread * random.normal(1), clipped.y1 + spread * random.normal(2),
@@ -142,7 +143,7 @@ std::optional<VehicleDetection> simulate_detection(const SynthWorld& world, int 
   for (int k = 0; k < kNumKeypoints; ++k) {
     const std::uint64_t base = 100 + 20 * static_cast<std::uint64_t>(k);
     detection.keypoints.push_back(
-        simulate_keypoint(world, frame, camera, vehicle, k, detection.box, model, random, base));
+        simulate_keypoint(world, frame, view, vehicle, k, detection.box, model, random, base));
   }
   return detection;
 }
@@ -171,15 +172,15 @@ std::optional<VehicleDetection> simulate_false_detection(int frame, const Pinhol
 }  // namespace
 
 std::vector<VehicleDetection> simulate_detections(const SynthWorld& world, int frame,
-                                                  const PinholeCamera& camera,
+                                                  const ViewCamera& view,
                                                   const std::vector<TruthVehicle>& vehicles,
                                                   const DetectorModel& model) {
   std::vector<VehicleDetection> out;
   for (const TruthVehicle& vehicle : vehicles) {
-    auto detection = simulate_detection(world, frame, camera, vehicle, model);
+    auto detection = simulate_detection(world, frame, view, vehicle, model);
     if (detection) out.push_back(std::move(*detection));
   }
-  auto wrong = simulate_false_detection(frame, camera, model);
+  auto wrong = simulate_false_detection(frame, view.camera(), model);
   if (wrong) out.push_back(std::move(*wrong));
 
   // Highest score first, as a detector hands them out; ids in that order.
@@ -202,11 +203,10 @@ std::vector<VehicleDetection> simulate_detections(const SynthWorld& world, int f
   return out;
 }
 
-std::vector<std::uint8_t> simulate_segmentation(const ViewTruth& truth, const PinholeCamera& camera,
-                                                std::uint64_t seed, int frame) {
+std::vector<std::uint8_t> simulate_segmentation(const std::vector<std::uint8_t>& labels, int width,
+                                                int height, std::uint64_t seed, int frame) {
   const CounterRandom random(seed, 0x53454700u + static_cast<std::uint64_t>(frame));
   const auto noise_seed = static_cast<std::uint32_t>(random.bits(0));
-  const int width = camera.width, height = camera.height;
   const auto class_of = [](std::uint8_t label) {
     switch (static_cast<TruthLabel>(label)) {
       case TruthLabel::kRoad:
@@ -231,8 +231,8 @@ std::vector<std::uint8_t> simulate_segmentation(const ViewTruth& truth, const Pi
                                 width - 1);
       const int sv = std::clamp(
           v + static_cast<int>(std::lround(displaced(fu, fv, noise_seed + 7))), 0, height - 1);
-      out[static_cast<std::size_t>(v) * width + u] = static_cast<std::uint8_t>(
-          class_of(truth.labels[static_cast<std::size_t>(sv) * width + su]));
+      out[static_cast<std::size_t>(v) * width + u] =
+          static_cast<std::uint8_t>(class_of(labels[static_cast<std::size_t>(sv) * width + su]));
     }
   }
   // Wrong regions: blobs in the lower two thirds where road and pavement are mixed up or the road

@@ -7,6 +7,7 @@
 #include "camber/scene/scene.h"
 #include "camber/synth/render_view.h"
 #include "camber/synth/synth_world.h"
+#include "camber/synth/view_camera.h"
 
 namespace camber {
 
@@ -23,10 +24,11 @@ struct DetectorModel {
 Box2 full_box(const SynthCar& car, int frame, const SE3& world_from_camera,
               const PinholeCamera& camera);
 
-/// Truth of the cars in view: cars ahead of the camera whose box meets the image. Ids are the cars'
-/// numbers.
-std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
-                                        const PinholeCamera& camera, const ViewTruth& truth);
+/// Truth of the cars in view: cars ahead of the camera whose box meets what the files show. Ids are
+/// the cars' numbers; boxes are in the camera's image.
+/// @param truth  of view.camera()
+std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame, const ViewCamera& view,
+                                        const ViewTruth& truth);
 
 /// Detections of the same cars as networks would give them. A keypoint that is seen has an error of
 /// about a pixel of the 64 x 64 crop, rounded to half a crop pixel; a few are gross outliers, half
@@ -35,7 +37,7 @@ std::vector<TruthVehicle> true_vehicles(const SynthWorld& world, int frame,
 /// quarters), now and then a box is false. Ids count from 0 in each frame, in random order; no
 /// tracks.
 std::vector<VehicleDetection> simulate_detections(const SynthWorld& world, int frame,
-                                                  const PinholeCamera& camera,
+                                                  const ViewCamera& view,
                                                   const std::vector<TruthVehicle>& vehicles,
                                                   const DetectorModel& model);
 
@@ -44,7 +46,8 @@ enum class SegmentationClass : std::uint8_t { kOther = 0, kRoad = 1, kPavement =
 
 /// A segmentation as a network gives it: the true classes with ragged edges (displaced by about a
 /// pixel and a half) and a few wrong regions.
-std::vector<std::uint8_t> simulate_segmentation(const ViewTruth& truth, const PinholeCamera& camera,
-                                                std::uint64_t seed, int frame);
+/// @param labels  TruthLabel of width * height pixels
+std::vector<std::uint8_t> simulate_segmentation(const std::vector<std::uint8_t>& labels, int width,
+                                                int height, std::uint64_t seed, int frame);
 
 }  // namespace camber

@@ -83,42 +83,72 @@ double exposure(const SynthWorld& world) {
   return 1.6 / level;
 }
 
+/// How rays change from sample to sample: everywhere the same without a lens, else as at a pixel.
+void set_footprint(const ViewCamera& view, const Eigen::Matrix3d& rotation, int k,
+                   const Eigen::Vector2d& pixel, SampleRays* rays) {
+  if (!view.has_lens()) {
+    rays->along_x = rotation.col(0) / (view.file().fx * k);
+    rays->along_y = rotation.col(1) / (view.file().fy * k);
+    return;
+  }
+  const Eigen::Vector3d across =
+      view.ray(pixel + Eigen::Vector2d(0.5, 0.0)) - view.ray(pixel - Eigen::Vector2d(0.5, 0.0));
+  const Eigen::Vector3d down =
+      view.ray(pixel + Eigen::Vector2d(0.0, 0.5)) - view.ray(pixel - Eigen::Vector2d(0.0, 0.5));
+  // At the model's end there is none: that of the axis.
+  rays->along_x =
+      rotation * (across.allFinite() ? across : Eigen::Vector3d::UnitX() / view.file().fx) / k;
+  rays->along_y =
+      rotation * (down.allFinite() ? down : Eigen::Vector3d::UnitY() / view.file().fy) / k;
+}
+
 /// Linear light of one row of samples. Lamps and glints are held at twice white before the lens
 /// blurs.
-void shade_row(const Shader& shader, const SE3& world_from_camera, const PinholeCamera& camera,
-               int k, int y, std::uint32_t seed, std::vector<Color>* light) {
-  constexpr int kBlock = 512;
+void shade_row(const Shader& shader, const SE3& world_from_camera, const ViewCamera& view, int k,
+               int y, std::uint32_t seed, std::vector<Color>* light) {
+  const int block = view.has_lens() ? 96 : 512;
   const Eigen::Matrix3d rotation = world_from_camera.rotation_matrix();
+  const auto pixel_of = [&](int x) {
+    return Eigen::Vector2d((x + 0.5) / k - 0.5, (y + 0.5) / k - 0.5);
+  };
   SampleRays rays;
   rays.origins = {world_from_camera.translation()};
-  rays.along_x = rotation.col(0) / (camera.fx * k);
-  rays.along_y = rotation.col(1) / (camera.fy * k);
   const int width = static_cast<int>(light->size());
-  for (int begin = 0; begin < width; begin += kBlock) {
+  std::vector<int> samples;
+  std::vector<Color> seen;
+  std::fill(light->begin(), light->end(), Color::Zero());
+  for (int begin = 0; begin < width; begin += block) {
+    const int end = std::min(width, begin + block);
     rays.directions.clear();
     rays.random.clear();
-    for (int x = begin; x < std::min(width, begin + kBlock); ++x) {
-      const Eigen::Vector2d pixel((x + 0.5) / k - 0.5, (y + 0.5) / k - 0.5);
-      rays.directions.push_back(rotation * camera.ray(pixel));
+    samples.clear();
+    for (int x = begin; x < end; ++x) {
+      const Eigen::Vector3d ray = view.ray(pixel_of(x));
+      if (!ray.allFinite()) continue;
+      rays.directions.push_back(rotation * ray);
       rays.random.push_back(hash_lattice(x, y, seed));
+      samples.push_back(x);
     }
-    shader.shade(rays, light->data() + begin);
+    if (samples.empty()) continue;
+    set_footprint(view, rotation, k, pixel_of(samples[samples.size() / 2]), &rays);
+    seen.resize(samples.size());
+    shader.shade(rays, seen.data());
+    for (std::size_t i = 0; i < samples.size(); ++i) (*light)[samples[i]] = seen[i];
   }
   for (Color& color : *light) color = color.cwiseMax(0.0f).cwiseMin(2.0f);
 }
 
 }  // namespace
 
-std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
-                                      const PinholeCamera& camera, const CameraSensor& sensor,
-                                      int num_threads) {
-  return render_view(world, frame, world.views[frame].world_from_camera, camera, sensor,
-                     num_threads);
+std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame, const ViewCamera& view,
+                                      const CameraSensor& sensor, int num_threads) {
+  return render_view(world, frame, world.views[frame].world_from_camera, view, sensor, num_threads);
 }
 
 std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
-                                      const SE3& world_from_camera, const PinholeCamera& camera,
+                                      const SE3& world_from_camera, const ViewCamera& view,
                                       const CameraSensor& sensor, int num_threads) {
+  const PinholeCamera& camera = view.file();
   const int k = sensor.supersampling;
   const int height = camera.height * k;
   const std::size_t row = 3 * static_cast<std::size_t>(camera.width);
@@ -129,7 +159,7 @@ std::vector<std::uint8_t> render_view(const SynthWorld& world, int frame,
   std::vector<float> rows(row * height);
   parallel_for(height, num_threads, [&](std::size_t y) {
     std::vector<Color> light(static_cast<std::size_t>(camera.width) * k);
-    shade_row(shader, world_from_camera, camera, k, static_cast<int>(y), seed, &light);
+    shade_row(shader, world_from_camera, view, k, static_cast<int>(y), seed, &light);
     filter_row(filter, light, camera.width, rows.data() + y * row);
   });
 
@@ -196,6 +226,12 @@ PixelRange outline_range(const SynthCar& car, int frame, const SE3& world_from_c
           low(v1 + 1.0, camera.height)};
 }
 
+TruthLabel label_of(const SynthWorld& world, const WorldHit& hit) {
+  if (hit.triangle < 0) return TruthLabel::kSky;
+  const SynthMesh& mesh = hit.car < 0 ? world.ground_and_things : world.cars[hit.car].mesh;
+  return mesh.objects[mesh.triangles[hit.triangle].object].label;
+}
+
 }  // namespace
 
 ViewTruth trace_view(const SynthWorld& world, int frame, const PinholeCamera& camera,
@@ -223,12 +259,7 @@ ViewTruth trace_view(const SynthWorld& world, int frame, const PinholeCamera& ca
     cast_rays(world, frame, &origin, false, directions.data(), directions.size(), hits);
     for (int u = 0; u < camera.width; ++u) {
       const WorldHit& hit = hits[u];
-      TruthLabel label = TruthLabel::kSky;
-      if (hit.triangle >= 0) {
-        const SynthMesh& mesh = hit.car < 0 ? world.ground_and_things : world.cars[hit.car].mesh;
-        label = mesh.objects[mesh.triangles[hit.triangle].object].label;
-      }
-      out.labels[v * camera.width + u] = static_cast<std::uint8_t>(label);
+      out.labels[v * camera.width + u] = static_cast<std::uint8_t>(label_of(world, hit));
       for (std::size_t i = 0; i < cars; ++i) {
         if (hit.car == static_cast<int>(i)) {
           ++visible[i * camera.height + v];
@@ -248,6 +279,32 @@ ViewTruth trace_view(const SynthWorld& world, int frame, const PinholeCamera& ca
       out.visible_pixels[i] += visible[i * camera.height + v];
     }
   }
+  return out;
+}
+
+std::vector<std::uint8_t> trace_labels(const SynthWorld& world, int frame, const ViewCamera& view,
+                                       int num_threads) {
+  const int width = view.file().width, height = view.file().height;
+  std::vector<std::uint8_t> out(static_cast<std::size_t>(width) * height,
+                                static_cast<std::uint8_t>(TruthLabel::kSky));
+  const SE3& world_from_camera = world.views[frame].world_from_camera;
+  const Eigen::Matrix3d rotation = world_from_camera.rotation_matrix();
+  const Eigen::Vector3d origin = world_from_camera.translation();
+  parallel_for(height, num_threads, [&](std::size_t v) {
+    std::vector<Eigen::Vector3d> directions;
+    std::vector<int> columns;
+    for (int u = 0; u < width; ++u) {
+      const Eigen::Vector3d ray = view.ray(Eigen::Vector2d(u, static_cast<double>(v)));
+      if (!ray.allFinite()) continue;
+      directions.push_back(rotation * ray);
+      columns.push_back(u);
+    }
+    std::vector<WorldHit> hits(directions.size());
+    cast_rays(world, frame, &origin, false, directions.data(), directions.size(), hits.data());
+    for (std::size_t i = 0; i < hits.size(); ++i) {
+      out[v * width + columns[i]] = static_cast<std::uint8_t>(label_of(world, hits[i]));
+    }
+  });
   return out;
 }
 

@@ -54,32 +54,36 @@ nlohmann::json features_json(const SceneFeatures& f) {
 }  // namespace
 
 nlohmann::json options_json(const SynthOptions& o) {
-  return {{"profile", to_string(o.profile)},
-          {"frames", o.num_frames},
-          {"frame_rate", o.frame_rate},
-          {"speed", o.speed},
-          {"camera",
-           {{"width", o.camera.width},
-            {"height", o.camera.height},
-            {"fx", o.camera.fx},
-            {"fy", o.camera.fy},
-            {"cx", o.camera.cx},
-            {"cy", o.camera.cy}}},
-          {"camera_height", o.camera_height},
-          {"cars", o.num_cars},
-          {"nearest_car", o.nearest_car},
-          {"farthest_car", o.farthest_car},
-          {"features", features_json(o.features)},
-          {"supersampling", o.sensor.supersampling},
-          {"blur", o.sensor.blur},
-          {"noise", o.sensor.noise},
-          {"exposure_change", o.sensor.exposure_change},
-          {"vignetting", o.sensor.vignetting},
-          {"keypoint_error", o.detector.keypoint_error},
-          {"outlier_share", o.detector.outlier_share},
-          {"miss_share", o.detector.miss_share},
-          {"false_boxes", o.detector.false_boxes},
-          {"cloud_points", o.cloud_points}};
+  nlohmann::json out = {{"profile", to_string(o.profile)},
+                        {"frames", o.num_frames},
+                        {"frame_rate", o.frame_rate},
+                        {"speed", o.speed},
+                        {"camera",
+                         {{"width", o.camera.width},
+                          {"height", o.camera.height},
+                          {"fx", o.camera.fx},
+                          {"fy", o.camera.fy},
+                          {"cx", o.camera.cx},
+                          {"cy", o.camera.cy}}},
+                        {"camera_height", o.camera_height},
+                        {"cars", o.num_cars},
+                        {"nearest_car", o.nearest_car},
+                        {"farthest_car", o.farthest_car},
+                        {"features", features_json(o.features)},
+                        {"supersampling", o.sensor.supersampling},
+                        {"blur", o.sensor.blur},
+                        {"noise", o.sensor.noise},
+                        {"exposure_change", o.sensor.exposure_change},
+                        {"vignetting", o.sensor.vignetting},
+                        {"keypoint_error", o.detector.keypoint_error},
+                        {"outlier_share", o.detector.outlier_share},
+                        {"miss_share", o.detector.miss_share},
+                        {"false_boxes", o.detector.false_boxes},
+                        {"cloud_points", o.cloud_points}};
+  if (o.lens != LensModel::kNone) {
+    out["distortion"] = {{"model", to_string(o.lens)}, {"coefficients", o.lens_coefficients}};
+  }
+  return out;
 }
 
 }  // namespace camber

@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/random.h"
 #include "camber/core/version.h"
+#include "camber/geometry/lens_map.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/results.h"
 #include "camber/synth/detail/scene_readme.h"
@@ -79,6 +80,31 @@ void write_road_cloud(const SynthWorld& world, int count, std::uint64_t seed,
   });
 }
 
+LensDistortion lens_of(const SynthOptions& options) {
+  return {options.lens, options.lens_coefficients, options.camera};
+}
+
+/// A lens whose polynomials turn back within the images draws nothing in the rest of them.
+void validate_lens(const SynthOptions& options) {
+  const LensDistortion lens = lens_of(options);
+  lens.validate();
+  if (lens.model == LensModel::kNone) return;
+  const PinholeCamera& raw = options.camera;
+  const LensMap map(raw, lens);
+  constexpr int kSteps = 16;
+  int seen = 0;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int k = 0; k <= kSteps; ++k) {
+      seen +=
+          map.pinhole_from_raw({(raw.width - 1.0) * i / kSteps, (raw.height - 1.0) * k / kSteps})
+              .has_value();
+    }
+  }
+  const double share = static_cast<double>(seen) / ((kSteps + 1) * (kSteps + 1));
+  check(share >= 0.7, "share of the image that the lens's model reaches", share,
+        "at least 0.7 (coefficients of a wider lens, or a longer focal length)");
+}
+
 }  // namespace
 
 void SynthOptions::validate() const {
@@ -96,6 +122,7 @@ void SynthOptions::validate() const {
     check(std::abs(middle) <= 100.0 * side, "camera.cx, cy", middle,
           "at most 100 times the image's longer side");
   }
+  validate_lens(*this);
   check(num_frames >= 1 && num_frames <= 1000, "num_frames", num_frames, "1 to 1000");
   check(frame_rate >= 1e-3 && frame_rate <= 100.0, "frame_rate", frame_rate, "0.001 to 100 Hz");
   check(speed >= 0.0 && speed <= 40.0, "speed", speed, "0 to 40 m/s");
@@ -133,6 +160,11 @@ void SynthOptions::validate() const {
         "0 to 5 million");
 }
 
+ViewCamera view_camera(const SynthOptions& options) {
+  if (options.lens == LensModel::kNone) return options.camera;
+  return {lens_of(options), options.num_threads};
+}
+
 WorldOptions world_options(const SynthOptions& options) {
   WorldOptions out;
   out.seed = options.seed;
@@ -151,11 +183,12 @@ WorldOptions world_options(const SynthOptions& options) {
 namespace {
 
 /// What does not change from frame to frame of the manifest.
-Scene begin_scene(const SynthOptions& options, const SynthWorld& world) {
+Scene begin_scene(const SynthOptions& options, const ViewCamera& view, const SynthWorld& world) {
   Scene scene;
   scene.name = options.name.empty() ? fmt::format("{}_{}", to_string(options.profile), options.seed)
                                     : options.name;
-  scene.camera = options.camera;
+  scene.camera = view.camera();
+  if (view.has_lens()) scene.distortion = lens_of(options);
   scene.height_above_road = options.camera_height;
   scene.frame_rate = options.frame_rate;
   scene.reference_frame = options.num_frames / 2;
@@ -174,9 +207,10 @@ Scene begin_scene(const SynthOptions& options, const SynthWorld& world) {
 /// Makes the frames of one scene, one after the other.
 class FrameWriter {
  public:
-  FrameWriter(const SynthOptions& options, const SynthWorld& world, const fs::path& root,
-              SynthSummary* summary)
+  FrameWriter(const SynthOptions& options, const ViewCamera& view, const SynthWorld& world,
+              const fs::path& root, SynthSummary* summary)
       : options_(options),
+        view_(view),
         world_(world),
         root_(root),
         summary_(summary),
@@ -191,13 +225,14 @@ class FrameWriter {
   void write_truth(int f, SceneFrame* frame, TruthFrame* truth) {
     const StageTimer timer(summary_->timings, "truth");
     const std::string file = fmt::format("{:06d}.png", f);
-    const int width = options_.camera.width, height = options_.camera.height;
-    const ViewTruth seen = trace_view(world_, f, options_.camera, options_.num_threads);
+    const PinholeCamera &camera = view_.camera(), &file_camera = view_.file();
+    const int width = camera.width, height = camera.height;
+    const ViewTruth seen = trace_view(world_, f, camera, options_.num_threads);
     const SE3& world_from_camera = world_.views[f].world_from_camera;
     truth->id = f;
     truth->world_from_camera = first_from_world_ * world_from_camera;
     truth->ego_plane = world_.views[f].ego_plane.transformed(world_from_camera.inverse());
-    truth->vehicles = true_vehicles(world_, f, options_.camera, seen);
+    truth->vehicles = true_vehicles(world_, f, view_, seen);
     truth->label = root_ / "truth/label" / file;
     write_file_atomically(truth->label,
                           encode_png({width, height, 1, seen.labels}, kMapCompression));
@@ -210,19 +245,21 @@ class FrameWriter {
     frame->id = f;
     frame->time_s = f / options_.frame_rate;
     frame->segmentation = root_ / "segmentation" / file;
-    frame->vehicles = simulate_detections(world_, f, options_.camera, truth->vehicles, detector_);
+    frame->vehicles = simulate_detections(world_, f, view_, truth->vehicles, detector_);
     summary_->detections += static_cast<int>(frame->vehicles.size());
-    std::vector<std::uint8_t> segmentation =
-        simulate_segmentation(seen, options_.camera, options_.seed, f);
-    write_file_atomically(frame->segmentation,
-                          encode_png({width, height, 1, std::move(segmentation)}, kMapCompression));
+    std::vector<std::uint8_t> segmentation = simulate_segmentation(
+        view_.has_lens() ? trace_labels(world_, f, view_, options_.num_threads) : seen.labels,
+        file_camera.width, file_camera.height, options_.seed, f);
+    write_file_atomically(frame->segmentation, encode_png({file_camera.width, file_camera.height, 1,
+                                                           std::move(segmentation)},
+                                                          kMapCompression));
   }
 
   void write_image(int f, SceneFrame* frame) {
     const StageTimer timer(summary_->timings, "render");
     frame->image = root_ / "image" / fmt::format("{:06d}.png", f);
     std::vector<std::uint8_t> picture =
-        render_view(world_, f, options_.camera, sensor_, options_.num_threads);
+        render_view(world_, f, view_, sensor_, options_.num_threads);
     write_file_atomically(frame->image, encode_png({options_.camera.width, options_.camera.height,
                                                     3, std::move(picture)},
                                                    kImageCompression));
@@ -230,6 +267,7 @@ class FrameWriter {
 
  private:
   const SynthOptions& options_;
+  const ViewCamera& view_;
   const SynthWorld& world_;
   const fs::path& root_;
   SynthSummary* summary_;
@@ -275,12 +313,13 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
   summary.speed = world.speed;
   geometry_timer.stop();
 
-  Scene scene = begin_scene(options, world);
+  const ViewCamera view = view_camera(options);
+  Scene scene = begin_scene(options, view, world);
   summary.name = scene.name;
   SceneTruth truth;
   truth.cloud = root / "truth/road.ply";
   truth.cloud_frame = 0;
-  FrameWriter writer(options, world, root, &summary);
+  FrameWriter writer(options, view, world, root, &summary);
   for (int f = 0; f < options.num_frames; ++f) {
     report("frames", static_cast<double>(f) / options.num_frames);
     SceneFrame frame;

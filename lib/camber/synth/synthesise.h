@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "camber/core/progress.h"
 #include "camber/core/stopwatch.h"
@@ -13,6 +14,7 @@
 #include "camber/synth/render_view.h"
 #include "camber/synth/scene_features.h"
 #include "camber/synth/synth_world.h"
+#include "camber/synth/view_camera.h"
 
 namespace camber {
 
@@ -26,15 +28,19 @@ struct SynthOptions {
   double frame_rate = 10.0;  ///< Hz, (0, 100]
   double speed = 9.0;        ///< m/s of the camera's car, [0, 40]; not used at a corner
   PinholeCamera camera{1242, 375, 721.5377, 721.5377, 609.5593, 172.854};  ///< sides 16 to 4096 px
-  double camera_height = 1.65;  ///< m above the road, [0.5, 4]
-  int num_cars = 5;             ///< at most; [0, 30]
-  double nearest_car = 8.0;     ///< m ahead of the camera in the middle frame, [6, 100]
-  double farthest_car = 45.0;   ///< m, (nearest_car, 100]
-  SceneFeatures features;       ///< corners, wet roads, kerbs and more
-  CameraSensor sensor;          ///< its seed is not used: see `seed`
-  DetectorModel detector;       ///< likewise
-  int cloud_points = 60000;     ///< points of truth/road.ply, [0, 5 million]
-  std::string command;          ///< what made the scene, for its README.md; may be empty
+  /// Of the lens that the images and segmentations are seen through: then `camera` is that of the
+  /// files, and the manifest's is undistorted_camera().
+  LensModel lens = LensModel::kNone;
+  std::vector<double> lens_coefficients;  ///< LensDistortion::coefficients
+  double camera_height = 1.65;            ///< m above the road, [0.5, 4]
+  int num_cars = 5;                       ///< at most; [0, 30]
+  double nearest_car = 8.0;               ///< m ahead of the camera in the middle frame, [6, 100]
+  double farthest_car = 45.0;             ///< m, (nearest_car, 100]
+  SceneFeatures features;                 ///< corners, wet roads, kerbs and more
+  CameraSensor sensor;                    ///< its seed is not used: see `seed`
+  DetectorModel detector;                 ///< likewise
+  int cloud_points = 60000;               ///< points of truth/road.ply, [0, 5 million]
+  std::string command;                    ///< what made the scene, for its README.md; may be empty
 
   /// @throws std::invalid_argument naming the field, its value and the bound.
   void validate() const;
@@ -50,9 +56,9 @@ struct SynthSummary {
 };
 
 /// Makes a scene folder: scene.json (camber-scene 1, with complete truth), images, simulated
-/// segmentation and detections, truth/ (depth of the first and the last frame, labels, road cloud),
-/// run.json with the options, README.md. The truth's world is the first frame's camera; the
-/// reference frame is the middle one.
+/// segmentation and detections, truth/ (in the manifest's camera: depth of the first and the last
+/// frame, labels, road cloud), run.json with the options, README.md. The truth's world is the first
+/// frame's camera; the reference frame is the middle one.
 ///
 /// Same options, same scene, for any number of threads, on machines of the same type.
 /// @param folder     appears whole or not at all
@@ -63,6 +69,9 @@ SynthSummary synthesise_scene(const SynthOptions& options, const std::filesystem
 
 /// The options as run.json has them: lengths in m, angles as "..._deg", features that are on.
 nlohmann::json options_json(const SynthOptions& options);
+
+/// What the scene is seen with.
+ViewCamera view_camera(const SynthOptions& options);
 
 /// The options' part that makes the world.
 WorldOptions world_options(const SynthOptions& options);

@@ -48,6 +48,12 @@ std::string scene_readme(const SynthOptions& options, const Scene& scene, const 
       scene.name, to_string(options.profile), options.num_frames, options.frame_rate, world.speed,
       options.camera_height, world.cars.size());
   text += features_text(options.features);
+  if (scene.distortion.model != LensModel::kNone) {
+    text += fmt::format(
+        "Images and segmentations are seen through a lens ({} {:g}); all else is in the manifest's "
+        "camera, without it.\n\n",
+        to_string(scene.distortion.model), fmt::join(scene.distortion.coefficients, " "));
+  }
   if (!options.command.empty()) {
     text +=
         "Made again, on a machine of the same type bit for bit but for the times in run.json, "

@@ -1,0 +1,114 @@
+#include "camber/scene/findings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+namespace camber {
+namespace {
+
+std::string counted(std::size_t count, const char* one, const char* many) {
+  return fmt::format("{} {}", count, count == 1 ? one : many);
+}
+
+/// ", 2 weak (...)": the statuses other than ok with what they mean, in the order of their names.
+std::string explained(const std::map<Status, std::size_t>& counts) {
+  static const std::array<std::pair<Status, const char*>, 3> kMeanings = {
+      {{Status::kWeak, "weak (answered, with a large standard deviation)"},
+       {Status::kNotObservable, "not observable (a fallback stands in: do not rely on it)"},
+       {Status::kFailed, "failed (no answer)"}}};
+  std::string out;
+  for (const auto& [status, meaning] : kMeanings) {
+    const auto at = counts.find(status);
+    if (at != counts.end()) out += fmt::format(", {} {}", at->second, meaning);
+  }
+  return out;
+}
+
+Finding find_road(const RoadSurface& surface) {
+  if (surface.patches.empty()) return {"No road patch was found.", false};
+  std::map<Status, std::size_t> counts;
+  double farthest = 0.0;
+  for (const PlanePatch& patch : surface.patches) {
+    ++counts[patch.status];
+    if (patch.kind != PatchKind::kRoad) continue;
+    for (const Eigen::Vector3d& corner : patch.boundary) farthest = std::max(farthest, corner.z());
+  }
+  std::string out = "Road: " + counted(surface.patches.size(), "planar patch", "planar patches");
+  if (surface.frame == "camera" && std::isfinite(farthest) && farthest > 0.0) {
+    out += fmt::format(", to {:.0f} {} ahead", farthest, surface.metric ? "m" : "units");
+  }
+  return {out + explained(counts) + ".", counts[Status::kOk] == surface.patches.size()};
+}
+
+Finding find_scale(const RunDocument& run) {
+  if (!run.metric) {
+    std::string out = "Lengths are in units, not in metres";
+    if (!run.scale_reason.empty()) out += " (" + run.scale_reason + ")";
+    out +=
+        ": the camera's height above the road gives them (--height of camber import), or its "
+        "speed (--speed), or known poses (--poses).";
+    return {out, false};
+  }
+  std::string sources;
+  for (const ConstraintReport& constraint : run.constraints) {
+    // The plane search is a check, no source.
+    if (!constraint.accepted || constraint.name == "plane_search") continue;
+    std::string name = constraint.name;
+    std::replace(name.begin(), name.end(), '_', ' ');
+    if (sources.find(name) == std::string::npos) sources += (sources.empty() ? "" : ", ") + name;
+  }
+  std::string out = "Lengths are in metres";
+  if (run.scale_sigma > 0.0) {
+    out += fmt::format(", known to {:.1f} % with 95 % probability", 196.0 * run.scale_sigma);
+  }
+  if (!sources.empty()) out += " (" + sources + ")";
+  out += ".";
+  const bool weak = run.scale_status == Status::kWeak || run.scale_status == Status::kNotObservable;
+  if (weak) {
+    out += " That is weak";
+    out += run.scale_reason.empty() ? "." : ": " + run.scale_reason + ".";
+  }
+  return {out, !weak};
+}
+
+Finding find_vehicles(const VehicleDocument& document) {
+  std::size_t all = 0;
+  std::map<Status, std::size_t> counts;
+  for (const VehicleFrame& frame : document.frames) {
+    for (const VehicleEstimate& vehicle : frame.vehicles) {
+      ++all;
+      ++counts[vehicle.status];
+    }
+  }
+  if (all > 0) {
+    return {"Vehicles: " + std::to_string(all) + " in " +
+                counted(document.frames.size(), "frame", "frames") + explained(counts) + ".",
+            counts[Status::kOk] == all};
+  }
+  if (document.detections_source.empty()) {
+    return {
+        "No vehicles, as the scene has no boxes of them: --detections FILE of camber import takes "
+        "those of any detector.",
+        false};
+  }
+  return {"No vehicles: the scene's boxes (" + document.detections_source +
+              ") are in none of these frames.",
+          false};
+}
+
+}  // namespace
+
+std::vector<Finding> findings(const RunDocument& run, const RoadSurface* surface,
+                              const VehicleDocument* vehicles) {
+  std::vector<Finding> out;
+  if (surface) out.push_back(find_road(*surface));
+  out.push_back(find_scale(run));
+  if (vehicles) out.push_back(find_vehicles(*vehicles));
+  return out;
+}
+
+}  // namespace camber
