@@ -46,7 +46,7 @@ std::set<std::string> loaded_by(const std::string& arguments, int expected_exit_
 }
 
 const auto is_for_drawing =
-    ContainsRegex("libvtk|libopencv_(dnn|imgcodecs|videoio|highgui)|libgdal|libproj");
+    ContainsRegex("libvtk|libopencv_(imgcodecs|videoio|highgui)|libgdal|libproj");
 
 std::string small_cloud() {
   return "'" + (camber::test::source_dir() / "samples/steep_hill/truth/road.ply").string() + "'";

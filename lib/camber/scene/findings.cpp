@@ -92,7 +92,7 @@ Finding find_vehicles(const VehicleDocument& document) {
   if (document.detections_source.empty()) {
     return {
         "No vehicles, as the scene has no boxes of them: --detections FILE of camber import takes "
-        "those of any detector.",
+        "those of any detector, --detector FILE.onnx of camber reconstruct runs one.",
         false};
   }
   return {"No vehicles: the scene's boxes (" + document.detections_source +
