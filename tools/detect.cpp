@@ -23,6 +23,7 @@ struct Arguments {
   std::string scene, out, frames;
   NetworkArguments networks;
   bool json = false;
+  bool confine = false;
 };
 
 void print_json(const Command& command, const Arguments& a, const NetworkView& view,
@@ -62,7 +63,7 @@ int run(const Command& command, const Arguments& a) {
   const LogSink warn = make_warning_sink(command.common);
   Timings timings;
   StageTimer load(timings, "load");
-  const Scene scene = read_scene(a.scene, warn);
+  const Scene scene = read_scene(a.scene, warn, scene_paths(a.confine));
   load.stop();
   if (a.networks.detector.empty() && a.networks.segmenter.empty()) {
     throw UsageError("detect: expected --detector or --segmenter, or both");
@@ -110,6 +111,7 @@ void register_detect(App& root) {
   Arguments& a = *arguments;
   App& app = *command->app;
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  add_confine_option(app, a.confine);
   app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
   add_network_options(app, a.networks);
   app.add_option("--frames", a.frames,

@@ -40,6 +40,15 @@ std::vector<fs::path> files_of(const Scene& scene) {
   return files;
 }
 
+void add_confine_option(App& app, bool& confine) {
+  app.add_flag("--confine", confine,
+               "refuse a scene that names files outside its folder, also by links");
+}
+
+ScenePaths scene_paths(bool confine) {
+  return confine ? ScenePaths::kConfined : ScenePaths::kAnywhere;
+}
+
 void refuse_own_inputs(const std::vector<fs::path>& outputs, const std::vector<fs::path>& inputs) {
   for (const fs::path& output : outputs) {
     check_output_file(output);

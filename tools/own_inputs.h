@@ -4,8 +4,13 @@
 #include <vector>
 
 #include "camber/scene/scene.h"
+#include "options.h"
 
 namespace camber::tools {
+
+/// `--confine`: of a scene from a stranger, as a service gets them.
+void add_confine_option(App& app, bool& confine);
+ScenePaths scene_paths(bool confine);
 
 /// The files that a scene names: images, segmentations, masks, truth.
 std::vector<std::filesystem::path> files_of(const Scene& scene);

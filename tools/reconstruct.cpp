@@ -28,6 +28,7 @@ struct Arguments {
   NetworkArguments networks;
   bool no_pictures = false;
   bool no_masks = false;
+  bool confine = false;
   bool overwrite = false;
   bool json = false;
 };
@@ -40,6 +41,7 @@ void add_scene_options(App& app, Arguments& a) {
       "it takes to see the road move");
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
+  add_confine_option(app, a.confine);
 }
 
 const char* warned_of(const std::string& code) {
@@ -52,7 +54,7 @@ Reconstruction run(
     const Command& command, Arguments& a, Scene& scene,
     const std::function<void(const std::vector<std::filesystem::path>&)>& check_output) {
   const Progress progress = make_progress(command.common);
-  scene = read_scene(a.scene, make_warning_sink(command.common));
+  scene = read_scene(a.scene, make_warning_sink(command.common), scene_paths(a.confine));
   std::vector<std::filesystem::path> inputs = files_of(scene);
   inputs.emplace_back(a.scene);
   const DetectFramesOptions networks = detect_options(a.networks, command.common.threads);

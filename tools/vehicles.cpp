@@ -26,6 +26,7 @@ struct Arguments {
   int camera = 2, keypoint_set = 36;
   bool no_tracks = false;
   bool json = false;
+  bool confine = false;
 };
 
 /// A surface holds the frames of its own run only.
@@ -74,7 +75,7 @@ struct Inputs {
 
 void load(const Command& command, const Arguments& args, Inputs* in) {
   const LogSink warn = make_warning_sink(command.common);
-  in->scene = read_scene(args.scene, warn);
+  in->scene = read_scene(args.scene, warn, scene_paths(args.confine));
   refuse_own_inputs(outputs_of(args), inputs_of(args, in->scene));
   in->frames = select_frames(in->scene, args.frames);
   if (!args.surface.empty()) {
@@ -184,6 +185,7 @@ int run(const Command& command, const Arguments& args) {
 /// The scene, what is written, and from what planes and frames.
 void add_input_arguments(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  add_confine_option(app, a.confine);
   app.add_option("--out", a.out, "result file (vehicles.json form)")->required();
   app.add_option("--kitti-labels", a.kitti_labels,
                  "also write a KITTI label file (tracking form), pitch and roll in a side file "

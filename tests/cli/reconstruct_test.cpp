@@ -86,6 +86,31 @@ TEST_F(BrokenScene, ManifestsThatAreNoManifests) {
   expect_failure(2, "scene.json: line 1, column 1");
 }
 
+TEST_F(BrokenScene, ConfinedScenesNameNothingOutsideTheirFolder) {
+  const test::TemporaryFolder elsewhere;
+  write_bytes(elsewhere.path() / "secret.png", "not to be read");
+  const auto with_image = [&](const std::string& name) {
+    json changed = manifest_;
+    changed["frames"][1]["image"] = name;
+    put(changed.dump());
+  };
+  const std::string refusal = "frames[1].image: found \"";
+  const std::string expected = "expected a path that stays in the manifest's folder (--confine)";
+  with_image((elsewhere.path() / "secret.png").string());
+  expect_failure(2, expected, {"--confine"});
+  expect_failure(2, "secret.png");  // without: opened, and no image
+  with_image("../" + elsewhere.path().filename().string() + "/secret.png");
+  expect_failure(2, refusal + "..", {"--confine"});
+  fs::create_symlink(elsewhere.path() / "secret.png", path("inside.png"));
+  for (const char* name : {"inside.png", "inside.png#3"}) {
+    with_image(name);
+    expect_failure(2, refusal + name, {"--confine"});
+  }
+  fs::create_directory_symlink(elsewhere.path(), path("folder"));
+  with_image("folder/new.png");
+  expect_failure(2, expected, {"--confine"});
+}
+
 TEST_F(BrokenScene, ManifestsWithAWrongValue) {
   const auto with = [&](const char* pointer, const json& value) {
     json changed = manifest_;

@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "support/test_data.h"
 
@@ -51,6 +52,36 @@ const auto is_for_drawing =
 std::string small_cloud() {
   return "'" + (camber::test::source_dir() / "samples/steep_hill/truth/road.ply").string() + "'";
 }
+
+#ifdef CAMBER_HARDENED
+std::string readelf(const std::string& options, const fs::path& file) {
+  const camber::test::TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  const std::string command =
+      "readelf " + options + " '" + file.string() + "' > '" + out.string() + "'";
+  EXPECT_EQ(std::system(command.c_str()), 0) << command;
+  return read_text(out);
+}
+
+TEST(Hardening, OfTheProgramAndItsPlugins) {
+  std::vector<fs::path> files = {CAMBER_PROGRAM};
+  for (const auto& entry : fs::directory_iterator(CAMBER_PLUGINS)) {
+    if (entry.path().extension() == ".so") files.push_back(entry.path());
+  }
+  ASSERT_GE(files.size(), 4u);
+  int fortified = 0;
+  for (const fs::path& file : files) {
+    SCOPED_TRACE(file.filename());
+    EXPECT_THAT(readelf("-hW", file), ContainsRegex("Type: +DYN"));  // at any address
+    EXPECT_THAT(readelf("-lW", file), HasSubstr("GNU_RELRO"));
+    EXPECT_THAT(readelf("-dW", file), ContainsRegex("BIND_NOW|Flags:.*NOW"));
+    const std::string symbols = readelf("--dyn-syms -W", file);
+    EXPECT_THAT(symbols, HasSubstr("__stack_chk_fail"));
+    fortified += symbols.find("_chk@") != std::string::npos;
+  }
+  EXPECT_GE(fortified, 1);
+}
+#endif
 
 TEST(Start, TheVersionTakesTheFrontAlone) {
   EXPECT_LE(loaded_by("--version").size(), 10u);

@@ -25,6 +25,7 @@ namespace camber {
 namespace {
 
 constexpr int kMaxSide = 65535;
+constexpr std::int64_t kMaxPixels = 1 << 28;
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 
 /// Samples of an image as it was stored, after the transformations that were asked for.
@@ -127,6 +128,13 @@ std::string png_reason(const PngSource& source) {
                      printable(message, 100));
 }
 
+/// A small file may unpack to gigabytes of one colour.
+void check_pixels(const Decoded& image, const std::string& name) {
+  if (static_cast<std::int64_t>(image.width) * image.height <= kMaxPixels) return;
+  throw InputError(name, fmt::format("found {} x {} pixels, expected at most {} in all",
+                                     image.width, image.height, kMaxPixels));
+}
+
 Decoded decode_png(const std::string& bytes, const std::string& name, Want want, ImageInfo* image) {
   PngSource source;
   source.bytes = reinterpret_cast<const std::uint8_t*>(bytes.data());
@@ -151,6 +159,7 @@ Decoded decode_png(const std::string& bytes, const std::string& name, Want want,
   out.width = image->width;
   out.height = image->height;
   if (want == Want::kHeader) return out;
+  check_pixels(out, name);
   // 1 bit a pixel may become 3 bytes.
   if (!plausible_size(image->width, image->height, image->channels * image->bits / 8.0,
                       bytes.size())) {
@@ -253,6 +262,7 @@ Decoded decode_jpeg(const std::string& bytes, const std::string& name, Want want
   out.width = image->width;
   out.height = image->height;
   if (want == Want::kHeader) return out;
+  check_pixels(out, name);
   if (jpeg.num_components != 1 && jpeg.num_components != 3) {
     throw InputError(name, fmt::format("found a JPEG image of {} channels, expected 1 or 3",
                                        jpeg.num_components));

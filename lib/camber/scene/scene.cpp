@@ -9,6 +9,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/image/video.h"
 #include "camber/scene/json_reader.h"
 
 namespace fs = std::filesystem;
@@ -195,10 +196,20 @@ TruthVehicle read_truth_vehicle(const JsonCursor& cursor, std::set<int>& seen) {
   return out;
 }
 
+/// Whether a file lies in a folder or below it once links are followed.
+bool lies_below(const fs::path& file, const fs::path& folder) {
+  std::error_code error;
+  const fs::path top = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
+  if (error) return false;
+  const fs::path whole = fs::weakly_canonical(file, error);
+  if (error) return false;
+  return std::mismatch(top.begin(), top.end(), whole.begin(), whole.end()).first == top.end();
+}
+
 class ManifestReader {
  public:
-  ManifestReader(const fs::path& path, const json& document, const LogSink& warn)
-      : folder_(path.parent_path()), document_(document), warn_(warn) {
+  ManifestReader(const fs::path& path, const json& document, const LogSink& warn, ScenePaths paths)
+      : folder_(path.parent_path()), document_(document), warn_(warn), paths_(paths) {
     context_.file = path.string();
   }
 
@@ -254,7 +265,13 @@ class ManifestReader {
   }
 
  private:
-  fs::path resolve(const JsonCursor& cursor) const { return folder_ / cursor.file_path(); }
+  fs::path resolve(const JsonCursor& cursor) const {
+    fs::path path = folder_ / cursor.file_path();
+    if (paths_ == ScenePaths::kConfined && !lies_below(image_file_of(path), folder_)) {
+      cursor.fail("a path that stays in the manifest's folder (--confine)");
+    }
+    return path;
+  }
 
   void read_classes(const JsonCursor& cursor, Scene& scene) {
     JsonObject classes(cursor, "an object like {\"road\": [1], \"pavement\": [2]}");
@@ -374,6 +391,7 @@ class ManifestReader {
   fs::path folder_;
   const json& document_;
   const LogSink& warn_;
+  ScenePaths paths_;
   JsonContext context_;
   std::set<int> frame_ids_;
 };
@@ -479,11 +497,11 @@ const SceneFrame* Scene::find_frame(int id) const {
   return at != frames.end() && at->id == id ? &*at : nullptr;
 }
 
-Scene read_scene(const fs::path& path, const LogSink& warn) {
+Scene read_scene(const fs::path& path, const LogSink& warn, ScenePaths paths) {
   std::error_code error;
   const fs::path manifest = fs::is_directory(path, error) ? path / "scene.json" : path;
   const json document = parse_json(read_whole_file(manifest), manifest.string());
-  return ManifestReader(manifest, document, warn).read();
+  return ManifestReader(manifest, document, warn, paths).read();
 }
 
 void write_scene(const Scene& scene, const fs::path& path) {

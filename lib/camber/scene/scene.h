@@ -88,11 +88,18 @@ struct Scene {
   const SceneFrame* find_frame(int id) const;
 };
 
+/// Where the files that a manifest names may lie.
+enum class ScenePaths {
+  kAnywhere,
+  kConfined,  ///< in the manifest's folder or below, links followed
+};
+
 /// Reads and validates a manifest; images are not opened.
 /// @param path  the manifest or a folder that holds a scene.json.
 /// @param warn  receives a sentence for each unknown key; may be empty.
 /// @throws InputError "file: JSON path: what was found, what was expected".
-Scene read_scene(const std::filesystem::path& path, const LogSink& warn = {});
+Scene read_scene(const std::filesystem::path& path, const LogSink& warn = {},
+                 ScenePaths paths = ScenePaths::kAnywhere);
 
 /// Writes a manifest with paths relative to its folder where they lie below it. Atomic.
 /// @throws OutputError.
