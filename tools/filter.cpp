@@ -112,21 +112,173 @@ void require_no_waves(const std::string& input, const PointStreamHeader& header)
                               "another point format, or other filters");
 }
 
-}  // namespace
+bool works_in_memory(const Arguments& args) {
+  return !args.radius.empty() || !args.statistical.empty() || args.normals > 0 || args.morton;
+}
 
-void register_filter(App& root) {
-  Command* command = add_command(
-      root, "filter",
-      "Crops, thins, cleans and sorts a cloud, or gives it normals. The steps are taken in the "
-      "order in which they are listed here. Cropping and thinning alone stream through: memory is "
-      "needed for the thinned points only.",
-      "  camber filter scan.ply --voxel 0.2 --out thin.ply\n"
-      "  camber filter scan.pcd --box -20,-20,-3,20,20,1 --out near.pcd\n"
-      "  camber filter road.ply --statistical 20,2 --normals 20 --out clean.ply\n"
-      "  camber filter map.las --radius 1,3 --morton --out sorted.las");
-  const auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
-  App& app = *command->app;
+/// The points that --drop-non-finite, --box and --range leave.
+std::unique_ptr<PointSource> cropped(std::unique_ptr<PointSource> source, const Arguments& args,
+                                     double metre) {
+  if (!args.drop_non_finite && args.box.empty() && !(args.range > 0.0)) return source;
+  CropBox box;
+  if (!args.box.empty()) {
+    box.minimum = vector({args.box[0], args.box[1], args.box[2]});
+    box.maximum = vector({args.box[3], args.box[4], args.box[5]});
+    if (!((box.minimum.array() <= box.maximum.array()).all())) {
+      throw UsageError("--box: found a minimum above its maximum, expected min x,y,z, max x,y,z");
+    }
+  }
+  const bool has_box = !args.box.empty();
+  const bool outside = args.outside;
+  const double range = args.range * metre;
+  return select_points(std::move(source), [=](const Eigen::Vector3d& x) {
+    return x.allFinite() && (!has_box || box.contains(x) != outside) &&
+           (range <= 0.0 || x.norm() <= range);
+  });
+}
+
+std::unique_ptr<VoxelGrid> thinned(PointSource& source, const Arguments& args, double metre) {
+  require_no_waves(args.files.input, source.header());
+  auto grid = std::make_unique<VoxelGrid>(source.header(), args.voxel * metre);
+  PointBatch batch;
+  while (source.next(batch)) {
+    grid->add(batch);
+    throw_if_interrupted();
+  }
+  return grid;
+}
+
+/// The steps that need all points at once. @return the steps taken, for the JSON.
+json clean(const Arguments& args, double metre, int threads, Collected& kept) {
+  RoadCloud& cloud = kept.cloud;
+  json steps = json::array();
+  const auto step = [&](const char* name) {
+    steps.push_back({{"step", name}, {"points", cloud.size()}});
+    throw_if_interrupted();
+  };
+  step("read");
+  if (!args.radius.empty()) {
+    kept.select(
+        radius_inliers(cloud, args.radius[0] * metre, whole(args.radius[1], "--radius"), threads));
+    step("radius");
+  }
+  if (!args.statistical.empty()) {
+    kept.select(statistical_inliers(cloud, whole(args.statistical[0], "--statistical"),
+                                    args.statistical[1], threads));
+    step("statistical");
+  }
+  if (args.normals > 0) {
+    NormalOptions options;
+    options.neighbors = args.normals;
+    options.num_threads = threads;
+    options.up = args.up.empty() ? cloud.default_up() : vector(args.up);
+    if (!args.viewpoint.empty()) options.viewpoint = vector(args.viewpoint);
+    estimate_normals(cloud, options);
+    step("normals");
+  }
+  if (args.morton) {
+    kept.select(morton_order(cloud.points));
+    step("morton");
+  }
+  return steps;
+}
+
+/// What is left in memory as a source: a LAS file's own records, else the cloud.
+std::unique_ptr<PointSource> source_of(Collected& kept, const PointStreamHeader& header,
+                                       bool with_normals) {
+  if (kept.records.empty()) return with_crs(make_point_source(kept.cloud), header.crs);
+  auto source = make_las_rows(header, std::move(kept.records), std::move(kept.order));
+  if (with_normals) source = add_normals(std::move(source), kept.cloud.normals);
+  return source;
+}
+
+/// What was written, for messages and the JSON.
+struct Written {
+  std::uint64_t points = 0;
+  std::vector<std::string> notes;
+  json steps = json::array();
+};
+
+void print_json(const Command& command, const Arguments& args, const ReadReport& report,
+                const Written& written, const Timings& timings) {
+  json dropped = json::object();
+  for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
+  const json options = {{"box", args.box},
+                        {"outside", args.outside},
+                        {"range", args.range},
+                        {"drop_non_finite", args.drop_non_finite},
+                        {"voxel", args.voxel},
+                        {"radius", args.radius},
+                        {"statistical", args.statistical},
+                        {"normals", args.normals},
+                        {"morton", args.morton},
+                        {"lenient", args.files.cloud.lenient}};
+  fmt::print("{}\n", json{{"version", kVersion},
+                          {"seed", command.common.seed},
+                          {"options", options},
+                          {"timings_ms", cloud_timings(timings)},
+                          {"input", args.files.input},
+                          {"out", args.files.out},
+                          {"steps", written.steps},
+                          {"points", written.points},
+                          {"dropped", dropped},
+                          {"notes", report.notes},
+                          {"output_notes", written.notes}}
+                         .dump(2, ' ', false, json::error_handler_t::replace));
+}
+
+int run(const Command& command, const Arguments& args) {
+  const LogSink warn = make_warning_sink(command.common);
+  const WriteOptions write = args.files.output.write_options();
+  require_known_output(args.files.out, write);
+  refuse_own_inputs({args.files.out}, {args.files.input});
+  Timings timings;
+  Written written;
+
+  // What streams: selections, then thinning.
+  StageTimer load(timings, "load");
+  std::unique_ptr<PointSource> source =
+      open_typed_source(args.files.input, args.files.cloud.read_options());
+  const double metre = metres_in(*source, args, warn);
+  if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
+  source = cropped(std::move(source), args, metre);
+  std::unique_ptr<PointSource> input;  // keeps the reader and its report
+  std::unique_ptr<VoxelGrid> grid;
+  if (args.voxel > 0.0) {
+    grid = thinned(*source, args, metre);
+    input = std::move(source);
+    source = grid->points();
+  }
+  Collected kept;
+  if (works_in_memory(args)) {
+    kept = collect(*source);
+    grid.reset();
+  }
+  load.stop();
+
+  StageTimer compute(timings, "compute");
+  if (works_in_memory(args)) {
+    written.steps = clean(args, metre, command.common.threads, kept);
+    if (!input) input = std::move(source);
+    source = source_of(kept, input->header(), args.normals > 0);
+  }
+  compute.stop();
+
+  StageTimer writing(timings, "write");
+  written.points =
+      write_points(*source, args.files.out, write, make_progress(command.common), &written.notes);
+  writing.stop();
+  const ReadReport& report = input ? input->report() : source->report();
+  warn_about(args.files.input, report, warn);
+  warn_about_losses(args.files.input, source->header(), report, write, args.files.out, warn);
+  for (const std::string& note : written.notes) {
+    if (warn) warn(args.files.out + ": " + note);
+  }
+  if (args.files.as_json) print_json(command, args, report, written, timings);
+  return 0;
+}
+
+void add_arguments(App& app, Arguments& a) {
   add_rewrite_arguments(app, a.files, "cloud file");
   app.add_flag("--drop-non-finite", a.drop_non_finite,
                "drop points with NaN or infinite coordinates");
@@ -157,146 +309,23 @@ void register_filter(App& root) {
       ->expected(3);
   app.add_flag("--morton", a.morton,
                "sort so that near points are near in the file (Morton order)");
+}
 
-  command->run = [command, arguments] {
-    const Arguments& args = *arguments;
-    const LogSink warn = make_warning_sink(command->common);
-    const WriteOptions write = args.files.output.write_options();
-    require_known_output(args.files.out, write);
-    refuse_own_inputs({args.files.out}, {args.files.input});
-    Timings timings;
-    json steps = json::array();
-    const auto step = [&](const char* name, std::uint64_t left) {
-      steps.push_back({{"step", name}, {"points", left}});
-    };
+}  // namespace
 
-    // What streams: selections, then thinning.
-    StageTimer load(timings, "load");
-    std::unique_ptr<PointSource> source =
-        open_typed_source(args.files.input, args.files.cloud.read_options());
-    const bool lenient = args.files.cloud.lenient;
-    const double metre = metres_in(*source, args, warn);
-    if (lenient) source = drop_bad_points(std::move(source));
-    if (args.drop_non_finite || !args.box.empty() || args.range > 0.0) {
-      CropBox box;
-      if (!args.box.empty()) {
-        box.minimum = vector({args.box[0], args.box[1], args.box[2]});
-        box.maximum = vector({args.box[3], args.box[4], args.box[5]});
-        if (!((box.minimum.array() <= box.maximum.array()).all())) {
-          throw UsageError(
-              "--box: found a minimum above its maximum, expected min x,y,z, max x,y,z");
-        }
-      }
-      const bool has_box = !args.box.empty();
-      const bool outside = args.outside;
-      const double range = args.range * metre;
-      source = select_points(std::move(source), [=](const Eigen::Vector3d& x) {
-        return x.allFinite() && (!has_box || box.contains(x) != outside) &&
-               (range <= 0.0 || x.norm() <= range);
-      });
-    }
-    const bool in_memory =
-        !args.radius.empty() || !args.statistical.empty() || args.normals > 0 || args.morton;
-    std::unique_ptr<PointSource> input;  // keeps the reader and its report
-    std::unique_ptr<VoxelGrid> grid;
-    if (args.voxel > 0.0) {
-      require_no_waves(args.files.input, source->header());
-      grid = std::make_unique<VoxelGrid>(source->header(), args.voxel * metre);
-      PointBatch batch;
-      while (source->next(batch)) {
-        grid->add(batch);
-        throw_if_interrupted();
-      }
-      input = std::move(source);
-      source = grid->points();
-    }
-    Collected kept;
-    RoadCloud& cloud = kept.cloud;
-    if (in_memory) {
-      kept = collect(*source);
-      grid.reset();
-    }
-    load.stop();
-
-    StageTimer compute(timings, "compute");
-    if (in_memory) {
-      const int threads = command->common.threads;
-      step("read", cloud.size());
-      if (!args.radius.empty()) {
-        kept.select(radius_inliers(cloud, args.radius[0] * metre, whole(args.radius[1], "--radius"),
-                                   threads));
-        step("radius", cloud.size());
-      }
-      throw_if_interrupted();
-      if (!args.statistical.empty()) {
-        kept.select(statistical_inliers(cloud, whole(args.statistical[0], "--statistical"),
-                                        args.statistical[1], threads));
-        step("statistical", cloud.size());
-      }
-      throw_if_interrupted();
-      if (args.normals > 0) {
-        NormalOptions options;
-        options.neighbors = args.normals;
-        options.num_threads = threads;
-        options.up = args.up.empty() ? cloud.default_up() : vector(args.up);
-        if (!args.viewpoint.empty()) options.viewpoint = vector(args.viewpoint);
-        estimate_normals(cloud, options);
-        step("normals", cloud.size());
-      }
-      throw_if_interrupted();
-      if (args.morton) {
-        kept.select(morton_order(cloud.points));
-        step("morton", cloud.size());
-      }
-      if (!input) input = std::move(source);
-      if (kept.records.empty()) {
-        source = with_crs(make_point_source(cloud), input->header().crs);
-      } else {
-        source = make_las_rows(input->header(), std::move(kept.records), std::move(kept.order));
-        if (args.normals > 0) source = add_normals(std::move(source), cloud.normals);
-      }
-    }
-    compute.stop();
-
-    StageTimer writing(timings, "write");
-    std::vector<std::string> notes;  // of the output
-    const std::uint64_t points =
-        write_points(*source, args.files.out, write, make_progress(command->common), &notes);
-    writing.stop();
-    const ReadReport& report = input ? input->report() : source->report();
-    warn_about(args.files.input, report, warn);
-    warn_about_losses(args.files.input, source->header(), report, write, args.files.out, warn);
-    for (const std::string& note : notes) {
-      if (warn) warn(args.files.out + ": " + note);
-    }
-    if (args.files.as_json) {
-      json dropped = json::object();
-      for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
-      const json options = {{"box", args.box},
-                            {"outside", args.outside},
-                            {"range", args.range},
-                            {"drop_non_finite", args.drop_non_finite},
-                            {"voxel", args.voxel},
-                            {"radius", args.radius},
-                            {"statistical", args.statistical},
-                            {"normals", args.normals},
-                            {"morton", args.morton},
-                            {"lenient", args.files.cloud.lenient}};
-      fmt::print("{}\n", json{{"version", kVersion},
-                              {"seed", command->common.seed},
-                              {"options", options},
-                              {"timings_ms", cloud_timings(timings)},
-                              {"input", args.files.input},
-                              {"out", args.files.out},
-                              {"steps", steps},
-                              {"points", points},
-                              {"dropped", dropped},
-                              {"notes", report.notes},
-                              {"output_notes", notes}}
-                             .dump(2, ' ', false, json::error_handler_t::replace));
-    }
-    return 0;
-  };
+void register_filter(App& root) {
+  Command* command = add_command(
+      root, "filter",
+      "Crops, thins, cleans and sorts a cloud, or gives it normals. The steps are taken in the "
+      "order in which they are listed here. Cropping and thinning alone stream through: memory is "
+      "needed for the thinned points only.",
+      "  camber filter scan.ply --voxel 0.2 --out thin.ply\n"
+      "  camber filter scan.pcd --box -20,-20,-3,20,20,1 --out near.pcd\n"
+      "  camber filter road.ply --statistical 20,2 --normals 20 --out clean.ply\n"
+      "  camber filter map.las --radius 1,3 --morton --out sorted.las");
+  const auto arguments = std::make_shared<Arguments>();
+  add_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
 }
 
 }  // namespace camber::tools

@@ -46,6 +46,9 @@ RoadSurface surface_of(const PlaneFit& fit, const RoadCloud& cloud, const Eigen:
   RoadSurface surface;
   surface.frame = cloud.frame == CloudFrame::kCamera ? "camera" : "z-up";
   surface.up = up.normalized();
+  const bool of_camera =
+      cloud.frame == CloudFrame::kCamera && (surface.up - cloud.default_up()).norm() < 1e-9;
+  surface.level = of_camera ? RoadSurface::Level::kCamera : RoadSurface::Level::kGravity;
   surface.metric = cloud.metric;
   surface.patches = {patch};
   align_patches_with_road(&surface);
@@ -90,6 +93,7 @@ void print_json(const Arguments& args, const PlaneFitOptions& options, const Roa
               {"file", args.input.cloud},
               {"points", points},
               {"frame", surface.frame},
+              {"level", to_string(surface.level)},
               {"metric", surface.metric},
               {"plane", std::move(plane)}};
   write.stop();

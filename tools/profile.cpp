@@ -75,6 +75,8 @@ json profile_json(const Command& command, const RoadSurface& surface,
             {"levelling_sigma_deg", options.levelling_sigma / kDegree},
             {"drift_sigma", options.drift_sigma}}},
           {"frame", surface.frame},
+          {"level", to_string(surface.level)},
+          {"level", to_string(surface.level)},
           {"metric", surface.metric},
           {"covered_stations", covered_stations(profile)},
           {"stations", std::move(stations)}};
@@ -192,6 +194,9 @@ int run(const Command& command, const Arguments& args) {
   Timings timings;
   StageTimer load_timer(timings, "load");
   const Inputs in = load(args);
+  if (command.app->count("--levelling-sigma-deg") == 0 && in.surface.level_sigma > 0.0) {
+    options.levelling_sigma = in.surface.level_sigma;
+  }
   load_timer.stop();
   check_line(in, args);
   StageTimer compute(timings, "compute");
@@ -233,7 +238,8 @@ void add_arguments(App& app, Arguments& a) {
                  "metres that a station may lie beyond a patch's boundary")
       ->capture_default_str();
   app.add_option("--levelling-sigma-deg", a.levelling_sigma_deg,
-                 "how well the cloud's up is known, degrees: part of the bands")
+                 "how well the cloud's up is known, degrees: part of the bands; default: as the "
+                 "surface states it")
       ->capture_default_str();
   app.add_option("--drift-sigma", a.options.drift_sigma,
                  "metres by which the cloud's heights may drift along the road: part of the bands")

@@ -46,6 +46,7 @@ void add_scene_options(App& app, Arguments& a) {
 
 const char* warned_of(const std::string& code) {
   if (code == "road_contradicted") return "road";
+  if (code == "gravity_contradicted") return "level";
   return code == "focal_length_contradicted" ? "focal length" : "scale";
 }
 

@@ -7,6 +7,7 @@
 #include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stage_runner.h"
 #include "camber/pipeline/stages/fuse_masks.h"
+#include "camber/pipeline/stages/level.h"
 
 namespace camber {
 namespace {
@@ -116,6 +117,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
     return stages::assemble(frames, seen.matches, refined, scaled, plan, vehicles,
                             o.vehicles.method, {o.num_threads});
   });
+  stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);
 
   Reconstruction out;

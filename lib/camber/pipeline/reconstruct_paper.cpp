@@ -4,6 +4,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/pipeline/see_road.h"
+#include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/paper_assemble.h"
 
 namespace camber {
@@ -91,6 +92,7 @@ Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& fra
     return stages::assemble_paper(frames, seen.matches, seen.motion, seen.ground.seen, ground,
                                   vehicles, o.vehicles.method);
   });
+  stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);
 
   Reconstruction out;

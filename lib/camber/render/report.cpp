@@ -194,8 +194,10 @@ std::string patch_section(const RoadSurface& surface, const std::string& unit) {
     rows += row({std::to_string(patch.id), std::string(to_string(patch.kind)),
                  status_cell(patch.status, patch.reason),
                  number(c.x(), 1) + " " + number(c.y(), 1) + " " + number(c.z(), 1),
-                 with_margin(patch.grade * kDegrees, std::sqrt(cov(1, 1)) * kDegrees, 2),
-                 with_margin(patch.bank * kDegrees, std::sqrt(cov(0, 0)) * kDegrees, 2),
+                 with_margin(patch.grade * kDegrees,
+                             std::hypot(std::sqrt(cov(1, 1)), surface.level_sigma) * kDegrees, 2),
+                 with_margin(patch.bank * kDegrees,
+                             std::hypot(std::sqrt(cov(0, 0)), surface.level_sigma) * kDegrees, 2),
                  "<span class=m>&plusmn; " + number(1.96 * std::sqrt(cov(2, 2)), 3) + "</span>",
                  std::to_string(patch.inliers),
                  patch.refinement.empty() ? "&ndash;" : escape(patch.refinement)});
@@ -203,8 +205,13 @@ std::string patch_section(const RoadSurface& surface, const std::string& unit) {
   const std::string all = table({"id", "kind", "status", "centre (" + unit + ")", "grade (&deg;)",
                                  "bank (&deg;)", "height (" + unit + ")", "points", "refinement"},
                                 rows);
-  return "<h2>Patches</h2>\n" + folded(all, std::to_string(surface.patches.size()) + " patches",
-                                       surface.patches.size() > kLongTable);
+  const std::string level = surface.level == RoadSurface::Level::kGravity
+                                ? "Grades and banks are against gravity."
+                                : "Grades and banks are against the reference camera's level: no "
+                                  "frame of the run knows gravity (--up of camber import).";
+  return "<h2>Patches</h2>\n<p class=n>" + level + "</p>\n" +
+         folded(all, std::to_string(surface.patches.size()) + " patches",
+                surface.patches.size() > kLongTable);
 }
 
 /// @param shown  id of the frame that is open where frames are many.

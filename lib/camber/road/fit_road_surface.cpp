@@ -339,6 +339,10 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
   surface.frame = cloud.frame == CloudFrame::kCamera       ? "camera"
                   : (up - Vector3d::UnitZ()).norm() < 1e-9 ? "z-up"
                                                            : "other";
+  // A map's up is gravity's; a camera's own is its level, another one was measured.
+  const bool of_camera =
+      cloud.frame == CloudFrame::kCamera && (up - cloud.default_up()).norm() < 1e-9;
+  surface.level = of_camera ? RoadSurface::Level::kCamera : RoadSurface::Level::kGravity;
   surface.driven_line = options.driven_line;
   std::optional<Vector3d> viewpoint = options.viewpoint;
   if (!viewpoint && cloud.frame == CloudFrame::kCamera) viewpoint = Vector3d::Zero();

@@ -57,8 +57,12 @@ struct SurfaceQuery {
 
 /// A road as planar patches, their neighbourhood and the driven line.
 struct RoadSurface {
+  /// What `up` is, and so what grades and banks are against.
+  enum class Level { kCamera, kGravity };
   std::string frame = "camera";        ///< "camera", "z-up" or another name
   Eigen::Vector3d up{0.0, -1.0, 0.0};  ///< unit
+  Level level = Level::kCamera;
+  double level_sigma = 0.0;  ///< rad, standard deviation of `up` about each axis; 0: not stated
   bool metric = true;
   double scale_sigma = 0.0;  ///< relative standard deviation of the scale
   int ego_patch = -1;        ///< id of the ego patch, -1: none
@@ -80,5 +84,10 @@ struct RoadSurface {
   SurfaceQuery query_ray(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
                          double reach = 2.0) const;
 };
+
+/// "camera" or "gravity".
+inline const char* to_string(RoadSurface::Level level) {
+  return level == RoadSurface::Level::kGravity ? "gravity" : "camera";
+}
 
 }  // namespace camber

@@ -374,10 +374,19 @@ json to_json(const RoadSurface& surface) {
                      {"height_step", number_json(link.height_step)},
                      {"angle_deg", number_json(to_degrees(link.angle))}});
   }
-  return {{"frame", surface.frame},         {"up", vector_json(surface.up)},
-          {"metric", surface.metric},       {"scale_sigma", number_json(surface.scale_sigma)},
-          {"ego_patch", surface.ego_patch}, {"patches", std::move(patches)},
-          {"links", std::move(links)},      {"driven_line", points_json(surface.driven_line)}};
+  json out = {{"frame", surface.frame},
+              {"up", vector_json(surface.up)},
+              {"level", to_string(surface.level)},
+              {"metric", surface.metric},
+              {"scale_sigma", number_json(surface.scale_sigma)},
+              {"ego_patch", surface.ego_patch},
+              {"patches", std::move(patches)},
+              {"links", std::move(links)},
+              {"driven_line", points_json(surface.driven_line)}};
+  if (surface.level_sigma > 0.0) {
+    out["level_sigma_deg"] = number_json(to_degrees(surface.level_sigma));
+  }
+  return out;
 }
 
 json to_json(const VehicleDocument& document) {
@@ -451,6 +460,15 @@ RoadSurface read_surface(const fs::path& path) {
     out.up = v->unit_vector();
   } else if (out.frame != "camera") {
     out.up = Eigen::Vector3d::UnitZ();
+  }
+  out.level = out.frame == "camera" ? RoadSurface::Level::kCamera : RoadSurface::Level::kGravity;
+  if (const auto v = object.find("level")) {
+    const std::string word = v->text();
+    if (word != "camera" && word != "gravity") v->fail("\"gravity\" or \"camera\"");
+    out.level = word == "gravity" ? RoadSurface::Level::kGravity : RoadSurface::Level::kCamera;
+  }
+  if (const auto v = object.find("level_sigma_deg")) {
+    out.level_sigma = v->positive("a positive number of degrees") * kPi / 180.0;
   }
   out.metric = find_boolean(object, "metric", true);
   out.scale_sigma = find_number(object, "scale_sigma", kNaN);
