@@ -159,7 +159,6 @@ Decoded decode_png(const std::string& bytes, const std::string& name, Want want,
   out.width = image->width;
   out.height = image->height;
   if (want == Want::kHeader) return out;
-  check_pixels(out, name);
   // 1 bit a pixel may become 3 bytes.
   if (!plausible_size(image->width, image->height, image->channels * image->bits / 8.0,
                       bytes.size())) {
@@ -168,6 +167,7 @@ Decoded decode_png(const std::string& bytes, const std::string& name, Want want,
                                  "{} bytes, expected a complete image",
                                  image->width, image->height, bytes.size()));
   }
+  check_pixels(out, name);
   out.data.resize(row_bytes * static_cast<std::size_t>(out.height));
   std::vector<png_bytep> rows(static_cast<std::size_t>(out.height));
   for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = out.data.data() + y * row_bytes;
@@ -262,7 +262,6 @@ Decoded decode_jpeg(const std::string& bytes, const std::string& name, Want want
   out.width = image->width;
   out.height = image->height;
   if (want == Want::kHeader) return out;
-  check_pixels(out, name);
   if (jpeg.num_components != 1 && jpeg.num_components != 3) {
     throw InputError(name, fmt::format("found a JPEG image of {} channels, expected 1 or 3",
                                        jpeg.num_components));
@@ -272,6 +271,7 @@ Decoded decode_jpeg(const std::string& bytes, const std::string& name, Want want
                                        "of {} bytes, expected a complete image",
                                        out.width, out.height, bytes.size()));
   }
+  check_pixels(out, name);
   if (!jpeg_start(&jpeg, &errors)) fail();
   out.channels = jpeg.output_components;
   const std::size_t row_bytes = static_cast<std::size_t>(out.width) * out.channels;
