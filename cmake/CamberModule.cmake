@@ -17,9 +17,9 @@ endfunction()
 # camber_add_test(MODULE SOURCES ... [LIBRARIES targets...] [LABELS ...] [TOGETHER suites...]
 #                 [FIRST suites...])
 # One GoogleTest program a module, test_MODULE; every case becomes a ctest with the label (unit), but
-# the suites of TOGETHER one ctest each: those that share what is costly to set up or whose cases are
-# shorter than the program's start. None of their cases may skip itself. The suites of FIRST, which
-# take longest, are among TOGETHER's and started before others.
+# the suites of TOGETHER one ctest each (A:B is one of both, named A): those that share what is costly
+# to set up or whose cases are shorter than the program's start. None of their cases may skip itself.
+# The suites of FIRST, which take longest, are among TOGETHER's and started before others.
 function(camber_add_test module)
   cmake_parse_arguments(ARG "" "" "SOURCES;LIBRARIES;LABELS;TOGETHER;FIRST" ${ARGN})
   add_executable(test_${module} ${ARG_SOURCES})
@@ -28,10 +28,12 @@ function(camber_add_test module)
     set(ARG_LABELS unit)
   endif()
   set(filter "")
-  foreach(suite IN LISTS ARG_TOGETHER)
-    add_test(NAME ${module}.${suite} COMMAND test_${module} --gtest_filter=${suite}.*)
+  foreach(group IN LISTS ARG_TOGETHER)
+    string(REGEX REPLACE ":.*" "" suite "${group}")
+    string(REPLACE ":" ".*:" group "${group}")
+    add_test(NAME ${module}.${suite} COMMAND test_${module} --gtest_filter=${group}.*)
     set_tests_properties(${module}.${suite} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 900)
-    string(APPEND filter ":${suite}.*")
+    string(APPEND filter ":${group}.*")
   endforeach()
   foreach(suite IN LISTS ARG_FIRST)
     set_tests_properties(${module}.${suite} PROPERTIES COST 20)

@@ -259,7 +259,7 @@ ViewerWindow::ViewerWindow(LoadedResult result, const ViewerOptions& options)
   d.list_frames();
   d.list_colors();
   setWindowTitle(from(options.title + " - Camber"));
-  resize(1400, 840);
+  resize(QSize(1400, 840).boundedTo(screen()->availableSize()));
 
   auto* split = new QSplitter(Qt::Horizontal, this);
   setCentralWidget(split);

@@ -42,18 +42,15 @@ double median_height_error(const SceneMetrics& found) {
   return errors[errors.size() / 2];
 }
 
-/// Runs that several tests look at, made once.
+/// Runs that several tests look at, made once in a process.
 class SteepHillRun : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
+    if (result_) return;
     scene_ = std::make_unique<Scene>(sample_scene());
     ReconstructOptions options;
     options.num_threads = 1;
     result_ = std::make_unique<Reconstruction>(reconstruct(*scene_, {0, 1, 2}, options));
-  }
-  static void TearDownTestSuite() {
-    result_.reset();
-    scene_.reset();
   }
   static std::unique_ptr<Scene> scene_;
   static std::unique_ptr<Reconstruction> result_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "camber/core/threads.h"
 
@@ -51,24 +52,38 @@ double sky(const Eigen::Vector3d& direction) {
   return 170.0 + 25.0 * texture(u, v, 0.01, 0.001, 0.001, 77);
 }
 
+/// Zero of f between two places of which it is negative at the first, by regula falsi (Illinois).
+template <typename Function>
+double meet(const Function& f, std::pair<double, double> low, std::pair<double, double> high) {
+  while (high.first - low.first > 1e-10) {
+    const double share = low.second / (low.second - high.second);
+    const double s = low.first + share * (high.first - low.first);
+    const double value = f(s);
+    if (std::abs(value) < 1e-12) return s;
+    if (value > 0) {
+      high = {s, value};
+      low.second *= 0.5;
+    } else {
+      low = {s, value};
+      high.second *= 0.5;
+    }
+  }
+  return 0.5 * (low.first + high.first);
+}
+
 /// Distance along the ray to the ground, NaN: none within 120 m.
 double ground_along(const DrawnRoad& road, const Eigen::Vector3d& eye, const Eigen::Vector3d& ray) {
   const auto below = [&](double s) {
     const Eigen::Vector3d p = eye + s * ray;
     return p.y() - road.ground(p.x(), p.z());
   };
-  double last = 0.5;
-  if (below(last) > 0) return std::numeric_limits<double>::quiet_NaN();
-  for (double s = 0.7; s < 120.0; s *= 1.03) {
-    if (below(s) > 0) {
-      double low = last, high = s;
-      for (int i = 0; i < 40; ++i) {
-        const double middle = 0.5 * (low + high);
-        (below(middle) > 0 ? high : low) = middle;
-      }
-      return 0.5 * (low + high);
-    }
+  double last = 0.5, over = below(last);
+  if (over > 0) return std::numeric_limits<double>::quiet_NaN();
+  for (double s = 0.7; s < 120.0; s *= 1.05) {
+    const double under = below(s);
+    if (under > 0) return meet(below, {last, over}, {s, under});
     last = s;
+    over = under;
   }
   return std::numeric_limits<double>::quiet_NaN();
 }
