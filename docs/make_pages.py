@@ -64,7 +64,7 @@ def all_pages(program, words=()):
     return pages
 
 
-COMMON = ("-h,--help", "--seed", "--threads", "--quiet")
+COMMON = ("-h,--help", "--seed", "--threads", "--quiet", "--config", "--print-config")
 
 
 def is_common(what):

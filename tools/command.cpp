@@ -40,6 +40,10 @@ Command* add_command(App& root, const std::string& name, const std::string& desc
                    "threads to use; default: all, or OMP_NUM_THREADS")
       ->check(positive_number());
   command.app->add_flag("--quiet", command.common.quiet, "no progress and no warnings");
+  command.app->add_option("--config", command.common.config,
+                          "TOML file with options for what the line leaves open");
+  command.app->add_flag("--print-config", command.common.print_config,
+                        "print the options in force as such a file, and do nothing else");
   return &command;
 }
 

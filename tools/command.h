@@ -14,7 +14,9 @@ struct CommonOptions {
   std::uint64_t seed = 0;
   int threads = 0;  ///< <= 0: all, or OMP_NUM_THREADS
   bool quiet = false;
-  std::string command_line;  ///< as typed, for run.json
+  std::string config;         ///< a file of options; App::parse reads it
+  bool print_config = false;  ///< App::parse does
+  std::string command_line;   ///< as typed, for run.json
 };
 
 /// One subcommand: its parser, and what to do once everything is parsed. `run` returns the exit

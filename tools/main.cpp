@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "camber/core/version.h"
+#include "libraries.h"
 #include "nearest_name.h"
 #include "plugins/plugin.h"
 #include "standard_streams.h"
@@ -32,7 +33,8 @@ void print_help() {
       "Usage: camber [OPTIONS] SUBCOMMAND\n\n"
       "Options:\n"
       "  -h,--help                   Print this help message and exit\n"
-      "  --version                   Display program version information and exit\n\n"
+      "  --version                   Display program version information and exit;\n"
+      "                              --version --json also names the libraries\n\n"
       "Subcommands:\n%s\n"
       "camber COMMAND --help shows the options of one.\n",
       list_of_verbs().c_str());
@@ -58,12 +60,31 @@ int misused(const std::string& word) {
   return 2;
 }
 
-int run(int argc, char** argv) {
-  const std::string word = argc > 1 ? argv[1] : "";
-  if (word == "--version") {
+/// @param word after --version.
+int print_version(const std::string& word) {
+  if (word.empty()) {
     std::printf("camber %s\n", kVersion);
     return 0;
   }
+  if (word != "--json") {
+    std::fprintf(stderr, "camber: found %s after --version, expected --json or nothing\n",
+                 word.c_str());
+    return 2;
+  }
+  std::printf("{\n  \"version\": \"%s\",\n  \"compiler\": \"%s\",\n  \"libraries\": {", kVersion,
+              kCompiler);
+  const char* separator = "";
+  for (const Library& library : kLibraries) {
+    std::printf("%s\n    \"%s\": \"%s\"", separator, library.name, library.version);
+    separator = ",";
+  }
+  std::printf("\n  }\n}\n");
+  return 0;
+}
+
+int run(int argc, char** argv) {
+  const std::string word = argc > 1 ? argv[1] : "";
+  if (word == "--version") return print_version(argc > 2 ? argv[2] : "");
   if (word == "-h" || word == "--help") {
     print_help();
     return 0;

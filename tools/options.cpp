@@ -6,8 +6,12 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <map>
 #include <optional>
+#include <set>
 
+#include "camber/core/errors.h"
+#include "config_file.h"
 #include "nearest_name.h"
 
 namespace camber::tools {
@@ -68,6 +72,151 @@ std::string advice(const CLI::App& root) {
   return text;
 }
 
+// ---- --config and --print-config ----------------------------------------------------------------
+
+bool is_flag(const CLI::Option& option) { return option.get_expected_min() == 0; }
+
+/// A command line on its way to the parser.
+struct Line {
+  std::vector<std::string> words;  // without the program's name
+  CLI::App* command = nullptr;     // that the first ones name
+  std::vector<std::string> names;  // of the commands down to it
+
+  Line(CLI::App& root, int argc, char** argv) : words(argv + 1, argv + argc), command(&root) {
+    for (const std::string& word : words) {
+      const std::vector<std::string> below = command_names(*command);
+      if (std::find(below.begin(), below.end(), word) == below.end()) break;
+      command = command->get_subcommand(word);
+      names.push_back(word);
+    }
+  }
+
+  /// Where the words end that may be options.
+  std::size_t end() const {
+    return static_cast<std::size_t>(std::find(words.begin(), words.end(), "--") - words.begin());
+  }
+
+  CLI::Option* option_of(const std::string& word) const {
+    if (word.size() < 2 || word[0] != '-') return nullptr;
+    return command->get_option_no_throw(word.substr(0, word.find('=')));
+  }
+
+  bool has(const std::string& name) const {
+    const auto stop = words.begin() + static_cast<std::ptrdiff_t>(end());
+    return std::find(words.begin(), stop, name) != stop;
+  }
+
+  /// The value of an option of one value, where it is given and has one.
+  std::optional<std::string> value_of(const std::string& name) const {
+    for (std::size_t i = names.size(); i < end(); ++i) {
+      if (words[i] == name && i + 1 < end()) return words[i + 1];
+      if (words[i].rfind(name + "=", 0) == 0) return words[i].substr(name.size() + 1);
+    }
+    return std::nullopt;
+  }
+};
+
+/// An item of a configuration file as it would be typed.
+std::vector<std::string> words_of(const ConfigItem& item, const CLI::Option& option,
+                                  const std::string& file) {
+  const std::string place = "line " + std::to_string(item.line);
+  const std::string name = "--" + item.key;
+  if (is_flag(option)) {
+    if (!item.truth) throw InputError(file, place, item.key + ": expected true or false");
+    return *item.truth ? std::vector<std::string>{name} : std::vector<std::string>{};
+  }
+  if (item.truth) throw InputError(file, place, item.key + ": expected a value, not true or false");
+  if (const char separator = option.get_delimiter()) {
+    std::string joined;
+    for (const std::string& value : item.values) {
+      joined += (joined.empty() ? std::string() : std::string(1, separator)) + value;
+    }
+    return {name + "=" + joined};
+  }
+  if (item.values.size() == 1) return {name + "=" + item.values[0]};
+  std::vector<std::string> words = {name};
+  words.insert(words.end(), item.values.begin(), item.values.end());
+  return words;
+}
+
+/// Adds to the line what the file has for its command and the line has not.
+std::vector<ConfigItem> add_config(const std::string& file, Line* line) {
+  std::set<const CLI::Option*> given;
+  for (std::size_t i = 0; i < line->end(); ++i) given.insert(line->option_of(line->words[i]));
+  std::vector<ConfigItem> items = read_config(file, line->names);
+  std::vector<std::string> added;
+  for (const ConfigItem& item : items) {
+    const CLI::Option* option = line->command->get_option_no_throw("--" + item.key);
+    std::string problem;
+    if (item.key == "config" || item.key == "print-config" || item.key == "help") {
+      problem = item.key + " belongs on the command line";
+    } else if (!option) {
+      const std::string meant = nearest_name("--" + item.key, option_names(*line->command));
+      problem = "camber";
+      for (const std::string& name : line->names) problem += " " + name;
+      problem += " has no option " + item.key;
+      if (!meant.empty()) problem += ": did you mean " + meant.substr(2) + "?";
+    }
+    if (!problem.empty()) throw InputError(file, "line " + std::to_string(item.line), problem);
+    if (given.count(option)) continue;
+    for (std::string& word : words_of(item, *option, file)) added.push_back(std::move(word));
+  }
+  line->words.insert(line->words.begin() + static_cast<std::ptrdiff_t>(line->end()), added.begin(),
+                     added.end());
+  return items;
+}
+
+/// Which item of a file the parser's message is about, with its line; empty: none.
+std::string place_in_config(const std::string& message, const std::vector<ConfigItem>& items) {
+  for (const ConfigItem& item : items) {
+    const std::size_t at = message.find("--" + item.key);
+    if (at == std::string::npos) continue;
+    const std::size_t next = at + 2 + item.key.size();
+    if (next < message.size() && (std::isalnum(message[next]) || message[next] == '-')) continue;
+    return "line " + std::to_string(item.line) + ": ";
+  }
+  return "";
+}
+
+/// The digits of default values that --help rounds.
+using DefaultNumbers = std::map<const CLI::Option*, std::vector<std::string>>;
+
+/// The values that an option has without being given, as they would be typed.
+std::vector<std::string> default_values(const CLI::Option& option, const DefaultNumbers& numbers) {
+  std::string text = option.get_default_str();
+  const auto exact = numbers.find(&option);
+  if (!text.empty() && exact != numbers.end()) return exact->second;
+  if (text.size() < 2 || text.front() != '[' || text.back() != ']') {
+    return text.empty() ? std::vector<std::string>{} : std::vector<std::string>{text};
+  }
+  text = text.substr(1, text.size() - 2);
+  return text.empty() ? std::vector<std::string>{} : CLI::detail::split(text, ',');
+}
+
+/// All options of a command as a table of a configuration file.
+void print_config(const Line& line, const DefaultNumbers& numbers) {
+  std::string table;
+  for (const std::string& name : line.names) table += (table.empty() ? "" : ".") + name;
+  std::cout << "[" << table << "]\n";
+  for (const CLI::Option* option : line.command->get_options()) {
+    if (option->get_lnames().empty()) continue;
+    const std::string& name = option->get_lnames().front();
+    if (name == "help" || name == "config" || name == "print-config") continue;
+    if (is_flag(*option)) {
+      std::cout << name << " = " << (option->count() > 0 ? "true" : "false") << "\n";
+      continue;
+    }
+    const std::vector<std::string> values =
+        option->count() > 0 ? option->results() : default_values(*option, numbers);
+    const bool list = option->get_items_expected_max() > 1 || values.size() > 1;
+    if (values.empty()) {
+      std::cout << "# " << name << " =\n";
+    } else {
+      std::cout << name << " = " << to_toml(values, list) << "\n";
+    }
+  }
+}
+
 }  // namespace
 
 Check in_range(int low, int high) { return adopt(CLI::Range(low, high)); }
@@ -116,6 +265,13 @@ struct App::Impl {
   CLI::App* app = nullptr;
   std::deque<Option> options;
   std::deque<std::unique_ptr<App>> below;
+  DefaultNumbers numbers;
+
+  DefaultNumbers numbers_of_all() const {
+    DefaultNumbers all = numbers;
+    for (const std::unique_ptr<App>& command : below) all.merge(command->impl_->numbers_of_all());
+    return all;
+  }
 };
 
 App::App(const std::string& description, const std::string& name)
@@ -132,7 +288,12 @@ App::~App() = default;
 template <typename T>
 Option* App::add_option(const std::string& name, T& value, const std::string& help) {
   Option& option = impl_->options.emplace_back();
-  option.option_ = impl_->app->add_option(name, value, help);
+  CLI::Option* added = impl_->app->add_option(name, value, help);
+  option.option_ = added;
+  if constexpr (std::is_same_v<T, double>) impl_->numbers[added] = {to_text(value)};
+  if constexpr (std::is_same_v<T, std::vector<double>>) {
+    for (const double number : value) impl_->numbers[added].push_back(to_text(number));
+  }
   return &option;
 }
 
@@ -170,19 +331,37 @@ std::size_t App::count(const std::string& name) const { return impl_->app->count
 
 int App::parse(int argc, char** argv) {
   CLI::App& app = *impl_->app;
+  Line line(app, argc, argv);
+  const bool configurable = line.command->get_option_no_throw("--config") != nullptr;
+  const bool printing = configurable && line.has("--print-config");
+  const auto file = configurable ? line.value_of("--config") : std::nullopt;
+  std::vector<ConfigItem> items;
+  if (file && !line.has("--help") && !line.has("-h")) items = add_config(*file, &line);
+  if (printing) {
+    for (CLI::Option* option : line.command->get_options()) option->required(false);
+  }
   try {
-    app.parse(argc, argv);
-    return -1;
+    std::vector<std::string> words(line.words.rbegin(), line.words.rend());
+    app.parse(std::move(words));
+    if (!printing) return -1;
+    print_config(line, impl_->numbers_of_all());
+    return 0;
   } catch (const CLI::RequiredError& error) {
     std::cerr << "camber: " << error.what() << advice(app) << "\n";
   } catch (const CLI::ExtrasError& error) {
     std::cerr << "camber: " << error.what() << advice(app) << "\n";
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    const std::string place = place_in_config(error.what(), items);
+    if (place.empty()) return app.exit(error) == 0 ? 0 : 2;
+    std::cerr << "camber: " << *file << ": " << place << error.what() << "\n";
   }
   return 2;
 }
 
-std::string to_text(double value) { return CLI::detail::to_string(value); }
+std::string to_text(double value) {
+  char text[32];
+  const auto [end, error] = std::to_chars(text, text + sizeof(text), value);
+  return error == std::errc() ? std::string(text, end) : std::string();
+}
 
 }  // namespace camber::tools

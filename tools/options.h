@@ -63,8 +63,12 @@ class App {
   bool parsed() const;                               ///< whether the line names this command
   std::size_t count(const std::string& name) const;  ///< how often an option was given
 
-  /// @return -1 to go on, else the exit code: 0 after --help and --version, 2 after a sentence on
-  ///         stderr about what is wrong, with the nearest name for one that does not exist.
+  /// Of a command with the options --config and --print-config: what the line leaves open is taken
+  /// from the file, and what is in force is printed, with nothing else to be given.
+  /// @return -1 to go on, else the exit code: 0 after --help, --version and --print-config, 2 after
+  ///         a sentence on stderr about what is wrong, with the nearest name for one that does not
+  ///         exist.
+  /// @throws InputError of a configuration file.
   int parse(int argc, char** argv);
 
  private:

@@ -123,6 +123,18 @@ TEST(Program, ListsTheCommandsWhereNoneIsGiven) {
   }
 }
 
+TEST(Program, NamesItsLibraries) {
+  const Outcome outcome = run_camber("--version --json");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.out, StartsWith("{\n  \"version\": \"" + std::string(camber::kVersion)));
+  for (const char* library : {"Ceres", "CLI11", "Eigen", "OpenCV", "PCL", "PROJ", "VTK"}) {
+    EXPECT_TRUE(std::regex_search(
+        outcome.out, std::regex("    \"" + std::string(library) + "\": \"[0-9]+[.][0-9.]+\"")))
+        << library;
+  }
+  EXPECT_EQ(run_camber("--version --xml").exit_code, 2);
+}
+
 TEST(Program, NamesTheNearestOfAMisspeltName) {
   const std::pair<const char*, const char*> cases[] = {
       {"reconstrcut", "there is no command reconstrcut: did you mean reconstruct?"},
@@ -144,7 +156,8 @@ TEST(Program, NamesTheNearestOfAMisspeltName) {
     EXPECT_THAT(outcome.err, testing::EndsWith(std::string(expected) + "\n"));
   }
   EXPECT_THAT(run_camber("plane x.ply --zzzzzz").err, testing::Not(HasSubstr("did you mean")));
-  EXPECT_THAT(run_camber("import").err, HasSubstr("; expected images, video, colmap, kitti or synthia-sf\n"));
+  EXPECT_THAT(run_camber("import").err,
+              HasSubstr("; expected images, video, colmap, kitti or synthia-sf\n"));
 }
 
 TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {
@@ -171,10 +184,83 @@ TEST(EveryCommand, TakesTheCommonOptions) {
   for (const std::string& command : all_commands()) {
     SCOPED_TRACE(command);
     const std::string help = run_camber(command + " --help").out;
-    for (const char* option : {"--seed", "--threads", "--quiet"}) {
+    for (const char* option : {"--seed", "--threads", "--quiet", "--config", "--print-config"}) {
       EXPECT_THAT(help, HasSubstr(option));
     }
   }
+}
+
+// What --print-config prints is a configuration that prints the same again.
+TEST(EveryCommand, PrintsItsConfigurationAndTakesItBack) {
+  const camber::test::TemporaryFolder folder;
+  const std::string file = (folder.path() / "config.toml").string();
+  for (const std::string& command : all_commands()) {
+    SCOPED_TRACE(command);
+    const Outcome printed = run_camber(command + " --threads 3 --print-config");
+    EXPECT_EQ(printed.exit_code, 0) << printed.err;
+    EXPECT_THAT(printed.out, StartsWith("[" + std::regex_replace(command, std::regex(" "), ".")));
+    EXPECT_THAT(printed.out, HasSubstr("\nthreads = 3\n"));
+    std::ofstream(file) << printed.out;
+    const Outcome again = run_camber(command + " --print-config --config '" + file + "'");
+    EXPECT_EQ(again.exit_code, 0) << again.err;
+    EXPECT_EQ(again.out, printed.out);
+  }
+}
+
+class Configuration : public testing::Test {
+ protected:
+  Outcome run(const std::string& content, const std::string& arguments) {
+    std::ofstream(file_) << content;
+    return run_camber("plane " + road_ + " --config '" + file_ + "' " + arguments);
+  }
+  camber::test::TemporaryFolder folder_;
+  std::string file_ = (folder_.path() / "config.toml").string();
+  std::string road_ =
+      "'" + (camber::test::source_dir() / "samples/steep_hill/truth/road.ply").string() + "'";
+};
+
+TEST_F(Configuration, StandsForWhatTheLineLeavesOpen) {
+  const std::string content =
+      "threads = 1\n# a comment\n[plane]\nthreshold = 7e-2\nup = [0, -1.0, 0]\njson = true\n"
+      "[import.video]\nfov = 60\n";
+  const Outcome configured = run(content, "");
+  EXPECT_EQ(configured.exit_code, 0) << configured.err;
+  EXPECT_THAT(configured.out, HasSubstr("\"threshold\": 0.07,"));
+  const std::regex timings(R"("timings_ms": \{[^}]*\})");
+  const Outcome typed = run("", "--threads 1 --threshold 0.07 --up 0,-1,0 --json");
+  EXPECT_EQ(std::regex_replace(configured.out, timings, ""),
+            std::regex_replace(typed.out, timings, ""));
+  EXPECT_THAT(run(content, "--threshold=0.05").out, HasSubstr("\"threshold\": 0.05,"));
+  EXPECT_THAT(run(content, "--threshold 0.04").out, HasSubstr("\"threshold\": 0.04,"));
+  EXPECT_THAT(run("[plane]\njson = false\n", "--threshold 0.05").out, StartsWith("status"));
+}
+
+TEST_F(Configuration, MistakesAreNamedWithTheirLine) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"[plane]\njsn = true\n", "line 2: camber plane has no option jsn: did you mean json?"},
+      {"[plan]\n", "line 1: there is no command plan: did you mean [plane]?"},
+      {"\n[plane\n", "line 2: found no TOML"},
+      {"[plane]\n\nconfidence = \"high\"\n", "line 3: "},
+      {"[plane]\nengine = \"other\"\n", "line 2: "},
+      {"[plane]\nthreshold = true\n", "line 2: threshold: expected a value"},
+      {"[plane]\njson = \"yes\"\n", "line 2: json: expected true or false"},
+      {"[plane]\nup = []\n", "line 2: up: found an empty array"},
+      {"[plane]\nup = [[0, 1, 0]]\n", "line 2: up: found a value of another kind"},
+      {"[plane]\nthreshold = nan\n", "line 2: threshold: found a value of another kind"},
+      {"[plane]\nconfig = \"more.toml\"\n", "line 2: config belongs on the command line"},
+      {"threads = 1\nthreads = 2\n", "line 2: found no TOML"},
+  };
+  for (const auto& [content, message] : cases) {
+    SCOPED_TRACE(content);
+    const Outcome outcome = run(content, "");
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_THAT(outcome.err, StartsWith("camber: " + file_ + ": " + message));
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
+  const Outcome missing = run_camber("plane --config none.toml " + road_);
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_EQ(missing.err, "camber: none.toml: no such file\n");
 }
 
 TEST(EveryCommand, RefusesAnUnknownOptionAndABadValueWithExitCodeTwo) {
