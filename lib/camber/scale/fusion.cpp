@@ -15,33 +15,26 @@ struct Block {
   Eigen::Index first, size;
 };
 
-Eigen::VectorXi rows_of(const std::vector<Block>& blocks) {
-  Eigen::Index count = 0;
-  for (const Block& b : blocks) count += b.size;
-  Eigen::VectorXi out(count);
-  Eigen::Index at = 0;
-  for (const Block& b : blocks) {
-    for (Eigen::Index i = 0; i < b.size; ++i) out[at++] = static_cast<int>(b.first + i);
-  }
-  return out;
+/// Root of the mean squared innovation of one block given all others, standard deviations: with Q
+/// the inverse of the joint covariance, the residual less its expectation is Q_bb^-1 (Q r)_b, of
+/// covariance Q_bb^-1 (block inversion).
+double innovation_given_others(const Eigen::MatrixXd& inverse, const Eigen::VectorXd& residual,
+                               const Block& block) {
+  const auto rows = Eigen::seqN(block.first, block.size);
+  const Eigen::VectorXd weighted = inverse(rows, Eigen::all) * residual;
+  const Eigen::MatrixXd own = inverse(rows, rows);
+  const double squared = weighted.dot(own.ldlt().solve(weighted));
+  return std::sqrt(std::max(0.0, squared) / static_cast<double>(block.size));
 }
 
-/// Root of the mean squared innovation of one block given others, standard deviations.
-double innovation_given(const Eigen::MatrixXd& spread, const Eigen::VectorXd& residual,
-                        const Block& block, const std::vector<Block>& others) {
-  Eigen::VectorXd missing = residual.segment(block.first, block.size);
-  Eigen::MatrixXd own = spread.block(block.first, block.first, block.size, block.size);
-  if (!others.empty()) {
-    const Eigen::VectorXi rows = rows_of(others);
-    const Eigen::MatrixXd among = spread(rows, rows);
-    const Eigen::MatrixXd between = spread(rows, Eigen::seqN(block.first, block.size));
-    const Eigen::LDLT<Eigen::MatrixXd> ldlt(among);
-    const Eigen::MatrixXd gain = ldlt.solve(between);
-    missing -= gain.transpose() * residual(rows);
-    own -= between.transpose() * gain;
-  }
-  const double squared = missing.dot(own.ldlt().solve(missing));
-  return std::sqrt(std::max(0.0, squared) / static_cast<double>(block.size));
+/// The inverse of the covariance without the block's rows, which become zeros.
+void leave_out(const Block& block, Eigen::MatrixXd* inverse) {
+  const auto rows = Eigen::seqN(block.first, block.size);
+  const Eigen::MatrixXd columns = (*inverse)(Eigen::all, rows);
+  const Eigen::MatrixXd own = columns(rows, Eigen::all);
+  *inverse -= columns * own.ldlt().solve(columns.transpose());
+  (*inverse)(Eigen::all, rows).setZero();
+  (*inverse)(rows, Eigen::all).setZero();
 }
 
 }  // namespace
@@ -102,16 +95,14 @@ FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constra
   const Eigen::MatrixXd spread =
       rows > 0 ? Eigen::MatrixXd(road.covariance(road.of_constraint(all)) + all.covariance)
                : Eigen::MatrixXd();
-  const auto judge = [&](std::size_t k) {
-    std::vector<Block> others = blocks;
-    others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
-    return innovation_given(spread, all.residual, blocks[k], others);
-  };
+  Eigen::MatrixXd inverse =
+      rows > 0 ? Eigen::MatrixXd(spread.ldlt().solve(Eigen::MatrixXd::Identity(rows, rows)))
+               : Eigen::MatrixXd();
   while (!blocks.empty()) {
     std::size_t worst = 0;
     double farthest = -std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < blocks.size(); ++k) {
-      const double sigma = judge(k);
+      const double sigma = innovation_given_others(inverse, all.residual, blocks[k]);
       reports[blocks[k].source].residual_sigma = sigma;
       const double beyond = sigma - constraints[blocks[k].source].gate;
       if (!(beyond <= farthest)) {
@@ -123,6 +114,7 @@ FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constra
     ConstraintReport& rejected = reports[blocks[worst].source];
     rejected.reason = fmt::format("{:.1f} standard deviations off what the other sources expect",
                                   rejected.residual_sigma);
+    leave_out(blocks[worst], &inverse);
     blocks.erase(blocks.begin() + static_cast<std::ptrdiff_t>(worst));
   }
   std::vector<const Constraint*> accepted;
