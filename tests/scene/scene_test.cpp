@@ -215,6 +215,27 @@ TEST_F(SceneFile, OptionalKeysMayBeAbsentOrNull) {
   EXPECT_TRUE(scene.frames[0].segmentation.empty());
 }
 
+TEST_F(SceneFile, HasAtMostTwoThousandVehiclesAFrame) {
+  json manifest = full_manifest();
+  json& vehicles = manifest["frames"][0]["vehicles"];
+  const json one = vehicles[0];
+  vehicles = json::array();
+  for (int id = 0; id < 2000; ++id) {
+    vehicles.push_back(one);
+    vehicles.back()["id"] = id;
+  }
+  EXPECT_EQ(read_scene(put(manifest)).frames[1].vehicles.size(), kMostVehiclesPerFrame);
+  vehicles.push_back(one);
+  vehicles.back()["id"] = 2000;
+  try {
+    read_scene(put(manifest));
+    ADD_FAILURE();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("vehicles: found an array"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("expected at most 2000 vehicles a frame"));
+  }
+}
+
 TEST_F(SceneFile, TakesTheFolderForItsManifest) {
   put(minimal_manifest());
   EXPECT_EQ(read_scene(folder_.path()).camera.width, 64);

@@ -136,6 +136,22 @@ TEST(GroundPropagation, IsDenseInferenceWithoutOnesOwnMessage) {
   }
 }
 
+// The cavity is found by taking a message away from the sum: however strong it is.
+TEST(GroundPropagation, TheOnlyMessageLeavesThePriorAtAnyStrength) {
+  for (const double strength : {1e-6, 1.0, 1e3, 1e6, 1e9, 1e12}) {
+    SCOPED_TRACE(strength);
+    Scene scene = make_scene();
+    scene.nodes[0].message.reset();
+    scene.nodes[1].message.reset();
+    scene.nodes[2].message->information *= strength;
+    scene.nodes[2].message->information_vector *= strength;
+    const GroundCavity own = propagate(scene.covariance, scene.nodes, kGate).cavities[2];
+    const Eigen::MatrixXd prior = scene.covariance.bottomRightCorner(7, 7);
+    EXPECT_LT((own.covariance - prior).norm(), 1e-7 * prior.norm());
+    EXPECT_LT(own.mean.norm(), 1e-7);
+  }
+}
+
 TEST(GroundPropagation, NodesWithoutMessageAndPlanesOfTheirOwnChangeNothing) {
   Scene scene = make_scene();
   // Nothing in common with the others, not even the scale.

@@ -422,6 +422,42 @@ TEST(FitTracks, AVehicleOnUnseenGroundSendsNoMessageButTakesThoseOfOthers) {
   EXPECT_LT((one[1].pose.center() - both[1].pose.center()).norm(), 0.2 * moved);
 }
 
+// Of many vehicles some only have a joint covariance: the others are as without it, and are not
+// missed in it.
+TEST(FitTracks, AVehicleWithoutRowsTakesNoPartInASharedGround) {
+  Clip clip = make_clip({}, {{1, 0.0}, {2, 0.0}, {5, 0.0}});
+  clip.frames.resize(2);
+  const SharedGround all = share_ground(&clip, 0.3);
+  SharedGround some;
+  some.rows = {{0, 3, -1}, {6, 9, -1}};
+  const std::vector<int> at = {0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14, 18};
+  some.covariance = all.covariance(at, at);
+  const TrackFit fit = fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &some);
+  EXPECT_EQ(fit.messages.size(), 2u);
+  const TrackFit alone = fit_tracks(clip.camera, clip.frames, {}, 1, 0.01);
+  Clip two = clip;
+  for (TrackFrame& frame : two.frames) {
+    frame.detections.pop_back();
+    frame.supports.pop_back();
+    frame.estimates.pop_back();
+  }
+  some.rows.clear();
+  const TrackFit without = fit_tracks(two.camera, two.frames, {}, 1, 0.01, &some);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(fit.estimates[k][2].pose.bottom_center(), alone.estimates[k][2].pose.bottom_center());
+    for (std::size_t j = 0; j < 2; ++j) {
+      EXPECT_LT(
+          (fit.estimates[k][j].pose.bottom_center() - without.estimates[k][j].pose.bottom_center())
+              .norm(),
+          1e-9);
+    }
+  }
+  some.rows = {{0, 3, -1}};
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &some), std::invalid_argument);
+  some.rows = {{0, 3, -1}, {6, 12, -1}};
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, 0.01, &some), std::invalid_argument);
+}
+
 TEST(FitTracks, ASharedGroundOfOtherPlanesIsRejected) {
   Clip clip = make_clip({}, {{1, 0.0}});
   SharedGround ground = share_ground(&clip, 0.0);

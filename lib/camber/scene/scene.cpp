@@ -316,7 +316,11 @@ class ManifestReader {
     }
     if (auto v = object.find("vehicles")) {
       std::set<int> seen;
-      for (const JsonCursor& vehicle : v->items("an array of vehicles")) {
+      const auto vehicles = v->items("an array of vehicles");
+      if (vehicles.size() > kMostVehiclesPerFrame) {
+        v->fail(fmt::format("at most {} vehicles a frame", kMostVehiclesPerFrame));
+      }
+      for (const JsonCursor& vehicle : vehicles) {
         out.vehicles.push_back(read_detection(vehicle, seen));
       }
     }

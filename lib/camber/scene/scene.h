@@ -15,6 +15,9 @@
 
 namespace camber {
 
+/// The reader refuses more detections in a frame: vehicles hide each other long before.
+inline constexpr std::size_t kMostVehiclesPerFrame = 2000;
+
 /// One image of a scene with what is known about it. Paths are absolute or relative to the working
 /// folder (the reader has resolved them against the manifest); empty: not given. An image may be a
 /// frame of a video, "drive.mp4#120" (image/video.h).

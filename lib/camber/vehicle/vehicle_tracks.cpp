@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
@@ -22,18 +24,48 @@ constexpr int kGroundRounds = 2;  // of message passing
 /// First row of each detection's plane in a shared ground, [frame][detection].
 using GroundRows = std::vector<std::vector<Eigen::Index>>;
 
-GroundRows ground_rows(const std::vector<TrackFrame>& frames, const Eigen::MatrixXd& covariance) {
-  GroundRows out;
-  Eigen::Index next = 0;
-  for (const TrackFrame& f : frames) {
-    out.emplace_back();
-    for (std::size_t j = 0; j < f.supports.size(); ++j, next += 3) out.back().push_back(next);
+GroundRows ground_rows(const std::vector<TrackFrame>& frames, const SharedGround& ground) {
+  GroundRows out = ground.rows;
+  if (out.empty()) {
+    Eigen::Index next = 0;
+    for (const TrackFrame& f : frames) {
+      out.emplace_back();
+      for (std::size_t j = 0; j < f.supports.size(); ++j, next += 3) out.back().push_back(next);
+    }
   }
-  if (covariance.rows() != next + 1 || covariance.cols() != next + 1) {
+  if (out.size() != frames.size()) {
+    throw std::invalid_argument(
+        fmt::format("ground.rows: of {} frames, must be of {}", out.size(), frames.size()));
+  }
+  Eigen::Index size = 1;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (out[k].size() != frames[k].supports.size()) {
+      throw std::invalid_argument(fmt::format("ground.rows: {} in frame {}, must be {}",
+                                              out[k].size(), k, frames[k].supports.size()));
+    }
+    for (const Eigen::Index row : out[k]) {
+      if (row >= 0) size += 3;
+    }
+  }
+  const Eigen::MatrixXd& covariance = ground.covariance;
+  if (covariance.rows() != size || covariance.cols() != size) {
     throw std::invalid_argument(fmt::format("ground.covariance: {} x {}, must be {} square",
-                                            covariance.rows(), covariance.cols(), next + 1));
+                                            covariance.rows(), covariance.cols(), size));
+  }
+  for (const std::vector<Eigen::Index>& of_frame : out) {
+    for (const Eigen::Index row : of_frame) {
+      if (row + 3 >= size) {
+        throw std::invalid_argument(
+            fmt::format("ground.rows: {}, must be below {}", row, size - 3));
+      }
+    }
   }
   return out;
+}
+
+bool has_rows(const GroundRows& rows, const TrackSolution& solution) {
+  return std::all_of(solution.views.begin(), solution.views.end(),
+                     [&](const TrackView& v) { return rows[v.frame][v.detection] >= 0; });
 }
 
 /// One round of message passing: every vehicle's message, and what follows from those of the
@@ -130,7 +162,7 @@ TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& 
       tracks_of(find_tracks(camera, frames, options.noise.association));
   const bool shared = ground && ground->covariance.size() > 0;
   GroundRows rows;
-  if (shared) rows = ground_rows(frames, ground->covariance);
+  if (shared) rows = ground_rows(frames, *ground);
   // One view alone has a message and takes those of others where the ground is shared.
   const std::size_t least_views = shared ? 1 : 2;
   const VehiclePrior& prior = options.prior ? *options.prior : shipped_vehicle_prior();
@@ -140,9 +172,9 @@ TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& 
     started[i] = start_track(camera, frames, tracks[i], options, scale_sigma, least_views);
     if (started[i]) solve_track(frames, prior, &*started[i]);
   });
-  std::vector<TrackSolution> solutions;
+  std::vector<TrackSolution> solutions, alone;
   for (std::optional<TrackSolution>& s : started) {
-    if (s) solutions.push_back(std::move(*s));
+    if (s) (!shared || has_rows(rows, *s) ? solutions : alone).push_back(std::move(*s));
   }
   TrackFit out;
   out.tracks = reported_numbers(frames, tracks);
@@ -156,6 +188,7 @@ TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& 
     out.messages = report_messages(round(), solutions, out.tracks);
   }
   for (const TrackFrame& f : frames) out.estimates.push_back(f.estimates);
+  std::move(alone.begin(), alone.end(), std::back_inserter(solutions));
   parallel_for(solutions.size(), num_threads,
                [&](std::size_t i) { write_track(frames, prior, solutions[i], &out.estimates); });
   return out;

@@ -28,11 +28,14 @@ struct TrackFrame {
 
 /// Joint prior of the planes under all detections, which lie on one ground.
 struct SharedGround {
-  /// 3 rows a detection, frame by frame in the order of their detections: (tilt about axis1, tilt
-  /// about axis2, height at the centroid) of its support plane, rad and m, the blocks on the
-  /// diagonal being the supports' own covariances; then one row for the logarithm of the factor on
-  /// the cameras' baselines. Empty: planes have nothing in common.
+  /// 3 rows a detection, frame by frame in the order of their detections (but see `rows`): (tilt
+  /// about axis1, tilt about axis2, height at the centroid) of its support plane, rad and m, the
+  /// blocks on the diagonal being the supports' own covariances; then one row for the logarithm of
+  /// the factor on the cameras' baselines. Empty: planes have nothing in common.
   Eigen::MatrixXd covariance;
+  /// First row of each detection's plane, [frame][detection]; -1: it has none, and a track with
+  /// such a view takes no part in the message passing. Empty: every detection has its rows.
+  std::vector<std::vector<Eigen::Index>> rows;
 };
 
 /// Track numbers of all detections, [frame][detection], from 0 in order of appearance.
@@ -74,7 +77,7 @@ struct TrackFit {
   /// [frame][detection]: number of the track, the given one where there is one, else a number that
   /// no given track has; -1: no given track and not found in another frame.
   std::vector<std::vector<int>> tracks;
-  /// Of the final estimates, one a track that was solved; empty without a shared ground.
+  /// Of the final estimates, one a track that was solved and has its rows in the shared ground.
   std::vector<TrackMessage> messages;
 };
 
@@ -98,7 +101,8 @@ struct TrackFit {
 /// @param scale_sigma  relative standard deviation of the cameras' baselines; > 0, else
 ///                     std::invalid_argument.
 /// @param ground       not owned; nullptr: every vehicle by itself.
-/// @throws std::invalid_argument if the shared ground's covariance has another number of rows.
+/// @throws std::invalid_argument if the shared ground's covariance has another number of rows, or
+///                               its rows are others than the detections'.
 TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
                     const VehicleFitOptions& options, int num_threads = 0,
                     double scale_sigma = 0.01, const SharedGround* ground = nullptr);

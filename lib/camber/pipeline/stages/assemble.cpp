@@ -286,16 +286,18 @@ void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& gr
                          const PlacedVehicles& placed, std::size_t road_patches,
                          RoadSurface* surface, std::vector<std::vector<VehicleEstimate>>* out) {
   const std::vector<std::vector<std::string>> contradicted = contradictions(final_road, placed);
-  Eigen::Index row = 0;
   for (std::size_t k = 0; k < placed.views.size(); ++k) {
     const SE3& reference_from_frame = placed.views[k].world_from_camera;
-    for (std::size_t j = 0; j < placed.views[k].detections.size(); ++j, row += 3) {
+    for (std::size_t j = 0; j < placed.views[k].detections.size(); ++j) {
       const std::optional<PatchFootprint>& footprint = plan.under_vehicles[k][j];
       if (!footprint) continue;
       const SupportPlane& support = placed.views[k].supports[j];
       VehicleEstimate& vehicle = (*out)[k][j];
-      UncertainPlane here = plane_under(support, vehicle, final_road.plane_changes.segment<3>(row),
-                                        final_road.plane_covariance.block<3, 3>(row, row));
+      const Eigen::Index row = placed.ground.rows[k][j];
+      UncertainPlane here =
+          row < 0 ? support.plane
+                  : plane_under(support, vehicle, final_road.plane_changes.segment<3>(row),
+                                final_road.plane_covariance.block<3, 3>(row, row));
       PlanePatch patch =
           road_patch(ground, final_road.road, frames.camera, *footprint, surface->up);
       if (!contradicted[k][j].empty()) widen(support, contradicted[k][j], &here, &patch);

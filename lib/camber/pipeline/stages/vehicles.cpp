@@ -127,13 +127,36 @@ GroundUnderVehicles ground_under_vehicles(const LoadedFrames& frames, const Moti
   return out;
 }
 
-/// Row of a detection's plane in the joint covariance.
-Eigen::Index row_of(const std::vector<TrackFrame>& views, const TrackView& at) {
-  Eigen::Index row = 0;
-  for (std::size_t k = 0; k < at.frame; ++k) {
-    row += 3 * static_cast<Eigen::Index>(views[k].detections.size());
+/// Planes with a joint covariance, over all frames: time grows with the third power, memory with
+/// the second. Vehicles beyond take their planes from the road, and nothing from one another.
+constexpr std::size_t kMostJoinedPlanes = 256;
+
+/// Rows of the detections' planes in the joint covariance, whose size is bounded: of many, those of
+/// the tallest boxes.
+std::vector<std::vector<Eigen::Index>> rows_of(const std::vector<TrackFrame>& views) {
+  std::vector<TrackView> all;
+  for (std::size_t k = 0; k < views.size(); ++k) {
+    for (std::size_t j = 0; j < views[k].detections.size(); ++j) all.push_back({k, j});
   }
-  return row + 3 * static_cast<Eigen::Index>(at.detection);
+  if (all.size() > kMostJoinedPlanes) {
+    std::stable_sort(all.begin(), all.end(), [&](const TrackView& a, const TrackView& b) {
+      return views[a.frame].detections[a.detection].box.height() >
+             views[b.frame].detections[b.detection].box.height();
+    });
+    all.resize(kMostJoinedPlanes);
+  }
+  std::vector<std::vector<Eigen::Index>> out;
+  for (const TrackFrame& view : views) out.emplace_back(view.detections.size(), -1);
+  for (const TrackView& at : all) out[at.frame][at.detection] = 0;
+  Eigen::Index next = 0;
+  for (std::vector<Eigen::Index>& of_frame : out) {
+    for (Eigen::Index& row : of_frame) {
+      if (row < 0) continue;
+      row = next;
+      next += 3;
+    }
+  }
+  return out;
 }
 
 /// Joint covariance of the planes under all detections and of the scale: those of the road by its
@@ -141,22 +164,26 @@ Eigen::Index row_of(const std::vector<TrackFrame>& views, const TrackView& at) {
 SharedGround shared_ground(const RoadPosterior& road, const GroundUnderVehicles& ground,
                            const std::vector<TrackFrame>& views) {
   SharedGround out;
+  out.rows = rows_of(views);
   Eigen::Index rows = 1;
-  for (const TrackFrame& view : views)
-    rows += 3 * static_cast<Eigen::Index>(view.detections.size());
+  for (const std::vector<Eigen::Index>& of_frame : out.rows) {
+    rows += 3 * std::count_if(of_frame.begin(), of_frame.end(), [](auto row) { return row >= 0; });
+  }
   out.covariance = Eigen::MatrixXd::Zero(rows, rows);
   for (std::size_t k = 0; k < views.size(); ++k) {
     for (std::size_t j = 0; j < views[k].detections.size(); ++j) {
-      const Eigen::Index row = row_of(views, {k, j});
+      const Eigen::Index row = out.rows[k][j];
+      if (row < 0) continue;
       out.covariance.block<3, 3>(row, row) = views[k].supports[j].plane.covariance;
     }
   }
   std::vector<RoadFunctionals> parts;
   std::vector<int> at;
   for (std::size_t i = 0; i < ground.planes.size(); ++i) {
+    const auto row = static_cast<int>(out.rows[ground.at[i].frame][ground.at[i].detection]);
+    if (row < 0) continue;
     parts.push_back(
         road.of_inverse_depths(ground.planes[i].pixels, ground.planes[i].by_inverse_depth));
-    const auto row = static_cast<int>(row_of(views, ground.at[i]));
     at.insert(at.end(), {row, row + 1, row + 2});
   }
   parts.push_back(road.of_log_scale());
@@ -177,7 +204,7 @@ constexpr double kVehicleGate = 2.0;
 std::optional<VehicleConstraint> constraint_of(const TrackMessage& message, const LocalPlane& plane,
                                                const LocalPlaneOptions& local,
                                                const std::vector<TrackFrame>& views,
-                                               Eigen::Index ground_rows) {
+                                               const SharedGround& ground) {
   const Eigen::Matrix4d& information = message.message.information;
   const Eigen::Vector4d& vector = message.message.information_vector;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(information);
@@ -211,8 +238,9 @@ std::optional<VehicleConstraint> constraint_of(const TrackMessage& message, cons
   out.constraint.covariance = directions.leftCols<3>() * local.uneven_variances().asDiagonal() *
                               directions.leftCols<3>().transpose();
   out.constraint.covariance.diagonal() += out.variance;
-  out.by_ground = Eigen::MatrixXd::Zero(count, ground_rows);
-  out.by_ground.middleCols(row_of(views, message.lead), 3) = directions.leftCols<3>();
+  out.by_ground = Eigen::MatrixXd::Zero(count, ground.covariance.cols());
+  out.by_ground.middleCols(ground.rows[message.lead.frame][message.lead.detection], 3) =
+      directions.leftCols<3>();
   out.by_ground.rightCols<1>() = directions.col(3);
   return out;
 }
@@ -304,7 +332,7 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
     if (plane == ground.at.end()) continue;
     auto constraint =
         constraint_of(message, ground.planes[static_cast<std::size_t>(plane - ground.at.begin())],
-                      ground.local, out.views, joint.covariance.rows());
+                      ground.local, out.views, joint);
     if (constraint) out.constraints.push_back(std::move(*constraint));
   }
   out.ground = std::move(joint);

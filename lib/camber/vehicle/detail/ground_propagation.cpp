@@ -1,5 +1,7 @@
 #include "camber/vehicle/detail/ground_propagation.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 
@@ -18,6 +20,19 @@ Eigen::MatrixXd submatrix(const Eigen::MatrixXd& all, const std::vector<Eigen::I
     }
   }
   return out;
+}
+
+/// Whether a posterior's covariance is by more than rounding another without one of its messages:
+/// the shares of its information that are not the message's are 1 less the eigenvalues of C^T L C
+/// with P = C C^T.
+bool leaves_enough(const Eigen::Matrix4d& posterior, const Eigen::Matrix4d& information) {
+  constexpr double kLeast = 1e-6;
+  const Eigen::LLT<Eigen::Matrix4d> llt(posterior);
+  if (llt.info() != Eigen::Success) return false;
+  const Eigen::Matrix4d c = llt.matrixL();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> shares(c.transpose() * information * c,
+                                                              Eigen::EigenvaluesOnly);
+  return 1.0 - shares.eigenvalues().maxCoeff() > kLeast;
 }
 
 /// The joint prior of all planes and the scale, with the messages.
@@ -70,11 +85,8 @@ class JointGround {
       const Eigen::MatrixXd columns = out.covariance(Eigen::all, at);
       const Eigen::Matrix4d block = out.covariance(at, at);
       const Eigen::Matrix4d l = weights_[node] * nodes_[node].message->information;
-      const Eigen::FullPivLU<Eigen::Matrix4d> left(Eigen::Matrix4d::Identity() - block * l);
-      // A message that outweighs all else by far leaves nothing to be taken from.
-      constexpr double kLeast = 1e-7;
-      if (!(left.rcond() > kLeast)) return cavity_without(wanted, node);
-      const Eigen::Matrix4d m = l * left.inverse();
+      if (!leaves_enough(block, l)) return cavity_without(wanted, node);
+      const Eigen::Matrix4d m = l * (Eigen::Matrix4d::Identity() - block * l).inverse();
       const Eigen::Vector4d vector = weights_[node] * nodes_[node].message->information_vector;
       const Eigen::Vector4d measured = out.mean(at);
       out.mean += columns * (m * measured - vector - m * block * vector);

@@ -99,7 +99,7 @@ void KeypointLikelihood::update_visibility(const BodyView& at) {
   const Eigen::Vector3d eye = rotation.transpose() * -translation;  // vehicle frame
   for (std::size_t j = 0; j < points_.size(); ++j) {
     double share = shown_to(eye, points_[j], at.in_vehicle(points_[j])) ? noise_.seen_share_shown
-                                                                     : noise_.seen_share_hidden;
+                                                                        : noise_.seen_share_hidden;
     if (use_confidence_) {
       const double odds =
           share / (1.0 - share) * std::exp(noise_.confidence_log_odds * (rank_[j] - 0.5));

@@ -15,7 +15,8 @@ namespace {
 constexpr double kFineBlur = 0.8;  // px, of the last level
 constexpr int kMostPixels = 2500;  // that enter
 constexpr int kFewestPixels = 40;
-constexpr double kLeastDepth = 0.05;  // over the anchor's
+constexpr std::size_t kMostHiding = 16;  // behind more others' boxes a vehicle is not looked for
+constexpr double kLeastDepth = 0.05;     // over the anchor's
 
 /// Median by selection; reorders.
 double median(std::vector<double>& values) {
@@ -42,7 +43,9 @@ class DepthGrid {
         const Eigen::Vector3d ray = camera.ray(pixel(i, j));
         double depth = hull_depth(hull, ray);
         for (const auto& other : hiding) {
-          if (hull_depth(other, ray) > 0.0) depth = -1.0;
+          if (!(hull_depth(other, ray) > 0.0)) continue;
+          depth = -1.0;
+          break;
         }
         depths_.push_back(depth);
       }
@@ -99,12 +102,13 @@ std::optional<VehicleTemplate> VehicleTemplate::cut(
   out.camera_ = camera;
   out.noise_ = noise;
   out.step_ = std::max(1.0, std::round(std::sqrt(inside.area() / kMostPixels)));
-  std::vector<std::vector<HalfSpace>> hiding;
+  std::vector<const VehicleEstimate*> before;
   for (const VehicleEstimate* other : nearer) {
-    if (intersection_over_union(other->box, box) > 0.0) {
-      hiding.push_back(convex_hull(other->keypoints));
-    }
+    if (intersection_over_union(other->box, box) > 0.0) before.push_back(other);
   }
+  if (before.size() > kMostHiding) return std::nullopt;
+  std::vector<std::vector<HalfSpace>> hiding;
+  for (const VehicleEstimate* other : before) hiding.push_back(convex_hull(other->keypoints));
   const DepthGrid grid(camera, inside, static_cast<int>(out.step_), convex_hull(vehicle.keypoints),
                        std::move(hiding));
 
