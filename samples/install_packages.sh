@@ -8,7 +8,7 @@ set -euo pipefail
 program_packages=(
   cmake g++ ninja-build
   libavcodec-dev libavformat-dev libavutil-dev libceres-dev libcli11-dev libeigen3-dev libembree-dev libfmt-dev libjpeg-dev liblzf-dev
-  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libproj-dev libpugixml-dev libswscale-dev libtbb-dev libtomlplusplus-dev libvtk9-dev libxxhash-dev libyaml-cpp-dev
+  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libproj-dev libpugixml-dev librosbag-storage-dev libswscale-dev libtbb-dev libtomlplusplus-dev libvtk9-dev libxxhash-dev libyaml-cpp-dev
   nlohmann-json3-dev
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )

@@ -193,6 +193,7 @@ void register_import(App& root) {
   register_import_images(*import);
   register_import_video(*import);
   register_import_colmap(*import);
+  register_import_rosbag(*import);
   register_kitti(*import);
   register_synthia_sf(*import);
 }

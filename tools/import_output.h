@@ -46,5 +46,6 @@ void report_import(const Command& command, const Scene& scene,
 void register_import_images(App& import);
 void register_import_video(App& import);
 void register_import_colmap(App& import);
+void register_import_rosbag(App& import);
 
 }  // namespace camber::tools

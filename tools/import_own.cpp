@@ -1,11 +1,12 @@
-// camber import images|video|colmap: one's own images, with what one has beside them, to a scene
-// manifest.
+// camber import images|video|colmap|rosbag: one's own images, with what one has beside them, to a
+// scene manifest.
 
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "camber/scene/import_own.h"
 #include "import_output.h"
+#include "plugins/bag_reader.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -29,16 +30,19 @@ std::optional<double> positive(double value) {
   return value > 0.0 ? std::optional<double>(value) : std::nullopt;
 }
 
-void add_camera_options(App& app, OwnArguments& a) {
+/// @param bag  a calibration comes with the images, too.
+void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
   app.add_option(
       "--calib", a.calibration,
       "calibration file: OpenCV, ROS, Kalibr, EuRoC, camodocal, ORB-SLAM, COLMAP, kapture, "
       "KITTI, nuScenes, OpenSfM, ...");
   app.add_option("--camera", a.options.camera.name,
                  "name or index of the camera in that file, where it has several");
-  app.add_flag("--rectified", a.options.camera.rectified,
-               "the images were rectified with the file's projection matrix")
-      ->needs("--calib");
+  auto* rectified =
+      app.add_flag("--rectified", a.options.camera.rectified,
+                   bag ? "the images were rectified with the calibration's projection matrix"
+                       : "the images were rectified with the file's projection matrix");
+  if (!bag) rectified->needs("--calib");
   app.add_option("--fx", a.fx, "focal length, pixels, in place of --calib")
       ->check(positive_number());
   app.add_option("--fy", a.fy, "likewise down the image; default: fx")->check(positive_number());
@@ -312,6 +316,59 @@ void register_import_colmap(App& import) {
     used["scale"] = given.scale > 0.0 ? json(given.scale) : json();
     return write_import(*command, given, std::move(used), [&](const fs::path&) {
       return import_colmap(given.model, given.images, positive(given.scale), options);
+    });
+  };
+}
+
+void register_import_rosbag(App& import) {
+  Command* command = add_command(
+      import, "rosbag",
+      "Writes the scene manifest of a bag of ROS 1: the images of a topic (Image or "
+      "CompressedImage) are written beside it, times are those of their headers, the camera is "
+      "that of CameraInfo unless one is given. Needs Debian's librosbag-storage-dev when the "
+      "program is built.",
+      "  camber import rosbag drive.bag --height 1.4 --out scene\n"
+      "  camber import rosbag drive.bag --topic /camera/image_raw/compressed --calib camera.yaml "
+      "\\\n      --from 12.5 --to 20 --every 3 --out scene");
+  struct Arguments : OwnArguments {
+    std::string bag;
+    BagChoice choice;
+    double from = -1.0, to = -1.0;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("bag", a.bag, "file of the bag")->required();
+  app.add_option("--topic", a.choice.topic, "topic of the images, where the bag has several");
+  app.add_option("--info-topic", a.choice.info_topic,
+                 "topic of their CameraInfo; default: camera_info beside them");
+  app.add_option("--every", a.choice.frames.every, "take each n-th image")
+      ->check(in_range(1, 1000000))
+      ->capture_default_str();
+  app.add_option("--from", a.from, "first time to take, seconds since the first image")
+      ->check(non_negative_number());
+  app.add_option("--to", a.to, "last time to take, likewise")->check(non_negative_number());
+  add_camera_options(app, a, true);
+  add_detection_options(app, a);
+  add_known_options(app, a);
+  app.add_option("--frames", a.options.frames, "frames to keep of those taken: 48,49,50 or 48:52");
+  add_output_options(app, a);
+  command->run = [arguments, command]() {
+    Arguments& given = *arguments;
+    const OwnDataOptions& options = take(given);
+    BagChoice& choice = given.choice;
+    if (given.from >= 0.0) choice.frames.from = given.from;
+    if (given.to >= 0.0) choice.frames.to = given.to;
+    choice.frames.validate();
+    json used = options_json(given);
+    used["bag"] = given.bag;
+    used["topic"] = choice.topic;
+    used["info_topic"] = choice.info_topic;
+    used["every"] = choice.frames.every;
+    used["from"] = given.from >= 0.0 ? json(given.from) : json();
+    used["to"] = given.to >= 0.0 ? json(given.to) : json();
+    return write_import(*command, given, std::move(used), [&](const fs::path& manifest) {
+      return import_rosbag(open_bag(given.bag), given.bag, choice, options, manifest);
     });
   };
 }

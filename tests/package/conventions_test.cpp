@@ -157,7 +157,7 @@ TEST(Program, NamesTheNearestOfAMisspeltName) {
   }
   EXPECT_THAT(run_camber("plane x.ply --zzzzzz").err, testing::Not(HasSubstr("did you mean")));
   EXPECT_THAT(run_camber("import").err,
-              HasSubstr("; expected images, video, colmap, kitti or synthia-sf\n"));
+              HasSubstr("; expected images, video, colmap, rosbag, kitti or synthia-sf\n"));
 }
 
 TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {

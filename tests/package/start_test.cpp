@@ -138,4 +138,29 @@ TEST(Start, WithoutItsPluginACommandSaysSo) {
               ContainsRegex("^camber: [^\n]*/libcamber_clouds.so: no such file[^\n]*\n$"));
 }
 
+TEST(Start, WithoutRossLibraryBagsAreRefused) {
+  const camber::test::TemporaryFolder folder;
+  const fs::path plugins = fs::path(CAMBER_PLUGINS);
+  const fs::path program = fs::path(CAMBER_PROGRAM);
+  const fs::path beside =
+      folder.path() / fs::relative(plugins, program.parent_path().parent_path());
+  fs::create_directories(folder.path() / "bin");
+  fs::create_directories(beside);
+  fs::copy_file(program, folder.path() / "bin/camber");
+  for (const auto& entry : fs::directory_iterator(plugins)) {
+    if (entry.path().filename() == "libcamber_rosbag.so") continue;
+    fs::create_symlink(entry.path(), beside / entry.path().filename());
+  }
+  const std::string err = (folder.path() / "err").string();
+  const std::string command = "'" + (folder.path() / "bin/camber").string() +
+                              "' import rosbag x.bag --out '" + (folder.path() / "out").string() +
+                              "' 2>'" + err + "'";
+  const int status = std::system(command.c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 3);
+  EXPECT_THAT(read_text(err),
+              ContainsRegex("^camber: [^\n]*librosbag-storage-dev[^\n]*install it[^\n]*\n$"));
+  EXPECT_FALSE(fs::exists(folder.path() / "out"));
+}
+
 }  // namespace

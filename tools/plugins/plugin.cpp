@@ -20,6 +20,10 @@ std::string plugin_folder() {
   return program.substr(0, program.rfind('/') + 1) + CAMBER_PLUGIN_FOLDER;
 }
 
+std::string plugin_file(const std::string& plugin) {
+  return plugin_folder() + "/libcamber_" + plugin + ".so";
+}
+
 /// Whether the dynamic loader failed for want of memory.
 bool names_memory(const std::string& reason) {
   for (const char* part : {"failed to map", "cannot allocate memory", "Cannot allocate memory",
@@ -39,8 +43,12 @@ bool names_memory(const std::string& reason) {
 
 }  // namespace
 
+bool has_plugin(const std::string& plugin) {
+  return ::access(plugin_file(plugin).c_str(), F_OK) == 0;
+}
+
 void* plugin_symbol(const std::string& plugin, const char* symbol) {
-  const std::string file = plugin_folder() + "/libcamber_" + plugin + ".so";
+  const std::string file = plugin_file(plugin);
   if (::access(file.c_str(), F_OK) != 0) refuse(file, "no such file");
   void* module = ::dlopen(file.c_str(), RTLD_LAZY | RTLD_LOCAL);
   if (!module) refuse(file, ::dlerror());

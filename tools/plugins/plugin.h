@@ -13,10 +13,14 @@ namespace camber::tools {
 ///   crs     coordinate systems by name: PROJ
 ///   video   films and videos: OpenCV's videoio, FFmpeg
 ///   networks  detectors and segmenters: OpenCV's DNN
+///   rosbag  bags: ROS's rosbag_storage; built only where that is installed
 ///
 /// @return what a plugin exports under that name, not nullptr.
 /// @throws MachineError if the plugin is not there, cannot be loaded, or is of another version.
 void* plugin_symbol(const std::string& plugin, const char* symbol);
+
+/// Whether a plugin was built and installed.
+bool has_plugin(const std::string& plugin);
 
 }  // namespace camber::tools
 

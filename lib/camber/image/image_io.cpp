@@ -282,14 +282,16 @@ Decoded decode_jpeg(const std::string& bytes, const std::string& name, Want want
 
 // -------------------------------------------------------------------------------------------------
 
-Decoded decode(const fs::path& path, Want want, ImageInfo* image) {
-  const std::string bytes = read_whole_file(path, kMaxFileBytes);
-  const std::string name = path.string();
+Decoded decode(const std::string& bytes, const std::string& name, Want want, ImageInfo* image) {
   if (is_png(bytes)) return decode_png(bytes, name, want, image);
   if (is_jpeg(bytes)) return decode_jpeg(bytes, name, want, image);
   throw InputError(name, bytes.empty() ? "found an empty file, expected a PNG or JPEG image"
                                        : "found a file that is neither PNG nor JPEG, expected an "
                                          "image");
+}
+
+Decoded decode(const fs::path& path, Want want, ImageInfo* image) {
+  return decode(read_whole_file(path, kMaxFileBytes), path.string(), want, image);
 }
 
 void check_size(const fs::path& path, int width, int height, const PinholeCamera& camera) {
@@ -340,6 +342,19 @@ ImageInfo read_image_info(const fs::path& path) {
   ImageInfo info;
   decode(path, Want::kHeader, &info);
   return info;
+}
+
+ImageInfo read_image_info(const std::string& bytes, const std::string& name) {
+  ImageInfo info;
+  decode(bytes, name, Want::kHeader, &info);
+  return info;
+}
+
+Image decode_color_image(const std::string& bytes, const std::string& name) {
+  ImageInfo info;
+  Decoded decoded = decode(bytes, name, Want::kColors8, &info);
+  Image image{decoded.width, decoded.height, decoded.channels, std::move(decoded.data)};
+  return image.channels == 1 ? replicate(image) : image;
 }
 
 Image to_grey(const Image& image) {

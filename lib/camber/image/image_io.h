@@ -23,12 +23,18 @@ struct ImageInfo {
 /// The header of a PNG or JPEG file. @throws InputError "file: found, expected".
 ImageInfo read_image_info(const std::filesystem::path& path);
 
+/// The same of the bytes of such a file. @param name  in messages.
+ImageInfo read_image_info(const std::string& bytes, const std::string& name);
+
 /// Decodes a PNG or JPEG image completely: a file that is missing, is no image, is cut off
 /// anywhere, or whose checksums do not hold is an error, never a picture with missing rows. Alpha
 /// is dropped, 16 bits become 8, a palette becomes colours.
 /// @throws InputError "file: found, expected".
 Image read_color_image(const std::filesystem::path& path);  ///< 3 channels
 Image read_gray_image(const std::filesystem::path& path);   ///< 1 channel, ITU-R BT.601 weights
+
+/// The same of the bytes of a file, 3 channels. @param name  in messages.
+Image decode_color_image(const std::string& bytes, const std::string& name);
 
 /// Intensities of a colour image (0.299 R + 0.587 G + 0.114 B, rounded); of a grey one, itself.
 Image to_grey(const Image& image);

@@ -154,20 +154,24 @@ std::vector<std::string> missing_in(const Scene& scene) {
   return out;
 }
 
+void put_calibration(Scene& scene, const CameraCalibration& camera, const std::string& form,
+                     bool rectified, const fs::path& path, OwnImport& out) {
+  scene.distortion = lens_of(camera, rectified, scene.camera.width, scene.camera.height, path);
+  scene.camera = scene.distortion.raw;
+  const LensModel model = scene.distortion.model;
+  out.found.push_back(fmt::format(
+      "camera {}({}): fx {:.6g} fy {:.6g} cx {:.6g} cy {:.6g}, {}",
+      camera.name.empty() ? "" : printable(camera.name, 64) + " ", form, scene.camera.fx,
+      scene.camera.fy, scene.camera.cx, scene.camera.cy,
+      model == LensModel::kNone ? std::string("no distortion") : to_string(model) + " distortion"));
+}
+
 void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out) {
   const int width = scene.camera.width, height = scene.camera.height;
   if (!camera.calibration.empty()) {
     const CalibrationFile file = read_calibration(camera.calibration);
-    const CameraCalibration& chosen = choose_camera(file, camera.name, camera.calibration);
-    scene.distortion = lens_of(chosen, camera.rectified, width, height, camera.calibration);
-    scene.camera = scene.distortion.raw;
-    const LensModel model = scene.distortion.model;
-    out.found.push_back(fmt::format("camera {}({}): fx {:.6g} fy {:.6g} cx {:.6g} cy {:.6g}, {}",
-                                    chosen.name.empty() ? "" : printable(chosen.name, 64) + " ",
-                                    file.form, scene.camera.fx, scene.camera.fy, scene.camera.cx,
-                                    scene.camera.cy,
-                                    model == LensModel::kNone ? std::string("no distortion")
-                                                              : to_string(model) + " distortion"));
+    put_calibration(scene, choose_camera(file, camera.name, camera.calibration), file.form,
+                    camera.rectified, camera.calibration, out);
     return;
   }
   if (!camera.fx && !camera.fov_deg) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,6 +60,9 @@ struct OwnDataOptions {
   void validate() const;  ///< throws std::invalid_argument
 };
 
+/// Takes the bytes of a file and the name that it is to have.
+using ImageSink = std::function<void(const std::filesystem::path&, const std::string&)>;
+
 /// A scene as imported, and what a person should know of it.
 struct OwnImport {
   Scene scene;
@@ -69,10 +73,12 @@ struct OwnImport {
   ClassMap mask_classes;
   /// Frames of a video to be written as PNG files: from "drive.mp4#120", ascending, to a file.
   std::vector<std::pair<std::filesystem::path, std::filesystem::path>> extractions;
+  /// Where images are no files yet: hands out those of all frames, for image/ beside the manifest.
+  std::function<void(const ImageSink&)> write_images;
 };
 
-/// Writes the converted masks to segmentation/ and the extracted frames to image/ beside the
-/// manifest, and the manifest; all or nothing.
+/// Writes the converted masks to segmentation/ and the frames that are no files yet to image/
+/// beside the manifest, and the manifest; all or nothing.
 /// @throws InputError for masks of other colours or sizes; OutputError.
 void write_own_import(OwnImport& import, const std::filesystem::path& manifest);
 

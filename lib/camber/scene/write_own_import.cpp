@@ -47,11 +47,15 @@ void write_own_import(OwnImport& import, const fs::path& manifest) {
     write_png(labels_of_colors(mask, import.mask_classes, file_camera(scene)),
               files.stage(frame->segmentation));
   }
-  if (!import.extractions.empty()) images.emplace(folder / "image");
+  if (!import.extractions.empty() || import.write_images) images.emplace(folder / "image");
   FrameImageReader reader;
   for (const auto& [from, to] : import.extractions) {
     write_png(reader.read(from, file_camera(scene)).color, files.stage(to));
   }
+  const ImageSink write = [&](const fs::path& path, const std::string& content) {
+    write_file_atomically(files.stage(path), content);
+  };
+  if (import.write_images) import.write_images(write);
   files.commit();
   write_scene(scene, manifest);
   if (masks) masks->keep();

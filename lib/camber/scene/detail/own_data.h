@@ -1,6 +1,7 @@
 #pragma once
 
 #include "camber/image/image.h"
+#include "camber/scene/formats/calibration.h"
 #include "camber/scene/import_own.h"
 
 namespace camber {
@@ -13,6 +14,11 @@ void number_frames(Scene& scene, OwnImport& out);
 
 /// The scene's camera from what is given; its size must be set. @throws InputError, UsageError.
 void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out);
+
+/// The scene's camera and lens from a calibration. @param form  what it stands in, for out.found.
+/// @throws InputError as lens_of().
+void put_calibration(Scene& scene, const CameraCalibration& camera, const std::string& form,
+                     bool rectified, const std::filesystem::path& path, OwnImport& out);
 
 /// Boxes into the frames, clipped to the image. @throws InputError where no box belongs to a frame,
 /// or all lie outside.
