@@ -17,6 +17,8 @@
 
 #include "camber/core/errors.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/image/frame_pixels.h"
+#include "camber/image/image_io.h"
 #include "camber/pipeline/estimate_vehicles.h"
 #include "camber/road/plan_polygon.h"
 #include "support/test_data.h"
@@ -74,6 +76,31 @@ TEST_F(SteepHillRun, IsRightAgainstTheTruth) {
   EXPECT_LE(found.missed, 2);
   EXPECT_EQ(found.unanswered, 0);
   EXPECT_GE(found.covered_within_40, 0.95 * found.within_40);
+}
+
+TEST_F(SteepHillRun, ImagesInMemoryGiveTheSameBits) {
+  Scene scene = *scene_;
+  std::map<int, FramePixels> pixels;
+  for (SceneFrame& frame : scene.frames) {
+    FramePixels& held = pixels[frame.id];
+    held.image = read_color_image(frame.image);
+    if (!frame.segmentation.empty()) {
+      held.segmentation = read_label_image(frame.segmentation, scene.camera);
+    }
+    frame.image.clear();
+    frame.segmentation.clear();
+  }
+  ReconstructOptions options;
+  options.num_threads = 2;
+  options.load.pixels = pixels_in_memory(pixels);
+  EXPECT_EQ(choose_frames(scene, options.load.pixels).ids, choose_frames(*scene_).ids);
+  const Reconstruction held = reconstruct(scene, {0, 1, 2}, options);
+  EXPECT_EQ(held.cloud.points, result_->cloud.points);
+  EXPECT_EQ(held.cloud.sigmas, result_->cloud.sigmas);
+  EXPECT_EQ(held.cloud.colors, result_->cloud.colors);
+  EXPECT_EQ(to_json(held.surface), to_json(result_->surface));
+  EXPECT_EQ(to_json(held.vehicles), to_json(result_->vehicles));
+  EXPECT_EQ(held.images[1].data, result_->images[1].data);
 }
 
 TEST_F(SteepHillRun, HoldsWhatItPromises) {
