@@ -7,17 +7,25 @@ get_property(modules GLOBAL PROPERTY CAMBER_MODULES)
 get_property(plugins GLOBAL PROPERTY CAMBER_PLUGINS)
 set(camber_package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/camber)
 if(TARGET camber)
-  install(TARGETS camber RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-  install(TARGETS ${plugins} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/camber)
-  # The man pages are made of the program's --help.
+  install(TARGETS camber RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
+  install(TARGETS ${plugins} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/camber COMPONENT program)
+  # The man pages and the shells' completions are made of the program's --help.
   find_package(Python3 QUIET COMPONENTS Interpreter)
   if(Python3_Interpreter_FOUND)
-    install(CODE "set(program \"$<TARGET_FILE:camber>\")")
     install(
-      CODE "execute_process(COMMAND \"${Python3_EXECUTABLE}\" -B
-             \"${PROJECT_SOURCE_DIR}/docs/make_pages.py\" \"\${program}\" --man
+      CODE "set(camber_program \"$<TARGET_FILE:camber>\")
+            set(share \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_DATADIR}\")
+            execute_process(COMMAND \"${Python3_EXECUTABLE}\" -B
+             \"${PROJECT_SOURCE_DIR}/docs/make_pages.py\" \"\${camber_program}\" --man
              \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_MANDIR}/man1\"
-             COMMAND_ERROR_IS_FATAL ANY)")
+             COMMAND_ERROR_IS_FATAL ANY)
+            execute_process(COMMAND \"${Python3_EXECUTABLE}\" -B
+             \"${PROJECT_SOURCE_DIR}/docs/make_completions.py\" \"\${camber_program}\"
+             --bash \"\${share}/bash-completion/completions/camber\"
+             --zsh \"\${share}/zsh/vendor-completions/_camber\"
+             --fish \"\${share}/fish/vendor_completions.d/camber.fish\"
+             COMMAND_ERROR_IS_FATAL ANY)"
+      COMPONENT program)
   endif()
 endif()
 foreach(module IN LISTS modules)

@@ -4,7 +4,7 @@ set -euo pipefail
 
 usage() {
   cat <<END
-Usage: tests/run.sh [--no-install] [--asan] [--fuzz] [--benchmarks] [-- CTEST_OPTIONS...]
+Usage: tests/run.sh [--no-install] [--asan] [--fuzz] [--long] [--benchmarks] [-- CTEST_OPTIONS...]
 
 Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests:
 ctest says how many passed and failed, a line after it how many were skipped and why. Then, where Clang with libFuzzer is present, the
@@ -13,6 +13,8 @@ fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
                 tests
   --fuzz        instead, only the fuzzers; Clang is installed for them
+  --long        also the tests that take minutes: the Debian packages, built, checked, installed
+                into a fresh system (root, mmdebstrap and a mirror) and run
   --benchmarks  after the tests, run the benchmarks; their JSON goes to build/release/benchmarks
   --no-install  take the packages as they are
   -- OPTIONS    go to ctest, without the fuzzers: tests/run.sh -- -R road
@@ -29,6 +31,7 @@ while [ $# -gt 0 ]; do
     --no-install) install=false ;;
     --asan) mode=asan ;;
     --fuzz) mode=fuzz ;;
+    --long) export CAMBER_LONG_TESTS=1 ;;
     --benchmarks) benchmarks=true ;;
     -h | --help) usage; exit 0 ;;
     --) shift; ctest_options=("$@"); break ;;

@@ -18,7 +18,8 @@ const std::vector<std::string>& folder_order();
 ///  - a file that includes a file of a folder that does not stand earlier in the order;
 ///  - an include that names no file;
 ///  - a cycle of files that include each other;
-///  - a header that includes PCL's or VTK's headers, which belong into .cpp files.
+///  - a header that includes PCL's or VTK's headers, which belong into .cpp files (but for the
+///    adapter cloud/pcl.h).
 std::vector<std::string> include_violations(const std::filesystem::path& root);
 
 /// Checks what each module's target links, folder -> names linked (camber::NAME or camber_NAME

@@ -17,6 +17,8 @@
 
 #include "camber/core/errors.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/image/frame_pixels.h"
+#include "camber/image/image_io.h"
 #include "camber/pipeline/estimate_vehicles.h"
 #include "camber/road/plan_polygon.h"
 #include "support/test_data.h"
@@ -337,10 +339,22 @@ TEST_F(SteepHillRun, TwoThreadsFindTheSame) {
   expect_identical(*result_, reconstruct(*scene_, {0, 1, 2}, options));
 }
 
-TEST_F(SteepHillRun, TruthIsNotRead) {
+TEST_F(SteepHillRun, TruthIsNotReadAndImagesMayLieInMemory) {
   Scene blind = *scene_;
   blind.truth.reset();
-  expect_identical(*result_, reconstruct(blind, {0, 1, 2}, {}));
+  std::map<int, FramePixels> pixels;
+  for (SceneFrame& frame : blind.frames) {
+    pixels[frame.id].image = read_color_image(frame.image);
+    pixels[frame.id].segmentation = read_label_image(frame.segmentation, blind.camera);
+    frame.image.clear();
+    frame.segmentation.clear();
+  }
+  ReconstructOptions options;
+  options.load.pixels = pixels_in_memory(pixels);
+  EXPECT_EQ(choose_frames(blind, options.load.pixels).ids, choose_frames(*scene_).ids);
+  const Reconstruction held = reconstruct(blind, {0, 1, 2}, options);
+  expect_identical(*result_, held);
+  EXPECT_EQ(held.images[1].data, result_->images[1].data);
 }
 
 TEST_F(SteepHillRun, WithoutMasksTheRoadIsFoundByGeometry) {

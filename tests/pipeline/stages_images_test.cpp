@@ -5,13 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "camber/core/errors.h"
 #include "camber/core/random.h"
+#include "camber/image/frame_pixels.h"
+#include "camber/image/image_io.h"
 #include "camber/pipeline/stages/ground.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/pipeline/stages/match.h"
@@ -100,6 +104,79 @@ TEST_F(LoadStage, ReadsImagesMasksAndWhatIsKnown) {
   ASSERT_EQ(found.input_hashes.size(), 6u);
   EXPECT_NE(found.input_hashes[0].second, found.input_hashes[2].second);  // two images
   EXPECT_EQ(found.input_hashes[1].second, found.input_hashes[3].second);  // equal labels
+}
+
+TEST_F(LoadStage, PixelsInMemoryAreAsThoseOfFiles) {
+  const LoadedFrames read = stages::load(scene_, {20, 21, 22}, {});
+  std::map<int, FramePixels> pixels;
+  for (SceneFrame& frame : scene_.frames) {
+    if (frame.id == 21) continue;  // this one stays a file
+    FramePixels& held = pixels[frame.id];
+    held.image = read_gray_image(frame.image);
+    held.segmentation = read_label_image(frame.segmentation, scene_.camera);
+    frame.image.clear();
+    frame.segmentation.clear();
+  }
+  stages::LoadOptions options;
+  options.pixels = pixels_in_memory(pixels);
+  const LoadedFrames held = stages::load(scene_, {20, 21, 22}, options);
+  ASSERT_EQ(held.size(), 3u);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(held.gray[k].pixels, read.gray[k].pixels) << k;
+    EXPECT_EQ(held.color[k].data, read.color[k].data) << k;
+    EXPECT_EQ(held.masks[k].ground, read.masks[k].ground) << k;
+    EXPECT_EQ(held.masks[k].roadway, read.masks[k].roadway) << k;
+    EXPECT_TRUE(held.masks[k].has_mask) << k;
+  }
+  ASSERT_EQ(held.input_hashes.size(), 6u);
+  EXPECT_EQ(held.input_hashes[0].first, "frame 20: image");
+  EXPECT_EQ(held.input_hashes[2], read.input_hashes[2]);
+  EXPECT_EQ(held.input_hashes[5].first, "frame 22: segmentation");
+  EXPECT_NE(held.input_hashes[0].second, held.input_hashes[4].second);
+}
+
+TEST_F(LoadStage, ARoadMaskInMemoryIsRead) {
+  std::vector<int> asked;
+  stages::LoadOptions options;
+  for (SceneFrame& frame : scene_.frames) frame.segmentation.clear();
+  options.pixels = [&](int id) {
+    asked.push_back(id);
+    FramePixels out;  // the images are the files'
+    out.road_mask = {kWidth, kHeight, 1, {}};
+    out.road_mask.data.assign(static_cast<std::size_t>(kWidth * kHeight), 0);
+    out.road_mask.data.back() = 255;
+    return out;
+  };
+  const LoadedFrames found = stages::load(scene_, {20, 22}, options);
+  EXPECT_THAT(asked, ElementsAre(20, 22));
+  EXPECT_TRUE(found.has_masks());
+  EXPECT_TRUE(found.reference_masks().roadway.back());
+  EXPECT_EQ(std::count(found.masks[0].ground.begin(), found.masks[0].ground.end(), 1), 1);
+}
+
+TEST_F(LoadStage, PixelsThatDoNotFitTheCameraAreNamed) {
+  const auto message = [&](const FramePixels& pixels) -> std::string {
+    stages::LoadOptions options;
+    options.pixels = pixels_in_memory({{21, pixels}});
+    try {
+      stages::load(scene_, {20, 21}, options);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  FramePixels pixels;
+  pixels.image = {kWidth, kHeight - 1, 3, std::vector<std::uint8_t>(kWidth * (kHeight - 1) * 3)};
+  EXPECT_EQ(message(pixels),
+            "image of frame 21: found 40 x 19 pixels of 3 channels, expected the camera's 40 x 20 "
+            "of 1 or 3");
+  pixels.image.height = kHeight;
+  EXPECT_EQ(message(pixels), "image of frame 21: found 2280 bytes, expected 2400");
+  pixels.image = {};
+  pixels.segmentation = {kWidth, kHeight, 3, std::vector<std::uint8_t>(kWidth * kHeight * 3)};
+  EXPECT_THAT(message(pixels), HasSubstr("segmentation of frame 21: found 40 x 20 pixels of 3"));
+  scene_.frames[1].image.clear();
+  EXPECT_THAT(refusal({20, 21}), HasSubstr("frame 21 has no image"));
 }
 
 TEST_F(LoadStage, LeavesMasksUnreadIfAsked) {

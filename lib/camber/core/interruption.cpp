@@ -16,6 +16,8 @@ void request_interruption() noexcept { g_requested.store(true, std::memory_order
 
 bool interruption_requested() noexcept { return g_requested.load(std::memory_order_relaxed); }
 
+void reset_interruption() noexcept { g_requested.store(false, std::memory_order_relaxed); }
+
 void throw_if_interrupted() {
   if (interruption_requested()) throw InterruptedError();
 }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "camber/core/errors.h"
@@ -20,13 +21,15 @@ constexpr double kEnoughAngle = 0.025;  // rad, parallax of the near road
 constexpr double kLeastMatched = 0.62;
 
 GrayImage small_image(const Scene& scene, std::size_t index, const Undistortion& lens,
-                      FrameImageReader& images) {
+                      FrameImageReader& images, const FramePixelSource& pixels) {
   const SceneFrame& frame = scene.frames[index];
-  if (frame.image.empty()) {
+  Image held = pixels ? pixels(frame.id).image : Image();
+  if (held.empty() && frame.image.empty()) {
     throw NoAnswerError("frame " + std::to_string(frame.id) +
                         " has no image in the manifest; reconstruction needs images");
   }
-  FrameImage image = images.read(frame.image, lens);
+  FrameImage image = held.empty() ? images.read(frame.image, lens)
+                                  : make_frame_image(std::move(held), lens, frame.id);
   const cv::Mat full(image.gray.height, image.gray.width, CV_8UC1, image.gray.pixels.data());
   GrayImage out;
   out.width = std::max(16, full.cols / kShrink);
@@ -92,7 +95,7 @@ std::optional<double> near_parallax(const Scene& scene, const GrayImage& a, cons
 
 }  // namespace
 
-ChosenFrames choose_frames(const Scene& scene) {
+ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels) {
   const std::size_t count = scene.frames.size();
   if (count < 2) {
     throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
@@ -107,14 +110,15 @@ ChosenFrames choose_frames(const Scene& scene) {
   const std::size_t most = std::max(behind, ahead);
   const Undistortion lens(scene.camera, scene.distortion);
   FrameImageReader images;  // goes on through a video as the frames do
-  const GrayImage here = small_image(scene, reference, lens, images);
+  const GrayImage here = small_image(scene, reference, lens, images, pixels);
   ChosenFrames out;
   const double enough = kEnoughAngle * scene.camera.fx;
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
-    const auto parallax = near_parallax(scene, here, small_image(scene, other, lens, images),
-                                        spacing == 1 ? kLeastMatched : 0.0);
+    const auto parallax =
+        near_parallax(scene, here, small_image(scene, other, lens, images, pixels),
+                      spacing == 1 ? kLeastMatched : 0.0);
     // Too fast to be matched at this size is not too slow.
     out.parallax_px = parallax.value_or(enough);
     if (out.parallax_px >= enough) break;

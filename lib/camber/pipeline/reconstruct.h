@@ -64,7 +64,8 @@ struct Reconstruction {
 };
 
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.
-/// Truth in the scene is not read.
+/// Truth in the scene is not read. Images are read from the scene's files, or come from memory or a
+/// callback: `options.load.pixels`.
 /// @param frame_ids  at least two ids of the scene, ascending; preset kPaper also takes one, with
 ///                   planes and metres by the scene (given planes, or the camera's height).
 /// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture or road;
@@ -81,8 +82,9 @@ struct ChosenFrames {
   double parallax_px = 0.0;  ///< of the near road between neighbours, rotation taken out
 };
 
+/// @param pixels  images in memory, as LoadOptions::pixels; asked for the frames that are looked at.
 /// @throws NoAnswerError for a scene of one frame or without images; InputError as reconstruct.
-ChosenFrames choose_frames(const Scene& scene);
+ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels = {});
 
 struct WriteReconstructionOptions {
   bool pictures = true;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 #include <stdexcept>
+#include <string_view>
 
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
@@ -27,24 +28,101 @@ std::vector<int> label_values(const Scene& scene, const std::string& name) {
   return found == scene.segmentation_classes.end() ? std::vector<int>() : found->second;
 }
 
-FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, const Undistortion& lens,
-                      const LoadOptions& options) {
-  const bool use_masks = options.use_masks;
+/// The labels of a frame: those that the options give, else those in memory, else the file's.
+FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, const FramePixels& pixels,
+                      const Undistortion& lens, const LoadOptions& options) {
   const auto given = options.labels.find(frame.id);
   MaskInputs inputs;
   inputs.classes = {label_values(scene, "road"), label_values(scene, "pavement"),
                     label_values(scene, "vehicle")};
   for (const VehicleDetection& v : frame.vehicles) inputs.vehicle_boxes.push_back(v.box);
-  const bool shows_ground = !inputs.classes.road.empty() || !inputs.classes.pavement.empty();
-  if (use_masks && given != options.labels.end() && shows_ground) {
-    inputs.segmentation = lens.labels(given->second);
-  } else if (use_masks && !frame.segmentation.empty() && shows_ground) {
-    inputs.segmentation = lens.labels(read_label_image(frame.segmentation, lens.raw()));
-  } else if (use_masks && !frame.road_mask.empty()) {
+  inputs.hidden = lens.outside();
+  if (!options.use_masks) return make_frame_masks(scene.camera, inputs);
+  if (!inputs.classes.road.empty() || !inputs.classes.pavement.empty()) {
+    if (given != options.labels.end()) {
+      inputs.segmentation = lens.labels(given->second);
+    } else if (!pixels.segmentation.empty()) {
+      inputs.segmentation = make_frame_labels(pixels.segmentation, lens, frame.id, "segmentation");
+    } else if (!frame.segmentation.empty()) {
+      inputs.segmentation = lens.labels(read_label_image(frame.segmentation, lens.raw()));
+    }
+  }
+  if (inputs.segmentation) return make_frame_masks(scene.camera, inputs);
+  if (!pixels.road_mask.empty()) {
+    inputs.road_mask = make_frame_labels(pixels.road_mask, lens, frame.id, "road mask");
+  } else if (!frame.road_mask.empty()) {
     inputs.road_mask = lens.labels(read_label_image(frame.road_mask, lens.raw()));
   }
-  inputs.hidden = lens.outside();
   return make_frame_masks(scene.camera, inputs);
+}
+
+/// What is in memory of the frames, one entry a frame.
+std::vector<FramePixels> pixels_of(const std::vector<SceneFrame>& frames,
+                                   const LoadOptions& options) {
+  std::vector<FramePixels> out(frames.size());
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (options.pixels) out[k] = options.pixels(frames[k].id);
+    if (out[k].image.empty() && frames[k].image.empty()) {
+      throw NoAnswerError("frame " + std::to_string(frames[k].id) +
+                          " has no image in the manifest; reconstruction needs images");
+    }
+  }
+  return out;
+}
+
+/// The images of the frames: those in memory (moved out of `pixels`) and, in one go, the files'.
+std::vector<FrameImage> images_of(const std::vector<SceneFrame>& frames, const Undistortion& lens,
+                                  const LoadOptions& options, std::vector<FramePixels>* pixels) {
+  std::vector<FrameImage> out(frames.size());
+  std::vector<std::filesystem::path> paths;
+  std::vector<std::size_t> from_file, from_memory;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const bool held = !(*pixels)[k].image.empty();
+    (held ? from_memory : from_file).push_back(k);
+    if (!held) paths.push_back(frames[k].image);
+  }
+  std::vector<FrameImage> read = read_frame_images(paths, lens, options.num_threads);
+  for (std::size_t i = 0; i < read.size(); ++i) out[from_file[i]] = std::move(read[i]);
+  parallel_for(from_memory.size(), options.num_threads, [&](std::size_t i) {
+    const std::size_t k = from_memory[i];
+    out[k] = make_frame_image(std::move((*pixels)[k].image), lens, frames[k].id);
+  });
+  return out;
+}
+
+using InputHashes = std::vector<std::pair<std::string, std::string>>;
+
+/// Hashes of what is read of each frame: files, a video with the first of its frames, and memory.
+std::vector<InputHashes> hashes_of(const std::vector<SceneFrame>& frames,
+                                   const std::vector<FramePixels>& pixels,
+                                   const LoadOptions& options) {
+  std::vector<std::filesystem::path> image_files(frames.size());
+  std::set<std::filesystem::path> videos;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (!pixels[k].image.empty()) continue;
+    const auto video = video_frame_name(frames[k].image);
+    if (!video || videos.insert(video->file).second) {
+      image_files[k] = image_file_of(frames[k].image);
+    }
+  }
+  std::vector<InputHashes> out(frames.size());
+  parallel_for(frames.size(), options.num_threads, [&](std::size_t k) {
+    const SceneFrame& frame = frames[k];
+    const auto hash = [&](const Image& held, const char* name, const std::filesystem::path& path) {
+      if (!held.empty()) {
+        const std::string_view bytes(reinterpret_cast<const char*>(held.data.data()),
+                                     held.data.size());
+        out[k].emplace_back("frame " + std::to_string(frame.id) + ": " + name, hash_bytes(bytes));
+      } else if (!path.empty()) {
+        out[k].emplace_back(path.string(), hash_file(path));
+      }
+    };
+    hash(pixels[k].image, "image", image_files[k]);
+    if (!options.use_masks || options.labels.count(frame.id) > 0) return;
+    hash(pixels[k].segmentation, "segmentation", frame.segmentation);
+    hash(pixels[k].road_mask, "road mask", frame.road_mask);
+  });
+  return out;
 }
 
 LaneMarkingSizes marking_sizes(const Scene& scene) {
@@ -123,39 +201,17 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   out.gray.resize(count);
   out.color.resize(count);
   out.masks.resize(count);
-  std::vector<std::filesystem::path> paths;
-  std::vector<std::set<std::filesystem::path>> read(
-      count);  // files, of a video with its first frame
-  std::set<std::filesystem::path> videos;
-  for (std::size_t k = 0; k < count; ++k) {
-    const SceneFrame& frame = out.frames[k];
-    if (frame.image.empty()) {
-      throw NoAnswerError("frame " + std::to_string(frame.id) +
-                          " has no image in the manifest; reconstruction needs images");
-    }
-    paths.push_back(frame.image);
-    const auto video = video_frame_name(frame.image);
-    if (!video || videos.insert(video->file).second) read[k].insert(image_file_of(frame.image));
-  }
-  const Undistortion lens(scene.camera, scene.distortion);
-  std::vector<FrameImage> images = read_frame_images(paths, lens, options.num_threads);
-  std::vector<std::vector<std::pair<std::string, std::string>>> hashes(count);
-  parallel_for(count, options.num_threads, [&](std::size_t k) {
-    const SceneFrame& frame = out.frames[k];
-    out.gray[k] = std::move(images[k].gray);
-    out.color[k] = std::move(images[k].color);
-    out.masks[k] = read_masks(scene, frame, lens, options);
-    const auto hash = [&](const std::filesystem::path& path) {
-      if (!path.empty()) hashes[k].emplace_back(path.string(), hash_file(path));
-    };
-    for (const auto& path : read[k]) hash(path);
-    if (!options.use_masks || options.labels.count(frame.id) > 0) return;
-    hash(frame.segmentation);
-    hash(frame.road_mask);
-  });
-  for (auto& list : hashes) {
+  std::vector<FramePixels> pixels = pixels_of(out.frames, options);
+  for (auto& list : hashes_of(out.frames, pixels, options)) {
     out.input_hashes.insert(out.input_hashes.end(), list.begin(), list.end());
   }
+  const Undistortion lens(scene.camera, scene.distortion);
+  std::vector<FrameImage> images = images_of(out.frames, lens, options, &pixels);
+  parallel_for(count, options.num_threads, [&](std::size_t k) {
+    out.gray[k] = std::move(images[k].gray);
+    out.color[k] = std::move(images[k].color);
+    out.masks[k] = read_masks(scene, out.frames[k], pixels[k], lens, options);
+  });
   require_different_images(out);
   return out;
 }

@@ -8,6 +8,7 @@
 
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/image/frame_masks.h"
+#include "camber/image/frame_pixels.h"
 #include "camber/image/image.h"
 #include "camber/scale/lane_marking_detection.h"
 #include "camber/scale/speed_constraint.h"
@@ -41,7 +42,8 @@ struct LoadedFrames {
   std::string detections_source;       ///< as the scene declares it
   std::optional<double> box_sigma_px;  ///< of the detections, as the scene states it
   double frame_rate = 10.0;            ///< Hz, for frames without a time
-  /// Path as the scene gives it and hash of its content, of all files that were read.
+  /// Path as the scene gives it and hash of its content, of all files that were read; "frame 7:
+  /// image" and the like for what came from memory.
   std::vector<std::pair<std::string, std::string>> input_hashes;
 
   std::size_t size() const { return frames.size(); }
@@ -58,12 +60,15 @@ struct LoadOptions {
   int num_threads = 0;        ///< <= 0: see resolve_num_threads
   /// By frame id, as the image files are, in place of the scene's files: a segmenter's.
   std::map<int, Image> labels;
+  /// Images and masks in memory, in place of the scene's files; asked once for each frame.
+  FramePixelSource pixels;
 };
 
-/// Decodes the images and masks of the frames.
+/// Decodes the images and masks of the frames, or takes them from `options.pixels`.
 /// @param frame_ids  at least two ids of the scene, ascending; else std::invalid_argument.
-/// @throws InputError for missing, damaged or mismatching images; NoAnswerError for one frame, for
-///         a frame without an image and for two frames with the same image.
+/// @throws InputError for missing, damaged or mismatching images (std::invalid_argument for those
+///         in memory); NoAnswerError for one frame, for a frame without an image and for two frames
+///         with the same image.
 LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
                   const LoadOptions& options);
 

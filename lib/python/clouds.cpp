@@ -1,0 +1,213 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <stdexcept>
+#include <type_traits>
+
+#include "camber/cloud/cloud_io.h"
+#include "convert.h"
+#include "running.h"
+
+namespace camber::python {
+namespace {
+
+const char* name_of(CloudFrame frame) {
+  switch (frame) {
+    case CloudFrame::kCamera:
+      return "camera";
+    case CloudFrame::kZUp:
+      return "z-up";
+    default:
+      return "unknown";
+  }
+}
+
+CloudFrame frame_of(const std::string& name) {
+  for (const CloudFrame frame : {CloudFrame::kUnknown, CloudFrame::kCamera, CloudFrame::kZUp}) {
+    if (name == name_of(frame)) return frame;
+  }
+  throw std::invalid_argument("frame: found '" + name +
+                              "', expected 'camera', 'z-up' or 'unknown'");
+}
+
+/// Rows of `Columns` numbers, one for each point of the cloud, into an attribute's array; into the
+/// same memory where there is one already.
+template <typename Scalar, std::size_t Columns, typename Row>
+void take_rows(const py::handle& value, std::size_t points, const char* name,
+               std::vector<Row>* out) {
+  using Array = py::array_t<Scalar, py::array::c_style | py::array::forcecast>;
+  static_assert(sizeof(Row) == Columns * sizeof(Scalar));
+  const py::array given = py::array::ensure(value);
+  if constexpr (std::is_integral_v<Scalar>) {
+    const char kind = given ? given.dtype().kind() : '?';
+    const bool whole = kind == 'u' || (sizeof(Scalar) > 1 && (kind == 'i' || kind == 'b'));
+    if (!whole || (sizeof(Scalar) == 1 && given.itemsize() != 1)) {
+      PyErr_Clear();
+      throw std::invalid_argument(
+          fmt::format("{}: expected {}", name, sizeof(Scalar) == 1 ? "uint8" : "whole numbers"));
+    }
+  }
+  const Array rows = given ? Array::ensure(given) : Array();
+  const bool flat = rows && Columns == 1 && rows.ndim() == 1;
+  const bool fits =
+      rows && (flat || (rows.ndim() == 2 && rows.shape(1) == static_cast<py::ssize_t>(Columns)));
+  if (!fits || static_cast<std::size_t>(rows.shape(0)) != points) {
+    PyErr_Clear();
+    throw std::invalid_argument(
+        Columns == 1 ? fmt::format("{}: expected {} numbers, one for each point", name, points)
+                     : fmt::format("{}: expected {} x {} numbers, a row for each point", name,
+                                   points, Columns));
+  }
+  out->resize(points);
+  if (points > 0) {
+    std::memcpy(static_cast<void*>(out->data()), rows.data(), points * sizeof(Row));
+  }
+}
+
+/// A label or scalar, new or in the memory of the one that is there.
+template <typename T>
+void take_named(const std::string& name, const py::handle& value, std::size_t points,
+                std::map<std::string, std::vector<T>>* all) {
+  const auto found = all->find(name);
+  if (found != all->end()) return take_rows<T, 1>(value, points, name.c_str(), &found->second);
+  std::vector<T> taken;
+  take_rows<T, 1>(value, points, name.c_str(), &taken);
+  all->emplace(name, std::move(taken));
+}
+
+RoadCloud make_cloud(const py::object& points, const py::object& colors, const py::object& sigmas,
+                     const py::object& covariances, const py::object& normals,
+                     const py::dict& labels, const py::dict& scalars, const std::string& frame,
+                     bool metric) {
+  RoadCloud out = cloud_from_points(points, "points");
+  const std::size_t count = out.size();
+  out.frame = frame_of(frame);
+  out.metric = metric;
+  if (!colors.is_none()) take_rows<std::uint8_t, 3>(colors, count, "colors", &out.colors);
+  if (!sigmas.is_none()) take_rows<float, 1>(sigmas, count, "sigmas", &out.sigmas);
+  if (!covariances.is_none()) {
+    take_rows<float, 6>(covariances, count, "covariances", &out.covariances);
+  }
+  if (!normals.is_none()) take_rows<float, 3>(normals, count, "normals", &out.normals);
+  for (const auto& [key, value] : labels) {
+    take_named(py::str(key), value, count, &out.labels);
+  }
+  for (const auto& [key, value] : scalars) {
+    take_named(py::str(key), value, count, &out.scalars);
+  }
+  return out;
+}
+
+std::string describe(const RoadCloud& cloud) {
+  std::string with;
+  const auto add = [&](const std::string& name) { with += (with.empty() ? "" : ", ") + name; };
+  if (!cloud.colors.empty()) add("colors");
+  if (!cloud.sigmas.empty()) add("sigmas");
+  if (!cloud.covariances.empty()) add("covariances");
+  if (!cloud.normals.empty()) add("normals");
+  for (const auto& entry : cloud.labels) add(entry.first);
+  for (const auto& entry : cloud.scalars) add(entry.first);
+  return fmt::format("<camber.RoadCloud {} points{}{}, frame {}{}>", cloud.size(),
+                     with.empty() ? "" : " with ", with, name_of(cloud.frame),
+                     cloud.metric ? "" : ", up to scale");
+}
+
+/// An attribute's array as numpy sees it, and one of equal length written into it.
+#define CAMBER_ROWS(name, Scalar, columns)                                                       \
+  def_property(                                                                                  \
+      #name, [](const py::object& self) { return view_of(self.cast<RoadCloud&>().name, self); }, \
+      [](RoadCloud& cloud, const py::object& value) {                                            \
+        take_rows<Scalar, columns>(value, cloud.size(), #name, &cloud.name);                     \
+      },                                                                                         \
+      CAMBER_DOC(RoadCloud, name))
+
+template <typename T>
+py::dict views_of(std::map<std::string, std::vector<T>>& values, const py::object& owner) {
+  py::dict out;
+  for (auto& [name, list] : values) out[py::str(name)] = view_of(list, owner);
+  return out;
+}
+
+py::array_t<double> true_points(const RoadCloud& cloud) {
+  py::array_t<double> out({static_cast<py::ssize_t>(cloud.size()), py::ssize_t{3}});
+  auto rows = out.mutable_unchecked<2>();
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    for (py::ssize_t axis = 0; axis < 3; ++axis) {
+      rows(static_cast<py::ssize_t>(i), axis) =
+          cloud.origin[axis] + static_cast<double>(cloud.points[i][axis]);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+void bind_clouds(py::module_& module) {
+  py::class_<RoadCloud>(
+      module, "RoadCloud",
+      (std::string(kDoc_RoadCloud) +
+       "\n\nThe arrays are views: what is written to them is in the cloud. An attribute that the "
+       "cloud does not have is an empty array.")
+          .c_str())
+      .def(py::init(&make_cloud), py::arg("points"), py::kw_only(), py::arg("colors") = py::none(),
+           py::arg("sigmas") = py::none(), py::arg("covariances") = py::none(),
+           py::arg("normals") = py::none(), py::arg("labels") = py::dict(),
+           py::arg("scalars") = py::dict(), py::arg("frame") = "unknown", py::arg("metric") = true,
+           "A cloud of N x 3 points (copied); of float64 the round part becomes the origin.")
+      .def("__len__", &RoadCloud::size)
+      .def_property_readonly(
+          "frame", [](const RoadCloud& c) { return name_of(c.frame); },
+          "'camera', 'z-up' or 'unknown'")
+      .def_readwrite("metric", &RoadCloud::metric, CAMBER_DOC(RoadCloud, metric))
+      .def_readwrite("origin", &RoadCloud::origin, "m; true coordinates are origin + points")
+      .CAMBER_ROWS(points, float, 3)
+      .CAMBER_ROWS(colors, std::uint8_t, 3)
+      .CAMBER_ROWS(sigmas, float, 1)
+      .CAMBER_ROWS(covariances, float, 6)
+      .CAMBER_ROWS(normals, float, 3)
+      .def_property_readonly(
+          "labels",
+          [](const py::object& self) { return views_of(self.cast<RoadCloud&>().labels, self); },
+          CAMBER_DOC(RoadCloud, labels))
+      .def_property_readonly(
+          "scalars",
+          [](const py::object& self) { return views_of(self.cast<RoadCloud&>().scalars, self); },
+          CAMBER_DOC(RoadCloud, scalars))
+      .def(
+          "set_label",
+          [](RoadCloud& cloud, const std::string& name, const py::object& values) {
+            take_named(name, values, cloud.size(), &cloud.labels);
+          },
+          py::arg("name"), py::arg("values"), "Adds or overwrites a label.")
+      .def(
+          "set_scalar",
+          [](RoadCloud& cloud, const std::string& name, const py::object& values) {
+            take_named(name, values, cloud.size(), &cloud.scalars);
+          },
+          py::arg("name"), py::arg("values"), "Adds or overwrites a scalar.")
+      .def("true_points", &true_points, "origin + points in double, N x 3: a new array")
+      .def("select", &RoadCloud::select, py::arg("indices"), kDoc_RoadCloud_select)
+      .def_property_readonly("default_up", &RoadCloud::default_up, kDoc_RoadCloud_default_up)
+      .def("__repr__", &describe);
+
+  module.def(
+      "read_cloud",
+      [](const std::filesystem::path& path, bool lenient) {
+        return compute([&] {
+          ReadOptions options;
+          options.lenient = lenient;
+          return read_cloud(path, options);
+        });
+      },
+      py::arg("path"), py::kw_only(), py::arg("lenient") = false,
+      with_keywords(kDoc_read_cloud_file, {{"lenient", kDoc_ReadOptions_lenient}}).c_str());
+  module.def(
+      "write_cloud",
+      [](const RoadCloud& cloud, const std::filesystem::path& path) {
+        compute([&] { write_cloud(cloud, path); });
+      },
+      py::arg("cloud"), py::arg("path"), kDoc_write_cloud);
+}
+
+}  // namespace camber::python
