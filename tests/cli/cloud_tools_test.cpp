@@ -69,6 +69,14 @@ void write_depth(const fs::path& path, int width, int height, const std::vector<
   test::write_png(path, width, height, 0, 16, samples);
 }
 
+TEST_F(CloudTools, ThePeersLibraryPrintsNothingOfItsOwn) {
+  std::string line = "x y z\n";
+  for (int i = 0; i < 200; ++i) line += std::to_string(0.1 * i) + " 0 1\n";
+  test::write_bytes(path("line.xyz"), line);
+  EXPECT_ONE_SENTENCE(test::run_camber({"plane", path("line.xyz"), "--engine", "pcl"}), 1,
+                      "no plane within");
+}
+
 TEST_F(CloudTools, ConvertsDepthImagesToClouds) {
   // 3 x 2 pixels; 0 is unknown.
   write_depth(path("depth.png"), 3, 2, {256, 512, 0, 1024, 2560, 256 * 50});

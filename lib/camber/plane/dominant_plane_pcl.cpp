@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "camber/plane/detail/quiet_pcl.h"
+
 namespace camber {
 
 void DominantPlaneOptions::validate() const {
@@ -35,6 +37,7 @@ DominantPlane dominant_plane_pcl(const std::vector<Eigen::Vector3d>& points,
     cloud->push_back(
         {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())});
   }
+  const detail::QuietPcl quiet;
   pcl::SACSegmentation<pcl::PointXYZ> segmentation(/*random=*/false);
   segmentation.setModelType(pcl::SACMODEL_PERPENDICULAR_PLANE);
   segmentation.setMethodType(pcl::SAC_RANSAC);

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/plane/detail/quiet_pcl.h"
 #include "camber/plane/plane_solver.h"
 
 namespace camber {
@@ -45,6 +46,7 @@ PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
   if (index.size() < 3) {
     return fail(fmt::format("{} usable points, at least 3 are needed", index.size()));
   }
+  const detail::QuietPcl quiet;
   const Vector3d up = options.up.normalized();
   using Model = pcl::SampleConsensusModelPerpendicularPlane<pcl::PointXYZ>;
   const Model::Ptr model(new Model(input));
