@@ -24,7 +24,10 @@ find_package(VTK 9.1 REQUIRED
 find_path(PCL_INCLUDE_DIRS pcl/sample_consensus/msac.h
           PATH_SUFFIXES pcl-1.13 pcl-1.14 pcl-1.15 REQUIRED)
 find_library(PCL_COMMON_LIBRARY pcl_common REQUIRED)
-find_library(PCL_SAMPLE_CONSENSUS_LIBRARY pcl_sample_consensus REQUIRED)
+foreach(name features filters kdtree sample_consensus search segmentation)
+  string(TOUPPER ${name} upper)
+  find_library(PCL_${upper}_LIBRARY pcl_${name} REQUIRED)
+endforeach()
 # FFmpeg's libraries: videos.
 find_path(LIBAV_INCLUDE_DIR libavformat/avformat.h REQUIRED)
 set(LIBAV_LIBRARIES "")

@@ -17,6 +17,8 @@
 #include "command.h"
 #include "crs.h"
 #include "own_inputs.h"
+#include "plugins/pcl_plugin.h"
+#include "plugins/plugin.h"
 #include "road_arguments.h"
 
 using nlohmann::json;
@@ -25,7 +27,7 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string cloud, out;
+  std::string cloud, out, engine = "camber";
   CloudArguments reading;
   OutputArguments output;
   UpArguments up;
@@ -71,6 +73,14 @@ void write_ground(const Arguments& arguments, const ReadOptions& read_options,
   if (read_options.lenient) source = drop_bad_points(std::move(source));
   source = classify_ground(std::move(source), ground);
   write_points(*source, arguments.out, write_options);
+}
+
+GroundSegmentation segment_by(const std::string& engine, const RoadCloud& cloud,
+                              const GroundOptions& options) {
+  if (engine != "pcl") return segment_ground(cloud, options);
+  using Functions = const PclFunctions* (*)();
+  static const auto* pcl = reinterpret_cast<Functions>(plugin_symbol("pcl", "camber_pcl"))();
+  return pcl->segment_ground(cloud, options);
 }
 
 }  // namespace
@@ -119,6 +129,11 @@ void register_ground(App& root) {
       ->check(in_range(0, 255))
       ->delimiter(',')
       ->capture_default_str();
+  app.add_option("--engine", arguments->engine,
+                 "camber, or pcl: the Point Cloud Library's progressive morphological filter, for "
+                 "comparison (0 means cell 0.5, slope 0.3, tolerance 0.2)")
+      ->check(is_member({"camber", "pcl"}))
+      ->capture_default_str();
   add_cloud_arguments(app, arguments->reading);
   add_output_arguments(app, arguments->output);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
@@ -143,7 +158,7 @@ void register_ground(App& root) {
     throw_if_interrupted();
     StageTimer compute(timings, "compute");
     const GroundSegmentation found =
-        segment_ground(all ? file.cloud : file.cloud.select(judged), options);
+        segment_by(arguments->engine, all ? file.cloud : file.cloud.select(judged), options);
     compute.stop();
     if (found.status == Status::kFailed) {
       throw NoAnswerError(arguments->cloud + ": " + found.reason);
@@ -167,6 +182,7 @@ void register_ground(App& root) {
           {"largest_object", options.largest_object},
           {"slope", options.slope},
           {"tolerance", options.tolerance},
+          {"engine", arguments->engine},
           {"keep_classes", arguments->keep_classes}}},
         {"file", arguments->cloud},
         {"out", arguments->out},

@@ -19,6 +19,8 @@
 #include "camber/scene/results.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "plugins/pcl_plugin.h"
+#include "plugins/plugin.h"
 #include "road_arguments.h"
 
 namespace fs = std::filesystem;
@@ -39,7 +41,7 @@ struct Arguments {
   std::string out, line;
   RoadSurfaceOptions options;
   double max_slope_deg = RoadSurfaceOptions().max_slope / kDegree;
-  std::string consistency = "continuity";
+  std::string consistency = "continuity", engine = "camber";
   bool overwrite = false;
   bool las = false;
 };
@@ -75,6 +77,17 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--link-distance", bound.consistency.link_distance,
                  "metres within which patches are neighbours")
       ->capture_default_str();
+  app.add_option("--engine", a.engine,
+                 "camber, or pcl: the Point Cloud Library's region growing, for comparison (takes "
+                 "no threshold, tolerance, sigmas nor consistency)")
+      ->check(is_member({"camber", "pcl"}))
+      ->capture_default_str();
+}
+
+RoadSurfaceFit fit_by_pcl(const RoadCloud& cloud, const RoadSurfaceOptions& options) {
+  using Functions = const PclFunctions* (*)();
+  static const auto* pcl = reinterpret_cast<Functions>(plugin_symbol("pcl", "camber_pcl"))();
+  return pcl->fit_road_surface(cloud, options);
 }
 
 RoadSurfaceOptions surface_options(const Command& command, const Arguments& args) {
@@ -95,7 +108,8 @@ json options_json(const Arguments& args, const RoadSurfaceOptions& options) {
           {"min_points", options.min_patch_points},
           {"tolerance", options.tolerance},
           {"tolerance_sigmas", options.tolerance_sigmas},
-          {"consistency", args.consistency},
+          {"consistency", args.engine == "pcl" ? "none" : args.consistency},
+          {"engine", args.engine},
           {"link_distance", options.consistency.link_distance}};
 }
 
@@ -123,7 +137,9 @@ int run(const Command& command, const Arguments& args) {
   options.viewpoint = args.input.up.viewpoint();
   throw_if_interrupted();
   StageTimer compute(timings, "compute");
-  const RoadSurfaceFit fit = fit_road_surface(file.cloud, options, make_progress(command.common));
+  const RoadSurfaceFit fit =
+      args.engine == "pcl" ? fit_by_pcl(file.cloud, options)
+                           : fit_road_surface(file.cloud, options, make_progress(command.common));
   compute.stop();
   if (fit.status == Status::kFailed) throw NoAnswerError(args.input.cloud + ": " + fit.reason);
 
@@ -173,7 +189,8 @@ void register_patches(App& root) {
       root, "patches", "Models a road cloud by planar patches and joins them in a graph",
       "  camber patches road.ply --out surface\n"
       "  camber patches scan.pcd --out surface --up 0,0,1 --max-slope-deg 30 --json\n"
-      "  camber patches road.ply --out surface --driven-line path.csv --consistency paper");
+      "  camber patches road.ply --out surface --driven-line path.csv --consistency paper\n"
+      "  camber patches road.ply --out by_pcl --engine pcl");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

@@ -402,5 +402,32 @@ TEST_F(CloudTools, DisparityTruthMeetsTheLaser) {
   EXPECT_LT(out.at("completeness").at("median"), 0.06);
 }
 
+TEST_F(CloudTools, EnginesAnswerInOneFormat) {
+  const std::string cloud =
+      (test::source_dir() / "samples" / "steep_hill" / "truth" / "road.ply").string();
+  const auto keys = [](const json& object) {
+    std::vector<std::string> out;
+    for (const auto& [key, value] : object.items()) out.push_back(key);
+    return out;
+  };
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"patches", cloud, "--out", path("patches")},
+        std::vector<std::string>{"ground", cloud, "--out", path("ground.ply")}}) {
+    SCOPED_TRACE(command[0]);
+    const json camber = run_json(command);
+    std::vector<std::string> by_pcl = command;
+    by_pcl.insert(by_pcl.end(), {"--engine", "pcl"});
+    const json pcl = run_json(by_pcl);
+    EXPECT_EQ(keys(pcl), keys(camber));
+    EXPECT_EQ(pcl.at("options").at("engine"), "pcl");
+    EXPECT_EQ(camber.at("options").at("engine"), "camber");
+    const char* count = command[0] == "ground" ? "ground" : "points_on_patches";
+    EXPECT_NE(pcl.at(count), camber.at(count));  // another method
+    EXPECT_GT(pcl.at(count), 35000);             // of 40,000
+  }
+  EXPECT_EQ(keys(json::parse(test::read_text(path("patches/surface.json"))).at("patches").at(0)),
+            keys(run_json({"patches", cloud, "--out", path("other")}).at("patches").at(0)));
+}
+
 }  // namespace
 }  // namespace camber

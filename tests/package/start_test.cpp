@@ -100,7 +100,8 @@ TEST(Start, CommandsOnCloudsLoadNoOpenCvAndNoVtk) {
     const std::set<std::string> objects = loaded_by(arguments);
     EXPECT_LE(objects.size(), 40u);
     EXPECT_THAT(objects, Each(AllOf(Not(HasSubstr("libopencv")), Not(HasSubstr("libvtk")),
-                                    Not(HasSubstr("libgdal")), Not(HasSubstr("libproj")))));
+                                    Not(HasSubstr("libgdal")), Not(HasSubstr("libproj")),
+                                    Not(HasSubstr("libpcl_segmentation")))));
   }
 }
 
