@@ -18,9 +18,7 @@ struct ScaleNoise {
       0.01;  ///< relative, of baselines between poses that a scene gives (assumed)
 
   // The speed.
-  double speed_correlation = 0.5;  ///< of its errors in two stretches: a wheel's size, a filter
-                                   ///< (assumed)
-  double speed_path = 0.005;       ///< relative, of the path's length in baselines (assumed)
+  double speed_path = 0.005;  ///< relative, of the path's length in baselines (assumed)
 
   // Painted markings of known size.
   double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)

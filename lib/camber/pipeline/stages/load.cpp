@@ -1,6 +1,8 @@
 #include "camber/pipeline/stages/load.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <string_view>
@@ -10,6 +12,7 @@
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/image/video.h"
+#include "camber/scale/speed_noise.h"
 
 namespace camber {
 
@@ -138,25 +141,51 @@ double time_of(const SceneFrame& frame, double frame_rate) {
   return frame.time_s.value_or(frame.id / frame_rate);
 }
 
+/// How long each frame's speed counts in a distance, s.
+using SpeedWeights = std::map<int, double>;
+
 /// The distance between two frames: the integral of the speeds of all frames from one to the other,
-/// linear between them. Their errors are taken to be one and the same.
-std::optional<TravelledDistance> travelled_between(const Scene& scene, int from, int to,
-                                                   double frame_rate) {
+/// linear between them.
+std::optional<double> travelled_between(const Scene& scene, int from, int to, double frame_rate,
+                                        SpeedWeights* weights) {
   const SceneFrame* before = nullptr;
-  TravelledDistance out;
+  double metres = 0.0;
+  SpeedWeights own;
   for (const SceneFrame& frame : scene.frames) {
     if (frame.id < from || frame.id > to || !frame.speed) continue;
     if (!before && frame.id != from) return std::nullopt;
     if (before) {
       const double span = time_of(frame, frame_rate) - time_of(*before, frame_rate);
       if (!(span > 0.0)) return std::nullopt;
-      out.metres += 0.5 * span * (*before->speed + *frame.speed);
-      out.sigma += 0.5 * span * (before->speed_sigma + frame.speed_sigma);
+      metres += 0.5 * span * (*before->speed + *frame.speed);
+      own[before->id] += 0.5 * span;
+      own[frame.id] += 0.5 * span;
     }
     before = &frame;
   }
-  if (!before || before->id != to || !(out.sigma > 0.0)) return std::nullopt;
-  return out;
+  if (!before || before->id != to || own.empty()) return std::nullopt;
+  for (const auto& [id, weight] : own) (*weights)[id] += weight;
+  return metres;
+}
+
+/// Standard deviation of a distance, m, from the scatter of all speeds of the scene.
+double travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights& weights) {
+  std::vector<TimedSpeed> samples;
+  double sum = 0.0, squares = 0.0;
+  for (const SceneFrame& frame : scene.frames) {
+    if (!frame.speed || !(frame.speed_sigma > 0.0)) continue;
+    const double time = time_of(frame, frame_rate);
+    if (samples.empty() || time > samples.back().time_s) {
+      samples.push_back({time, *frame.speed, frame.speed_sigma});
+    }
+    const auto weight = weights.find(frame.id);
+    if (weight == weights.end()) continue;
+    const double sigma = weight->second * frame.speed_sigma;
+    sum += sigma;
+    squares += sigma * sigma;
+  }
+  const SpeedNoise noise = speed_noise(samples);
+  return std::sqrt(noise.independent * squares + noise.common * sum * sum);
 }
 
 void require_different_images(const LoadedFrames& frames) {
@@ -181,15 +210,17 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   }
   LoadedFrames out;
   out.camera = scene.camera;
-  out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}};
+  out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, 0.0};
   out.detections_source = scene.detections_source;
   out.masks_by_network = scene.segmentation_source.rfind("network:", 0) == 0;
   out.box_sigma_px = scene.box_sigma_px;
   out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
+  SpeedWeights weights;
   for (std::size_t k = 1; k < frame_ids.size(); ++k) {
     out.known.travelled.push_back(
-        travelled_between(scene, frame_ids[k - 1], frame_ids[k], out.frame_rate));
+        travelled_between(scene, frame_ids[k - 1], frame_ids[k], out.frame_rate, &weights));
   }
+  out.known.travelled_sigma = travelled_sigma(scene, out.frame_rate, weights);
   const int reference = choose_reference_frame(scene, frame_ids);
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);

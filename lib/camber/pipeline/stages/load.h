@@ -11,7 +11,6 @@
 #include "camber/image/frame_pixels.h"
 #include "camber/image/image.h"
 #include "camber/scale/lane_marking_detection.h"
-#include "camber/scale/speed_constraint.h"
 #include "camber/scene/scene.h"
 
 namespace camber {
@@ -22,8 +21,9 @@ struct KnownMetres {
   double camera_height_sigma = 0.01;    ///< m
   LaneMarkingSizes markings;            ///< of painted markings
   /// From each frame to the next by the speeds of the scene's frames, also of those between that
-  /// are not used; nothing where one of them has none.
-  std::vector<std::optional<TravelledDistance>> travelled;
+  /// are not used, m; nothing where one of them has none.
+  std::vector<std::optional<double>> travelled;
+  double travelled_sigma = 0.0;  ///< m, of the known ones together
 
   /// Whether some stretch is known by its speed.
   bool has_speed() const;

@@ -33,18 +33,20 @@ RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_base
 /// The path over the frames by the speed, where the scene has it.
 std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedFrames& frames,
                                         const MotionEstimate& motion, const ScaleNoise& noise) {
-  std::vector<TravelledDistance> distances;
-  std::vector<double> baselines;
+  double metres = 0.0, baselines = 0.0;
+  int stretches = 0;
   const auto center = [&](std::size_t k) {
     return motion.frame_from_reference[k].inverse().translation();
   };
   for (std::size_t k = 0; k < frames.known.travelled.size(); ++k) {
     if (!frames.known.travelled[k]) continue;
-    distances.push_back(*frames.known.travelled[k]);
-    baselines.push_back((center(k + 1) - center(k)).norm());
+    metres += *frames.known.travelled[k];
+    baselines += (center(k + 1) - center(k)).norm();
+    ++stretches;
   }
-  if (distances.empty()) return std::nullopt;
-  return speed_constraint(road, distances, baselines, noise.speed_correlation, noise.speed_path);
+  if (stretches == 0 || !(frames.known.travelled_sigma > 0.0)) return std::nullopt;
+  return speed_constraint(road, {metres, frames.known.travelled_sigma}, baselines, stretches,
+                          noise.speed_path);
 }
 
 /// What gives a run its metres before the road's own features are looked at.
