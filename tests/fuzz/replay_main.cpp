@@ -1,10 +1,13 @@
+// replay_NAME FOLDER... [--places N]
 // Runs a fuzzer's function without libFuzzer: over each seed file as it is, cut at every length (at
-// most a few hundred of them), and with single bits flipped. A crash, a sanitizer's report or an
+// most N of them, by default 400), and with single bits flipped. A crash, a sanitizer's report or an
 // exception that the function lets through ends the program with an error.
 
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -20,9 +23,13 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// Steps through `count` places so that about 400 of them are visited, the first 100 all.
+std::size_t g_places = 400;  // that are visited of a seed, about
+
+/// Steps through `count` places so that about g_places of them are visited, a quarter from the first
+/// on.
 std::size_t next_place(std::size_t place, std::size_t count) {
-  return place < 100 ? place + 1 : place + std::max<std::size_t>(1, count / 300);
+  return place < g_places / 4 ? place + 1
+                              : place + std::max<std::size_t>(1, 4 * count / (3 * g_places));
 }
 
 long replay(const Bytes& seed) {
@@ -51,6 +58,10 @@ long replay(const Bytes& seed) {
 int main(int argc, char** argv) {
   std::vector<fs::path> files;
   for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--places") == 0 && i + 1 < argc) {
+      g_places = std::strtoul(argv[++i], nullptr, 10);
+      continue;
+    }
     for (const auto& entry : fs::directory_iterator(argv[i])) {
       if (entry.is_regular_file()) files.push_back(entry.path());
     }
