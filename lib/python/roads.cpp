@@ -56,6 +56,7 @@ void bind_patches(py::module_& module) {
       .CAMBER_FIELD(PatchLink, distance)
       .CAMBER_FIELD(PatchLink, height_step)
       .CAMBER_FIELD(PatchLink, angle)
+      .CAMBER_FIELD(PatchLink, residual_sigma)
       .def("__repr__", [](const PatchLink& link) {
         return fmt::format("<camber.PatchLink {} to {}{}{}: step {:+.3f} m>", link.a, link.b,
                            link.valid ? "" : ", not valid: ", link.reason, link.height_step);

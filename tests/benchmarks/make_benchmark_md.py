@@ -40,7 +40,8 @@ METHOD_COLUMNS = ["method", "planes", "cars", "centre, mean", "centre, median", 
                   "centre, <= 30 m", "centre, > 30 m", "yaw, median", "centres inside their 95 %"]
 PAPER_COLUMNS = ["row", "cars", "centre, mean", "centre, median", "centre, <= 15 m",
                  "centre, 15 to 30 m", "centre, > 30 m", "inside their 95 %"]
-STEEP = {"three": "steep3", "five": "steep5", "three, masks not read": "nomasks"}
+STEEP = {"three": "steep3", "five": "steep5", "three, masks not read": "nomasks",
+         "three, planes jointly, without the graph": "joint_planes"}
 
 PAGE = [
     ("Main job: `camber reconstruct`", [

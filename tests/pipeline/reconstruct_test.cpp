@@ -194,6 +194,28 @@ TEST_F(SteepHillRun, ALinkIsAsLongAsTheGapBetweenTheBoundaries) {
   EXPECT_GE(shorter, 3);
 }
 
+TEST_F(SteepHillRun, TheGraphIsAForestWhoseLinksHoldTheVehiclesToo) {
+  const RoadSurface& surface = result_->surface;
+  std::map<int, int> root;  // of each patch
+  for (const PlanePatch& patch : surface.patches) root[patch.id] = patch.id;
+  int valid = 0;
+  double squares = 0.0;
+  for (const PatchLink& link : surface.links) {
+    if (!link.valid) continue;
+    ++valid;
+    const int from = root.at(link.a), to = root.at(link.b);
+    EXPECT_NE(from, to) << "a loop over " << link.a << " and " << link.b;
+    for (auto& [id, of] : root) of = of == to ? from : of;
+    ASSERT_TRUE(std::isfinite(link.residual_sigma));
+    squares += link.residual_sigma * link.residual_sigma;
+  }
+  // No kerb: one tree over the road and the ground under all vehicles.
+  EXPECT_EQ(valid + 1, static_cast<int>(surface.patches.size()));
+  // The vehicles have moved it, by no more than was to be expected.
+  EXPECT_GT(squares, 0.0);
+  EXPECT_LT(squares / valid, 2.0);
+}
+
 TEST_F(SteepHillRun, VehiclesJoinedOverFramesNameTheirTrack) {
   const SceneMetrics found = metrics(*scene_, *result_);
   std::map<int, std::set<int>> frames, cars;  // by track

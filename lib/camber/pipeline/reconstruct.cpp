@@ -128,7 +128,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.vehicles = std::move(road.vehicles);
   out.vehicles.preset = to_string(o.preset);
   out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
-  out.ground = std::move(vehicles.ground);
+  out.ground = std::move(vehicles.ground.under_detections);
   out.run = std::move(road.run);
   out.road_mask = road_mask_of(frames);
   out.images = std::move(frames.color);

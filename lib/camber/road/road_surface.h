@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,6 +43,9 @@ struct PatchLink {
   double distance = 0.0;     ///< m between the boundaries in the plan across up, 0: they meet
   double height_step = 0.0;  ///< m, b above a at the midpoint between the two
   double angle = 0.0;        ///< rad between the normals
+  /// Of a solved graph: how far the two patches are from what the link lets expect, in standard
+  /// deviations; NaN: not measured.
+  double residual_sigma = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Answer of a surface query at one place.

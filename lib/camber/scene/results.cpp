@@ -249,6 +249,8 @@ PatchLink read_link(const JsonCursor& cursor) {
   out.distance = find_number(object, "distance", kNaN);
   out.height_step = find_number(object, "height_step", kNaN);
   out.angle = to_radians(find_number(object, "angle_deg", kNaN));
+  const auto residual = object.find("residual_sigma");
+  out.residual_sigma = residual ? residual->number_or_null() : kNaN;
   return out;
 }
 
@@ -373,6 +375,9 @@ json to_json(const RoadSurface& surface) {
                      {"distance", number_json(link.distance)},
                      {"height_step", number_json(link.height_step)},
                      {"angle_deg", number_json(to_degrees(link.angle))}});
+    if (std::isfinite(link.residual_sigma)) {
+      links.back()["residual_sigma"] = number_json(link.residual_sigma);
+    }
   }
   json out = {{"frame", surface.frame},
               {"up", vector_json(surface.up)},

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "camber/core/threads.h"
+#include "camber/pipeline/stages/detail/ground_graph.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
 #include "camber/road/plan_polygon.h"
 #include "camber/scale/fusion.h"
@@ -23,7 +24,7 @@ struct FinalRoad {
   RoadPosterior road;
   std::vector<ConstraintReport> reports;  // of the vehicles, in their order, then of their sizes
   std::vector<RunDocument::Warning> warnings;
-  Eigen::VectorXd plane_changes;  // as SharedGround's rows; empty without vehicles
+  Eigen::VectorXd plane_changes;  // rows as in the graph's covariance; empty without vehicles
   Eigen::MatrixXd plane_covariance;
 };
 
@@ -96,12 +97,12 @@ void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& evi
   final_road->reports.push_back(std::move(report));
 }
 
-FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles) {
+FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles,
+                                const GroundGraph& graph) {
   std::vector<Constraint> constraints;
   for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
   FusedRoad fused = fuse(scaled.road, constraints);
-  FinalRoad out{
-      std::move(fused.road), std::move(fused.reports), {}, {}, vehicles.ground.covariance};
+  FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, {}, graph.planes.covariance};
   if (scaled.contradiction_variance > 0.0) {
     out.road = out.road.with_wider_scale(scaled.contradiction_variance);
   }
@@ -119,14 +120,14 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
     if (out.reports[i].accepted) count += constraints[i].size();
   }
   if (count == 0) return out;
-  Eigen::MatrixXd by_ground(count, rows);
+  Eigen::MatrixXd by_ground = Eigen::MatrixXd::Zero(count, rows);
   Eigen::VectorXd residual(count), variance(count);
   Eigen::Index at = 0;
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     if (!out.reports[i].accepted) continue;
     const VehicleConstraint& v = vehicles.constraints[i];
     const Eigen::Index size = v.variance.size();
-    by_ground.middleRows(at, size) = v.by_ground;
+    by_ground.block(at, rows - v.by_ground.cols(), size, v.by_ground.cols()) = v.by_ground;
     residual.segment(at, size) = v.constraint.residual;
     variance.segment(at, size) = v.variance;
     at += size;
@@ -164,25 +165,33 @@ PlanPolygon boundary_in_plan(const PlanePatch& patch, const GroundAxes& axes) {
   return out;
 }
 
-PatchLink make_link(const PlanePatch& a, const PlanePatch& b, const Eigen::Vector3d& up) {
-  PatchLink link;
-  link.a = a.id;
-  link.b = b.id;
-  const Eigen::Vector3d between = 0.5 * (a.plane.centroid + b.plane.centroid);
-  const GroundAxes axes(up);
-  link.distance = polygon_gap(boundary_in_plan(a, axes), boundary_in_plan(b, axes)).distance;
-  link.height_step =
-      a.plane.plane.signed_distance(between) - b.plane.plane.signed_distance(between);
-  link.angle = angle_between(a.plane.plane.normal, b.plane.plane.normal);
-  const double variance =
-      a.plane.height_variance(between) + b.plane.height_variance(between) + 1e-6;
-  link.weight = 1.0 / variance;
-  // Continuity is contradicted by a step beyond both planes' uncertainty and a road's unevenness.
-  if (std::abs(link.height_step) > 0.1 + 3.0 * std::sqrt(variance)) {
-    link.valid = false;
-    link.reason = fmt::format("height step of {:.2f} m", std::abs(link.height_step));
+/// Links of the graph that was solved, with the patches as they are in the end.
+std::vector<PatchLink> links_of(const GroundGraph& graph, const Eigen::VectorXd& changes,
+                                const RoadSurface& surface) {
+  const GroundAxes axes(surface.up);
+  std::vector<PatchLink> out;
+  for (const PlaneGraphLink& of_graph : graph.planes.links) {
+    const PlanePatch* a = surface.find(graph.ids[of_graph.parent]);
+    const PlanePatch* b = surface.find(graph.ids[of_graph.child]);
+    if (!a || !b) continue;
+    PatchLink link;
+    link.a = a->id;
+    link.b = b->id;
+    link.valid = of_graph.valid;
+    link.reason = of_graph.reason;
+    link.distance = polygon_gap(boundary_in_plan(*a, axes), boundary_in_plan(*b, axes)).distance;
+    const Eigen::Vector3d between = 0.5 * (a->plane.centroid + b->plane.centroid);
+    link.height_step =
+        a->plane.plane.signed_distance(between) - b->plane.plane.signed_distance(between);
+    link.angle = angle_between(a->plane.plane.normal, b->plane.plane.normal);
+    link.weight = 1.0 / (of_graph.step_sigma * of_graph.step_sigma + 1e-6);
+    if (link.valid) {
+      link.residual_sigma =
+          changes.size() > 0 ? graph.planes.residual_sigma(of_graph, changes) : 0.0;
+    }
+    out.push_back(std::move(link));
   }
-  return link;
+  return out;
 }
 
 /// What became of the photometric refinement where a patch lies.
@@ -283,9 +292,11 @@ std::vector<std::vector<std::string>> contradictions(const FinalRoad& road,
 /// Patches under vehicles with their links, and the vehicles' stated planes.
 void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& ground,
                          const FinalRoad& final_road, const SurfacePlan& plan,
-                         const PlacedVehicles& placed, std::size_t road_patches,
-                         RoadSurface* surface, std::vector<std::vector<VehicleEstimate>>* out) {
+                         const PlacedVehicles& placed, RoadSurface* surface,
+                         std::vector<std::vector<VehicleEstimate>>* out) {
   const std::vector<std::vector<std::string>> contradicted = contradictions(final_road, placed);
+  const Eigen::Index before_vehicles =
+      placed.ground.planes.covariance.rows() - placed.ground.under_detections.covariance.rows();
   for (std::size_t k = 0; k < placed.views.size(); ++k) {
     const SE3& reference_from_frame = placed.views[k].world_from_camera;
     for (std::size_t j = 0; j < placed.views[k].detections.size(); ++j) {
@@ -293,11 +304,12 @@ void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& gr
       if (!footprint) continue;
       const SupportPlane& support = placed.views[k].supports[j];
       VehicleEstimate& vehicle = (*out)[k][j];
-      const Eigen::Index row = placed.ground.rows[k][j];
+      const Eigen::Index in_ground = placed.ground.under_detections.rows[k][j];
+      const Eigen::Index row = in_ground + before_vehicles;
       UncertainPlane here =
-          row < 0 ? support.plane
-                  : plane_under(support, vehicle, final_road.plane_changes.segment<3>(row),
-                                final_road.plane_covariance.block<3, 3>(row, row));
+          in_ground < 0 ? support.plane
+                        : plane_under(support, vehicle, final_road.plane_changes.segment<3>(row),
+                                      final_road.plane_covariance.block<3, 3>(row, row));
       PlanePatch patch =
           road_patch(ground, final_road.road, frames.camera, *footprint, surface->up);
       if (!contradicted[k][j].empty()) widen(support, contradicted[k][j], &here, &patch);
@@ -307,14 +319,6 @@ void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& gr
                  footprint->local.half_width, surface->up);
       vehicle.plane = here.plane;
       vehicle.plane_sigma_height = std::sqrt(here.height_variance(vehicle.pose.bottom_center()));
-      const auto nearest =
-          std::min_element(surface->patches.begin(),
-                           surface->patches.begin() + static_cast<std::ptrdiff_t>(road_patches),
-                           [&](const PlanePatch& a, const PlanePatch& b) {
-                             return (a.plane.centroid - patch.plane.centroid).norm() <
-                                    (b.plane.centroid - patch.plane.centroid).norm();
-                           });
-      surface->links.push_back(make_link(*nearest, patch, surface->up));
       surface->patches.push_back(std::move(patch));
     }
   }
@@ -456,7 +460,11 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
                        const PhotometricGround& ground, const ScaledRoad& scaled,
                        const SurfacePlan& plan, const PlacedVehicles& placed, VehicleMethod method,
                        const AssembleOptions& options) {
-  const FinalRoad final_road = condition_on_vehicles(scaled, placed);
+  // Without vehicles in the joint problem the graph is that of the road alone.
+  const GroundGraph graph = placed.ground.planes.covariance.size() > 0
+                                ? placed.ground
+                                : detail::ground_graph(frames.camera, scaled.road, plan, {});
+  const FinalRoad final_road = condition_on_vehicles(scaled, placed, graph);
   const RoadPosterior& road = final_road.road;
   AssembledRoad out;
   RoadSurface& surface = out.surface;
@@ -468,17 +476,14 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
     surface.patches.push_back(road_patch(ground, road, frames.camera, footprint, surface.up));
   }
   const std::size_t road_patches = surface.patches.size();
-  for (std::size_t k = 1; k < road_patches; ++k) {
-    surface.links.push_back(make_link(surface.patches[k - 1], surface.patches[k], surface.up));
-  }
   for (const Eigen::Vector3d& p : ground.ground.ego.line) {
     surface.driven_line.push_back(road.metres_per_baseline() * p);
   }
   std::vector<std::vector<VehicleEstimate>> vehicles = placed.estimates;
   if (method == VehicleMethod::kJoint) {
-    add_vehicle_patches(frames, ground, final_road, plan, placed, road_patches, &surface,
-                        &vehicles);
+    add_vehicle_patches(frames, ground, final_road, plan, placed, &surface, &vehicles);
   }
+  surface.links = links_of(graph, final_road.plane_changes, surface);
   out.vehicles = vehicle_document(frames, placed, std::move(vehicles), method, scaled.metric);
   out.cloud = road_cloud(frames, matches, ground, road, scaled.metric, surface, road_patches,
                          options.num_threads);

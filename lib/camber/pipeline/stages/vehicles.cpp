@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/pipeline/stages/detail/ground_graph.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
 
 namespace camber {
@@ -124,75 +125,6 @@ GroundUnderVehicles ground_under_vehicles(const LoadedFrames& frames, const Moti
     }
     out.frames.push_back(std::move(ground));
   }
-  return out;
-}
-
-/// Planes with a joint covariance, over all frames: time grows with the third power, memory with
-/// the second. Vehicles beyond take their planes from the road, and nothing from one another.
-constexpr std::size_t kMostJoinedPlanes = 256;
-
-/// Rows of the detections' planes in the joint covariance, whose size is bounded: of many, those of
-/// the tallest boxes.
-std::vector<std::vector<Eigen::Index>> rows_of(const std::vector<TrackFrame>& views) {
-  std::vector<TrackView> all;
-  for (std::size_t k = 0; k < views.size(); ++k) {
-    for (std::size_t j = 0; j < views[k].detections.size(); ++j) all.push_back({k, j});
-  }
-  if (all.size() > kMostJoinedPlanes) {
-    std::stable_sort(all.begin(), all.end(), [&](const TrackView& a, const TrackView& b) {
-      return views[a.frame].detections[a.detection].box.height() >
-             views[b.frame].detections[b.detection].box.height();
-    });
-    all.resize(kMostJoinedPlanes);
-  }
-  std::vector<std::vector<Eigen::Index>> out;
-  for (const TrackFrame& view : views) out.emplace_back(view.detections.size(), -1);
-  for (const TrackView& at : all) out[at.frame][at.detection] = 0;
-  Eigen::Index next = 0;
-  for (std::vector<Eigen::Index>& of_frame : out) {
-    for (Eigen::Index& row : of_frame) {
-      if (row < 0) continue;
-      row = next;
-      next += 3;
-    }
-  }
-  return out;
-}
-
-/// Joint covariance of the planes under all detections and of the scale: those of the road by its
-/// posterior, others each by itself.
-SharedGround shared_ground(const RoadPosterior& road, const GroundUnderVehicles& ground,
-                           const std::vector<TrackFrame>& views) {
-  SharedGround out;
-  out.rows = rows_of(views);
-  Eigen::Index rows = 1;
-  for (const std::vector<Eigen::Index>& of_frame : out.rows) {
-    rows += 3 * std::count_if(of_frame.begin(), of_frame.end(), [](auto row) { return row >= 0; });
-  }
-  out.covariance = Eigen::MatrixXd::Zero(rows, rows);
-  for (std::size_t k = 0; k < views.size(); ++k) {
-    for (std::size_t j = 0; j < views[k].detections.size(); ++j) {
-      const Eigen::Index row = out.rows[k][j];
-      if (row < 0) continue;
-      out.covariance.block<3, 3>(row, row) = views[k].supports[j].plane.covariance;
-    }
-  }
-  std::vector<RoadFunctionals> parts;
-  std::vector<int> at;
-  for (std::size_t i = 0; i < ground.planes.size(); ++i) {
-    const auto row = static_cast<int>(out.rows[ground.at[i].frame][ground.at[i].detection]);
-    if (row < 0) continue;
-    parts.push_back(
-        road.of_inverse_depths(ground.planes[i].pixels, ground.planes[i].by_inverse_depth));
-    at.insert(at.end(), {row, row + 1, row + 2});
-  }
-  parts.push_back(road.of_log_scale());
-  at.push_back(static_cast<int>(rows - 1));
-  Eigen::MatrixXd joint = road.covariance(joined(parts));
-  for (Eigen::Index i = 0; i + 3 < joint.rows(); i += 3) {
-    joint.diagonal().segment<3>(i) += ground.local.uneven_variances();
-  }
-  out.covariance(at, at) = joint;
   return out;
 }
 
@@ -322,9 +254,11 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
   if (options.method != VehicleMethod::kJoint) {
     return place_vehicles(frames.camera, std::move(views), nullptr, road.scale_sigma(), options);
   }
-  SharedGround joint = shared_ground(road, ground, views);
-  PlacedVehicles out =
-      place_vehicles(frames.camera, std::move(views), &joint, road.scale_sigma(), options);
+  const detail::DetectedGround detected{&views, &ground.planes, &ground.at, ground.local};
+  GroundGraph joint = detail::ground_graph(frames.camera, road, plan, detected, options.graph);
+  PlacedVehicles out = place_vehicles(frames.camera, std::move(views), &joint.under_detections,
+                                      road.scale_sigma(), options);
+  out.ground = std::move(joint);
   for (const TrackMessage& message : out.messages) {
     const auto plane = std::find_if(ground.at.begin(), ground.at.end(), [&](const TrackView& at) {
       return at.frame == message.lead.frame && at.detection == message.lead.detection;
@@ -332,10 +266,9 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
     if (plane == ground.at.end()) continue;
     auto constraint =
         constraint_of(message, ground.planes[static_cast<std::size_t>(plane - ground.at.begin())],
-                      ground.local, out.views, joint);
+                      ground.local, out.views, out.ground.under_detections);
     if (constraint) out.constraints.push_back(std::move(*constraint));
   }
-  out.ground = std::move(joint);
   const TrackFrame& reference = out.views[frames.reference];
   out.focal_length = focal_length_evidence(frames.camera, reference.detections, reference.supports,
                                            reference.estimates, options.fit, options.num_threads);

@@ -7,6 +7,7 @@
 #include "camber/pipeline/stages/load.h"
 #include "camber/pipeline/stages/surface.h"
 #include "camber/road/local_plane.h"
+#include "camber/road/plane_graph.h"
 #include "camber/road/road_posterior.h"
 #include "camber/scale/scale_noise.h"
 #include "camber/vehicle/fit_vehicle.h"
@@ -40,6 +41,14 @@ struct VehicleConstraint {
   Eigen::VectorXd variance;      ///< of each row, without the ground's unevenness
 };
 
+/// The consistency graph of a run's planes before its vehicles: the ego plane, the patches along
+/// the road, then the planes under the detections.
+struct GroundGraph {
+  PlaneGraph planes;
+  std::vector<int> ids;           ///< patch of each node; -1: none
+  SharedGround under_detections;  ///< of the last nodes and the scale
+};
+
 /// Vehicles on their planes.
 struct PlacedVehicles {
   std::vector<TrackFrame> views;  ///< with the planes on which they were placed
@@ -47,7 +56,7 @@ struct PlacedVehicles {
   std::vector<std::vector<int>> tracks;                 ///< [frame][detection]; -1: none
   std::vector<TrackMessage> messages;                   ///< of the tracks, with a joint ground
   std::vector<VehicleConstraint> constraints;           ///< of a run's road, by those messages
-  SharedGround ground;                                  ///< of the planes, before the vehicles
+  GroundGraph ground;                                   ///< before the vehicles
   FocalLengthEvidence focal_length;                     ///< of the reference frame's vehicles
 };
 
@@ -61,6 +70,9 @@ struct VehicleOptions {
   bool enabled = true;  ///< false: no vehicle is placed (reconstruct)
   /// Joins the views of a vehicle (method joint): one shape for all, parked or moving.
   bool tracks = true;
+  /// Messages between vehicles pass over the consistency graph; false: by the joint covariance of
+  /// all planes, whose time and memory grow with its square (benchmarks).
+  bool graph = true;
   int num_threads = 0;  ///< <= 0: see resolve_num_threads
 };
 
