@@ -66,6 +66,12 @@ PAGE = [
         Pick("bench_main_job", "Computing time of a triplet, pictures left out", "time",
              ["input", "stage", "time"], rows=["| all"]),
     ]),
+    ("Lens distortion", [
+        Pick("bench_lens", "Ten made drives without and through a lens: mean errors",
+             {"brown, k1 = -0.35": "lens.brown", "fisheye, 120 degrees": "lens.fisheye"},
+             ["error", "values", "without, mean", "through, mean", "ratio",
+              "standard error of the ratio"], first="lens"),
+    ]),
     ("Networks that a user brings (public ones, not part of the project)", [
         Pick("bench_networks", "KITTI object frames (19), vehicles of at least 25 px", "detectors",
              ["network", "tiles", "vehicles", "found", "detections", "false", "false share",
