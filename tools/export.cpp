@@ -1,0 +1,281 @@
+// camber export: the road of a result, or of a cloud along a line, for other programs.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/export/road_strip.h"
+#include "camber/scene/results.h"
+#include "command.h"
+#include "crs.h"
+#include "own_inputs.h"
+#include "road_arguments.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+enum class Target { kOpenCrg };
+const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg}};
+const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kText},
+                                                       {"binary", CrgEncoding::kBinary}};
+constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
+
+struct Arguments {
+  std::string input, line, out;
+  std::string target, encoding = "text", slope = "line", banking = "line";
+  CloudArguments reading;
+  UpArguments up;
+  CrgGridOptions grid;
+  double ahead = 60.0;      ///< m
+  double tolerance = 0.02;  ///< m
+  double reach = 0.5;       ///< m
+  bool as_json = false;
+};
+
+/// What an input gives: the ground, and the line along which it is wanted, in the plan frame.
+struct Inputs {
+  PlanFrame frame;
+  std::unique_ptr<HeightSource> ground;
+  std::vector<Eigen::Vector3d> line;
+  std::string described;  ///< for comments in files
+  std::vector<fs::path> files;
+};
+
+bool is_surface(const fs::path& path) {
+  std::error_code error;
+  return fs::is_directory(path, error) || path.extension() == ".json";
+}
+
+/// The cloud that a result was made of or holds; empty where there is none.
+fs::path cloud_beside(const fs::path& surface) {
+  std::error_code error;
+  for (const char* const name : {"road.ply", "labels.ply"}) {
+    const fs::path path = surface.parent_path() / name;
+    if (fs::exists(path, error)) return path;
+  }
+  return {};
+}
+
+/// Steps for the heights of patches: as fine as their points lie, but not finer than planes need.
+double surface_step(const fs::path& surface_file, const PlanFrame& frame) {
+  const fs::path cloud = cloud_beside(surface_file);
+  if (cloud.empty()) return grid_step(0.0);
+  const CloudFile file = read_cloud_file(cloud);
+  return std::max(grid_step(cloud_heights(file.cloud, frame)->resolution()), kFinest);
+}
+
+Inputs load_surface(const Arguments& args, Arguments* settled) {
+  Inputs in;
+  fs::path file = args.input;
+  std::error_code ignored;
+  if (fs::is_directory(file, ignored)) file /= "surface.json";
+  const RoadSurface surface = read_surface(file);
+  if (!surface.metric) {
+    throw NoAnswerError(file.string() +
+                        ": the result is up to an unknown scale, and roads for other programs are "
+                        "in metres");
+  }
+  in.frame = PlanFrame(surface.up);
+  in.ground = surface_heights(surface, in.frame, args.reach);
+  in.line = args.line.empty() ? surface.driven_line : read_line(args.line);
+  if (in.line.size() < 2) {
+    throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
+  }
+  in.files = {file};
+  in.described =
+      fmt::format("frame of the result: {}, level: {}", surface.frame, to_string(surface.level));
+  const double step = surface_step(file, in.frame);
+  if (settled->grid.step_u == 0.0) settled->grid.step_u = step;
+  if (settled->grid.step_v == 0.0) settled->grid.step_v = step;
+  return in;
+}
+
+Inputs load_cloud(const Arguments& args, const CommonOptions& common) {
+  if (args.line.empty()) {
+    throw UsageError("found a cloud without --along FILE, expected a line along which to export");
+  }
+  Inputs in;
+  CloudFile file = read_cloud_file(args.input, args.reading.read_options());
+  const LogSink warn = make_warning_sink(common);
+  warn_about(args.input, file.report, warn);
+  use_metres(args.input, &file, warn);
+  if (!file.cloud.metric) {
+    throw NoAnswerError(args.input +
+                        ": the cloud is not in metres, as roads for other programs are");
+  }
+  in.frame = PlanFrame(args.up.up(file.cloud));
+  in.ground = cloud_heights(file.cloud, in.frame);
+  in.line = read_line(args.line);
+  in.files = {args.input};
+  in.described = "heights of a cloud's points";
+  return in;
+}
+
+Inputs load(const Arguments& args, const CommonOptions& common, Arguments* settled) {
+  Inputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
+  for (Eigen::Vector3d& place : in.line) place = in.frame.to_plan(place);
+  return in;
+}
+
+SmoothLine line_of(const Inputs& in, const Arguments& args) {
+  try {
+    return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead);
+  } catch (const std::invalid_argument&) {
+    throw NoAnswerError((args.line.empty() ? args.input : args.line) +
+                        ": the line does not leave its first point");
+  }
+}
+
+/// The matrix that takes the result's frame to that of the file, for `--json` and comments.
+json frame_json(const PlanFrame& frame) {
+  json rows = json::array();
+  for (int i = 0; i < 9; ++i) rows.push_back(frame.plan_from_surface(i / 3, i % 3));
+  return rows;
+}
+
+json export_crg(const Inputs& in, const SmoothLine& line, const Arguments& args, Timings& timings) {
+  StageTimer compute(timings, "compute");
+  CrgData data = make_crg(*in.ground, line, args.grid);
+  compute.stop();
+  data.comment = fmt::format(
+      "Road surface, exported by Camber {}\n{}\n"
+      "x, y, z of this file from that frame, row by row:\n",
+      kVersion, in.described);
+  for (int row = 0; row < 3; ++row) {
+    const Eigen::RowVector3d r = in.frame.plan_from_surface.row(row);
+    data.comment += fmt::format("  {:.12f} {:.12f} {:.12f}\n", r.x(), r.y(), r.z());
+  }
+  StageTimer write(timings, "write");
+  write_crg(data, args.out);
+  write.stop();
+  const auto unknown = std::count_if(data.heights.begin(), data.heights.end(),
+                                     [](float z) { return std::isnan(z); });
+  return {{"sections", data.sections()},          {"columns", data.v.size()},
+          {"increment", data.increment},          {"v", {data.v.front(), data.v.back()}},
+          {"encoding", to_string(data.encoding)}, {"unknown", unknown},
+          {"line_deviation", line.deviation()}};
+}
+
+json options_json(const Arguments& a) {
+  return {{"to", a.target},          {"encoding", a.encoding},
+          {"slope", a.slope},        {"banking", a.banking},
+          {"step", a.grid.step_u},   {"step_across", a.grid.step_v},
+          {"left", a.grid.left},     {"right", a.grid.right},
+          {"widest", a.grid.widest}, {"smoothing", a.grid.smoothing},
+          {"ahead", a.ahead},        {"tolerance", a.tolerance},
+          {"reach", a.reach}};
+}
+
+int run(const Command& command, const Arguments& given) {
+  Arguments args = given;
+  args.grid.encoding = kEncodings.at(args.encoding);
+  args.grid.slope_in_line = args.slope == "line";
+  args.grid.banking_in_line = args.banking == "line";
+  args.grid.num_threads = command.common.threads;
+  args.grid.validate();
+  if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
+    throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
+  }
+  refuse_own_inputs({args.out}, {args.input, args.line});
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  const Inputs in = load(args, command.common, &args);
+  load_timer.stop();
+  const SmoothLine line = line_of(in, args);
+  json result = export_crg(in, line, args, timings);
+  result["version"] = kVersion;
+  result["seed"] = command.common.seed;
+  result["options"] = options_json(args);
+  result["file"] = args.out;
+  result["length"] = line.length();
+  result["plan_from_surface"] = frame_json(in.frame);
+  if (args.as_json) {
+    result["timings_ms"] = cloud_timings(timings);
+    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+  }
+  return 0;
+}
+
+template <typename Map>
+std::vector<std::string> names_of(const Map& map) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : map) names.push_back(name);
+  return names;
+}
+
+void add_arguments(App& app, Arguments& a) {
+  app.add_option("input", a.input,
+                 "result folder of reconstruct or patches, its surface.json, or a cloud")
+      ->required();
+  app.add_option("--to", a.target, "what to write")
+      ->required()
+      ->check(is_member(names_of(kTargets)));
+  app.add_option("--out", a.out, "the file")->required();
+  app.add_option("--along", a.line,
+                 "points of a line in order (any cloud format; CSV: columns x, y, z); default: the "
+                 "driven line of the result");
+  app.add_option("--encoding", a.encoding, "numbers of OpenCRG: text (LRFI) or binary (KRBI)")
+      ->check(is_member(names_of(kEncodings)))
+      ->capture_default_str();
+  app.add_option("--step", a.grid.step_u, "metres between cross sections; 0: from the data")
+      ->capture_default_str();
+  app.add_option("--step-across", a.grid.step_v, "metres between long sections; 0: from the data")
+      ->capture_default_str();
+  app.add_option("--left", a.grid.left, "metres left of the line; 0: as far as is seen")
+      ->capture_default_str();
+  app.add_option("--right", a.grid.right, "metres right of the line; 0: as far as is seen")
+      ->capture_default_str();
+  app.add_option("--widest", a.grid.widest, "metres to either side, limit of what is seen")
+      ->capture_default_str();
+  app.add_option("--slope", a.slope, "elevation in the reference line or in the grid")
+      ->check(is_member({"line", "grid"}))
+      ->capture_default_str();
+  app.add_option("--banking", a.banking, "banking in the reference line or in the grid")
+      ->check(is_member({"line", "grid"}))
+      ->capture_default_str();
+  app.add_option("--smoothing", a.grid.smoothing,
+                 "metres of road over which the line's elevation and banking are taken")
+      ->capture_default_str();
+  app.add_option("--ahead", a.ahead,
+                 "metres that the line may go on straight beyond its last point while ground is "
+                 "seen there")
+      ->capture_default_str();
+  app.add_option("--tolerance", a.tolerance,
+                 "metres that the smooth line may pass a point of the given one by")
+      ->capture_default_str();
+  app.add_option("--reach", a.reach, "metres that a place may lie beyond a patch's boundary")
+      ->capture_default_str();
+  app.add_option("--up", a.up.up_values,
+                 "up direction x,y,z of a cloud; default: the camera's (0,-1,0) for clouds that "
+                 "Camber wrote in a camera's frame, else 0,0,1")
+      ->delimiter(',')
+      ->expected(3);
+  add_cloud_arguments(app, a.reading);
+  app.add_flag("--json", a.as_json, "what was written, as JSON on stdout");
+}
+
+}  // namespace
+
+void register_export(App& root) {
+  Command* command = add_command(
+      root, "export", "Writes a road for other programs: OpenCRG",
+      "  camber export results --to opencrg --out road.crg\n"
+      "  camber export surface --to opencrg --encoding binary --step 0.1 --out road.crg\n"
+      "  camber export scan.las --along centreline.csv --to opencrg --out road.crg");
+  const auto arguments = std::make_shared<Arguments>();
+  add_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
+}
+
+}  // namespace camber::tools
