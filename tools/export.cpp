@@ -9,9 +9,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/export/opendrive.h"
 #include "camber/export/road_strip.h"
 #include "camber/scene/results.h"
 #include "command.h"
@@ -25,8 +27,9 @@ using nlohmann::json;
 namespace camber::tools {
 namespace {
 
-enum class Target { kOpenCrg };
-const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg}};
+enum class Target { kOpenCrg, kOpenDrive };
+const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg},
+                                                {"opendrive", Target::kOpenDrive}};
 const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kText},
                                                        {"binary", CrgEncoding::kBinary}};
 constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
@@ -40,6 +43,8 @@ struct Arguments {
   double ahead = 60.0;      ///< m
   double tolerance = 0.02;  ///< m
   double reach = 0.5;       ///< m
+  std::string crg;          ///< of OpenDRIVE: name of an OpenCRG file
+  bool vehicles = false;
   bool as_json = false;
 };
 
@@ -48,9 +53,15 @@ struct Inputs {
   PlanFrame frame;
   std::unique_ptr<HeightSource> ground;
   std::vector<Eigen::Vector3d> line;
-  std::string described;  ///< for comments in files
+  std::string described;      ///< for comments in files
+  std::string geo_reference;  ///< code or text of the coordinate system; empty: not known
   std::vector<fs::path> files;
 };
+
+/// Code or text that PROJ reads.
+std::string geo_reference(const CoordinateSystem& system) {
+  return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
+}
 
 bool is_surface(const fs::path& path) {
   std::error_code error;
@@ -116,6 +127,7 @@ Inputs load_cloud(const Arguments& args, const CommonOptions& common) {
   }
   in.frame = PlanFrame(args.up.up(file.cloud));
   in.ground = cloud_heights(file.cloud, in.frame);
+  if (file.report.crs) in.geo_reference = geo_reference(*file.report.crs);
   in.line = read_line(args.line);
   in.files = {args.input};
   in.described = "heights of a cloud's points";
@@ -125,6 +137,9 @@ Inputs load_cloud(const Arguments& args, const CommonOptions& common) {
 Inputs load(const Arguments& args, const CommonOptions& common, Arguments* settled) {
   Inputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
   for (Eigen::Vector3d& place : in.line) place = in.frame.to_plan(place);
+  if (!args.reading.crs.empty()) {
+    in.geo_reference = geo_reference(crs_from_option(args.reading.crs));
+  }
   return in;
 }
 
@@ -167,6 +182,78 @@ json export_crg(const Inputs& in, const SmoothLine& line, const Arguments& args,
           {"line_deviation", line.deviation()}};
 }
 
+/// The vehicles of a result that its reference camera saw, in the plan frame.
+std::vector<RoadsideVehicle> result_vehicles(const Arguments& args, const PlanFrame& frame) {
+  const fs::path folder = args.input;
+  const RunDocument run = read_run(folder / "run.json");
+  std::vector<RoadsideVehicle> out;
+  for (const VehicleFrame& seen : read_vehicles(folder / "vehicles.json").frames) {
+    const bool reference = std::any_of(
+        run.cameras.begin(), run.cameras.end(), [&](const RunDocument::CameraPose& camera) {
+          return camera.id == seen.id && camera.reference_from_camera.matrix().isIdentity(1e-9);
+        });
+    if (!reference) continue;
+    for (const VehicleEstimate& vehicle : seen.vehicles) {
+      if (vehicle.status == Status::kFailed) continue;
+      RoadsideVehicle box;
+      box.id = vehicle.id;
+      box.name = fmt::format(
+          "{} {}", vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class, vehicle.id);
+      box.bottom = frame.to_plan(vehicle.pose.bottom_center());
+      const Eigen::Vector3d ahead =
+          frame.to_plan(vehicle.pose.camera_from_vehicle.matrix().block<3, 1>(0, 0));
+      box.heading = std::atan2(ahead.y(), ahead.x());
+      box.length = vehicle.pose.dimensions.length;
+      box.width = vehicle.pose.dimensions.width;
+      box.height = vehicle.pose.dimensions.height;
+      out.push_back(std::move(box));
+    }
+  }
+  return out;
+}
+
+json export_opendrive(const Inputs& in, const SmoothLine& line, const Arguments& args,
+                      Timings& timings) {
+  StageTimer compute(timings, "compute");
+  OpenDriveOptions options;
+  options.name = fs::path(args.out).stem().string();
+  options.left = args.grid.left;
+  options.right = args.grid.right;
+  options.widest = args.grid.widest;
+  options.geo_reference = in.geo_reference;
+  options.crg_file = args.crg;
+  options.num_threads = args.grid.num_threads;
+  if (args.vehicles) options.vehicles = result_vehicles(args, in.frame);
+  const OpenDriveRoad road = make_opendrive(*in.ground, line, options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  write_file_atomically(args.out, encode_opendrive(road));
+  write.stop();
+  return {{"pieces", road.plan.size()},
+          {"elevations", road.elevation.size()},
+          {"vehicles", road.vehicles.size()},
+          {"geo_reference", road.geo_reference},
+          {"line_deviation", line.deviation() + road.line_deviation},
+          {"height_rms", road.height_rms},
+          {"height_most", road.height_most}};
+}
+
+/// What a command line asks for that cannot be. @throws UsageError
+void check_arguments(const Arguments& args) {
+  if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
+    throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
+  }
+  std::error_code ignored;
+  if (args.vehicles && !fs::exists(fs::path(args.input) / "vehicles.json", ignored)) {
+    throw UsageError("--vehicles: found no vehicles.json in '" + args.input +
+                     "', expected a result folder of reconstruct");
+  }
+  const bool opendrive = args.target == "opendrive";
+  if (!opendrive && (args.vehicles || !args.crg.empty())) {
+    throw UsageError("--vehicles and --crg go with --to opendrive");
+  }
+}
+
 json options_json(const Arguments& a) {
   return {{"to", a.target},          {"encoding", a.encoding},
           {"slope", a.slope},        {"banking", a.banking},
@@ -184,16 +271,16 @@ int run(const Command& command, const Arguments& given) {
   args.grid.banking_in_line = args.banking == "line";
   args.grid.num_threads = command.common.threads;
   args.grid.validate();
-  if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
-    throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
-  }
+  check_arguments(args);
   refuse_own_inputs({args.out}, {args.input, args.line});
   Timings timings;
   StageTimer load_timer(timings, "load");
   const Inputs in = load(args, command.common, &args);
   load_timer.stop();
   const SmoothLine line = line_of(in, args);
-  json result = export_crg(in, line, args, timings);
+  json result = kTargets.at(args.target) == Target::kOpenCrg
+                    ? export_crg(in, line, args, timings)
+                    : export_opendrive(in, line, args, timings);
   result["version"] = kVersion;
   result["seed"] = command.common.seed;
   result["options"] = options_json(args);
@@ -261,6 +348,10 @@ void add_arguments(App& app, Arguments& a) {
                  "Camber wrote in a camera's frame, else 0,0,1")
       ->delimiter(',')
       ->expected(3);
+  app.add_option("--crg", a.crg,
+                 "name of an OpenCRG file of the same input that the OpenDRIVE road refers to");
+  app.add_flag("--vehicles", a.vehicles,
+               "the vehicles of a result's reference frame as objects of the OpenDRIVE road");
   add_cloud_arguments(app, a.reading);
   app.add_flag("--json", a.as_json, "what was written, as JSON on stdout");
 }
@@ -269,10 +360,11 @@ void add_arguments(App& app, Arguments& a) {
 
 void register_export(App& root) {
   Command* command = add_command(
-      root, "export", "Writes a road for other programs: OpenCRG",
+      root, "export", "Writes a road for other programs: OpenCRG, OpenDRIVE",
       "  camber export results --to opencrg --out road.crg\n"
-      "  camber export surface --to opencrg --encoding binary --step 0.1 --out road.crg\n"
-      "  camber export scan.las --along centreline.csv --to opencrg --out road.crg");
+      "  camber export surface --to opencrg --encoding binary --out road.crg\n"
+      "  camber export scan.las --along centreline.csv --to opencrg --out road.crg\n"
+      "  camber export results --to opendrive --crg road.crg --vehicles --out road.xodr");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

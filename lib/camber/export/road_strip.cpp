@@ -8,6 +8,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
+#include "camber/export/detail/series.h"
 
 namespace camber {
 
@@ -41,44 +42,6 @@ double side_seen(const HeightSource& ground, const Vector2d& foot, const Vector2
     }
   }
   return seen;
-}
-
-/// Unknown values from their known neighbours; all unknown: zero.
-void bridge(std::vector<double>* values) {
-  std::size_t last = values->size();
-  for (std::size_t i = 0; i < values->size(); ++i) {
-    if (!std::isfinite((*values)[i])) continue;
-    const double here = (*values)[i];
-    const std::size_t from = last == values->size() ? 0 : last + 1;
-    for (std::size_t k = from; k < i; ++k) {
-      const double share = last == values->size()
-                               ? 1.0
-                               : static_cast<double>(k - last) / static_cast<double>(i - last);
-      (*values)[k] = last == values->size() ? here : (1.0 - share) * (*values)[last] + share * here;
-    }
-    last = i;
-  }
-  if (last == values->size()) {
-    std::fill(values->begin(), values->end(), 0.0);
-  } else {
-    std::fill(values->begin() + static_cast<long>(last) + 1, values->end(), (*values)[last]);
-  }
-}
-
-/// Straight-line fits over a window around each value, so that a ramp stays a ramp at its ends.
-std::vector<double> smoothed(const std::vector<double>& values, std::size_t half) {
-  const auto n = static_cast<long>(values.size()), h = static_cast<long>(half);
-  std::vector<double> out(values.size());
-  for (long i = 0; i < n; ++i) {
-    double w = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
-    for (long k = std::max(0L, i - h); k <= std::min(n - 1, i + h); ++k) {
-      const double d = static_cast<double>(k - i), v = values[static_cast<std::size_t>(k)];
-      w += 1.0, x += d, y += v, xx += d * d, xy += d * v;
-    }
-    const double det = w * xx - x * x;
-    out[static_cast<std::size_t>(i)] = det > 1e-9 ? (y * xx - x * xy) / det : y / w;
-  }
-  return out;
 }
 
 /// The reference line in steps that a reader repeats: each heading, as the file holds it, leads
@@ -122,8 +85,8 @@ void measure_line(const HeightSource& ground, const CrgRoad& road, const SmoothL
     const double spread = w * xx - x * x;
     if (w >= 3.0 && spread > 0.25 * w * w) (*banking)[i] = (w * xy - x * y) / spread;
   });
-  bridge(heights);
-  bridge(banking);
+  detail::bridge(heights);
+  detail::bridge(banking);
 }
 
 }  // namespace
@@ -243,8 +206,8 @@ CrgData make_crg(const HeightSource& ground, const SmoothLine& line,
   std::vector<double> heights, banking;
   measure_line(ground, CrgRoad(data), line, options.num_threads, &heights, &banking);
   const auto half = static_cast<std::size_t>(0.5 * options.smoothing / data.increment);
-  heights = smoothed(heights, half);
-  banking = smoothed(banking, half);
+  heights = detail::smoothed(heights, half);
+  banking = detail::smoothed(banking, half);
   data.start_z = millimetres(heights.front());
   data.has_start_z = true;
   if (options.slope_in_line) {
