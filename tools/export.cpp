@@ -14,8 +14,11 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/export/opendrive.h"
+#include "camber/export/road_mesh.h"
 #include "camber/export/road_strip.h"
+#include "camber/export/trajectory.h"
 #include "camber/scene/results.h"
+#include "camber/scene/scene.h"
 #include "command.h"
 #include "crs.h"
 #include "own_inputs.h"
@@ -27,9 +30,11 @@ using nlohmann::json;
 namespace camber::tools {
 namespace {
 
-enum class Target { kOpenCrg, kOpenDrive };
+enum class Target { kOpenCrg, kOpenDrive, kMesh, kTrajectory };
 const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg},
-                                                {"opendrive", Target::kOpenDrive}};
+                                                {"opendrive", Target::kOpenDrive},
+                                                {"mesh", Target::kMesh},
+                                                {"trajectory", Target::kTrajectory}};
 const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kText},
                                                        {"binary", CrgEncoding::kBinary}};
 constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
@@ -238,6 +243,101 @@ json export_opendrive(const Inputs& in, const SmoothLine& line, const Arguments&
           {"height_most", road.height_most}};
 }
 
+/// Colours of the cloud that an input is or holds, if it has any.
+std::unique_ptr<ColorSource> colors_of(const Arguments& args, const Inputs& in) {
+  const fs::path cloud =
+      is_surface(args.input) ? cloud_beside(in.files.front()) : fs::path(args.input);
+  if (cloud.empty()) return nullptr;
+  const CloudFile file = read_cloud_file(cloud);
+  if (file.cloud.colors.empty()) return nullptr;
+  return std::make_unique<ColorSource>(file.cloud, in.frame);
+}
+
+json export_mesh(const Inputs& in, const SmoothLine& line, const Arguments& args,
+                 Timings& timings) {
+  StageTimer compute(timings, "compute");
+  RoadMeshOptions options;
+  options.step = args.grid.step_u;
+  options.left = args.grid.left;
+  options.right = args.grid.right;
+  options.widest = args.grid.widest;
+  options.num_threads = args.grid.num_threads;
+  const std::unique_ptr<ColorSource> colors = colors_of(args, in);
+  const RoadMesh mesh = make_road_mesh(*in.ground, line, colors.get(), options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  const std::string kind = fs::path(args.out).extension().string();
+  write_file_atomically(args.out, kind == ".glb"   ? encode_glb(mesh)
+                                  : kind == ".obj" ? encode_obj(mesh)
+                                                   : encode_ply(mesh));
+  write.stop();
+  return {{"points", mesh.points.size()},
+          {"triangles", mesh.triangles.size()},
+          {"colors", !mesh.colors.empty()},
+          {"line_deviation", line.deviation()}};
+}
+
+/// The cameras of a run with their times: those of its scene where that can be read and has them,
+/// else the frames' numbers.
+std::vector<StampedPose> run_poses(const RunDocument& run, std::string* clock) {
+  std::map<int, double> times;
+  std::error_code ignored;
+  if (!run.scene.empty() && fs::exists(run.scene, ignored)) {
+    const Scene scene = read_scene(run.scene, {});
+    for (const SceneFrame& frame : scene.frames) {
+      if (frame.time_s) {
+        times[frame.id] = *frame.time_s;
+      } else if (scene.frame_rate) {
+        times[frame.id] = frame.id / *scene.frame_rate;
+      }
+    }
+  }
+  const bool known = std::all_of(
+      run.cameras.begin(), run.cameras.end(),
+      [&](const RunDocument::CameraPose& camera) { return times.count(camera.id) > 0; });
+  *clock = known ? "seconds" : "frames";
+  std::vector<StampedPose> poses;
+  for (const RunDocument::CameraPose& camera : run.cameras) {
+    poses.push_back(
+        {camera.id, known ? times[camera.id] : camera.id, camera.reference_from_camera});
+  }
+  return poses;
+}
+
+json export_trajectory(const CommonOptions& common, const Arguments& args, Timings& timings) {
+  StageTimer load(timings, "load");
+  const fs::path file = fs::path(args.input) / "run.json";
+  std::string clock;
+  const RunDocument run = read_run(file);
+  if (run.cameras.empty()) throw NoAnswerError(file.string() + ": the run has no camera poses");
+  if (!run.metric) {
+    if (const LogSink warn = make_warning_sink(common)) {
+      warn(file.string() + ": the run is up to an unknown scale, and so are the positions");
+    }
+  }
+  const std::vector<StampedPose> poses = run_poses(run, &clock);
+  load.stop();
+  StageTimer write(timings, "write");
+  const std::string kind = fs::path(args.out).extension().string();
+  write_file_atomically(args.out, kind == ".tum"   ? encode_tum(poses)
+                                  : kind == ".csv" ? encode_pose_csv(poses)
+                                                   : encode_kitti_poses(poses));
+  write.stop();
+  return {{"poses", poses.size()}, {"clock", clock}, {"metric", run.metric}};
+}
+
+/// The form of a mesh or trajectory is that of its name. @throws UsageError
+void check_extension(const Arguments& args) {
+  const std::string kind = fs::path(args.out).extension().string();
+  if (args.target == "mesh" && kind != ".glb" && kind != ".obj" && kind != ".ply") {
+    throw UsageError("--out: found '" + args.out + "', expected FILE.glb, FILE.obj or FILE.ply");
+  }
+  if (args.target == "trajectory" && kind != ".tum" && kind != ".txt" && kind != ".csv") {
+    throw UsageError("--out: found '" + args.out +
+                     "', expected FILE.tum, FILE.txt (KITTI) or FILE.csv");
+  }
+}
+
 /// What a command line asks for that cannot be. @throws UsageError
 void check_arguments(const Arguments& args) {
   if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
@@ -248,6 +348,7 @@ void check_arguments(const Arguments& args) {
     throw UsageError("--vehicles: found no vehicles.json in '" + args.input +
                      "', expected a result folder of reconstruct");
   }
+  check_extension(args);
   const bool opendrive = args.target == "opendrive";
   if (!opendrive && (args.vehicles || !args.crg.empty())) {
     throw UsageError("--vehicles and --crg go with --to opendrive");
@@ -264,6 +365,28 @@ json options_json(const Arguments& a) {
           {"reach", a.reach}};
 }
 
+/// @param args  steps that the data give are filled in
+json export_road(const CommonOptions& common, Arguments* args, Timings& timings) {
+  StageTimer load_timer(timings, "load");
+  const Inputs in = load(*args, common, args);
+  load_timer.stop();
+  const SmoothLine line = line_of(in, *args);
+  json result;
+  switch (kTargets.at(args->target)) {
+    case Target::kOpenDrive:
+      result = export_opendrive(in, line, *args, timings);
+      break;
+    case Target::kMesh:
+      result = export_mesh(in, line, *args, timings);
+      break;
+    default:
+      result = export_crg(in, line, *args, timings);
+  }
+  result["length"] = line.length();
+  result["plan_from_surface"] = frame_json(in.frame);
+  return result;
+}
+
 int run(const Command& command, const Arguments& given) {
   Arguments args = given;
   args.grid.encoding = kEncodings.at(args.encoding);
@@ -274,19 +397,12 @@ int run(const Command& command, const Arguments& given) {
   check_arguments(args);
   refuse_own_inputs({args.out}, {args.input, args.line});
   Timings timings;
-  StageTimer load_timer(timings, "load");
-  const Inputs in = load(args, command.common, &args);
-  load_timer.stop();
-  const SmoothLine line = line_of(in, args);
-  json result = kTargets.at(args.target) == Target::kOpenCrg
-                    ? export_crg(in, line, args, timings)
-                    : export_opendrive(in, line, args, timings);
+  json result = args.target == "trajectory" ? export_trajectory(command.common, args, timings)
+                                            : export_road(command.common, &args, timings);
   result["version"] = kVersion;
   result["seed"] = command.common.seed;
   result["options"] = options_json(args);
   result["file"] = args.out;
-  result["length"] = line.length();
-  result["plan_from_surface"] = frame_json(in.frame);
   if (args.as_json) {
     result["timings_ms"] = cloud_timings(timings);
     fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
@@ -308,7 +424,9 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--to", a.target, "what to write")
       ->required()
       ->check(is_member(names_of(kTargets)));
-  app.add_option("--out", a.out, "the file")->required();
+  app.add_option("--out", a.out,
+                 "the file; a mesh is .glb, .obj or .ply, a trajectory .tum, .txt (KITTI) or .csv")
+      ->required();
   app.add_option("--along", a.line,
                  "points of a line in order (any cloud format; CSV: columns x, y, z); default: the "
                  "driven line of the result");
@@ -360,11 +478,13 @@ void add_arguments(App& app, Arguments& a) {
 
 void register_export(App& root) {
   Command* command = add_command(
-      root, "export", "Writes a road for other programs: OpenCRG, OpenDRIVE",
+      root, "export", "Writes a road for other programs: OpenCRG, OpenDRIVE, meshes, trajectories",
       "  camber export results --to opencrg --out road.crg\n"
       "  camber export surface --to opencrg --encoding binary --out road.crg\n"
       "  camber export scan.las --along centreline.csv --to opencrg --out road.crg\n"
-      "  camber export results --to opendrive --crg road.crg --vehicles --out road.xodr");
+      "  camber export results --to opendrive --crg road.crg --vehicles --out road.xodr\n"
+      "  camber export results --to mesh --out road.glb\n"
+      "  camber export results --to trajectory --out cameras.tum");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

@@ -155,6 +155,35 @@ TEST_F(ExportProgram, OpenDriveTellsHowWellItFits) {
                       2, "--to opendrive");
 }
 
+TEST_F(ExportProgram, MeshesAndTrajectories) {
+  for (const std::string kind : {"glb", "obj", "ply"}) {
+    const auto result = run_camber(
+        {"export", file("surface.json"), "--to", "mesh", "--out", file("road." + kind), "--json"});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_GT(json::parse(result.out)["triangles"].get<int>(), 1000);
+    EXPECT_GT(fs::file_size(file("road." + kind)), 10000u);
+  }
+  EXPECT_EQ(run_camber({"compare", file("road.ply"), file("road.ply")}).exit_code, 0);
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", file("surface.json"), "--to", "mesh", "--out", file("road.stl")}), 2,
+      "FILE.glb");
+  RunDocument run;
+  run.cameras = {{4, SE3()}, {5, SE3(Eigen::Quaterniond::Identity(), {0.0, 0.0, 1.5})}};
+  write_json(to_json(run), folder_.path() / "run.json");
+  const auto poses = run_camber({"export", folder_.path().string(), "--to", "trajectory", "--out",
+                                 file("cameras.csv"), "--json"});
+  ASSERT_EQ(poses.exit_code, 0) << poses.error;
+  EXPECT_EQ(json::parse(poses.out)["clock"], "frames");
+  EXPECT_THAT(test::read_text(file("cameras.csv")),
+              ::testing::HasSubstr("5,5.000000,0.000000000,0.000000000,1.500000000"));
+  EXPECT_EQ(poses.error, "");
+  run.metric = false;
+  write_json(to_json(run), folder_.path() / "run.json");
+  EXPECT_ONE_SENTENCE(run_camber({"export", folder_.path().string(), "--to", "trajectory", "--out",
+                                  file("cameras.tum")}),
+                      0, "unknown scale");
+}
+
 TEST_F(ExportProgram, CloudsTakeALine) {
   {
     std::ofstream cloud(file("cloud.csv")), line(file("line.csv"));
