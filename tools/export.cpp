@@ -15,14 +15,14 @@
 #include "camber/core/version.h"
 #include "camber/export/opendrive.h"
 #include "camber/export/road_mesh.h"
-#include "camber/export/road_strip.h"
 #include "camber/export/trajectory.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "command.h"
-#include "crs.h"
+#include "export_inputs.h"
 #include "own_inputs.h"
-#include "road_arguments.h"
+#include "plugins/gdal_plugin.h"
+#include "plugins/plugin.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -30,125 +30,16 @@ using nlohmann::json;
 namespace camber::tools {
 namespace {
 
-enum class Target { kOpenCrg, kOpenDrive, kMesh, kTrajectory };
+enum class Target { kOpenCrg, kOpenDrive, kGeoTiff, kMesh, kTrajectory };
 const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg},
                                                 {"opendrive", Target::kOpenDrive},
+                                                {"geotiff", Target::kGeoTiff},
                                                 {"mesh", Target::kMesh},
                                                 {"trajectory", Target::kTrajectory}};
 const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kText},
                                                        {"binary", CrgEncoding::kBinary}};
-constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
 
-struct Arguments {
-  std::string input, line, out;
-  std::string target, encoding = "text", slope = "line", banking = "line";
-  CloudArguments reading;
-  UpArguments up;
-  CrgGridOptions grid;
-  double ahead = 60.0;      ///< m
-  double tolerance = 0.02;  ///< m
-  double reach = 0.5;       ///< m
-  std::string crg;          ///< of OpenDRIVE: name of an OpenCRG file
-  bool vehicles = false;
-  bool as_json = false;
-};
-
-/// What an input gives: the ground, and the line along which it is wanted, in the plan frame.
-struct Inputs {
-  PlanFrame frame;
-  std::unique_ptr<HeightSource> ground;
-  std::vector<Eigen::Vector3d> line;
-  std::string described;      ///< for comments in files
-  std::string geo_reference;  ///< code or text of the coordinate system; empty: not known
-  std::vector<fs::path> files;
-};
-
-/// Code or text that PROJ reads.
-std::string geo_reference(const CoordinateSystem& system) {
-  return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
-}
-
-bool is_surface(const fs::path& path) {
-  std::error_code error;
-  return fs::is_directory(path, error) || path.extension() == ".json";
-}
-
-/// The cloud that a result was made of or holds; empty where there is none.
-fs::path cloud_beside(const fs::path& surface) {
-  std::error_code error;
-  for (const char* const name : {"road.ply", "labels.ply"}) {
-    const fs::path path = surface.parent_path() / name;
-    if (fs::exists(path, error)) return path;
-  }
-  return {};
-}
-
-/// Steps for the heights of patches: as fine as their points lie, but not finer than planes need.
-double surface_step(const fs::path& surface_file, const PlanFrame& frame) {
-  const fs::path cloud = cloud_beside(surface_file);
-  if (cloud.empty()) return grid_step(0.0);
-  const CloudFile file = read_cloud_file(cloud);
-  return std::max(grid_step(cloud_heights(file.cloud, frame)->resolution()), kFinest);
-}
-
-Inputs load_surface(const Arguments& args, Arguments* settled) {
-  Inputs in;
-  fs::path file = args.input;
-  std::error_code ignored;
-  if (fs::is_directory(file, ignored)) file /= "surface.json";
-  const RoadSurface surface = read_surface(file);
-  if (!surface.metric) {
-    throw NoAnswerError(file.string() +
-                        ": the result is up to an unknown scale, and roads for other programs are "
-                        "in metres");
-  }
-  in.frame = PlanFrame(surface.up);
-  in.ground = surface_heights(surface, in.frame, args.reach);
-  in.line = args.line.empty() ? surface.driven_line : read_line(args.line);
-  if (in.line.size() < 2) {
-    throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
-  }
-  in.files = {file};
-  in.described =
-      fmt::format("frame of the result: {}, level: {}", surface.frame, to_string(surface.level));
-  const double step = surface_step(file, in.frame);
-  if (settled->grid.step_u == 0.0) settled->grid.step_u = step;
-  if (settled->grid.step_v == 0.0) settled->grid.step_v = step;
-  return in;
-}
-
-Inputs load_cloud(const Arguments& args, const CommonOptions& common) {
-  if (args.line.empty()) {
-    throw UsageError("found a cloud without --along FILE, expected a line along which to export");
-  }
-  Inputs in;
-  CloudFile file = read_cloud_file(args.input, args.reading.read_options());
-  const LogSink warn = make_warning_sink(common);
-  warn_about(args.input, file.report, warn);
-  use_metres(args.input, &file, warn);
-  if (!file.cloud.metric) {
-    throw NoAnswerError(args.input +
-                        ": the cloud is not in metres, as roads for other programs are");
-  }
-  in.frame = PlanFrame(args.up.up(file.cloud));
-  in.ground = cloud_heights(file.cloud, in.frame);
-  if (file.report.crs) in.geo_reference = geo_reference(*file.report.crs);
-  in.line = read_line(args.line);
-  in.files = {args.input};
-  in.described = "heights of a cloud's points";
-  return in;
-}
-
-Inputs load(const Arguments& args, const CommonOptions& common, Arguments* settled) {
-  Inputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
-  for (Eigen::Vector3d& place : in.line) place = in.frame.to_plan(place);
-  if (!args.reading.crs.empty()) {
-    in.geo_reference = geo_reference(crs_from_option(args.reading.crs));
-  }
-  return in;
-}
-
-SmoothLine line_of(const Inputs& in, const Arguments& args) {
+SmoothLine line_of(const ExportInputs& in, const ExportArguments& args) {
   try {
     return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead);
   } catch (const std::invalid_argument&) {
@@ -164,7 +55,8 @@ json frame_json(const PlanFrame& frame) {
   return rows;
 }
 
-json export_crg(const Inputs& in, const SmoothLine& line, const Arguments& args, Timings& timings) {
+json export_crg(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                Timings& timings) {
   StageTimer compute(timings, "compute");
   CrgData data = make_crg(*in.ground, line, args.grid);
   compute.stop();
@@ -188,7 +80,7 @@ json export_crg(const Inputs& in, const SmoothLine& line, const Arguments& args,
 }
 
 /// The vehicles of a result that its reference camera saw, in the plan frame.
-std::vector<RoadsideVehicle> result_vehicles(const Arguments& args, const PlanFrame& frame) {
+std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const PlanFrame& frame) {
   const fs::path folder = args.input;
   const RunDocument run = read_run(folder / "run.json");
   std::vector<RoadsideVehicle> out;
@@ -217,7 +109,7 @@ std::vector<RoadsideVehicle> result_vehicles(const Arguments& args, const PlanFr
   return out;
 }
 
-json export_opendrive(const Inputs& in, const SmoothLine& line, const Arguments& args,
+json export_opendrive(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
                       Timings& timings) {
   StageTimer compute(timings, "compute");
   OpenDriveOptions options;
@@ -243,17 +135,7 @@ json export_opendrive(const Inputs& in, const SmoothLine& line, const Arguments&
           {"height_most", road.height_most}};
 }
 
-/// Colours of the cloud that an input is or holds, if it has any.
-std::unique_ptr<ColorSource> colors_of(const Arguments& args, const Inputs& in) {
-  const fs::path cloud =
-      is_surface(args.input) ? cloud_beside(in.files.front()) : fs::path(args.input);
-  if (cloud.empty()) return nullptr;
-  const CloudFile file = read_cloud_file(cloud);
-  if (file.cloud.colors.empty()) return nullptr;
-  return std::make_unique<ColorSource>(file.cloud, in.frame);
-}
-
-json export_mesh(const Inputs& in, const SmoothLine& line, const Arguments& args,
+json export_mesh(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
                  Timings& timings) {
   StageTimer compute(timings, "compute");
   RoadMeshOptions options;
@@ -274,6 +156,50 @@ json export_mesh(const Inputs& in, const SmoothLine& line, const Arguments& args
   return {{"points", mesh.points.size()},
           {"triangles", mesh.triangles.size()},
           {"colors", !mesh.colors.empty()},
+          {"line_deviation", line.deviation()}};
+}
+
+/// @throws MachineError where the program was built without GDAL.
+const GdalFunctions& gdal() {
+  if (!has_plugin("gdal")) {
+    throw MachineError(
+        "GeoTIFF is written by Debian's package libgdal-dev, which was not there when this program "
+        "was built: install it and build the program anew");
+  }
+  using Functions = const GdalFunctions* (*)();
+  return *reinterpret_cast<Functions>(plugin_symbol("gdal", "camber_gdal"))();
+}
+
+json export_geotiff(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                    Timings& timings) {
+  const GdalFunctions& writer = gdal();
+  StageTimer compute(timings, "compute");
+  RoadRasterOptions options;
+  options.cell = args.grid.step_u;
+  options.left = args.grid.left;
+  options.right = args.grid.right;
+  options.widest = args.grid.widest;
+  options.num_threads = args.grid.num_threads;
+  const std::unique_ptr<ColorSource> colors = colors_of(args, in);
+  const RoadRaster raster = make_road_raster(*in.ground, line, colors.get(), options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  const std::map<std::string, std::string> metadata = {
+      {"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
+      {"TIFFTAG_IMAGEDESCRIPTION", in.described},
+      {"CAMBER_LEVEL", in.level}};
+  write_file_atomically(args.out, writer.encode_geotiff(raster, in.geo_reference, metadata));
+  write.stop();
+  const auto unknown = std::count_if(raster.heights.begin(), raster.heights.end(),
+                                     [](float z) { return std::isnan(z); });
+  return {{"columns", raster.columns},
+          {"rows", raster.rows},
+          {"cell", raster.cell},
+          {"west", raster.west},
+          {"north", raster.north},
+          {"unknown", unknown},
+          {"colors", !raster.colors.empty()},
+          {"geo_reference", in.geo_reference},
           {"line_deviation", line.deviation()}};
 }
 
@@ -304,7 +230,7 @@ std::vector<StampedPose> run_poses(const RunDocument& run, std::string* clock) {
   return poses;
 }
 
-json export_trajectory(const CommonOptions& common, const Arguments& args, Timings& timings) {
+json export_trajectory(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
   StageTimer load(timings, "load");
   const fs::path file = fs::path(args.input) / "run.json";
   std::string clock;
@@ -327,7 +253,7 @@ json export_trajectory(const CommonOptions& common, const Arguments& args, Timin
 }
 
 /// The form of a mesh or trajectory is that of its name. @throws UsageError
-void check_extension(const Arguments& args) {
+void check_extension(const ExportArguments& args) {
   const std::string kind = fs::path(args.out).extension().string();
   if (args.target == "mesh" && kind != ".glb" && kind != ".obj" && kind != ".ply") {
     throw UsageError("--out: found '" + args.out + "', expected FILE.glb, FILE.obj or FILE.ply");
@@ -339,7 +265,7 @@ void check_extension(const Arguments& args) {
 }
 
 /// What a command line asks for that cannot be. @throws UsageError
-void check_arguments(const Arguments& args) {
+void check_arguments(const ExportArguments& args) {
   if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
     throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
   }
@@ -349,13 +275,14 @@ void check_arguments(const Arguments& args) {
                      "', expected a result folder of reconstruct");
   }
   check_extension(args);
+  if (args.target == "geotiff") gdal();
   const bool opendrive = args.target == "opendrive";
   if (!opendrive && (args.vehicles || !args.crg.empty())) {
     throw UsageError("--vehicles and --crg go with --to opendrive");
   }
 }
 
-json options_json(const Arguments& a) {
+json options_json(const ExportArguments& a) {
   return {{"to", a.target},          {"encoding", a.encoding},
           {"slope", a.slope},        {"banking", a.banking},
           {"step", a.grid.step_u},   {"step_across", a.grid.step_v},
@@ -366,15 +293,18 @@ json options_json(const Arguments& a) {
 }
 
 /// @param args  steps that the data give are filled in
-json export_road(const CommonOptions& common, Arguments* args, Timings& timings) {
+json export_road(const CommonOptions& common, ExportArguments* args, Timings& timings) {
   StageTimer load_timer(timings, "load");
-  const Inputs in = load(*args, common, args);
+  const ExportInputs in = load_export(*args, common, args);
   load_timer.stop();
   const SmoothLine line = line_of(in, *args);
   json result;
   switch (kTargets.at(args->target)) {
     case Target::kOpenDrive:
       result = export_opendrive(in, line, *args, timings);
+      break;
+    case Target::kGeoTiff:
+      result = export_geotiff(in, line, *args, timings);
       break;
     case Target::kMesh:
       result = export_mesh(in, line, *args, timings);
@@ -387,8 +317,8 @@ json export_road(const CommonOptions& common, Arguments* args, Timings& timings)
   return result;
 }
 
-int run(const Command& command, const Arguments& given) {
-  Arguments args = given;
+int run(const Command& command, const ExportArguments& given) {
+  ExportArguments args = given;
   args.grid.encoding = kEncodings.at(args.encoding);
   args.grid.slope_in_line = args.slope == "line";
   args.grid.banking_in_line = args.banking == "line";
@@ -417,7 +347,7 @@ std::vector<std::string> names_of(const Map& map) {
   return names;
 }
 
-void add_arguments(App& app, Arguments& a) {
+void add_arguments(App& app, ExportArguments& a) {
   app.add_option("input", a.input,
                  "result folder of reconstruct or patches, its surface.json, or a cloud")
       ->required();
@@ -433,7 +363,8 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--encoding", a.encoding, "numbers of OpenCRG: text (LRFI) or binary (KRBI)")
       ->check(is_member(names_of(kEncodings)))
       ->capture_default_str();
-  app.add_option("--step", a.grid.step_u, "metres between cross sections; 0: from the data")
+  app.add_option("--step", a.grid.step_u,
+                 "metres between cross sections, and the cell of GeoTIFF; 0: from the data")
       ->capture_default_str();
   app.add_option("--step-across", a.grid.step_v, "metres between long sections; 0: from the data")
       ->capture_default_str();
@@ -478,14 +409,16 @@ void add_arguments(App& app, Arguments& a) {
 
 void register_export(App& root) {
   Command* command = add_command(
-      root, "export", "Writes a road for other programs: OpenCRG, OpenDRIVE, meshes, trajectories",
+      root, "export",
+      "Writes a road for other programs: OpenCRG, OpenDRIVE, GeoTIFF, meshes, trajectories",
       "  camber export results --to opencrg --out road.crg\n"
       "  camber export surface --to opencrg --encoding binary --out road.crg\n"
       "  camber export scan.las --along centreline.csv --to opencrg --out road.crg\n"
       "  camber export results --to opendrive --crg road.crg --vehicles --out road.xodr\n"
+      "  camber export scan.las --along centreline.csv --to geotiff --out road.tif\n"
       "  camber export results --to mesh --out road.glb\n"
       "  camber export results --to trajectory --out cameras.tum");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<ExportArguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };
 }

@@ -27,7 +27,7 @@ class HeightSource {
   virtual ~HeightSource() = default;
   /// @param place  m, plan frame; its z chooses between levels above one another.
   virtual GroundSample at(const Eigen::Vector3d& place) const = 0;
-  /// m between heights that the data can tell apart along the ground; 0: it does not say.
+  /// m between heights that the data resolve along the ground; 0: not known.
   virtual double resolution() const = 0;
 };
 

@@ -112,7 +112,7 @@ void Reader::begin_block(std::string_view line) {
     return;
   }
   block_ = found->second;
-  // A block replaces what a file named before has said.
+  // A block replaces what a file named before has set.
   if (block_ == Block::kOptions) data_.options = CrgOptions(), has_options_ = true;
   if (block_ == Block::kModifiers) data_.modifiers = CrgModifiers();
 }

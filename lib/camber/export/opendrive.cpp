@@ -113,7 +113,7 @@ CrossSection fit_section(const std::vector<Vector2d>& seen) {
     low = std::min(low, p.x());
     high = std::max(high, p.x());
   }
-  // Both sides go the same way as far as one of them is too narrow to say.
+  // Both sides go the same way as far as one of them is too narrow to measure.
   const double tie = 1e-3 * static_cast<double>(seen.size());
   const Vector3d same(0.0, 1.0, -1.0);
   information += tie * same * same.transpose();

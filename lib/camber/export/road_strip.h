@@ -26,10 +26,11 @@ SmoothLine line_over_ground(const HeightSource& ground, const std::vector<Eigen:
 
 /// Where the grid of an export stands.
 struct CrgGridOptions {
-  double step_u = 0.0, step_v = 0.0;  ///< m; 0: from the data (0.25 m where it does not say)
-  double right = 0.0, left = 0.0;     ///< m to either side, >= 0; 0: as far as is seen
-  double widest = 12.0;               ///< m, limit of what is seen
-  bool slope_in_line = true;          ///< elevation of the reference line; else in the grid
+  double step_u = 0.0,
+         step_v = 0.0;  ///< m; 0: from the data (0.25 m where their resolution is unknown)
+  double right = 0.0, left = 0.0;  ///< m to either side, >= 0; 0: as far as is seen
+  double widest = 12.0;            ///< m, limit of what is seen
+  bool slope_in_line = true;       ///< elevation of the reference line; else in the grid
   bool banking_in_line = true;
   double smoothing = 5.0;  ///< m of road over which elevation and banking of the line are taken
   CrgEncoding encoding = CrgEncoding::kText;
@@ -38,7 +39,7 @@ struct CrgGridOptions {
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
-/// Steps for data that tell heights apart every `resolution` metres: round, in millimetres.
+/// Steps for data that resolve heights every `resolution` metres: round, in millimetres.
 double grid_step(double resolution);
 
 /// The ground beside a line as an OpenCRG road. Grid points are where a reader of the file has
