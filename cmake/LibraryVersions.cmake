@@ -30,6 +30,9 @@ function(camber_version_in name regex)
 endfunction()
 find_path(CLI11_INCLUDE_DIR CLI/Version.hpp REQUIRED)
 camber_version_in(CLI11 "define CLI11_VERSION \"([0-9.]+)\"" ${CLI11_INCLUDE_DIR}/CLI/Version.hpp)
+if(CAMBER_HAS_GDAL)
+  camber_version_in(GDAL "define GDAL_RELEASE_NAME +\"([0-9.]+)" ${GDAL_INCLUDE_DIR}/gdal_version.h)
+endif()
 camber_version_in(libavformat "define LIBAVFORMAT_VERSION_M[A-Z]+ +([0-9]+)"
                   ${LIBAV_INCLUDE_DIR}/libavformat/version_major.h
                   ${LIBAV_INCLUDE_DIR}/libavformat/version.h)

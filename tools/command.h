@@ -62,5 +62,6 @@ void register_ground(App& root);
 void register_compare(App& root);
 void register_view(App& root);
 void register_lift(App& root);
+void register_export(App& root);
 
 }  // namespace camber::tools

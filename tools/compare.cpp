@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -22,6 +23,7 @@
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "crg_road.h"
 #include "crs.h"
 #include "road_arguments.h"
 
@@ -116,7 +118,49 @@ fs::path cloud_of(const std::string& path) {
   return is_result(path) ? fs::path(path) / "road.ply" : fs::path(path);
 }
 
+/// The known cells of an OpenCRG road as a mesh.
+Shape crg_mesh(const fs::path& path, const LogSink& warn) {
+  const CrgData data = read_crg(path);
+  for (const std::string& remark : data.remarks) {
+    if (warn) warn(path.string() + ": " + remark);
+  }
+  const CrgRoad road(data, false);
+  const std::size_t columns = data.v.size();
+  Shape shape;
+  shape.cloud.frame = CloudFrame::kZUp;
+  shape.cloud.origin = {data.start_x, data.start_y, data.start_z};
+  std::vector<std::int64_t> index(data.heights.size(), -1);
+  for (std::size_t i = 0; i < road.sections(); ++i) {
+    for (std::size_t j = 0; j < columns; ++j) {
+      const double z = road.node(i, j);
+      if (std::isnan(z)) continue;
+      const double u = road.first_u() + static_cast<double>(i) * road.increment();
+      const Eigen::Vector2d place = road.position(u, data.v[j]);
+      index[i * columns + j] = static_cast<std::int64_t>(shape.cloud.size());
+      shape.cloud.points.push_back(
+          (Eigen::Vector3d(place.x(), place.y(), z) - shape.cloud.origin).cast<float>());
+    }
+  }
+  for (std::size_t i = 0; i + 1 < road.sections(); ++i) {
+    for (std::size_t j = 0; j + 1 < columns; ++j) {
+      const std::int64_t corners[4] = {index[i * columns + j], index[(i + 1) * columns + j],
+                                       index[(i + 1) * columns + j + 1],
+                                       index[i * columns + j + 1]};
+      if (*std::min_element(corners, corners + 4) < 0) continue;
+      const auto c = [&](int k) { return static_cast<std::uint32_t>(corners[k]); };
+      shape.triangles.push_back({c(0), c(1), c(2)});
+      shape.triangles.push_back({c(0), c(2), c(3)});
+    }
+  }
+  return shape;
+}
+
 Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn) {
+  if (is_crg(path)) {
+    Shape shape = crg_mesh(path, warn);
+    if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": no cell has four known corners");
+    return shape;
+  }
   options.triangles = true;
   CloudFile file = read_cloud_file(path, options);
   warn_about(path.string(), file.report, warn);

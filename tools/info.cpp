@@ -19,6 +19,7 @@
 #include "cloud_arguments.h"
 #include "cloud_description.h"
 #include "command.h"
+#include "crg_road.h"
 #include "crs.h"
 
 namespace fs = std::filesystem;
@@ -111,6 +112,62 @@ Description describe_result(const fs::path& folder, const ReadOptions& options) 
   return out;
 }
 
+Description describe_crg(const fs::path& path) {
+  const CrgData data = read_crg(path);
+  const CrgRoad road(data, false);
+  Description out;
+  json& o = out.object;
+  std::size_t unknown = 0;
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (std::size_t i = 0; i < road.sections(); ++i) {
+    for (std::size_t j = 0; j < data.v.size(); ++j) {
+      const double z = road.node(i, j);
+      if (std::isnan(z)) {
+        ++unknown;
+      } else {
+        low = std::min(low, z);
+        high = std::max(high, z);
+      }
+    }
+  }
+  std::string channels;
+  for (const auto& [name, channel] :
+       {std::pair("heading", &data.phi), {"banking", &data.banking}, {"slope", &data.slope}}) {
+    if (!channel->empty()) channels += std::string(channels.empty() ? "" : ", ") + name;
+  }
+  o = {{"file", path.string()},
+       {"kind", "opencrg"},
+       {"encoding", to_string(data.encoding)},
+       {"metric", true},
+       {"sections", road.sections()},
+       {"columns", data.v.size()},
+       {"u", {road.first_u(), road.last_u()}},
+       {"increment", data.increment},
+       {"v", {data.v.front(), data.v.back()}},
+       {"start", {data.start_x, data.start_y, data.start_z}},
+       {"channels", channels},
+       {"unknown", unknown},
+       {"height", {number(low), number(high)}},
+       {"modifiers", data.modifiers.has_value()},
+       {"remarks", data.remarks}};
+  json files = json::array();
+  for (const fs::path& file : data.files) files.push_back(file.string());
+  o["files"] = files;
+  out.line("format", fmt::format("OpenCRG road, {}", to_string(data.encoding)));
+  if (data.files.size() > 1) out.line("data in", data.files.back().string());
+  out.line("u [m]", fmt::format("{:g} to {:g} in {} steps of {:g}", road.first_u(), road.last_u(),
+                                road.sections() - 1, data.increment));
+  out.line("v [m]", fmt::format("{:g} to {:g}, {} long sections", data.v.front(), data.v.back(),
+                                data.v.size()));
+  out.line("starts at [m]",
+           fmt::format("{:.3f} {:.3f} {:.3f}", data.start_x, data.start_y, data.start_z));
+  out.line("reference line", channels.empty() ? "straight and level" : channels);
+  if (low <= high) out.line("heights [m]", fmt::format("{:.3f} to {:.3f}", low, high));
+  out.line("unknown cells", fmt::format("{} of {}", unknown, data.heights.size()));
+  for (const std::string& remark : data.remarks) out.line("remark", remark);
+  return out;
+}
+
 bool looks_like_json(const fs::path& path) {
   if (path.extension() == ".json") return true;
   std::ifstream in(path, std::ios::binary);
@@ -133,6 +190,7 @@ Description describe(const std::string& name, const ReadOptions& options, const 
       return describe_scene(path, warn);
     }
   }
+  if (is_crg(path)) return describe_crg(path);
   if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_scene(path, warn);
   CloudSummary summary = summarise(*open_point_source(path, options));
   if (summary.crs) {
@@ -146,7 +204,8 @@ Description describe(const std::string& name, const ReadOptions& options, const 
 
 void register_info(App& root) {
   Command* command = add_command(
-      root, "info", "Shows what clouds, COLMAP models, scene manifests and result folders hold",
+      root, "info",
+      "Shows what clouds, OpenCRG roads, COLMAP models, scene manifests and result folders hold",
       "  camber info road.ply\n"
       "  camber info scan.pcd points.bin --json\n"
       "  camber info damaged.pcd --lenient\n"
@@ -159,7 +218,7 @@ void register_info(App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   App& app = *command->app;
-  app.add_option("files", arguments->files, "clouds, scene manifests or result folders")
+  app.add_option("files", arguments->files, "clouds, .crg, scene manifests or result folders")
       ->required();
   add_cloud_arguments(app, arguments->cloud);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");

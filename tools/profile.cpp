@@ -16,7 +16,9 @@
 #include "camber/road/road_profile.h"
 #include "camber/scene/results.h"
 #include "command.h"
+#include "crg_road.h"
 #include "own_inputs.h"
+#include "profile_crg.h"
 #include "road_arguments.h"
 
 namespace fs = std::filesystem;
@@ -32,6 +34,7 @@ struct Arguments {
   ProfileOptions options;
   double levelling_sigma_deg = options.levelling_sigma / kDegree;
   bool json = false;
+  bool as_stored = false;
 };
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
@@ -75,7 +78,6 @@ json profile_json(const Command& command, const RoadSurface& surface,
             {"levelling_sigma_deg", options.levelling_sigma / kDegree},
             {"drift_sigma", options.drift_sigma}}},
           {"frame", surface.frame},
-          {"level", to_string(surface.level)},
           {"level", to_string(surface.level)},
           {"metric", surface.metric},
           {"covered_stations", covered_stations(profile)},
@@ -187,6 +189,10 @@ void write(const Arguments& args, const std::vector<ProfilePoint>& profile, cons
 }
 
 int run(const Command& command, const Arguments& args) {
+  if (is_crg(args.surface)) {
+    if (!args.plot.empty()) throw UsageError("--plot: found an OpenCRG file, which has no bands");
+    return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
+  }
   ProfileOptions options = args.options;
   options.levelling_sigma = args.levelling_sigma_deg * kDegree;
   options.validate();
@@ -223,13 +229,16 @@ int run(const Command& command, const Arguments& args) {
 }
 
 void add_arguments(App& app, Arguments& a) {
-  app.add_option("surface", a.surface, "result folder, or its surface.json")->required();
+  app.add_option("surface", a.surface, "result folder, its surface.json, or an OpenCRG file (.crg)")
+      ->required();
   app.add_option("--out", a.out, "FILE.csv or FILE.json");
   app.add_option("--plot", a.plot,
                  "FILE.png or FILE.svg: height, grade and cross slope with bands of 95 %");
-  app.add_option("--along", a.line,
-                 "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "
-                 "z_m); default: the driven line of the result");
+  app.add_option(
+      "--along", a.line,
+      "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "
+      "z_m); default: the driven line of the result. Of an OpenCRG file: places, columns u, v or "
+      "x, y; default: its reference line");
   app.add_option("--step", a.options.step, "metres between stations")->capture_default_str();
   app.add_option("--length", a.options.length,
                  "metres of road over which grade and vertical radius are measured")
@@ -244,6 +253,8 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--drift-sigma", a.options.drift_sigma,
                  "metres by which the cloud's heights may drift along the road: part of the bands")
       ->capture_default_str();
+  app.add_flag("--as-stored", a.as_stored,
+               "of an OpenCRG file: without its modifiers, unknown cells left unknown");
   app.add_flag("--json", a.json, "print the stations as JSON to stdout");
 }
 
@@ -255,7 +266,8 @@ void register_profile(App& root) {
                   "  camber profile results --out profile.csv\n"
                   "  camber profile results --plot profile.png\n"
                   "  camber profile results --json > profile.json\n"
-                  "  camber profile surface --along centreline.csv --step 5 --out profile.json");
+                  "  camber profile surface --along centreline.csv --step 5 --out profile.json\n"
+                  "  camber profile road.crg --along places.csv --out heights.csv");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

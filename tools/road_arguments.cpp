@@ -56,8 +56,10 @@ void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& t
   app.add_flag("--json", arguments.as_json, "one JSON object on stdout");
 }
 
-std::vector<Eigen::Vector3d> read_line(const std::string& path) {
+std::vector<Eigen::Vector3d> read_line(const std::string& path,
+                                       const std::optional<CoordinateSystem>& system) {
   CloudFile file = read_cloud_file(path);
+  if (!file.report.crs) file.report.crs = system;
   use_metres(path, &file, {});
   const RoadCloud& cloud = file.cloud;
   std::vector<Eigen::Vector3d> line;

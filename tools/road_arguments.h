@@ -44,7 +44,9 @@ void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& t
 
 /// The points of a file (any cloud format, in their order) as a polyline.
 /// @throws InputError if it cannot be read; NoAnswerError for fewer than two points.
-std::vector<Eigen::Vector3d> read_line(const std::string& path);
+/// @param system  of a file that states none.
+std::vector<Eigen::Vector3d> read_line(
+    const std::string& path, const std::optional<CoordinateSystem>& system = std::nullopt);
 
 /// The surface of a result folder of `reconstruct`: in the reference camera's frame.
 /// @throws InputError if it cannot be read or is in another frame.

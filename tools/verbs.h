@@ -20,6 +20,7 @@ inline constexpr Verb kVerbs[] = {
     {"ground", "clouds", "the ground of a cloud, separated from what stands on it"},
     {"profile", "frames", "height, grade and cross slope along a road"},
     {"lift", "clouds", "yaw-only 3D boxes of a detector put on a road surface"},
+    {"export", "clouds", "the road for other programs: OpenCRG, OpenDRIVE, GeoTIFF, meshes"},
     {"compare", "frames", "an estimated cloud, mesh or result against dense truth"},
     {"evaluate", "frames", "tables of vehicle localisation errors against truth"},
     {"render", "frames", "pictures, films, glTF or a report, without a display"},

@@ -95,7 +95,7 @@ TEST(Start, CommandsOnCloudsLoadNoOpenCvAndNoVtk) {
         "ground " + small_cloud() + " --out ground.ply",
         "patches " + small_cloud() + " --out patches", "info " + small_cloud(),
         "filter " + small_cloud() + " --out filtered.pcd", std::string("convert --help"),
-        std::string("lift --help"), std::string("view --help")}) {
+        std::string("export --help"), std::string("lift --help"), std::string("view --help")}) {
     SCOPED_TRACE(arguments);
     const std::set<std::string> objects = loaded_by(arguments);
     EXPECT_LE(objects.size(), 40u);
@@ -139,7 +139,9 @@ TEST(Start, WithoutItsPluginACommandSaysSo) {
               ContainsRegex("^camber: [^\n]*/libcamber_clouds.so: no such file[^\n]*\n$"));
 }
 
-TEST(Start, WithoutRossLibraryBagsAreRefused) {
+/// A program as it is built where the library of one plugin is not installed.
+void expect_refused_without(const std::string& plugin, const std::string& arguments,
+                            const std::string& package) {
   const camber::test::TemporaryFolder folder;
   const fs::path plugins = fs::path(CAMBER_PLUGINS);
   const fs::path program = fs::path(CAMBER_PROGRAM);
@@ -149,19 +151,27 @@ TEST(Start, WithoutRossLibraryBagsAreRefused) {
   fs::create_directories(beside);
   fs::copy_file(program, folder.path() / "bin/camber");
   for (const auto& entry : fs::directory_iterator(plugins)) {
-    if (entry.path().filename() == "libcamber_rosbag.so") continue;
+    if (entry.path().filename() == "libcamber_" + plugin + ".so") continue;
     fs::create_symlink(entry.path(), beside / entry.path().filename());
   }
   const std::string err = (folder.path() / "err").string();
-  const std::string command = "'" + (folder.path() / "bin/camber").string() +
-                              "' import rosbag x.bag --out '" + (folder.path() / "out").string() +
-                              "' 2>'" + err + "'";
+  const std::string command = "'" + (folder.path() / "bin/camber").string() + "' " + arguments +
+                              " --out '" + (folder.path() / "out").string() + "' 2>'" + err + "'";
   const int status = std::system(command.c_str());
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 3);
   EXPECT_THAT(read_text(err),
-              ContainsRegex("^camber: [^\n]*librosbag-storage-dev[^\n]*install it[^\n]*\n$"));
+              ContainsRegex("^camber: [^\n]*" + package + "[^\n]*install it[^\n]*\n$"));
   EXPECT_FALSE(fs::exists(folder.path() / "out"));
+}
+
+TEST(Start, WithoutRossLibraryBagsAreRefused) {
+  expect_refused_without("rosbag", "import rosbag x.bag", "librosbag-storage-dev");
+}
+
+TEST(Start, WithoutGdalGeoTiffIsRefused) {
+  expect_refused_without("gdal", "export " + small_cloud() + " --along x.csv --to geotiff",
+                         "libgdal-dev");
 }
 
 }  // namespace

@@ -7,6 +7,7 @@ CAMBER_EXPORT int camber_run(int argc, char** argv) {
                    {"patches", register_patches},
                    {"ground", register_ground},
                    {"lift", register_lift},
+                   {"export", register_export},
                    {"view", register_view},
                    {"info", register_info},
                    {"convert", register_convert},

@@ -11,6 +11,7 @@ namespace camber::tools {
 ///   frames  all other commands: OpenCV, without its image and video formats
 ///   vtk     text and 3D scenes
 ///   crs     coordinate systems by name: PROJ
+///   gdal    GeoTIFF; built only where GDAL is installed
 ///   pcl     patches and ground by the Point Cloud Library
 ///   video   films and videos: OpenCV's videoio, FFmpeg
 ///   networks  detectors and segmenters: OpenCV's DNN

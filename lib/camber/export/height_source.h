@@ -1,0 +1,58 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "camber/cloud/road_cloud.h"
+#include "camber/export/plan_frame.h"
+#include "camber/road/road_surface.h"
+
+namespace camber {
+
+/// The ground at a place, in the plan frame.
+struct GroundSample {
+  double height = std::numeric_limits<double>::quiet_NaN();  ///< m; NaN: not known
+  double sigma = std::numeric_limits<double>::quiet_NaN();   ///< m, standard deviation
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();         ///< unit, up
+};
+
+/// Heights of the ground over the plan. Any number of threads may ask.
+class HeightSource {
+ public:
+  virtual ~HeightSource() = default;
+  /// @param place  m, plan frame; its z chooses between levels above one another.
+  virtual GroundSample at(const Eigen::Vector3d& place) const = 0;
+  /// m between heights that the data resolve along the ground; 0: not known.
+  virtual double resolution() const = 0;
+};
+
+/// The patches of a surface, as RoadSurface::query() answers.
+/// @param reach  m that a place may lie beyond a patch's boundary
+std::unique_ptr<HeightSource> surface_heights(const RoadSurface& surface, const PlanFrame& frame,
+                                              double reach);
+
+/// A plane through the points near a place, weighted by distance and robustly (Tukey's biweight).
+/// Points with a label "ground" of 0 or "patch" of -1 are left out. Nothing is answered where there
+/// are fewer than 4 points within reach, or only points to one side.
+std::unique_ptr<HeightSource> cloud_heights(const RoadCloud& cloud, const PlanFrame& frame);
+
+/// Colours of a cloud seen from above.
+class ColorSource {
+ public:
+  ColorSource(const RoadCloud& cloud, const PlanFrame& frame);
+  ~ColorSource();
+  /// Of the nearest point within three times the cloud's spacing; none: not seen.
+  std::optional<std::array<std::uint8_t, 3>> at(const Eigen::Vector3d& place) const;
+  double resolution() const;
+
+ private:
+  struct Points;
+  std::unique_ptr<Points> points_;
+};
+
+}  // namespace camber

@@ -1,0 +1,193 @@
+// camber export, and OpenCRG roads as inputs of other commands.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "camber/export/opencrg.h"
+#include "camber/export/plan_frame.h"
+#include "camber/scene/results.h"
+#include "export_program.h"
+
+namespace fs = std::filesystem;
+using camber::test::run_camber;
+using nlohmann::json;
+
+namespace camber {
+namespace {
+
+using test::ExportProgram;
+
+TEST_F(ExportProgram, OpenCrgHasTheSurfacesHeights) {
+  for (const char* const encoding : {"text", "binary"}) {
+    const auto result = run_camber({"export", file("surface.json"), "--to", "opencrg", "--encoding",
+                                    encoding, "--out", file("road.crg"), "--json"});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    const json told = json::parse(result.out);
+    EXPECT_NEAR(told["length"].get<double>(), 39.0, 0.6);  // goes on to the surface's end
+    const CrgRoad road(read_crg(file("road.crg")));
+    const PlanFrame frame(surface_.up);
+    std::size_t known = 0;
+    for (std::size_t i = 0; i < road.sections(); ++i) {
+      for (std::size_t j = 0; j < road.v().size(); ++j) {
+        const double u = static_cast<double>(i) * road.increment();
+        const Eigen::Vector2d place = road.position(u, road.v()[j]);
+        const SurfaceQuery truth =
+            surface_.query(frame.to_surface({place.x(), place.y(), -1.0}), 0.5);
+        ASSERT_EQ(std::isnan(road.node(i, j)), truth.status == Status::kFailed);
+        if (truth.status == Status::kFailed) continue;
+        ++known;
+        EXPECT_NEAR(road.node(i, j), frame.to_plan(truth.point).z(), 1e-5);
+      }
+    }
+    EXPECT_GT(known, 4000u);
+    EXPECT_EQ(told["unknown"].get<std::size_t>(), road.sections() * road.v().size() - known);
+  }
+}
+
+TEST_F(ExportProgram, ProfileGivesHeightsAtPlaces) {
+  ASSERT_EQ(
+      run_camber({"export", file("surface.json"), "--to", "opencrg", "--out", file("road.crg")})
+          .exit_code,
+      0);
+  std::ofstream(file("uv.csv")) << "u,v\n1.5,0.25\n30,-2\n10,100\n";
+  std::ofstream(file("xy.csv")) << "x;y\n2.5;0.25\n31;-2\n";
+  const CrgRoad road(read_crg(file("road.crg")));
+  for (const std::string kind : {"uv", "xy"}) {
+    const auto result =
+        run_camber({"profile", file("road.crg"), "--along", file(kind + ".csv"), "--json"});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    const json places = json::parse(result.out)["places"];
+    ASSERT_EQ(places.size(), kind == "uv" ? 3u : 2u);
+    for (const json& place : places) {
+      const double height = road.height(place["u"].get<double>(), place["v"].get<double>());
+      if (std::isnan(height)) {
+        EXPECT_TRUE(place["height"].is_null());
+      } else {
+        EXPECT_DOUBLE_EQ(place["height"].get<double>(), height);
+      }
+    }
+    EXPECT_EQ(places[0]["status"], "ok");
+    if (kind == "uv") {
+      EXPECT_EQ(places[2]["status"], "beyond");
+    }
+  }
+  ASSERT_EQ(run_camber({"profile", file("road.crg"), "--out", file("line.csv")}).exit_code, 0);
+  EXPECT_THAT(test::read_text(file("line.csv")),
+              ::testing::StartsWith("u_m,v_m,x_m,y_m,height_m,status\n0,0,"));
+}
+
+TEST_F(ExportProgram, InfoAndCompareTakeRoads) {
+  ASSERT_EQ(
+      run_camber({"export", file("surface.json"), "--to", "opencrg", "--out", file("road.crg")})
+          .exit_code,
+      0);
+  const auto info = run_camber({"info", file("road.crg"), "--json"});
+  ASSERT_EQ(info.exit_code, 0) << info.error;
+  const json told = json::parse(info.out)["files"][0];
+  EXPECT_EQ(told["kind"], "opencrg");
+  EXPECT_EQ(told["encoding"], "LRFI");
+  const auto compared = run_camber({"compare", file("road.crg"), file("road.crg"), "--json"});
+  ASSERT_EQ(compared.exit_code, 0) << compared.error;
+  EXPECT_NEAR(json::parse(compared.out)["accuracy"]["rms"].get<double>(), 0.0, 1e-6);
+}
+
+TEST_F(ExportProgram, OpenDriveTellsHowWellItFits) {
+  const auto result =
+      run_camber({"export", file("surface.json"), "--to", "opendrive", "--crg", "road.crg", "--crs",
+                  "EPSG:25832", "--out", file("road.xodr"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json told = json::parse(result.out);
+  EXPECT_LT(told["height_most"].get<double>(), 0.05);  // the bend between the patches is smoothed
+  EXPECT_LT(told["height_rms"].get<double>(), 0.01);
+  EXPECT_LT(told["line_deviation"].get<double>(), 0.05);
+  const std::string text = test::read_text(file("road.xodr"));
+  EXPECT_THAT(text, ::testing::HasSubstr("EPSG:25832"));
+  EXPECT_THAT(text, ::testing::HasSubstr("file=\"road.crg\""));
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opendrive", "--vehicles",
+                                  "--out", file("cars.xodr")}),
+                      2, "vehicles.json");
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opencrg", "--crg",
+                                  "road.crg", "--out", file("other.crg")}),
+                      2, "--to opendrive");
+}
+
+TEST_F(ExportProgram, MeshesAndTrajectories) {
+  for (const std::string kind : {"glb", "obj", "ply"}) {
+    const auto result = run_camber(
+        {"export", file("surface.json"), "--to", "mesh", "--out", file("road." + kind), "--json"});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_GT(json::parse(result.out)["triangles"].get<int>(), 1000);
+    EXPECT_GT(fs::file_size(file("road." + kind)), 10000u);
+  }
+  EXPECT_EQ(run_camber({"compare", file("road.ply"), file("road.ply")}).exit_code, 0);
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", file("surface.json"), "--to", "mesh", "--out", file("road.stl")}), 2,
+      "FILE.glb");
+  RunDocument run;
+  run.cameras = {{4, SE3()}, {5, SE3(Eigen::Quaterniond::Identity(), {0.0, 0.0, 1.5})}};
+  write_json(to_json(run), folder_.path() / "run.json");
+  const auto poses = run_camber({"export", folder_.path().string(), "--to", "trajectory", "--out",
+                                 file("cameras.csv"), "--json"});
+  ASSERT_EQ(poses.exit_code, 0) << poses.error;
+  EXPECT_EQ(json::parse(poses.out)["clock"], "frames");
+  EXPECT_THAT(test::read_text(file("cameras.csv")),
+              ::testing::HasSubstr("5,5.000000,0.000000000,0.000000000,1.500000000"));
+  EXPECT_EQ(poses.error, "");
+  run.metric = false;
+  write_json(to_json(run), folder_.path() / "run.json");
+  EXPECT_ONE_SENTENCE(run_camber({"export", folder_.path().string(), "--to", "trajectory", "--out",
+                                  file("cameras.tum")}),
+                      0, "unknown scale");
+}
+
+TEST_F(ExportProgram, CloudsTakeALine) {
+  {
+    std::ofstream cloud(file("cloud.csv")), line(file("line.csv"));
+    cloud << "x,y,z\n";
+    line << "x,y,z\n";
+    for (int i = 0; i <= 200; ++i) {
+      for (int k = -20; k <= 20; ++k) {
+        cloud << 0.2 * i << "," << 0.2 * k << "," << 0.01 * i + 0.004 * k << "\n";
+      }
+    }
+    for (int i = 1; i < 39; ++i) line << i << ",0,0\n";
+  }
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", file("cloud.csv"), "--to", "opencrg", "--out", file("road.crg")}), 2,
+      "--along");
+  const auto result = run_camber({"export", file("cloud.csv"), "--along", file("line.csv"), "--to",
+                                  "opencrg", "--out", file("road.crg"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const CrgRoad road(read_crg(file("road.crg")));
+  EXPECT_DOUBLE_EQ(road.increment(), 0.2);  // the points' spacing
+  EXPECT_NEAR(road.height_at(20.0, 1.0), 0.05 * 20.0 + 0.02 * 1.0, 1e-3);
+}
+
+TEST_F(ExportProgram, Refusals) {
+  surface_.metric = false;
+  write_json(to_json(surface_), file("unscaled.json"));
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", file("unscaled.json"), "--to", "opencrg", "--out", file("road.crg")}),
+      1, "unknown scale");
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opencrg", "--out",
+                                  file("surface.json")}),
+                      2, "surface.json");
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opencrg", "--out",
+                                  file("no/such/road.crg")}),
+                      3, "no/such");
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opencrg", "--step", "-1",
+                                  "--out", file("road.crg")}),
+                      2, "step");
+  std::ofstream(file("broken.crg")) << "$CT\n$\n$ROAD_CRG_FILE\nnot_there.crg\n$\n";
+  EXPECT_ONE_SENTENCE(run_camber({"profile", file("broken.crg"), "--json"}), 2, "not_there.crg");
+  EXPECT_ONE_SENTENCE(run_camber({"info", file("broken.crg")}), 2, "not_there.crg");
+  EXPECT_FALSE(fs::exists(file("road.crg")));
+}
+
+}  // namespace
+}  // namespace camber

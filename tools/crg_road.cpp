@@ -1,0 +1,91 @@
+#include "crg_road.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "camber/cloud/file_reader.h"
+#include "camber/cloud/number_text.h"
+#include "camber/core/errors.h"
+
+namespace camber::tools {
+namespace {
+
+std::vector<std::string> cells(std::string_view line) {
+  std::string text(line);
+  for (char& c : text) {
+    if (c == ',' || c == ';' || c == '"') c = ' ';
+  }
+  std::vector<std::string> out;
+  std::string_view rest = text;
+  while (true) {
+    const std::string_view word = next_word(rest);
+    if (word.empty()) return out;
+    out.push_back(lower_case(word));
+  }
+}
+
+bool number(const std::string& text, double* value) {
+  const ParsedNumber parsed = parse_number(text.data(), text.data() + text.size());
+  *value = parsed.value;
+  return parsed.end == text.data() + text.size() && std::isfinite(parsed.value);
+}
+
+int column(const std::vector<std::string>& names, const std::string& name) {
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i] == name || names[i] == name + "_m" || names[i] == name + "[m]") {
+      return static_cast<int>(i);
+    }
+  }
+  return -1;
+}
+
+}  // namespace
+
+bool is_crg(const std::filesystem::path& path) {
+  return lower_case(path.extension().string()) == ".crg";
+}
+
+CrgPlaces read_crg_places(const std::string& path) {
+  FileReader file(path);
+  LineReader lines(file);
+  CrgPlaces out;
+  int first = -1, second = -1;
+  std::string_view line;
+  while (lines.next(line, 1 << 16)) {
+    std::vector<std::string> row = cells(line);
+    if (row.empty()) continue;
+    if (row.front().front() == '#') {
+      row.front().erase(0, 1);
+      if (row.front().empty()) row.erase(row.begin());
+      if (first >= 0 || (column(row, "u") < 0 && column(row, "x") < 0)) continue;
+    }
+    double a = 0.0, b = 0.0;
+    if (first < 0) {
+      if (!number(row.front(), &a)) {
+        out.by_uv = column(row, "u") >= 0;
+        first = column(row, out.by_uv ? "u" : "x");
+        second = column(row, out.by_uv ? "v" : "y");
+        if (first < 0 || second < 0) lines.fail("expected columns u and v, or x and y");
+        continue;
+      }
+      if (row.size() < 2) lines.fail("found 1 column, expected u and v, or x, y and z");
+      out.by_uv = row.size() == 2;
+      first = 0, second = 1;
+    }
+    const auto most = static_cast<std::size_t>(std::max(first, second));
+    if (row.size() <= most) {
+      lines.fail(fmt::format("found {} columns, expected at least {}", row.size(), most + 1));
+    }
+    for (const auto& [index, value] : {std::pair(first, &a), std::pair(second, &b)}) {
+      const std::string& text = row[static_cast<std::size_t>(index)];
+      if (!number(text, value)) lines.fail("found " + shown(text) + ", expected a number");
+    }
+    out.places.emplace_back(a, b);
+  }
+  if (out.places.empty())
+    throw InputError(path, "found no places, expected rows of u and v or x, y");
+  return out;
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,426 @@
+// camber export: the road of a result, or of a cloud along a line, for other programs.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/export/opendrive.h"
+#include "camber/export/road_mesh.h"
+#include "camber/export/trajectory.h"
+#include "camber/scene/results.h"
+#include "camber/scene/scene.h"
+#include "command.h"
+#include "export_inputs.h"
+#include "own_inputs.h"
+#include "plugins/gdal_plugin.h"
+#include "plugins/plugin.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+enum class Target { kOpenCrg, kOpenDrive, kGeoTiff, kMesh, kTrajectory };
+const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg},
+                                                {"opendrive", Target::kOpenDrive},
+                                                {"geotiff", Target::kGeoTiff},
+                                                {"mesh", Target::kMesh},
+                                                {"trajectory", Target::kTrajectory}};
+const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kText},
+                                                       {"binary", CrgEncoding::kBinary}};
+
+SmoothLine line_of(const ExportInputs& in, const ExportArguments& args) {
+  try {
+    return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead);
+  } catch (const std::invalid_argument&) {
+    throw NoAnswerError((args.line.empty() ? args.input : args.line) +
+                        ": the line does not leave its first point");
+  }
+}
+
+/// The matrix that takes the result's frame to that of the file, for `--json` and comments.
+json frame_json(const PlanFrame& frame) {
+  json rows = json::array();
+  for (int i = 0; i < 9; ++i) rows.push_back(frame.plan_from_surface(i / 3, i % 3));
+  return rows;
+}
+
+json export_crg(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                Timings& timings) {
+  StageTimer compute(timings, "compute");
+  CrgData data = make_crg(*in.ground, line, args.grid);
+  compute.stop();
+  data.comment = fmt::format(
+      "Road surface, exported by Camber {}\n{}\n"
+      "x, y, z of this file from that frame, row by row:\n",
+      kVersion, in.described);
+  for (int row = 0; row < 3; ++row) {
+    const Eigen::RowVector3d r = in.frame.plan_from_surface.row(row);
+    data.comment += fmt::format("  {:.12f} {:.12f} {:.12f}\n", r.x(), r.y(), r.z());
+  }
+  StageTimer write(timings, "write");
+  write_crg(data, args.out);
+  write.stop();
+  const auto unknown = std::count_if(data.heights.begin(), data.heights.end(),
+                                     [](float z) { return std::isnan(z); });
+  return {{"sections", data.sections()},          {"columns", data.v.size()},
+          {"increment", data.increment},          {"v", {data.v.front(), data.v.back()}},
+          {"encoding", to_string(data.encoding)}, {"unknown", unknown},
+          {"line_deviation", line.deviation()}};
+}
+
+/// The vehicles of a result that its reference camera saw, in the plan frame.
+std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const PlanFrame& frame) {
+  const fs::path folder = args.input;
+  const RunDocument run = read_run(folder / "run.json");
+  std::vector<RoadsideVehicle> out;
+  for (const VehicleFrame& seen : read_vehicles(folder / "vehicles.json").frames) {
+    const bool reference = std::any_of(
+        run.cameras.begin(), run.cameras.end(), [&](const RunDocument::CameraPose& camera) {
+          return camera.id == seen.id && camera.reference_from_camera.matrix().isIdentity(1e-9);
+        });
+    if (!reference) continue;
+    for (const VehicleEstimate& vehicle : seen.vehicles) {
+      if (vehicle.status == Status::kFailed) continue;
+      RoadsideVehicle box;
+      box.id = vehicle.id;
+      box.name = fmt::format(
+          "{} {}", vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class, vehicle.id);
+      box.bottom = frame.to_plan(vehicle.pose.bottom_center());
+      const Eigen::Vector3d ahead =
+          frame.to_plan(vehicle.pose.camera_from_vehicle.matrix().block<3, 1>(0, 0));
+      box.heading = std::atan2(ahead.y(), ahead.x());
+      box.length = vehicle.pose.dimensions.length;
+      box.width = vehicle.pose.dimensions.width;
+      box.height = vehicle.pose.dimensions.height;
+      out.push_back(std::move(box));
+    }
+  }
+  return out;
+}
+
+json export_opendrive(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                      Timings& timings) {
+  StageTimer compute(timings, "compute");
+  OpenDriveOptions options;
+  options.name = fs::path(args.out).stem().string();
+  options.left = args.grid.left;
+  options.right = args.grid.right;
+  options.widest = args.grid.widest;
+  options.geo_reference = in.geo_reference;
+  options.crg_file = args.crg;
+  options.num_threads = args.grid.num_threads;
+  if (args.vehicles) options.vehicles = result_vehicles(args, in.frame);
+  const OpenDriveRoad road = make_opendrive(*in.ground, line, options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  write_file_atomically(args.out, encode_opendrive(road));
+  write.stop();
+  return {{"pieces", road.plan.size()},
+          {"elevations", road.elevation.size()},
+          {"vehicles", road.vehicles.size()},
+          {"geo_reference", road.geo_reference},
+          {"line_deviation", line.deviation() + road.line_deviation},
+          {"height_rms", road.height_rms},
+          {"height_most", road.height_most}};
+}
+
+json export_mesh(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                 Timings& timings) {
+  StageTimer compute(timings, "compute");
+  RoadMeshOptions options;
+  options.step = args.grid.step_u;
+  options.left = args.grid.left;
+  options.right = args.grid.right;
+  options.widest = args.grid.widest;
+  options.num_threads = args.grid.num_threads;
+  const std::unique_ptr<ColorSource> colors = colors_of(args, in);
+  const RoadMesh mesh = make_road_mesh(*in.ground, line, colors.get(), options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  const std::string kind = fs::path(args.out).extension().string();
+  write_file_atomically(args.out, kind == ".glb"   ? encode_glb(mesh)
+                                  : kind == ".obj" ? encode_obj(mesh)
+                                                   : encode_ply(mesh));
+  write.stop();
+  return {{"points", mesh.points.size()},
+          {"triangles", mesh.triangles.size()},
+          {"colors", !mesh.colors.empty()},
+          {"line_deviation", line.deviation()}};
+}
+
+/// @throws MachineError where the program was built without GDAL.
+const GdalFunctions& gdal() {
+  if (!has_plugin("gdal")) {
+    throw MachineError(
+        "GeoTIFF is written by Debian's package libgdal-dev, which was not there when this program "
+        "was built: install it and build the program anew");
+  }
+  using Functions = const GdalFunctions* (*)();
+  return *reinterpret_cast<Functions>(plugin_symbol("gdal", "camber_gdal"))();
+}
+
+json export_geotiff(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                    Timings& timings) {
+  const GdalFunctions& writer = gdal();
+  StageTimer compute(timings, "compute");
+  RoadRasterOptions options;
+  options.cell = args.grid.step_u;
+  options.left = args.grid.left;
+  options.right = args.grid.right;
+  options.widest = args.grid.widest;
+  options.num_threads = args.grid.num_threads;
+  const std::unique_ptr<ColorSource> colors = colors_of(args, in);
+  const RoadRaster raster = make_road_raster(*in.ground, line, colors.get(), options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  const std::map<std::string, std::string> metadata = {
+      {"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
+      {"TIFFTAG_IMAGEDESCRIPTION", in.described},
+      {"CAMBER_LEVEL", in.level}};
+  write_file_atomically(args.out, writer.encode_geotiff(raster, in.geo_reference, metadata));
+  write.stop();
+  const auto unknown = std::count_if(raster.heights.begin(), raster.heights.end(),
+                                     [](float z) { return std::isnan(z); });
+  return {{"columns", raster.columns},
+          {"rows", raster.rows},
+          {"cell", raster.cell},
+          {"west", raster.west},
+          {"north", raster.north},
+          {"unknown", unknown},
+          {"colors", !raster.colors.empty()},
+          {"geo_reference", in.geo_reference},
+          {"line_deviation", line.deviation()}};
+}
+
+/// The cameras of a run with their times: those of its scene where that can be read and has them,
+/// else the frames' numbers.
+std::vector<StampedPose> run_poses(const RunDocument& run, std::string* clock) {
+  std::map<int, double> times;
+  std::error_code ignored;
+  if (!run.scene.empty() && fs::exists(run.scene, ignored)) {
+    const Scene scene = read_scene(run.scene, {});
+    for (const SceneFrame& frame : scene.frames) {
+      if (frame.time_s) {
+        times[frame.id] = *frame.time_s;
+      } else if (scene.frame_rate) {
+        times[frame.id] = frame.id / *scene.frame_rate;
+      }
+    }
+  }
+  const bool known = std::all_of(
+      run.cameras.begin(), run.cameras.end(),
+      [&](const RunDocument::CameraPose& camera) { return times.count(camera.id) > 0; });
+  *clock = known ? "seconds" : "frames";
+  std::vector<StampedPose> poses;
+  for (const RunDocument::CameraPose& camera : run.cameras) {
+    poses.push_back(
+        {camera.id, known ? times[camera.id] : camera.id, camera.reference_from_camera});
+  }
+  return poses;
+}
+
+json export_trajectory(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
+  StageTimer load(timings, "load");
+  const fs::path file = fs::path(args.input) / "run.json";
+  std::string clock;
+  const RunDocument run = read_run(file);
+  if (run.cameras.empty()) throw NoAnswerError(file.string() + ": the run has no camera poses");
+  if (!run.metric) {
+    if (const LogSink warn = make_warning_sink(common)) {
+      warn(file.string() + ": the run is up to an unknown scale, and so are the positions");
+    }
+  }
+  const std::vector<StampedPose> poses = run_poses(run, &clock);
+  load.stop();
+  StageTimer write(timings, "write");
+  const std::string kind = fs::path(args.out).extension().string();
+  write_file_atomically(args.out, kind == ".tum"   ? encode_tum(poses)
+                                  : kind == ".csv" ? encode_pose_csv(poses)
+                                                   : encode_kitti_poses(poses));
+  write.stop();
+  return {{"poses", poses.size()}, {"clock", clock}, {"metric", run.metric}};
+}
+
+/// The form of a mesh or trajectory is that of its name. @throws UsageError
+void check_extension(const ExportArguments& args) {
+  const std::string kind = fs::path(args.out).extension().string();
+  if (args.target == "mesh" && kind != ".glb" && kind != ".obj" && kind != ".ply") {
+    throw UsageError("--out: found '" + args.out + "', expected FILE.glb, FILE.obj or FILE.ply");
+  }
+  if (args.target == "trajectory" && kind != ".tum" && kind != ".txt" && kind != ".csv") {
+    throw UsageError("--out: found '" + args.out +
+                     "', expected FILE.tum, FILE.txt (KITTI) or FILE.csv");
+  }
+}
+
+/// What a command line asks for that cannot be. @throws UsageError
+void check_arguments(const ExportArguments& args) {
+  if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
+    throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
+  }
+  std::error_code ignored;
+  if (args.vehicles && !fs::exists(fs::path(args.input) / "vehicles.json", ignored)) {
+    throw UsageError("--vehicles: found no vehicles.json in '" + args.input +
+                     "', expected a result folder of reconstruct");
+  }
+  check_extension(args);
+  if (args.target == "geotiff") gdal();
+  const bool opendrive = args.target == "opendrive";
+  if (!opendrive && (args.vehicles || !args.crg.empty())) {
+    throw UsageError("--vehicles and --crg go with --to opendrive");
+  }
+}
+
+json options_json(const ExportArguments& a) {
+  return {{"to", a.target},          {"encoding", a.encoding},
+          {"slope", a.slope},        {"banking", a.banking},
+          {"step", a.grid.step_u},   {"step_across", a.grid.step_v},
+          {"left", a.grid.left},     {"right", a.grid.right},
+          {"widest", a.grid.widest}, {"smoothing", a.grid.smoothing},
+          {"ahead", a.ahead},        {"tolerance", a.tolerance},
+          {"reach", a.reach}};
+}
+
+/// @param args  steps that the data give are filled in
+json export_road(const CommonOptions& common, ExportArguments* args, Timings& timings) {
+  StageTimer load_timer(timings, "load");
+  const ExportInputs in = load_export(*args, common, args);
+  load_timer.stop();
+  const SmoothLine line = line_of(in, *args);
+  json result;
+  switch (kTargets.at(args->target)) {
+    case Target::kOpenDrive:
+      result = export_opendrive(in, line, *args, timings);
+      break;
+    case Target::kGeoTiff:
+      result = export_geotiff(in, line, *args, timings);
+      break;
+    case Target::kMesh:
+      result = export_mesh(in, line, *args, timings);
+      break;
+    default:
+      result = export_crg(in, line, *args, timings);
+  }
+  result["length"] = line.length();
+  result["plan_from_surface"] = frame_json(in.frame);
+  return result;
+}
+
+int run(const Command& command, const ExportArguments& given) {
+  ExportArguments args = given;
+  args.grid.encoding = kEncodings.at(args.encoding);
+  args.grid.slope_in_line = args.slope == "line";
+  args.grid.banking_in_line = args.banking == "line";
+  args.grid.num_threads = command.common.threads;
+  args.grid.validate();
+  check_arguments(args);
+  refuse_own_inputs({args.out}, {args.input, args.line});
+  Timings timings;
+  json result = args.target == "trajectory" ? export_trajectory(command.common, args, timings)
+                                            : export_road(command.common, &args, timings);
+  result["version"] = kVersion;
+  result["seed"] = command.common.seed;
+  result["options"] = options_json(args);
+  result["file"] = args.out;
+  if (args.as_json) {
+    result["timings_ms"] = cloud_timings(timings);
+    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+  }
+  return 0;
+}
+
+template <typename Map>
+std::vector<std::string> names_of(const Map& map) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : map) names.push_back(name);
+  return names;
+}
+
+void add_arguments(App& app, ExportArguments& a) {
+  app.add_option("input", a.input,
+                 "result folder of reconstruct or patches, its surface.json, or a cloud")
+      ->required();
+  app.add_option("--to", a.target, "what to write")
+      ->required()
+      ->check(is_member(names_of(kTargets)));
+  app.add_option("--out", a.out,
+                 "the file; a mesh is .glb, .obj or .ply, a trajectory .tum, .txt (KITTI) or .csv")
+      ->required();
+  app.add_option("--along", a.line,
+                 "points of a line in order (any cloud format; CSV: columns x, y, z); default: the "
+                 "driven line of the result");
+  app.add_option("--encoding", a.encoding, "numbers of OpenCRG: text (LRFI) or binary (KRBI)")
+      ->check(is_member(names_of(kEncodings)))
+      ->capture_default_str();
+  app.add_option("--step", a.grid.step_u,
+                 "metres between cross sections, and the cell of GeoTIFF; 0: from the data")
+      ->capture_default_str();
+  app.add_option("--step-across", a.grid.step_v, "metres between long sections; 0: from the data")
+      ->capture_default_str();
+  app.add_option("--left", a.grid.left, "metres left of the line; 0: as far as is seen")
+      ->capture_default_str();
+  app.add_option("--right", a.grid.right, "metres right of the line; 0: as far as is seen")
+      ->capture_default_str();
+  app.add_option("--widest", a.grid.widest, "metres to either side, limit of what is seen")
+      ->capture_default_str();
+  app.add_option("--slope", a.slope, "elevation in the reference line or in the grid")
+      ->check(is_member({"line", "grid"}))
+      ->capture_default_str();
+  app.add_option("--banking", a.banking, "banking in the reference line or in the grid")
+      ->check(is_member({"line", "grid"}))
+      ->capture_default_str();
+  app.add_option("--smoothing", a.grid.smoothing,
+                 "metres of road over which the line's elevation and banking are taken")
+      ->capture_default_str();
+  app.add_option("--ahead", a.ahead,
+                 "metres that the line may go on straight beyond its last point while ground is "
+                 "seen there")
+      ->capture_default_str();
+  app.add_option("--tolerance", a.tolerance,
+                 "metres that the smooth line may pass a point of the given one by")
+      ->capture_default_str();
+  app.add_option("--reach", a.reach, "metres that a place may lie beyond a patch's boundary")
+      ->capture_default_str();
+  app.add_option("--up", a.up.up_values,
+                 "up direction x,y,z of a cloud; default: the camera's (0,-1,0) for clouds that "
+                 "Camber wrote in a camera's frame, else 0,0,1")
+      ->delimiter(',')
+      ->expected(3);
+  app.add_option("--crg", a.crg,
+                 "name of an OpenCRG file of the same input that the OpenDRIVE road refers to");
+  app.add_flag("--vehicles", a.vehicles,
+               "the vehicles of a result's reference frame as objects of the OpenDRIVE road");
+  add_cloud_arguments(app, a.reading);
+  app.add_flag("--json", a.as_json, "what was written, as JSON on stdout");
+}
+
+}  // namespace
+
+void register_export(App& root) {
+  Command* command = add_command(
+      root, "export",
+      "Writes a road for other programs: OpenCRG, OpenDRIVE, GeoTIFF, meshes, trajectories",
+      "  camber export results --to opencrg --out road.crg\n"
+      "  camber export surface --to opencrg --encoding binary --out road.crg\n"
+      "  camber export scan.las --along centreline.csv --to opencrg --out road.crg\n"
+      "  camber export results --to opendrive --crg road.crg --vehicles --out road.xodr\n"
+      "  camber export scan.las --along centreline.csv --to geotiff --out road.tif\n"
+      "  camber export results --to mesh --out road.glb\n"
+      "  camber export results --to trajectory --out cameras.tum");
+  const auto arguments = std::make_shared<ExportArguments>();
+  add_arguments(*command->app, *arguments);
+  command->run = [command, arguments] { return run(*command, *arguments); };
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,127 @@
+#include "export_inputs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "camber/core/errors.h"
+#include "camber/scene/results.h"
+#include "crs.h"
+
+namespace fs = std::filesystem;
+
+namespace camber::tools {
+namespace {
+
+constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
+
+/// Code or text that PROJ reads.
+std::string geo_reference(const CoordinateSystem& system) {
+  return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
+}
+
+}  // namespace
+
+bool is_surface(const fs::path& path) {
+  std::error_code error;
+  return fs::is_directory(path, error) || path.extension() == ".json";
+}
+
+namespace {
+
+/// The cloud that a result was made of or holds; empty where there is none.
+fs::path cloud_beside(const fs::path& surface) {
+  std::error_code error;
+  for (const char* const name : {"road.ply", "labels.ply"}) {
+    const fs::path path = surface.parent_path() / name;
+    if (fs::exists(path, error)) return path;
+  }
+  return {};
+}
+
+/// Steps for the heights of patches: as fine as their points lie, but not finer than planes need.
+double surface_step(const fs::path& surface_file, const PlanFrame& frame) {
+  const fs::path cloud = cloud_beside(surface_file);
+  if (cloud.empty()) return grid_step(0.0);
+  const CloudFile file = read_cloud_file(cloud);
+  return std::max(grid_step(cloud_heights(file.cloud, frame)->resolution()), kFinest);
+}
+
+ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled) {
+  ExportInputs in;
+  fs::path file = args.input;
+  std::error_code ignored;
+  if (fs::is_directory(file, ignored)) file /= "surface.json";
+  const RoadSurface surface = read_surface(file);
+  if (!surface.metric) {
+    throw NoAnswerError(file.string() +
+                        ": the result is up to an unknown scale, and roads for other programs are "
+                        "in metres");
+  }
+  in.frame = PlanFrame(surface.up);
+  in.ground = surface_heights(surface, in.frame, args.reach);
+  in.line = args.line.empty() ? surface.driven_line : read_line(args.line);
+  if (in.line.size() < 2) {
+    throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
+  }
+  in.files = {file};
+  in.level = to_string(surface.level);
+  in.described =
+      fmt::format("frame of the result: {}, level: {}", surface.frame, to_string(surface.level));
+  const double step = surface_step(file, in.frame);
+  if (settled->grid.step_u == 0.0) settled->grid.step_u = step;
+  if (settled->grid.step_v == 0.0) settled->grid.step_v = step;
+  return in;
+}
+
+ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common) {
+  if (args.line.empty()) {
+    throw UsageError("found a cloud without --along FILE, expected a line along which to export");
+  }
+  ExportInputs in;
+  CloudFile file = read_cloud_file(args.input, args.reading.read_options());
+  const LogSink warn = make_warning_sink(common);
+  warn_about(args.input, file.report, warn);
+  const bool in_metres = !file.report.crs || file.report.crs->metric();
+  use_metres(args.input, &file, warn);
+  if (!file.cloud.metric) {
+    throw NoAnswerError(args.input +
+                        ": the cloud is not in metres, as roads for other programs are");
+  }
+  in.frame = PlanFrame(args.up.up(file.cloud));
+  in.ground = cloud_heights(file.cloud, in.frame);
+  in.level = file.cloud.frame == CloudFrame::kCamera ? "camera" : "map";
+  if (file.report.crs && in_metres) in.geo_reference = geo_reference(*file.report.crs);
+  if (!in_metres && warn) {
+    warn(args.input + ": the coordinate system is left out: its unit is not the metre, in which " +
+         "the output is");
+  }
+  in.line = read_line(args.line, file.report.crs);
+  in.files = {args.input};
+  in.described = "heights of a cloud's points";
+  return in;
+}
+
+}  // namespace
+
+ExportInputs load_export(const ExportArguments& args, const CommonOptions& common,
+                         ExportArguments* settled) {
+  ExportInputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
+  for (Eigen::Vector3d& place : in.line) place = in.frame.to_plan(place);
+  if (is_surface(args.input) && !args.reading.crs.empty()) {
+    in.geo_reference = geo_reference(crs_from_option(args.reading.crs));
+  }
+  return in;
+}
+
+/// Colours of the cloud that an input is or holds, if it has any.
+std::unique_ptr<ColorSource> colors_of(const ExportArguments& args, const ExportInputs& in) {
+  const fs::path cloud =
+      is_surface(args.input) ? cloud_beside(in.files.front()) : fs::path(args.input);
+  if (cloud.empty()) return nullptr;
+  const CloudFile file = read_cloud_file(cloud);
+  if (file.cloud.colors.empty()) return nullptr;
+  return std::make_unique<ColorSource>(file.cloud, in.frame);
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+
+#include "command.h"
+
+namespace camber::tools {
+
+/// `camber profile FILE.crg`: heights of an OpenCRG road at given places.
+struct CrgProfileArguments {
+  std::string file, line, out;
+  bool json = false;
+  bool as_stored = false;  ///< without the modifiers of the file
+};
+
+int profile_crg(const Command& command, const CrgProfileArguments& arguments);
+
+}  // namespace camber::tools
