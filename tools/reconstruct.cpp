@@ -127,10 +127,12 @@ void register_reconstruct(App& root) {
   add_scene_options(app, a);
   add_network_options(app, a.networks);
   app.add_option("--out", a.out, "result folder; an earlier result there is replaced")->required();
-  app.add_option("--method", a.method,
-                 "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "
-                 "plane at the camera's height)")
-      ->check(is_member({"joint", "coplanar", "flat"}))
+  app.add_option(
+         "--method", a.method,
+         "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "
+         "plane at the camera's height), reprojection (none: keypoints, boxes and the prior "
+         "alone)")
+      ->check(is_member({"joint", "coplanar", "flat", "reprojection"}))
       ->capture_default_str();
   app.add_option("--preset", a.preset,
                  "default, or paper: planes by RANSAC under each vehicle and the paper's joint "

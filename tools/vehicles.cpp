@@ -195,10 +195,12 @@ void add_input_arguments(App& app, Arguments& a) {
   app.add_option("--camera", a.camera, "the scene's camera in that calibration")
       ->check(in_range(0, 3))
       ->capture_default_str();
-  app.add_option("--method", a.method,
-                 "joint (own planes, weighed by how well they are known), coplanar (ego plane for "
-                 "all), flat (level plane at the camera's height)")
-      ->check(is_member({"joint", "coplanar", "flat"}))
+  app.add_option(
+         "--method", a.method,
+         "joint (own planes, weighed by how well they are known), coplanar (ego plane for "
+         "all), flat (level plane at the camera's height), reprojection (no plane: keypoints, "
+         "boxes and the prior alone)")
+      ->check(is_member({"joint", "coplanar", "flat", "reprojection"}))
       ->capture_default_str();
   app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
   app.add_option("--keypoint-set", a.keypoint_set, "keypoints to use: 36 or 14")

@@ -85,8 +85,8 @@ TEST(ChooseSupports, TheBaselinesTakeOnePlaneForCertain) {
 }
 
 TEST(VehicleMethods, AreNamed) {
-  for (const VehicleMethod method :
-       {VehicleMethod::kJoint, VehicleMethod::kCoplanar, VehicleMethod::kFlat}) {
+  for (const VehicleMethod method : {VehicleMethod::kJoint, VehicleMethod::kCoplanar,
+                                     VehicleMethod::kFlat, VehicleMethod::kReprojection}) {
     EXPECT_EQ(vehicle_method_from_string(to_string(method)), method);
   }
   EXPECT_THROW(vehicle_method_from_string("round"), std::invalid_argument);
@@ -197,6 +197,14 @@ TEST_F(ParkedCar, TheBaselinesPutItOnTheirPlane) {
   EXPECT_EQ(flat.estimates[1][0].plane_source, "level");
   // A level road under a camera that looks down 0.05 rad: 14 m ahead it is 0.7 m too low.
   EXPECT_NEAR(angle_between(flat.estimates[1][0].plane.normal, drive.plane.normal), 0.05, 5e-3);
+  // By its keypoints alone its depth is known far worse than on any plane.
+  options.method = VehicleMethod::kReprojection;
+  const PlacedVehicles free = stages::vehicles(drive.frames, drive.motion, scaled, plan, options);
+  EXPECT_EQ(free.estimates[1][0].plane_source, "none");
+  const auto depth_sigma = [](const PlacedVehicles& placed) {
+    return std::sqrt(placed.estimates[1][0].covariance(5, 5));
+  };
+  EXPECT_GT(depth_sigma(free), 2.0 * depth_sigma(coplanar));
   options.enabled = false;
   EXPECT_THAT(stages::vehicles(drive.frames, drive.motion, scaled, plan, options).estimates,
               IsEmpty());

@@ -64,6 +64,10 @@ FrameGround ground_of(const Scene& scene, const SceneFrame& frame, const RoadSur
 }  // namespace
 
 void EstimateVehiclesOptions::validate() const {
+  if (preset == Preset::kPaper && vehicles.method == VehicleMethod::kReprojection) {
+    throw std::invalid_argument(
+        "method: reprojection, must be joint, coplanar or flat with preset paper");
+  }
   vehicles.fit.validate();
   vehicles.support.validate();
   paper.weights.validate();

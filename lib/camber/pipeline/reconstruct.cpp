@@ -44,6 +44,10 @@ void ReconstructOptions::validate() const {
   if (rounds < 0) {
     throw std::invalid_argument("rounds = " + std::to_string(rounds) + ", expected at least 0");
   }
+  if (preset == Preset::kPaper && vehicles.method == VehicleMethod::kReprojection) {
+    throw std::invalid_argument(
+        "method: reprojection, must be joint, coplanar or flat with preset paper");
+  }
   match.flow.validate();
   motion.validate();
   vehicles.fit.validate();

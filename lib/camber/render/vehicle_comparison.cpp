@@ -8,6 +8,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/evaluate/tables.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/wireframe.h"
@@ -44,9 +45,11 @@ std::map<std::size_t, std::vector<Answer>> find_answers(
         const VehicleEstimate& estimate = candidate.vehicles[match.estimate];
         if (!has_box(estimate)) continue;
         const TruthVehicle& t = truth.vehicles[match.truth];
-        const std::string& method = result->vehicles->method;
-        answers[match.truth].push_back({method.empty() ? "estimate" : method, estimate,
-                                        (estimate.pose.center() - t.pose.center()).norm()});
+        const VehicleDocument& from = *result->vehicles;
+        answers[match.truth].push_back(
+            {from.method.empty() ? "estimate"
+                                 : method_label(from.method, from.preset, from.paper_terms),
+             estimate, (estimate.pose.center() - t.pose.center()).norm()});
       }
     }
   }

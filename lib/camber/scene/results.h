@@ -22,7 +22,7 @@ struct VehicleFrame {
 
 /// vehicles.json.
 struct VehicleDocument {
-  std::string method;       ///< "flat", "coplanar" or "joint"
+  std::string method;       ///< "flat", "coplanar", "joint" or "reprojection"
   std::string preset;       ///< "default" or "paper"; empty: not of Camber's estimators
   std::string paper_terms;  ///< of preset "paper": "meant" or "printed"; otherwise empty
   int keypoint_set = 0;     ///< keypoints that were used, 36 or 14; 0: none

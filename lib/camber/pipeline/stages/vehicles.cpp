@@ -18,6 +18,8 @@ std::string to_string(VehicleMethod method) {
       return "joint";
     case VehicleMethod::kCoplanar:
       return "coplanar";
+    case VehicleMethod::kReprojection:
+      return "reprojection";
     case VehicleMethod::kFlat:
       break;
   }
@@ -25,11 +27,12 @@ std::string to_string(VehicleMethod method) {
 }
 
 VehicleMethod vehicle_method_from_string(const std::string& word) {
-  for (const VehicleMethod method :
-       {VehicleMethod::kJoint, VehicleMethod::kCoplanar, VehicleMethod::kFlat}) {
+  for (const VehicleMethod method : {VehicleMethod::kJoint, VehicleMethod::kCoplanar,
+                                     VehicleMethod::kFlat, VehicleMethod::kReprojection}) {
     if (word == to_string(method)) return method;
   }
-  throw std::invalid_argument(fmt::format("method: \"{}\", must be joint, coplanar or flat", word));
+  throw std::invalid_argument(
+      fmt::format("method: \"{}\", must be joint, coplanar, flat or reprojection", word));
 }
 
 namespace stages {
@@ -43,6 +46,12 @@ SupportPlane support_of(const PinholeCamera& camera, const VehicleDetection& det
                         const VehicleOptions& options) {
   const double height = camera_height.value_or(options.noise.unknown_camera_height);
   if (options.method == VehicleMethod::kFlat) return certain_support({kUp, height}, "level");
+  if (options.method == VehicleMethod::kReprojection) {
+    // So uncertain that it holds nothing: 20 m, 0.5 rad.
+    SupportPlane out = certain_support({kUp, height}, "none");
+    out.plane.covariance = Eigen::Vector3d(0.25, 0.25, 400.0).asDiagonal();
+    return out;
+  }
   if (options.method == VehicleMethod::kCoplanar) {
     if (!ego) return certain_support({kUp, height}, "level");
     SupportPlane out = certain_support(ego->plane.plane, "ego");
@@ -222,7 +231,8 @@ PlacedVehicles place_vehicles(const PinholeCamera& camera, std::vector<TrackFram
                               const SharedGround* ground, double scale_sigma,
                               const VehicleOptions& options) {
   VehicleFitOptions fit = options.fit;
-  fit.plane_is_exact = options.method != VehicleMethod::kJoint;
+  fit.plane_is_exact =
+      options.method == VehicleMethod::kCoplanar || options.method == VehicleMethod::kFlat;
   PlacedVehicles out;
   out.views = std::move(views);
   for (TrackFrame& view : out.views) {

@@ -22,8 +22,9 @@ enum class VehicleMethod {
   kJoint,     ///< each on its own local plane, with its covariance
   kCoplanar,  ///< all on the ego plane, taken for certain (the paper's ablation)
   kFlat,      ///< all on a level plane at the camera's height, taken for certain (Murthy et al.)
+  kReprojection,  ///< on no plane: keypoints, boxes and the prior alone, image by image
 };
-std::string to_string(VehicleMethod method);  ///< "joint", "coplanar", "flat"
+std::string to_string(VehicleMethod method);  ///< "joint", "coplanar", "flat", "reprojection"
 /// Inverse of to_string. @throws std::invalid_argument for another word.
 VehicleMethod vehicle_method_from_string(const std::string& word);
 
