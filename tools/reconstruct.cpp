@@ -35,10 +35,10 @@ struct Arguments {
 
 void add_scene_options(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
-  app.add_option(
-      "--frames", a.frames,
-      "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all; default: three, as far apart as "
-      "it takes to see the road move");
+  app.add_option("--frames", a.frames,
+                 "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: "
+                 "three, as far apart as "
+                 "it takes to see the road move");
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
   add_confine_option(app, a.confine);

@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <set>
 #include <stdexcept>
 
@@ -468,6 +469,9 @@ TEST_F(SteepHillRun, TheRoadAlone) {
 
 TEST_F(SteepHillRun, FramesThatCannotAnswerSaySo) {
   EXPECT_THROW(reconstruct(*scene_, {1}, {}), NoAnswerError);
+  std::vector<int> many(65);
+  std::iota(many.begin(), many.end(), 0);
+  EXPECT_THROW(reconstruct(*scene_, many, {}), std::invalid_argument);
   Scene standing = *scene_;
   standing.frames[0].image = standing.frames[1].image;
   try {

@@ -1,5 +1,7 @@
 #include "camber/pipeline/stages/load.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -207,6 +209,11 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   if (frame_ids.size() < (options.single_image ? 1U : 2U)) {
     throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
                         std::to_string(frame_ids.size()) + " given");
+  }
+  if (frame_ids.size() > kMostFrames) {
+    throw std::invalid_argument(
+        fmt::format("{} frames, expected at most {} at once: choose fewer, for example 0:100:10",
+                    frame_ids.size(), kMostFrames));
   }
   LoadedFrames out;
   out.camera = scene.camera;

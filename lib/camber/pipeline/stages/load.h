@@ -54,6 +54,10 @@ struct LoadedFrames {
 
 namespace stages {
 
+/// All frames are matched with one reference frame and solved together, in memory and time that grow
+/// with their number.
+constexpr std::size_t kMostFrames = 64;
+
 struct LoadOptions {
   bool use_masks = true;      ///< false: segmentations and road masks are not read
   bool single_image = false;  ///< one frame is accepted
@@ -65,7 +69,7 @@ struct LoadOptions {
 };
 
 /// Decodes the images and masks of the frames, or takes them from `options.pixels`.
-/// @param frame_ids  at least two ids of the scene, ascending; else std::invalid_argument.
+/// @param frame_ids  two ids of the scene to kMostFrames, ascending; else std::invalid_argument.
 /// @throws InputError for missing, damaged or mismatching images (std::invalid_argument for those
 ///         in memory); NoAnswerError for one frame, for a frame without an image and for two frames
 ///         with the same image.
