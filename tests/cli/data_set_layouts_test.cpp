@@ -3,9 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "camber/image/image_io.h"
@@ -19,6 +21,7 @@ namespace {
 
 using test::run_camber;
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace fs = std::filesystem;
 
 constexpr double kDegree = 3.14159265358979323846 / 180.0;
@@ -179,6 +182,54 @@ TEST_F(DataSetLayouts, KittiTrackingIsReadBack) {
     }
   }
   EXPECT_GT(keypoints, 3u);
+}
+
+/// The script that runs the paper's sequences, by its exit code and what it prints.
+class PaperKitti : public DataSetLayouts {
+ protected:
+  int script(const std::string& arguments, std::string* printed) {
+    const std::string out = path("printed.txt");
+    const std::string command = "'" + (test::source_dir() / "samples/paper_kitti.sh").string() +
+                                "' " + arguments + " --camber '" CAMBER_PROGRAM "' >'" + out +
+                                "' 2>&1";
+    const int status = std::system(command.c_str());
+    *printed = test::read_text(out);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+};
+
+TEST_F(PaperKitti, RunsWhatIsThereNamesWhatIsNotAndPrintsOneTable) {
+  run({"synth", "--layout", "kitti-tracking", "--sequence", "9", "--frames", "5", "--supersampling",
+       "1", "--cars", "4", "--farthest", "25", "--cloud-points", "100", "--seed", "3", "--out",
+       path("kitti")});
+  fs::remove(path("kitti/image_02/0009/000003.png"));  // three neighbours are left
+  std::string printed;
+  const std::string root = "'" + path("kitti") + "'", out = " --out '" + path("out") + "'";
+  ASSERT_EQ(script(root + out, &printed), 0) << printed;
+  EXPECT_THAT(printed, HasSubstr("sequence 0009: 4 frames, 0 to 4, 1 of these absent; 1 times"));
+  EXPECT_THAT(printed, HasSubstr("absent: 0001 (no image_02/0001, no calib/0001.txt, no "
+                                 "label_02/0001.txt); 0003 ("));
+  EXPECT_THAT(printed, HasSubstr("2 runs, 0 without an answer"));
+  EXPECT_THAT(printed, HasSubstr("Boxes alone, no keypoints"));
+  EXPECT_THAT(printed, HasSubstr("| joint (paper) | all |"));
+  EXPECT_THAT(printed, HasSubstr("| joint | all |"));
+  // One table: one row of headings.
+  EXPECT_EQ(printed.find("| distance |"), printed.rfind("| distance |"));
+  EXPECT_THAT(test::read_text(path("out/table.md")), HasSubstr("| joint | all |"));
+
+  ASSERT_EQ(script(root + " '" + path("kitti/keypoints.json") + "'" + out, &printed), 0) << printed;
+  EXPECT_THAT(printed, HasSubstr("Keypoints: keypoints.json;"));
+  EXPECT_THAT(printed, Not(HasSubstr("Boxes alone, no keypoints")));
+  EXPECT_THAT(printed, HasSubstr("| joint (paper) | all |"));
+
+  EXPECT_EQ(script(root + out + " --sequences 1,20", &printed), 1);
+  EXPECT_THAT(printed, HasSubstr("nothing to judge"));
+  EXPECT_EQ(script("'" + path("none") + "'", &printed), 2);
+  EXPECT_THAT(printed, HasSubstr("found no image_02"));
+  EXPECT_EQ(script(root + " --sequences nine", &printed), 2);
+  EXPECT_THAT(printed, HasSubstr("--sequences: found 'nine'"));
+  EXPECT_EQ(script(root + " --every 0", &printed), 2);
+  EXPECT_THAT(printed, HasSubstr("--every: found '0'"));
 }
 
 TEST_F(DataSetLayouts, WhatALayoutCannotHoldIsRefused) {
