@@ -187,7 +187,7 @@ int reference_frame(const std::optional<RunDocument>& run, const Scene& scene) {
 }
 
 /// The ground that a scene's true depth shows in a frame; beyond 100 m pixels are far apart.
-/// SYNTHIA's label images tell road and pavement; of other depth everything is taken.
+/// SYNTHIA's label images name road and pavement; of other depth everything is taken.
 Shape read_depth_truth(const std::string& path, const Scene& scene, int frame) {
   constexpr double kLargest = 100.0;  // m
   for (const TruthFrame& truth : scene.truth->frames) {

@@ -58,7 +58,7 @@ struct SynthiaSfImportOptions {
 /// colour image, are written beside the manifest as one-channel images label/ID.png and become
 /// truth. Frames without a depth or label image have none. Frames with both get true vehicles by a
 /// fit to the depth (vehicles_from_depth.h), as SceneTruth::vehicles_source states. Where green
-/// and blue number the vehicles, their ids are green + 256 blue; else vehicles are told apart by
+/// and blue number the vehicles, their ids are green + 256 blue; else vehicles are separated by
 /// depth, and ids are good for one frame.
 /// @param manifest path of the scene.json to write; its folder must exist.
 /// @return the scene as written.

@@ -34,7 +34,7 @@ struct LabelledDepth {
 /// two faces the longer one is the side; the end that is seen gives the middle line, since its
 /// normals are symmetric about it, and so the hidden side. The far end is the near one mirrored and
 /// pushed out until it touches the silhouette's ray. The roof begins later behind a bonnet than
-/// before a tail: that tells front from rear.
+/// before a tail: which separates front from rear.
 /// @return the vehicle in the camera's frame (id 0; box of its pixels, or of the projected corners
 ///         where it is hidden); nothing if its pixels have no steep surface, or
 ///         more than four fifths of it are hidden.
