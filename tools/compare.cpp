@@ -18,7 +18,10 @@
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/evaluate/depth_truth.h"
+#include "camber/image/image_io.h"
 #include "camber/render/comparison_pictures.h"
+#include "camber/scene/import_synthia.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
@@ -183,13 +186,35 @@ int reference_frame(const std::optional<RunDocument>& run, const Scene& scene) {
   return choose_reference_frame(scene, ids);
 }
 
+/// The ground that a scene's true depth shows in a frame; beyond 100 m pixels are far apart.
+/// SYNTHIA's label images name road and pavement; of other depth everything is taken.
+Shape read_depth_truth(const std::string& path, const Scene& scene, int frame) {
+  constexpr double kLargest = 100.0;  // m
+  for (const TruthFrame& truth : scene.truth->frames) {
+    if (truth.id != frame || truth.depth.empty()) continue;
+    const DepthImage depth = read_depth_image(truth.depth, truth.depth_encoding, scene.camera);
+    std::optional<Image> labels;
+    if (truth.depth_encoding == "synthia" && !truth.label.empty()) {
+      labels = read_label_image(truth.label, scene.camera);
+    }
+    Shape ground =
+        ground_mesh_from_depth(depth, scene.camera, labels ? &*labels : nullptr,
+                               {kSynthiaRoad, kSynthiaSidewalk, kSynthiaRoadLines}, kLargest);
+    if (!ground.is_mesh()) {
+      throw NoAnswerError(fmt::format("{}: no ground in the depth of frame {}", path, frame));
+    }
+    return ground;
+  }
+  throw NoAnswerError(
+      fmt::format("{}: the scene has no truth cloud and no true depth of frame {}", path, frame));
+}
+
 /// The truth cloud of a scene, and the transform that takes it to the reference camera.
 Shape read_scene_truth(const std::string& path, const Scene& scene, int reference,
                        const ReadOptions& options, const LogSink& warn,
                        Eigen::Matrix4d* reference_from_truth) {
-  if (!scene.truth || scene.truth->cloud.empty()) {
-    throw NoAnswerError(path + ": the scene has no truth cloud");
-  }
+  if (!scene.truth) throw NoAnswerError(path + ": the scene has no truth");
+  if (scene.truth->cloud.empty()) return read_depth_truth(path, scene, reference);
   const auto pose = [&](int id) {
     for (const TruthFrame& frame : scene.truth->frames) {
       if (frame.id == id && frame.world_from_camera) return *frame.world_from_camera;
@@ -239,6 +264,9 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
     in.truth = read_scene_truth(args.truth, scene, reference_frame(in.run, scene), reading, warn,
                                 &options->estimate_from_truth);
     if (in.camera.empty()) in.camera = args.truth;
+    // Depth shows what its camera sees, and nothing of what lies behind a crest.
+    const bool depth = scene.truth->cloud.empty() && args.transform.empty();
+    if (depth) options->truth_viewpoint = Eigen::Vector3d::Zero();
   } else {
     in.truth = read_shape(cloud_of(args.truth), reading, warn);
   }
@@ -468,7 +496,8 @@ void register_compare(App& root) {
   Command* command = add_command(
       root, "compare",
       "Measures an estimate against dense truth, both ways. Each may be a cloud, a PLY mesh or a "
-      "result folder; truth may also be a scene with a truth cloud.",
+      "result folder; truth may also be a scene with a truth cloud, "
+      "or with true depth of the result's reference frame, whose ground is then the truth.",
       "  camber compare out/steep_hill samples/steep_hill --out comparison\n"
       "  camber compare estimate.ply truth.ply --thresholds 0.05,0.1,0.2 --json\n"
       "  camber compare estimate.ply truth_mesh.ply --align rigid --out comparison\n"

@@ -18,7 +18,8 @@ namespace {
 
 struct KittiArguments {
   KittiImportOptions options;
-  std::string images, labels, poses, velodyne, detections, out;
+  std::string images, labels, poses, velodyne, detections, keypoints, out;
+  int sequence = -1;
   std::vector<std::string> calibration;
   int camera = -1;
   double height_sigma = 0.0;
@@ -56,6 +57,12 @@ void register_kitti(App& import) {
                "take the boxes of --labels as detections and say so")
       ->needs("--labels")
       ->excludes("--detections");
+  app.add_option("--keypoints", a.keypoints,
+                 "36 keypoints of the detections, JSON: a list of objects with sequence, frame, "
+                 "track_id or bbox_xyxy, and keypoints_uv_confidence");
+  app.add_option("--sequence", a.sequence,
+                 "sequence of the images, for --keypoints; default: their folder's number")
+      ->check(non_negative_number());
   app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5");
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
@@ -83,6 +90,8 @@ void register_kitti(App& import) {
     options.poses = given.poses;
     options.velodyne = given.velodyne;
     options.detections = given.detections;
+    options.keypoints = given.keypoints;
+    if (given.sequence >= 0) options.sequence = given.sequence;
     if (given.camera >= 0) options.camera = given.camera;
     if (given.height_sigma > 0.0) options.height_sigma = given.height_sigma;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
@@ -101,6 +110,7 @@ void register_kitti(App& import) {
                    {"poses", given.poses},
                    {"velodyne", given.velodyne},
                    {"detections", given.detections},
+                   {"keypoints", given.keypoints},
                    {"detections_from_labels", options.detections_from_labels},
                    {"camera_height", options.camera_height},
                    {"height_sigma", scene.height_sigma},
@@ -124,7 +134,8 @@ void register_synthia_sf(App& import) {
   Command* command = add_command(
       import, "synthia-sf",
       "Writes the scene manifest of a SYNTHIA-SF sequence (RGBLeft, DepthLeft, GTLeft). Depth and "
-      "labels become ground truth; labels become the run's segmentation only when asked for.",
+      "labels become ground truth, with true vehicles by a fit to both; labels become the run's "
+      "segmentation only when asked for.",
       "  camber import synthia-sf --sequence SYNTHIA-SF/SEQ4 --frames 67:69 "
       "--segmentation-from-labels \\\n"
       "      --detections boxes.txt --out seq4/scene.json");
@@ -163,6 +174,7 @@ void register_synthia_sf(App& import) {
     if (given.frame_rate > 0.0) options.frame_rate = given.frame_rate;
     if (given.height_sigma > 0.0) options.height_sigma = given.height_sigma;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
+    options.num_threads = command->common.threads;
     options.validate();
     const fs::path manifest = manifest_of(given.out);
     NewFolder folder(folder_of(manifest));

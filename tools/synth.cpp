@@ -10,6 +10,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
+#include "camber/scene/import_synthia.h"
 #include "camber/synth/random_scene.h"
 #include "camber/synth/synthesise.h"
 #include "command.h"
@@ -180,6 +181,28 @@ void add_camera(App& app, Settings* settings) {
                         "relative loss of light at the corners");
 }
 
+void add_layout(App& app, Settings* settings) {
+  settings->add_kind<SceneLayout>(
+      app, "--layout", "files as Camber or as a data set has them (default camber)",
+      all_scene_layouts(), scene_layout_from_string,
+      [](SceneLayout layout, SynthOptions* o) { o->layout.layout = layout; });
+  settings->add<int>(app, "--sequence",
+                     "number of the data set's sequence (default 0; SYNTHIA-SF 1)", 0,
+                     [](const int& number, SynthOptions* o) { o->layout.sequence = number; });
+  settings->add_flag(app, "--classes-only", "GTLeft of SYNTHIA-SF without numbers of vehicles",
+                     [](SynthOptions* o) { o->layout.instance_ids = false; });
+}
+
+/// The camera of SYNTHIA-SF, whose sequences count from 1.
+void follow_layout(const App& app, SynthOptions* options) {
+  if (options->layout.layout != SceneLayout::kSynthiaSf) return;
+  if (app.count("--sequence") == 0) options->layout.sequence = 1;
+  if (app.count("--intrinsics") > 0) return;
+  const bool sized = app.count("--size") > 0;
+  options->camera = synthia_sf_camera(sized ? options->camera.width : 1920,
+                                      sized ? options->camera.height : 1080);
+}
+
 /// A number of a feature; the default is that of its struct.
 template <typename Part>
 void add_number(App& app, Settings* settings, const std::string& name, const std::string& help,
@@ -293,6 +316,7 @@ void register_synth(App& root) {
       "  camber synth --corner stem --turn left --wet 0.8 --frames 10 --out corner\n"
       "  camber synth --profile crest --size 960x540 --intrinsics 423.8,423.8,479.5,269.5 --hz 5 "
       "--out scene\n"
+      "  camber synth --layout synthia-sf --size 960x540 --out made\n"
       "  camber synth --distortion brown,-0.3,0.1,0,0 --out scene");
   struct Arguments {
     Settings settings;
@@ -312,10 +336,11 @@ void register_synth(App& root) {
       ->check(whole_number());
   add_drive(app, &arguments->settings);
   add_camera(app, &arguments->settings);
+  add_layout(app, &arguments->settings);
   add_turning(app, &arguments->settings);
   add_surroundings(app, &arguments->settings);
 
-  command->run = [command, arguments] {
+  command->run = [command, arguments, &app] {
     SynthOptions options;
     if (command->app->count("--random") > 0) {
       options = random_scene_options(arguments->number, command->common.seed);
@@ -325,6 +350,7 @@ void register_synth(App& root) {
     options.num_threads = command->common.threads;
     options.command = command->common.command_line;
     arguments->settings.apply(&options);
+    follow_layout(app, &options);
     const SynthSummary summary = synthesise_scene(options, arguments->out, arguments->overwrite,
                                                   make_progress(command->common));
     if (arguments->json) {

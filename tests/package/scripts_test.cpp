@@ -84,7 +84,7 @@ class Scripts : public testing::Test {
 
 TEST_F(Scripts, ExplainThemselvesAndRefuseUnknownOptions) {
   for (const char* script : {"samples/install_packages.sh", "samples/run.sh", "samples/figures.sh",
-                             "tests/run.sh", ".ci/run"}) {
+                             "samples/paper_kitti.sh", "tests/run.sh", ".ci/run"}) {
     SCOPED_TRACE(script);
     EXPECT_EQ(run(std::string(script) + " --help"), 0);
     EXPECT_THAT(out_, StartsWith("Usage: "));

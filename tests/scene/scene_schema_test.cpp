@@ -76,6 +76,7 @@ json whole_manifest() {
                        {"keypoints", keypoints},
                        {"plane", plane}}}}}};
   out["truth"] = {{"cloud", "d.ply"},
+                  {"vehicles_source", "depth_fit"},
                   {"cloud_frame", 3},
                   {"frames",
                    {{{"id", 3},
@@ -95,6 +96,7 @@ json whole_manifest() {
                         {"moving", true},
                         {"occlusion", 0.1},
                         {"truncation", 0.2},
+                        {"uncertain", "one_side"},
                         {"plane", plane},
                         {"keypoints", truth_keypoints}}}}}}}};
   return out;

@@ -102,9 +102,18 @@ const TruthFrame* find_truth(const SceneTruth& truth, int id) {
 
 }  // namespace
 
-bool is_counted(const TruthVehicle& vehicle, const PinholeCamera& camera) {
+namespace {
+
+/// Whether a vehicle is seen well enough to count.
+bool is_seen(const TruthVehicle& vehicle, const PinholeCamera& camera) {
   const double least = camera.width == 960 ? 9.0 : 14.0;  // px; half-size images of SYNTHIA-SF
   return vehicle.occlusion <= 0.7 && vehicle.truncation <= 0.5 && vehicle.box.height() >= least;
+}
+
+}  // namespace
+
+bool is_counted(const TruthVehicle& vehicle, const PinholeCamera& camera) {
+  return vehicle.uncertain.empty() && is_seen(vehicle, camera);
 }
 
 std::vector<Match> match_vehicles(const std::vector<TruthVehicle>& truth,
@@ -188,7 +197,10 @@ SceneMetrics evaluate_vehicles(const Scene& scene, const VehicleDocument& vehicl
     const TruthFrame* truth = find_truth(*scene.truth, estimate.id);
     if (!truth) continue;
     int counted = 0;
-    for (const TruthVehicle& v : truth->vehicles) counted += is_counted(v, scene.camera) ? 1 : 0;
+    for (const TruthVehicle& v : truth->vehicles) {
+      counted += is_counted(v, scene.camera) ? 1 : 0;
+      out.uncertain += !v.uncertain.empty() && is_seen(v, scene.camera) ? 1 : 0;
+    }
     const std::vector<Match> matches =
         match_vehicles(truth->vehicles, estimate.vehicles, scene.camera);
     for (const Match& match : matches) {
@@ -267,6 +279,7 @@ SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
 nlohmann::json to_json(const SceneMetrics& metrics) {
   nlohmann::json out;
   out["counted"] = metrics.counted;
+  out["uncertain"] = metrics.uncertain;
   out["matched"] = metrics.vehicles.size();
   out["missed"] = metrics.missed;
   out["unanswered"] = metrics.unanswered;
@@ -344,6 +357,9 @@ std::string describe(const SceneMetrics& metrics) {
   }
   add("  vehicles: %d counted, %zu found, %d without an answer\n", metrics.counted,
       metrics.vehicles.size(), metrics.unanswered);
+  if (metrics.uncertain > 0) {
+    add("  %d true vehicles do not count: their truth is uncertain\n", metrics.uncertain);
+  }
   if (metrics.singular_covariance > 0) {
     add("  %d state a singular covariance: no error of theirs is allowed for\n",
         metrics.singular_covariance);

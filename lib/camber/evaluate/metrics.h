@@ -39,6 +39,7 @@ struct VehicleError {
 struct SceneMetrics {
   std::vector<VehicleError> vehicles;
   int counted = 0;              ///< true vehicles that count
+  int uncertain = 0;            ///< true vehicles that do not, since their truth is uncertain
   int unanswered = 0;           ///< matched detections with status kFailed
   int missed = 0;               ///< counted vehicles with no matching detection
   int without_covariance = 0;   ///< answered ones that state no covariance of their centre
@@ -61,7 +62,8 @@ SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
 nlohmann::json to_json(const SceneMetrics& metrics);
 
 /// Whether a true vehicle counts (DESIGN, "How results are judged"): occlusion at most 0.7,
-/// truncation at most 0.5, true box at least 14 px high (9 px in images of 960 columns).
+/// truncation at most 0.5, true box at least 14 px high (9 px in images of 960 columns); and its
+/// truth is not uncertain.
 bool is_counted(const TruthVehicle& vehicle, const PinholeCamera& camera);
 
 /// One detection that is judged against one counted true vehicle.

@@ -92,6 +92,26 @@ void measure_images(Scene& scene) {
   }
 }
 
+std::optional<Box2> projected_box(const OrientedBox& box, const PinholeCamera& camera) {
+  const auto corners = box.corners();
+  constexpr double kHuge = 1e12;
+  Box2 whole{kHuge, kHuge, -kHuge, -kHuge};
+  for (Eigen::Index i = 0; i < corners.cols(); ++i) {
+    if (!(corners(2, i) > 0.1)) return std::nullopt;
+    const Eigen::Vector2d p = *camera.project(corners.col(i));
+    whole = {std::min(whole.x1, p.x()), std::min(whole.y1, p.y()), std::max(whole.x2, p.x()),
+             std::max(whole.y2, p.y())};
+  }
+  return whole;
+}
+
+double projected_truncation(const OrientedBox& box, const PinholeCamera& camera) {
+  const std::optional<Box2> whole = projected_box(box, camera);
+  if (!whole) return 1.0;
+  return std::clamp(1.0 - whole->clipped(camera.width, camera.height).area() / whole->area(), 0.0,
+                    1.0);
+}
+
 std::map<int, FrameLabels> read_frame_labels(const fs::path& path,
                                              const std::vector<SceneFrame>& frames,
                                              const char* what, const LogSink& warn) {

@@ -36,6 +36,14 @@ std::vector<int> keep_frames(Scene& scene, const std::string& list);
 /// @throws InputError otherwise.
 void measure_images(Scene& scene);
 
+/// The rectangle around a box's projected corners, not clipped; nothing for a box that reaches
+/// behind the camera.
+std::optional<Box2> projected_box(const OrientedBox& box, const PinholeCamera& camera);
+
+/// Share of a box's picture that lies outside the image: of projected_box() the part outside; 1 for
+/// a box that reaches behind the camera.
+double projected_truncation(const OrientedBox& box, const PinholeCamera& camera);
+
 /// KITTI label rows of one frame and the file that they come from.
 struct FrameLabels {
   std::filesystem::path file;

@@ -14,6 +14,7 @@
 #include "camber/core/errors.h"
 #include "camber/scene/import_common.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/kitti_keypoints.h"
 #include "camber/scene/kitti_labels.h"
 #include "camber/scene/text_rows.h"
 
@@ -140,22 +141,6 @@ double occlusion_share(int code) {
   }
 }
 
-/// Share of a box's picture that lies outside the image: the rectangle around its projected corners
-/// against the part of it inside; 1 for a box that reaches behind the camera.
-double projected_truncation(const OrientedBox& box, const PinholeCamera& camera) {
-  const auto corners = box.corners();
-  constexpr double kHuge = 1e12;
-  Box2 whole{kHuge, kHuge, -kHuge, -kHuge};
-  for (Eigen::Index i = 0; i < corners.cols(); ++i) {
-    if (!(corners(2, i) > 0.1)) return 1.0;
-    const Eigen::Vector2d p = *camera.project(corners.col(i));
-    whole = {std::min(whole.x1, p.x()), std::min(whole.y1, p.y()), std::max(whole.x2, p.x()),
-             std::max(whole.y2, p.y())};
-  }
-  return std::clamp(1.0 - whole.clipped(camera.width, camera.height).area() / whole.area(), 0.0,
-                    1.0);
-}
-
 /// @param skipped counts rows without a 3D box.
 std::vector<TruthVehicle> truth_of(const FrameLabels& frame, const std::vector<KittiLabel>& labels,
                                    const PinholeCamera& camera, const Eigen::Vector3d& offset,
@@ -211,6 +196,24 @@ int camera_index(const KittiImportOptions& options) {
                     options.images.string()));
   }
   return *camera;
+}
+
+/// Keypoints of the named file for the scene's detections.
+void put_keypoints(const KittiImportOptions& options, Scene* scene, const LogSink& warn) {
+  fs::path folder = fs::absolute(options.images).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  std::optional<int> sequence = options.sequence;
+  if (!sequence) sequence = frame_number(folder.filename());
+  const KeypointMatches matches = put_kitti_keypoints(read_kitti_keypoints(options.keypoints),
+                                                      sequence, options.keypoints, scene);
+  if (!warn) return;
+  if (matches.placed == 0) {
+    warn(fmt::format("{}: no keypoints for a detection of these frames",
+                     options.keypoints.string()));
+  } else if (matches.left_over > 0) {
+    warn(fmt::format("{}: {} of {} keypoint sets meet no detection", options.keypoints.string(),
+                     matches.left_over, matches.placed + matches.left_over));
+  }
 }
 
 std::vector<fs::path> calibration_files(const KittiImportOptions& options) {
@@ -330,6 +333,9 @@ void KittiImportOptions::validate() const {
     throw std::invalid_argument("both detections and detections_from_labels, expected one of them");
   }
   if (classes.empty()) throw std::invalid_argument("classes is empty, expected at least one type");
+  if (!keypoints.empty() && detections.empty() && !detections_from_labels) {
+    throw std::invalid_argument("keypoints without detections, expected boxes that they belong to");
+  }
 }
 
 Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
@@ -391,6 +397,7 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
   if (!options.detections.empty()) {
     put_detections(scene, options.detections, classes, warn);
   }
+  if (!options.keypoints.empty()) put_keypoints(options, &scene, warn);
   if (!options.poses.empty()) {
     const std::vector<SE3> poses = read_kitti_poses(options.poses);
     // Row i belongs to the i-th image where there is one for each, else to frame i.

@@ -55,12 +55,15 @@ struct KittiImportOptions {
   std::filesystem::path velodyne;       ///< truth: folder of scans named by frame number
   std::filesystem::path detections;     ///< as labels, any detector's; detections_source "network"
   bool detections_from_labels = false;  ///< boxes of the labels as detections, "truth_boxes"
-  std::string frames;                   ///< list as in select_frames; empty: all
-  std::optional<int> camera;            ///< 0 to 3; none: by a folder name like image_02
-  std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
-  double camera_height = 1.65;          ///< m above the road, > 0
-  std::optional<double> height_sigma;   ///< m, > 0; none: the manifest's default
-  double frame_rate = 10.0;             ///< Hz, > 0
+  /// Keypoints of one's own for the detections (kitti_keypoints.h).
+  std::filesystem::path keypoints;
+  std::optional<int> sequence;         ///< of the keypoints; none: by a folder of images like 0009
+  std::string frames;                  ///< list as in select_frames; empty: all
+  std::optional<int> camera;           ///< 0 to 3; none: by a folder name like image_02
+  std::optional<int> reference_frame;  ///< frame id; none: the manifest names none
+  double camera_height = 1.65;         ///< m above the road, > 0
+  std::optional<double> height_sigma;  ///< m, > 0; none: the manifest's default
+  double frame_rate = 10.0;            ///< Hz, > 0
   /// Types that count as vehicles, in any case.
   std::vector<std::string> classes = {"car", "van", "truck", "bus"};
   std::string name;  ///< empty: the name of the folder above the images'

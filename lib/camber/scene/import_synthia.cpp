@@ -2,13 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <stdexcept>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/import_common.h"
+#include "camber/scene/vehicles_from_depth.h"
 
 namespace fs = std::filesystem;
 
@@ -24,44 +29,137 @@ std::map<int, fs::path> optional_files(const fs::path& folder, const char* what)
   return numbered_files(folder, {".png"}, what);
 }
 
-/// Files that appear together: written under other names until all of them are there. What was
-/// made is removed again unless kept.
-class NewFiles {
- public:
-  NewFiles() = default;
-  ~NewFiles() {
-    if (kept_) return;
-    std::error_code ignored;
-    for (auto at = made_.rbegin(); at != made_.rend(); ++at) fs::remove(*at, ignored);
+/// What GTLeft has of one frame.
+struct Labels {
+  Image classes;
+  std::vector<std::uint16_t> instances;  ///< green + 256 blue; empty: the image has one channel
+};
+
+Labels read_labels(const fs::path& file, const PinholeCamera& camera) {
+  Labels out;
+  const ImageInfo info = read_image_info(file);
+  out.classes = read_label_channel(file, 0);
+  if (out.classes.width != camera.width || out.classes.height != camera.height) {
+    throw InputError(
+        file.string(),
+        fmt::format("found an image of {} x {} pixels, expected {} x {} as its "
+                    "colour image",
+                    out.classes.width, out.classes.height, camera.width, camera.height));
   }
-  NewFiles(const NewFiles&) = delete;
-  NewFiles& operator=(const NewFiles&) = delete;
-  void make_folder(const fs::path& folder) {
-    std::error_code error;
-    if (fs::create_directory(folder, error)) made_.push_back(folder);
+  if (info.channels < 3) return out;
+  const Image green = read_label_channel(file, 1), blue = read_label_channel(file, 2);
+  out.instances.reserve(green.data.size());
+  for (std::size_t i = 0; i < green.data.size(); ++i) {
+    out.instances.push_back(static_cast<std::uint16_t>(green.data[i] + 256 * blue.data[i]));
   }
-  /// Where to write a file for now.
-  fs::path stage(const fs::path& file) {
-    staged_.emplace_back(file.string() + ".part", file);
-    made_.push_back(staged_.back().first);
-    return staged_.back().first;
-  }
-  /// Gives the staged files their names.
-  void appear() {
-    for (const auto& [part, file] : staged_) {
-      std::error_code error;
-      if (!fs::exists(file, error)) made_.push_back(file);
-      fs::rename(part, file, error);
-      if (error) throw OutputError(file.string(), "cannot be written: " + error.message());
+  return out;
+}
+
+const std::map<int, std::string>& vehicle_classes() {
+  static const std::map<int, std::string> classes = {
+      {kSynthiaCar, "car"}, {kSynthiaTruck, "truck"}, {kSynthiaBus, "bus"}};
+  return classes;
+}
+
+/// Whether green and blue number the vehicles: in some frame they differ within a class. Where they
+/// do not, they are the class's colour, or nothing.
+bool have_instances(const std::map<int, fs::path>& labels, const std::vector<SceneFrame>& frames,
+                    const PinholeCamera& camera) {
+  for (const SceneFrame& frame : frames) {
+    const auto file = labels.find(frame.id);
+    if (file == labels.end()) continue;
+    const Labels read = read_labels(file->second, camera);
+    std::map<int, std::uint16_t> first;
+    for (std::size_t i = 0; i < read.instances.size(); ++i) {
+      const int id = read.classes.data[i];
+      if (!vehicle_classes().count(id)) continue;
+      if (first.emplace(id, read.instances[i]).first->second != read.instances[i]) return true;
     }
+  }
+  return false;
+}
+
+/// The vehicles of a frame, fitted to its depth.
+std::vector<TruthVehicle> fitted_vehicles(const DepthImage& depth, const Labels& labels,
+                                          bool instances, const PinholeCamera& camera) {
+  const LabelledDepth image{&depth,
+                            &labels.classes,
+                            {kSynthiaRoad, kSynthiaRoadLines, kSynthiaSidewalk, kSynthiaTerrain}};
+  std::set<int> classes;
+  for (const auto& [id, name] : vehicle_classes()) classes.insert(id);
+  std::vector<TruthVehicle> out;
+  std::set<int> ids;
+  for (const VehicleRegion& region :
+       vehicle_regions(depth, labels.classes,
+                       instances ? labels.instances : std::vector<std::uint16_t>(), classes)) {
+    std::optional<TruthVehicle> vehicle =
+        fit_vehicle_to_depth(region, image, camera, vehicle_classes().at(region.class_id));
+    if (!vehicle) continue;
+    vehicle->id = instances ? region.instance : static_cast<int>(out.size());
+    while (!ids.insert(vehicle->id).second) vehicle->id += 1 << 16;  // one number, two classes
+    out.push_back(std::move(*vehicle));
+  }
+  return out;
+}
+
+/// A folder that is removed again, where it was made here and is empty, unless kept.
+class MadeFolder {
+ public:
+  MadeFolder() = default;
+  ~MadeFolder() {
+    std::error_code ignored;
+    if (!kept_ && !folder_.empty()) fs::remove(folder_, ignored);
+  }
+  MadeFolder(const MadeFolder&) = delete;
+  MadeFolder& operator=(const MadeFolder&) = delete;
+  void make(const fs::path& folder) {
+    std::error_code error;
+    if (fs::create_directory(folder, error)) folder_ = folder;
   }
   void keep() { kept_ = true; }
 
  private:
-  std::vector<fs::path> made_;
-  std::vector<std::pair<fs::path, fs::path>> staged_;
+  fs::path folder_;
   bool kept_ = false;
 };
+
+/// Truth of the scene's frames, their vehicles side by side; the label images are staged.
+SceneTruth read_truth(const SynthiaSfImportOptions& options, const Scene& scene,
+                      const std::map<int, fs::path>& depths, const std::map<int, fs::path>& labels,
+                      const fs::path& manifest, MadeFolder* made, AtomicFiles* files) {
+  const bool instances = have_instances(labels, scene.frames, scene.camera);
+  const fs::path label_folder =
+      (manifest.has_parent_path() ? manifest.parent_path() : fs::path(".")) / "label";
+  std::vector<TruthFrame> frames(scene.frames.size());
+  std::vector<fs::path> staged(frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    frames[i].id = scene.frames[i].id;
+    if (const auto depth = depths.find(frames[i].id); depth != depths.end()) {
+      frames[i].depth = depth->second;
+      frames[i].depth_encoding = "synthia";
+    }
+    if (!labels.count(frames[i].id)) continue;
+    frames[i].label = label_folder / fmt::format("{:06}.png", frames[i].id);
+    made->make(label_folder);
+    staged[i] = files->stage(frames[i].label);
+  }
+  parallel_for(frames.size(), options.num_threads, [&](std::size_t i) {
+    TruthFrame& frame = frames[i];
+    if (frame.label.empty()) return;
+    const Labels read = read_labels(labels.at(frame.id), scene.camera);
+    write_png(read.classes, staged[i]);
+    if (frame.depth.empty()) return;
+    frame.vehicles =
+        fitted_vehicles(read_depth_image(frame.depth, frame.depth_encoding, scene.camera), read,
+                        instances, scene.camera);
+  });
+  SceneTruth truth;
+  for (TruthFrame& frame : frames) {
+    if (!frame.vehicles.empty()) truth.vehicles_source = "depth_fit";
+    if (!frame.depth.empty() || !frame.label.empty()) truth.frames.push_back(std::move(frame));
+  }
+  return truth;
+}
 
 }  // namespace
 
@@ -140,43 +238,26 @@ Scene import_synthia_sf_to(const SynthiaSfImportOptions& options, const fs::path
                                   {"vehicle", {kSynthiaCar, kSynthiaTruck, kSynthiaBus}}};
   }
 
-  NewFiles made;
-  const fs::path label_folder =
-      (manifest.has_parent_path() ? manifest.parent_path() : fs::path(".")) / "label";
-  SceneTruth truth;
-  for (SceneFrame& frame : scene.frames) {
-    TruthFrame true_frame;
-    true_frame.id = frame.id;
-    if (const auto depth = depths.find(frame.id); depth != depths.end()) {
-      true_frame.depth = depth->second;
-      true_frame.depth_encoding = "synthia";
-    }
-    if (const auto label = labels.find(frame.id); label != labels.end()) {
-      const Image classes = read_label_channel(label->second, 0);
-      if (classes.width != scene.camera.width || classes.height != scene.camera.height) {
-        throw InputError(
-            label->second.string(),
-            fmt::format("found an image of {} x {} pixels, expected {} x {} as its "
-                        "colour image",
-                        classes.width, classes.height, scene.camera.width, scene.camera.height));
+  MadeFolder made;
+  AtomicFiles files;
+  SceneTruth truth = read_truth(options, scene, depths, labels, manifest, &made, &files);
+  if (options.segmentation_from_labels) {
+    for (SceneFrame& frame : scene.frames) {
+      const auto at = std::find_if(truth.frames.begin(), truth.frames.end(),
+                                   [&](const TruthFrame& t) { return t.id == frame.id; });
+      if (at == truth.frames.end() || at->label.empty()) {
+        throw InputError((options.sequence / "GTLeft").string(),
+                         fmt::format("found no label image of frame {}, expected one for the "
+                                     "segmentation",
+                                     frame.id));
       }
-      true_frame.label = label_folder / fmt::format("{:06}.png", frame.id);
-      made.make_folder(label_folder);
-      write_png(classes, made.stage(true_frame.label));
-      if (options.segmentation_from_labels) frame.segmentation = true_frame.label;
-    } else if (options.segmentation_from_labels) {
-      throw InputError((options.sequence / "GTLeft").string(),
-                       fmt::format("found no label image of frame {}, expected one for the "
-                                   "segmentation",
-                                   frame.id));
-    }
-    if (!true_frame.depth.empty() || !true_frame.label.empty()) {
-      truth.frames.push_back(std::move(true_frame));
+      frame.segmentation = at->label;
     }
   }
   if (!truth.frames.empty()) scene.truth = std::move(truth);
-  made.appear();
-  write_scene(scene, manifest);
+  const fs::path staged = files.stage(manifest);
+  write_scene(scene, staged);
+  files.commit();
   made.keep();
   return scene;
 }

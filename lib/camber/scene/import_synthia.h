@@ -17,8 +17,15 @@ PinholeCamera synthia_sf_camera(int width, int height);
 
 /// Class ids in the red channel of SYNTHIA-SF's GTLeft images.
 enum SynthiaSfClass {
+  kSynthiaVoid = 0,
   kSynthiaRoad = 1,
   kSynthiaSidewalk = 2,
+  kSynthiaBuilding = 3,
+  kSynthiaPole = 6,
+  kSynthiaTrafficSign = 8,
+  kSynthiaVegetation = 9,
+  kSynthiaTerrain = 10,
+  kSynthiaSky = 11,
   kSynthiaCar = 14,
   kSynthiaTruck = 15,
   kSynthiaBus = 16,
@@ -40,6 +47,7 @@ struct SynthiaSfImportOptions {
   std::optional<int> reference_frame;   ///< frame id; none: the manifest names none
   std::vector<std::string> classes = {"car", "van", "truck", "bus"};  ///< of the detections
   std::string name;                                                   ///< empty: the folder's name
+  int num_threads = 0;                                                ///< see resolve_num_threads
 
   void validate() const;  ///< throws std::invalid_argument
 };
@@ -48,7 +56,10 @@ struct SynthiaSfImportOptions {
 ///
 /// Depth images (24-bit) become truth as they are. Labels, whose class is in the red channel of a
 /// colour image, are written beside the manifest as one-channel images label/ID.png and become
-/// truth. Frames without a depth or label image have none.
+/// truth. Frames without a depth or label image have none. Frames with both get true vehicles by a
+/// fit to the depth (vehicles_from_depth.h), as SceneTruth::vehicles_source states. Where green
+/// and blue number the vehicles, their ids are green + 256 blue; else vehicles are separated by
+/// depth, and ids are good for one frame.
 /// @param manifest path of the scene.json to write; its folder must exist.
 /// @return the scene as written.
 /// @throws InputError, UsageError, OutputError; then nothing new is left behind.

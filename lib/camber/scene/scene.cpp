@@ -183,6 +183,7 @@ TruthVehicle read_truth_vehicle(const JsonCursor& cursor, std::set<int>& seen) {
   if (auto v = object.find("moving")) out.moving = v->boolean();
   if (auto v = object.find("occlusion")) out.occlusion = v->in_range(0, 1, "a share from 0 to 1");
   if (auto v = object.find("truncation")) out.truncation = v->in_range(0, 1, "a share from 0 to 1");
+  if (auto v = object.find("uncertain")) out.uncertain = v->text("a reason");
   if (auto v = object.find("plane")) out.plane = read_plane(*v, true);
   if (auto v = object.find("keypoints")) {
     const std::string expectation = fmt::format("{} rows [x, y, z]", kNumKeypoints);
@@ -339,6 +340,7 @@ class ManifestReader {
       std::sort(out.frames.begin(), out.frames.end(),
                 [](const TruthFrame& a, const TruthFrame& b) { return a.id < b.id; });
     }
+    if (auto v = object.find("vehicles_source")) out.vehicles_source = v->text();
     if (auto v = object.find("cloud")) out.cloud = resolve(*v);
     if (auto v = object.find("cloud_frame")) {
       out.cloud_frame = v->integer(0, kMaxId, "a frame id");
@@ -456,6 +458,7 @@ json truth_vehicle_json(const TruthVehicle& vehicle) {
               {"moving", vehicle.moving},
               {"occlusion", number_json(vehicle.occlusion)},
               {"truncation", number_json(vehicle.truncation)}};
+  if (!vehicle.uncertain.empty()) out["uncertain"] = vehicle.uncertain;
   if (vehicle.plane) out["plane"] = plane_json(*vehicle.plane);
   if (!vehicle.keypoints.empty()) {
     json rows = json::array();
@@ -582,6 +585,9 @@ void write_scene(const Scene& scene, const fs::path& path) {
       truth_frames.push_back(std::move(f));
     }
     truth["frames"] = std::move(truth_frames);
+    if (!scene.truth->vehicles_source.empty()) {
+      truth["vehicles_source"] = scene.truth->vehicles_source;
+    }
     if (!scene.truth->cloud.empty()) truth["cloud"] = manifest_path(scene.truth->cloud, folder);
     if (scene.truth->cloud_frame) truth["cloud_frame"] = *scene.truth->cloud_frame;
     out["truth"] = std::move(truth);

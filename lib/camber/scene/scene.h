@@ -47,6 +47,9 @@ struct TruthVehicle {
   bool moving = false;
   double occlusion = 0.0;   ///< share in [0, 1]
   double truncation = 0.0;  ///< share in [0, 1]
+  /// Why the box is not to be relied on ("one_side", "occluded", ...: vehicles_from_depth.h);
+  /// empty: it is. Evaluation does not count such vehicles.
+  std::string uncertain;
 };
 
 struct TruthFrame {
@@ -62,6 +65,9 @@ struct TruthFrame {
 /// Ground truth; no estimate may touch it.
 struct SceneTruth {
   std::vector<TruthFrame> frames;
+  /// "depth_fit" where the vehicles were fitted to depth and labels; empty: as the data set has
+  /// them.
+  std::string vehicles_source;
   std::filesystem::path cloud;
   std::optional<int> cloud_frame;  ///< frame id in whose camera the cloud is
 };

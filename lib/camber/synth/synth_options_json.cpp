@@ -83,6 +83,11 @@ nlohmann::json options_json(const SynthOptions& o) {
   if (o.lens != LensModel::kNone) {
     out["distortion"] = {{"model", to_string(o.lens)}, {"coefficients", o.lens_coefficients}};
   }
+  if (o.layout.layout != SceneLayout::kCamber) {
+    out["layout"] = to_string(o.layout.layout);
+    out["sequence"] = o.layout.sequence;
+    if (o.layout.layout == SceneLayout::kSynthiaSf) out["instance_ids"] = o.layout.instance_ids;
+  }
   return out;
 }
 

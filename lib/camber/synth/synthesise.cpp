@@ -14,6 +14,7 @@
 #include "camber/core/version.h"
 #include "camber/geometry/lens_map.h"
 #include "camber/image/image_io.h"
+#include "camber/scene/import_synthia.h"
 #include "camber/scene/results.h"
 #include "camber/synth/detail/scene_readme.h"
 
@@ -40,6 +41,47 @@ std::vector<std::uint16_t> kitti_depth(const ViewTruth& truth) {
         hit.distance < 255.9 ? static_cast<std::uint16_t>(std::lround(256.0 * hit.distance)) : 0);
   }
   return out;
+}
+
+/// Depth of a frame as a file of the layout.
+std::string encode_depth(const ViewTruth& truth, int width, int height, SceneLayout layout) {
+  if (layout == SceneLayout::kSynthiaSf) {
+    return encode_png(synthia_depth_image(truth, width, height), kMapCompression);
+  }
+  return encode_png16(width, height, kitti_depth(truth), kMapCompression);
+}
+
+/// Classes of a frame as a file of the layout.
+std::string encode_labels(const ViewTruth& truth, int width, int height,
+                          const DataSetLayout& layout) {
+  if (layout.layout == SceneLayout::kSynthiaSf) {
+    return encode_png(synthia_label_image(truth, width, height, layout.instance_ids),
+                      kMapCompression);
+  }
+  return encode_png({width, height, 1, truth.labels}, kMapCompression);
+}
+
+/// A data set's files have its camera and no lens.
+void validate_layout(const SynthOptions& options) {
+  const DataSetLayout& layout = options.layout;
+  check(layout.sequence >= 0 && layout.sequence <= 9999, "sequence", layout.sequence, "0 to 9999");
+  if (layout.layout == SceneLayout::kCamber) return;
+  if (options.lens != LensModel::kNone) {
+    throw std::invalid_argument(fmt::format("lens: found {}, expected none in the layout {}",
+                                            to_string(options.lens), to_string(layout.layout)));
+  }
+  if (layout.layout != SceneLayout::kSynthiaSf) return;
+  const PinholeCamera &given = options.camera,
+                      camera = synthia_sf_camera(given.width, given.height);
+  const double difference =
+      std::max({std::abs(given.fx - camera.fx), std::abs(given.fy - camera.fy),
+                std::abs(given.cx - camera.cx), std::abs(given.cy - camera.cy)});
+  if (difference > 1e-6) {
+    throw std::invalid_argument(fmt::format(
+        "camera: found intrinsics {},{},{},{}, expected those of SYNTHIA-SF, "
+        "{},{},{},{}",
+        given.fx, given.fy, given.cx, given.cy, camera.fx, camera.fy, camera.cx, camera.cy));
+  }
 }
 
 /// Random points of the road, its pavements and pads, from station -5 m to 95 m (a junction: 75 m,
@@ -123,6 +165,7 @@ void SynthOptions::validate() const {
           "at most 100 times the image's longer side");
   }
   validate_lens(*this);
+  validate_layout(*this);
   check(num_frames >= 1 && num_frames <= 1000, "num_frames", num_frames, "1 to 1000");
   check(frame_rate >= 1e-3 && frame_rate <= 100.0, "frame_rate", frame_rate, "0.001 to 100 Hz");
   check(speed >= 0.0 && speed <= 40.0, "speed", speed, "0 to 40 m/s");
@@ -233,14 +276,16 @@ class FrameWriter {
     truth->world_from_camera = first_from_world_ * world_from_camera;
     truth->ego_plane = world_.views[f].ego_plane.transformed(world_from_camera.inverse());
     truth->vehicles = true_vehicles(world_, f, view_, seen);
-    truth->label = root_ / "truth/label" / file;
-    write_file_atomically(truth->label,
-                          encode_png({width, height, 1, seen.labels}, kMapCompression));
-    if (f == 0 || f == options_.num_frames - 1) {
-      truth->depth = root_ / "truth/depth" / file;
-      truth->depth_encoding = "kitti";
-      write_file_atomically(truth->depth,
-                            encode_png16(width, height, kitti_depth(seen), kMapCompression));
+    const DataSetLayout& layout = options_.layout;
+    const bool synthia = layout.layout == SceneLayout::kSynthiaSf;
+    const fs::path labels = root_ / layout.label(f);
+    write_file_atomically(labels, encode_labels(seen, width, height, layout));
+    // The manifest's label images have one channel.
+    if (!synthia) truth->label = labels;
+    if (synthia || f == 0 || f == options_.num_frames - 1) {
+      truth->depth = root_ / layout.depth(f);
+      truth->depth_encoding = synthia ? "synthia" : "kitti";
+      write_file_atomically(truth->depth, encode_depth(seen, width, height, layout.layout));
     }
     frame->id = f;
     frame->time_s = f / options_.frame_rate;
@@ -257,7 +302,7 @@ class FrameWriter {
 
   void write_image(int f, SceneFrame* frame) {
     const StageTimer timer(summary_->timings, "render");
-    frame->image = root_ / "image" / fmt::format("{:06d}.png", f);
+    frame->image = root_ / options_.layout.image(f);
     std::vector<std::uint8_t> picture =
         render_view(world_, f, view_, sensor_, options_.num_threads);
     write_file_atomically(frame->image, encode_png({options_.camera.width, options_.camera.height,
@@ -298,7 +343,7 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
   SynthSummary summary;
   AtomicFolder atomic(folder, overwrite);
   const fs::path& root = atomic.staging();
-  for (const char* part : {"image", "segmentation", "truth/depth", "truth/label"}) {
+  for (const fs::path& part : options.layout.folders()) {
     std::error_code error;
     fs::create_directories(root / part, error);
     if (error) throw OutputError((root / part).string(), error.message());
@@ -335,6 +380,11 @@ SynthSummary synthesise_scene(const SynthOptions& options, const fs::path& folde
   write_road_cloud(world, options.cloud_points, options.seed, truth.cloud);
   scene.truth = std::move(truth);
   write_scene(scene, root / "scene.json");
+  const fs::path detections = options.layout.detections();
+  if (!detections.empty()) write_kitti_detections(scene, root / detections);
+  if (options.layout.layout == SceneLayout::kKittiTracking) {
+    write_kitti_tracking_files(scene, options.layout.sequence, root);
+  }
   write_file_atomically(root / "README.md", scene_readme(options, scene, world));
   write_timer.stop();
   write_run(options, world, summary, root / "run.json");

@@ -10,6 +10,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/scene/scene.h"
+#include "camber/synth/data_set_layout.h"
 #include "camber/synth/detections.h"
 #include "camber/synth/render_view.h"
 #include "camber/synth/scene_features.h"
@@ -40,6 +41,7 @@ struct SynthOptions {
   CameraSensor sensor;                    ///< its seed is not used: see `seed`
   DetectorModel detector;                 ///< likewise
   int cloud_points = 60000;               ///< points of truth/road.ply, [0, 5 million]
+  DataSetLayout layout;                   ///< of the files
   std::string command;                    ///< what made the scene, for its README.md; may be empty
 
   /// @throws std::invalid_argument naming the field, its value and the bound.
@@ -59,6 +61,10 @@ struct SynthSummary {
 /// segmentation and detections, truth/ (in the manifest's camera: depth of the first and the last
 /// frame, labels, road cloud), run.json with the options, README.md. The truth's world is the first
 /// frame's camera; the reference frame is the middle one.
+///
+/// A data set's layout adds its files: images, depth and labels of every frame as that data set
+/// stores them (the manifest names these), the simulated boxes in KITTI's form, and of KITTI
+/// tracking calibration, labels and keypoints.
 ///
 /// Same options, same scene, for any number of threads, on machines of the same type.
 /// @param folder     appears whole or not at all

@@ -38,6 +38,44 @@ std::string features_text(const SceneFeatures& features) {
   return fmt::format("It has: {}.\n\n", fmt::join(parts, "; "));
 }
 
+/// What a data set's layout adds; empty for Camber's own.
+std::string layout_text(const DataSetLayout& layout) {
+  switch (layout.layout) {
+    case SceneLayout::kSynthiaSf:
+      return fmt::format(
+          "Laid out as SYNTHIA-SF: `SEQ{0}/RGBLeft`, `SEQ{0}/DepthLeft` (red + 256 green + 65536 "
+          "blue of 2^24 - 1 are 1000 m along z), `SEQ{0}/GTLeft` (class in red{1}). "
+          "`detections/SEQ{0}.txt` are the simulated boxes in KITTI's tracking form. The manifest "
+          "has what the data set has not: the true vehicles and poses.\n\n",
+          layout.sequence,
+          layout.instance_ids ? ", number of the vehicle in green + 256 blue" : "");
+    case SceneLayout::kKittiTracking:
+      return fmt::format(
+          "Laid out as KITTI tracking: `image_02/{0:04d}/`, `label_02/{0:04d}.txt`, "
+          "`calib/{0:04d}.txt`. Labels are upright boxes: pitch and roll of the vehicles are in "
+          "the manifest only. `detections_02/{0:04d}.txt` are the simulated boxes, "
+          "`keypoints.json` the simulated keypoints of those that meet a true vehicle.\n\n",
+          layout.sequence);
+    default:
+      return "";
+  }
+}
+
+/// Rows of the table of files on images, segmentation, depth and labels.
+std::string picture_rows(const DataSetLayout& layout) {
+  std::string out = fmt::format(
+      "| `{}/` | 8-bit colour images with noise, blur, vignetting and exposure changes |\n"
+      "| `segmentation/` | a simulated segmentation: 0 other, 1 road, 2 pavement, 3 vehicle; "
+      "ragged edges, some wrong regions |\n",
+      layout.image(0).parent_path().string());
+  if (layout.layout == SceneLayout::kSynthiaSf) return out;
+  return out +
+         "| `truth/depth/` | first and last frame: 16-bit, metres along z * 256, 0 none or beyond "
+         "255.9 m |\n"
+         "| `truth/label/` | true classes: 7 road, 8 pavement, kerb and parking place, 11 "
+         "building, 17 post, 20 sign, 21 plants, 22 grass, 23 sky, 26 car |\n";
+}
+
 }  // namespace
 
 std::string scene_readme(const SynthOptions& options, const Scene& scene, const SynthWorld& world) {
@@ -60,17 +98,11 @@ std::string scene_readme(const SynthOptions& options, const Scene& scene, const 
         "by\n\n```\n" +
         options.command + "\n```\n\n";
   }
+  text += layout_text(options.layout);
   text +=
       "| path | what |\n|---|---|\n"
-      "| `scene.json` | the manifest: camera, frames, simulated detections, truth |\n"
-      "| `image/` | 8-bit colour images with noise, blur, vignetting and exposure changes |\n"
-      "| `segmentation/` | a simulated segmentation: 0 other, 1 road, 2 pavement, 3 vehicle; "
-      "ragged edges, some wrong regions |\n"
-      "| `truth/depth/` | first and last frame: 16-bit, metres along z * 256, 0 none or beyond "
-      "255.9 m |\n"
-      "| `truth/label/` | true classes: 7 road, 8 pavement, kerb and parking place, 11 building, "
-      "17 "
-      "post, 20 sign, 21 plants, 22 grass, 23 sky, 26 car |\n"
+      "| `scene.json` | the manifest: camera, frames, simulated detections, truth |\n" +
+      picture_rows(options.layout) +
       "| `truth/road.ply` | random points on the true road (label 1) and pavements (2), first "
       "camera's frame, seen or not |\n"
       "| `run.json` | options and times |\n\n"
