@@ -17,7 +17,9 @@
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "crs.h"
 #include "own_inputs.h"
+#include "result_map.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -29,6 +31,7 @@ struct Arguments {
   RewriteArguments files;
   std::string depth_encoding, camera, image, labels;
   double baseline = 0.0;
+  bool to_map = false;
   double largest_depth = std::numeric_limits<double>::infinity();
 };
 
@@ -80,6 +83,24 @@ RoadCloud read_depth(const Arguments& a, const LogSink& warn) {
                           a.labels.empty() ? nullptr : &labels, a.largest_depth);
 }
 
+/// A cloud of a result, on the map.
+RoadCloud read_on_map(const Arguments& a, const LogSink& warn, CoordinateSystem* system) {
+  CloudFile file = read_cloud_file(a.files.input, a.files.cloud.read_options());
+  warn_about(a.files.input, file.report, warn);
+  if (file.cloud.frame != CloudFrame::kCamera) {
+    throw UsageError("--to-map: '" + a.files.input +
+                     "' is not in a camera's frame, expected a cloud of reconstruct");
+  }
+  const std::optional<GeoReference> map = georeference_beside(a.files.input);
+  if (!map) {
+    throw NoAnswerError(a.files.input +
+                        ": no run.json with a georeference beside it; give import --gnss");
+  }
+  *system = crs_from_option(map->crs);
+  take_to_map(*map, &file.cloud);
+  return std::move(file.cloud);
+}
+
 }  // namespace
 
 void register_convert(App& root) {
@@ -93,7 +114,8 @@ void register_convert(App& root) {
       "  camber convert sparse/0 --out points.ply\n"
       "  camber convert depth.png --depth kitti --camera 721.5,721.5,609.6,172.9 --out depth.ply\n"
       "  camber convert DepthLeft/000001.png --depth synthia --camera scene.json "
-      "--image RGBLeft/000001.png --out truth.ply");
+      "--image RGBLeft/000001.png --out truth.ply\n"
+      "  camber convert results/road.ply --to-map --out road.las");
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
@@ -108,6 +130,9 @@ void register_convert(App& root) {
   app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m");
   app.add_option("--image", a.image, "colours for a depth image, same size");
   app.add_option("--labels", a.labels, "label image for a depth image, same size");
+  app.add_flag("--to-map", a.to_map,
+               "a cloud of reconstruct in map coordinates, with their system, where the scene had "
+               "positions (import --gnss)");
 
   command->run = [command, arguments] {
     const Arguments& args = *arguments;
@@ -122,6 +147,10 @@ void register_convert(App& root) {
     if (!args.depth_encoding.empty()) {
       cloud = read_depth(args, warn);
       source = make_point_source(cloud);
+    } else if (args.to_map) {
+      CoordinateSystem system;
+      cloud = read_on_map(args, warn, &system);
+      source = with_crs(make_point_source(cloud), system);
     } else {
       source = open_typed_source(args.files.input, args.files.cloud.read_options());
       if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -18,6 +19,12 @@ namespace {
 bool look_up(const std::string& definition, CoordinateSystem* found, std::string* reason) {
   static const auto find = reinterpret_cast<FindCrs>(plugin_symbol("crs", "camber_find_crs"));
   return find(definition.c_str(), found, reason);
+}
+
+bool project(const std::string& crs, bool inverse, std::vector<Eigen::Vector2d>* places,
+             std::string* reason) {
+  static const auto call = reinterpret_cast<Project>(plugin_symbol("crs", "camber_project"));
+  return call(crs.c_str(), inverse, places, reason);
 }
 
 /// "US survey foot (0.30480061 m)"
@@ -50,6 +57,60 @@ CoordinateSystem crs_from_option(const std::string& definition) {
   }
   system.given = true;
   return system;
+}
+
+std::string definition_of(const CoordinateSystem& system) {
+  return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
+}
+
+std::string map_crs_from_option(const std::string& definition) {
+  CoordinateSystem system = crs_from_option(definition);
+  complete_crs(&system);
+  if (system.kind != CoordinateSystem::Kind::kProjected || !system.metric()) {
+    throw UsageError(fmt::format("--crs: found '{}' ({}), expected a projected system in metres",
+                                 definition.substr(0, 80), describe(system)));
+  }
+  return definition_of(system);
+}
+
+std::vector<MapPlace> project_to_map(const std::string& crs, const std::vector<GeoPoint>& points) {
+  constexpr double kStep = 1e-5;  // degrees; a metre
+  std::vector<Eigen::Vector2d> places;
+  for (const GeoPoint& p : points) {
+    places.emplace_back(p.longitude, p.latitude);
+    places.emplace_back(p.longitude, p.latitude + (p.latitude > 0.0 ? -kStep : kStep));
+  }
+  std::string reason;
+  if (!project(crs, false, &places, &reason)) {
+    throw UsageError(fmt::format("--crs: positions cannot be taken to '{}': {}", crs, reason));
+  }
+  std::vector<MapPlace> out;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    MapPlace place;
+    place.east = places[2 * i].x();
+    place.north = places[2 * i].y();
+    const Eigen::Vector2d north =
+        (places[2 * i] - places[2 * i + 1]) * (points[i].latitude > 0.0 ? 1.0 : -1.0);
+    place.convergence = std::atan2(-north.x(), north.y());
+    out.push_back(place);
+  }
+  return out;
+}
+
+std::vector<GeoPoint> places_on_earth(const std::string& crs,
+                                      const std::vector<Eigen::Vector2d>& places) {
+  std::vector<Eigen::Vector2d> turned = places;
+  std::string reason;
+  if (!project(crs, true, &turned, &reason)) {
+    throw NoAnswerError(fmt::format("places on the map '{}' cannot be taken to the earth: {}",
+                                    crs.substr(0, 80), reason));
+  }
+  std::vector<GeoPoint> out(places.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i].longitude = turned[i].x();
+    out[i].latitude = turned[i].y();
+  }
+  return out;
 }
 
 void complete_crs(CoordinateSystem* system) {

@@ -1,15 +1,33 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
+#include <vector>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/progress.h"
+#include "camber/scene/import_own.h"
 
 namespace camber::tools {
 
 /// The coordinate system that --crs names: EPSG:n, well-known text, a PROJ string, or a file that
 /// holds one of them. Text is read without PROJ. @throws UsageError for what is none.
 CoordinateSystem crs_from_option(const std::string& definition);
+
+/// Code or text that PROJ reads.
+std::string definition_of(const CoordinateSystem& system);
+
+/// The definition of the map that --crs names. @throws UsageError for what is no projected system
+/// in metres.
+std::string map_crs_from_option(const std::string& definition);
+
+/// PROJ's projection, for import_own.h.
+std::vector<MapPlace> project_to_map(const std::string& crs, const std::vector<GeoPoint>& points);
+
+/// Latitudes and longitudes of places on a map (east, north). @throws NoAnswerError where PROJ
+/// does not know the map.
+std::vector<GeoPoint> places_on_earth(const std::string& crs,
+                                      const std::vector<Eigen::Vector2d>& places);
 
 /// Looks a system up whose file names its code but no unit; others stay as they are. One that PROJ
 /// does not know stays, too.

@@ -16,9 +16,11 @@
 #include "camber/export/opendrive.h"
 #include "camber/export/road_mesh.h"
 #include "camber/export/trajectory.h"
+#include "camber/scene/georeference.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "command.h"
+#include "crs.h"
 #include "export_inputs.h"
 #include "own_inputs.h"
 #include "plugins/gdal_plugin.h"
@@ -68,6 +70,10 @@ json export_crg(const ExportInputs& in, const SmoothLine& line, const ExportArgu
     const Eigen::RowVector3d r = in.frame.plan_from_surface.row(row);
     data.comment += fmt::format("  {:.12f} {:.12f} {:.12f}\n", r.x(), r.y(), r.z());
   }
+  if (!in.frame.shift.isZero()) {
+    const Eigen::Vector3d& t = in.frame.shift;
+    data.comment += fmt::format("then shifted by\n  {:.4f} {:.4f} {:.4f}\n", t.x(), t.y(), t.z());
+  }
   StageTimer write(timings, "write");
   write_crg(data, args.out);
   write.stop();
@@ -98,7 +104,7 @@ std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const 
           "{} {}", vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class, vehicle.id);
       box.bottom = frame.to_plan(vehicle.pose.bottom_center());
       const Eigen::Vector3d ahead =
-          frame.to_plan(vehicle.pose.camera_from_vehicle.matrix().block<3, 1>(0, 0));
+          frame.turned(vehicle.pose.camera_from_vehicle.matrix().block<3, 1>(0, 0));
       box.heading = std::atan2(ahead.y(), ahead.x());
       box.length = vehicle.pose.dimensions.length;
       box.width = vehicle.pose.dimensions.width;
@@ -230,6 +236,22 @@ std::vector<StampedPose> run_poses(const RunDocument& run, std::string* clock) {
   return poses;
 }
 
+/// Cameras on the map as points on the earth. Times only where they count from 1970.
+std::vector<GeoPoint> track_of(const std::vector<StampedPose>& poses, const std::string& crs,
+                               const std::string& clock) {
+  constexpr double kDated = 1e8;  // s, 1973
+  std::vector<Eigen::Vector2d> places;
+  for (const StampedPose& pose : poses) {
+    places.push_back(pose.world_from_camera.translation().head<2>());
+  }
+  std::vector<GeoPoint> out = places_on_earth(crs, places);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i].altitude = poses[i].world_from_camera.translation().z();
+    if (clock == "seconds" && poses[i].time_s > kDated) out[i].time_s = poses[i].time_s;
+  }
+  return out;
+}
+
 json export_trajectory(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
   StageTimer load(timings, "load");
   const fs::path file = fs::path(args.input) / "run.json";
@@ -241,15 +263,30 @@ json export_trajectory(const CommonOptions& common, const ExportArguments& args,
       warn(file.string() + ": the run is up to an unknown scale, and so are the positions");
     }
   }
-  const std::vector<StampedPose> poses = run_poses(run, &clock);
+  std::vector<StampedPose> poses = run_poses(run, &clock);
+  const std::optional<GeoReference> map = georeference_of(run, file);
+  if (map) {
+    for (StampedPose& pose : poses) {
+      pose.world_from_camera = map->map_from_reference * pose.world_from_camera;
+    }
+  }
+  const std::string kind = fs::path(args.out).extension().string();
+  if (kind == ".gpx" && !map) {
+    throw NoAnswerError(file.string() +
+                        ": the run has no place on the earth, which GPX is about; give import "
+                        "--gnss");
+  }
   load.stop();
   StageTimer write(timings, "write");
-  const std::string kind = fs::path(args.out).extension().string();
-  write_file_atomically(args.out, kind == ".tum"   ? encode_tum(poses)
+  write_file_atomically(args.out, kind == ".gpx"   ? encode_gpx(track_of(poses, map->crs, clock))
+                                  : kind == ".tum" ? encode_tum(poses)
                                   : kind == ".csv" ? encode_pose_csv(poses)
                                                    : encode_kitti_poses(poses));
   write.stop();
-  return {{"poses", poses.size()}, {"clock", clock}, {"metric", run.metric}};
+  return {{"poses", poses.size()},
+          {"clock", clock},
+          {"metric", run.metric},
+          {"geo_reference", map ? map->crs : std::string()}};
 }
 
 /// The form of a mesh or trajectory is that of its name. @throws UsageError
@@ -258,9 +295,10 @@ void check_extension(const ExportArguments& args) {
   if (args.target == "mesh" && kind != ".glb" && kind != ".obj" && kind != ".ply") {
     throw UsageError("--out: found '" + args.out + "', expected FILE.glb, FILE.obj or FILE.ply");
   }
-  if (args.target == "trajectory" && kind != ".tum" && kind != ".txt" && kind != ".csv") {
+  if (args.target == "trajectory" && kind != ".tum" && kind != ".txt" && kind != ".csv" &&
+      kind != ".gpx") {
     throw UsageError("--out: found '" + args.out +
-                     "', expected FILE.tum, FILE.txt (KITTI) or FILE.csv");
+                     "', expected FILE.tum, FILE.txt (KITTI), FILE.csv or FILE.gpx");
   }
 }
 
@@ -314,6 +352,7 @@ json export_road(const CommonOptions& common, ExportArguments* args, Timings& ti
   }
   result["length"] = line.length();
   result["plan_from_surface"] = frame_json(in.frame);
+  result["shift"] = {in.frame.shift.x(), in.frame.shift.y(), in.frame.shift.z()};
   return result;
 }
 
@@ -354,8 +393,9 @@ void add_arguments(App& app, ExportArguments& a) {
   app.add_option("--to", a.target, "what to write")
       ->required()
       ->check(is_member(names_of(kTargets)));
-  app.add_option("--out", a.out,
-                 "the file; a mesh is .glb, .obj or .ply, a trajectory .tum, .txt (KITTI) or .csv")
+  app.add_option(
+         "--out", a.out,
+         "the file; a mesh is .glb, .obj or .ply, a trajectory .tum, .txt (KITTI), .csv or .gpx")
       ->required();
   app.add_option("--along", a.line,
                  "points of a line in order (any cloud format; CSV: columns x, y, z); default: the "

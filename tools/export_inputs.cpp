@@ -7,6 +7,7 @@
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"
 #include "crs.h"
+#include "result_map.h"
 
 namespace fs = std::filesystem;
 
@@ -14,11 +15,6 @@ namespace camber::tools {
 namespace {
 
 constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
-
-/// Code or text that PROJ reads.
-std::string geo_reference(const CoordinateSystem& system) {
-  return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
-}
 
 }  // namespace
 
@@ -47,6 +43,26 @@ double surface_step(const fs::path& surface_file, const PlanFrame& frame) {
   return std::max(grid_step(cloud_heights(file.cloud, frame)->resolution()), kFinest);
 }
 
+/// The frame of a result: the map's where its run has a place there.
+void place_on_map(const fs::path& surface_file, const RoadSurface& surface,
+                  const ExportArguments& args, ExportInputs* in) {
+  const std::optional<GeoReference> map = georeference_beside(surface_file);
+  if (map) {
+    in->frame = PlanFrame(map->map_from_reference);
+    in->geo_reference = map->crs;
+  }
+  if (args.reading.crs.empty()) return;
+  if (map) {
+    throw UsageError("--crs: the result lies on the map of " + map->crs.substr(0, 80) +
+                     ", which import was given; export keeps it");
+  }
+  if (surface.frame == "camera") {
+    throw UsageError(
+        "--crs: the result lies in its camera's frame, nowhere on a map; give import --gnss");
+  }
+  in->geo_reference = definition_of(crs_from_option(args.reading.crs));
+}
+
 ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled) {
   ExportInputs in;
   fs::path file = args.input;
@@ -59,6 +75,7 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
                         "in metres");
   }
   in.frame = PlanFrame(surface.up);
+  place_on_map(file, surface, args, &in);
   in.ground = surface_heights(surface, in.frame, args.reach);
   in.line = args.line.empty() ? surface.driven_line : read_line(args.line);
   if (in.line.size() < 2) {
@@ -66,8 +83,9 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   }
   in.files = {file};
   in.level = to_string(surface.level);
-  in.described =
-      fmt::format("frame of the result: {}, level: {}", surface.frame, to_string(surface.level));
+  in.described = fmt::format("frame of the result: {}, level: {}",
+                             in.geo_reference.empty() ? surface.frame : in.geo_reference,
+                             to_string(surface.level));
   const double step = surface_step(file, in.frame);
   if (settled->grid.step_u == 0.0) settled->grid.step_u = step;
   if (settled->grid.step_v == 0.0) settled->grid.step_v = step;
@@ -91,7 +109,7 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
   in.frame = PlanFrame(args.up.up(file.cloud));
   in.ground = cloud_heights(file.cloud, in.frame);
   in.level = file.cloud.frame == CloudFrame::kCamera ? "camera" : "map";
-  if (file.report.crs && in_metres) in.geo_reference = geo_reference(*file.report.crs);
+  if (file.report.crs && in_metres) in.geo_reference = definition_of(*file.report.crs);
   if (!in_metres && warn) {
     warn(args.input + ": the coordinate system is left out: its unit is not the metre, in which " +
          "the output is");
@@ -108,9 +126,6 @@ ExportInputs load_export(const ExportArguments& args, const CommonOptions& commo
                          ExportArguments* settled) {
   ExportInputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
   for (Eigen::Vector3d& place : in.line) place = in.frame.to_plan(place);
-  if (is_surface(args.input) && !args.reading.crs.empty()) {
-    in.geo_reference = geo_reference(crs_from_option(args.reading.crs));
-  }
   return in;
 }
 

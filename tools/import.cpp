@@ -8,6 +8,7 @@
 #include "camber/scene/import_own.h"
 #include "camber/scene/import_synthia.h"
 #include "command.h"
+#include "gnss_arguments.h"
 #include "import_output.h"
 
 namespace fs = std::filesystem;
@@ -18,11 +19,13 @@ namespace {
 
 struct KittiArguments {
   KittiImportOptions options;
-  std::string images, labels, poses, velodyne, detections, keypoints, out;
+  GnssArguments gnss;
+  std::string images, labels, poses, velodyne, detections, keypoints, up, out;
   int sequence = -1;
   std::vector<std::string> calibration;
   int camera = -1;
   double height_sigma = 0.0;
+  double up_sigma_deg = 1.0;
   int reference_frame = -1;
   bool json = false;
 };
@@ -39,7 +42,7 @@ void register_kitti(App& import) {
       "  camber import kitti --images image_0 --calib calib.txt --poses poses.txt --out drive06\n"
       "  camber import kitti --images image_02/data --calib calib_cam_to_cam.txt "
       "calib_velo_to_cam.txt \\\n"
-      "      --velodyne velodyne_points/data --out drive0052");
+      "      --velodyne velodyne_points/data --gnss oxts --up oxts --out drive0052");
   auto arguments = std::make_shared<KittiArguments>();
   KittiArguments& a = *arguments;
   App& app = *command->app;
@@ -75,6 +78,12 @@ void register_kitti(App& import) {
       ->capture_default_str();
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number());
+  app.add_option("--up", a.up, "roll and pitch of the vehicle: the folder oxts, or CSV");
+  app.add_option("--up-sigma-deg", a.up_sigma_deg,
+                 "standard deviation of --up, and of headings in --gnss, degrees")
+      ->check(positive_number())
+      ->capture_default_str();
+  add_gnss_options(app, a.gnss);
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
       ->delimiter(',')
       ->capture_default_str();
@@ -95,6 +104,9 @@ void register_kitti(App& import) {
     if (given.camera >= 0) options.camera = given.camera;
     if (given.height_sigma > 0.0) options.height_sigma = given.height_sigma;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
+    options.up = given.up;
+    options.up_sigma = given.up_sigma_deg * 0.017453292519943295;
+    options.gnss = given.gnss.take(options.up_sigma);
     options.validate();
     const fs::path manifest = manifest_of(given.out);
     NewFolder folder(folder_of(manifest));
@@ -103,19 +115,22 @@ void register_kitti(App& import) {
     const Scene scene = import_kitti_to(options, manifest, make_warning_sink(command->common));
     timer.stop();
     folder.keep();
-    report_import(*command, scene, manifest, {{}, missing_in(scene)},
-                  {{"images", given.images},
-                   {"calib", given.calibration},
-                   {"labels", given.labels},
-                   {"poses", given.poses},
-                   {"velodyne", given.velodyne},
-                   {"detections", given.detections},
-                   {"keypoints", given.keypoints},
-                   {"detections_from_labels", options.detections_from_labels},
-                   {"camera_height", options.camera_height},
-                   {"height_sigma", scene.height_sigma},
-                   {"classes", options.classes}},
-                  given.json, timings);
+    json used = {{"images", given.images},
+                 {"calib", given.calibration},
+                 {"labels", given.labels},
+                 {"poses", given.poses},
+                 {"velodyne", given.velodyne},
+                 {"detections", given.detections},
+                 {"keypoints", given.keypoints},
+                 {"detections_from_labels", options.detections_from_labels},
+                 {"camera_height", options.camera_height},
+                 {"height_sigma", scene.height_sigma},
+                 {"up", given.up},
+                 {"up_sigma_deg", given.up_sigma_deg},
+                 {"classes", options.classes}};
+    add_gnss_json(given.gnss, &used);
+    report_import(*command, scene, manifest, {{}, missing_in(scene)}, std::move(used), given.json,
+                  timings);
     return 0;
   };
 }

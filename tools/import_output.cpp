@@ -17,7 +17,7 @@ namespace {
 
 /// Counts of what a scene holds.
 struct Counts {
-  std::size_t frames = 0, detections = 0, masks = 0, poses = 0, speeds = 0, ups = 0;
+  std::size_t frames = 0, detections = 0, masks = 0, poses = 0, speeds = 0, ups = 0, positions = 0;
   std::size_t truth_vehicles = 0, truth_poses = 0, truth_depth = 0;
   bool truth_cloud = false;
 };
@@ -31,6 +31,7 @@ Counts counts_of(const Scene& scene) {
     out.poses += frame.world_from_camera ? 1 : 0;
     out.speeds += frame.speed ? 1 : 0;
     out.ups += frame.up ? 1 : 0;
+    out.positions += frame.map_position ? 1 : 0;
   }
   if (!scene.truth) return out;
   for (const TruthFrame& frame : scene.truth->frames) {
@@ -127,6 +128,8 @@ void report_import(const Command& command, const Scene& scene, const fs::path& m
               {"poses", counts.poses},
               {"speeds", counts.speeds},
               {"ups", counts.ups},
+              {"positions", counts.positions},
+              {"map", scene.map_crs},
               {"found", notes.found},
               {"missing", notes.missing},
               {"truth",

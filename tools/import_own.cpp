@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/scene/import_own.h"
+#include "gnss_arguments.h"
 #include "import_output.h"
 #include "plugins/bag_reader.h"
 
@@ -17,6 +18,7 @@ namespace {
 /// What all imports of one's own data take; NaN and empty: not given.
 struct OwnArguments {
   OwnDataOptions options;
+  GnssArguments gnss;
   std::string calibration, times, detections, class_names, masks, poses, speed, up, out;
   double up_sigma_deg = 1.0;
   double fx = 0, fy = 0, cx = kNone, cy = kNone, fov = 0, rate = 0, height = 0, height_sigma = 0;
@@ -103,9 +105,11 @@ void add_known_options(App& app, OwnArguments& a) {
   app.add_option(
       "--up", a.up,
       "roll and pitch of the vehicle: CSV (time or frame, roll, pitch), or KITTI's oxts");
-  app.add_option("--up-sigma-deg", a.up_sigma_deg, "standard deviation of --up, degrees")
+  app.add_option("--up-sigma-deg", a.up_sigma_deg,
+                 "standard deviation of --up, and of headings in --gnss, degrees")
       ->check(positive_number())
       ->capture_default_str();
+  add_gnss_options(app, a.gnss);
 }
 
 void add_output_options(App& app, OwnArguments& a) {
@@ -135,6 +139,7 @@ const OwnDataOptions& take(OwnArguments& a) {
   o.speed = a.speed;
   o.up = a.up;
   o.up_sigma = a.up_sigma_deg * 0.017453292519943295;
+  o.gnss = a.gnss.take(o.up_sigma);
   o.height = positive(a.height);
   o.height_sigma = positive(a.height_sigma);
   if (a.reference_frame >= 0) o.reference_frame = a.reference_frame;
@@ -147,34 +152,36 @@ json options_json(const OwnArguments& a) {
     return value ? json(*value) : json();
   };
   const OwnDataOptions& o = a.options;
-  return {{"calib", a.calibration},
-          {"camera", o.camera.name},
-          {"rectified", o.camera.rectified},
-          {"fx", number(o.camera.fx)},
-          {"fy", number(o.camera.fy)},
-          {"cx", number(o.camera.cx)},
-          {"cy", number(o.camera.cy)},
-          {"fov_deg", number(o.camera.fov_deg)},
-          {"rate", number(o.times.rate)},
-          {"times", a.times},
-          {"times_from_names", o.times.from_names},
-          {"height", number(o.height)},
-          {"height_sigma", number(o.height_sigma)},
-          {"detections", a.detections},
-          {"class_names", a.class_names},
-          {"classes", o.detections.classes},
-          {"default_class", o.detections.default_class},
-          {"least_score", o.detections.least_score},
-          {"detections_source", o.detections.source},
-          {"masks", a.masks},
-          {"class_map", o.class_map},
-          {"poses", a.poses},
-          {"pose_scale", o.pose_scale},
-          {"speed", a.speed},
-          {"speed_offset", o.speed_offset},
-          {"up", a.up},
-          {"up_sigma_deg", a.up_sigma_deg},
-          {"frames", o.frames}};
+  json out = {{"calib", a.calibration},
+              {"camera", o.camera.name},
+              {"rectified", o.camera.rectified},
+              {"fx", number(o.camera.fx)},
+              {"fy", number(o.camera.fy)},
+              {"cx", number(o.camera.cx)},
+              {"cy", number(o.camera.cy)},
+              {"fov_deg", number(o.camera.fov_deg)},
+              {"rate", number(o.times.rate)},
+              {"times", a.times},
+              {"times_from_names", o.times.from_names},
+              {"height", number(o.height)},
+              {"height_sigma", number(o.height_sigma)},
+              {"detections", a.detections},
+              {"class_names", a.class_names},
+              {"classes", o.detections.classes},
+              {"default_class", o.detections.default_class},
+              {"least_score", o.detections.least_score},
+              {"detections_source", o.detections.source},
+              {"masks", a.masks},
+              {"class_map", o.class_map},
+              {"poses", a.poses},
+              {"pose_scale", o.pose_scale},
+              {"speed", a.speed},
+              {"speed_offset", o.speed_offset},
+              {"up", a.up},
+              {"up_sigma_deg", a.up_sigma_deg},
+              {"frames", o.frames}};
+  add_gnss_json(a.gnss, &out);
+  return out;
 }
 
 /// Writes the manifest that `import` makes, and reports it.

@@ -97,16 +97,18 @@ TEST_F(ExportProgram, InfoAndCompareTakeRoads) {
 }
 
 TEST_F(ExportProgram, OpenDriveTellsHowWellItFits) {
-  const auto result =
-      run_camber({"export", file("surface.json"), "--to", "opendrive", "--crg", "road.crg", "--crs",
-                  "EPSG:25832", "--out", file("road.xodr"), "--json"});
+  const auto result = run_camber({"export", file("surface.json"), "--to", "opendrive", "--crg",
+                                  "road.crg", "--out", file("road.xodr"), "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const json told = json::parse(result.out);
   EXPECT_LT(told["height_most"].get<double>(), 0.05);  // the bend between the patches is smoothed
   EXPECT_LT(told["height_rms"].get<double>(), 0.01);
   EXPECT_LT(told["line_deviation"].get<double>(), 0.05);
   const std::string text = test::read_text(file("road.xodr"));
-  EXPECT_THAT(text, ::testing::HasSubstr("EPSG:25832"));
+  EXPECT_THAT(text, ::testing::Not(::testing::HasSubstr("geoReference")));
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opendrive", "--crs",
+                                  "EPSG:25832", "--out", file("map.xodr")}),
+                      2, "nowhere on a map");
   EXPECT_THAT(text, ::testing::HasSubstr("file=\"road.crg\""));
   EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opendrive", "--vehicles",
                                   "--out", file("cars.xodr")}),

@@ -56,6 +56,7 @@ json whole_manifest() {
   out["segmentation_classes"] = {{"road", {1}}};
   out["segmentation_source"] = "network";
   out["markings_m"] = {{"dash_length", 3}};
+  out["gnss"] = {{"crs", "EPSG:32632"}, {"antenna", {0.1, 0.2, -1.0}}};
   out["frames"] = {{{"id", 3},
                     {"time_s", 0.1},
                     {"image", "a.png"},
@@ -67,6 +68,12 @@ json whole_manifest() {
                     {"up_sigma_deg", 0.5},
                     {"speed", 12.5},
                     {"speed_sigma", 0.25},
+                    {"gnss",
+                     {{"position", {456000.5, 5428000.25, 110.5}},
+                      {"sigma", 0.5},
+                      {"height_sigma", 1.0},
+                      {"heading_deg", 30.0},
+                      {"heading_sigma_deg", 2.0}}},
                     {"vehicles",
                      {{{"id", 1},
                        {"box", {1, 2, 3, 4}},
@@ -168,8 +175,9 @@ TEST(SceneSchema, HasTheKeysOfTheReaderAndNoOther) {
   const fs::path folder = test::source_dir() / "lib/camber/scene";
   const std::string reader = read_text(folder / "scene.cpp");
   const std::string shared = read_text(folder / "json_reader.cpp");
+  const std::string map = read_text(folder / "map_position.cpp");
   static const std::regex taken(R"re((?:find|require|read_focal)\("([a-z_]+)")re");
-  for (const std::string& source : {reader, shared}) {
+  for (const std::string& source : {reader, shared, map}) {
     for (std::sregex_iterator at(source.begin(), source.end(), taken), end; at != end; ++at) {
       in_reader.insert((*at)[1]);
     }
@@ -193,6 +201,8 @@ TEST(SceneSchema, RequiresTheKeysThatTheReaderRequires) {
     manifest.at(key.place.parent_pointer()).erase(key.name);
     // The depth image alone needs its encoding.
     if (key.name == "depth_encoding") manifest.at(key.place.parent_pointer()).erase("depth");
+    // Positions alone need a map.
+    if (key.place.to_string() == "/gnss") manifest["frames"][0].erase("gnss");
     const std::string sentence = refusal(manifest);
     if (key.required) {
       EXPECT_THAT(sentence, HasSubstr(key.name + ": missing"));
@@ -207,6 +217,9 @@ TEST(SceneSchema, RequiresWhatOtherKeysNeedAsTheReaderDoes) {
   manifest["truth"]["frames"][0].erase("depth_encoding");
   EXPECT_THAT(refusal(manifest), HasSubstr("depth_encoding: missing"));
   EXPECT_EQ(schema()["$defs"]["truth_frame"]["dependentRequired"]["depth"][0], "depth_encoding");
+  manifest = whole_manifest();
+  manifest.erase("gnss");
+  EXPECT_THAT(refusal(manifest), HasSubstr("gnss: missing"));
   manifest = whole_manifest();
   json& vehicle = manifest["truth"]["frames"][0]["vehicles"][0];
   vehicle.erase("rotation");

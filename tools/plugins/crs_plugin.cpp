@@ -2,20 +2,31 @@
 
 #include <proj.h>
 
+#include <cmath>
 #include <string>
 
 #include "camber/cloud/coordinate_system.h"
 #include "crs_plugin.h"
 #include "plugin.h"
 
-CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
-                                   std::string* reason);
-CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
-                                   std::string* reason) {
+namespace {
+
+/// A PROJ string names a coordinate system only if it states so.
+std::string stated(const char* definition) {
   std::string text = definition;
   if (text.find("+proj") != std::string::npos && text.find("+type=crs") == std::string::npos) {
     text += " +type=crs";
   }
+  return text;
+}
+
+}  // namespace
+
+CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
+                                   std::string* reason);
+CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
+                                   std::string* reason) {
+  const std::string text = stated(definition);
   PJ_CONTEXT* const context = proj_context_create();
   proj_log_level(context, PJ_LOG_NONE);
   PJ* const system = proj_create(context, text.c_str());
@@ -33,6 +44,32 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
     *reason = system != nullptr ? "it is no coordinate reference system" : "PROJ does not know it";
   }
   proj_destroy(system);
+  proj_context_destroy(context);
+  return reason->empty();
+}
+
+CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
+                                  std::vector<Eigen::Vector2d>* places, std::string* reason);
+CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
+                                  std::vector<Eigen::Vector2d>* places, std::string* reason) {
+  PJ_CONTEXT* const context = proj_context_create();
+  proj_log_level(context, PJ_LOG_NONE);
+  PJ* const given =
+      proj_create_crs_to_crs(context, "EPSG:4326", stated(definition).c_str(), nullptr);
+  PJ* const ordered = given ? proj_normalize_for_visualization(context, given) : nullptr;
+  if (ordered == nullptr) *reason = "PROJ knows no way to it from WGS 84";
+  for (Eigen::Vector2d& place : *places) {
+    if (ordered == nullptr) break;
+    const PJ_COORD to = proj_trans(ordered, inverse ? PJ_INV : PJ_FWD,
+                                   proj_coord(place.x(), place.y(), 0.0, HUGE_VAL));
+    place = {to.xy.x, to.xy.y};
+    if (!place.allFinite() || std::abs(place.x()) == HUGE_VAL) {
+      *reason = "a place lies where it is not defined";
+      break;
+    }
+  }
+  proj_destroy(ordered);
+  proj_destroy(given);
   proj_context_destroy(context);
   return reason->empty();
 }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
+#include <vector>
 
 namespace camber {
 struct CoordinateSystem;
@@ -11,5 +13,10 @@ namespace camber::tools {
 /// What the plugin crs exports as camber_find_crs: the system with a definition (EPSG:n, a PROJ
 /// string, well-known text, a name); false and a reason where there is none.
 using FindCrs = bool (*)(const char* definition, CoordinateSystem* found, std::string* reason);
+
+/// What it exports as camber_project: longitudes and latitudes (degrees, WGS 84) to coordinates of
+/// a system in the order east, north, or, if `inverse`, back; false and a reason where it cannot.
+using Project = bool (*)(const char* definition, bool inverse, std::vector<Eigen::Vector2d>* places,
+                         std::string* reason);
 
 }  // namespace camber::tools

@@ -24,7 +24,7 @@ class SurfaceHeights : public HeightSource {
     GroundSample sample;
     const SurfaceQuery answer = surface_.query(frame_.to_surface(place), reach_);
     if (answer.status == Status::kFailed) return sample;
-    sample.normal = frame_.to_plan(answer.plane.plane.normal);
+    sample.normal = frame_.turned(answer.plane.plane.normal);
     sample.height = frame_.to_plan(answer.point).z();
     sample.sigma = answer.sigma_height / std::max(sample.normal.z(), 1e-3);
     return sample;

@@ -1,6 +1,12 @@
 #include "camber/export/trajectory.h"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
+
+#include <cmath>
+#include <ctime>
+
+#include "camber/core/version.h"
 
 namespace camber {
 namespace {
@@ -36,6 +42,27 @@ std::string encode_kitti_poses(const std::vector<StampedPose>& poses) {
     }
   }
   return out;
+}
+
+std::string encode_gpx(const std::vector<GeoPoint>& points) {
+  std::string out = fmt::format(
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+      "<gpx version=\"1.1\" creator=\"Camber {}\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n"
+      "  <trk>\n    <trkseg>\n",
+      kVersion);
+  for (const GeoPoint& point : points) {
+    out +=
+        fmt::format("      <trkpt lat=\"{:.9f}\" lon=\"{:.9f}\">", point.latitude, point.longitude);
+    if (std::isfinite(point.altitude)) out += fmt::format("<ele>{:.4f}</ele>", point.altitude);
+    if (std::isfinite(point.time_s)) {
+      const auto milliseconds = static_cast<long long>(std::llround(point.time_s * 1000.0));
+      const auto seconds = static_cast<std::time_t>(milliseconds / 1000);
+      out += fmt::format("<time>{:%Y-%m-%dT%H:%M:%S}.{:03}Z</time>", fmt::gmtime(seconds),
+                         milliseconds % 1000);
+    }
+    out += "</trkpt>\n";
+  }
+  return out + "    </trkseg>\n  </trk>\n</gpx>\n";
 }
 
 std::string encode_pose_csv(const std::vector<StampedPose>& poses) {

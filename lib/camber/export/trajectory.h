@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "camber/geometry/se3.h"
+#include "camber/scene/formats/trajectory.h"
 
 namespace camber {
 
@@ -20,5 +21,8 @@ std::string encode_tum(const std::vector<StampedPose>& poses);
 std::string encode_kitti_poses(const std::vector<StampedPose>& poses);
 /// `frame,time_s,x_m,y_m,z_m,qx,qy,qz,qw` with a line of names.
 std::string encode_pose_csv(const std::vector<StampedPose>& poses);
+
+/// GPX 1.1 of one track; times are written where they are known, as UTC.
+std::string encode_gpx(const std::vector<GeoPoint>& points);
 
 }  // namespace camber

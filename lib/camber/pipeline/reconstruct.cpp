@@ -8,6 +8,7 @@
 #include "camber/pipeline/stage_runner.h"
 #include "camber/pipeline/stages/fuse_masks.h"
 #include "camber/pipeline/stages/level.h"
+#include "camber/scene/georeference.h"
 
 namespace camber {
 namespace {
@@ -137,6 +138,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   out.road_mask = road_mask_of(frames);
   out.images = std::move(frames.color);
   describe_run(options, frame_ids, frames, refined, scaled, &out.run);
+  put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;
   return out;
 }

@@ -6,6 +6,7 @@
 #include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/paper_assemble.h"
+#include "camber/scene/georeference.h"
 
 namespace camber {
 namespace {
@@ -107,6 +108,7 @@ Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& fra
   out.run = std::move(road.run);
   out.images = std::move(frames.color);
   describe(o, frame_ids, frames, seen.motion, &out.run);
+  put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;
   return out;
 }

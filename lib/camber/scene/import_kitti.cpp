@@ -12,6 +12,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/scene/detail/own_data.h"
 #include "camber/scene/import_common.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/kitti_keypoints.h"
@@ -323,6 +324,9 @@ void KittiImportOptions::validate() const {
   };
   positive(camera_height, "camera_height");
   positive(frame_rate, "frame_rate");
+  positive(up_sigma, "up_sigma");
+  positive(gnss.sigma, "gnss.sigma");
+  positive(gnss.heading_sigma, "gnss.heading_sigma");
   if (camera && (*camera < 0 || *camera > 3)) {
     throw std::invalid_argument(fmt::format("camera {}, expected 0 to 3", *camera));
   }
@@ -417,7 +421,11 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
     }
   }
   if (!truth.frames.empty()) scene.truth = std::move(truth);
-  return scene;
+  OwnImport sensors;
+  sensors.scene = std::move(scene);
+  if (!options.up.empty()) put_own_up(sensors.scene, options.up, options.up_sigma, sensors);
+  if (!options.gnss.file.empty()) put_gnss(sensors.scene, options.gnss, sensors);
+  return std::move(sensors.scene);
 }
 
 Scene import_kitti_to(const KittiImportOptions& options, const fs::path& manifest,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/scene/import_own.h"
 #include "camber/scene/scene.h"
 
 namespace camber {
@@ -66,7 +67,10 @@ struct KittiImportOptions {
   double frame_rate = 10.0;            ///< Hz, > 0
   /// Types that count as vehicles, in any case.
   std::vector<std::string> classes = {"car", "van", "truck", "bus"};
-  std::string name;  ///< empty: the name of the folder above the images'
+  GnssOptions gnss;          ///< no truth: positions, and headings of oxts
+  std::filesystem::path up;  ///< no truth: roll and pitch, oxts or read_attitudes()
+  double up_sigma = 0.0175;  ///< rad, > 0
+  std::string name;          ///< empty: the name of the folder above the images'
 
   void validate() const;  ///< throws std::invalid_argument
 };

@@ -108,6 +108,8 @@ void OwnDataOptions::validate() const {
   positive(height_sigma, "height_sigma");
   positive(pose_scale, "pose_scale");
   positive(up_sigma, "up_sigma");
+  positive(gnss.sigma, "gnss.sigma");
+  positive(gnss.heading_sigma, "gnss.heading_sigma");
   if (camera.fov_deg && !(*camera.fov_deg > 0.0 && *camera.fov_deg < 180.0)) {
     throw std::invalid_argument(
         fmt::format("fov {}, expected degrees above 0 and below 180", *camera.fov_deg));
@@ -207,6 +209,7 @@ void finish_import(const OwnDataOptions& options, OwnImport& out) {
   if (!options.poses.empty()) put_own_poses(scene, options.poses, options.pose_scale, out);
   if (!options.speed.empty()) put_own_speeds(scene, options.speed, options.speed_offset, out);
   if (!options.up.empty()) put_own_up(scene, options.up, options.up_sigma, out);
+  if (!options.gnss.file.empty()) put_gnss(scene, options.gnss, out);
   const std::vector<int> selected = keep_frames(scene, options.frames);
   if (options.reference_frame) {
     if (!scene.find_frame(*options.reference_frame)) {

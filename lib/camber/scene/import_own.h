@@ -8,6 +8,7 @@
 
 #include "camber/core/progress.h"
 #include "camber/scene/formats/class_map.h"
+#include "camber/scene/formats/trajectory.h"
 #include "camber/scene/scene.h"
 
 namespace camber {
@@ -38,20 +39,43 @@ struct OwnDetections {
   std::string source = "import";      ///< the manifest's detections_source
 };
 
+/// A place on a map: m, and the direction of true north there, rad counterclockwise from the map's.
+struct MapPlace {
+  double east = 0.0, north = 0.0;
+  double convergence = 0.0;
+};
+
+/// Places on the map of a coordinate system. @throws UsageError for one that is no projected system
+/// in metres.
+using MapProjection = std::function<std::vector<MapPlace>(const std::string& crs,
+                                                          const std::vector<GeoPoint>& points)>;
+
+/// Positions on the earth; empty: none.
+struct GnssOptions {
+  std::filesystem::path file;     ///< read_geo_log(), or KITTI's oxts
+  std::string offset;             ///< s, added to the log's times; "first": its start is frame 0
+  double sigma = 2.5;             ///< m, > 0, east and north each, where the file states none
+  double heading_sigma = 0.0175;  ///< rad, > 0, of headings (oxts), the camera's mounting included
+  Eigen::Vector3d antenna = Eigen::Vector3d::Zero();  ///< m, of the receiver, camera frame
+  std::string crs;                                    ///< EPSG:n or a definition; empty: UTM
+  MapProjection projection;
+};
+
 /// What a person has beside the images; empty: not given.
 struct OwnDataOptions {
   OwnCamera camera;
   OwnTimes times;
   OwnDetections detections;
-  std::filesystem::path masks;   ///< folder of label images, colours, or binary road masks
-  std::string class_map;         ///< name as in named_class_map(), "binary", or a file
-  std::filesystem::path poses;   ///< scene/formats/trajectory.h; of the camera
-  double pose_scale = 1.0;       ///< metres per unit of the poses, > 0
-  std::filesystem::path speed;   ///< read_speeds(), or KITTI's oxts
-  std::string speed_offset;      ///< s, added to the log's times; "first": its start is frame 0
-  std::filesystem::path up;      ///< read_attitudes(), or KITTI's oxts
-  double up_sigma = 0.0175;      ///< rad, > 0; a degree: the camera's mounting on the vehicle
-  std::optional<double> height;  ///< m, camera above the road, > 0
+  std::filesystem::path masks;  ///< folder of label images, colours, or binary road masks
+  std::string class_map;        ///< name as in named_class_map(), "binary", or a file
+  std::filesystem::path poses;  ///< scene/formats/trajectory.h; of the camera
+  double pose_scale = 1.0;      ///< metres per unit of the poses, > 0
+  std::filesystem::path speed;  ///< read_speeds(), or KITTI's oxts
+  std::string speed_offset;     ///< s, added to the log's times; "first": its start is frame 0
+  std::filesystem::path up;     ///< read_attitudes(), or KITTI's oxts
+  double up_sigma = 0.0175;     ///< rad, > 0; a degree: the camera's mounting on the vehicle
+  GnssOptions gnss;
+  std::optional<double> height;        ///< m, camera above the road, > 0
   std::optional<double> height_sigma;  ///< m, > 0
   std::string frames;                  ///< list as in select_frames; empty: all
   std::optional<int> reference_frame;

@@ -13,6 +13,7 @@
 #include "camber/core/read_file.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/detail/own_data.h"
+#include "camber/scene/detail/samples_in_time.h"
 #include "camber/scene/formats/class_map.h"
 #include "camber/scene/formats/frame_files.h"
 #include "camber/scene/formats/trajectory.h"
@@ -142,44 +143,6 @@ Image labels_of_colors(const fs::path& mask, const ClassMap& classes, const Pinh
 }
 
 namespace {
-
-/// A value between two samples of rising time; nothing outside, or in a gap of more than `gap`.
-template <typename Samples>
-std::optional<std::pair<std::size_t, double>> place_in(const Samples& samples, double time,
-                                                       double gap) {
-  const auto after =
-      std::lower_bound(samples.begin(), samples.end(), time,
-                       [](const auto& sample, double t) { return sample.time_s < t; });
-  if (after == samples.end()) return std::nullopt;
-  if (after->time_s == time)
-    return std::make_pair(static_cast<std::size_t>(after - samples.begin()), 0.0);
-  if (after == samples.begin()) return std::nullopt;
-  const auto before = after - 1;
-  const double span = after->time_s - before->time_s;
-  if (!(span > 0.0 && span <= gap)) return std::nullopt;
-  return std::make_pair(static_cast<std::size_t>(before - samples.begin()),
-                        (time - before->time_s) / span);
-}
-
-/// Refuses where no frame got anything, with the ranges of both clocks.
-template <typename Samples>
-void require_some(std::size_t count, const Scene& scene, const Samples& samples,
-                  const fs::path& file, const char* what, const char* offset) {
-  if (count > 0) return;
-  const bool timed = std::all_of(scene.frames.begin(), scene.frames.end(),
-                                 [](const SceneFrame& f) { return f.time_s.has_value(); });
-  if (!timed)
-    throw UsageError(
-        fmt::format("{} are joined by time and the frames have none: expected --rate, --times or "
-                    "--times-from-names",
-                    what));
-  throw InputError(
-      file.string(),
-      fmt::format(
-          "found times from {:.3f} to {:.3f} s, expected those of the frames, {:.3f} to {:.3f} s{}",
-          samples.front().time_s, samples.back().time_s, *scene.frames.front().time_s,
-          *scene.frames.back().time_s, offset));
-}
 
 void put_oxts_speeds(Scene& scene, const std::vector<OxtsRecord>& records, std::size_t* count) {
   std::map<int, const OxtsRecord*> by_number;

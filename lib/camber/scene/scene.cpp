@@ -10,6 +10,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/image/video.h"
+#include "camber/scene/detail/map_position.h"
 #include "camber/scene/json_reader.h"
 
 namespace fs = std::filesystem;
@@ -242,6 +243,7 @@ class ManifestReader {
         scene.markings_m[key] = value.positive("a positive number of metres");
       }
     }
+    if (auto v = root.find("gnss")) read_map(*v, &scene);
 
     const JsonCursor frames = root.require("frames", "an array of frames");
     const char* frames_expectation = "an array of at least one frame";
@@ -249,6 +251,9 @@ class ManifestReader {
       scene.frames.push_back(read_frame(cursor));
     }
     if (scene.frames.empty()) frames.fail(frames_expectation);
+    const bool placed = std::any_of(scene.frames.begin(), scene.frames.end(),
+                                    [](const SceneFrame& f) { return f.map_position.has_value(); });
+    if (placed && scene.map_crs.empty()) root.require("gnss", "the crs of the frames' positions");
     std::sort(scene.frames.begin(), scene.frames.end(),
               [](const SceneFrame& a, const SceneFrame& b) { return a.id < b.id; });
 
@@ -315,6 +320,7 @@ class ManifestReader {
     if (auto v = object.find("speed_sigma")) {
       out.speed_sigma = v->positive("a positive number of m/s");
     }
+    if (auto v = object.find("gnss")) out.map_position = read_map_position(*v);
     if (auto v = object.find("vehicles")) {
       std::set<int> seen;
       const auto vehicles = v->items("an array of vehicles");
@@ -535,6 +541,9 @@ void write_scene(const Scene& scene, const fs::path& path) {
   if (!scene.segmentation_classes.empty()) out["segmentation_classes"] = scene.segmentation_classes;
   if (!scene.segmentation_source.empty()) out["segmentation_source"] = scene.segmentation_source;
   if (!scene.markings_m.empty()) out["markings_m"] = scene.markings_m;
+  if (!scene.map_crs.empty()) {
+    out["gnss"] = {{"crs", scene.map_crs}, {"antenna", vector_json(scene.antenna)}};
+  }
 
   json frames = json::array();
   for (const SceneFrame& frame : scene.frames) {
@@ -554,6 +563,7 @@ void write_scene(const Scene& scene, const fs::path& path) {
       f["speed"] = number_json(*frame.speed);
       f["speed_sigma"] = number_json(frame.speed_sigma);
     }
+    if (frame.map_position) f["gnss"] = map_position_json(*frame.map_position);
     if (!frame.vehicles.empty()) {
       json vehicles = json::array();
       for (const VehicleDetection& vehicle : frame.vehicles)

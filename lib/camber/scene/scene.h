@@ -18,6 +18,16 @@ namespace camber {
 /// The reader refuses more detections in a frame: vehicles hide each other long before.
 inline constexpr std::size_t kMostVehiclesPerFrame = 2000;
 
+/// Where a GNSS receiver's antenna was when an image was taken, on the map of Scene::map_crs.
+struct MapPosition {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< m: east, north, height (NaN: not known)
+  double sigma = 2.5;                                  ///< m, standard deviation of east and north
+  double height_sigma = 3.75;                          ///< m
+  /// rad, of the camera's view, counterclockwise from the map's east.
+  std::optional<double> heading;
+  double heading_sigma = 0.0175;  ///< rad
+};
+
 /// One image of a scene with what is known about it. Paths are absolute or relative to the working
 /// folder (the reader has resolved them against the manifest); empty: not given. An image may be a
 /// frame of a video, "drive.mp4#120" (image/video.h).
@@ -33,6 +43,7 @@ struct SceneFrame {
   double up_sigma = 0.0035;              ///< rad, standard deviation about each axis; 0.2 degrees
   std::optional<double> speed;           ///< m/s, of the camera, >= 0
   double speed_sigma = 0.0;              ///< m/s, > 0 where there is a speed
+  std::optional<MapPosition> map_position;
   std::vector<VehicleDetection> vehicles;
 };
 
@@ -90,7 +101,10 @@ struct Scene {
   std::map<std::string, std::vector<int>> segmentation_classes;  ///< "road" -> label values
   std::string segmentation_source;           ///< "network", "truth", ..., or empty
   std::map<std::string, double> markings_m;  ///< "dash_length" -> m
-  std::vector<SceneFrame> frames;            ///< ids strictly ascending
+  /// Coordinate system of the map positions: EPSG:n or a definition, projected, metres; or empty.
+  std::string map_crs;
+  Eigen::Vector3d antenna = Eigen::Vector3d::Zero();  ///< m, of the receiver, camera frame
+  std::vector<SceneFrame> frames;                     ///< ids strictly ascending
   std::optional<SceneTruth> truth;
 
   /// Not found: nullptr.

@@ -32,6 +32,9 @@ void put_own_poses(Scene& scene, const std::filesystem::path& file, double scale
 void put_own_speeds(Scene& scene, const std::filesystem::path& file, const std::string& offset,
                     OwnImport& out);
 void put_own_up(Scene& scene, const std::filesystem::path& file, double sigma, OwnImport& out);
+/// The positions of a GNSS receiver, or of KITTI's oxts with its headings, as the frames'
+/// map_position. Where options.crs is empty it is the UTM zone of the first position.
+void put_gnss(Scene& scene, const GnssOptions& options, OwnImport& out);
 
 /// A picture of class colours as Camber's labels 1 road, 2 pavement, 3 vehicle.
 /// @throws InputError for another size than the camera's, or mostly other colours than the map's.

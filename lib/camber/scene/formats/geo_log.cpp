@@ -275,6 +275,8 @@ GeoLog read_csv(const fs::path& path, char separator) {
     lines.fail(header, "found no columns latitude and longitude, expected both");
   const auto altitude = columns.find({"altitude", "alt", "elevation", "ele", "height"});
   const auto speed = columns.find({"speed", "speedms", "speedmps", "velocity"});
+  const auto frame = columns.find({"frame", "frameid"});
+  const auto sigma = columns.find({"sigma", "sigmam", "accuracy", "horizontalaccuracy"});
   const TimeColumns times(columns);
   out.segments.emplace_back();
   for (std::size_t i = 1; i < lines.lines().size(); ++i) {
@@ -290,6 +292,11 @@ GeoLog read_csv(const fs::path& path, char separator) {
     };
     optional(altitude, &point.altitude);
     optional(speed, &point.speed);
+    optional(sigma, &point.sigma);
+    if (point.sigma <= 0.0) {
+      lines.fail(line, *sigma, "found no positive standard deviation, expected one");
+    }
+    if (frame) point.frame = lines.integer(line, *frame, 0, 2000000000, "a frame id");
     if (times.any()) point.time_s = times.read(lines, line);
     out.segments[0].push_back(std::move(point));
   }
@@ -446,6 +453,7 @@ std::vector<OxtsRecord> read_oxts(const fs::path& path) {
     out.pitch = value(4);
     out.yaw = value(5);
     out.forward_speed = value(8);
+    out.position_accuracy = std::max(value(23), 0.0);
     return out;
   };
   std::vector<OxtsRecord> out;

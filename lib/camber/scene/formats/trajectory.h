@@ -42,6 +42,8 @@ struct GeoPoint {
   std::string time_text;                                       ///< as written, or empty
   double time_s = std::numeric_limits<double>::quiet_NaN();    ///< since 1970, or of the day
   double speed = std::numeric_limits<double>::quiet_NaN();     ///< m/s
+  int frame = -1;                                              ///< id; -1: by its time
+  double sigma = std::numeric_limits<double>::quiet_NaN();     ///< m, of the place
 };
 
 /// A log of a receiver.
@@ -60,7 +62,8 @@ struct GeoLog {
 };
 
 /// Reads GPX 1.0 and 1.1, NMEA 0183 (positions of GGA with a fix, speeds of RMC and VTG; sentences
-/// with a wrong checksum are counted and left out) or CSV with latitude and longitude.
+/// with a wrong checksum are counted and left out) or CSV with latitude and longitude, by time or
+/// frame.
 /// @throws InputError "file: position: found, expected".
 GeoLog read_geo_log(const std::filesystem::path& path);
 
@@ -89,6 +92,7 @@ struct OxtsRecord {
   double latitude = 0.0, longitude = 0.0, altitude = 0.0;  ///< degrees, m
   double roll = 0.0, pitch = 0.0, yaw = 0.0;  ///< rad; roll: left side up, pitch: front down
   double forward_speed = 0.0;                 ///< m/s
+  double position_accuracy = 0.0;             ///< m; 0: not stated
 };
 
 /// A folder of KITTI's oxts (with data/ in it, or that itself), or one file of 30 columns a frame.

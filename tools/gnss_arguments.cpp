@@ -1,0 +1,51 @@
+#include "gnss_arguments.h"
+
+#include <nlohmann/json.hpp>
+
+#include "crs.h"
+
+namespace camber::tools {
+
+GnssOptions GnssArguments::take(double up_sigma) const {
+  GnssOptions out = options;
+  out.file = file;
+  if (!crs.empty()) out.crs = map_crs_from_option(crs);
+  if (antenna.size() == 3) out.antenna = {antenna[0], antenna[1], antenna[2]};
+  out.heading_sigma = up_sigma;
+  out.projection = project_to_map;
+  return out;
+}
+
+void add_gnss_options(App& app, GnssArguments& a) {
+  app.add_option("--gnss", a.file,
+                 "positions on the earth: GPX, NMEA, CSV (latitude, longitude, altitude by time or "
+                 "frame), or KITTI's oxts, which has headings, too");
+  app.add_option("--gnss-offset", a.options.offset,
+                 "seconds to add to the times of --gnss; first: the log starts with the first "
+                 "frame")
+      ->needs("--gnss");
+  app.add_option("--gnss-sigma", a.options.sigma,
+                 "standard deviation of a position east and north, m, where the file states none")
+      ->check(positive_number())
+      ->needs("--gnss")
+      ->capture_default_str();
+  app.add_option("--antenna", a.antenna, "place x,y,z of the receiver in the camera's frame, m")
+      ->delimiter(',')
+      ->expected(3)
+      ->needs("--gnss");
+  app.add_option(
+         "--crs", a.crs,
+         "projected coordinate system of the map: EPSG:n, well-known text, a PROJ string or "
+         "a file; default: the UTM zone of the first position")
+      ->needs("--gnss");
+}
+
+void add_gnss_json(const GnssArguments& a, nlohmann::json* options) {
+  (*options)["gnss"] = a.file;
+  (*options)["gnss_offset"] = a.options.offset;
+  (*options)["gnss_sigma"] = a.options.sigma;
+  (*options)["antenna"] = a.antenna;
+  (*options)["crs"] = a.crs;
+}
+
+}  // namespace camber::tools

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "camber/scene/import_own.h"
+#include "options.h"
+
+namespace camber::tools {
+
+/// --gnss and what goes with it, of all imports.
+struct GnssArguments {
+  std::string file, crs;
+  std::vector<double> antenna;
+  GnssOptions options;
+
+  /// The library's options. @param up_sigma  rad; headings are as good as roll and pitch.
+  /// @throws UsageError for a --crs that is no map in metres.
+  GnssOptions take(double up_sigma) const;
+};
+
+/// `arguments` must live as long as the app.
+void add_gnss_options(App& app, GnssArguments& arguments);
+
+/// Adds them to the options that --json repeats.
+void add_gnss_json(const GnssArguments& arguments, nlohmann::json* options);
+
+}  // namespace camber::tools
