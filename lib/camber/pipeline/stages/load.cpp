@@ -134,7 +134,7 @@ LaneMarkingSizes marking_sizes(const Scene& scene) {
     return found == scene.markings_m.end() ? 0.0 : found->second;
   };
   return {size("dash_length"), size("dash_gap"), size("line_width"), size("zebra_stripe_width"),
-          size("zebra_gap")};
+          size("zebra_gap"), size("zebra_stripe_length"), size("lane_width")};
 }
 
 double time_of(const SceneFrame& frame, double frame_rate) {
