@@ -29,7 +29,7 @@ import numpy as np
 
 import png8
 from benchmark_json import BadInput
-from trust_scenes import Scene, edited_manifest, make_scenes
+from trust_scenes import ROAD_LABEL, edited_manifest, make_scenes
 
 REACH = 25.0      # m, of markings that are counted
 BESIDE = 1.2      # m to each side of a marking: the plane that is compared
@@ -46,7 +46,7 @@ def pixels_of(path):
 
 
 def true_points(scene, frame):
-    """The point at every pixel, camera frame, m; NaN where none is known."""
+    """The point at every pixel of road, camera frame, m; NaN where there is none."""
     truth = scene.truth[frame]
     samples = pixels_of(scene.path(truth["depth"]))
     if truth["depth_encoding"] == "synthia":
@@ -55,22 +55,33 @@ def true_points(scene, frame):
     else:
         depth = samples[..., 0] / 256.0
     depth = np.where((depth > 0) & (depth < 200), depth, np.nan)
+    if "label" in truth:
+        depth = np.where(pixels_of(scene.path(truth["label"]))[..., 0] == ROAD_LABEL, depth, np.nan)
     camera = scene.camera
     u, v = np.meshgrid(np.arange(depth.shape[1]), np.arange(depth.shape[0]))
     return np.stack([(u - camera["cx"]) / camera["fx"] * depth,
                      (v - camera["cy"]) / camera["fy"] * depth, depth], axis=-1)
 
 
+def point_at(points, pixel):
+    """The point at a pixel, between those around it; NaN where one is missing."""
+    x, y = pixel
+    u0 = min(max(int(x), 0), points.shape[1] - 2)
+    v0 = min(max(int(y), 0), points.shape[0] - 2)
+    a, b = x - u0, y - v0
+    # Inverse depths, since those of a plane are linear in the pixel.
+    inverse = 1.0 / points[v0:v0 + 2, u0:u0 + 2, 2]
+    depth = 1.0 / ((1 - a) * (1 - b) * inverse[0, 0] + a * (1 - b) * inverse[0, 1] +
+                   (1 - a) * b * inverse[1, 0] + a * b * inverse[1, 1])
+    near = points[v0, u0] / points[v0, u0, 2], points[v0 + 1, u0 + 1] / points[v0 + 1, u0 + 1, 2]
+    ray = np.array([(1 - a) * near[0][0] + a * near[1][0], (1 - b) * near[0][1] + b * near[1][1],
+                    1.0])
+    return depth * ray
+
+
 def true_marking(points, marking):
     """True point at the marking's middle and the unit normal of the ground around it."""
-    u, v = (int(round(x)) for x in marking["pixel"])
-    if not (0 <= v < points.shape[0] and 0 <= u < points.shape[1]):
-        return None, None
-    x, y = marking["pixel"]
-    u0, v0 = min(int(x), points.shape[1] - 2), min(int(y), points.shape[0] - 2)
-    a, b = x - u0, y - v0
-    here = ((1 - a) * (1 - b) * points[v0, u0] + a * (1 - b) * points[v0, u0 + 1] +
-            (1 - a) * b * points[v0 + 1, u0] + a * b * points[v0 + 1, u0 + 1])
+    here = point_at(points, marking["pixel"])
     if not np.isfinite(here).all():
         return None, None
     half = 2.0
@@ -97,6 +108,9 @@ def judge(points, marking):
            "sigmas": (marking["distance"] - distance) / marking["sigma_distance"],
            "relative_sigma": marking["sigma_distance"] / marking["distance"],
            "beside": marking["beside_another"]}
+    ends = [point_at(points, end) for end in marking["ends"]]
+    if all(np.isfinite(end).all() for end in ends):
+        out["true_length"] = float(np.linalg.norm(ends[1] - ends[0]))
     if normal is not None and "plane" in marking:
         plane = marking["plane"]
         estimate = np.array(plane["normal"])
@@ -134,7 +148,9 @@ def run(program, scene, frame, with_height, folder):
         height = {"height": math.log(ego["offset"] / truth["offset"]),
                   "height_sigma": surface["scale_sigma"]}
     warned = [w["text"] for w in result.get("warnings", [])]
+    found = result["markings"]
     return {"markings": [m for m in judged if m], "warnings": warned, **height,
+            "evidence": found["evidence"], "evidence_of_other": found["evidence_of_other"],
             "ms": sum(result["timings_ms"].values())}
 
 

@@ -453,7 +453,9 @@ TEST_F(SteepHillRun, TheRoadAlone) {
 }
 
 TEST_F(SteepHillRun, FramesThatCannotAnswerSaySo) {
-  EXPECT_THROW(reconstruct(*scene_, {1}, {}), NoAnswerError);
+  Scene unmarked = *scene_;
+  unmarked.markings_m.clear();
+  EXPECT_THROW(reconstruct(unmarked, {1}, {}), NoAnswerError);
   Scene standing = *scene_;
   standing.frames[0].image = standing.frames[1].image;
   try {

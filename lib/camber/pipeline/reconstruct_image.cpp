@@ -21,14 +21,17 @@ nlohmann::json marking_json(const SeenMarking& marking, const RoadPosterior& roa
                             const PinholeCamera& camera) {
   const double rho = road.inverse_depth(marking.pixel);
   const Eigen::Vector3d center = camera.ray(marking.pixel) / rho;
-  const double variance = road.covariance(road.of_inverse_depths(
-      {marking.pixel}, Eigen::MatrixXd::Identity(1, 1)))(0, 0);
-  nlohmann::json out = {{"kind", to_string(marking.kind)},
-                        {"pixel", {marking.pixel.x(), marking.pixel.y()}},
-                        {"center", vector_json(center)},
-                        {"distance", center.norm()},
-                        {"sigma_distance", center.norm() * std::sqrt(variance) / rho},
-                        {"beside_another", marking.beside}};
+  const double variance = road.covariance(
+      road.of_inverse_depths({marking.pixel}, Eigen::MatrixXd::Identity(1, 1)))(0, 0);
+  nlohmann::json out = {
+      {"kind", to_string(marking.kind)},
+      {"pixel", {marking.pixel.x(), marking.pixel.y()}},
+      {"ends",
+       {{marking.near_end.x(), marking.near_end.y()}, {marking.far_end.x(), marking.far_end.y()}}},
+      {"center", vector_json(center)},
+      {"distance", center.norm()},
+      {"sigma_distance", center.norm() * std::sqrt(variance) / rho},
+      {"beside_another", marking.beside}};
   if (marking.kind == MarkingKind::kCrossing) out["stripes"] = marking.strokes;
   LocalPlaneOptions footprint;
   footprint.length = marking.length;
@@ -56,6 +59,8 @@ nlohmann::json markings_json(const MarkedRoad& marked, const ScaledRoad& scaled,
           {"lines", marked.lines},
           {"farthest", marked.farthest},
           {"misfit", marked.misfit},
+          {"evidence", marked.evidence},
+          {"evidence_of_other", marked.evidence_of_other},
           {"found", std::move(found)}};
 }
 
@@ -72,8 +77,8 @@ void describe(const ReconstructOptions& options, const std::vector<int>& frame_i
   extra["reference_frame"] = frames.frames.front().id;
   extra["markings"] = markings_json(marked.road, scaled, frames.camera);
   extra["scale_from"] = {
-      {"source", frames.known.camera_height ? "markings, and camera height over the ego plane"
-                                            : "markings"},
+      {"source",
+       frames.known.camera_height ? "markings, and camera height over the ego plane" : "markings"},
       {"sigma_road_shape", marked.ground.ground.ego.relative_sigma}};
   extra["road_from"] = "markings";
 }

@@ -25,7 +25,8 @@ using detail::StrokeKind;
 
 // What a measurement that fits counts for a shape, half squared standard deviations: one that is
 // farther off counts as not made.
-constexpr double kWorthEnd = 4.0, kWorthAcross = 3.0, kWorthWidth = 0.7, kWorthAzimuth = 0.7;
+constexpr double kWorthEnd = 4.0, kWorthAcross = 3.0, kWorthWidth = 0.7, kWorthAzimuth = 0.7,
+                 kWorthLane = 1.5;
 constexpr double kLeastEvidence = 5.0;  // of a shape
 
 double worth(MarkingMeasurement::Kind kind) {
@@ -38,6 +39,8 @@ double worth(MarkingMeasurement::Kind kind) {
       return kWorthWidth;
     case MarkingMeasurement::Kind::kAzimuth:
       return kWorthAzimuth;
+    case MarkingMeasurement::Kind::kLaneWidth:
+      return kWorthLane;
     case MarkingMeasurement::Kind::kSharedWidth:
       break;
   }
@@ -75,9 +78,8 @@ class ShapeSolver {
       const MarkingMeasurement& m = association.measurements[k];
       const double most = worth(m.kind);
       const double r = residuals[static_cast<Eigen::Index>(k)];
-      out += most - std::min(0.5 * r * r, m.kind == MarkingMeasurement::Kind::kSharedWidth
-                                               ? 1e9
-                                               : most);
+      out += most -
+             std::min(0.5 * r * r, m.kind == MarkingMeasurement::Kind::kSharedWidth ? 1e9 : most);
       if (m.group >= 0) {
         double& d = dearest[static_cast<std::size_t>(m.group)];
         d = std::max(d, m.kind == MarkingMeasurement::Kind::kWidth ? 0.0 : most);
@@ -120,7 +122,8 @@ class ShapeSolver {
       if (m.kind == MarkingMeasurement::Kind::kEnd) sigma = std::hypot(sigma, slack * 3.0);
       if (m.kind == MarkingMeasurement::Kind::kAcross) sigma = std::hypot(sigma, slack);
       if (m.kind == MarkingMeasurement::Kind::kWidth ||
-          m.kind == MarkingMeasurement::Kind::kAzimuth) {
+          m.kind == MarkingMeasurement::Kind::kAzimuth ||
+          m.kind == MarkingMeasurement::Kind::kLaneWidth) {
         sigma = std::hypot(sigma, slack);
       }
     }
@@ -147,8 +150,7 @@ class ShapeSolver {
   /// Levenberg-Marquardt with derivatives by central differences.
   void solve(double slack, Hypothesis* h) const {
     MarkingAssociation& association = h->association;
-    const Eigen::VectorXd sigmas =
-        widened(RoadShape(options_.up, h->shape), association, slack);
+    const Eigen::VectorXd sigmas = widened(RoadShape(options_.up, h->shape), association, slack);
     double damping = 1e-3;
     Eigen::VectorXd r = residuals_at(h->shape, association, sigmas);
     RoadShapeMatrix normal;
@@ -167,9 +169,9 @@ class ShapeSolver {
         RoadShapeVector up = h->shape, down = h->shape;
         up[p] += step;
         down[p] -= step;
-        j.col(p) = (residuals_at(up, association, sigmas) -
-                    residuals_at(down, association, sigmas)) /
-                   (2.0 * step);
+        j.col(p) =
+            (residuals_at(up, association, sigmas) - residuals_at(down, association, sigmas)) /
+            (2.0 * step);
       }
       Eigen::VectorXd weights(r.size());
       for (Eigen::Index k = 0; k < r.size(); ++k) {
@@ -224,8 +226,8 @@ std::vector<Hypothesis> search(const ShapeSolver& solver, const MarkedRoadOption
   const int tilts = 2 * static_cast<int>(kMostTilt / kTiltStep) + 1;
   const int heights = 2 * static_cast<int>(kMostHeight / kHeightStep) + 1;
   const std::vector<double> across = {-1.0, 0.0, 1.0};
-  std::vector<Hypothesis> all(static_cast<std::size_t>(tilts) *
-                              static_cast<std::size_t>(heights) * across.size());
+  std::vector<Hypothesis> all(static_cast<std::size_t>(tilts) * static_cast<std::size_t>(heights) *
+                              across.size());
   parallel_for(static_cast<std::size_t>(tilts), options.num_threads, [&](std::size_t t) {
     for (int h = 0; h < heights; ++h) {
       for (std::size_t a = 0; a < across.size(); ++a) {
@@ -257,6 +259,60 @@ std::vector<Hypothesis> search(const ShapeSolver& solver, const MarkedRoadOption
   return out;
 }
 
+/// Roads that explain the strokes about as well as the best: more than so much less likely counts
+/// as excluded, half squared standard deviations.
+constexpr double kExcluded = 6.0;
+
+/// Puts the likeliest hypothesis first; of several that the markings cannot tell apart, that which
+/// the known height of the camera makes likeliest.
+void choose(const MarkedRoadOptions& options, std::vector<Hypothesis>* solved) {
+  const auto by_evidence = [](const Hypothesis& a, const Hypothesis& b) {
+    return a.evidence > b.evidence;
+  };
+  std::stable_sort(solved->begin(), solved->end(), by_evidence);
+  if (solved->empty() || !(options.known_height > 0)) return;
+  const double least = solved->front().evidence - kExcluded;
+  for (Hypothesis& h : *solved) {
+    if (h.evidence < least) continue;
+    const double off = h.shape[detail::kLogHeight] - std::log(options.known_height);
+    const double variance = h.covariance(detail::kLogHeight, detail::kLogHeight) +
+                            std::pow(options.known_height_sigma / options.known_height, 2);
+    h.evidence -= std::min(0.5 * off * off / variance, kExcluded);
+  }
+  std::stable_sort(solved->begin(), solved->end(), by_evidence);
+}
+
+/// The covariance of the first hypothesis with the share of those that it cannot exclude.
+/// @param evidence_of_other  of the best other one; 0: none.
+RoadShapeMatrix mixed_covariance(const std::vector<Hypothesis>& solved, double* evidence_of_other) {
+  constexpr double kOther = 9.0;  // squared standard deviations
+  const Hypothesis& best = solved.front();
+  const auto scaled = [](const Hypothesis& h) -> RoadShapeMatrix {
+    return std::max(1.0, h.misfit) * h.covariance;
+  };
+  RoadShapeMatrix out = scaled(best), others = RoadShapeMatrix::Zero();
+  double shares = 0.0;
+  *evidence_of_other = 0.0;
+  std::vector<RoadShapeVector> seen = {best.shape};
+  for (std::size_t k = 1; k < solved.size(); ++k) {
+    const Hypothesis& h = solved[k];
+    if (h.evidence < best.evidence - kExcluded) break;
+    const bool known = std::any_of(seen.begin(), seen.end(), [&](const RoadShapeVector& shape) {
+      const RoadShapeVector off = h.shape - shape;
+      return off.dot((best.covariance + h.covariance).ldlt().solve(off)) < kOther;
+    });
+    if (known) continue;
+    seen.push_back(h.shape);
+    if (shares == 0.0) *evidence_of_other = h.evidence;
+    const double share = std::exp(h.evidence - best.evidence);
+    const RoadShapeVector off = h.shape - best.shape;
+    others += share * (off * off.transpose() + scaled(h) - scaled(best));
+    shares += share;
+  }
+  out += others / (1.0 + shares);
+  return out;
+}
+
 /// The middle of a stroke on the ground, px: half of its metres.
 Eigen::Vector2d metric_middle(const RoadShape& road, const PinholeCamera& camera,
                               const PaintedStroke& stroke) {
@@ -264,8 +320,7 @@ Eigen::Vector2d metric_middle(const RoadShape& road, const PinholeCamera& camera
   const double far = 1.0 / road.depth(camera.ray(stroke.far_end));
   const double middle = 2.0 * near * far / (near + far);
   const double share = std::clamp((middle - near) / (far - near), 0.0, 1.0);
-  return stroke.middle(stroke.near_end.y() +
-                       share * (stroke.far_end.y() - stroke.near_end.y()));
+  return stroke.middle(stroke.near_end.y() + share * (stroke.far_end.y() - stroke.near_end.y()));
 }
 
 void describe_markings(const PinholeCamera& camera, const std::vector<PaintedStroke>& strokes,
@@ -285,6 +340,7 @@ void describe_markings(const PinholeCamera& camera, const std::vector<PaintedStr
     m.kind = kind;
     m.pixel = metric_middle(road, camera, stroke);
     m.near_end = stroke.near_end;
+    m.far_end = stroke.far_end;
     m.length = length;
     out->markings.push_back(m);
     const double near = road.depth(camera.ray(stroke.near_end));
@@ -323,10 +379,9 @@ void describe_markings(const PinholeCamera& camera, const std::vector<PaintedStr
     out->markings.back().strokes = static_cast<int>(good.size());
     out->markings.back().beside = true;
   }
-  std::stable_sort(out->markings.begin(), out->markings.end(),
-                   [](const SeenMarking& a, const SeenMarking& b) {
-                     return a.near_end.y() > b.near_end.y();
-                   });
+  std::stable_sort(
+      out->markings.begin(), out->markings.end(),
+      [](const SeenMarking& a, const SeenMarking& b) { return a.near_end.y() > b.near_end.y(); });
   for (std::size_t i = 0; i < strokes.size(); ++i) {
     if (best.association.kinds[i] != StrokeKind::kLine || !fits(i)) continue;
     ++out->lines;
@@ -337,9 +392,7 @@ void describe_markings(const PinholeCamera& camera, const std::vector<PaintedStr
 }  // namespace
 
 std::string to_string(MarkingKind kind) {
-  return kind == MarkingKind::kDash       ? "dash"
-         : kind == MarkingKind::kCrossing ? "crossing"
-                                          : "line";
+  return kind == MarkingKind::kDash ? "dash" : kind == MarkingKind::kCrossing ? "crossing" : "line";
 }
 
 void MarkedRoadOptions::validate() const {
@@ -347,7 +400,7 @@ void MarkedRoadOptions::validate() const {
        {std::pair{"tilt_along", tilt_along}, std::pair{"tilt_across", tilt_across},
         std::pair{"height", height}, std::pair{"log_height", log_height},
         std::pair{"curvature", curvature}, std::pair{"curvature_change", curvature_change},
-        std::pair{"twist", twist}}) {
+        std::pair{"twist", twist}, std::pair{"known_height_sigma", known_height_sigma}}) {
     if (!(value > 0.0)) {
       throw std::invalid_argument(fmt::format("{} = {}, expected > 0", name, value));
     }
@@ -391,6 +444,10 @@ UncertainPlane MarkedRoad::ego(Eigen::Matrix<double, 3, 6>* by_shape) const {
   }
   j(2, detail::kLogHeight) = -road.height();
   out.covariance = j * covariance * j.transpose();
+  // One slope that is off over the whole way to what is seen.
+  const double height = slope_off_shape * nearest;
+  out.covariance.diagonal() +=
+      Eigen::Vector3d(slope_off_shape, slope_off_shape, height).cwiseAbs2();
   if (by_shape) *by_shape = j;
   return out;
 }
@@ -401,6 +458,7 @@ MarkedRoad find_marked_road(const PinholeCamera& camera, const std::vector<Paint
   MarkedRoad out;
   out.status = Status::kFailed;
   out.up = options.up.normalized();
+  out.slope_off_shape = options.slope_off_shape;
   if (!sizes.dashes() && !sizes.stripes()) {
     out.reason = "the scene gives no sizes of dashes or crossings (markings_m)";
     return out;
@@ -416,17 +474,16 @@ MarkedRoad find_marked_road(const PinholeCamera& camera, const std::vector<Paint
   parallel_for(starts.size(), options.num_threads, [&](std::size_t k) {
     solved[k] = solver.refine(starts[k].shape, {0.05, 0.03, 0.02, 0.01, 0.0, 0.0});
   });
-  std::stable_sort(solved.begin(), solved.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    return a.evidence > b.evidence;
-  });
+  choose(options, &solved);
   if (solved.empty() || solved[0].evidence < kLeastEvidence) {
     out.reason = "no dash or crossing of the sizes given is seen whole";
     return out;
   }
   const Hypothesis& best = solved[0];
   out.shape = best.shape;
-  out.covariance = std::max(1.0, best.misfit) * best.covariance;
+  out.covariance = mixed_covariance(solved, &out.evidence_of_other);
   out.misfit = best.misfit;
+  out.evidence = best.evidence;
   describe_markings(camera, strokes, sizes, measurements, best, options, &out);
   if (out.markings.empty()) {
     out.reason = "no dash or crossing of the sizes given is seen whole";

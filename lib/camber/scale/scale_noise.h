@@ -28,10 +28,11 @@ struct ScaleNoise {
   double marking_gate = 3.0;     ///< standard deviations, of one length
 
   // Painted markings in one image alone (bench single_image_markings, even seeds).
-  double stroke_edge_px = 0.15;    ///< px, an edge of a stroke over a third of its rows
-  double painted_width = 0.03;     ///< relative, of all strokes' widths together off the given one
-  double ragged_width = 0.03;      ///< relative, of a piece of a stroke off that
-  double stroke_turn = 0.01;       ///< rad, between strokes that run side by side
+  double stroke_edge_px = 0.15;  ///< px, an edge of a stroke over a third of its rows
+  double painted_width = 0.03;   ///< relative, of all strokes' widths together off the given one
+  double ragged_width = 0.03;    ///< relative, of a piece of a stroke off that
+  double painted_lane = 0.02;    ///< relative, of a lane's width off the given one (assumed)
+  double stroke_turn = 0.01;     ///< rad, between strokes that run side by side
 
   // The road's width.
   double width_walk = 0.01;          ///< of the width's logarithm over width_walk_length (assumed)

@@ -1,6 +1,7 @@
 #include "camber/scene/scene.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -11,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/image/video.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/marking_presets.h"
 
 namespace fs = std::filesystem;
 
@@ -196,6 +198,20 @@ TruthVehicle read_truth_vehicle(const JsonCursor& cursor, std::set<int>& seen) {
   return out;
 }
 
+std::map<std::string, double> read_markings(const JsonCursor& cursor) {
+  if (cursor.value().is_string()) {
+    if (auto sizes = marking_preset(cursor.text())) return *sizes;
+    cursor.fail(
+        fmt::format("lengths in metres, or one of {}", fmt::join(marking_preset_names(), ", ")));
+  }
+  JsonObject markings(cursor, "an object of lengths in metres, or the name of a preset");
+  std::map<std::string, double> out;
+  for (const auto& [key, value] : markings.entries()) {
+    out[key] = value.positive("a positive number of metres");
+  }
+  return out;
+}
+
 /// Whether a file lies in a folder or below it once links are followed.
 bool lies_below(const fs::path& file, const fs::path& folder) {
   std::error_code error;
@@ -236,10 +252,7 @@ class ManifestReader {
     if (auto v = root.find("segmentation_classes")) read_classes(*v, scene);
     if (auto v = root.find("segmentation_source")) scene.segmentation_source = v->text();
     if (auto v = root.find("markings_m")) {
-      JsonObject markings(*v, "an object of lengths in metres");
-      for (const auto& [key, value] : markings.entries()) {
-        scene.markings_m[key] = value.positive("a positive number of metres");
-      }
+      scene.markings_m = read_markings(*v);
     }
 
     const JsonCursor frames = root.require("frames", "an array of frames");

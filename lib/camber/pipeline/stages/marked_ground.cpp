@@ -13,7 +13,8 @@
 namespace camber::stages {
 namespace {
 
-/// Pixels on which markings may be seen: near the road where a mask shows it, and clear of vehicles.
+/// Pixels on which markings may be seen: near the road where a mask shows it, and clear of
+/// vehicles.
 std::vector<std::uint8_t> visible_pixels(const LoadedFrames& frames) {
   constexpr int kReach = 6;  // px, since masks have holes where there is paint
   const FrameMasks& masks = frames.reference_masks();
@@ -32,6 +33,8 @@ MarkedRoadOptions road_options(const LoadedFrames& frames, const ScaleOptions& o
   MarkedRoadOptions out;
   if (frames.frames.front().up) out.up = *frames.frames.front().up;
   out.height = options.noise.unknown_camera_height;
+  out.known_height = frames.known.camera_height.value_or(0.0);
+  out.known_height_sigma = frames.known.camera_height_sigma;
   out.noise = options.noise;
   out.num_threads = options.num_threads;
   return out;
@@ -74,8 +77,8 @@ class DepartureFromShape {
       : places_(places), farthest_(farthest) {}
 
   double sigma(const Eigen::Vector2d& place) const {
-    constexpr double kAtMarking = 0.02;      // m
-    constexpr double kBeside = 0.02;         // m a metre: crown, kerb
+    constexpr double kAtMarking = 0.02;        // m
+    constexpr double kBeside = 0.02;           // m a metre: crown, kerb
     constexpr double kAheadCurvature = 0.006;  // 1/m: what the road may bend otherwise
     double nearest = 1e9;
     for (const Eigen::Vector2d& p : places_) {
@@ -163,7 +166,8 @@ EgoPlane ego_plane(const MarkedRoad& road, const PinholeCamera& camera, int poin
 
 std::string missing_text(const LoadedFrames& frames, const std::string& reason) {
   return fmt::format(
-      "one frame alone has no parallax: frame {} needs painted markings of known size, and {}; give "
+      "one frame alone has no parallax: frame {} needs painted markings of known size, and {}; "
+      "give "
       "at least 2 frames, or sizes (markings_m) of dashes or crossings that it shows",
       frames.frames.front().id, reason);
 }
@@ -172,9 +176,9 @@ std::string missing_text(const LoadedFrames& frames, const std::string& reason) 
 
 MarkedGround marked_ground(const LoadedFrames& frames, const ScaleOptions& options) {
   const MarkedRoadOptions road = road_options(frames, options);
-  const std::vector<PaintedStroke> strokes = detect_painted_strokes(
-      frames.gray.front(), visible_pixels(frames), top_row(frames.camera, road.up),
-      options.num_threads);
+  const std::vector<PaintedStroke> strokes =
+      detect_painted_strokes(frames.gray.front(), visible_pixels(frames),
+                             top_row(frames.camera, road.up), options.num_threads);
   MarkedGround out;
   out.road = find_marked_road(frames.camera, strokes, frames.known.markings, road);
   if (out.road.status != Status::kOk) throw NoAnswerError(missing_text(frames, out.road.reason));
@@ -201,8 +205,7 @@ MarkedGround marked_ground(const LoadedFrames& frames, const ScaleOptions& optio
   ground.metres_per_baseline = 1.0;
   GroundFieldOptions field;
   field.num_threads = options.num_threads;
-  ground.field =
-      std::make_shared<GroundField>(frames.camera, seen, ground.ego.plane.plane, field);
+  ground.field = std::make_shared<GroundField>(frames.camera, seen, ground.ego.plane.plane, field);
   return out;
 }
 
@@ -219,12 +222,14 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
   markings.crossings = road.crossings;
   markings.farthest = road.farthest;
   markings.misfit_before = markings.misfit_after = road.misfit;
-  ConstraintReport by_markings{
-      "lane_markings",
-      fmt::format("{} dashes, {} crossings to {:.0f} m", road.dashes, road.crossings,
-                  road.farthest),
-      0.0, true, {}};
-  ScaledRoad out{prior(options.noise.painted_size), true, {}, {}, 0.0, std::move(markings), {}, 0.0};
+  ConstraintReport by_markings{"lane_markings",
+                               fmt::format("{} dashes, {} crossings to {:.0f} m", road.dashes,
+                                           road.crossings, road.farthest),
+                               0.0,
+                               true,
+                               {}};
+  ScaledRoad out{
+      prior(options.noise.painted_size), true, {}, {}, 0.0, std::move(markings), {}, 0.0};
   if (!frames.known.camera_height) {
     out.reports = {by_markings, {"camera_height", "", 0.0, false, "not given"}};
     return out;
@@ -237,8 +242,7 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
   ConstraintReport by_height = fused.reports.front();
   by_markings.residual_sigma = by_height.residual_sigma;
   // From two standard deviations on, ever more of what they differ by.
-  const double share =
-      std::clamp((by_height.residual_sigma - 2.0) / (height.gate - 2.0), 0.0, 1.0);
+  const double share = std::clamp((by_height.residual_sigma - 2.0) / (height.gate - 2.0), 0.0, 1.0);
   out.contradiction_variance = share * off * off;
   if (by_height.accepted) {
     out.road = std::move(fused.road);
@@ -250,8 +254,8 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
     by_height.reason.clear();
     constexpr double kOpenLogScale = 1.0;
     const RoadPosterior open = prior(kOpenLogScale);
-    out.road = open.conditioned(
-        camera_height_constraint(open, given, frames.known.camera_height_sigma));
+    out.road =
+        open.conditioned(camera_height_constraint(open, given, frames.known.camera_height_sigma));
     out.contradictions.push_back(fmt::format(
         "lane_markings ({}): {}; by them everything is {:.0f} % {}", by_markings.source,
         by_markings.reason, 100.0 * std::abs(std::expm1(-off)), off < 0 ? "larger" : "smaller"));

@@ -8,11 +8,11 @@
 namespace camber::detail {
 namespace {
 
-constexpr int kBlocks = 3;             // a stroke's width is measured in so many pieces
-constexpr double kThinnest = 2.5;      // px, of a stroke whose width is measured
-constexpr double kGate = 3.0;          // standard deviations
-constexpr int kMostHidden = 2;         // strokes of a line in a row
-constexpr double kFarthest = 60.0;     // m, of a marking
+constexpr int kBlocks = 3;          // a stroke's width is measured in so many pieces
+constexpr double kThinnest = 2.5;   // px, of a stroke whose width is measured
+constexpr double kGate = 3.0;       // standard deviations
+constexpr int kMostHidden = 2;      // strokes of a line in a row
+constexpr double kFarthest = 60.0;  // m, of a marking
 
 double azimuth(const RoadShape& road, const Eigen::Vector3d& direction) {
   return std::atan2(direction.dot(road.right()), direction.dot(road.ahead()));
@@ -56,9 +56,9 @@ StrokeOnRoad MarkingMeasurements::on_road(const RoadShape& road,
   out.width_sigma = std::hypot(noise_.stroke_edge_px * std::sqrt(2.0) / (edges.right - edges.left),
                                noise_.painted_width);
   const auto end_sigma = [&](const Eigen::Vector2d& end) {
-    const double by_row = (point(road, stroke.middle(end.y() + 0.5)) -
-                           point(road, stroke.middle(end.y() - 0.5)))
-                              .norm();
+    const double by_row =
+        (point(road, stroke.middle(end.y() + 0.5)) - point(road, stroke.middle(end.y() - 0.5)))
+            .norm();
     return std::hypot(noise_.mark_end_row_px * by_row, noise_.painted_end);
   };
   out.near_sigma = end_sigma(stroke.near_end);
@@ -98,7 +98,7 @@ MarkingAssociation MarkingMeasurements::associate(const RoadShape& road, double 
   const int lines = width_group(&out);
   if (sizes_.dashes()) find_lines(on_road, slack, lines, &out);
   if (sizes_.line_width > 0) find_long_lines(on_road, lines, &out);
-  add_parallels(on_road, &out);
+  add_parallels(road, on_road, slack, &out);
   return out;
 }
 
@@ -127,10 +127,10 @@ void MarkingMeasurements::find_lines(const std::vector<StrokeOnRoad>& on_road, d
     return strokes_[i].near_seen ? Eigen::Vector3d(s.near + 0.5 * dash * s.direction)
                                  : Eigen::Vector3d(s.far - 0.5 * dash * s.direction);
   };
-  std::sort(candidates.begin(), candidates.end(), [&](std::size_t a, std::size_t b) {
-    return middle(a).norm() < middle(b).norm();
-  });
+  std::sort(candidates.begin(), candidates.end(),
+            [&](std::size_t a, std::size_t b) { return middle(a).norm() < middle(b).norm(); });
   std::vector<char> used(on_road.size(), 0);
+  std::vector<BrokenLine> found;
   for (std::size_t a = 0; a < candidates.size(); ++a) {
     if (used[candidates[a]]) continue;
     std::vector<std::size_t> line = {candidates[a]};
@@ -142,42 +142,55 @@ void MarkingMeasurements::find_lines(const std::vector<StrokeOnRoad>& on_road, d
       const double length = step.norm();
       const int whole_periods = static_cast<int>(std::lround(length / period));
       if (whole_periods < 1 || whole_periods > kMostHidden + 1) continue;
-      const double spread = std::hypot(
-          std::hypot(on_road[i].far_sigma, on_road[last].near_sigma), slack * length);
+      const double spread =
+          std::hypot(std::hypot(on_road[i].far_sigma, on_road[last].near_sigma), slack * length);
       if (std::abs(length - whole_periods * period) > std::min(kGate * spread, 0.35 * period))
         continue;
       // A bend, and what the directions of short strokes are off.
       constexpr double kTurn = 0.1;
-      const double turn = std::atan2(step.cross(on_road[last].direction).norm(),
-                                     step.dot(on_road[last].direction));
+      const double turn =
+          std::atan2(step.cross(on_road[last].direction).norm(), step.dot(on_road[last].direction));
       if (turn > kTurn + 0.3 / length) continue;
       line.push_back(i);
       numbers.push_back(numbers.back() + whole_periods);
     }
     if (line.size() == 1 && !whole[line[0]]) continue;
-    for (std::size_t k = 0; k < line.size(); ++k) {
-      const std::size_t i = line[k];
-      used[i] = 1;
-      out->kinds[i] = StrokeKind::kDash;
-      MarkingMeasurement end;
-      end.kind = MarkingMeasurement::Kind::kEnd;
-      end.stroke = i;
-      end.group = out->groups;
-      if (strokes_[i].near_seen) {
-        end.row = 0.0;  // the near one
-        end.expected = numbers[k] * period;
-        out->measurements.push_back(end);
-      }
-      if (strokes_[i].far_seen) {
-        end.row = 1.0;
-        end.expected = numbers[k] * period + dash;
-        out->measurements.push_back(end);
-      }
-      add_widths(i, sizes_.line_width, width_group_of_lines, out);
-    }
-    ++out->groups;
-    out->lines.push_back(std::move(line));
+    for (const std::size_t i : line) used[i] = 1;
+    found.push_back({std::move(line), std::move(numbers)});
   }
+  // Beside what cannot be chance, a bar of the right length alone may be a kerb.
+  const bool sure = !out->crossings.empty() ||
+                    std::any_of(found.begin(), found.end(),
+                                [](const BrokenLine& line) { return line.strokes.size() > 1; });
+  for (BrokenLine& line : found) {
+    if (!sure || line.strokes.size() > 1) add_line(std::move(line), width_group_of_lines, out);
+  }
+}
+
+void MarkingMeasurements::add_line(BrokenLine line, int width_group_of_lines,
+                                   MarkingAssociation* out) const {
+  const double dash = sizes_.dash_length, period = sizes_.dash_length + sizes_.dash_gap;
+  for (std::size_t k = 0; k < line.strokes.size(); ++k) {
+    const std::size_t i = line.strokes[k];
+    out->kinds[i] = StrokeKind::kDash;
+    MarkingMeasurement end;
+    end.kind = MarkingMeasurement::Kind::kEnd;
+    end.stroke = i;
+    end.group = out->groups;
+    if (strokes_[i].near_seen) {
+      end.row = 0.0;  // the near one
+      end.expected = line.numbers[k] * period;
+      out->measurements.push_back(end);
+    }
+    if (strokes_[i].far_seen) {
+      end.row = 1.0;
+      end.expected = line.numbers[k] * period + dash;
+      out->measurements.push_back(end);
+    }
+    add_widths(i, sizes_.line_width, width_group_of_lines, out);
+  }
+  ++out->groups;
+  out->lines.push_back(std::move(line.strokes));
 }
 
 void MarkingMeasurements::find_crossings(const std::vector<StrokeOnRoad>& on_road, double slack,
@@ -263,16 +276,27 @@ void MarkingMeasurements::find_long_lines(const std::vector<StrokeOnRoad>& on_ro
   }
 }
 
-void MarkingMeasurements::add_parallels(const std::vector<StrokeOnRoad>& on_road,
+/// Between the middle lines of two strokes, m, across the first one, at a row of both.
+double MarkingMeasurements::separation(const RoadShape& road, const PaintedStroke& stroke,
+                                       const PaintedStroke& other, double row) const {
+  const Eigen::Vector3d between = point(road, other.middle(row)) - point(road, stroke.middle(row));
+  return between.cross(direction_at(road, stroke, row)).norm();
+}
+
+void MarkingMeasurements::add_parallels(const RoadShape& road,
+                                        const std::vector<StrokeOnRoad>& on_road, double slack,
                                         MarkingAssociation* out) const {
+  constexpr double kLeastRows = 6.0;
+  const auto is_line = [&](std::size_t i) {
+    return out->kinds[i] == StrokeKind::kDash || out->kinds[i] == StrokeKind::kLine;
+  };
   for (std::size_t i = 0; i < on_road.size(); ++i) {
-    if (out->kinds[i] != StrokeKind::kDash && out->kinds[i] != StrokeKind::kLine) continue;
+    if (!is_line(i)) continue;
     for (std::size_t j = i + 1; j < on_road.size(); ++j) {
-      if (out->kinds[j] != StrokeKind::kDash && out->kinds[j] != StrokeKind::kLine) continue;
+      if (!is_line(j)) continue;
       const double low = std::min(strokes_[i].near_end.y(), strokes_[j].near_end.y());
       const double high = std::max(strokes_[i].far_end.y(), strokes_[j].far_end.y());
-      const double rows = low - high;
-      if (rows < 6.0) continue;
+      if (low - high < kLeastRows) continue;
       MarkingMeasurement m;
       m.kind = MarkingMeasurement::Kind::kAzimuth;
       m.group = out->groups++;
@@ -280,6 +304,18 @@ void MarkingMeasurements::add_parallels(const std::vector<StrokeOnRoad>& on_road
       m.stroke = i;
       out->measurements.push_back(m);
       m.stroke = j;
+      out->measurements.push_back(m);
+      if (!(sizes_.lane_width > 0)) continue;
+      const double width = separation(road, strokes_[i], strokes_[j], m.row);
+      if (!(std::abs(width / sizes_.lane_width - 1.0) <
+            kGate * std::hypot(noise_.painted_lane, slack))) {
+        continue;
+      }
+      m.kind = MarkingMeasurement::Kind::kLaneWidth;
+      m.group = -1;
+      m.stroke = i;
+      m.other = j;
+      m.expected = sizes_.lane_width;
       out->measurements.push_back(m);
     }
   }
@@ -292,6 +328,8 @@ double MarkingMeasurements::value(const RoadShape& road, const MarkingMeasuremen
       return std::log(width_at(road, stroke, m.row) / m.expected);
     case MarkingMeasurement::Kind::kAzimuth:
       return azimuth(road, direction_at(road, stroke, m.row));
+    case MarkingMeasurement::Kind::kLaneWidth:
+      return separation(road, stroke, strokes_[m.other], m.row);
     default:
       return 0.0;
   }
@@ -321,8 +359,7 @@ void MarkingMeasurements::place_ends(const RoadShape& road, const MarkingAssocia
     std::vector<Eigen::Vector3d> middles;
     for (const std::size_t i : stripes) {
       const PaintedStroke& stroke = strokes_[i];
-      direction +=
-          (point(road, stroke.far_end) - point(road, stroke.near_end)).normalized();
+      direction += (point(road, stroke.far_end) - point(road, stroke.near_end)).normalized();
       middles.push_back(point(road, stroke.middle(row_at(stroke, 0.5))));
     }
     const Eigen::Vector3d across = direction.cross(road.normal()).normalized();
@@ -343,8 +380,7 @@ Eigen::VectorXd MarkingMeasurements::sigmas(const RoadShape& road,
     const MarkingMeasurement& m = association.measurements[k];
     const PaintedStroke& stroke = strokes_[m.stroke];
     const StrokeOnRoad s = on_road(road, stroke);
-    const double by_column =
-        s.middle.z() / camera_.fx;  // m a pixel, across the view
+    const double by_column = s.middle.z() / camera_.fx;  // m a pixel, across the view
     double sigma = 0.0;
     switch (m.kind) {
       case MarkingMeasurement::Kind::kWidth: {
@@ -362,6 +398,9 @@ Eigen::VectorXd MarkingMeasurements::sigmas(const RoadShape& road,
         break;
       case MarkingMeasurement::Kind::kAcross:
         sigma = std::hypot(noise_.stroke_edge_px * by_column, noise_.painted_end);
+        break;
+      case MarkingMeasurement::Kind::kLaneWidth:
+        sigma = std::hypot(noise_.stroke_edge_px * by_column, noise_.painted_lane * m.expected);
         break;
       case MarkingMeasurement::Kind::kAzimuth:
         sigma = std::hypot(2.0 * noise_.stroke_edge_px * by_column / std::max(s.length, 0.5),

@@ -19,21 +19,22 @@ enum class StrokeKind { kUnknown, kDash, kLine, kStripe };
 /// A stroke on a road of some shape.
 struct StrokeOnRoad {
   bool valid = false;
-  Eigen::Vector3d near, far, middle;  ///< m, camera frame; the middle of the visible piece
-  Eigen::Vector3d direction;          ///< unit, away from the camera, at the middle
-  double length = 0.0, width = 0.0;   ///< m
+  Eigen::Vector3d near, far, middle;         ///< m, camera frame; the middle of the visible piece
+  Eigen::Vector3d direction;                 ///< unit, away from the camera, at the middle
+  double length = 0.0, width = 0.0;          ///< m
   double near_sigma = 0.0, far_sigma = 0.0;  ///< m along the stroke, of its ends
   double width_sigma = 0.0;                  ///< relative
 };
 
 /// One scalar measurement.
 struct MarkingMeasurement {
-  enum class Kind { kWidth, kSharedWidth, kEnd, kAcross, kAzimuth } kind = Kind::kWidth;
+  enum class Kind { kWidth, kSharedWidth, kEnd, kAcross, kAzimuth, kLaneWidth } kind = Kind::kWidth;
   std::size_t stroke = 0;
+  std::size_t other = 0;  ///< kLaneWidth: the line on the other side
   double row = 0.0;       ///< px: kWidth, kAzimuth; kEnd: 0 the near one, 1 the far one
   double expected = 0.0;  ///< m: width, place along its line, place across
   int group = -1;         ///< whose common offset is free (the place of a line, ...)
-  double weight = 1.0;         ///< robust
+  double weight = 1.0;    ///< robust
 };
 
 /// The strokes that take part, with what each is.
@@ -56,8 +57,8 @@ class MarkingMeasurements {
   /// @param slack  relative, by which lengths may be off beside their noise: the shape's own error.
   MarkingAssociation associate(const RoadShape& road, double slack) const;
 
-  /// Residuals in standard deviations, the groups' offsets taken out; NaN-free: where a ray meets no
-  /// road, `kLost`. @param sigmas  of each measurement at the shape of association.
+  /// Residuals in standard deviations, the groups' offsets taken out; NaN-free: where a ray meets
+  /// no road, `kLost`. @param sigmas  of each measurement at the shape of association.
   Eigen::VectorXd residuals(const RoadShape& road, const MarkingAssociation& association,
                             const Eigen::VectorXd& sigmas) const;
   /// In the units of each measurement.
@@ -77,6 +78,11 @@ class MarkingMeasurements {
                   Eigen::VectorXd* values) const;
   void find_lines(const std::vector<StrokeOnRoad>& on_road, double slack, int width_group_of_lines,
                   MarkingAssociation* out) const;
+  struct BrokenLine {
+    std::vector<std::size_t> strokes;
+    std::vector<int> numbers;  // of each, in periods from the first
+  };
+  void add_line(BrokenLine line, int width_group_of_lines, MarkingAssociation* out) const;
   void find_crossings(const std::vector<StrokeOnRoad>& on_road, double slack,
                       MarkingAssociation* out) const;
   void find_long_lines(const std::vector<StrokeOnRoad>& on_road, int width_group_of_lines,
@@ -84,7 +90,10 @@ class MarkingMeasurements {
   void add_widths(std::size_t stroke, double expected, int group, MarkingAssociation* out) const;
   /// A group for widths that share the paint's own error.
   static int width_group(MarkingAssociation* out);
-  void add_parallels(const std::vector<StrokeOnRoad>& on_road, MarkingAssociation* out) const;
+  void add_parallels(const RoadShape& road, const std::vector<StrokeOnRoad>& on_road, double slack,
+                     MarkingAssociation* out) const;
+  double separation(const RoadShape& road, const PaintedStroke& stroke, const PaintedStroke& other,
+                    double row) const;
 
   const PinholeCamera& camera_;
   const std::vector<PaintedStroke>& strokes_;
