@@ -51,6 +51,7 @@ double worth(MarkingMeasurement::Kind kind) {
 struct Hypothesis {
   RoadShapeVector shape = RoadShapeVector::Zero();
   double evidence = 0.0;
+  double likelihood = 0.0;  // logarithm: the evidence, with the known height where that chooses
   double misfit = 0.0;
   MarkingAssociation association;
   RoadShapeMatrix covariance = RoadShapeMatrix::Zero();
@@ -266,10 +267,11 @@ constexpr double kExcluded = 6.0;
 /// Puts the likeliest hypothesis first; of several that the markings cannot tell apart, that which
 /// the known height of the camera makes likeliest.
 void choose(const MarkedRoadOptions& options, std::vector<Hypothesis>* solved) {
-  const auto by_evidence = [](const Hypothesis& a, const Hypothesis& b) {
-    return a.evidence > b.evidence;
+  const auto likelier = [](const Hypothesis& a, const Hypothesis& b) {
+    return a.likelihood > b.likelihood;
   };
-  std::stable_sort(solved->begin(), solved->end(), by_evidence);
+  for (Hypothesis& h : *solved) h.likelihood = h.evidence;
+  std::stable_sort(solved->begin(), solved->end(), likelier);
   if (solved->empty() || !(options.known_height > 0)) return;
   const double least = solved->front().evidence - kExcluded;
   for (Hypothesis& h : *solved) {
@@ -277,9 +279,9 @@ void choose(const MarkedRoadOptions& options, std::vector<Hypothesis>* solved) {
     const double off = h.shape[detail::kLogHeight] - std::log(options.known_height);
     const double variance = h.covariance(detail::kLogHeight, detail::kLogHeight) +
                             std::pow(options.known_height_sigma / options.known_height, 2);
-    h.evidence -= std::min(0.5 * off * off / variance, kExcluded);
+    h.likelihood -= std::min(0.5 * off * off / variance, kExcluded);
   }
-  std::stable_sort(solved->begin(), solved->end(), by_evidence);
+  std::stable_sort(solved->begin(), solved->end(), likelier);
 }
 
 /// The covariance of the first hypothesis with the share of those that it cannot exclude.
@@ -296,7 +298,7 @@ RoadShapeMatrix mixed_covariance(const std::vector<Hypothesis>& solved, double* 
   std::vector<RoadShapeVector> seen = {best.shape};
   for (std::size_t k = 1; k < solved.size(); ++k) {
     const Hypothesis& h = solved[k];
-    if (h.evidence < best.evidence - kExcluded) break;
+    if (h.likelihood < best.likelihood - kExcluded) break;
     const bool known = std::any_of(seen.begin(), seen.end(), [&](const RoadShapeVector& shape) {
       const RoadShapeVector off = h.shape - shape;
       return off.dot((best.covariance + h.covariance).ldlt().solve(off)) < kOther;
@@ -304,7 +306,7 @@ RoadShapeMatrix mixed_covariance(const std::vector<Hypothesis>& solved, double* 
     if (known) continue;
     seen.push_back(h.shape);
     if (shares == 0.0) *evidence_of_other = h.evidence;
-    const double share = std::exp(h.evidence - best.evidence);
+    const double share = std::exp(h.likelihood - best.likelihood);
     const RoadShapeVector off = h.shape - best.shape;
     others += share * (off * off.transpose() + scaled(h) - scaled(best));
     shares += share;

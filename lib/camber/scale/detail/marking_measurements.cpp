@@ -8,8 +8,9 @@
 namespace camber::detail {
 namespace {
 
-constexpr int kBlocks = 3;          // a stroke's width is measured in so many pieces
-constexpr double kThinnest = 2.5;   // px, of a stroke whose width is measured
+constexpr int kBlocks = 3;  // a stroke's width is measured in so many pieces
+// px, of a stroke whose width is measured: thinner ones are found up to a seventh too wide
+constexpr double kThinnest = 3.5;
 constexpr double kGate = 3.0;       // standard deviations
 constexpr int kMostHidden = 2;      // strokes of a line in a row
 constexpr double kFarthest = 60.0;  // m, of a marking
