@@ -57,7 +57,7 @@ bool crossing(double x, double z, double from) {
 std::pair<double, double> distance_error(const MarkedRoad& found, const SeenMarking& marking,
                                          const Plane& road) {
   const double rho = found.inverse_depth(kCamera, marking.pixel);
-  const Eigen::Matrix<double, 1, 6> j = found.by_shape(kCamera, marking.pixel);
+  const Eigen::Matrix<double, 1, MarkedRoad::kShape> j = found.by_shape(kCamera, marking.pixel);
   const double sigma = std::sqrt((j * found.covariance * j.transpose())(0, 0)) / rho;
   const double depth = -road.offset / road.normal.dot(kCamera.ray(marking.pixel));
   const double relative = 1.0 / rho / depth - 1.0;
@@ -169,13 +169,14 @@ TEST(MarkedRoad, TheSameForAnyNumberOfThreads) {
 
 TEST(MarkedRoad, ACalculatedRayMeetsTheBentRoad) {
   detail::RoadShapeVector x;
-  x << 0.02, -0.03, std::log(1.6), 0.004, 1e-4, 5e-4;
+  x << 0.02, -0.03, std::log(1.6), 0.004, 1e-4, 5e-4, 3e-3;
   const detail::RoadShape road({0.0, -1.0, 0.0}, x);
   for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(480, 390), Eigen::Vector2d(620, 260)}) {
     const Eigen::Vector3d p = road.point(kCamera.ray(pixel));
     ASSERT_TRUE(p.allFinite());
     const double s = p.dot(road.ahead()), r = p.dot(road.right());
-    const double rise = 0.5 * x[3] * s * s + x[4] * s * s * s / 6.0 + x[5] * s * r;
+    const double rise =
+        0.5 * x[3] * s * s + x[4] * s * s * s / 6.0 + x[5] * s * r + 0.5 * x[6] * r * r;
     EXPECT_NEAR(road.normal().dot(p) + road.height(), rise, 1e-6);
   }
   detail::RoadShapeVector level = detail::RoadShapeVector::Zero();

@@ -64,7 +64,7 @@ class ShapeSolver {
     prior_mean_.setZero();
     prior_mean_[detail::kLogHeight] = std::log(options.height);
     prior_sigma_ << options.tilt_along, options.tilt_across, options.log_height, options.curvature,
-        options.curvature_change, options.twist;
+        options.curvature_change, options.twist, options.cross_curvature;
   }
 
   const RoadShapeVector& prior_mean() const { return prior_mean_; }
@@ -402,7 +402,8 @@ void MarkedRoadOptions::validate() const {
        {std::pair{"tilt_along", tilt_along}, std::pair{"tilt_across", tilt_across},
         std::pair{"height", height}, std::pair{"log_height", log_height},
         std::pair{"curvature", curvature}, std::pair{"curvature_change", curvature_change},
-        std::pair{"twist", twist}, std::pair{"known_height_sigma", known_height_sigma}}) {
+        std::pair{"twist", twist}, std::pair{"cross_curvature", cross_curvature},
+        std::pair{"known_height_sigma", known_height_sigma}}) {
     if (!(value > 0.0)) {
       throw std::invalid_argument(fmt::format("{} = {}, expected > 0", name, value));
     }
@@ -413,12 +414,12 @@ double MarkedRoad::inverse_depth(const PinholeCamera& camera, const Eigen::Vecto
   return 1.0 / RoadShape(up, shape).depth(camera.ray(pixel));
 }
 
-Eigen::Matrix<double, 1, 6> MarkedRoad::by_shape(const PinholeCamera& camera,
-                                                 const Eigen::Vector2d& pixel) const {
+Eigen::Matrix<double, 1, MarkedRoad::kShape> MarkedRoad::by_shape(
+    const PinholeCamera& camera, const Eigen::Vector2d& pixel) const {
   const Eigen::Vector3d ray = camera.ray(pixel);
-  Eigen::Matrix<double, 1, 6> out;
-  const double steps[] = {1e-4, 1e-4, 1e-3, 1e-5, 1e-6, 1e-5};
-  for (int p = 0; p < 6; ++p) {
+  Eigen::Matrix<double, 1, MarkedRoad::kShape> out;
+  const double steps[] = {1e-4, 1e-4, 1e-3, 1e-5, 1e-6, 1e-5, 1e-5};
+  for (int p = 0; p < kShape; ++p) {
     RoadShapeVector more = shape, less = shape;
     more[p] += steps[p];
     less[p] -= steps[p];
@@ -428,14 +429,15 @@ Eigen::Matrix<double, 1, 6> MarkedRoad::by_shape(const PinholeCamera& camera,
   return out;
 }
 
-UncertainPlane MarkedRoad::ego(Eigen::Matrix<double, 3, 6>* by_shape) const {
+UncertainPlane MarkedRoad::ego(Eigen::Matrix<double, 3, MarkedRoad::kShape>* by_shape) const {
   const RoadShape road(up, shape);
   UncertainPlane out;
   out.plane = {road.normal(), road.height()};
   out.centroid = out.plane.foot(Eigen::Vector3d::Zero());
   UncertainPlane::make_axes(road.normal(), road.ahead(), &out.axis1, &out.axis2);
   // n + (a axis1 + b axis2) x n, and the plane is raised where the camera's height falls.
-  Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
+  Eigen::Matrix<double, 3, MarkedRoad::kShape> j =
+      Eigen::Matrix<double, 3, MarkedRoad::kShape>::Zero();
   for (const int p : {detail::kTiltAlong, detail::kTiltAcross}) {
     constexpr double kStep = 1e-5;
     RoadShapeVector more = shape;

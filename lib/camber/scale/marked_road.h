@@ -24,6 +24,7 @@ struct MarkedRoadOptions {
   double curvature = 0.006;            ///< 1/m, vertical, > 0
   double curvature_change = 4e-4;      ///< 1/m^2, over the distance ahead, > 0
   double twist = 2e-3;                 ///< 1/m, change of the cross slope, > 0
+  double cross_curvature = 5e-3;       ///< 1/m, across the view: crowns of 1 to 2 %, > 0
   /// rad, by which a real road's slope is off the smooth shape from place to place, >= 0 (even
   /// numbers of single_image_markings: 0.0145 over 30 m).
   double slope_off_shape = 0.0145;
@@ -53,6 +54,7 @@ struct SeenMarking {
 /// The road ahead as the markings of one image alone show it, in metres: no height of the camera is
 /// used but as a rough prior.
 struct MarkedRoad {
+  static constexpr int kShape = 7;  ///< parameters, see detail/road_shape.h
   Status status = Status::kNotRun;  ///< kOk, or kFailed with a reason: what is missing
   std::string reason;
   std::vector<SeenMarking> markings;  ///< that take part, nearest first; lines last
@@ -66,18 +68,18 @@ struct MarkedRoad {
   /// too, by its share.
   double evidence = 0.0, evidence_of_other = 0.0;
   /// The road's shape: parameters and their covariance, without the paint's common size error.
-  Eigen::Matrix<double, 6, 1> shape = Eigen::Matrix<double, 6, 1>::Zero();
-  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, kShape, 1> shape = Eigen::Matrix<double, kShape, 1>::Zero();
+  Eigen::Matrix<double, kShape, kShape> covariance = Eigen::Matrix<double, kShape, kShape>::Zero();
   Eigen::Vector3d up{0.0, -1.0, 0.0};  ///< that the shape is counted from
 
   /// Inverse depth (1/m) of the ground at a pixel; NaN where the ray meets none.
   double inverse_depth(const PinholeCamera& camera, const Eigen::Vector2d& pixel) const;
   /// d(inverse depth) / d(shape).
-  Eigen::Matrix<double, 1, 6> by_shape(const PinholeCamera& camera,
-                                       const Eigen::Vector2d& pixel) const;
+  Eigen::Matrix<double, 1, kShape> by_shape(const PinholeCamera& camera,
+                                            const Eigen::Vector2d& pixel) const;
   /// The tangent plane below the camera, with d(tilt, tilt, height) / d(shape). Its covariance also
   /// has what the road from there to the nearest marking may be off the shape.
-  UncertainPlane ego(Eigen::Matrix<double, 3, 6>* by_shape = nullptr) const;
+  UncertainPlane ego(Eigen::Matrix<double, 3, kShape>* by_shape = nullptr) const;
 };
 
 /// Finds the road from markings of known size in one image: strokes are found without any ground;

@@ -96,11 +96,11 @@ class DepartureFromShape {
 
 void observe(const MarkedRoad& road, const PinholeCamera& camera, const Eigen::Vector2d& pixel,
              const DepartureFromShape& departure, GroundObservations* out,
-             std::vector<Eigen::Matrix<double, 1, 6>>* jacobian) {
+             std::vector<Eigen::Matrix<double, 1, MarkedRoad::kShape>>* jacobian) {
   const double rho = road.inverse_depth(camera, pixel);
   constexpr double kFarthest = 100.0;  // m
   if (!(rho > 1.0 / kFarthest)) return;
-  const Eigen::Matrix<double, 1, 6> by_shape = road.by_shape(camera, pixel);
+  const Eigen::Matrix<double, 1, MarkedRoad::kShape> by_shape = road.by_shape(camera, pixel);
   if (!by_shape.allFinite()) return;
   const Eigen::Vector3d p = camera.ray(pixel) / rho;
   const double height = std::exp(road.shape[2]);
@@ -120,7 +120,7 @@ GroundObservations observations(const MarkedRoad& road, const PinholeCamera& cam
   }
   const DepartureFromShape departure(places, road.farthest);
   GroundObservations out;
-  std::vector<Eigen::Matrix<double, 1, 6>> jacobian;
+  std::vector<Eigen::Matrix<double, 1, MarkedRoad::kShape>> jacobian;
   for (const Eigen::Vector2f& pixel : pixels.pixels) {
     observe(road, camera, pixel.cast<double>(), departure, &out, &jacobian);
   }
@@ -134,7 +134,7 @@ GroundObservations observations(const MarkedRoad& road, const PinholeCamera& cam
       observe(road, camera, pixel, departure, &out, &jacobian);
     }
   }
-  out.shared_jacobian.resize(static_cast<Eigen::Index>(jacobian.size()), 6);
+  out.shared_jacobian.resize(static_cast<Eigen::Index>(jacobian.size()), MarkedRoad::kShape);
   for (std::size_t i = 0; i < jacobian.size(); ++i) {
     out.shared_jacobian.row(static_cast<Eigen::Index>(i)) = jacobian[i].cast<float>();
   }
@@ -144,7 +144,7 @@ GroundObservations observations(const MarkedRoad& road, const PinholeCamera& cam
 EgoPlane ego_plane(const MarkedRoad& road, const PinholeCamera& camera, int points) {
   EgoPlane out;
   out.status = Status::kOk;
-  Eigen::Matrix<double, 3, 6> by_shape;
+  Eigen::Matrix<double, 3, MarkedRoad::kShape> by_shape;
   out.plane = road.ego(&by_shape);
   out.by_shared = by_shape;
   out.height = out.near_plane_height = out.plane.plane.offset;

@@ -19,8 +19,9 @@ RoadShape::RoadShape(const Eigen::Vector3d& up, const RoadShapeVector& parameter
 double RoadShape::depth(const Eigen::Vector3d& ray) const {
   constexpr double kFarthest = 200.0, kNone = std::numeric_limits<double>::quiet_NaN();
   const double down = normal_.dot(ray), along = ahead_.dot(ray), across = right_.dot(ray);
-  const double bend =
-      0.5 * parameters_[kCurvature] * along * along + parameters_[kTwist] * along * across;
+  const double bend = 0.5 * parameters_[kCurvature] * along * along +
+                      parameters_[kTwist] * along * across +
+                      0.5 * parameters_[kCrossCurvature] * across * across;
   const double change = parameters_[kCurvatureChange] * along * along * along / 6.0;
   // Height of the ray over the road at depth t: height + down t - bend t^2 - change t^3.
   double t = down < -0.01 ? std::min(-height_ / down, kFarthest) : 0.3 * kFarthest;

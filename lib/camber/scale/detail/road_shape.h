@@ -12,6 +12,7 @@ enum RoadShapeParameter {
   kCurvature,        ///< 1/m, vertical, at the camera; > 0: a sag
   kCurvatureChange,  ///< 1/m^2, over the distance ahead
   kTwist,            ///< 1/m, change of the cross slope over the distance ahead
+  kCrossCurvature,   ///< 1/m, across the view; > 0: the sides rise
   kRoadShapeParameters
 };
 using RoadShapeVector = Eigen::Matrix<double, kRoadShapeParameters, 1>;
