@@ -35,10 +35,11 @@ struct Arguments {
 
 void add_scene_options(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
-  app.add_option("--frames", a.frames,
-                 "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: "
-                 "three, as far apart as "
-                 "it takes to see the road move");
+  app.add_option(
+      "--frames", a.frames,
+      "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: three, as far "
+      "apart as it takes to see the road move. One frame: road and metres by painted markings of known size "
+      "(markings_m of the scene)");
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
   add_confine_option(app, a.confine);
@@ -65,7 +66,9 @@ Reconstruction run(
   a.options.num_threads = command.common.threads;
   a.options.load.use_masks = !a.no_masks;
   std::vector<int> frames;
-  if (a.frames.empty()) {
+  if (a.frames.empty() && scene.frames.size() == 1) {
+    frames = {scene.frames.front().id};
+  } else if (a.frames.empty()) {
     const ChosenFrames chosen = choose_frames(scene);
     frames = chosen.ids;
     if (chosen.spacing > 1 && !command.common.quiet) {
@@ -120,6 +123,7 @@ void register_reconstruct(App& root) {
       "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
       "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip\n"
       "  camber reconstruct scene --detector yolox.onnx --segmenter road.onnx --out out/own\n"
+      "  camber reconstruct samples/steep_hill --frames 1 --out out/one_image\n"
       "  camber reconstruct samples/steep_hill --preset paper --out out/paper");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;

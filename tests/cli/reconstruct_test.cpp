@@ -283,10 +283,31 @@ TEST_F(SteepHill, ThePaperIsAPresetThatTakesOneImageToo) {
   for (const char* file : {"road.ply", "scene.png", "report.html", "metrics.json"}) {
     EXPECT_TRUE(fs::exists(path("single") + "/" + file)) << file;
   }
-  // Without it one image has no parallax.
+}
+
+TEST_F(SteepHill, OneImageIsAnsweredByItsMarkingsOrSaysThatTheyAreMissing) {
+  const auto result = run_camber(
+      {"reconstruct", scene(), "--frames", "1", "--out", path("one"), "--no-pictures", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json run = json::parse(result.out);
+  EXPECT_EQ(run["road_from"], "markings");
+  ASSERT_FALSE(run["markings"]["found"].empty());
+  const json& dash = run["markings"]["found"][0];
+  EXPECT_EQ(dash["kind"], "dash");
+  // A dash of 4 m some 14 m ahead; its own sigma is 2 m, since it is the only one.
+  EXPECT_NEAR(dash["distance"].get<double>(), 13.5, 4.0);
+  EXPECT_GT(dash["sigma_distance"].get<double>(), 0.0);
+  EXPECT_TRUE(fs::exists(path("one") + "/road.ply"));
+  EXPECT_GT(run["points"]["kept"]["road"].get<int>(), 20);
+
+  fs::copy(scene(), path("bare"), fs::copy_options::recursive);
+  json manifest = json::parse(read_bytes(path("bare/scene.json")));
+  manifest.erase("markings_m");
+  write_bytes(path("bare/scene.json"), manifest.dump());
   EXPECT_ONE_SENTENCE(
-      run_camber({"reconstruct", scene(), "--frames", "1", "--out", path("default")}), 1,
-      "parallax");
+      run_camber({"reconstruct", path("bare"), "--frames", "1", "--out", path("none")}), 1,
+      "markings_m");
+  EXPECT_FALSE(fs::exists(path("none")));
 }
 
 TEST_F(SteepHill, PicturesComeWithAReportAndAScene) {

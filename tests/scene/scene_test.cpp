@@ -388,6 +388,9 @@ TEST_F(SceneFile, SaysWhatIsWrong) {
             "segmentation_classes.road[0]: found 256, expected a label value from 0 to 255");
   EXPECT_EQ(error_with("/markings_m/dash_length", -3),
             "markings_m.dash_length: found -3, expected a positive number of metres");
+  EXPECT_EQ(error_with("/markings_m", "de-autobann"),
+            "markings_m: found \"de-autobann\", expected lengths in metres, or one of de-autobahn, "
+            "de-landstrasse, de-innerorts, at-autobahn, fr-autoroute, fr-route, us-4in, us-6in");
   EXPECT_EQ(error_with("/truth/cloud_frame", 8),
             "truth.cloud_frame: found 8, expected the id of one of the frames");
   EXPECT_EQ(error_with("/truth/frames/0/depth_encoding", "png"),

@@ -562,6 +562,7 @@ Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t refer
   const auto position = [&](std::size_t k) -> Eigen::Vector3d {
     return motion.frame_from_reference[k].inverse().translation();
   };
+  if (motion.frame_from_reference.size() < 2) return Eigen::Vector3d::UnitZ();
   Eigen::Vector3d direction;
   if (reference > 0 && reference + 1 < motion.frame_from_reference.size()) {
     const Eigen::Vector3d before = position(reference - 1), after = position(reference + 1);

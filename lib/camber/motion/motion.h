@@ -65,7 +65,8 @@ inline SE3 metric_pose(const MotionEstimate& motion, std::size_t image,
 }
 
 /// Direction of travel at the reference image, unit, its camera frame, forward (z > 0): derivative
-/// of the parabola through the neighbouring positions, or the baseline to the only neighbour.
+/// of the parabola through the neighbouring positions, or the baseline to the only neighbour; of a
+/// single image the optical axis.
 Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t reference);
 
 /// Estimates the motion from dense correspondences of static points: a robust essential matrix

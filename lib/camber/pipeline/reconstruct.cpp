@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "camber/pipeline/reconstruct_image.h"
 #include "camber/pipeline/reconstruct_paper.h"
 #include "camber/pipeline/run_details.h"
 #include "camber/pipeline/see_road.h"
@@ -98,6 +99,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   options.validate();
   ReconstructOptions o = handed_down(options);
   if (o.preset == Preset::kPaper) return reconstruct_paper(scene, frame_ids, o, progress);
+  if (frame_ids.size() == 1) return reconstruct_image(scene, frame_ids, o, progress);
   Timings timings;
   StageRunner run(timings, progress);
 

@@ -66,8 +66,9 @@ struct Reconstruction {
 /// The main job: a few frames of one moving camera to a metric road surface with vehicles on it.
 /// Truth in the scene is not read. Images are read from the scene's files, or come from memory or a
 /// callback: `options.load.pixels`.
-/// @param frame_ids  at least two ids of the scene, ascending; preset kPaper also takes one, with
-///                   planes and metres by the scene (given planes, or the camera's height).
+/// @param frame_ids  ids of the scene, ascending. One alone: the road and its metres by markings of
+///                   known size (Scene::markings_m); preset kPaper: planes and metres by the scene
+///                   (given planes, or the camera's height).
 /// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture or road;
 ///         InputError for missing, damaged or mismatching images.
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,

@@ -16,6 +16,9 @@ struct LaneMarkingSizes {
   double line_width = 0.0;    ///< of lines
   double stripe_width = 0.0;  ///< of a pedestrian crossing's stripes
   double stripe_gap = 0.0;    ///< between stripes
+  /// Of a crossing's stripes; used in single images alone, as the next.
+  double stripe_length = 0.0;
+  double lane_width = 0.0;  ///< between the middles of the lines on both sides of a lane
 
   bool dashes() const { return dash_length > 0 && dash_gap > 0 && line_width > 0; }
   bool stripes() const { return stripe_width > 0 && stripe_gap > 0; }

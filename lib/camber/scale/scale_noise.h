@@ -27,6 +27,13 @@ struct ScaleNoise {
   double mark_end_row_px = 0.3;  ///< px, the end of a stroke of many rows (tests of the detector)
   double marking_gate = 3.0;     ///< standard deviations, of one length
 
+  // Painted markings in one image alone (bench single_image_markings, even seeds).
+  double stroke_edge_px = 0.15;  ///< px, an edge of a stroke over a third of its rows
+  double painted_width = 0.03;   ///< relative, of all strokes' widths together off the given one
+  double ragged_width = 0.03;    ///< relative, of a piece of a stroke off that
+  double painted_lane = 0.02;    ///< relative, of a lane's width off the given one (assumed)
+  double stroke_turn = 0.01;     ///< rad, between strokes that run side by side
+
   // The road's width.
   double width_walk = 0.01;          ///< of the width's logarithm over width_walk_length (assumed)
   double width_walk_length = 10.0;   ///< m

@@ -1,6 +1,7 @@
 #include "camber/scene/scene.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -12,6 +13,7 @@
 #include "camber/image/video.h"
 #include "camber/scene/detail/map_position.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/marking_presets.h"
 
 namespace fs = std::filesystem;
 
@@ -198,6 +200,20 @@ TruthVehicle read_truth_vehicle(const JsonCursor& cursor, std::set<int>& seen) {
   return out;
 }
 
+std::map<std::string, double> read_markings(const JsonCursor& cursor) {
+  if (cursor.value().is_string()) {
+    if (auto sizes = marking_preset(cursor.text())) return *sizes;
+    cursor.fail(
+        fmt::format("lengths in metres, or one of {}", fmt::join(marking_preset_names(), ", ")));
+  }
+  JsonObject markings(cursor, "an object of lengths in metres, or the name of a preset");
+  std::map<std::string, double> out;
+  for (const auto& [key, value] : markings.entries()) {
+    out[key] = value.positive("a positive number of metres");
+  }
+  return out;
+}
+
 /// Whether a file lies in a folder or below it once links are followed.
 bool lies_below(const fs::path& file, const fs::path& folder) {
   std::error_code error;
@@ -238,10 +254,7 @@ class ManifestReader {
     if (auto v = root.find("segmentation_classes")) read_classes(*v, scene);
     if (auto v = root.find("segmentation_source")) scene.segmentation_source = v->text();
     if (auto v = root.find("markings_m")) {
-      JsonObject markings(*v, "an object of lengths in metres");
-      for (const auto& [key, value] : markings.entries()) {
-        scene.markings_m[key] = value.positive("a positive number of metres");
-      }
+      scene.markings_m = read_markings(*v);
     }
     if (auto v = root.find("gnss")) read_map(*v, &scene);
 

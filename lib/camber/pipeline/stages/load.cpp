@@ -135,8 +135,9 @@ LaneMarkingSizes marking_sizes(const Scene& scene) {
     const auto found = scene.markings_m.find(name);
     return found == scene.markings_m.end() ? 0.0 : found->second;
   };
-  return {size("dash_length"), size("dash_gap"), size("line_width"), size("zebra_stripe_width"),
-          size("zebra_gap")};
+  return {size("dash_length"),        size("dash_gap"),  size("line_width"),
+          size("zebra_stripe_width"), size("zebra_gap"), size("zebra_stripe_length"),
+          size("lane_width")};
 }
 
 double time_of(const SceneFrame& frame, double frame_rate) {

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace camber {
+
+/// Published sizes of painted markings, m, keys as Scene::markings_m; nothing for another name.
+/// Sources: docs/formats.md, "Presets of markings_m".
+std::optional<std::map<std::string, double>> marking_preset(const std::string& name);
+/// "de-autobahn", ..., in the order of the documentation.
+std::vector<std::string> marking_preset_names();
+
+}  // namespace camber
