@@ -126,7 +126,7 @@ Reconstruction reconstruct_image(const Scene& scene, const std::vector<int>& fra
   out.vehicles = std::move(road.vehicles);
   out.vehicles.preset = to_string(o.preset);
   out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
-  out.ground = std::move(vehicles.ground);
+  out.ground = std::move(vehicles.ground.under_detections);
   out.run = std::move(road.run);
   out.images = std::move(frames.color);
   describe(o, frame_ids, frames, marked, scaled, &out.run);
