@@ -27,7 +27,6 @@ void add_gnss_options(App& app, GnssArguments& a) {
   app.add_option("--gnss-sigma", a.options.sigma,
                  "standard deviation of a position east and north, m, where the file states none")
       ->check(positive_number())
-      ->needs("--gnss")
       ->capture_default_str();
   app.add_option("--antenna", a.antenna, "place x,y,z of the receiver in the camera's frame, m")
       ->delimiter(',')

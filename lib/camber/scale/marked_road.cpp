@@ -219,7 +219,7 @@ class ShapeSolver {
   RoadShapeVector prior_mean_, prior_sigma_;
 };
 
-/// Planes over the range of tilts and heights, with what the strokes say for them.
+/// Planes over the range of tilts and heights, with the evidence of the strokes.
 std::vector<Hypothesis> search(const ShapeSolver& solver, const MarkedRoadOptions& options) {
   constexpr double kTiltStep = 0.0075, kMostTilt = 0.24, kHeightStep = 0.05, kMostHeight = 0.9;
   constexpr double kSlack = 0.05;
@@ -264,7 +264,7 @@ std::vector<Hypothesis> search(const ShapeSolver& solver, const MarkedRoadOption
 /// as excluded, half squared standard deviations.
 constexpr double kExcluded = 6.0;
 
-/// Puts the likeliest hypothesis first; of several that the markings cannot tell apart, that which
+/// Puts the likeliest hypothesis first; of several that fit the markings alike, that which
 /// the known height of the camera makes likeliest.
 void choose(const MarkedRoadOptions& options, std::vector<Hypothesis>* solved) {
   const auto likelier = [](const Hypothesis& a, const Hypothesis& b) {
@@ -448,7 +448,7 @@ UncertainPlane MarkedRoad::ego(Eigen::Matrix<double, 3, MarkedRoad::kShape>* by_
   }
   j(2, detail::kLogHeight) = -road.height();
   out.covariance = j * covariance * j.transpose();
-  // One slope that is off over the whole way to what is seen.
+  // One slope that is off over the whole distance to what is seen.
   const double height = slope_off_shape * nearest;
   out.covariance.diagonal() +=
       Eigen::Vector3d(slope_off_shape, slope_off_shape, height).cwiseAbs2();

@@ -336,7 +336,7 @@ double MarkingMeasurements::value(const RoadShape& road, const MarkingMeasuremen
   }
 }
 
-/// Places along broken lines: the way over all ends that are seen, from the nearest on; and across
+/// Places along broken lines: the path over all ends that are seen, from the nearest on; and across
 /// crossings, along the common perpendicular of their stripes.
 void MarkingMeasurements::place_ends(const RoadShape& road, const MarkingAssociation& association,
                                      Eigen::VectorXd* values) const {
