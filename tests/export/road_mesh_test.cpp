@@ -13,6 +13,7 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
 #include "camber/export/trajectory.h"
+#include "camber/image/image_io.h"
 #include "camber/scene/formats/trajectory.h"
 #include "support/test_data.h"
 
@@ -133,6 +134,71 @@ TEST(RoadMesh, GlbHoldsTogether) {
   EXPECT_NEAR(p[0], -d.y(), 1e-6);
   EXPECT_NEAR(p[1], d.z(), 1e-6);
   EXPECT_NEAR(p[2], -d.x(), 1e-6);
+}
+
+/// Points 0.1 m apart on the plane of HoledGround, white lines across it every metre.
+RoadCloud striped_cloud() {
+  RoadCloud cloud;
+  for (int i = 0; i <= 200; ++i) {
+    for (int j = -30; j <= 30; ++j) {
+      const double x = 0.1 * i, y = 0.1 * j;
+      cloud.points.push_back(Vector3d(x, y, 7.0 + 0.1 * x - 0.05 * y).cast<float>());
+      cloud.colors.push_back(i % 10 == 0 ? std::array<std::uint8_t, 3>{250, 250, 250}
+                                         : std::array<std::uint8_t, 3>{60, 50, 40});
+    }
+  }
+  return cloud;
+}
+
+TEST(RoadMesh, ItsTextureIsAsFineAsTheColoursAreKnown) {
+  const ColorSource colors(striped_cloud(), PlanFrame());
+  const RoadMesh mesh =
+      make_road_mesh(HoledGround(), SmoothLine({{0, 0, 7}, {20, 0, 9}}, 0.01), &colors, {});
+  const std::size_t sections = mesh.points.size() / mesh.columns;
+  ASSERT_GE(mesh.texels, 4);  // 0.5 m of ground, 0.1 m of colours
+  EXPECT_EQ(mesh.texture.width, static_cast<int>(mesh.columns - 1) * mesh.texels + 1);
+  EXPECT_EQ(mesh.texture.height, static_cast<int>(sections - 1) * mesh.texels + 1);
+  const double step = 20.0 / static_cast<double>(sections - 1);
+  int stripes = 0;
+  for (int row = 0; row < mesh.texture.height; ++row) {
+    const double x = step * row / mesh.texels;
+    const std::uint8_t* middle =
+        &mesh.texture
+             .data[3 * static_cast<std::size_t>(row * mesh.texture.width + mesh.texture.width / 2)];
+    const double off = std::abs(x - std::round(x));  // from the nearest stripe
+    if (off < 0.04) {
+      EXPECT_EQ(middle[0], 250) << x;
+      ++stripes;
+    } else if (off > 0.06) {
+      EXPECT_EQ(middle[0], 60) << x;
+    }
+  }
+  EXPECT_GE(stripes, 20);
+  // In the file: the picture, and each point at the middle of its texel.
+  const std::string glb = encode_glb(mesh);
+  std::uint32_t length = 0;
+  std::memcpy(&length, glb.data() + 12, 4);
+  const nlohmann::json document = nlohmann::json::parse(glb.substr(20, length));
+  const auto& primitive = document["meshes"][0]["primitives"][0]["attributes"];
+  EXPECT_FALSE(primitive.contains("COLOR_0"));  // it would be multiplied with the texture
+  const auto& material = document["materials"][0]["pbrMetallicRoughness"];
+  EXPECT_EQ(material["baseColorTexture"]["index"], 0);
+  const auto view_of = [&](std::size_t index) {
+    const auto& view = document["bufferViews"][index];
+    return glb.substr(28 + length + view["byteOffset"].get<std::size_t>(),
+                      view["byteLength"].get<std::size_t>());
+  };
+  const Image picture = decode_color_image(view_of(document["images"][0]["bufferView"]), "texture");
+  EXPECT_EQ(picture.data, mesh.texture.data);
+  const std::string places =
+      view_of(document["accessors"][primitive["TEXCOORD_0"].get<std::size_t>()]["bufferView"]);
+  ASSERT_EQ(places.size(), 8 * mesh.points.size());
+  float last[2];
+  std::memcpy(last, places.data() + places.size() - 8, 8);
+  EXPECT_NEAR(last[0] * static_cast<float>(mesh.texture.width),
+              static_cast<float>(mesh.texture.width) - 0.5F, 1e-3);
+  EXPECT_NEAR(last[1] * static_cast<float>(mesh.texture.height),
+              static_cast<float>(mesh.texture.height) - 0.5F, 1e-3);
 }
 
 TEST(Trajectory, ReadsBackAsTumAndKitti) {

@@ -14,6 +14,7 @@
 #include "camber/core/version.h"
 #include "camber/export/detail/series.h"
 #include "camber/export/road_strip.h"
+#include "camber/image/image_io.h"
 
 namespace camber {
 
@@ -46,6 +47,45 @@ void add_normals(RoadMesh* mesh) {
   for (Vector3d& n : mesh->normals) {
     n = n.norm() > 0.0 ? n.normalized() : Vector3d(Vector3d::UnitZ());
   }
+}
+
+/// Colours as fine as they are known, at most so many to a side.
+void add_texture(const ColorSource& colors, double step, int num_threads, RoadMesh* mesh) {
+  constexpr double kMostTexels = 8192.0;
+  const std::size_t columns = mesh->columns, sections = mesh->points.size() / columns;
+  const double most = (kMostTexels - 1.0) / static_cast<double>(std::max(columns, sections) - 1);
+  const double wanted = colors.resolution() > 0.0 ? std::ceil(step / colors.resolution()) : 1.0;
+  mesh->texels = static_cast<int>(std::floor(std::min({wanted, most, 16.0})));
+  if (mesh->texels < 1) return;  // more points than a texture may have
+  const auto m = static_cast<std::size_t>(mesh->texels);
+  Image& out = mesh->texture;
+  out.width = static_cast<int>((columns - 1) * m + 1);
+  out.height = static_cast<int>((sections - 1) * m + 1);
+  out.channels = 3;
+  out.data.resize(3 * static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height));
+  parallel_for(static_cast<std::size_t>(out.height), num_threads, [&](std::size_t row) {
+    const std::size_t i = std::min(row / m, sections - 2);
+    const double b = static_cast<double>(row - i * m) / static_cast<double>(m);
+    for (std::size_t column = 0; column < static_cast<std::size_t>(out.width); ++column) {
+      const std::size_t j = std::min(column / m, columns - 2);
+      const double a = static_cast<double>(column - j * m) / static_cast<double>(m);
+      const std::array<std::size_t, 4> corners = {i * columns + j, i * columns + j + 1,
+                                                  (i + 1) * columns + j, (i + 1) * columns + j + 1};
+      const std::array<double, 4> weights = {(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b};
+      Vector3d place = Vector3d::Zero(), between = Vector3d::Zero();
+      for (std::size_t k = 0; k < 4; ++k) {
+        place += weights[k] * mesh->points[corners[k]];
+        const auto& c = mesh->colors[corners[k]];
+        between += weights[k] * Vector3d(c[0], c[1], c[2]);
+      }
+      const auto seen = colors.at(place);
+      std::uint8_t* texel = &out.data[3 * (row * static_cast<std::size_t>(out.width) + column)];
+      for (int k = 0; k < 3; ++k) {
+        texel[k] = seen ? (*seen)[static_cast<std::size_t>(k)]
+                        : static_cast<std::uint8_t>(std::lround(between[k]));
+      }
+    }
+  });
 }
 
 template <typename T>
@@ -136,6 +176,7 @@ RoadMesh make_road_mesh(const HeightSource& ground, const SmoothLine& line,
     for (const Vector3d& point : mesh.points) {
       mesh.colors.push_back(colors->at(point).value_or(kUnseen));
     }
+    add_texture(*colors, step, options.num_threads, &mesh);
   }
   return mesh;
 }
@@ -203,8 +244,19 @@ std::string encode_glb(const RoadMesh& mesh) {
     for (int k = 0; k < 3; ++k) append(&data, n[k]);
   }
   const std::size_t colors_at = data.size();
-  for (const auto& c : mesh.colors) {
-    for (const std::uint8_t value : {c[0], c[1], c[2], std::uint8_t{255}}) append(&data, value);
+  const Image& texture = mesh.texture;
+  const bool textured = !texture.data.empty();
+  if (textured) {
+    for (std::size_t i = 0; i < mesh.points.size(); ++i) {
+      const auto column = static_cast<double>(i % mesh.columns),
+                 row = static_cast<double>(i / mesh.columns);
+      append(&data, static_cast<float>((column * mesh.texels + 0.5) / texture.width));
+      append(&data, static_cast<float>((row * mesh.texels + 0.5) / texture.height));
+    }
+  } else {
+    for (const auto& c : mesh.colors) {
+      for (const std::uint8_t value : {c[0], c[1], c[2], std::uint8_t{255}}) append(&data, value);
+    }
   }
   const std::size_t indices_at = data.size();
   for (const auto& triangle : mesh.triangles) {
@@ -227,7 +279,10 @@ std::string encode_glb(const RoadMesh& mesh) {
                                 {"max", {high.x(), high.y(), high.z()}}});
   attributes["NORMAL"] = add(normals_at, colors_at - normals_at, kArray,
                              {{"componentType", kFloat}, {"count", n}, {"type", "VEC3"}});
-  if (!mesh.colors.empty()) {
+  if (textured) {
+    attributes["TEXCOORD_0"] = add(colors_at, indices_at - colors_at, kArray,
+                                   {{"componentType", kFloat}, {"count", n}, {"type", "VEC2"}});
+  } else if (!mesh.colors.empty()) {
     attributes["COLOR_0"] =
         add(colors_at, indices_at - colors_at, kArray,
             {{"componentType", kByte}, {"normalized", true}, {"count", n}, {"type", "VEC4"}});
@@ -235,7 +290,14 @@ std::string encode_glb(const RoadMesh& mesh) {
   const std::size_t indices =
       add(indices_at, data.size() - indices_at, kIndices,
           {{"componentType", kWord}, {"count", 3 * mesh.triangles.size()}, {"type", "SCALAR"}});
-  const json document = {
+  json surface = {{"metallicFactor", 0.0}, {"roughnessFactor", 1.0}};
+  if (textured) {
+    const std::string png = encode_png(texture);
+    surface["baseColorTexture"] = {{"index", 0}};
+    views.push_back({{"buffer", 0}, {"byteOffset", data.size()}, {"byteLength", png.size()}});
+    data += png;
+  }
+  json document = {
       {"asset",
        {{"version", "2.0"},
         {"generator", std::string("Camber ") + kVersion},
@@ -243,15 +305,22 @@ std::string encode_glb(const RoadMesh& mesh) {
       {"scene", 0},
       {"scenes", {{{"nodes", {0}}}}},
       {"nodes", {{{"name", "road"}, {"mesh", 0}}}},
-      {"materials",
-       {{{"name", "road"},
-         {"pbrMetallicRoughness", {{"metallicFactor", 0.0}, {"roughnessFactor", 1.0}}}}}},
+      {"materials", {{{"name", "road"}, {"pbrMetallicRoughness", surface}}}},
       {"meshes",
        {{{"name", "road"},
          {"primitives", {{{"attributes", attributes}, {"indices", indices}, {"material", 0}}}}}}},
       {"buffers", {{{"byteLength", data.size()}}}},
       {"bufferViews", views},
       {"accessors", accessors}};
+  if (textured) {
+    constexpr int kLinear = 9729, kMipmaps = 9987, kClamped = 33071;
+    document["images"] = {{{"bufferView", views.size() - 1}, {"mimeType", "image/png"}}};
+    document["samplers"] = {{{"magFilter", kLinear},
+                             {"minFilter", kMipmaps},
+                             {"wrapS", kClamped},
+                             {"wrapT", kClamped}}};
+    document["textures"] = {{{"source", 0}, {"sampler", 0}}};
+  }
   std::string text = document.dump();
   text.append((4 - text.size() % 4) % 4, ' ');
   data.append((4 - data.size() % 4) % 4, '\0');

@@ -8,6 +8,7 @@
 
 #include "camber/export/height_source.h"
 #include "camber/export/smooth_line.h"
+#include "camber/image/image.h"
 
 namespace camber {
 
@@ -19,6 +20,10 @@ struct RoadMesh {
   std::vector<std::array<std::uint8_t, 3>> colors;      ///< or empty
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counterclockwise seen from above
   std::size_t columns = 0;
+  /// Colours between the points, RGB: rows along the line from its start, columns right to left;
+  /// the point of section i and column j is the middle of texel (j, i) * texels. Or empty.
+  Image texture;
+  int texels = 1;  ///< a step of the grid
 };
 
 struct RoadMeshOptions {
@@ -38,7 +43,7 @@ RoadMesh make_road_mesh(const HeightSource& ground, const SmoothLine& line,
 std::string encode_ply(const RoadMesh& mesh);
 /// Wavefront OBJ with normals; colours behind the coordinates, as many programs read them.
 std::string encode_obj(const RoadMesh& mesh);
-/// Binary glTF 2.0: y up, -z along the plan frame's x; coordinates relative to the first point,
+/// Binary glTF 2.0, with the texture as PNG in place of the points' colours: y up, -z along the plan frame's x; coordinates relative to the first point,
 /// which `asset.extras.origin` holds in the plan frame.
 std::string encode_glb(const RoadMesh& mesh);
 
