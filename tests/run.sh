@@ -14,7 +14,8 @@ fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that
                 tests
   --fuzz        instead, only the fuzzers; Clang is installed for them
   --long        also the tests that take minutes: the Debian packages, built, checked, installed
-                into a fresh system (root, mmdebstrap and a mirror) and run
+                into a fresh system (root, mmdebstrap and a mirror) and run; and hours: every fault
+                of the machine at every call of every command, 10,000 bad inputs, 200 kills
   --benchmarks  after the tests, run the benchmarks; their JSON goes to build/release/benchmarks
   --no-install  take the packages as they are
   -- OPTIONS    go to ctest, without the fuzzers: tests/run.sh -- -R road

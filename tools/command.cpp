@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "camber/core/interruption.h"
+#include "standard_streams.h"
 
 namespace camber::tools {
 
@@ -68,7 +69,7 @@ Progress make_progress(const CommonOptions& options) {
 LogSink make_warning_sink(const CommonOptions& options) {
   if (options.quiet) return {};
   return [](const std::string& sentence) {
-    std::fprintf(stderr, "camber: warning: %s\n", sentence.c_str());
+    std::fprintf(stderr, "camber: warning: %s\n", one_line(sentence).c_str());
   };
 }
 

@@ -55,7 +55,7 @@ int misused(const std::string& word) {
     text = std::string("there is no ") + (option ? "option " : "command ") + word;
     text += meant.empty() ? "; camber --help lists what there is" : ": did you mean " + meant + "?";
   }
-  std::fprintf(stderr, "camber: %s\n", text.c_str());
+  std::fprintf(stderr, "camber: %s\n", one_line(text).c_str());
   if (word.empty()) std::fprintf(stderr, "The commands are\n%s", list_of_verbs().c_str());
   return 2;
 }
@@ -68,7 +68,7 @@ int print_version(const std::string& word) {
   }
   if (word != "--json") {
     std::fprintf(stderr, "camber: found %s after --version, expected --json or nothing\n",
-                 word.c_str());
+                 one_line(word).c_str());
     return 2;
   }
   std::printf("{\n  \"version\": \"%s\",\n  \"compiler\": \"%s\",\n  \"libraries\": {", kVersion,

@@ -13,6 +13,7 @@
 #include "camber/core/errors.h"
 #include "config_file.h"
 #include "nearest_name.h"
+#include "standard_streams.h"
 
 namespace camber::tools {
 namespace {
@@ -279,7 +280,7 @@ App::App(const std::string& description, const std::string& name)
   impl_->owned = std::make_unique<CLI::App>(description, name);
   impl_->app = impl_->owned.get();
   impl_->app->failure_message([](const CLI::App*, const CLI::Error& error) {
-    return "camber: " + std::string(error.what()) + "\n";
+    return "camber: " + one_line(error.what()) + "\n";
   });
 }
 App::App(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -347,13 +348,13 @@ int App::parse(int argc, char** argv) {
     print_config(line, impl_->numbers_of_all());
     return 0;
   } catch (const CLI::RequiredError& error) {
-    std::cerr << "camber: " << error.what() << advice(app) << "\n";
+    std::cerr << "camber: " << one_line(error.what() + advice(app)) << "\n";
   } catch (const CLI::ExtrasError& error) {
-    std::cerr << "camber: " << error.what() << advice(app) << "\n";
+    std::cerr << "camber: " << one_line(error.what() + advice(app)) << "\n";
   } catch (const CLI::ParseError& error) {
     const std::string place = place_in_config(error.what(), items);
     if (place.empty()) return app.exit(error) == 0 ? 0 : 2;
-    std::cerr << "camber: " << *file << ": " << place << error.what() << "\n";
+    std::cerr << "camber: " << one_line(*file + ": " + place + error.what()) << "\n";
   }
   return 2;
 }

@@ -57,6 +57,17 @@ bool is_out_of_memory(const std::exception& error) {
   return false;
 }
 
+namespace {
+
+bool is_control(char c) { return (c >= 0 && c < 0x20) || c == 0x7f; }
+
+}  // namespace
+
+std::string one_line(std::string text) {
+  for (char& c : text) c = is_control(c) ? '?' : c;
+  return text;
+}
+
 int report_failure(const std::exception& error) {
   if (is_out_of_memory(error)) {
     std::fputs("camber: out of memory\n", stderr);
@@ -69,7 +80,7 @@ int report_failure(const std::exception& error) {
   std::size_t length = std::strlen(text);
   while (length > 0 && text[length - 1] == '\n') --length;
   for (std::size_t i = 0; i < length; ++i) {
-    std::fputc(text[i] == '\n' && !ours ? ' ' : text[i], stderr);
+    std::fputc(!is_control(text[i]) ? text[i] : ours ? '?' : ' ', stderr);
   }
   std::fputc('\n', stderr);
   if (ours) return ours->exit_code();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <exception>
+#include <string>
 
 namespace camber::tools {
 
@@ -15,6 +16,9 @@ int finish_standard_output(int exit_code);
 
 /// Whether an exception, ours or a library's, means that memory or threads cannot be had.
 bool is_out_of_memory(const std::exception& error);
+
+/// A text in one line: control characters, as file names and options may have them, as '?'.
+std::string one_line(std::string text);
 
 /// Prints what happened, one line whatever the exception holds. Allocates nothing.
 /// @return the exit code: an Error's own; 2 for what a caller did wrong, else 3.

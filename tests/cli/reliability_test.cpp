@@ -163,6 +163,38 @@ TEST_F(Reliability, NumbersBeyondTheirRangeAreAMistakeOfTheCaller) {
   EXPECT_FALSE(fs::exists(path("scene")));
 }
 
+TEST_F(Reliability, APriorBeyondTheRangeIsAMistakeOfTheCaller) {
+  const std::string text =
+      test::read_bytes(test::source_dir() / "lib/camber/vehicle/shipped_prior.json");
+  for (const char* number : {"1e309", "1e308", "-1e155"}) {
+    std::string changed = text;
+    const std::size_t at = changed.find("\"covariance\": [") + 15;
+    changed.replace(at, changed.find(',', at) - at, number);
+    test::write_bytes(path("prior.json"), changed);
+    EXPECT_ONE_SENTENCE(
+        run_camber({"vehicles", sample(), "--prior", path("prior.json"), "--out", path("v.json")}),
+        2, "prior.json: ");
+    EXPECT_ONE_SENTENCE(run_camber({"prior", "info", path("prior.json")}), 2, "prior.json: ");
+  }
+}
+
+TEST_F(Reliability, AMessageIsOneLineWhateverItNames) {
+  const std::string cloud = write_square("cloud.ply", 100);
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"a\nb"},
+           {"--version", "a\nb"},
+           {"plane", "a\nb"},
+           {"plane", cloud, "a\nb"},
+           {"plane", cloud, "--threshold", "a\nb"},
+           {"plane", cloud, "--seed", "a\nb"},
+           {"plane", cloud, "--config", "a\nb"},
+           {"render", cloud, "--out", path("x.png"), "--size", "a\nb"},
+       }) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    EXPECT_ONE_SENTENCE(run_camber(command), 2, "a?b");
+  }
+}
+
 TEST_F(Reliability, NoOutputReplacesAnInput) {
   const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
   const std::string line = path("line.xyz");

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <spawn.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,6 +16,32 @@
 extern char** environ;
 
 namespace camber::test {
+namespace {
+
+void limit_computing(pid_t child, int seconds) {
+  const rlimit limit = {static_cast<rlim_t>(seconds), static_cast<rlim_t>(seconds + 1)};
+  ::prlimit(child, RLIMIT_CPU, &limit, nullptr);
+}
+
+/// Waits for the end of a process. @param limit_s > 0: after that time it is killed.
+/// @return its status as of waitpid(); `hung`: whether it was killed.
+int wait_for(pid_t child, double limit_s, bool* hung) {
+  const auto start = std::chrono::steady_clock::now();
+  int status = 0;
+  for (;;) {
+    const pid_t ended = ::waitpid(child, &status, limit_s > 0.0 && !*hung ? WNOHANG : 0);
+    if (ended == child) return status;
+    if (ended != 0) throw std::runtime_error("waitpid failed");
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    if (elapsed.count() > limit_s) {
+      *hung = true;
+      ::kill(child, SIGKILL);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+}  // namespace
 
 ProgramResult run_camber(const std::vector<std::string>& arguments, int interrupt_after_ms,
                          int signal) {
@@ -51,22 +78,26 @@ ProgramResult run_camber_in(const Surroundings& surroundings,
       surroundings.standard_output.empty() ? out : surroundings.standard_output;
   posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, standard_output.c_str(), mode, 0600);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, error.c_str(), mode, 0600);
+  if (!surroundings.folder.empty()) {
+    posix_spawn_file_actions_addchdir_np(&actions, surroundings.folder.c_str());
+  }
   pid_t child = 0;
   const int failed =
       ::posix_spawn(&child, argv[0], &actions, nullptr, argv.data(), environment.data());
   posix_spawn_file_actions_destroy(&actions);
   if (failed != 0) throw std::runtime_error("cannot start " + words[0]);
+  if (surroundings.limit_cpu_s > 0) limit_computing(child, surroundings.limit_cpu_s);
   if (surroundings.signal_after_ms > 0) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(surroundings.signal_after_ms));
+    std::this_thread::sleep_for(
+        std::chrono::duration<double, std::milli>(surroundings.signal_after_ms));
     ::kill(child, surroundings.signal);
   }
   const auto start = std::chrono::steady_clock::now();
-  int status = 0;
-  if (::waitpid(child, &status, 0) != child) throw std::runtime_error("waitpid failed");
-
   ProgramResult result;
+  const int status = wait_for(child, surroundings.limit_s, &result.hung);
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
   result.seconds_after_signal = elapsed.count();
+  result.hung = result.hung || (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU);
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   result.out = read_bytes(out);
   result.error = read_bytes(error);

@@ -14,6 +14,7 @@ struct ProgramResult {
   std::string out;
   std::string error;
   double seconds_after_signal = 0.0;  ///< until it ended
+  bool hung = false;                  ///< beyond a limit of Surroundings; it was killed
 };
 
 /// What a program is run in.
@@ -21,8 +22,11 @@ struct Surroundings {
   std::vector<std::string> variables;  ///< "NAME=VALUE", added to the environment
   std::string standard_output;         ///< a file in place of ProgramResult::out
   std::string shell;                   ///< run before it by sh: "ulimit -v 500000"
-  int signal_after_ms = 0;             ///< > 0: sends `signal` after that time
+  std::filesystem::path folder;        ///< to run in; empty: the current one
+  double signal_after_ms = 0.0;        ///< > 0: sends `signal` after that time
   int signal = SIGINT;
+  int limit_cpu_s = 0;   ///< > 0: seconds of computing, all threads together
+  double limit_s = 0.0;  ///< > 0: seconds until it has ended
 };
 
 ProgramResult run_camber_in(const Surroundings& surroundings,

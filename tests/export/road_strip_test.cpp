@@ -61,6 +61,11 @@ TEST(SmoothLine, GoesOnStraight) {
   EXPECT_NEAR(line.position(6.0).x(), 4.0, 1e-12);
   EXPECT_NEAR(line.height(2.5), 1.5, 1e-12);
   EXPECT_THROW(SmoothLine({{0, 0, 0}, {0, 0, 5}}, 0.01), std::invalid_argument);
+  // What a damaged file may have, and nobody waits for.
+  for (const double far : {2e5, 1e10, 1e200, 1e308}) {
+    EXPECT_THROW(SmoothLine({{0, 0, 0}, {far, 0, 0}}, 0.01), std::invalid_argument) << far;
+    EXPECT_THROW(SmoothLine({{-far, 0, 0}, {far, 0, 0}}, 0.01), std::invalid_argument) << far;
+  }
 }
 
 TEST(PlanFrame, IsARotationWithUpAsZ) {

@@ -1,5 +1,6 @@
 #include "camber/vehicle/shape_prior.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
@@ -126,6 +127,24 @@ std::string message_of(const std::string& text) {
     return error.what();
   }
   return "no error";
+}
+
+TEST(PriorFile, NumbersBeyondTheirRangeAreNamed) {
+  const std::string text = vehicle_prior_text(shipped_vehicle_prior());
+  const auto with = [&](const std::string& key, const std::string& value) {
+    std::string changed = text;
+    const std::size_t at = changed.find('"' + key + "\": [");
+    const std::size_t begin = changed.find_first_of("-0123456789", at + key.size());
+    changed.replace(begin, changed.find_first_of(",]", begin) - begin, value);
+    return message_of(changed);
+  };
+  for (const char* key : {"mean", "basis", "sigma", "dimensions", "covariance"}) {
+    EXPECT_THAT(with(key, "1e309"), ::testing::HasSubstr("beyond the range of double")) << key;
+    for (const char* number : {"1e308", "-1e308", "1e155", "1e7"}) {
+      EXPECT_THAT(with(key, number), ::testing::HasSubstr("expected a number of at most 1e+06"))
+          << key << " " << number;
+    }
+  }
 }
 
 TEST(PriorFile, DamageIsNamed) {

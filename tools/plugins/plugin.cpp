@@ -24,8 +24,13 @@ std::string plugin_file(const std::string& plugin) {
   return plugin_folder() + "/libcamber_" + plugin + ".so";
 }
 
-/// Whether the dynamic loader failed for want of memory.
-bool names_memory(const std::string& reason) {
+/// Whether the dynamic loader failed for want of memory. Without memory for the name of a file that
+/// is there it reports that there is none.
+bool names_memory(const std::string& file, const std::string& reason) {
+  if (reason.rfind(file + ": cannot open shared object file: No such file", 0) == 0 &&
+      ::access(file.c_str(), F_OK) == 0) {
+    return true;
+  }
   for (const char* part : {"failed to map", "cannot allocate memory", "Cannot allocate memory",
                            "cannot apply additional memory", "cannot create shared object"}) {
     if (reason.find(part) != std::string::npos) return true;
@@ -34,7 +39,7 @@ bool names_memory(const std::string& reason) {
 }
 
 [[noreturn]] void refuse(const std::string& file, const std::string& reason) {
-  if (names_memory(reason)) {
+  if (names_memory(file, reason)) {
     throw MachineError("out of memory: " + file + " cannot be loaded: " + reason);
   }
   throw MachineError("this part of the program cannot be loaded: " + file + ": " + reason +

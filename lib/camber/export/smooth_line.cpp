@@ -1,5 +1,7 @@
 #include "camber/export/smooth_line.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
@@ -12,7 +14,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kSamePlace = 1e-3;  // m
+constexpr double kSamePlace = 1e-3;   // m
+constexpr double kLongestLine = 1e5;  // m; every step along it is looked at
 
 /// Values and second derivatives of the smoothing spline of stiffness lambda through y at t.
 struct Spline {
@@ -67,6 +70,10 @@ SmoothLine::SmoothLine(const std::vector<Vector3d>& points, double tolerance, do
     t.push_back(i == 0 ? 0.0 : t.back() + (kept[i] - kept[i - 1]).head<2>().norm());
     // Map coordinates are large: relative to the start they keep their digits.
     y.row(static_cast<Eigen::Index>(i)) = (kept[i].head<2>() - start).transpose();
+  }
+  if (!(t.back() + before + after <= kLongestLine)) {
+    throw std::invalid_argument(fmt::format("the line is {:.6g} m long, expected at most {:.0f} m",
+                                            t.back() + before + after, kLongestLine));
   }
   // The stiffest spline that keeps to the points; lambda = 0 passes through them.
   Spline spline = smooth(t, y, 0.0);

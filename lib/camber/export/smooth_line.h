@@ -15,7 +15,8 @@ class SmoothLine {
   /// skipped
   /// @param tolerance  m that the curve may pass a point by, >= 0
   /// @param before, after  m to go on straight at either end
-  /// @throws std::invalid_argument for fewer than two different places.
+  /// @throws std::invalid_argument for fewer than two different places, and for more than
+  /// 100 km, which only a damaged file has.
   SmoothLine(const std::vector<Eigen::Vector3d>& points, double tolerance, double before = 0.0,
              double after = 0.0);
 

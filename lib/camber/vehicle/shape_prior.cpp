@@ -83,10 +83,14 @@ class Reader {
     return value_->get<std::string>();
   }
 
-  double number() const {
+  /// All numbers of a prior but counts are of the order of metres.
+  double number(double largest = 1e6) const {
     if (!value_->is_number()) fail("a number");
     const double x = value_->get<double>();
-    if (!std::isfinite(x)) fail("a finite number");
+    if (!(std::abs(x) <= largest)) {
+      throw InputError(*file_, path_,
+                       fmt::format("found {}, expected a number of at most {:g}", x, largest));
+    }
     return x;
   }
 
@@ -305,6 +309,8 @@ VehiclePrior parse_vehicle_prior(const std::string& text, const std::string& nam
     json = nlohmann::json::parse(text);
   } catch (const nlohmann::json::parse_error& error) {
     throw InputError(name, fmt::format("byte {}", error.byte), "found no JSON, expected a prior");
+  } catch (const nlohmann::json::out_of_range&) {
+    throw InputError(name, "found a number beyond the range of double, expected a prior");
   }
   const Reader root(json, name, "");
   if (root.member("format").text() != "camber-prior") {
@@ -316,7 +322,7 @@ VehiclePrior parse_vehicle_prior(const std::string& text, const std::string& nam
   for (const Reader& r : root.member("shapes").elements()) {
     ShapePrior s;
     s.name = lower_case(r.member("name").text());
-    s.samples = static_cast<int>(r.member("samples").number());
+    s.samples = static_cast<int>(r.member("samples").number(1e9));
     s.mean = r.member("mean").side();
     for (const Reader& b : r.member("basis").elements()) s.basis.push_back(b.side());
     const int retained = s.num_coefficients();

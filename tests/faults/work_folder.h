@@ -1,0 +1,58 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cli/run_program.h"
+#include "support/test_data.h"
+
+namespace camber::test {
+
+/// A command on small inputs; the one table that the tests of this folder go through.
+struct VerbCase {
+  std::vector<std::string> arguments;  ///< files relative to the folder, results below out/
+  std::vector<std::string> inputs;     ///< files and folders that it reads
+  bool slow = false;                   ///< more than some 0.2 s of one core
+  bool draws = false;        ///< loads a driver of OpenGL, which survives no lack of memory
+  int exit_code = 0;         ///< of a sound run
+  std::string name() const;  ///< "import kitti", "export opencrg", "convert"
+};
+
+/// A folder of small inputs of every kind, made once a process and removed at its end. Commands
+/// run in it and write below its folder out/.
+class WorkFolder {
+ public:
+  static WorkFolder& instance();
+
+  const std::filesystem::path& path() const { return folder_.path(); }
+  std::filesystem::path out() const { return path() / "out"; }
+  const std::vector<VerbCase>& cases() const { return cases_; }
+
+  /// Runs a command in the folder with one thread, in an environment without a display.
+  ProgramResult run(const std::vector<std::string>& arguments,
+                    Surroundings surroundings = {}) const;
+
+  /// Removes what is in out/.
+  void clear_out() const;
+
+ private:
+  WorkFolder();
+  void make_clouds() const;
+  void make_scenes() const;
+  void make_imports() const;
+  void must_run(const std::vector<std::string>& arguments) const;
+  void add_cases();
+
+  TemporaryFolder folder_;
+  std::vector<VerbCase> cases_;
+};
+
+/// What is below a folder as snapshot() has it, but without what differs from run to run: the
+/// timings in JSON files and the reports that show them.
+std::map<std::string, std::string> without_timings(std::map<std::string, std::string> files);
+
+/// Whether tests/run.sh --long asked for the tests that take minutes.
+bool is_long_run();
+
+}  // namespace camber::test
