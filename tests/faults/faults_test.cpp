@@ -199,7 +199,7 @@ TEST_F(Faults, AFailingCallLeavesTheOldResultAndNothingElse) {
 }
 
 TEST_F(Faults, AFailingAllocationIsARefusalThatNamesMemory) {
-  int refused = 0, recovered = 0;
+  int refused = 0, recovered = 0, ended = 0;
   for (const VerbCase& verb : work().cases()) {
     if (verb.draws) continue;
     make_old_result(verb);
@@ -209,6 +209,9 @@ TEST_F(Faults, AFailingAllocationIsARefusalThatNamesMemory) {
       const ProgramResult result = work().run(verb.arguments, fault("alloc", call));
       if (result.exit_code == 0) {  // it did without
         ++recovered;
+      } else if (result.error.find("libgomp: Out of memory") != std::string::npos) {
+        ++ended;  // GCC's OpenMP library, once it is loaded, ends the program itself
+        EXPECT_EQ(result.exit_code, 1);
       } else {
         ++refused;
         expect_refusal(result, 3);
@@ -217,7 +220,9 @@ TEST_F(Faults, AFailingAllocationIsARefusalThatNamesMemory) {
       EXPECT_TRUE(without_timings(snapshot(work().path())) == without_timings(old));
     }
   }
-  std::printf("alloc: %d refused, %d did without\n", refused, recovered);
+  std::printf("alloc: %d refused, %d did without, %d ended by a library\n", refused, recovered,
+              ended);
+  EXPECT_LT(ended, 1 + refused / 10);
 }
 
 TEST_F(Faults, AKilledRunLeavesAWholeResultAndTheNextOneClearsUp) {
@@ -297,7 +302,9 @@ TEST_F(Faults, AnInputThatShrinksIsRefusedOrHadBeenRead) {
       if (result.exit_code == 0) {
         EXPECT_EQ(result.error.find("camber: out of"), std::string::npos);
       } else {
-        expect_refusal(result, result.exit_code == 1 ? 1 : verb.exit_code == 3 ? 3 : 2);
+        // Without a display `view` ends with 3, if it comes so far.
+        const bool display = verb.exit_code == 3 && result.exit_code == 3;
+        expect_refusal(result, result.exit_code == 1 ? 1 : display ? 3 : 2);
       }
       auto after = snapshot(work().path());
       for (const auto& [name, content] : old) {
