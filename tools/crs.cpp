@@ -127,16 +127,21 @@ void complete_crs(CoordinateSystem* system) {
 }
 
 void use_metres(const std::string& path, CloudFile* file, const LogSink& warn) {
-  if (!file->report.crs) return;
-  CoordinateSystem& crs = *file->report.crs;
+  use_metres(path, &file->cloud, &file->report, warn);
+}
+
+void use_metres(const std::string& path, RoadCloud* cloud, ReadReport* report,
+                const LogSink& warn) {
+  if (!report->crs) return;
+  CoordinateSystem& crs = *report->crs;
   complete_crs(&crs);
   if (crs.metric()) return;
   if (crs.horizontal.angle) {
-    file->cloud.metric = false;
+    cloud->metric = false;
     if (warn) warn(path + ": " + unit_remark(crs));
     return;
   }
-  to_metres(&file->cloud, crs);
+  to_metres(cloud, crs);
   if (!warn) return;
   const bool same = crs.horizontal.name == crs.vertical.name;
   warn(

@@ -37,6 +37,9 @@ void complete_crs(CoordinateSystem* system);
 /// with a warning; of degrees there is a warning alone, and unknown units count as metres.
 void use_metres(const std::string& path, CloudFile* file, const LogSink& warn);
 
+/// The same of a cloud and the report of its reading, which leaves a cloud in metres as it is.
+void use_metres(const std::string& path, RoadCloud* cloud, ReadReport* report, const LogSink& warn);
+
 /// Warning for a system that is not in metres when it leaves the coordinates as they
 /// are; empty for metres.
 std::string unit_remark(const CoordinateSystem& system);

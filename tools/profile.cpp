@@ -233,7 +233,7 @@ void add_arguments(App& app, Arguments& a) {
       ->required();
   app.add_option("--out", a.out, "FILE.csv or FILE.json");
   app.add_option("--plot", a.plot,
-                 "FILE.png or FILE.svg: height, grade and cross slope with bands of 95 %");
+                 "FILE.png or FILE.svg: height, grade and cross slope (deg) with bands of 1 sigma");
   app.add_option(
       "--along", a.line,
       "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "

@@ -24,6 +24,7 @@
 #include "camber/render/result_plots.h"
 #include "camber/render/vehicle_comparison.h"
 #include "command.h"
+#include "crs.h"
 #include "own_inputs.h"
 #include "render_arguments.h"
 
@@ -217,6 +218,7 @@ Loaded load(const RenderArguments& a, const LogSink& warn) {
   LoadedResult& result = loaded.result;
   result = load_result(a.input, a.cloud.read_options());
   warn_about(a.input, result.cloud_report, warn);
+  if (result.cloud) use_metres(a.input, &*result.cloud, &result.cloud_report, warn);
   read_scene_of(a, result, warn);
   loaded.inputs = {a.input, a.scene, a.truth};
   loaded.inputs.insert(loaded.inputs.end(), a.beside.begin(), a.beside.end());
@@ -228,7 +230,9 @@ Loaded load(const RenderArguments& a, const LogSink& warn) {
   if (a.truth == "scene") {
     result.load_scene_truth_cloud(a.cloud.read_options());
   } else if (!a.truth.empty()) {
-    result.truth_cloud = read_cloud_file(a.truth, a.cloud.read_options()).cloud;
+    CloudFile truth = read_cloud_file(a.truth, a.cloud.read_options());
+    use_metres(a.truth, &truth, warn);
+    result.truth_cloud = std::move(truth.cloud);
   }
   for (const std::string& other : a.beside) loaded.others.push_back(load_result(other));
   const bool beside = !a.beside.empty();

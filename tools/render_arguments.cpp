@@ -58,7 +58,8 @@ constexpr BevSwitch kBevSwitches[] = {{"points", &BevPictureOptions::show_points
                                       {"links", &BevPictureOptions::show_links},
                                       {"vehicles", &BevPictureOptions::show_vehicles},
                                       {"truth", &BevPictureOptions::show_truth},
-                                      {"cameras", &BevPictureOptions::show_cameras}};
+                                      {"cameras", &BevPictureOptions::show_cameras},
+                                      {"ellipses", &BevPictureOptions::show_ellipses}};
 
 /// Sets the switches that --show and --hide name. @param table has `name` and `shown`.
 template <typename Table, typename Options>
@@ -159,6 +160,7 @@ void set_picture(const RenderArguments& a, RenderPlan* plan) {
   scene = a.picture;
   parse_size(a.size, &scene.width, &scene.height);
   scene.view = a.turntable > 0 ? SceneView::kOblique : view_of(a.view);
+  scene.turning = a.turntable > 0;
   scene.azimuth = a.azimuth_deg * kDegree;
   scene.elevation = a.elevation_deg * kDegree;
   scene.color = PointColor::parse(a.color);
@@ -175,7 +177,8 @@ void set_picture(const RenderArguments& a, RenderPlan* plan) {
 
 /// --input, --out and the views.
 void add_view_arguments(App& app, RenderArguments& a) {
-  app.add_option("input", a.input, "result folder, or a cloud of any format")->required();
+  app.add_option("input", a.input, "result folder, a cloud of any format, or a vehicles.json")
+      ->required();
   app.add_option(
          "--out", a.out,
          "file to write: .png a picture, .mp4 or .avi a film of --frames or --turntable, .glb the "
@@ -203,9 +206,11 @@ void add_view_arguments(App& app, RenderArguments& a) {
 void add_series_arguments(App& app, RenderArguments& a) {
   app.add_option("--turntable", a.turntable, "so many pictures all around, OUT_000.png, ...")
       ->check(in_range(1, 3600));
-  app.add_option("--beside", a.beside,
-                 "results of other methods for the same --scene: one vehicle as each places it, "
-                 "from the side and from above, over the truth");
+  app.add_option(
+      "--beside", a.beside,
+      "results of other methods for the same --scene, folders or vehicles.json: one vehicle as "
+      "each places it, "
+      "from the side and from above, over the truth");
   app.add_option("--vehicle", a.vehicle,
                  "--beside: id of the true vehicle; default: where the results differ most");
   app.add_option("--frames", a.frames,

@@ -12,6 +12,7 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
+#include "../tools/crs.h"
 #include "../tools/standard_streams.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
@@ -40,6 +41,7 @@ struct Arguments {
 
 LoadedResult load(const ViewArguments& a, const LogSink& warn) {
   LoadedResult result = load_result(a.input);
+  if (result.cloud) tools::use_metres(a.input, &*result.cloud, &result.cloud_report, warn);
   if (!a.scene.empty()) {
     result.scene = read_scene(a.scene, warn);
   } else if (const std::string missing = result.load_scene_of_run(warn); !missing.empty() && warn) {
@@ -48,7 +50,9 @@ LoadedResult load(const ViewArguments& a, const LogSink& warn) {
   if (a.truth == "scene") {
     result.load_scene_truth_cloud();
   } else if (!a.truth.empty()) {
-    result.truth_cloud = read_cloud_file(a.truth).cloud;
+    CloudFile truth = read_cloud_file(a.truth);
+    tools::use_metres(a.truth, &truth, warn);
+    result.truth_cloud = std::move(truth.cloud);
   }
   return result;
 }

@@ -1,5 +1,6 @@
 // What is under the pointer, and the facts about it.
 
+#include "camber/evaluate/metrics.h"
 #include "detail/viewer_state.h"
 
 namespace camber {
@@ -131,10 +132,28 @@ QString ViewerWindow::Impl::patch_facts(int id, const Eigen::Vector3d& place) co
   return out + "\n";
 }
 
+QString ViewerWindow::Impl::true_place(const PlacedVehicle& placed) const {
+  if (space.truth.empty() || !content.truth || !content.camera) return {};
+  for (const TruthFrame& truth : content.truth->frames) {
+    if (truth.id != content.frame) continue;
+    for (const VehicleFrame& frame : result.vehicles->frames) {
+      if (frame.id != content.frame) continue;
+      for (const Match& match : match_vehicles(truth.vehicles, frame.vehicles, *content.camera)) {
+        const VehicleEstimate& v = frame.vehicles[match.estimate];
+        if (v.id != placed.id) continue;
+        const TruthVehicle& t = truth.vehicles[match.truth];
+        return text("  true vehicle %d: its centre is %.2f %s away\n", t.id,
+                    (t.pose.center() - v.pose.center()).norm(), space.unit.c_str());
+      }
+    }
+  }
+  return {};
+}
+
 QString ViewerWindow::Impl::vehicle_facts(const PlacedVehicle& placed) const {
   const char* unit = space.unit.c_str();
-  QString out = from(placed.name) + text(" in frame %d: %s\n", content.frame,
-                                         std::string(to_string(placed.status)).c_str());
+  QString out = from(placed.name) + text(" in frame %d (id %d there): %s\n", content.frame,
+                                         placed.id, std::string(to_string(placed.status)).c_str());
   const Dimensions& d = placed.box.dimensions;
   out += text("  %.2f %s from the camera\n", placed.range, unit);
   out += place_text(placed.box.bottom_center());
@@ -163,12 +182,7 @@ QString ViewerWindow::Impl::vehicle_facts(const PlacedVehicle& placed) const {
       }
     }
   }
-  for (const PlacedVehicle& truth : space.truth) {
-    if (truth.id != placed.id) continue;
-    out += text("  true centre %.2f %s away\n", (truth.box.center() - placed.box.center()).norm(),
-                unit);
-  }
-  return out;
+  return out + true_place(placed);
 }
 
 QString ViewerWindow::Impl::point_facts(int i) const {

@@ -39,7 +39,7 @@ void ViewerWindow::Impl::load_image() {
   try {
     OverlayOptions overlay;
     overlay.show_grade = grade && result.surface.has_value();
-    overlay.show_ellipses = true;
+    overlay.show_ellipses = ellipses;
     photo = to_pixmap(draw_frame_overlay(result, content.frame, overlay));
     fit_image();
   } catch (const Error& error) {
@@ -91,6 +91,7 @@ QString ViewerWindow::Impl::help_text() {
   row("&larr; &rarr;", "frame before, after");
   row("1 2 3 4", "oblique, side, from above, driver's view");
   row("i", "grade of the road in the image");
+  row("u", "uncertainty of the vehicles' positions (1 sigma) in the image");
   row("s", "picture of the scene into a file; S: of the window");
   row("h", "this help");
   row("q", "quit");

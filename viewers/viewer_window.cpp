@@ -104,6 +104,10 @@ bool ViewerWindow::Impl::on_key(const QKeyEvent& event) {
       grade = !grade;
       load_image();
       return true;
+    case Qt::Key_U:
+      ellipses = !ellipses;
+      load_image();
+      return true;
     case Qt::Key_S:
       save_next((event.modifiers() & Qt::ShiftModifier) != 0);
       return true;

@@ -359,7 +359,7 @@ TEST_F(RoadClouds, ProfileAsAPlot) {
   }
   std::ifstream file(path("profile.svg"));
   const std::string svg{std::istreambuf_iterator<char>(file), {}};
-  for (const char* word : {"height, m", "grade, %", "cross slope, %", "95 %", "</svg>"}) {
+  for (const char* word : {"height, m", "grade, deg", "cross slope, deg", "1 sigma", "</svg>"}) {
     EXPECT_THAT(svg, HasSubstr(word));
   }
   EXPECT_GT(fs::file_size(path("profile.png")), 5000u);

@@ -418,6 +418,15 @@ TEST_F(SurveyTools, SystemsByCodeAndDegrees) {
                       "+proj=utm +zone=17 +datum=WGS84"})["files"][0]["crs"]["kind"],
             "projected");
   EXPECT_ONE_SENTENCE(run_camber({"info", path("feet.csv"), "--crs", "EPSG:999999"}), 2, "--crs");
+  write_text("true.csv", "x,y,z\n1,2,3\n4,5,6\n7,1,9\n");
+  const test::ProgramResult drawn =
+      run_camber({"render", path("feet.csv"), "--crs", "EPSG:2994", "--truth", path("true.csv"),
+                  "--view", "bev", "--out", path("feet.png")});
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.error;
+  for (const char* name : {"feet.csv", "true.csv"}) {
+    EXPECT_THAT(drawn.error,
+                ::testing::HasSubstr(path(name) + ": the coordinates are in units of foot"));
+  }
   write_text("degrees.csv", "lon,lat,height\n10,50,3\n10.1,50,6\n10,50.1,9\n10.1,50.1,8\n");
   const test::ProgramResult degrees =
       run_camber({"plane", path("degrees.csv"), "--threshold", "5"});

@@ -3,13 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/core/errors.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_file.h"
+#include "camber/render/picture_space.h"
+#include "camber/render/scene_camera.h"
 #include "picture_content.h"
 
 namespace camber {
@@ -224,6 +228,42 @@ TEST(PictureFile, WritesWhatItReads) {
   EXPECT_EQ(again.width, 5);
   EXPECT_EQ(again.height, 3);
   EXPECT_EQ(again.data, image.data);
+}
+
+TEST(ScenePicture, ATurntableKeepsItsDistanceAndAllInView) {
+  const PictureScene scene;
+  const PictureSpace space = make_picture_space(scene.content(), true, {});
+  const SceneGrid grid = make_scene_grid(space);
+  std::vector<Eigen::Vector3d> corners = content_corners(space, grid, false);
+  const Box2 free{80.0, 60.0, 500.0, 340.0};
+  std::optional<double> distance;
+  for (int k = 0; k < 24; ++k) {
+    SceneCamera view = oblique_camera(2.0 * M_PI * k / 24, 0.42, 640, 400);
+    fit_camera(swept_all_around(corners, space.up.high), free, &view);
+    if (!distance) distance = view.distance;
+    EXPECT_NEAR(view.distance, *distance, 0.002 * *distance);  // of the ring's 72 places
+    for (const Eigen::Vector3d& corner : corners) {
+      Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+      ASSERT_TRUE(view.project(corner, &pixel));
+      EXPECT_TRUE(free.grown(1.0).contains(pixel)) << k << ": " << pixel.transpose();
+    }
+  }
+}
+
+TEST(BevPicture, EllipsesAreDrawnOnRequestOnly) {
+  const PictureScene scene;
+  BevPictureOptions options;
+  const Image without = render_bev_picture(scene.content(), options);
+  options.show_ellipses = true;
+  const Image with = render_bev_picture(scene.content(), options);
+  EXPECT_NE(with.data, without.data);
+  // Without a stated covariance there is no ellipse to draw, and no word of it.
+  PictureScene unknown;
+  for (VehicleEstimate& vehicle : unknown.vehicles.frames[0].vehicles) {
+    vehicle.covariance.setConstant(std::nan(""));
+  }
+  EXPECT_EQ(render_bev_picture(unknown.content(), options).data,
+            render_bev_picture(unknown.content(), {}).data);
 }
 
 }  // namespace

@@ -40,8 +40,7 @@ TEST(Findings, ACompleteRunNeedsNoExplanation) {
   const auto found = findings(metric_run(), &surface, &vehicles);
   ASSERT_EQ(found.size(), 3u);
   EXPECT_EQ(found[0].text, "Road: 2 planar patches, to 32 m ahead.");
-  EXPECT_EQ(found[1].text,
-            "Lengths are in metres, known to 2.0 % with 95 % probability (camera height).");
+  EXPECT_EQ(found[1].text, "Lengths are in metres, known to 1.0 % (1 sigma) (camera height).");
   EXPECT_EQ(found[2].text, "Vehicles: 1 in 2 frames.");
   for (const Finding& finding : found) EXPECT_TRUE(finding.complete) << finding.text;
 }
@@ -86,6 +85,51 @@ TEST(Findings, WhatIsMissingNamesTheOptionThatGivesIt) {
   surface.patches.clear();
   EXPECT_EQ(findings(run, &surface, nullptr)[0].text, "No road patch was found.");
   EXPECT_EQ(findings(run, nullptr, nullptr).size(), 1u);
+}
+
+TEST(Shortcomings, ACompleteRunHasNone) {
+  const RoadSurface surface = surface_of({Status::kOk});
+  EXPECT_TRUE(shortcomings(metric_run(), &surface, nullptr).empty());
+}
+
+TEST(Shortcomings, NameStatusReasonAndTheOptionThatChangesThem) {
+  RoadSurface surface = surface_of({Status::kOk, Status::kWeak, Status::kWeak});
+  for (int i = 0; i < 3; ++i) {
+    surface.patches[static_cast<std::size_t>(i)].id = 4 + i;
+    surface.patches[static_cast<std::size_t>(i)].reason = i == 0 ? "" : "few pixels";
+  }
+  VehicleDocument vehicles;
+  vehicles.frames.resize(1);
+  vehicles.frames[0].id = 7;
+  vehicles.frames[0].vehicles.resize(2);
+  vehicles.frames[0].vehicles[0].status = Status::kOk;
+  vehicles.frames[0].vehicles[1].id = 3;
+  vehicles.frames[0].vehicles[1].status = Status::kNotObservable;
+  vehicles.frames[0].vehicles[1].reason = "no road near it";
+  RunDocument run = metric_run();
+  run.scale_status = Status::kWeak;
+  run.scale_reason = "relative standard deviation above 5 %";
+  run.constraints.push_back({"lane_markings", "", 7.25, false, "contradicts the others"});
+  run.warnings.push_back({"up_missing", "no gravity"});
+  const auto all = shortcomings(run, &surface, &vehicles);
+  ASSERT_EQ(all.size(), 5u);
+  EXPECT_EQ(all[0].what, "scale");
+  EXPECT_EQ(all[0].status, "weak");
+  EXPECT_EQ(all[0].reason, "relative standard deviation above 5 %");
+  EXPECT_THAT(all[0].remedy, HasSubstr("--height"));
+  EXPECT_EQ(all[1].what, "source of scale or road: lane markings");
+  EXPECT_EQ(all[1].status, "not used");
+  EXPECT_EQ(all[1].reason, "contradicts the others; 7.2 sigma from the others");
+  EXPECT_EQ(all[2].what, "patch 5, 6");  // the same status and reason
+  EXPECT_EQ(all[2].reason, "few pixels");
+  EXPECT_THAT(all[2].remedy, HasSubstr("--frames"));
+  EXPECT_EQ(all[3].what, "vehicle id 3 of frame 7");
+  EXPECT_EQ(all[3].status, "not_observable");
+  EXPECT_THAT(all[3].remedy, HasSubstr("--keypoints"));
+  EXPECT_EQ(all[4].what, "warning: up missing");
+  EXPECT_EQ(all[4].reason, "no gravity");
+  surface.patches.clear();
+  EXPECT_THAT(shortcomings(metric_run(), &surface, nullptr)[0].reason, HasSubstr("no patch"));
 }
 
 }  // namespace

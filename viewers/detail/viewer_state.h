@@ -77,7 +77,7 @@ struct ViewerWindow::Impl {
   std::vector<int> frames;    // ids
   std::vector<std::string> colors;
   double point_size = 2.0;
-  bool grade = false;
+  bool grade = false, ellipses = false;  // in the image
 
   QVTKOpenGLNativeWidget* view = nullptr;
   vtkNew<vtkGenericOpenGLRenderWindow> gl;
@@ -156,6 +156,7 @@ struct ViewerWindow::Impl {
   QString place_text(const Eigen::Vector3d& x) const;
   QString patch_facts(int id, const Eigen::Vector3d& place) const;
   QString vehicle_facts(const PlacedVehicle& placed) const;
+  QString true_place(const PlacedVehicle& placed) const;
   QString point_facts(int i) const;
   /// The side text where nothing is picked.
   QString overview() const;

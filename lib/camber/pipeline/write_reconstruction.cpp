@@ -68,6 +68,7 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
           k < result.vehicles.frames.size() ? result.vehicles.frames[k] : none;
       OverlayOptions overlay;
       overlay.metric = result.vehicles.metric;
+      overlay.numbers = VehicleNumbers(result.vehicles);
       OverlayRoad road;
       if (vehicles.vehicles.empty()) show_road(result, result.frame_ids[k], &road, &overlay);
       char name[40];

@@ -15,8 +15,6 @@
 namespace camber {
 namespace {
 
-constexpr double kChiSquare95 = 5.991464547107979;  // two degrees of freedom
-
 /// From the picture frame to pixels: ahead points right, right points down; of a map, x points
 /// right and y up.
 struct Map {
@@ -81,16 +79,18 @@ Segment2 heading(const PlacedVehicle& vehicle, const Map& map) {
           map(pose * Eigen::Vector3d(0.5 * vehicle.box.dimensions.length, 0.0, 0.0))};
 }
 
-/// 95 % of the position's probability; empty where no covariance is stated, or one that reaches as
-/// far as the camera and shows nothing.
-std::vector<Eigen::Vector2d> ellipse(const PlacedVehicle& vehicle, const Map& map) {
+/// The position's ellipse of one standard deviation; empty where no covariance is stated, or one
+/// that reaches as far as the camera and shows nothing.
+/// @param least  pixels; a radius is drawn no smaller, so that a narrow ellipse is no bare line
+std::vector<Eigen::Vector2d> ellipse(const PlacedVehicle& vehicle, const Map& map, double least) {
   const Eigen::Matrix2d covariance = vehicle.center_covariance.topLeftCorner<2, 2>();
   if (!covariance.allFinite() || !(covariance.trace() > 0.0)) return {};
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(
       0.5 * (covariance + covariance.transpose()));
   if (solver.info() != Eigen::Success) return {};
-  const Eigen::Vector2d axes = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
+  Eigen::Vector2d axes = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
   if (!(axes.maxCoeff() < std::max(vehicle.range, 1e-9))) return {};
+  axes = axes.cwiseMax(least / map.scale);
   const Eigen::Vector3d center = vehicle.box.center();
   std::vector<Eigen::Vector2d> rim;
   constexpr int kSteps = 72;
@@ -158,6 +158,9 @@ class BevPainter {
   Box2 draw_scale_bar();
   void draw_labels(const Box2& plate);
 
+  std::string label_of(const PlacedVehicle& vehicle) const {
+    return vehicle.name + "  " + range_text(vehicle, space_.unit, options_.show_ellipses);
+  }
   double column(double value) const { return map_.zero.x() + map_.scale * value; }
   double row(double value) const { return map_.zero.y() + down_sign_ * map_.scale * value; }
 
@@ -199,9 +202,11 @@ void BevPainter::make_entries() {
   legend_ = make_legend(space_, "camera path");
   using Mark = LegendEntry::Mark;
   const bool any_ellipse =
-      std::any_of(space_.vehicles.begin(), space_.vehicles.end(),
-                  [](const PlacedVehicle& vehicle) { return !ellipse(vehicle, Map()).empty(); });
-  if (any_ellipse) legend_.push_back({Mark::kEllipse, kInk, "95 % of its position"});
+      options_.show_ellipses &&
+      std::any_of(space_.vehicles.begin(), space_.vehicles.end(), [](const PlacedVehicle& vehicle) {
+        return !ellipse(vehicle, Map(), 0.0).empty();
+      });
+  if (any_ellipse) legend_.push_back({Mark::kEllipse, kInk, "its position, ± 1 sigma"});
   if (content_.camera && space_.current_camera >= 0) {
     legend_.push_back({Mark::kDashedLine, kInk, "field of view"});
   }
@@ -321,13 +326,17 @@ void BevPainter::draw_vehicles() {
     canvas_.polygon(rim, color.with_alpha(0.8));
     canvas_.polyline(rim, true, 2.0 * unit_, darker(color, 0.45));
     canvas_.segments({heading(vehicle, map_)}, 2.0 * unit_, darker(color, 0.45));
-    const std::vector<Eigen::Vector2d> region = ellipse(vehicle, map_);
-    canvas_.polyline(region, true, 2.6 * unit_, kPaper.with_alpha(0.8));
-    canvas_.polyline(region, true, 1.4 * unit_, kInk);
   }
   for (const PlacedVehicle& vehicle : space_.truth) {
     canvas_.polyline(footprint(vehicle, map_), true, 2.0 * unit_, kTruthRed);
     canvas_.segments({heading(vehicle, map_)}, 2.0 * unit_, kTruthRed);
+  }
+  if (!options_.show_ellipses) return;
+  for (const PlacedVehicle& vehicle : space_.vehicles) {
+    const std::vector<Eigen::Vector2d> region = ellipse(vehicle, map_, 3.0 * unit_);
+    if (region.empty()) continue;
+    canvas_.polygon(region, kPaper.with_alpha(0.85));
+    canvas_.polyline(region, true, 1.6 * unit_, kInk);
   }
 }
 
@@ -433,8 +442,7 @@ void BevPainter::draw_labels(const Box2& plate) {
     const Box2 reach = bounds(footprint(vehicle, map_));
     layout.avoid.push_back(reach);
     if (!frame_.contains(reach.center())) continue;
-    const std::string label =
-        vehicle.name + "  " + format_number(vehicle.range, 1) + " " + space_.unit;
+    const std::string label = label_of(vehicle);
     const Eigen::Vector2d size = Canvas::text_size(label, text_, true);
     requests.push_back({size + Eigen::Vector2d(0.9 * text_, 0.15 * text_), reach});
     named.push_back(&vehicle);
@@ -455,9 +463,8 @@ void BevPainter::draw_labels(const Box2& plate) {
     const Box2& box = places[i].box;
     canvas_.rectangle(box, kPaper.with_alpha(0.85), 0.2 * text_);
     canvas_.rectangle({box.x1, box.y1, box.x1 + 0.25 * text_, box.y2}, vehicle_color(*named[i]));
-    canvas_.text({box.x1 + 0.55 * text_, box.center().y()},
-                 named[i]->name + "  " + format_number(named[i]->range, 1) + " " + space_.unit,
-                 text_, kInk, TextAnchor::kLeft, true);
+    canvas_.text({box.x1 + 0.55 * text_, box.center().y()}, label_of(*named[i]), text_, kInk,
+                 TextAnchor::kLeft, true);
   }
 }
 

@@ -143,6 +143,15 @@ std::vector<Eigen::Vector2d> clip_polygon(std::vector<Eigen::Vector2d> in, const
 }
 
 /// Opacity of one line of text, rows from the top.
+/// VTK's own font has no plus-minus sign: "+/-" stands for it.
+std::string drawable(std::string line) {
+  const std::string sign = "±";
+  for (std::size_t at = 0; (at = line.find(sign, at)) != std::string::npos;) {
+    line.replace(at, sign.size(), "+/-");
+  }
+  return line;
+}
+
 cv::Mat rasterize(const std::string& line, int size, bool bold) {
   static std::mutex mutex;  // VTK's FreeType cache is one for the process
   static std::map<std::tuple<std::string, int, bool>, cv::Mat> cache;
@@ -150,7 +159,7 @@ cv::Mat rasterize(const std::string& line, int size, bool bold) {
   const auto key = std::make_tuple(line, size, bold);
   const auto found = cache.find(key);
   if (found != cache.end()) return found->second;
-  TextBitmap text = rasterize_text(line, size, bold);
+  TextBitmap text = rasterize_text(drawable(line), size, bold);
   cv::Mat alpha;
   if (text.width > 0) {
     alpha = cv::Mat(text.height, text.width, CV_8U, text.opacity.data()).clone();

@@ -70,6 +70,11 @@ std::string format_number(double value, int decimals) {
   return out;
 }
 
+std::string format_with_sigma(double value, double sigma) {
+  const std::string text = format_number(value, 1);
+  return sigma > 0.0 ? text + " ± " + format_number(sigma, sigma < 0.095 ? 2 : 1) : text;
+}
+
 std::string format_step(double step) {
   return format_number(step,
                        std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 12));

@@ -42,6 +42,10 @@ Ticks multiples_of(double step, double low, double high);
 /// A number with a fixed number of decimals; never "-0.0".
 std::string format_number(double value, int decimals);
 
+/// "27.7 ± 0.3": a distance with its standard deviation where one is stated (above 0), which is
+/// written with one decimal, below 0.095 with two.
+std::string format_with_sigma(double value, double sigma);
+
 /// A tick's step with as many decimals as it needs.
 std::string format_step(double step);
 

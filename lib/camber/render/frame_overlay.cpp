@@ -41,6 +41,7 @@ Image draw_frame_overlay(const LoadedResult& result, int id, OverlayOptions opti
   const VehicleFrame* vehicles = &none;
   if (result.vehicles) {
     options.metric = result.vehicles->metric;
+    options.numbers = VehicleNumbers(*result.vehicles);
     for (const VehicleFrame& candidate : result.vehicles->frames) {
       if (candidate.id == id) vehicles = &candidate;
     }

@@ -103,6 +103,14 @@ class Document {
                              {"type", "VEC4"}});
   }
 
+  int scalars(const std::vector<float>& values) {
+    const int view = buffer_view(values.data(), values.size() * sizeof(float), kArrayBuffer);
+    return add("accessors", {{"bufferView", view},
+                             {"componentType", kFloat},
+                             {"count", values.size()},
+                             {"type", "SCALAR"}});
+  }
+
   int indices(const std::vector<std::uint32_t>& values) {
     const int view =
         buffer_view(values.data(), values.size() * sizeof(std::uint32_t), kElementArrayBuffer);
@@ -192,13 +200,37 @@ int box_lines(Document& document, const OrientedBox& box, json* primitives, int 
 }
 
 json facts(const PlacedVehicle& vehicle, const std::string& unit) {
-  return {{"id", vehicle.id},
+  return {{"id", vehicle.number},
+          {"id_in_frame", vehicle.id},
           {"status", to_string(vehicle.status)},
           {"range", vehicle.range},
+          {"range_sigma", vehicle.range_sigma},
           {"length", vehicle.box.dimensions.length},
           {"width", vehicle.box.dimensions.width},
           {"height", vehicle.box.dimensions.height},
           {"unit", unit}};
+}
+
+/// Standard deviations beside the values; the distance is from the reference camera.
+json facts(const PlanePatch& patch, const RoadSurface& surface, const std::string& unit) {
+  constexpr double kDegrees = 180.0 / M_PI;
+  const Eigen::Vector3d variances = patch.plane.covariance.diagonal().cwiseMax(0.0);
+  const auto tilt = [&](double variance) {
+    return kDegrees * std::hypot(std::sqrt(variance), surface.level_sigma);
+  };
+  json out = {{"id", patch.id},
+              {"kind", to_string(patch.kind)},
+              {"status", to_string(patch.status)},
+              {"grade_deg", kDegrees * patch.grade},
+              {"grade_sigma_deg", tilt(variances[1])},
+              {"bank_deg", kDegrees * patch.bank},
+              {"bank_sigma_deg", tilt(variances[0])},
+              {"height_sigma", std::sqrt(variances[2])},
+              {"points", patch.inliers},
+              {"unit", unit}};
+  if (surface.frame == "camera") out["range"] = patch.plane.centroid.norm();
+  if (!patch.reason.empty()) out["reason"] = patch.reason;
+  return out;
 }
 
 /// Triangles of a simple polygon that is nearly flat and seen from above: ears are cut off.
@@ -240,20 +272,35 @@ std::vector<std::uint32_t> triangulate(const std::vector<Eigen::Vector3d>& polyg
 }
 
 /// Every so many points that at most `most` remain (0: all).
-int points_node(Document& document, const PictureSpace& space, std::size_t most) {
+int points_node(Document& document, const PictureContent& content, const PictureSpace& space,
+                const GltfOptions& options) {
+  const std::size_t most = options.max_points;
   std::size_t stride = 1;
   if (most > 0) stride = (space.points.size() + most - 1) / most;
   std::vector<Eigen::Vector3f> points;
   std::vector<std::array<std::uint8_t, 3>> inks;
+  std::vector<std::uint32_t> rows;  // of the cloud
   for (std::size_t i = 0; i < space.points.size(); i += stride) {
     points.push_back(to_gltf(space.points[i].cast<double>()));
     inks.push_back(space.colors[i]);
+    rows.push_back(space.kept[i]);
   }
   json cloud = {{"attributes",
                  {{"POSITION", document.positions(points)}, {"COLOR_0", document.colors(inks)}}},
                 {"material", document.material({255, 255, 255, 1.0}, "points")},
                 {"mode", kPoints}};
-  return document.mesh_node("road points", json::array({cloud}));
+  if (options.point_facts && content.cloud) {
+    const RoadCloud& from = *content.cloud;
+    const auto add = [&](const char* name, const auto& values) {
+      std::vector<float> picked;
+      for (const std::uint32_t at : rows) picked.push_back(static_cast<float>(values[at]));
+      cloud["attributes"][name] = document.scalars(picked);
+    };
+    if (!from.sigmas.empty()) add("_SIGMA", from.sigmas);
+    const auto patches = from.labels.find("patch");
+    if (patches != from.labels.end()) add("_PATCH", patches->second);
+  }
+  return document.mesh_node("road points", json::array({cloud}), {{"unit", space.unit}});
 }
 
 /// Corner i of a closed outline with the next.
@@ -267,10 +314,10 @@ std::vector<std::uint32_t> closed_outline(std::size_t corners) {
   return lines;
 }
 
-int patches_node(Document& document, const std::vector<PlacedPatch>& patches) {
+int patches_node(Document& document, const RoadSurface* surface, const PictureSpace& space) {
   std::vector<int> nodes;
   std::array<int, 3> panes{-1, -1, -1}, rims{-1, -1, -1};  // materials, made when first used
-  for (const PlacedPatch& patch : patches) {
+  for (const PlacedPatch& patch : space.patches) {
     std::vector<Eigen::Vector3f> points;
     for (const Eigen::Vector3d& corner : patch.boundary) points.push_back(to_gltf(corner));
     const auto k = static_cast<std::size_t>(patch.kind);
@@ -286,7 +333,7 @@ int patches_node(Document& document, const std::vector<PlacedPatch>& patches) {
     primitives.push_back(primitive(
         positions, document.indices(closed_outline(patch.boundary.size())), rims[k], kLines));
     nodes.push_back(document.mesh_node("patch " + std::to_string(patch.id), primitives,
-                                       {{"id", patch.id}, {"status", to_string(patch.status)}}));
+                                       facts(*surface->find(patch.id), *surface, space.unit)));
   }
   return document.group("patches", nodes);
 }
@@ -388,8 +435,8 @@ std::string encode_glb(const PictureContent& content, const GltfOptions& options
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
   Document document;
   std::vector<int> top;
-  if (!space.points.empty()) top.push_back(points_node(document, space, options.max_points));
-  if (!space.patches.empty()) top.push_back(patches_node(document, space.patches));
+  if (!space.points.empty()) top.push_back(points_node(document, content, space, options));
+  if (!space.patches.empty()) top.push_back(patches_node(document, content.surface, space));
   if (!space.vehicles.empty()) top.push_back(vehicles_node(document, space));
   if (!space.truth.empty()) top.push_back(truth_node(document, space));
   if (!space.cameras.empty()) {

@@ -12,6 +12,9 @@ struct GltfOptions {
   std::size_t max_points = 0;  ///< evenly thinned to at most so many; 0: all
   PointColor color;
   bool show_truth = true;
+  /// Points also carry `_SIGMA` (standard deviation along the ray) and `_PATCH` (id, -1 none), as
+  /// far as the cloud has them.
+  bool point_facts = false;
 
   void validate() const;  ///< throws std::invalid_argument
 };

@@ -84,6 +84,10 @@ LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& o
     result.cloud_report = std::move(read.report);
   };
   if (!fs::is_directory(path, error)) {
+    if (path.extension() == ".json") {
+      result.vehicles = read_vehicles(path);
+      return result;
+    }
     load_cloud(path);
     return result;
   }

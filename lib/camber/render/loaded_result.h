@@ -40,7 +40,7 @@ struct LoadedResult {
 };
 
 /// Reads a result folder (run.json must be there; road.ply, surface.json and vehicles.json where
-/// they are) or, from a file, a cloud.
+/// they are) or, from a file, a cloud or (.json) vehicles alone, as camber vehicles writes them.
 /// @throws InputError "file: position: found, expected".
 LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& options = {});
 

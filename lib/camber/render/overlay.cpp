@@ -75,6 +75,7 @@ struct SplitLines {
 
 struct Drawn {
   const VehicleEstimate* vehicle = nullptr;
+  int number = 0;  // VehicleNumbers
   bool box = false, wireframe = false;
   double range = 0.0;         // m
   double pixel_height = 0.0;  // of the drawing
@@ -364,11 +365,10 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
   return taken;
 }
 
-/// The position's 95 % region on the vehicle's plane (chi-square, two degrees of freedom), where no
-/// body hides it. A region that reaches as far as the camera shows nothing and is left out.
+/// The position's ellipse of one standard deviation on the vehicle's plane, thin where a body hides
+/// it. One that reaches as far as the camera shows nothing and is left out.
 void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
                   const Drawn& drawn, double unit) {
-  constexpr double kChiSquare95 = 5.991464547107979;
   const VehicleEstimate& v = *drawn.vehicle;
   const Eigen::Matrix3d covariance = v.covariance.topLeftCorner<3, 3>();
   const Eigen::Vector3d n = v.plane.normal;
@@ -379,7 +379,7 @@ void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Occluders& 
   const Eigen::Matrix2d level = basis.transpose() * covariance * basis;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(0.5 * (level + level.transpose()));
   if (solver.info() != Eigen::Success || !(level.trace() > 0.0)) return;
-  const Eigen::Vector2d radii = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
+  const Eigen::Vector2d radii = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
   if (!(radii.maxCoeff() < drawn.range)) return;
   const Eigen::Vector3d center = v.plane.foot(v.pose.bottom_center());
   constexpr int kSteps = 72;
@@ -393,21 +393,26 @@ void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Occluders& 
   for (int step = 0; step < kSteps; ++step) {
     rim.add(camera, occluders, at(step), at(step + 1), 1, 0.02);
   }
-  canvas.segments(rim.visible, 2.6 * unit, kDark.with_alpha(0.6));
-  canvas.segments(rim.visible, 1.2 * unit, {255, 255, 255, 1.0});
+  canvas.segments(rim.hidden, 2.2 * unit, kDark.with_alpha(0.5));
+  canvas.segments(rim.hidden, 1.0 * unit, {255, 255, 255, 0.8});
+  canvas.segments(rim.visible, 3.4 * unit, kDark.with_alpha(0.7));
+  canvas.segments(rim.visible, 1.8 * unit, {255, 255, 255, 1.0});
 }
 
-std::string distance_text(const Drawn& drawn, bool metric) {
+std::string distance_text(const Drawn& drawn, bool metric, bool with_sigma) {
   if (!drawn.box) return "no answer";
-  std::string text = format_number(drawn.range, 1);
+  std::string text = format_with_sigma(drawn.range, with_sigma ? range_sigma(*drawn.vehicle) : 0.0);
   if (metric) text += " m";
   if (drawn.vehicle->status == Status::kNotObservable) text += " ?";
   return text;
 }
 
-/// Labels: a badge with the id in the vehicle's colour and the distance on a dark plate.
-void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, bool metric,
-                 const std::vector<Box2>& taken) {
+/// Labels: a badge with the number in the vehicle's colour and the distance on a dark plate.
+void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit,
+                 const OverlayOptions& options, const std::vector<Box2>& taken) {
+  const auto words = [&](const Drawn& drawn) {
+    return distance_text(drawn, options.metric, options.show_ellipses);
+  };
   std::vector<Box2> drawings;
   for (const Drawn& drawn : all) drawings.push_back(drawn.reach);
   std::vector<const Drawn*> order;
@@ -421,8 +426,8 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, boo
     std::vector<LabelRequest> requests;
     std::vector<double> badge_widths;
     for (const Drawn* drawn : order) {
-      const Eigen::Vector2d id = Canvas::text_size(std::to_string(drawn->vehicle->id), size, true);
-      const Eigen::Vector2d text = Canvas::text_size(distance_text(*drawn, metric), size, true);
+      const Eigen::Vector2d id = Canvas::text_size(std::to_string(drawn->number), size, true);
+      const Eigen::Vector2d text = Canvas::text_size(words(*drawn), size, true);
       badge_widths.push_back(id.x() + 2.0 * pad);
       const double height = std::ceil(std::max(id.y(), text.y()) + 0.3 * pad);
       requests.push_back({{badge_widths.back() + text.x() + 2.0 * pad, height}, drawn->reach});
@@ -452,10 +457,10 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit, boo
       canvas.rectangle(box, kDark.with_alpha(0.8), 0.2 * size);
       const Box2 badge{box.x1, box.y1, box.x1 + badge_widths[i], box.y2};
       canvas.rectangle(badge, order[i]->color, 0.2 * size);
-      canvas.text({badge.center().x(), middle}, std::to_string(order[i]->vehicle->id), size, kDark,
+      canvas.text({badge.center().x(), middle}, std::to_string(order[i]->number), size, kDark,
                   TextAnchor::kCenter, true);
-      canvas.text({badge.x2 + pad, middle}, distance_text(*order[i], metric), size,
-                  {255, 255, 255, 1.0}, TextAnchor::kLeft, true);
+      canvas.text({badge.x2 + pad, middle}, words(*order[i]), size, {255, 255, 255, 1.0},
+                  TextAnchor::kLeft, true);
     }
     return;
   }
@@ -522,12 +527,13 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
   for (const VehicleEstimate& vehicle : frame.vehicles) {
     Drawn drawn;
     drawn.vehicle = &vehicle;
+    drawn.number = options.numbers.of(frame.id, vehicle);
     const auto corners = vehicle.pose.corners();
     drawn.box = has_box(vehicle) && corners.row(2).minCoeff() > kNear;
     drawn.wireframe = drawn.box && has_wireframe(vehicle);
     drawn.range = drawn.box ? vehicle.pose.bottom_center().norm() : 1e9;
     drawn.color = drawn.box && vehicle.status != Status::kNotObservable
-                      ? brighter(categorical(vehicle.id))
+                      ? brighter(categorical(drawn.number))
                       : kUntrusted;
     drawn.reach = scaled(vehicle.box);
     if (drawn.box) {
@@ -575,7 +581,7 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
       if (drawn.box) draw_ellipse(canvas, camera, occluders, drawn, unit);
     }
   }
-  if (options.show_labels) draw_labels(canvas, all, unit, options.metric, taken);
+  if (options.show_labels) draw_labels(canvas, all, unit, options, taken);
   return image;
 }
 

@@ -2,6 +2,7 @@
 
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/image/image_io.h"
+#include "camber/render/vehicle_numbers.h"
 #include "camber/road/road_surface.h"
 #include "camber/scene/results.h"
 
@@ -15,7 +16,7 @@ struct OverlayOptions {
   bool show_boxes_3d = true;
   bool show_planes = true;  ///< a metre grid on the plane under each vehicle
   bool show_labels = true;  ///< id and distance
-  /// 95 % of the position's probability on the ground, where a covariance is stated.
+  /// The position's ellipse of 1 sigma on the ground and the distance's sigma, where stated.
   bool show_ellipses = false;
   // Of the road that is given beside the vehicles.
   bool show_patches = false;  ///< outlines
@@ -24,6 +25,8 @@ struct OverlayOptions {
   /// Metres ahead and to the side on the patches, with numbers every ten.
   bool show_grid = false;
   bool show_mask = false;  ///< tints the pixels that are road
+
+  VehicleNumbers numbers;  ///< of the result that the frame is part of
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
@@ -38,7 +41,7 @@ struct OverlayRoad {
 /// Draws the vehicles of one frame onto its image: wireframe of the 36 estimated keypoints (visible
 /// edges solid, those behind a body thin), 3D box, detection box, the plane under the vehicle as a
 /// perspective grid of one metre, on request the position's uncertainty as an ellipse on the ground
-/// and the road's patches, and a label with the id and the distance of the bottom centre.
+/// and the road's patches, and a label with the number and the distance of the bottom centre.
 /// Labels are never cut off and never cover each other; a vehicle without an answer gets its dashed
 /// box and labelled. Same input, same pixels.
 /// @param photo   the frame's image, size of the camera's.

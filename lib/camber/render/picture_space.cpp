@@ -9,6 +9,7 @@
 #include "camber/core/errors.h"
 #include "camber/render/color_map.h"
 #include "camber/render/detail/point_colors.h"
+#include "camber/render/vehicle_numbers.h"
 #include "camber/render/wireframe.h"
 
 namespace camber {
@@ -167,15 +168,18 @@ SE3 place_cameras(const PictureContent& content, PictureSpace* space) {
   return picture_from_current;
 }
 
-PlacedVehicle place_vehicle(const VehicleEstimate& vehicle, const SE3& picture_from_current) {
+/// @param number  over all frames
+PlacedVehicle place_vehicle(const VehicleEstimate& vehicle, int number,
+                            const SE3& picture_from_current) {
   PlacedVehicle placed;
   placed.id = vehicle.id;
-  placed.name = (vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class) + " " +
-                std::to_string(vehicle.id);
+  placed.number = number;
+  placed.name = vehicle_name(vehicle, number);
   placed.status = vehicle.status;
   placed.box = vehicle.pose;
   placed.box.camera_from_vehicle = moved(vehicle.pose.camera_from_vehicle, picture_from_current);
   placed.range = vehicle.pose.bottom_center().norm();
+  placed.range_sigma = range_sigma(vehicle);
   placed.ground = ground_under(vehicle.pose, vehicle.plane, picture_from_current);
   placed.wireframe = has_wireframe(vehicle);
   for (int i = 0; i < kNumKeypoints && placed.wireframe; ++i) {
@@ -191,7 +195,7 @@ PlacedVehicle place_vehicle(const VehicleEstimate& vehicle, const SE3& picture_f
 
 PlacedVehicle place_vehicle(const TruthVehicle& vehicle, const SE3& picture_from_current) {
   PlacedVehicle placed;
-  placed.id = vehicle.id;
+  placed.id = placed.number = vehicle.id;
   placed.box = vehicle.pose;
   placed.box.camera_from_vehicle = moved(vehicle.pose.camera_from_vehicle, picture_from_current);
   placed.range = vehicle.pose.bottom_center().norm();
@@ -205,11 +209,13 @@ PlacedVehicle place_vehicle(const TruthVehicle& vehicle, const SE3& picture_from
 void place_vehicles(const PictureContent& content, bool show_truth, const SE3& picture_from_current,
                     PictureSpace* space) {
   if (content.vehicles) {
+    const VehicleNumbers numbers(*content.vehicles);
     for (const VehicleFrame& frame : content.vehicles->frames) {
       if (frame.id != content.frame) continue;
       for (const VehicleEstimate& vehicle : frame.vehicles) {
         if (!has_box(vehicle)) continue;
-        space->vehicles.push_back(place_vehicle(vehicle, picture_from_current));
+        space->vehicles.push_back(
+            place_vehicle(vehicle, numbers.of(frame.id, vehicle), picture_from_current));
       }
     }
   }
@@ -433,9 +439,17 @@ Color darker(const Color& color, double share) {
   return {mix(color.red), mix(color.green), mix(color.blue), color.alpha};
 }
 
+Color vehicle_color(Status status, int number) {
+  if (status == Status::kNotObservable) return {120, 120, 120, 1.0};
+  return categorical(number);
+}
+
 Color vehicle_color(const PlacedVehicle& vehicle) {
-  if (vehicle.status == Status::kNotObservable) return {120, 120, 120, 1.0};
-  return categorical(vehicle.id);
+  return vehicle_color(vehicle.status, vehicle.number);
+}
+
+std::string range_text(const PlacedVehicle& vehicle, const std::string& unit, bool with_sigma) {
+  return format_with_sigma(vehicle.range, with_sigma ? vehicle.range_sigma : 0.0) + " " + unit;
 }
 
 Color patch_color(PatchKind kind) {

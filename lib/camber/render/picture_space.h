@@ -20,14 +20,16 @@ inline constexpr Color kPaper{255, 255, 255, 1.0};
 
 /// A vehicle as pictures draw it, picture frame.
 struct PlacedVehicle {
-  int id = 0;
-  std::string name;  ///< "car 3"
+  int id = 0;        ///< in its frame
+  int number = 0;    ///< over all frames: VehicleNumbers
+  std::string name;  ///< "car 3", by the number
   Status status = Status::kOk;
   OrientedBox box;
   bool wireframe = false;
   std::array<Eigen::Vector3d, kNumKeypoints> keypoints{};
   Eigen::Matrix3d center_covariance = Eigen::Matrix3d::Zero();  ///< m^2; zero: not stated
-  double range = 0.0;  ///< m from its camera to the bottom centre
+  double range = 0.0;        ///< m from its camera to the bottom centre
+  double range_sigma = 0.0;  ///< m; 0: not stated
   /// The ground under it, from half a metre outside its footprint; empty: not known.
   std::vector<Eigen::Vector3d> ground;
 };
@@ -99,7 +101,13 @@ std::string content_summary(const PictureContent& content, const PictureSpace& s
 /// The same hue, darker, for lines on white. @param share  of the brightness, [0, 1].
 Color darker(const Color& color, double share);
 
+/// By its number; grey where its position is not observable.
+Color vehicle_color(Status status, int number);
 Color vehicle_color(const PlacedVehicle& vehicle);
+
+/// "27.7 m", with its standard deviation "27.7 ± 0.3 m" where that is wanted and stated.
+std::string range_text(const PlacedVehicle& vehicle, const std::string& unit, bool with_sigma);
+
 Color patch_color(PatchKind kind);
 
 /// Throws std::invalid_argument "picture option NAME: found, expected" outside [low, high].

@@ -95,7 +95,9 @@ struct ScenePictureOptions {
   double elevation =
       24.0 *
       0.017453292519943295;  ///< rad, of the oblique view's eye above the content, (0, pi / 2)
-  FreeView free_view;        ///< for SceneView::kFree
+  /// Oblique view of a turntable: from every azimuth at the same distance, which keeps all in view.
+  bool turning = false;
+  FreeView free_view;  ///< for SceneView::kFree
   PointColor color;
 
   // What the scene is made of.
@@ -139,7 +141,8 @@ struct BevPictureOptions {
   bool show_links = false;
   bool show_vehicles = true;
   bool show_truth = true;
-  bool show_cameras = true;  ///< the path and the field of view
+  bool show_cameras = true;    ///< the path and the field of view
+  bool show_ellipses = false;  ///< of the vehicles' positions (1 sigma), and the distances' sigmas
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
@@ -156,8 +159,9 @@ Image render_scene_picture(const PictureContent& content, const ScenePictureOpti
                            RenderRecord* record = nullptr);
 
 /// The same from above, ahead pointing right: metric grid with axes in metres, road points coloured
-/// by height, patch outlines, footprints with ids and 95 % ellipses of the position (chi-square,
-/// two degrees of freedom), true footprints in red, the camera with its field of view, colour bar.
+/// by height, patch outlines, footprints with numbers (VehicleNumbers), on request with the 1 sigma
+/// ellipses of their positions, true footprints in red, the camera with its field of view, colour
+/// bar.
 /// Needs no rendering back end. Same input, same pixels.
 /// @throws std::invalid_argument for bad options; NoAnswerError if there is nothing finite to show.
 Image render_bev_picture(const PictureContent& content, const BevPictureOptions& options = {});

@@ -97,6 +97,7 @@ std::string plots_svg(const PlotSheet& sheet, const PlotStyle& style, bool stand
   const Layout layout = lay_out(sheet, style);
   SvgPaper paper;
   draw(paper, sheet, layout, style);
+  for (const Panel& panel : layout.panels) panel.draw_hover(paper);
   const std::string size = std::to_string(style.width) + " " + std::to_string(layout.height);
   return std::string("<svg") + (standalone ? " xmlns=\"http://www.w3.org/2000/svg\"" : "") +
          " viewBox=\"0 0 " + size +

@@ -32,6 +32,8 @@ struct PlotSeries {
   int marker = 0;            ///< of points: 0 disc, 1 square, 2 triangle, 3 diamond, then again
   double marker_size = 1.0;  ///< of points, times the usual
   Image image;               ///< 3 channels, rows from the top
+  /// Of lines in SVG: what pointing at each place tells; empty or as many as `x`.
+  std::vector<std::string> hover;
 };
 
 struct PlotAxis {

@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/version.hpp>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
@@ -20,11 +22,13 @@
 #include "camber/core/version.h"
 #include "camber/render/base64.h"
 #include "camber/render/color_map.h"
+#include "camber/render/detail/report_html.h"
 #include "camber/render/gltf.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/plot.h"
 #include "camber/render/report_viewer.h"
 #include "camber/render/result_plots.h"
+#include "camber/render/vehicle_numbers.h"
 #include "camber/render/wireframe.h"
 #include "camber/road/road_profile.h"
 #include "camber/scene/findings.h"
@@ -33,32 +37,15 @@ namespace camber {
 namespace {
 
 namespace fs = std::filesystem;
+using detail::escape;
+using detail::number;
+using detail::row;
+using detail::status_cell;
+using detail::table;
+using detail::with_margin;
 using nlohmann::json;
 
 constexpr double kDegrees = 180.0 / M_PI;
-
-std::string escape(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 std::string read_bytes(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
@@ -68,53 +55,58 @@ std::string read_bytes(const fs::path& path) {
   return out.str();
 }
 
-std::string number(double value, int decimals) {
-  return std::isfinite(value) ? format_number(value, decimals) : "&ndash;";
-}
-
-/// "1.23 &plusmn; 0.04": a value with its 95 % margin.
-std::string with_margin(double value, double sigma, int decimals) {
-  std::string out = number(value, decimals);
-  if (std::isfinite(value) && std::isfinite(sigma) && sigma > 0.0) {
-    out += " <span class=m>&plusmn; " + number(1.96 * sigma, decimals) + "</span>";
-  }
-  return out;
-}
-
-std::string status_cell(Status status, const std::string& reason) {
-  const std::string word(to_string(status));
-  std::string out = "<td class=\"s " + word + "\">" + (status == Status::kOk ? "" : "&#9888; ");
-  out += word == "not_observable" ? "not observable" : word;
-  if (!reason.empty()) out += "<br><small>" + escape(reason) + "</small>";
-  return out + "</td>";
-}
-
-std::string row(const std::vector<std::string>& cells) {
-  std::string out = "<tr>";
-  for (const std::string& cell : cells) {
-    out += cell.rfind("<td", 0) == 0 ? cell : "<td>" + cell + "</td>";
-  }
-  return out + "</tr>\n";
-}
-
-std::string table(const std::vector<std::string>& heads, const std::string& rows) {
-  std::string out = "<div class=t><table><thead><tr>";
-  for (const std::string& head : heads) out += "<th>" + head + "</th>";
-  return out + "</tr></thead><tbody>\n" + rows + "</tbody></table></div>\n";
-}
-
 /// Larger pictures of a camera go in as JPEG, with a sixth of the bytes.
 constexpr std::size_t kLargePhoto = 200000;
 
-std::string figure(const fs::path& file, const std::string& caption, bool photo) {
+/// An image with areas that answer to pointing.
+/// @param places  HTML of the areas, relative to the image
+std::string figure(const fs::path& file, const std::string& caption, bool photo,
+                   const std::string& places = {}) {
   std::string bytes = read_bytes(file), type = "png";
   if (photo && bytes.size() > kLargePhoto) {
     bytes = encode_jpeg(read_color_image(file), 90);
     type = "jpeg";
   }
-  return std::string("<figure><div class=\"p") + (photo ? "" : " drawn") + "\"><img alt=\"" +
-         escape(caption) + "\" src=\"data:image/" + type + ";base64," + base64(bytes) +
-         "\"></div><figcaption>" + escape(caption) + "</figcaption></figure>\n";
+  return std::string("<figure class=answers><div class=\"p") + (photo ? "" : " drawn") +
+         "\"><div class=at><img alt=\"" + escape(caption) + "\" src=\"data:image/" + type +
+         ";base64," + base64(bytes) + "\">" + places + "</div></div>" +
+         (places.empty() ? "" : "<output class=said></output>") + "<figcaption>" + escape(caption) +
+         "</figcaption></figure>\n";
+}
+
+/// Areas over a frame's image, one a vehicle: its detection box, with what is known of it.
+std::string vehicle_places(const PictureContent& picture, int id, const std::string& unit) {
+  std::string out;
+  if (!picture.vehicles || !picture.camera) return out;
+  const double w = picture.camera->width, h = picture.camera->height;
+  const VehicleNumbers numbers(*picture.vehicles);
+  for (const VehicleFrame& frame : picture.vehicles->frames) {
+    if (frame.id != id) continue;
+    for (const VehicleEstimate& v : frame.vehicles) {
+      const Box2 box = v.box.clipped(picture.camera->width, picture.camera->height);
+      if (!(box.width() > 0.0) || !(box.height() > 0.0)) continue;
+      std::string told = vehicle_name(v, numbers.of(frame.id, v)) + " (id " + std::to_string(v.id) +
+                         " of frame " + std::to_string(frame.id) + "): ";
+      if (has_box(v)) {
+        told +=
+            format_with_sigma(v.pose.bottom_center().norm(), range_sigma(v)) + " " + unit + ", ";
+      }
+      told += v.status == Status::kNotObservable ? "not observable" : to_string(v.status);
+      if (!v.reason.empty()) told += ", " + v.reason;
+      if (!v.plane_source.empty()) {
+        told += "; on " + v.plane_source;
+        if (std::isfinite(v.plane_sigma_height)) {
+          told += ", height ± " + format_number(v.plane_sigma_height, 3) + " " + unit;
+        }
+      }
+      out += "<span class=hit tabindex=0 style=\"left:" + number(100.0 * box.x1 / w, 2) +
+             "%;top:" + number(100.0 * box.y1 / h, 2) +
+             "%;width:" + number(100.0 * box.width() / w, 2) +
+             "%;height:" + number(100.0 * box.height() / h, 2) + "%\" title=\"" + escape(told) +
+             "\"></span>";
+    }
+  }
+  return out;
 }
 
 /// A page holds at most so many overlays besides the shown frame's.
@@ -141,8 +133,9 @@ std::string overlay_caption(const PictureContent& picture, const std::string& un
 
 /// A plot twice: as wide as the page, and with larger words for narrow screens.
 std::string plot_figure(const PlotSheet& sheet) {
-  return "<div class=wide>" + plots_svg(sheet, {760, 230, 16.5}, false) +
-         "</div><div class=narrow>" + plots_svg(sheet, {380, 210, 15.0}, false) + "</div>\n";
+  return "<div class=answers><div class=wide>" + plots_svg(sheet, {760, 230, 16.5}, false) +
+         "</div><div class=narrow>" + plots_svg(sheet, {380, 210, 15.0}, false) +
+         "</div><output class=said></output></div>\n";
 }
 
 /// Height, grade and cross slope along the driven line, where the surface covers some of it.
@@ -165,8 +158,8 @@ std::string profile_section(const RoadSurface& surface) {
   try {
     const PlotSheet sheet = profile_plots(road_profile(surface, line, options), surface.metric, {});
     return "<h2>Profile along the driven line</h2>\n" + plot_figure(sheet) +
-           "<p class=n>The bands hold the road with a probability of 95 %, by the covariance of "
-           "the patches." +
+           "<p class=n>Point at a curve to read it. The bands are one standard deviation, by the "
+           "covariance of the patches." +
            (surface.frame == "camera" ? " Heights count from the camera of the reference frame."
                                       : "") +
            "</p>\n";
@@ -198,7 +191,7 @@ std::string patch_section(const RoadSurface& surface, const std::string& unit) {
                              std::hypot(std::sqrt(cov(1, 1)), surface.level_sigma) * kDegrees, 2),
                  with_margin(patch.bank * kDegrees,
                              std::hypot(std::sqrt(cov(0, 0)), surface.level_sigma) * kDegrees, 2),
-                 "<span class=m>&plusmn; " + number(1.96 * std::sqrt(cov(2, 2)), 3) + "</span>",
+                 "<span class=m>&plusmn; " + number(std::sqrt(cov(2, 2)), 3) + "</span>",
                  std::to_string(patch.inliers),
                  patch.refinement.empty() ? "&ndash;" : escape(patch.refinement)});
   }
@@ -214,39 +207,47 @@ std::string patch_section(const RoadSurface& surface, const std::string& unit) {
                 surface.patches.size() > kLongTable);
 }
 
+/// "car 3" beside a patch of its colour.
+std::string vehicle_cell(const VehicleEstimate& vehicle, int number) {
+  const Color color = vehicle_color(vehicle.status, number);
+  char hex[8];
+  std::snprintf(hex, sizeof hex, "#%02x%02x%02x", color.red, color.green, color.blue);
+  return std::string("<i class=k style=\"background:") + hex + "\"></i>" +
+         escape(vehicle_name(vehicle, number));
+}
+
 /// @param shown  id of the frame that is open where frames are many.
 std::string vehicle_section(const VehicleDocument& document, int shown, const std::string& unit) {
   std::string out;
+  const VehicleNumbers numbers(document);
   for (const VehicleFrame& frame : document.frames) {
     std::string rows;
     for (const VehicleEstimate& v : frame.vehicles) {
+      const std::string name = vehicle_cell(v, numbers.of(frame.id, v));
       if (!has_box(v)) {
-        rows += row({std::to_string(v.id), escape(v.vehicle_class), status_cell(v.status, v.reason),
-                     "&ndash;", "&ndash;", "&ndash;", "&ndash;", "&ndash;", "&ndash;"});
+        rows += row({name, std::to_string(v.id), status_cell(v.status, v.reason), "&ndash;",
+                     "&ndash;", "&ndash;", "&ndash;", "&ndash;", "&ndash;"});
         continue;
       }
       const Eigen::Vector3d bottom = v.pose.bottom_center();
-      const Eigen::Vector3d ray = bottom.normalized();
-      const double sigma_range =
-          std::sqrt(std::max(0.0, (ray.transpose() * v.covariance.topLeftCorner<3, 3>() * ray)(0)));
       const double sigma_yaw = std::sqrt(std::max(0.0, v.covariance(4, 4)));
       const Dimensions& d = v.pose.dimensions;
       rows +=
-          row({std::to_string(v.id), escape(v.vehicle_class), status_cell(v.status, v.reason),
-               with_margin(bottom.norm(), sigma_range, 2),
+          row({name, std::to_string(v.id), status_cell(v.status, v.reason),
+               with_margin(bottom.norm(), range_sigma(v), 2),
                number(bottom.x(), 2) + " " + number(bottom.y(), 2) + " " + number(bottom.z(), 2),
                with_margin(rotation_y(v.pose.camera_from_vehicle.rotation_matrix()) * kDegrees,
                            sigma_yaw * kDegrees, 1),
                number(d.length, 2) + " &times; " + number(d.width, 2) + " &times; " +
                    number(d.height, 2),
                escape(v.plane_source) + " <span class=m>&plusmn; " +
-                   number(1.96 * v.plane_sigma_height, 3) + "</span>",
+                   number(v.plane_sigma_height, 3) + "</span>",
                number(v.reprojection_rmse_px, 1)});
     }
     if (rows.empty()) continue;
     const std::string title = "Frame " + std::to_string(frame.id);
     const std::string all =
-        table({"id", "class", "status", "distance (" + unit + ")", "bottom centre (" + unit + ")",
+        table({"vehicle", "id", "status", "distance (" + unit + ")", "bottom centre (" + unit + ")",
                "rotation_y (&deg;)", "l &times; w &times; h (" + unit + ")",
                "ground (" + unit + ")", "reprojection (px)"},
               rows);
@@ -258,7 +259,10 @@ std::string vehicle_section(const VehicleDocument& document, int shown, const st
   if (!document.detections_source.empty()) {
     head += ", detections: " + escape(document.detections_source);
   }
-  return head + ". Margins are 95 %.</p>\n" + out;
+  return head +
+         ". A vehicle has one number over all frames, its track, and so one colour in all "
+         "pictures; the id is its own in each frame of vehicles.json.</p>\n" +
+         out;
 }
 
 /// A JSON value as text for a table of options or metrics; nested objects become dotted names.
@@ -356,6 +360,23 @@ std::string libraries(const RunDocument& run) {
   return out;
 }
 
+/// What is not ok, why, and which option would change it; nothing for a complete run.
+std::string shortcoming_section(const PictureContent& picture) {
+  if (!picture.run) return {};
+  std::string rows;
+  for (const Shortcoming& s : shortcomings(*picture.run, picture.surface, picture.vehicles)) {
+    rows += row(
+        {escape(s.what),
+         s.status.empty() ? "&ndash;"
+                          : escape(s.status == "not_observable" ? "not observable" : s.status),
+         "<td class=w>" + escape(s.reason) + "</td>", "<td class=w>" + escape(s.remedy) + "</td>"});
+  }
+  if (rows.empty()) return {};
+  const std::string all = table({"what", "status", "reason", "options that would change it"}, rows);
+  return "<details open id=shortcomings><summary>What is missing, weak or was not used</summary>" +
+         all + "</details>\n";
+}
+
 std::string run_section(const RunDocument& run) {
   std::string out = "<h2>Run</h2>\n";
   double total = 0.0, longest = 0.0;
@@ -410,6 +431,8 @@ h1{font-size:1.7rem;margin:.4em 0 .1em}h2{font-size:1.25rem;margin:2em 0 .5em;bo
 figure{margin:1rem 0}img{max-width:100%;height:auto;display:block;border:1px solid #e3e6ea}figcaption,.n{color:#555c66;font-size:.9rem}
 .t{overflow-x:auto}table{border-collapse:collapse;font-size:.87rem;font-variant-numeric:tabular-nums}th,td{padding:.25em .7em;text-align:left;border-bottom:1px solid #e3e6ea;vertical-align:top;white-space:nowrap}td code,td small{white-space:normal}th{color:#555c66;font-weight:600;white-space:normal;vertical-align:bottom}
 .m{color:#555c66;white-space:nowrap}code{font-size:.85em;overflow-wrap:anywhere}.s{white-space:nowrap}.s small{white-space:normal}.weak,.not_observable,.failed{color:#8a4b00}
+.w{white-space:normal;min-width:12em}.k{display:inline-block;width:.8em;height:.8em;margin-right:.4em;border:1px solid #0004}
+.at{position:relative;width:max-content;max-width:100%}.drawn .at{max-width:none;width:auto}.at .hit{position:absolute;border:2px solid transparent;border-radius:2px}.at .hit:hover,.at .hit:focus{border-color:#c0007a;background:#ffffff30;outline:none}svg .hit:hover{fill-opacity:.1}.said,#viewsaid{display:block;min-height:1.5em;font-size:.9rem;white-space:pre-line;font-variant-numeric:tabular-nums}
 .bar{width:14em;min-width:6em}.bar i{display:block;height:.9em;margin-top:.25em;background:#3b6ea5;print-color-adjust:exact;-webkit-print-color-adjust:exact}
 svg{width:100%;max-width:760px;height:auto;display:block;margin:.5rem 0}.narrow{display:none}.p{overflow-x:auto}
 @media screen and (max-width:600px){.wide{display:none}.narrow{display:block}.drawn img{max-width:none;width:max(100%,640px)}}
@@ -452,12 +475,17 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
       "<meta name=viewport content=\"width=device-width,initial-scale=1\"><title>" +
       escape(title) + " - Camber</title><style>" + kStyle + "</style></head><body>\n";
   out += "<h1>" + escape(title) + "</h1>\n";
-  const PictureSpace space = make_picture_space(picture, true, {});
-  std::string summary = content_summary(picture, space);
-  if (picture.run && metric && picture.run->scale_sigma > 0.0) {
-    summary += "; scale known to " + number(196.0 * picture.run->scale_sigma, 1) + " % (95 %)";
+  std::optional<PictureSpace> space;  // none: there is nothing to draw, and the page says why
+  std::string summary;
+  try {
+    space = make_picture_space(picture, true, {});
+    summary = content_summary(picture, *space);
+  } catch (const NoAnswerError& nothing) {
+    summary = nothing.what();
   }
   if (!metric) summary += "; up to scale";
+  summary += ". ± is one standard deviation (1 sigma) on all of this page; lengths are in " +
+             std::string(metric ? "metres" : "units of the result") + ", angles in degrees.";
   if (picture.run) {
     std::string text;
     for (const Finding& finding : findings(*picture.run, picture.surface, picture.vehicles)) {
@@ -466,6 +494,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
     out += "<p>" + escape(text) + "</p>\n";
   }
   out += "<p class=n>" + escape(summary) + "</p>\n";
+  out += shortcoming_section(picture);
 
   if (!content.picture_folder.empty()) {
     std::error_code error;
@@ -483,19 +512,20 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
       return path.filename() == wanted;
     });
     if (shown != overlays.end()) {
-      out += figure(
-          *shown, "Frame " + std::to_string(picture.frame) + overlay_caption(picture, unit), true);
+      out +=
+          figure(*shown, "Frame " + std::to_string(picture.frame) + overlay_caption(picture, unit),
+                 true, vehicle_places(picture, picture.frame, unit));
     }
     if (fs::exists(content.picture_folder / "scene.png", error)) {
       out += figure(content.picture_folder / "scene.png",
-                    space.truth.empty() ? "The reconstruction in 3D and from the side"
-                                        : "The reconstruction in 3D and from the side; true boxes "
-                                          "in red",
+                    !space || space->truth.empty()
+                        ? "The reconstruction in 3D and from the side"
+                        : "The reconstruction in 3D and from the side; true boxes "
+                          "in red",
                     false);
     }
     if (fs::exists(content.picture_folder / "bev.png", error)) {
-      out += figure(content.picture_folder / "bev.png",
-                    "From above, with 95 % ellipses of the vehicles' positions", false);
+      out += figure(content.picture_folder / "bev.png", "From above", false);
     }
     if (shown != overlays.end()) overlays.erase(shown);
     std::string others;
@@ -503,7 +533,9 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
     std::size_t drawn = 0;
     for (std::size_t i = 0; i < overlays.size(); i += step, ++drawn) {
       const std::string name = overlays[i].stem().string();
-      others += figure(overlays[i], "Frame " + frame_number(name), true);
+      const std::string frame = frame_number(name);
+      others += figure(overlays[i], "Frame " + frame, true,
+                       vehicle_places(picture, std::atoi(frame.c_str()), unit));
     }
     if (!others.empty()) {
       out += "<details><summary>Overlays of " +
@@ -513,14 +545,15 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
              " other frames</summary>\n" + others + "</details>\n";
     }
   }
-  if (options.embed_3d) {
+  if (options.embed_3d && space) {
     GltfOptions gltf;
     gltf.max_points = options.max_points;
+    gltf.point_facts = true;
     out +=
-        "<div id=viewbar></div><canvas id=view></canvas><p class=n id=viewnote hidden>Drag to "
-        "turn, "
-        "with the right button or two fingers to move, wheel or pinch to come nearer, double click "
-        "to start over.</p>\n"
+        "<div id=viewbar></div><canvas id=view></canvas><output id=viewsaid></output>"
+        "<p class=n id=viewnote hidden>Click a vehicle, a patch, a point or a camera to read what "
+        "is known of it. Drag to turn, with the right button or two fingers to move, wheel or "
+        "pinch to come nearer, double click to start over.</p>\n"
         "<script type=\"application/octet-stream\" id=glb>" +
         base64(encode_glb(picture, gltf)) + "</script>\n<script>" + kReportViewer + "</script>\n";
   }
@@ -536,8 +569,9 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
          (of_camera ? "camera of the reference frame, x right, y down, z ahead, except for "
                       "vehicles, which are in the camera of their own frame."
                     : "those of the input.") +
-         "</p>\n</body></html>\n";
-  return out;
+         "</p>\n";
+  if (options.embed_3d) out += std::string("<script>") + kReportAnswers + "</script>\n";
+  return out + "</body></html>\n";
 }
 
 void write_report(const ReportContent& content, const fs::path& path,

@@ -6,4 +6,7 @@ namespace camber {
 /// it with WebGL 2. Where the browser has none the page stays as it is.
 extern const char* const kReportViewer;
 
+/// The script by which figures answer to pointing: an area of class "hit" writes its title below.
+extern const char* const kReportAnswers;
+
 }  // namespace camber

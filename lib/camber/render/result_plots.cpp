@@ -1,6 +1,7 @@
 #include "camber/render/result_plots.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -12,7 +13,7 @@
 namespace camber {
 namespace {
 
-constexpr double kMargin = 1.96;  // 95 % of a normal distribution, in sigmas
+constexpr double kDegrees = 180.0 / M_PI;
 constexpr std::size_t kManyVehicles = 12;
 constexpr int kLongGap = 20;  // frames
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -25,12 +26,19 @@ PlotSeries line(const std::string& name, const Color& color) {
 }
 
 Plot profile_panel(const std::vector<ProfilePoint>& profile, double ProfilePoint::*value,
-                   double ProfilePoint::*sigma, double factor, const std::string& title,
-                   const Color& color) {
-  PlotSeries band = line("95 %", color.with_alpha(0.25)), curve = line("estimate", color);
+                   double ProfilePoint::*sigma, bool slope, const std::string& title,
+                   const std::string& unit, const std::string& length_unit, const Color& color) {
+  PlotSeries band = line("± 1 sigma", color.with_alpha(0.25)), curve = line("estimate", color);
   band.kind = PlotSeries::Kind::kBand;
+  const int decimals = slope ? 2 : 3;
   for (const ProfilePoint& p : profile) {
-    const double v = factor * p.*value, margin = kMargin * factor * p.*sigma;
+    const double raw = p.*value;
+    const double v = slope ? kDegrees * std::atan(raw) : raw;
+    const double margin = p.*sigma * (slope ? kDegrees / (1.0 + raw * raw) : 1.0);
+    std::string told =
+        format_number(p.station, 1) + " " + length_unit + ": " + format_number(v, decimals);
+    if (std::isfinite(margin)) told += " ± " + format_number(margin, decimals);
+    curve.hover.push_back(title + " at " + told + " " + unit);
     curve.x.push_back(p.station);
     curve.y.push_back(v);
     band.x.push_back(p.station);
@@ -156,7 +164,7 @@ PlotSeries true_depth_curve(const std::map<int, double>& depths, const Timeline&
   return curve;
 }
 
-/// One vehicle's estimated depths with bars of 95 %.
+/// One vehicle's estimated depths with bars of 1 sigma.
 /// @param shift  along the time axis
 PlotSeries estimated_depths(const std::vector<VehicleError>& errors, int id,
                             const Timeline& timeline, double shift) {
@@ -172,7 +180,7 @@ PlotSeries estimated_depths(const std::vector<VehicleError>& errors, int id,
     before = error.frame;
     points.x.push_back(timeline.when(error.frame) + shift);
     points.y.push_back(error.depth);
-    const double margin = kMargin * error.depth_sigma;
+    const double margin = error.depth_sigma;
     points.low.push_back(std::isfinite(margin) ? error.depth - margin : error.depth);
     points.high.push_back(std::isfinite(margin) ? error.depth + margin : error.depth);
   }
@@ -219,7 +227,7 @@ void add_estimates(const EvaluatedScene& method, const Color& color, const TrueD
   const std::string name = method.method.empty()
                                ? "estimate"
                                : method_label(method.method, method.preset, method.paper_terms);
-  marks[1].name = name + ", bars: 95 %";
+  marks[1].name = name + ", bars: ± 1 sigma";
   const auto beyond =
       std::count_if(method.metrics.vehicles.begin(), method.metrics.vehicles.end(),
                     [&](const VehicleError& error) { return error.depth > *plot->y.high; });
@@ -237,21 +245,24 @@ PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
   if (!known) throw NoAnswerError("profile: no station of the line is covered by the surface");
   PlotSheet sheet;
   sheet.title = title;
-  Plot height = profile_panel(profile, &ProfilePoint::height, &ProfilePoint::sigma_height, 1.0,
-                              "Height", plot_color(0));
+  Plot height = profile_panel(profile, &ProfilePoint::height, &ProfilePoint::sigma_height, false,
+                              "Height", unit, unit, plot_color(0));
   height.y.title = "height, " + unit;
   sheet.panels.push_back(height);
   const auto add = [&](double ProfilePoint::*value, double ProfilePoint::*sigma,
-                       const std::string& name, const std::string& axis, int color) {
+                       const std::string& name, const std::string& sense, int color) {
     const bool any = std::any_of(profile.begin(), profile.end(),
                                  [&](const ProfilePoint& p) { return std::isfinite(p.*value); });
     if (!any) return;
-    sheet.panels.push_back(profile_panel(profile, value, sigma, 100.0, name, plot_color(color)));
-    sheet.panels.back().y.title = axis;
+    sheet.panels.push_back(
+        profile_panel(profile, value, sigma, true, name, "deg", unit, plot_color(color)));
+    sheet.panels.back().title += sense;
+    sheet.panels.back().y.title = name + ", deg";
+    sheet.panels.back().y.title[0] = static_cast<char>(std::tolower(name[0]));
   };
-  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade (positive: climbs)", "grade, %", 2);
-  add(&ProfilePoint::cross_slope, &ProfilePoint::sigma_cross_slope,
-      "Cross slope (bank; positive: left side up)", "cross slope, %", 3);
+  add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade", " (positive: climbs)", 2);
+  add(&ProfilePoint::cross_slope, &ProfilePoint::sigma_cross_slope, "Cross slope",
+      " (bank; positive: left side up)", 3);
   for (Plot& panel : sheet.panels) {
     panel.x.title = "distance along the line, " + unit;
     panel.x.low = profile.front().station;

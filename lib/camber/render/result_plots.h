@@ -11,7 +11,8 @@
 
 namespace camber {
 
-/// Height, grade and cross slope along a road, each with a band of 95 % (1.96 sigma).
+/// Height, grade and cross slope along a road, each with a band of one standard deviation; slopes
+/// in degrees.
 /// @throws NoAnswerError if no station is covered.
 PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
                         const std::string& title);
@@ -31,8 +32,8 @@ enum class PlottedError {
 /// @throws NoAnswerError if no method has an error.
 PlotSheet error_plots(const std::vector<EvaluatedScene>& scenes, PlottedError which);
 
-/// Depth of each true vehicle's centre over time, true (red) and estimated with 95 % bars; a panel
-/// a method.
+/// Depth of each true vehicle's centre over time, true (red) and estimated with bars of 1 sigma; a
+/// panel a method.
 /// @param methods  results for one scene, one a method.
 /// @param times    seconds by frame id; empty: over the frames' ids.
 /// @throws NoAnswerError if no vehicle is matched.

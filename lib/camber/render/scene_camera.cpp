@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -89,6 +90,39 @@ std::vector<Eigen::Vector3d> content_corners(const PictureSpace& space, const Sc
     for (const double y : {grid.y1, grid.y2}) points.emplace_back(middle_x, y, grid.z);
   }
   return points;
+}
+
+std::vector<Eigen::Vector3d> swept_all_around(const std::vector<Eigen::Vector3d>& points,
+                                              double top) {
+  if (points.empty()) return {};
+  Eigen::Vector3d low = points[0], high = points[0];
+  for (const Eigen::Vector3d& p : points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const Eigen::Vector2d middle = 0.5 * (low + high).head<2>();
+  high.z() = std::max(high.z(), top);
+  // The largest radius in each of some layers, at the heights of both ends of the layer.
+  constexpr int kLayers = 16, kDirections = 72;
+  const double thickness = std::max((high.z() - low.z()) / kLayers, 1e-9);
+  std::array<double, kLayers> radius{};
+  for (const Eigen::Vector3d& p : points) {
+    const int layer = std::clamp(static_cast<int>((p.z() - low.z()) / thickness), 0, kLayers - 1);
+    double& largest = radius[static_cast<std::size_t>(layer)];
+    largest = std::max(largest, (p.head<2>() - middle).norm());
+  }
+  std::vector<Eigen::Vector3d> out;
+  for (int layer = 0; layer < kLayers; ++layer) {
+    const double r = radius[static_cast<std::size_t>(layer)];
+    for (int k = 0; k < kDirections; ++k) {
+      const double angle = 2.0 * M_PI * k / kDirections;
+      for (const int end : {layer, layer + 1}) {
+        out.emplace_back(middle.x() + r * std::cos(angle), middle.y() + r * std::sin(angle),
+                         low.z() + end * thickness);
+      }
+    }
+  }
+  return out;
 }
 
 SceneCamera oblique_camera(double azimuth, double elevation, int width, int height) {

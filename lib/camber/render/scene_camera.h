@@ -49,6 +49,12 @@ void fit_camera(const std::vector<Eigen::Vector3d>& points, const Box2& free, Sc
 std::vector<Eigen::Vector3d> content_corners(const PictureSpace& space, const SceneGrid& grid,
                                              bool side);
 
+/// What the points sweep when they are turned about the vertical through their middle: fitted to
+/// that, a camera keeps its distance and all of the scene in view from every side.
+/// @param top  height that shall be seen too, above the points' middle, m
+std::vector<Eigen::Vector3d> swept_all_around(const std::vector<Eigen::Vector3d>& points,
+                                              double top);
+
 /// Whether the side view of a map looks north, with its x axis to the right.
 bool side_looks_north(const PictureSpace& space);
 

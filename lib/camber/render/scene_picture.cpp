@@ -295,7 +295,16 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
   const double bottom = height - 0.6 * text - legend_height(legend_rows, text);
   const Box2 free{(grid_shown ? 4.0 : 2.5) * text, top + (grid_shown ? 1.2 * text : 0.0),
                   width - panel - (grid_shown ? 1.5 * text : 0.0), bottom - 1.7 * text};
-  if (fitted) fit_camera(content_corners(space, grid, false), free, &view);
+  if (fitted) {
+    std::vector<Eigen::Vector3d> corners = content_corners(space, grid, false);
+    if (drawing.options.turning) {
+      for (const double x : {grid.x1, grid.x2}) {  // where the height axis may stand
+        for (const double y : {grid.y1, grid.y2}) corners.emplace_back(x, y, space.up.high);
+      }
+      corners = swept_all_around(corners, space.up.high);
+    }
+    fit_camera(corners, free, &view);
+  }
   Image image = draw_content(drawing, view, grid, unit);
   Canvas canvas(image);
   std::vector<Box2> taken;

@@ -63,7 +63,7 @@ Finding find_scale(const RunDocument& run) {
   }
   std::string out = "Lengths are in metres";
   if (run.scale_sigma > 0.0) {
-    out += fmt::format(", known to {:.1f} % with 95 % probability", 196.0 * run.scale_sigma);
+    out += fmt::format(", known to {:.1f} % (1 sigma)", 100.0 * run.scale_sigma);
   }
   if (!sources.empty()) out += " (" + sources + ")";
   out += ".";
@@ -101,6 +101,107 @@ Finding find_vehicles(const VehicleDocument& document) {
 }
 
 }  // namespace
+
+namespace {
+
+const char* const kMoreFrames =
+    "--frames with more frames, or with frames farther apart; --segmenter, or road masks in the "
+    "scene, where the road is not told from what surrounds it";
+
+/// "1, 2, 5", the first dozen of them.
+std::string listed(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = 12;
+  std::string out;
+  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) {
+    out += (i > 0 ? ", " : "") + names[i];
+  }
+  if (names.size() > kMost) out += fmt::format(" and {} more", names.size() - kMost);
+  return out;
+}
+
+/// Things with the same status and reason on one line, by their order.
+class Grouped {
+ public:
+  void add(const std::string& name, Status status, const std::string& reason) {
+    if (status == Status::kOk) return;
+    const auto found = std::find_if(groups_.begin(), groups_.end(), [&](const Group& group) {
+      return group.status == status && group.reason == reason;
+    });
+    Group& group = found != groups_.end() ? *found : groups_.emplace_back();
+    group.status = status;
+    group.reason = reason;
+    group.names.push_back(name);
+  }
+  void append_to(std::vector<Shortcoming>* out, const std::string& kind,
+                 const std::string& remedy) const {
+    for (const Group& group : groups_) {
+      out->push_back(
+          {kind + listed(group.names), std::string(to_string(group.status)), group.reason, remedy});
+    }
+  }
+
+ private:
+  struct Group {
+    Status status = Status::kOk;
+    std::string reason;
+    std::vector<std::string> names;
+  };
+  std::vector<Group> groups_;
+};
+
+}  // namespace
+
+std::vector<Shortcoming> shortcomings(const RunDocument& run, const RoadSurface* surface,
+                                      const VehicleDocument* vehicles) {
+  std::vector<Shortcoming> out;
+  if (!run.metric || run.scale_status == Status::kWeak ||
+      run.scale_status == Status::kNotObservable || run.scale_status == Status::kFailed) {
+    out.push_back({"scale", std::string(to_string(run.scale_status)), run.scale_reason,
+                   "of camber import: --height, the camera's height above the road; --speed; "
+                   "--poses. Sources that know nothing of each other make it better known."});
+  }
+  for (const ConstraintReport& constraint : run.constraints) {
+    // A source of which nothing was measured is no shortcoming: few scenes have all.
+    const double residual = constraint.residual_sigma;
+    if (constraint.accepted || !std::isfinite(residual) || residual == 0.0) continue;
+    std::string name = constraint.name;
+    std::replace(name.begin(), name.end(), '_', ' ');
+    const std::string reason =
+        fmt::format("{}{}{:.1f} sigma from the others", constraint.reason,
+                    constraint.reason.empty() ? "" : "; ", std::abs(residual));
+    out.push_back({"source of scale or road: " + name, "not used", reason, ""});
+  }
+  if (surface) {
+    if (surface->patches.empty()) {
+      out.push_back({"road", "failed", "no patch was found", kMoreFrames});
+    }
+    Grouped patches;
+    for (const PlanePatch& patch : surface->patches) {
+      patches.add(std::to_string(patch.id), patch.status, patch.reason);
+    }
+    patches.append_to(&out, "patch ", kMoreFrames);
+  }
+  if (vehicles) {
+    Grouped placed;
+    for (const VehicleFrame& frame : vehicles->frames) {
+      for (const VehicleEstimate& vehicle : frame.vehicles) {
+        placed.add(fmt::format("id {} of frame {}", vehicle.id, frame.id), vehicle.status,
+                   vehicle.reason);
+      }
+    }
+    placed.append_to(
+        &out, "vehicle ",
+        "keypoints (camber detect --keypoints shipped) place a vehicle better than its "
+        "box; " +
+            std::string(kMoreFrames));
+  }
+  for (const RunDocument::Warning& warning : run.warnings) {
+    std::string code = warning.code;
+    std::replace(code.begin(), code.end(), '_', ' ');
+    out.push_back({"warning: " + code, "", warning.text, ""});
+  }
+  return out;
+}
 
 std::vector<Finding> findings(const RunDocument& run, const RoadSurface* surface,
                               const VehicleDocument* vehicles) {

@@ -13,6 +13,19 @@ struct Finding {
   bool complete = false;  ///< found, and every status is ok
 };
 
+/// One thing that is missing, weak or not used, and why.
+struct Shortcoming {
+  std::string what;    ///< "scale", "patch 3, 5", "vehicle id 2 of frame 7"
+  std::string status;  ///< "weak", "not_observable", "failed", "not used"; empty: a warning
+  std::string reason;  ///< as the run gives it; may be empty
+  std::string remedy;  ///< options that would change it; may be empty
+};
+
+/// All that is not ok in a run, things of the same status and reason together; empty: complete.
+/// @param surface, vehicles  may be nullptr: nothing is stated of them.
+std::vector<Shortcoming> shortcomings(const RunDocument& run, const RoadSurface* surface,
+                                      const VehicleDocument* vehicles);
+
 /// The road, the scale, the vehicles: what was found, what a status other than ok means, and which
 /// option would give what was not found.
 /// @param surface, vehicles  may be nullptr: nothing is stated of them.

@@ -56,6 +56,8 @@ class Panel {
   void set_scale(double pixels);
 
   void draw(Paper& paper) const;
+  /// Strips to point at, from top to bottom, one a place of a line that has texts for it.
+  void draw_hover(SvgPaper& paper) const;
 
  private:
   double width(const std::string& line) const;

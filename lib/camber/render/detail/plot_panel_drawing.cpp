@@ -296,4 +296,16 @@ void Panel::draw_labels(Paper& paper) const {
   }
 }
 
+void Panel::draw_hover(SvgPaper& paper) const {
+  for (const PlotSeries& s : plot_.series) {
+    for (std::size_t i = 0; i < s.hover.size(); ++i) {
+      if (!std::isfinite(s.x[i]) || !std::isfinite(s.y[i])) continue;
+      const double before = i > 0 ? 0.5 * (s.x[i - 1] + s.x[i]) : s.x[i];
+      const double after = i + 1 < s.x.size() ? 0.5 * (s.x[i] + s.x[i + 1]) : s.x[i];
+      const double left = clamped(before, s.y[i]).x(), right = clamped(after, s.y[i]).x();
+      if (right > left) paper.hover({left, axes_.y1, right, axes_.y2}, s.hover[i]);
+    }
+  }
+}
+
 }  // namespace camber::detail

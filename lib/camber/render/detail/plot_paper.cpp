@@ -144,4 +144,10 @@ std::string SvgPaper::escape(const std::string& text) {
   return out;
 }
 
+void SvgPaper::hover(const Box2& place, const std::string& text) {
+  body += "<rect class=\"hit\" x=\"" + number(place.x1) + "\" y=\"" + number(place.y1) +
+          "\" width=\"" + number(place.width()) + "\" height=\"" + number(place.height()) +
+          "\" fill-opacity=\"0\"><title>" + escape(text) + "</title></rect>\n";
+}
+
 }  // namespace camber::detail

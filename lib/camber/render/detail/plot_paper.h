@@ -53,6 +53,8 @@ class SvgPaper : public Paper {
   void text(const Eigen::Vector2d& at, const std::string& line, double size, TextAnchor anchor,
             bool bold) override;
   void text_upwards(const Eigen::Vector2d& at, const std::string& line, double size) override;
+  /// A clear area of class "hit" with a text for whoever points at it.
+  void hover(const Box2& place, const std::string& text);
 
  private:
   static std::string number(double value);
