@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <initializer_list>
 #include <new>
 #include <stdexcept>
@@ -61,6 +62,18 @@ namespace {
 
 bool is_control(char c) { return (c >= 0 && c < 0x20) || c == 0x7f; }
 
+/// A name that the system does not take. @return the exit code.
+int report_name(const std::filesystem::filesystem_error& error) {
+  constexpr int kShown = 200;  // bytes of a name that may be megabytes long
+  const char* name = error.path1().c_str();
+  std::fputs("camber: ", stderr);
+  for (int i = 0; name[i] && i < kShown; ++i)
+    std::fputc(is_control(name[i]) ? '?' : name[i], stderr);
+  const int reason = error.code().value();
+  std::fprintf(stderr, "%s: %s\n", std::strlen(name) > kShown ? "..." : "", std::strerror(reason));
+  return reason == ENAMETOOLONG || reason == ELOOP || reason == ENOTDIR ? 2 : 3;
+}
+
 }  // namespace
 
 std::string one_line(std::string text) {
@@ -73,6 +86,8 @@ int report_failure(const std::exception& error) {
     std::fputs("camber: out of memory\n", stderr);
     return 3;
   }
+  const auto* const name = dynamic_cast<const std::filesystem::filesystem_error*>(&error);
+  if (name) return report_name(*name);
   const auto* const ours = dynamic_cast<const Error*>(&error);
   std::fputs("camber: ", stderr);
   // OpenCV's messages have several lines.

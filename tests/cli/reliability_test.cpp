@@ -195,6 +195,14 @@ TEST_F(Reliability, AMessageIsOneLineWhateverItNames) {
   }
 }
 
+TEST_F(Reliability, ANameThatTheSystemDoesNotTakeIsAMistakeOfTheCaller) {
+  const std::string name(20000, '9');
+  EXPECT_ONE_SENTENCE(run_camber({"reconstruct", sample(), "--out", name}), 2,
+                      "999...: File name too long");
+  EXPECT_ONE_SENTENCE(run_camber({"evaluate", "--truth", sample(), "--estimate", name}), 2,
+                      "999...: File name too long");
+}
+
 TEST_F(Reliability, NoOutputReplacesAnInput) {
   const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
   const std::string line = path("line.xyz");
