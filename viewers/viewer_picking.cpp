@@ -152,8 +152,11 @@ QString ViewerWindow::Impl::true_place(const PlacedVehicle& placed) const {
 
 QString ViewerWindow::Impl::vehicle_facts(const PlacedVehicle& placed) const {
   const char* unit = space.unit.c_str();
-  QString out = from(placed.name) + text(" in frame %d (id %d there): %s\n", content.frame,
-                                         placed.id, std::string(to_string(placed.status)).c_str());
+  const QString status = from(std::string(to_string(placed.status)));
+  QString out = from(placed.name) + text(" in frame %d", content.frame);
+  // The number in its name is the same in all frames.
+  if (!out.contains(text(" %d in ", placed.id))) out += text(" (id %d there)", placed.id);
+  out += ": " + status + "\n";
   const Dimensions& d = placed.box.dimensions;
   out += text("  %.2f %s from the camera\n", placed.range, unit);
   out += place_text(placed.box.bottom_center());

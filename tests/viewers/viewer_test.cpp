@@ -92,6 +92,10 @@ class Viewer : public testing::Test {
     scene.name = "a road that climbs";
     scene.camera = made.camera;
     scene.truth = made.truth;
+    // Their boxes say which true vehicle an estimate is.
+    const Box2 box{40.0, 20.0, 70.0, 40.0};
+    result.vehicles->frames[0].vehicles[0].box = box;
+    scene.truth->frames[0].vehicles[0].box = box;
     write_png(make_picture(made.camera.width, made.camera.height, 120), path("7.png"));
     SceneFrame frame;
     frame.id = 7;
@@ -172,7 +176,7 @@ TEST_F(Viewer, AClickTellsWhatIsThere) {
   EXPECT_THAT(window_->facts(), StartsWith("car 1 in frame 7: ok"));
   EXPECT_THAT(window_->facts(), HasSubstr("length 4.40, width 1.80, height 1.50 m"));
   // The truth was made 0.5 m to the side and 1 m behind.
-  EXPECT_THAT(window_->facts(), HasSubstr("true centre 1.12 m away"));
+  EXPECT_THAT(window_->facts(), HasSubstr("its centre is 1.12 m away"));
 
   // A road point away from cars and patches.
   std::size_t far = 0;

@@ -32,7 +32,7 @@ struct PlotSeries {
   int marker = 0;            ///< of points: 0 disc, 1 square, 2 triangle, 3 diamond, then again
   double marker_size = 1.0;  ///< of points, times the usual
   Image image;               ///< 3 channels, rows from the top
-  /// Of lines in SVG: what pointing at each place tells; empty or as many as `x`.
+  /// Of lines in SVG: the text shown when each place is pointed at; empty or as many as `x`.
   std::vector<std::string> hover;
 };
 

@@ -85,24 +85,24 @@ std::string vehicle_places(const PictureContent& picture, int id, const std::str
     for (const VehicleEstimate& v : frame.vehicles) {
       const Box2 box = v.box.clipped(picture.camera->width, picture.camera->height);
       if (!(box.width() > 0.0) || !(box.height() > 0.0)) continue;
-      std::string told = vehicle_name(v, numbers.of(frame.id, v)) + " (id " + std::to_string(v.id) +
-                         " of frame " + std::to_string(frame.id) + "): ";
+      std::string facts = vehicle_name(v, numbers.of(frame.id, v)) + " (id " +
+                          std::to_string(v.id) + " of frame " + std::to_string(frame.id) + "): ";
       if (has_box(v)) {
-        told +=
+        facts +=
             format_with_sigma(v.pose.bottom_center().norm(), range_sigma(v)) + " " + unit + ", ";
       }
-      told += v.status == Status::kNotObservable ? "not observable" : to_string(v.status);
-      if (!v.reason.empty()) told += ", " + v.reason;
+      facts += v.status == Status::kNotObservable ? "not observable" : to_string(v.status);
+      if (!v.reason.empty()) facts += ", " + v.reason;
       if (!v.plane_source.empty()) {
-        told += "; on " + v.plane_source;
+        facts += "; on " + v.plane_source;
         if (std::isfinite(v.plane_sigma_height)) {
-          told += ", height ± " + format_number(v.plane_sigma_height, 3) + " " + unit;
+          facts += ", height ± " + format_number(v.plane_sigma_height, 3) + " " + unit;
         }
       }
       out += "<span class=hit tabindex=0 style=\"left:" + number(100.0 * box.x1 / w, 2) +
              "%;top:" + number(100.0 * box.y1 / h, 2) +
              "%;width:" + number(100.0 * box.width() / w, 2) +
-             "%;height:" + number(100.0 * box.height() / h, 2) + "%\" title=\"" + escape(told) +
+             "%;height:" + number(100.0 * box.height() / h, 2) + "%\" title=\"" + escape(facts) +
              "\"></span>";
     }
   }
@@ -475,7 +475,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
       "<meta name=viewport content=\"width=device-width,initial-scale=1\"><title>" +
       escape(title) + " - Camber</title><style>" + kStyle + "</style></head><body>\n";
   out += "<h1>" + escape(title) + "</h1>\n";
-  std::optional<PictureSpace> space;  // none: there is nothing to draw, and the page says why
+  std::optional<PictureSpace> space;  // none: there is nothing to draw, and the page has the reason
   std::string summary;
   try {
     space = make_picture_space(picture, true, {});

@@ -35,10 +35,10 @@ Plot profile_panel(const std::vector<ProfilePoint>& profile, double ProfilePoint
     const double raw = p.*value;
     const double v = slope ? kDegrees * std::atan(raw) : raw;
     const double margin = p.*sigma * (slope ? kDegrees / (1.0 + raw * raw) : 1.0);
-    std::string told =
+    std::string value_here =
         format_number(p.station, 1) + " " + length_unit + ": " + format_number(v, decimals);
-    if (std::isfinite(margin)) told += " ± " + format_number(margin, decimals);
-    curve.hover.push_back(title + " at " + told + " " + unit);
+    if (std::isfinite(margin)) value_here += " ± " + format_number(margin, decimals);
+    curve.hover.push_back(title + " at " + value_here + " " + unit);
     curve.x.push_back(p.station);
     curve.y.push_back(v);
     band.x.push_back(p.station);
