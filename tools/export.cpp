@@ -141,15 +141,22 @@ json export_opendrive(const ExportInputs& in, const SmoothLine& line, const Expo
           {"height_most", road.height_most}};
 }
 
+/// How much of the road is taken, for those that sample it.
+template <typename Options>
+Options strip_of(const ExportArguments& args) {
+  Options out;
+  out.left = args.grid.left;
+  out.right = args.grid.right;
+  out.widest = args.grid.widest;
+  out.num_threads = args.grid.num_threads;
+  return out;
+}
+
 json export_mesh(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
                  Timings& timings) {
   StageTimer compute(timings, "compute");
-  RoadMeshOptions options;
+  auto options = strip_of<RoadMeshOptions>(args);
   options.step = args.grid.step_u;
-  options.left = args.grid.left;
-  options.right = args.grid.right;
-  options.widest = args.grid.widest;
-  options.num_threads = args.grid.num_threads;
   const std::unique_ptr<ColorSource> colors = colors_of(args, in);
   const RoadMesh mesh = make_road_mesh(*in.ground, line, colors.get(), options);
   compute.stop();
@@ -180,12 +187,8 @@ json export_geotiff(const ExportInputs& in, const SmoothLine& line, const Export
                     Timings& timings) {
   const GdalFunctions& writer = gdal();
   StageTimer compute(timings, "compute");
-  RoadRasterOptions options;
+  auto options = strip_of<RoadRasterOptions>(args);
   options.cell = args.grid.step_u;
-  options.left = args.grid.left;
-  options.right = args.grid.right;
-  options.widest = args.grid.widest;
-  options.num_threads = args.grid.num_threads;
   const std::unique_ptr<ColorSource> colors = colors_of(args, in);
   const RoadRaster raster = make_road_raster(*in.ground, line, colors.get(), options);
   compute.stop();

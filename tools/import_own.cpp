@@ -200,6 +200,24 @@ int write_import(const Command& command, OwnArguments& a, json options, const Im
   return 0;
 }
 
+/// The times of a recording that are taken.
+struct TimeRange {
+  double from = -1.0, to = -1.0;  // s, < 0: not given
+};
+
+void add_time_range(App& app, TimeRange& times) {
+  app.add_option("--from", times.from, "first time to take, seconds since the first frame")
+      ->check(non_negative_number());
+  app.add_option("--to", times.to, "last time to take, likewise")->check(non_negative_number());
+}
+
+void take_time_range(const TimeRange& times, VideoChoice* choice, json* used) {
+  if (times.from >= 0.0) choice->from = times.from;
+  if (times.to >= 0.0) choice->to = times.to;
+  (*used)["from"] = choice->from ? json(*choice->from) : json();
+  (*used)["to"] = choice->to ? json(*choice->to) : json();
+}
+
 }  // namespace
 
 void register_import_images(App& import) {
@@ -248,7 +266,7 @@ void register_import_video(App& import) {
   struct Arguments : OwnArguments {
     std::string video;
     VideoChoice choice;
-    double from = -1.0, to = -1.0;
+    TimeRange times;
   };
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
@@ -257,8 +275,7 @@ void register_import_video(App& import) {
   app.add_option("--every", a.choice.every, "take each n-th frame")
       ->check(in_range(1, 1000000))
       ->capture_default_str();
-  app.add_option("--from", a.from, "first time to take, seconds")->check(non_negative_number());
-  app.add_option("--to", a.to, "last time to take, seconds")->check(non_negative_number());
+  add_time_range(app, a.times);
   app.add_flag("--extract", a.choice.extract, "write the frames as PNG files beside the manifest");
   add_camera_options(app, a);
   add_detection_options(app, a);
@@ -268,13 +285,10 @@ void register_import_video(App& import) {
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
     const OwnDataOptions& options = take(given);
-    if (given.from >= 0.0) given.choice.from = given.from;
-    if (given.to >= 0.0) given.choice.to = given.to;
     json used = options_json(given);
+    take_time_range(given.times, &given.choice, &used);
     used["video"] = given.video;
     used["every"] = given.choice.every;
-    used["from"] = given.from >= 0.0 ? json(given.from) : json();
-    used["to"] = given.to >= 0.0 ? json(given.to) : json();
     used["extract"] = given.choice.extract;
     return write_import(*command, given, std::move(used), [&](const fs::path& manifest) {
       return import_video(given.video, given.choice, options, manifest);
@@ -340,7 +354,7 @@ void register_import_rosbag(App& import) {
   struct Arguments : OwnArguments {
     std::string bag;
     BagChoice choice;
-    double from = -1.0, to = -1.0;
+    TimeRange times;
   };
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
@@ -352,9 +366,7 @@ void register_import_rosbag(App& import) {
   app.add_option("--every", a.choice.frames.every, "take each n-th image")
       ->check(in_range(1, 1000000))
       ->capture_default_str();
-  app.add_option("--from", a.from, "first time to take, seconds since the first image")
-      ->check(non_negative_number());
-  app.add_option("--to", a.to, "last time to take, likewise")->check(non_negative_number());
+  add_time_range(app, a.times);
   add_camera_options(app, a, true);
   add_detection_options(app, a);
   add_known_options(app, a);
@@ -364,16 +376,13 @@ void register_import_rosbag(App& import) {
     Arguments& given = *arguments;
     const OwnDataOptions& options = take(given);
     BagChoice& choice = given.choice;
-    if (given.from >= 0.0) choice.frames.from = given.from;
-    if (given.to >= 0.0) choice.frames.to = given.to;
-    choice.frames.validate();
     json used = options_json(given);
+    take_time_range(given.times, &choice.frames, &used);
+    choice.frames.validate();
     used["bag"] = given.bag;
     used["topic"] = choice.topic;
     used["info_topic"] = choice.info_topic;
     used["every"] = choice.frames.every;
-    used["from"] = given.from >= 0.0 ? json(given.from) : json();
-    used["to"] = given.to >= 0.0 ? json(given.to) : json();
     return write_import(*command, given, std::move(used), [&](const fs::path& manifest) {
       return import_rosbag(open_bag(given.bag), given.bag, choice, options, manifest);
     });

@@ -26,24 +26,10 @@ using ::testing::HasSubstr;
 const PinholeCamera kCamera{640, 240, 400.0, 400.0, 320.0, 100.0};
 constexpr double kHeight = 1.65;
 
-/// A level road, better known to the left; its one shared parameter lengthens all depths alike.
+/// A level road, better known to the left.
 RoadPosterior level_road() {
-  GroundObservations observations;
-  std::vector<float> shared;
-  for (int v = 104; v < kCamera.height; v += 2) {
-    const double rho = (v - kCamera.cy) / kCamera.fy / kHeight;
-    if (rho < 1.0 / 50.0) continue;
-    for (int u = 0; u < kCamera.width; u += 4) {
-      observations.pixels.emplace_back(u, v);
-      observations.inverse_depth.push_back(rho);
-      observations.sigma.push_back(u < 320 ? 0.002 : 0.004);
-      shared.push_back(static_cast<float>(rho));
-    }
-  }
-  observations.shared_jacobian =
-      Eigen::Map<const Eigen::VectorXf>(shared.data(), static_cast<Eigen::Index>(shared.size()));
-  const auto field = std::make_shared<GroundField>(
-      kCamera, observations, Plane{{0, -1, 0}, kHeight}, GroundFieldOptions());
+  const auto field =
+      test::level_field(kCamera, kHeight, [](int u) { return u < 320 ? 0.002 : 0.004; });
   return test::road_posterior(field, Eigen::MatrixXd::Constant(1, 1, 1e-4), kHeight, 1.0, 0.02);
 }
 

@@ -18,24 +18,8 @@ namespace {
 const PinholeCamera kCamera{640, 240, 400.0, 400.0, 320.0, 100.0};
 constexpr double kHeight = 1.65;
 
-/// A level road whose one shared parameter lengthens all depths alike.
 std::shared_ptr<const GroundField> level_field() {
-  GroundObservations observations;
-  std::vector<float> shared;
-  for (int v = 104; v < kCamera.height; v += 2) {
-    const double rho = (v - kCamera.cy) / kCamera.fy / kHeight;
-    if (rho < 1.0 / 50.0) continue;
-    for (int u = 0; u < kCamera.width; u += 4) {
-      observations.pixels.emplace_back(u, v);
-      observations.inverse_depth.push_back(rho);
-      observations.sigma.push_back(0.002);
-      shared.push_back(static_cast<float>(rho));
-    }
-  }
-  observations.shared_jacobian =
-      Eigen::Map<const Eigen::VectorXf>(shared.data(), static_cast<Eigen::Index>(shared.size()));
-  return std::make_shared<GroundField>(kCamera, observations, Plane{{0, -1, 0}, kHeight},
-                                       GroundFieldOptions());
+  return test::level_field(kCamera, kHeight, [](int) { return 0.002; });
 }
 
 RoadPosterior level_road(double scale_sigma, double motion_sigma = 0.0) {

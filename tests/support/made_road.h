@@ -2,10 +2,34 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "camber/road/road_posterior.h"
 
 namespace camber::test {
+
+/// A level road's field, its points known to `sigma(u)` in inverse depth; its one shared parameter
+/// lengthens all depths alike.
+template <typename Sigma>
+std::shared_ptr<const GroundField> level_field(const PinholeCamera& camera, double height,
+                                               const Sigma& sigma) {
+  GroundObservations observations;
+  std::vector<float> shared;
+  for (int v = static_cast<int>(camera.cy) + 4; v < camera.height; v += 2) {
+    const double rho = (v - camera.cy) / camera.fy / height;
+    if (rho < 1.0 / 50.0) continue;
+    for (int u = 0; u < camera.width; u += 4) {
+      observations.pixels.emplace_back(u, v);
+      observations.inverse_depth.push_back(rho);
+      observations.sigma.push_back(sigma(u));
+      shared.push_back(static_cast<float>(rho));
+    }
+  }
+  observations.shared_jacobian =
+      Eigen::Map<const Eigen::VectorXf>(shared.data(), static_cast<Eigen::Index>(shared.size()));
+  return std::make_shared<GroundField>(camera, observations, Plane{{0, -1, 0}, height},
+                                       GroundFieldOptions());
+}
 
 /// A road from a field, whose ego plane is level, `height` below the camera (up to scale) and known
 /// to 0.2 % of that and 2 mrad.

@@ -127,18 +127,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);
 
-  Reconstruction out;
-  out.frame_ids = frame_ids;
-  out.reference_frame = frames.frames[frames.reference].id;
-  out.cloud = std::move(road.cloud);
-  out.surface = std::move(road.surface);
-  out.vehicles = std::move(road.vehicles);
-  out.vehicles.preset = to_string(o.preset);
-  out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
+  Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
   out.ground = std::move(vehicles.ground.under_detections);
-  out.run = std::move(road.run);
   out.road_mask = road_mask_of(frames);
-  out.images = std::move(frames.color);
   describe_run(options, frame_ids, frames, refined, scaled, &out.run);
   put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;

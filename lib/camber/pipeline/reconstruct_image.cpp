@@ -3,11 +3,13 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "camber/pipeline/run_details.h"
 #include "camber/pipeline/stage_runner.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
 #include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/marked_ground.h"
 #include "camber/road/local_plane.h"
+#include "camber/scene/georeference.h"
 
 namespace camber {
 namespace {
@@ -118,18 +120,10 @@ Reconstruction reconstruct_image(const Scene& scene, const std::vector<int>& fra
   stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);
 
-  Reconstruction out;
-  out.frame_ids = frame_ids;
-  out.reference_frame = frames.frames.front().id;
-  out.cloud = std::move(road.cloud);
-  out.surface = std::move(road.surface);
-  out.vehicles = std::move(road.vehicles);
-  out.vehicles.preset = to_string(o.preset);
-  out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
+  Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
   out.ground = std::move(vehicles.ground.under_detections);
-  out.run = std::move(road.run);
-  out.images = std::move(frames.color);
   describe(o, frame_ids, frames, marked, scaled, &out.run);
+  put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;
   return out;
 }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/pipeline/run_details.h"
 #include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/paper_assemble.h"
@@ -96,17 +97,8 @@ Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& fra
   stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);
 
-  Reconstruction out;
-  out.frame_ids = frame_ids;
-  out.reference_frame = frames.frames[frames.reference].id;
-  out.cloud = std::move(road.cloud);
-  out.surface = std::move(road.surface);
-  out.vehicles = std::move(road.vehicles);
-  out.vehicles.preset = to_string(Preset::kPaper);
+  Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
   out.vehicles.paper_terms = paper::to_string(o.paper.vehicles.terms);
-  out.vehicles.keypoint_set = static_cast<int>(o.vehicles.fit.keypoint_set);
-  out.run = std::move(road.run);
-  out.images = std::move(frames.color);
   describe(o, frame_ids, frames, seen.motion, &out.run);
   put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;

@@ -85,6 +85,21 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
 
 }  // namespace
 
+Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOptions& options,
+                          LoadedFrames& frames, AssembledRoad road) {
+  Reconstruction out;
+  out.frame_ids = frame_ids;
+  out.reference_frame = frames.frames[frames.reference].id;
+  out.cloud = std::move(road.cloud);
+  out.surface = std::move(road.surface);
+  out.vehicles = std::move(road.vehicles);
+  out.vehicles.preset = to_string(options.preset);
+  out.vehicles.keypoint_set = static_cast<int>(options.vehicles.fit.keypoint_set);
+  out.run = std::move(road.run);
+  out.images = std::move(frames.color);
+  return out;
+}
+
 void describe_run(const ReconstructOptions& options, const std::vector<int>& frame_ids,
                   const LoadedFrames& frames, const PhotometricGround& ground,
                   const ScaledRoad& scaled, RunDocument* document) {

@@ -6,6 +6,10 @@
 
 namespace camber {
 
+/// What every preset hands out of a run whose road is assembled.
+Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOptions& options,
+                          LoadedFrames& frames, AssembledRoad road);
+
 /// Puts the options and what the stages found out beside their results into a run's document.
 void describe_run(const ReconstructOptions& options, const std::vector<int>& frame_ids,
                   const LoadedFrames& frames, const PhotometricGround& ground,

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Makes the type stubs of the Python module, camber/_core.pyi, of what the built module says of
-itself: pybind11 writes each function's signature into its docstring.
+"""Makes the type stubs of the Python module, camber/_core.pyi, from the signatures that
+pybind11 writes into the docstring of each function of the built module.
 
   PYTHONPATH=build/release/python generate/make_stubs.py --out lib/python/camber/_core.pyi
   PYTHONPATH=build/release/python generate/make_stubs.py --check lib/python/camber/_core.pyi
