@@ -20,16 +20,19 @@ test_packages=(
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.
 clang_packages=(clang clang-format clang-tidy libclang-rt-dev)
+# Besides, to train the keypoint network (lib/camber/detect/training).
+training_packages=(python3-matplotlib python3-numpy python3-torch)
 
 usage() {
   cat <<END
-Usage: samples/install_packages.sh [--tests] [--clang] [--list]
+Usage: samples/install_packages.sh [--tests] [--clang] [--training] [--list]
 
 Installs what is missing of the packages that build and run Camber on Debian 12.
 
-  --tests  also those of the tests and benchmarks
-  --clang  also those of the fuzzers, the format check and clang-tidy
-  --list   print the names, one a line, and install nothing
+  --tests     also those of the tests and benchmarks
+  --clang     also those of the fuzzers, the format check and clang-tidy
+  --training  also those that train the keypoint network
+  --list      print the names, one a line, and install nothing
 END
 }
 
@@ -41,6 +44,7 @@ for argument in "$@"; do
   case "$argument" in
     --tests) wanted+=("${test_packages[@]}") ;;
     --clang) wanted+=("${clang_packages[@]}") ;;
+    --training) wanted+=("${training_packages[@]}") ;;
     --list) list=true ;;
     -h | --help) usage; exit 0 ;;
     *) say "unknown option $argument"; usage >&2; exit 2 ;;

@@ -4,7 +4,7 @@ set -euo pipefail
 
 usage() {
   cat <<END
-Usage: tests/run.sh [--no-install] [--asan] [--fuzz] [--long] [--benchmarks] [-- CTEST_OPTIONS...]
+Usage: tests/run.sh [--no-install] [--asan] [--tsan] [--coverage] [--fuzz] [--long] [--benchmarks] [-- CTEST_OPTIONS...]
 
 Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests:
 ctest says how many passed and failed, a line after it how many were skipped and why. Then, where Clang with libFuzzer is present, the
@@ -12,6 +12,11 @@ fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that
 
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
                 tests
+  --tsan        instead, build what computes on several threads with the thread sanitizer and run its
+                tests
+  --coverage    instead, build for coverage, run the tests and report the lines and branches that they
+                reach, by module, and what each fuzzer's seeds reach; fails where the readers of files
+                have less than 90 % of their lines
   --fuzz        instead, only the fuzzers; Clang is installed for them
   --long        also the tests that take minutes: the Debian packages, built, checked, installed
                 into a fresh system (root, mmdebstrap and a mirror) and run; and hours: every fault
@@ -31,6 +36,8 @@ while [ $# -gt 0 ]; do
   case "$1" in
     --no-install) install=false ;;
     --asan) mode=asan ;;
+    --tsan) mode=tsan ;;
+    --coverage) mode=coverage ;;
     --fuzz) mode=fuzz ;;
     --long) export CAMBER_LONG_TESTS=1 ;;
     --benchmarks) benchmarks=true ;;
@@ -91,8 +98,9 @@ count_skipped() {
 }
 # ctest without the lines of the tests that pass.
 run_ctest() {
-  local status=0
-  ctest --test-dir "build/$1" --output-on-failure --parallel 2 --output-junit "$log.xml" \
+  local status=0 which=(--test-dir "build/$1")
+  if [ "$1" = tsan ] || [ "$1" = coverage ]; then which=(--preset "$1"); fi
+  ctest "${which[@]}" --output-on-failure --parallel 2 --output-junit "$log.xml" \
     --test-output-size-passed 65536 "${ctest_options[@]}" "${@:2}" >"$log" 2>&1 || status=$?
   grep -vE '^ +Start +[0-9]+: |^ *[0-9]+/[0-9]+ Test .* +Passed +[0-9.]+ sec$' "$log" || true
   if [ -s "$log.xml" ]; then count_skipped "$log.xml"; fi
@@ -142,8 +150,10 @@ case "$mode" in
     if $benchmarks; then
       results=build/release/benchmarks
       mkdir -p "$results"
-      for program in build/release/bin/bench_*; do
+      shopt -s nullglob
+      for program in build/release/bin/bench_* tests/benchmarks/bench_*.py; do
         name=${program##*/bench_}
+        name=${name%.py}
         printf '\n%s\n' "${program##*/}"
         if [ "$name" = reconstruct ]; then  # Google Benchmark's
           "$program"
@@ -159,6 +169,18 @@ case "$mode" in
   asan)
     build asan
     run_ctest asan --label-exclude 'package|benchmark'
+    ;;
+  tsan)
+    build tsan
+    run_ctest tsan
+    ;;
+  coverage)
+    build coverage
+    find build/coverage -name '*.gcda' -delete
+    failed=false
+    run_ctest coverage || failed=true
+    tests/coverage.py build/coverage
+    if $failed; then exit 1; fi
     ;;
   fuzz)
     run_fuzzers

@@ -50,6 +50,7 @@ void register_info(App& root);
 void register_convert(App& root);
 void register_filter(App& root);
 void register_render(App& root);
+void register_keypoints(App& root);
 void register_prior(App& root);
 void register_synth(App& root);
 void register_vehicles(App& root);

@@ -1,4 +1,4 @@
-// camber detect: boxes and road masks of a scene's frames by networks that the user brings.
+// camber detect: boxes, road masks and keypoints of a scene's frames by networks.
 
 #include <cstdio>
 #include <memory>
@@ -27,7 +27,8 @@ struct Arguments {
 };
 
 void print_json(const Command& command, const Arguments& a, const NetworkView& view,
-                const fs::path& manifest, const Timings& timings) {
+                const std::optional<NetworkUse>& keypoints, const fs::path& manifest,
+                const Timings& timings) {
   json frames = json::array();
   std::vector<int> ids;
   for (const auto& [id, vehicles] : view.vehicles) ids.push_back(id);
@@ -49,9 +50,11 @@ void print_json(const Command& command, const Arguments& a, const NetworkView& v
                 {"detector", a.networks.detector},
                 {"detector_config", a.networks.detector_config},
                 {"segmenter", a.networks.segmenter},
-                {"segmenter_config", a.networks.segmenter_config}}},
+                {"segmenter_config", a.networks.segmenter_config},
+                {"keypoints", a.networks.keypoints},
+                {"keypoints_config", a.networks.keypoints_config}}},
               {"scene", manifest.string()},
-              {"networks", network_json(view)},
+              {"networks", network_json(view, keypoints)},
               {"frames", std::move(frames)},
               {"timings_ms", json::object()}};
   for (const auto& [stage, ms] : timings.stages()) out["timings_ms"][stage] = ms;
@@ -60,24 +63,29 @@ void print_json(const Command& command, const Arguments& a, const NetworkView& v
 
 int run(const Command& command, const Arguments& a) {
   const DetectFramesOptions options = detect_options(a.networks, command.common.threads);
+  const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
   const LogSink warn = make_warning_sink(command.common);
   Timings timings;
   StageTimer load(timings, "load");
-  const Scene scene = read_scene(a.scene, warn, scene_paths(a.confine));
+  Scene scene = read_scene(a.scene, warn, scene_paths(a.confine));
   load.stop();
-  if (a.networks.detector.empty() && a.networks.segmenter.empty()) {
-    throw UsageError("detect: expected --detector or --segmenter, or both");
+  if (options.networks.empty() && keypoints.choice != KeypointChoice::kAll) {
+    throw UsageError("detect: expected --detector, --segmenter or --keypoints, or several");
   }
   const fs::path manifest = manifest_of(a.out);
   std::vector<fs::path> inputs = files_of(scene);
   inputs.emplace_back(a.scene);
   for (const fs::path& file : files_of(options.networks)) inputs.push_back(file);
+  for (const fs::path& file : files_of(keypoints)) inputs.push_back(file);
   NewFolder folder(folder_of(manifest));
   refuse_own_inputs({manifest}, inputs);
   StageTimer compute(timings, "compute");
-  const NetworkView view =
-      detect_frames(scene, select_frames(scene, a.frames == "all" ? "" : a.frames), options,
-                    make_progress(command.common), warn);
+  const Progress progress = make_progress(command.common);
+  const std::vector<int> frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
+  NetworkView view;
+  if (!options.networks.empty()) view = detect_frames(scene, frames, options, progress, warn);
+  put_network_view(view, &scene);
+  const std::optional<NetworkUse> found = find_keypoints(&scene, frames, keypoints, progress, warn);
   compute.stop();
   // The folder of the label images is made when they are written.
   std::vector<fs::path> replaced;
@@ -91,9 +99,10 @@ int run(const Command& command, const Arguments& a) {
   folder.keep();
   write.stop();
   if (!command.common.quiet) {
-    std::fprintf(stderr, "camber: %s:\n%s", manifest.string().c_str(), describe(view).c_str());
+    std::fprintf(stderr, "camber: %s:\n%s", manifest.string().c_str(),
+                 describe(view, found).c_str());
   }
-  if (a.json) print_json(command, a, view, manifest, timings);
+  if (a.json) print_json(command, a, view, found, manifest, timings);
   return 0;
 }
 
@@ -103,10 +112,12 @@ void register_detect(App& root) {
   Command* command = add_command(
       root, "detect",
       "Fills a scene with vehicle boxes and road masks by networks that you bring as ONNX files, "
-      "each with a short description beside it. Boxes and masks that the scene had are replaced.",
+      "each with a short description beside it, and with keypoints by the network that ships or by "
+      "yours. Boxes, masks and keypoints that the scene had are replaced.",
       "  camber detect scene --out detected --detector yolox_nano.onnx\n"
       "  camber detect scene --out detected --detector yolox_nano.onnx --segmenter road.onnx "
-      "--frames 0:20");
+      "--frames 0:20\n"
+      "  camber detect scene --out detected --keypoints shipped");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;

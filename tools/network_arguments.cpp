@@ -55,6 +55,12 @@ void add_network_options(App& app, NetworkArguments& a) {
                  "name");
   app.add_option("--segmenter-config", a.segmenter_config,
                  "the description, where it is another file");
+  app.add_option("--keypoints", a.keypoints,
+                 "the network that finds the 36 keypoints: shipped, an ONNX file described by a "
+                 ".json of the same name, or none; given keypoints are replaced. Default: shipped, "
+                 "where no vehicle of the scene has keypoints");
+  app.add_option("--keypoints-config", a.keypoints_config,
+                 "the description, where it is another file");
   app.add_option("--cache", a.cache,
                  "folder that keeps results of networks by content; default: $CAMBER_CACHE, else "
                  "camber in $XDG_CACHE_HOME or ~/.cache");
@@ -76,6 +82,26 @@ DetectFramesOptions detect_options(const NetworkArguments& a, int num_threads) {
   return out;
 }
 
+FindKeypointsOptions keypoint_options(const NetworkArguments& a, int num_threads) {
+  const bool file = !a.keypoints.empty() && a.keypoints != kShippedNetwork && a.keypoints != "none";
+  if (!a.keypoints_config.empty() && !file) {
+    throw UsageError("--keypoints-config " + a.keypoints_config +
+                     ": expected --keypoints with a file beside it");
+  }
+  FindKeypointsOptions out;
+  out.num_threads = num_threads;
+  if (a.keypoints.empty()) return out;
+  out.choice = a.keypoints == "none" ? KeypointChoice::kNone : KeypointChoice::kAll;
+  if (file) out.network = a.keypoints;
+  out.config = a.keypoints_config;
+  return out;
+}
+
+std::vector<fs::path> files_of(const FindKeypointsOptions& keypoints) {
+  if (keypoints.network == kShippedNetwork) return {};
+  return {keypoints.network, side_file_of(keypoints.network, keypoints.config)};
+}
+
 std::vector<fs::path> files_of(const NetworkFiles& networks) {
   std::vector<fs::path> out;
   if (!networks.detector.empty()) {
@@ -89,11 +115,13 @@ std::vector<fs::path> files_of(const NetworkFiles& networks) {
   return out;
 }
 
-nlohmann::json network_json(const NetworkView& view) {
-  return {{"detector", use_json(view.detector)}, {"segmenter", use_json(view.segmenter)}};
+nlohmann::json network_json(const NetworkView& view, const std::optional<NetworkUse>& keypoints) {
+  return {{"detector", use_json(view.detector)},
+          {"segmenter", use_json(view.segmenter)},
+          {"keypoints", use_json(keypoints)}};
 }
 
-std::string describe(const NetworkView& view) {
+std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints) {
   std::string out;
   if (view.detector) {
     std::size_t boxes = 0;
@@ -105,7 +133,10 @@ std::string describe(const NetworkView& view) {
     out += fmt::format("  masks of {} frames ({} from the cache)\n", view.labels.size(),
                        view.segmenter->cached);
   }
-  return out + unfused_note(view.detector) + unfused_note(view.segmenter);
+  if (keypoints) {
+    out += fmt::format("  keypoints of {} vehicles ({})\n", keypoints->computed, keypoints->file);
+  }
+  return out + unfused_note(view.detector) + unfused_note(view.segmenter) + unfused_note(keypoints);
 }
 
 }  // namespace camber::tools

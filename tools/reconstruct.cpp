@@ -38,7 +38,8 @@ void add_scene_options(App& app, Arguments& a) {
   app.add_option(
       "--frames", a.frames,
       "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: three, as far "
-      "apart as it takes to see the road move. One frame: road and metres by painted markings of known size "
+      "apart as it takes to see the road move. One frame: road and metres by painted markings of "
+      "known size "
       "(markings_m of the scene)");
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
@@ -60,7 +61,9 @@ Reconstruction run(
   std::vector<std::filesystem::path> inputs = files_of(scene);
   inputs.emplace_back(a.scene);
   const DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
+  const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
   for (const std::filesystem::path& file : files_of(networks.networks)) inputs.push_back(file);
+  for (const std::filesystem::path& file : files_of(keypoints)) inputs.push_back(file);
   check_output(inputs);
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
@@ -77,20 +80,26 @@ Reconstruction run(
   } else {
     frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
   }
+  const LogSink warn = make_warning_sink(command.common);
   NetworkView view;
   Timings network_time;
   if (!networks.networks.empty()) {
     const StageTimer timer(network_time, "networks");
-    view = detect_frames(scene, frames, networks, progress, make_warning_sink(command.common));
+    view = detect_frames(scene, frames, networks, progress, warn);
     put_network_view(view, &scene);
-    if (!command.common.quiet)
-      std::fprintf(stderr, "camber: networks:\n%s", describe(view).c_str());
-    a.options.load.labels = std::move(view.labels);
   }
+  StageTimer keypoint_timer(network_time, "keypoints");
+  const std::optional<NetworkUse> found = find_keypoints(&scene, frames, keypoints, progress, warn);
+  keypoint_timer.stop();
+  const bool any_network = !networks.networks.empty() || found;
+  if (any_network && !command.common.quiet) {
+    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
+  }
+  a.options.load.labels = std::move(view.labels);
   keep_freed_memory();
   Reconstruction result = reconstruct(scene, frames, a.options, progress);
-  if (!networks.networks.empty()) {
-    result.run.extra["networks"] = network_json(view);
+  if (any_network) {
+    result.run.extra["networks"] = network_json(view, found);
     for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
   }
   result.run.extra["command"] = command.common.command_line;

@@ -26,6 +26,7 @@ inline constexpr Verb kVerbs[] = {
     {"render", "frames", "pictures, films, glTF or a report, without a display"},
     {"view", "clouds", "the interactive viewer"},
     {"import", "frames", "scene manifests from other data sets"},
+    {"keypoints", "frames", "crops to train the keypoint network, and its errors"},
     {"prior", "frames", "shape and size priors of vehicles"},
     {"synth", "frames", "a made scene of a steep road with cars and complete truth"},
     {"info", "clouds", "what clouds, COLMAP models, scenes and results hold"},

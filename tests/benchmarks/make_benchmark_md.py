@@ -173,6 +173,17 @@ PAGE = [
         Pick("bench_pictures", "Overlay of 1242x375 with ten vehicles", "overlay",
              ["overlay", "CPU"]),
     ]),
+    ("Growth", [
+        Pick("bench_growth", "Exponents b of time and memory as size^b", "growth.exponents",
+             ["job", "size of", "time, all sizes", "time, last step", "memory, all sizes",
+              "memory, last step"]),
+        Pick("bench_growth", "Time and memory by size", "growth.runs",
+             ["job", "size of", "size", "CPU", "wall", "memory"]),
+    ]),
+    ("Fuzzing", [
+        Pick("long_run.py", "Executions of each reader's fuzzer, under the sanitizers", "fuzzing",
+             ["fuzzer", "executions", "features", "inputs kept", "found"]),
+    ]),
 ]
 
 

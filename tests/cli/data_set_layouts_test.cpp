@@ -199,8 +199,26 @@ class PaperKitti : public DataSetLayouts {
 };
 
 TEST_F(PaperKitti, RunsWhatIsThereNamesWhatIsNotAndPrintsOneTable) {
-  run({"synth", "--layout", "kitti-tracking", "--sequence", "9", "--frames", "5", "--supersampling",
-       "1", "--cars", "4", "--farthest", "25", "--cloud-points", "100", "--seed", "3", "--out",
+  run({"synth",
+       "--layout",
+       "kitti-tracking",
+       "--sequence",
+       "9",
+       "--frames",
+       "5",
+       "--size",
+       "621x188",
+       "--supersampling",
+       "1",
+       "--cars",
+       "4",
+       "--farthest",
+       "25",
+       "--cloud-points",
+       "100",
+       "--seed",
+       "3",
+       "--out",
        path("kitti")});
   fs::remove(path("kitti/image_02/0009/000003.png"));  // three neighbours are left
   std::string printed;

@@ -22,6 +22,7 @@ using test::snapshot;
 using test::write_file;
 using testing::HasSubstr;
 using testing::Not;
+using testing::StartsWith;
 namespace fs = std::filesystem;
 
 constexpr const char* kDetector =
@@ -83,7 +84,8 @@ TEST_F(Detect, FillsASceneWithBoxesAndMasks) {
       detect({"--detector", path("red.onnx"), "--segmenter", path("colors.onnx"), "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const Scene scene = read_scene(path("out"));
-  EXPECT_EQ(scene.detections_source, "network:" + hash_file(path("red.onnx")));
+  EXPECT_THAT(scene.detections_source,
+              StartsWith("network:" + hash_file(path("red.onnx")) + ", keypoints shipped:"));
   EXPECT_EQ(scene.segmentation_source, "network:" + hash_file(path("colors.onnx")));
   EXPECT_EQ(scene.box_sigma_px, 2.5);
   ASSERT_EQ(scene.frames.size(), 2u);
@@ -104,6 +106,31 @@ TEST_F(Detect, FillsASceneWithBoxesAndMasks) {
   EXPECT_EQ(json["networks"]["detector"]["layers"], "fused");
   EXPECT_EQ(json["networks"]["detector"]["computed"], 2);
   EXPECT_EQ(json["frames"][1]["vehicles"], 1);
+}
+
+TEST_F(Detect, TheNetworkThatShipsFindsTheKeypointsOfBoxes) {
+  // Of the scene's own boxes; the detector's get them without being asked for.
+  auto result = detect({"--keypoints", "shipped", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  Scene scene = read_scene(path("out"));
+  EXPECT_THAT(scene.detections_source, StartsWith("keypoints shipped:"));
+  const std::vector<KeypointObservation> own = scene.frames[0].vehicles.at(0).keypoints;
+  ASSERT_EQ(own.size(), 36u);
+  EXPECT_GT(own[0].sigma, 0.0);
+  EXPECT_EQ(nlohmann::json::parse(result.out)["networks"]["keypoints"]["computed"], 2);
+  EXPECT_THAT(result.error, HasSubstr("keypoints of 2 vehicles (shipped)"));
+
+  result = detect({"--detector", path("red.onnx")});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  scene = read_scene(path("out"));
+  ASSERT_EQ(scene.frames[0].vehicles.at(0).keypoints.size(), 36u);
+  EXPECT_NE(scene.frames[0].vehicles[0].keypoints[0].pixel, own[0].pixel) << "another box";
+
+  result = detect({"--detector", path("red.onnx"), "--keypoints", "none"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  scene = read_scene(path("out"));
+  EXPECT_TRUE(scene.frames[0].vehicles.at(0).keypoints.empty());
+  EXPECT_EQ(scene.detections_source, "network:" + hash_file(path("red.onnx")));
 }
 
 TEST_F(Detect, ResultsComeFromTheCacheUntilSomethingChanges) {
@@ -143,7 +170,10 @@ TEST_F(Detect, ACacheThatCannotBeWrittenIsNoMatter) {
 }
 
 TEST_F(Detect, OneSentenceForWhatIsWrong) {
-  expect_refused({}, "expected --detector or --segmenter");
+  expect_refused({}, "expected --detector, --segmenter or --keypoints");
+  expect_refused({"--keypoints-config", path("red.json")}, "expected --keypoints with a file");
+  expect_refused({"--keypoints", path("none.onnx")}, "none.json: no such file");
+  expect_refused({"--keypoints", path("red.onnx")}, "task: found \"detector\"");
   expect_refused({"--detector", path("none.onnx")}, "none.json: no such file");
   expect_refused({"--detector", path("red.onnx"), "--detector-config", path("none.json")},
                  "none.json: no such file");

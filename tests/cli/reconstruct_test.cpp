@@ -268,9 +268,10 @@ TEST_F(SteepHill, AResultHasItsFilesAndReplacesAnOlderOne) {
 }
 
 TEST_F(SteepHill, ThePaperIsAPresetThatTakesOneImageToo) {
-  const auto result = run_camber({"reconstruct", scene(), "--preset", "paper", "--paper-terms",
-                                  "printed", "--paper-scale", "patch", "--keypoint-set", "14",
-                                  "--out", path("result"), "--no-pictures", "--json"});
+  const auto result =
+      run_camber({"reconstruct", scene(), "--frames", "0,1", "--preset", "paper", "--paper-terms",
+                  "printed", "--paper-scale", "patch", "--keypoint-set", "14", "--out",
+                  path("result"), "--no-pictures", "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const json options = json::parse(result.out)["options"];
   EXPECT_EQ(options["preset"], "paper");
@@ -362,8 +363,8 @@ TEST_F(SteepHill, AFolderThatHoldsTheSceneIsNotReplaced) {
 }
 
 TEST_F(SteepHill, MoreThreadsThanTheMachineCanHold) {
-  const auto result = run_camber(
-      {"reconstruct", scene(), "--threads", "100000", "--no-pictures", "--out", path("result")});
+  const auto result = run_camber({"reconstruct", scene(), "--frames", "0,1", "--threads", "100000",
+                                  "--no-pictures", "--out", path("result")});
   EXPECT_EQ(result.exit_code, 0) << result.error;
 }
 

@@ -295,6 +295,23 @@ TEST(CompareShapes, NothingMovesUnlessAsked) {
   EXPECT_EQ(c.accuracy.points.points, estimate.cloud.points);
 }
 
+// Both sides' trees are used for both directions; places one by one are the plain way.
+TEST(CompareShapes, DistancesAreThoseOfThePlacesWhateverTheOrigins) {
+  Shape estimate{make_road(6000, 3, 0.1, 0.3), {}}, truth{make_road(5000, 4, 0.0, 0.0), {}};
+  estimate.cloud.origin = {512003.1, 5403000.2, 250.3};
+  truth.cloud.origin = {511990.3, 5403007.7, 251.1};
+  truth.cloud.points[17].x() = static_cast<float>(kNaN);
+  const CloudComparison c = compare_shapes(estimate, truth, {});
+  const ShapeDistances there = distances_to(truth, true_points(estimate.cloud), 1),
+                       back = distances_to(estimate, true_points(truth.cloud), 1);
+  EXPECT_EQ(c.accuracy.distances.nearest, there.nearest);
+  EXPECT_EQ(c.completeness.distances.nearest, back.nearest);
+  EXPECT_EQ(c.completeness.not_finite, 1u);
+  for (std::size_t i = 0; i < there.distance.size(); ++i) {
+    ASSERT_NEAR(c.accuracy.distances.distance[i], there.distance[i], 1e-8);
+  }
+}
+
 TEST(CompareShapes, AnyNumberOfThreadsTheSameNumbers) {
   const Shape truth = make_mesh(1.0), estimate{make_road(20000, 9, 0.05, 0.2), {}};
   CompareOptions options;

@@ -26,8 +26,9 @@ struct Replacing {
 };
 
 const Replacing kCommands[] = {
-    {{"reconstruct", "scene", "--no-pictures", "--method", "flat", "--out", "out/result"},
-     {"reconstruct", "scene", "--no-pictures", "--out", "out/result"}},
+    {{"reconstruct", "scene", "--frames", "0,1", "--no-pictures", "--method", "flat", "--out",
+      "out/result"},
+     {"reconstruct", "scene", "--frames", "0,1", "--no-pictures", "--out", "out/result"}},
     {{"vehicles", "scene", "--method", "flat", "--out", "out/v.json"},
      {"vehicles", "scene", "--out", "out/v.json"}},
     {{"patches", "other.ply", "--out", "out/surface"},

@@ -52,6 +52,10 @@ class WorkFolder {
 /// timings in JSON files and the reports that show them.
 std::map<std::string, std::string> without_timings(std::map<std::string, std::string> files);
 
+/// Whether two folders are the same so.
+bool same_but_timings(const std::map<std::string, std::string>& a,
+                      const std::map<std::string, std::string>& b);
+
 /// Whether tests/run.sh --long asked for the tests that take minutes.
 bool is_long_run();
 

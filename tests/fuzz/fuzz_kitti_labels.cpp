@@ -1,15 +1,16 @@
-// Any bytes as a KITTI label file: rows whose form is known, or refused with an InputError.
+// Any bytes as a KITTI label file, as its side file of tilts and as keypoints of its cars: rows
+// whose form is known, or refused with an InputError.
 
-#include "camber/core/errors.h"
+#include "camber/pipeline/kitti_boxes.h"
+#include "camber/scene/kitti_keypoints.h"
 #include "camber/scene/kitti_labels.h"
 #include "memory_file.h"
+#include "read_or_refuse.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const MemoryFile file(data, size);
-  try {
-    camber::read_kitti_labels(file.path());
-  } catch (const camber::InputError&) {
-    // what a reader of untrusted files answers
-  }
+  read_or_refuse([&] { camber::read_kitti_labels(file.path()); });
+  read_or_refuse([&] { camber::read_tilts(file.path(), 3); });
+  read_or_refuse([&] { camber::read_kitti_keypoints(file.path()); });
   return 0;
 }

@@ -1,32 +1,19 @@
 // Any bytes as the small files beside a person's images: class maps, class names, times of frames,
 // and as the names of frames of videos and of files that carry times.
 
-#include "camber/core/errors.h"
 #include "camber/image/video.h"
 #include "camber/scene/formats/class_map.h"
 #include "camber/scene/formats/detections.h"
 #include "camber/scene/formats/frame_files.h"
 #include "memory_file.h"
-
-namespace {
-
-template <typename Reader>
-void read(Reader&& reader) {
-  try {
-    reader();
-  } catch (const camber::InputError&) {
-    // what a reader of untrusted files answers
-  }
-}
-
-}  // namespace
+#include "read_or_refuse.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const MemoryFile file(data, size);
-  read([&] { camber::read_class_map(file.path()); });
-  read([&] { camber::read_class_names(file.path()); });
-  read([&] { camber::read_key_values(file.path()); });
-  read([&] { camber::read_frame_times(file.path()); });
+  read_or_refuse([&] { camber::read_class_map(file.path()); });
+  read_or_refuse([&] { camber::read_class_names(file.path()); });
+  read_or_refuse([&] { camber::read_key_values(file.path()); });
+  read_or_refuse([&] { camber::read_frame_times(file.path()); });
   const std::string text(reinterpret_cast<const char*>(data), size);
   if (text.find('\0') == std::string::npos) {
     camber::video_frame_name(text);

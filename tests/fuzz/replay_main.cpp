@@ -1,7 +1,7 @@
 // replay_NAME FOLDER... [--places N]
 // Runs a fuzzer's function without libFuzzer: over each seed file as it is, cut at every length (at
-// most N of them, by default 400), and with single bits flipped. A crash, a sanitizer's report or an
-// exception that the function lets through ends the program with an error.
+// most N of them, by default 400), and with single bits flipped. A crash, a sanitizer's report or
+// an exception that the function lets through ends the program with an error.
 
 #include <algorithm>
 #include <cstdint>
@@ -15,6 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "fuzz/mutators/mutator.h"
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 namespace fs = std::filesystem;
@@ -23,10 +25,11 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-std::size_t g_places = 400;  // that are visited of a seed, about
+constexpr std::size_t kLongest = 1 << 16;  // bytes of a mutated seed
+std::size_t g_places = 400;                // that are visited of a seed, about
 
-/// Steps through `count` places so that about g_places of them are visited, a quarter from the first
-/// on.
+/// Steps through `count` places so that about g_places of them are visited, a quarter from the
+/// first on.
 std::size_t next_place(std::size_t place, std::size_t count) {
   return place < g_places / 4 ? place + 1
                               : place + std::max<std::size_t>(1, 4 * count / (3 * g_places));
@@ -49,6 +52,16 @@ long replay(const Bytes& seed) {
       run(changed.data(), changed.size());
     }
     changed[i] = seed[i];
+  }
+  namespace fuzz = camber::fuzz;
+  const std::string text(seed.begin(), seed.end());
+  for (std::size_t i = 0; i < g_places; ++i) {
+    fuzz::Dice dice(i);
+    const fuzz::ByteMutation bytes = [&](std::string_view input, std::size_t most) {
+      return fuzz::some_bytes(input, most, dice);
+    };
+    const std::string made = fuzz::mutate(text, kLongest, i, fuzz::CAMBER_MUTATOR, bytes);
+    run(reinterpret_cast<const std::uint8_t*>(made.data()), made.size());
   }
   return runs;
 }

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <regex>
 #include <sstream>
 #include <string>
@@ -67,19 +68,30 @@ std::vector<std::string> subcommands_of(const std::string& help) {
   return names;
 }
 
-/// Every command, with its own subcommands: "info", "import kitti".
-std::vector<std::string> all_commands(const std::string& above = "") {
+/// What a command prints for --help, asked for once a process. @param command  empty: the program.
+const Outcome& help_of(const std::string& command) {
+  static std::map<std::string, Outcome> all;
+  const auto [at, is_new] = all.try_emplace(command);
+  if (is_new) at->second = run_camber(command + " --help");
+  return at->second;
+}
+
+/// Every command below one, with its own subcommands: "info", "import kitti".
+std::vector<std::string> commands_below(const std::string& above) {
   std::vector<std::string> commands;
-  for (const std::string& name : subcommands_of(run_camber(above + "--help").out)) {
-    const std::vector<std::string> below = all_commands(above + name + " ");
+  for (const std::string& name : subcommands_of(help_of(above).out)) {
+    const std::string command = above + (above.empty() ? "" : " ") + name;
+    const std::vector<std::string> below = commands_below(command);
     if (below.empty()) {
-      commands.push_back(above + name);
+      commands.push_back(command);
     } else {
       commands.insert(commands.end(), below.begin(), below.end());
     }
   }
   return commands;
 }
+
+std::vector<std::string> all_commands() { return commands_below(""); }
 
 /// " --out NAME" with an extension that the help of --out names, or nothing without such an option.
 std::string out_argument(const std::string& help) {
@@ -165,7 +177,7 @@ TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {
   ASSERT_FALSE(commands.empty());
   for (const std::string& command : commands) {
     SCOPED_TRACE(command);
-    const Outcome outcome = run_camber(command + " --help");
+    const Outcome& outcome = help_of(command);
     EXPECT_EQ(outcome.exit_code, 0);
     EXPECT_EQ(outcome.err, "");
     const auto examples = outcome.out.find("Examples:\n");
@@ -183,7 +195,7 @@ TEST(EveryCommand, HasHelpWithExamplesThatNameItsOptions) {
 TEST(EveryCommand, TakesTheCommonOptions) {
   for (const std::string& command : all_commands()) {
     SCOPED_TRACE(command);
-    const std::string help = run_camber(command + " --help").out;
+    const std::string& help = help_of(command).out;
     for (const char* option : {"--seed", "--threads", "--quiet", "--config", "--print-config"}) {
       EXPECT_THAT(help, HasSubstr(option));
     }
@@ -280,7 +292,7 @@ TEST(EveryCommand, RefusesAMissingInputWithExitCodeTwoAndItsName) {
   for (const std::string& command : all_commands()) {
     if (command == "synth") continue;  // makes its own input
     SCOPED_TRACE(command);
-    const std::string help = run_camber(command + " --help").out;
+    const std::string& help = help_of(command).out;
     if (help.find("\nPositionals:") == std::string::npos) continue;
     // Whatever else is required is missing as well.
     std::string arguments = " no_such_input";

@@ -11,10 +11,17 @@ function(step what)
   endif()
   set(output "${out}" PARENT_SCOPE)
 endfunction()
-# configure(PROJECT FOLDER OPTIONS...): the command that configures a project of this folder.
-macro(configure project folder)
-  set(configure ${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/${project} -B ${WORK}/${folder} -G Ninja
-                -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix}
+# All libraries at once take ld 3 s, gold 0.6.
+find_program(gold ld.gold)
+set(linker "")
+if(gold)
+  set(linker -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=gold)
+endif()
+# configure(PROJECT OPTIONS...): the command that configures a project of this folder. Nothing is
+# optimised: what is tested is found, compiled and linked.
+macro(configure project)
+  set(configure ${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/${project} -B ${WORK}/${project} -G Ninja
+                -DCMAKE_BUILD_TYPE= -DCMAKE_PREFIX_PATH=${prefix} ${linker}
                 -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER} --no-warn-unused-cli ${ARGN})
 endmacro()
 
@@ -24,11 +31,12 @@ if(private_headers)
   message(FATAL_ERROR "private headers are installed: ${private_headers}")
 endif()
 
-# Everything, with a library example.
-configure(consumer build -DEXAMPLE=${EXAMPLE})
+# Everything, with a library example and a program that uses one module of it.
+set(plane -DPROGRAM=${SOURCE}/samples/02_fit_plane.cpp)
+configure(consumer -DEXAMPLE=${EXAMPLE} ${plane})
 step("configuring the project that uses the package" ${configure})
 # Found in the prefix, and nowhere else: nothing of the source tree or of its build.
-file(STRINGS ${WORK}/build/CMakeCache.txt found REGEX "^camber_DIR:")
+file(STRINGS ${WORK}/consumer/CMakeCache.txt found REGEX "^camber_DIR:")
 string(FIND "${found}" "=${prefix}/" place)
 if(place EQUAL -1)
   message(FATAL_ERROR "the package was not found in ${prefix} but: ${found}")
@@ -40,54 +48,52 @@ foreach(file IN LISTS package_files)
     message(FATAL_ERROR "${file} mentions the build folder: ${leaks}")
   endif()
 endforeach()
-step("building the project that uses the package" ${CMAKE_COMMAND} --build ${WORK}/build)
-step("the program that includes every header" ${WORK}/build/all_headers)
+step("building the project that uses the package" ${CMAKE_COMMAND} --build ${WORK}/consumer)
+step("the program that includes every header" ${WORK}/consumer/all_headers)
 if(EXAMPLE)
-  step("the library example" ${WORK}/build/example ${SCENE})
+  step("the library example" ${WORK}/consumer/example ${SCENE})
   if(NOT output MATCHES "${EXPECTED}")
     message(FATAL_ERROR "the library example printed nothing like ${EXPECTED}:\n${output}")
   endif()
 endif()
 
-# One module: neither asking for it nor naming no component may bring the others' libraries into
-# the program, and asking for it may not even find them.
-set(plane -DPROGRAM=${SOURCE}/samples/02_fit_plane.cpp)
-foreach(components IN ITEMS plane "")
-  configure(consumer_plane "plane_${components}" ${plane} "-DCOMPONENTS=${components}")
-  step("configuring the project with components '${components}'" ${configure})
-  if(components)
-    file(STRINGS ${WORK}/plane_${components}/CMakeCache.txt found REGEX "^(${heavy})[A-Za-z]*_DIR:")
-    if(found)
-      message(FATAL_ERROR "the component plane finds ${found}")
-    endif()
-  endif()
-  step("building the project with components '${components}'" ${CMAKE_COMMAND} --build
-       ${WORK}/plane_${components})
-  set(program ${WORK}/plane_${components}/fit_plane)
-  step("the program" ${program} ${SCENE}/truth/road.ply)
+# Asking for one module finds nothing of the others.
+configure(consumer_plane ${plane} -DCOMPONENTS=plane)
+step("configuring the project that asks for a component" ${configure})
+file(STRINGS ${WORK}/consumer_plane/CMakeCache.txt found REGEX "^(${heavy})[A-Za-z]*_DIR:")
+if(found)
+  message(FATAL_ERROR "the component plane finds ${found}")
+endif()
+step("building the project that asks for a component" ${CMAKE_COMMAND} --build
+     ${WORK}/consumer_plane)
+
+# Neither asking for it nor naming no component brings the others' libraries into the program.
+foreach(project IN ITEMS consumer consumer_plane)
+  set(program ${WORK}/${project}/fit_plane)
+  step("the program of ${project}" ${program} ${SCENE}/truth/road.ply)
   step("ldd" ldd ${program})
   if(output MATCHES "${heavy}")
     message(FATAL_ERROR "a program that links camber::plane loads other libraries:\n${output}")
   endif()
 endforeach()
 
-# A machine without the heavy libraries.
-set(lacking -DCMAKE_DISABLE_FIND_PACKAGE_VTK=ON -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
-            -DCMAKE_DISABLE_FIND_PACKAGE_Ceres=ON)
-configure(consumer_plane lacking ${plane} ${lacking} "-DABSENT=image,road,render,pipeline")
-step("configuring without the packages of other modules" ${configure})
-configure(consumer_plane refused ${plane} ${lacking} "-DCOMPONENTS=plane,road")
-execute_process(COMMAND ${configure} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
-string(REGEX REPLACE "[ \n]+" " " out "${out}")
-if(status EQUAL 0 OR NOT out MATCHES "camber::road needs Ceres, which was not found")
-  message(FATAL_ERROR "a component without its packages ended with ${status}:\n${out}")
-endif()
-configure(consumer_plane unknown ${plane} "-DCOMPONENTS=plain")
+# A machine without the heavy libraries; the same folder again, which found none of them.
+configure(consumer_plane -DCOMPONENTS=plain)
 execute_process(COMMAND ${configure} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
 string(REGEX REPLACE "[ \n]+" " " out "${out}")
 if(status EQUAL 0 OR NOT out MATCHES "There is no component plain; the components are core geometry")
   message(FATAL_ERROR "a component that does not exist ended with ${status}:\n${out}")
 endif()
+set(lacking -DCMAKE_DISABLE_FIND_PACKAGE_VTK=ON -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
+            -DCMAKE_DISABLE_FIND_PACKAGE_Ceres=ON)
+configure(consumer_plane ${lacking} "-DCOMPONENTS=plane,road")
+execute_process(COMMAND ${configure} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE out)
+string(REGEX REPLACE "[ \n]+" " " out "${out}")
+if(status EQUAL 0 OR NOT out MATCHES "camber::road needs Ceres, which was not found")
+  message(FATAL_ERROR "a component without its packages ended with ${status}:\n${out}")
+endif()
+configure(consumer_plane -DCOMPONENTS= "-DABSENT=image,road,render,pipeline")
+step("configuring without the packages of other modules" ${configure})
 
 # The program, moved: it finds its plugins beside itself, and says so where one is missing.
 file(RENAME ${prefix} ${WORK}/moved)

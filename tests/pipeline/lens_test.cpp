@@ -62,6 +62,7 @@ TEST(Lens, TheSceneIsAsRightThroughALens) {
     const test::TemporaryFolder folder;
     Scene bent = scene;
     bent.distortion = lens;
+    bent.frames.resize(2);
     for (SceneFrame& frame : bent.frames) {
       const std::string id = std::to_string(frame.id);
       const Image image = read_color_image(frame.image);

@@ -22,6 +22,7 @@
 #include "camber/image/image_io.h"
 #include "camber/pipeline/estimate_vehicles.h"
 #include "camber/road/plan_polygon.h"
+#include "pipeline/half_scene.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -45,7 +46,8 @@ double median_height_error(const SceneMetrics& found) {
   return errors[errors.size() / 2];
 }
 
-/// Runs that several tests look at, made once in a process.
+/// Runs that several tests look at, made once in a process: of the scene, and of its half size
+/// where the test is not of accuracy.
 class SteepHillRun : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -54,12 +56,17 @@ class SteepHillRun : public ::testing::Test {
     ReconstructOptions options;
     options.num_threads = 1;
     result_ = std::make_unique<Reconstruction>(reconstruct(*scene_, {0, 1, 2}, options));
+    folder_of_half_ = std::make_unique<test::TemporaryFolder>();
+    half_ = std::make_unique<Scene>(test::half_size(*scene_, folder_of_half_->path()));
+    half_result_ = std::make_unique<Reconstruction>(reconstruct(*half_, {0, 1, 2}, options));
   }
-  static std::unique_ptr<Scene> scene_;
-  static std::unique_ptr<Reconstruction> result_;
+  static std::unique_ptr<Scene> scene_, half_;
+  static std::unique_ptr<Reconstruction> result_, half_result_;
+  static std::unique_ptr<test::TemporaryFolder> folder_of_half_;
 };
-std::unique_ptr<Scene> SteepHillRun::scene_;
-std::unique_ptr<Reconstruction> SteepHillRun::result_;
+std::unique_ptr<Scene> SteepHillRun::scene_, SteepHillRun::half_;
+std::unique_ptr<Reconstruction> SteepHillRun::result_, SteepHillRun::half_result_;
+std::unique_ptr<test::TemporaryFolder> SteepHillRun::folder_of_half_;
 
 TEST_F(SteepHillRun, IsRightAgainstTheTruth) {
   const SceneMetrics found = metrics(*scene_, *result_);
@@ -291,16 +298,16 @@ TEST_F(SteepHillRun, PatchesArePavementWhereTheMasksShowIt) {
   }
   EXPECT_GE(along, 8);
   // The same ground with the labels exchanged: what was road is pavement, and the other way round.
-  Scene scene = *scene_;
+  Scene scene = *half_;
   std::swap(scene.segmentation_classes["road"], scene.segmentation_classes["pavement"]);
   const Reconstruction swapped = reconstruct(scene, {0, 1, 2}, {});
   EXPECT_GT(count(swapped.surface, PatchKind::kPavement),
-            count(result_->surface, PatchKind::kPavement));
+            count(half_result_->surface, PatchKind::kPavement));
   const nlohmann::json json = to_json(swapped.surface);
   EXPECT_EQ(std::count_if(json["patches"].begin(), json["patches"].end(),
                           [](const nlohmann::json& p) { return p["kind"] == "pavement"; }),
             count(swapped.surface, PatchKind::kPavement));
-  const PlanePatch* before = result_->surface.find(1);
+  const PlanePatch* before = half_result_->surface.find(1);
   const PlanePatch* after = swapped.surface.find(1);
   ASSERT_TRUE(before && after);
   EXPECT_EQ(before->kind, PatchKind::kRoad);
@@ -313,7 +320,7 @@ TEST_F(SteepHillRun, NamesItsPresetAndItsKeypoints) {
   EXPECT_EQ(result_->vehicles.keypoint_set, 36);
   ReconstructOptions options;
   options.vehicles.fit.keypoint_set = KeypointSet::kSmall14;
-  const Reconstruction result = reconstruct(*scene_, {0, 1}, options);
+  const Reconstruction result = reconstruct(*half_, {0, 1}, options);
   EXPECT_EQ((*result.run.options)["keypoint_set"], 14);
   EXPECT_EQ(result.vehicles.keypoint_set, 14);
   const test::TemporaryFolder folder;
@@ -357,7 +364,7 @@ void expect_same_road(const Reconstruction& a, const Reconstruction& b) {
 }
 
 TEST_F(SteepHillRun, TruthIsNotReadImagesMayLieInMemoryAndTwoThreadsFindTheSame) {
-  Scene blind = *scene_;
+  Scene blind = *half_;
   blind.truth.reset();
   std::map<int, FramePixels> pixels;
   for (SceneFrame& frame : blind.frames) {
@@ -369,10 +376,10 @@ TEST_F(SteepHillRun, TruthIsNotReadImagesMayLieInMemoryAndTwoThreadsFindTheSame)
   ReconstructOptions options;
   options.num_threads = 2;
   options.load.pixels = pixels_in_memory(pixels);
-  EXPECT_EQ(choose_frames(blind, options.load.pixels).ids, choose_frames(*scene_).ids);
+  EXPECT_EQ(choose_frames(blind, options.load.pixels).ids, choose_frames(*half_).ids);
   const Reconstruction held = reconstruct(blind, {0, 1, 2}, options);
-  expect_identical(*result_, held);
-  EXPECT_EQ(held.images[1].data, result_->images[1].data);
+  expect_identical(*half_result_, held);
+  EXPECT_EQ(held.images[1].data, half_result_->images[1].data);
 }
 
 TEST_F(SteepHillRun, WithoutMasksTheRoadIsFoundByGeometry) {
@@ -385,12 +392,12 @@ TEST_F(SteepHillRun, WithoutMasksTheRoadIsFoundByGeometry) {
   EXPECT_EQ(result.run.extra["road_width"]["status"], "not used");
   EXPECT_EQ(result.run.extra["road_width"]["reason"], "no mask shows where the road ends");
   // The masks were not read: a scene that has none gives the same.
-  Scene bare = *scene_;
+  Scene bare = *half_;
   for (SceneFrame& frame : bare.frames) {
     frame.segmentation.clear();
     frame.road_mask.clear();
   }
-  expect_identical(result, reconstruct(bare, {0, 1, 2}, {}));
+  expect_identical(reconstruct(*half_, {0, 1, 2}, options), reconstruct(bare, {0, 1, 2}, {}));
 }
 
 TEST_F(SteepHillRun, TwoFramesAreEnough) {
@@ -407,10 +414,10 @@ TEST_F(SteepHillRun, FlatAndCoplanarPutAllVehiclesOnOnePlane) {
     SCOPED_TRACE(method);
     ReconstructOptions options;
     options.vehicles.method = vehicle_method_from_string(method);
-    const Reconstruction result = reconstruct(*scene_, {0, 1, 2}, options);
+    const Reconstruction result = reconstruct(*half_, {0, 1, 2}, options);
     EXPECT_EQ(result.vehicles.method, method);
     // What joint vehicles measure of the road is small beside its own uncertainty.
-    expect_same_road(result, *result_);
+    expect_same_road(result, *half_result_);
     for (const VehicleFrame& frame : result.vehicles.frames) {
       ASSERT_FALSE(frame.vehicles.empty());
       const Plane& first = frame.vehicles[0].plane;
@@ -424,12 +431,12 @@ TEST_F(SteepHillRun, FlatAndCoplanarPutAllVehiclesOnOnePlane) {
       }
     }
     // On a hill of 12 degrees they are far off where joint is not.
-    EXPECT_GT(median_height_error(metrics(*scene_, result)), 0.3);
+    EXPECT_GT(median_height_error(metrics(*half_, result)), 0.3);
   }
 }
 
 TEST_F(SteepHillRun, WithoutACameraHeightTheResultIsUpToScale) {
-  Scene scene = *scene_;
+  Scene scene = *half_;
   scene.height_above_road.reset();
   const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
   EXPECT_FALSE(result.surface.metric);
@@ -440,13 +447,13 @@ TEST_F(SteepHillRun, WithoutACameraHeightTheResultIsUpToScale) {
 }
 
 TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {
-  EXPECT_EQ(result_->run.extra["markings"]["status"], "used");
-  EXPECT_GE(result_->run.extra["markings"]["dashes"], 2);
+  EXPECT_EQ(half_result_->run.extra["markings"]["status"], "used");
+  EXPECT_GE(half_result_->run.extra["markings"]["dashes"], 2);
   ReconstructOptions options;
   options.scale.use_markings = false;
-  const Reconstruction without = reconstruct(*scene_, {0, 1, 2}, options);
+  const Reconstruction without = reconstruct(*half_, {0, 1, 2}, options);
   EXPECT_EQ(without.run.extra["markings"]["status"], "not run");
-  EXPECT_LT(result_->surface.scale_sigma, without.surface.scale_sigma);
+  EXPECT_LT(half_result_->surface.scale_sigma, without.surface.scale_sigma);
 }
 
 TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
@@ -456,25 +463,25 @@ TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
   ReconstructOptions options;
   options.scale.use_road_width = false;
   options.vehicles.enabled = false;
-  EXPECT_EQ(reconstruct(*scene_, {0, 1, 2}, options).run.extra["road_width"]["status"], "not run");
+  EXPECT_EQ(reconstruct(*half_, {0, 1, 2}, options).run.extra["road_width"]["status"], "not run");
 }
 
 TEST_F(SteepHillRun, TheRoadAlone) {
   ReconstructOptions options;
   options.vehicles.enabled = false;
-  const Reconstruction result = reconstruct(*scene_, {0, 1, 2}, options);
+  const Reconstruction result = reconstruct(*half_, {0, 1, 2}, options);
   for (const VehicleFrame& frame : result.vehicles.frames) EXPECT_TRUE(frame.vehicles.empty());
-  expect_same_road(result, *result_);
+  expect_same_road(result, *half_result_);
 }
 
 TEST_F(SteepHillRun, FramesThatCannotAnswerSaySo) {
-  Scene unmarked = *scene_;
+  Scene unmarked = *half_;
   unmarked.markings_m.clear();
   EXPECT_THROW(reconstruct(unmarked, {1}, {}), NoAnswerError);
   std::vector<int> many(65);
   std::iota(many.begin(), many.end(), 0);
-  EXPECT_THROW(reconstruct(*scene_, many, {}), std::invalid_argument);
-  Scene standing = *scene_;
+  EXPECT_THROW(reconstruct(*half_, many, {}), std::invalid_argument);
+  Scene standing = *half_;
   standing.frames[0].image = standing.frames[1].image;
   try {
     reconstruct(standing, {0, 1}, {});
@@ -482,7 +489,7 @@ TEST_F(SteepHillRun, FramesThatCannotAnswerSaySo) {
   } catch (const NoAnswerError& e) {
     EXPECT_THAT(e.what(), HasSubstr("no parallax"));
   }
-  Scene missing = *scene_;
+  Scene missing = *half_;
   missing.frames[2].image = "no/such/image.png";
   EXPECT_THROW(reconstruct(missing, {0, 1, 2}, {}), InputError);
 }
@@ -495,7 +502,7 @@ TEST_F(SteepHillRun, ProgressIsToldAndMayInterrupt) {
     stages.insert(stage);
     if (stage == "motion") throw InterruptedError();
   };
-  EXPECT_THROW(reconstruct(*scene_, {0, 1, 2}, {}, listen), InterruptedError);
+  EXPECT_THROW(reconstruct(*half_, {0, 1, 2}, {}, listen), InterruptedError);
   EXPECT_EQ(stages.count("motion"), 1u);
 }
 

@@ -355,8 +355,8 @@ TEST_F(DrawnStreet, AnEgoPlaneThatThePlaneSearchContradictsWidensTheScale) {
   const ScaledRoad scaled = scaled_with(1.3 * kHeight);
   EXPECT_NEAR(scaled.road.metres_per_baseline(), kStep / 1.3, 0.01);  // the given metres stand
   ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_THAT(scaled.contradictions[0], HasSubstr("plane_search"));
-  EXPECT_THAT(scaled.contradictions[0], HasSubstr("larger"));
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("plane_search"));
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("larger"));
   EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), std::log(1.3),
               2.0 * ScaleNoise().searched_height);
 }

@@ -388,7 +388,7 @@ TEST(ScaleStage, ACameraThatLooksAsideIsNamed) {
   for (SE3& pose : ground.motion.frame_from_reference) pose = turn * pose * turn.inverse();
   const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
   ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_THAT(scaled.contradictions[0], HasSubstr("17 degrees to the right"));
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("17 degrees to the right"));
   EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 0.01);
 }
 
@@ -453,7 +453,7 @@ TEST(ScaleStage, MarkingsThatContradictTheHeightAreNamedAndTheHeightStands) {
   const ScaledRoad wrong = stages::scale(drive.frames, drive.matches, exact_photometric(drive), {});
   EXPECT_NEAR(wrong.road.metres_per_baseline(), 1.2, 0.01 * 1.2);
   ASSERT_EQ(wrong.contradictions.size(), 1u);
-  EXPECT_THAT(wrong.contradictions[0], HasSubstr("lane_markings"));
+  EXPECT_THAT(wrong.contradictions[0].text, HasSubstr("lane_markings"));
   EXPECT_GT(std::sqrt(wrong.contradiction_variance), 0.15);
 }
 

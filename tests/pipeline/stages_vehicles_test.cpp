@@ -265,7 +265,7 @@ TEST_F(ParkedCar, AssembleWidensTheScaleByWhatContradictsIt) {
   const MadeDrive drive = make_drive({});
   ScaledRoad scaled = exact_scaled(drive, 0.01);
   const SurfacePlan plan = plan_of(drive, scaled);
-  scaled.contradictions = {"plane_search: off"};
+  scaled.contradictions = {{"scale_contradicted", "plane_search: off"}};
   scaled.contradiction_variance = 0.04;
   const AssembledRoad out = assembled(drive, scaled, plan, {});
   EXPECT_NEAR(out.run.scale_sigma, std::hypot(0.01, 0.2), 1e-9);

@@ -33,9 +33,10 @@ const json& schema() {
 
 /// A manifest that has every key of the schema.
 json whole_manifest() {
-  json keypoints = json::array(), truth_keypoints = json::array();
+  json keypoints = json::array(), keypoint_sigmas = json::array(), truth_keypoints = json::array();
   for (int i = 0; i < 36; ++i) {
     keypoints.push_back({10.0, 20.0, 0.5});
+    keypoint_sigmas.push_back(1.5);
     truth_keypoints.push_back({0.1, 1.0, 10.0});
   }
   const json pose = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
@@ -82,6 +83,7 @@ json whole_manifest() {
                        {"track", 2},
                        {"score", 0.5},
                        {"keypoints", keypoints},
+                       {"keypoint_sigmas_px", keypoint_sigmas},
                        {"plane", plane}}}}}};
   out["truth"] = {{"cloud", "d.ply"},
                   {"vehicles_source", "depth_fit"},
@@ -202,6 +204,10 @@ TEST(SceneSchema, RequiresTheKeysThatTheReaderRequires) {
     manifest.at(key.place.parent_pointer()).erase(key.name);
     // The depth image alone needs its encoding.
     if (key.name == "depth_encoding") manifest.at(key.place.parent_pointer()).erase("depth");
+    // Sigmas alone need keypoints.
+    if (key.place.to_string() == "/frames/0/vehicles/0/keypoints") {
+      manifest.at(key.place.parent_pointer()).erase("keypoint_sigmas_px");
+    }
     // Positions alone need a map.
     if (key.place.to_string() == "/gnss") manifest["frames"][0].erase("gnss");
     const std::string sentence = refusal(manifest);

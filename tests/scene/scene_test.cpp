@@ -425,6 +425,39 @@ TEST_F(SceneFile, SyntaxErrorsNameLineColumnAndByte) {
   EXPECT_THAT(error_of(std::string("\x89PNG\r\n\x1a\n")), HasSubstr("line 1, column 1 (byte 1)"));
 }
 
+TEST_F(SceneFile, SigmasOfKeypointsAreReadAndWritten) {
+  json manifest = full_manifest();
+  json& vehicle = manifest[json::json_pointer("/frames/0/vehicles/0")];
+  const bool first = vehicle.contains("keypoints");
+  const std::string at = first ? "/frames/0/vehicles/0" : "/frames/1/vehicles/0";
+  json sigmas = json::array();
+  for (int i = 0; i < 36; ++i) sigmas.push_back(i == 7 ? json() : json(0.5 + i));
+  manifest[json::json_pointer(at + "/keypoint_sigmas_px")] = sigmas;
+  const auto keypoints = [](const Scene& scene) {
+    for (const SceneFrame& frame : scene.frames) {
+      if (!frame.vehicles.empty()) return frame.vehicles[0].keypoints;
+    }
+    return std::vector<KeypointObservation>();
+  };
+  Scene scene = read_scene(put(manifest));
+  ASSERT_EQ(keypoints(scene).size(), 36u);
+  EXPECT_EQ(keypoints(scene)[35].sigma, 35.5);
+  EXPECT_TRUE(std::isnan(keypoints(scene)[7].sigma));
+  write_scene(scene, folder_.path() / "again.json");
+  scene = read_scene(folder_.path() / "again.json");
+  EXPECT_EQ(keypoints(scene)[35].sigma, 35.5);
+  EXPECT_TRUE(std::isnan(keypoints(scene)[7].sigma));
+
+  sigmas[3] = 0.0;
+  EXPECT_THAT(error_with(at + "/keypoint_sigmas_px", sigmas),
+              HasSubstr("36 numbers of px above 0"));
+  sigmas.erase(3);
+  EXPECT_THAT(error_with(at + "/keypoint_sigmas_px", sigmas),
+              HasSubstr("keypoint_sigmas_px: found"));
+  manifest[json::json_pointer(at)].erase("keypoints");
+  EXPECT_THAT(error_of(manifest), HasSubstr("keypoint_sigmas_px: found no keypoints"));
+}
+
 TEST_F(SceneFile, DuplicateKeysAreRefused) {
   EXPECT_EQ(error_of(std::string("{\"frames\": [{\"id\": 1}, {\"id\": 1, \"id\": 2}]}")),
             "frames[1].id: the key stands twice, expected once");

@@ -79,7 +79,7 @@ double ground_along(const DrawnRoad& road, const Eigen::Vector3d& eye, const Eig
   };
   double last = 0.5, over = below(last);
   if (over > 0) return std::numeric_limits<double>::quiet_NaN();
-  for (double s = 0.7; s < 120.0; s *= 1.05) {
+  for (double s = 0.7; s < 120.0; s *= 1.1) {
     const double under = below(s);
     if (under > 0) return meet(below, {last, over}, {s, under});
     last = s;

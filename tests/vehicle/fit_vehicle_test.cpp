@@ -55,6 +55,53 @@ Population fit_population(const SimulationOptions& simulation, int count,
   return out;
 }
 
+// A network that states its sigmas: three quarters of its keypoints are far off, and it says so.
+TEST(FitVehicle, TakesStatedSigmasInPlaceOfItsOwn) {
+  SimulationOptions simulation;
+  simulation.confidences = false;
+  simulation.gross_share = 0.0;
+  simulation.occluded_share = 0.0;
+  std::vector<double> without, with;
+  double covered = 0.0;
+  constexpr int kVehicles = 60;
+  for (int i = 0; i < kVehicles; ++i) {
+    SimulatedVehicle s = simulate_vehicle(simulation, i);
+    const double cell = std::max(s.detection.box.width(), s.detection.box.height()) / 64.0;
+    const CounterRandom random(7, 3);
+    for (std::size_t k = 0; k < kNumKeypoints; ++k) {
+      const double sigma = (k % 4 == 0 ? 0.7 : 7.0) * cell;
+      const std::uint64_t draw = 2 * (kNumKeypoints * static_cast<std::uint64_t>(i) + k);
+      const auto exact = s.camera.project(s.keypoints[k]);
+      ASSERT_TRUE(exact);
+      s.detection.keypoints[k].pixel =
+          *exact + sigma * Eigen::Vector2d(random.normal(2 * draw), random.normal(2 * draw + 2));
+    }
+    without.push_back(center_error(fit_vehicle(s.camera, s.detection, s.support, {}), s));
+    for (std::size_t k = 0; k < kNumKeypoints; ++k) {
+      s.detection.keypoints[k].sigma = (k % 4 == 0 ? 0.7 : 7.0) * cell;
+      s.detection.keypoints[k].confidence = k % 4 == 0 ? 0.9 : 0.1;
+    }
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    with.push_back(center_error(e, s));
+    const Eigen::Vector3d d = e.pose.center() - s.truth.center();
+    const Eigen::Matrix3d covariance = e.covariance.topLeftCorner<3, 3>();
+    covered += d.dot(covariance.inverse() * d) < 7.815 ? 1.0 / kVehicles : 0.0;
+  }
+  std::sort(without.begin(), without.end());
+  std::sort(with.begin(), with.end());
+  EXPECT_LT(with[kVehicles / 2], 0.85 * without[kVehicles / 2]);
+  EXPECT_GT(covered, 0.85);
+}
+
+TEST(FitVehicle, AnUnknownSigmaAmongTheStatedOnesLeavesThemUnused) {
+  SimulatedVehicle s = simulate_vehicle({}, 3);
+  const VehicleEstimate without = fit_vehicle(s.camera, s.detection, s.support, {});
+  for (std::size_t k = 1; k < kNumKeypoints; ++k) s.detection.keypoints[k].sigma = 0.1;
+  const VehicleEstimate with = fit_vehicle(s.camera, s.detection, s.support, {});
+  EXPECT_EQ(with.pose.center(), without.pose.center());
+  EXPECT_EQ(with.covariance, without.covariance);
+}
+
 TEST(FitVehicle, PlacesCarsAndStatesHowWell) {
   const Population p = fit_population({}, 500);
   EXPECT_EQ(p.answered, 500);

@@ -12,6 +12,7 @@ CAMBER_EXPORT int camber_run(int argc, char** argv) {
                    {"evaluate", register_evaluate},
                    {"render", register_render},
                    {"import", register_import},
+                   {"keypoints", register_keypoints},
                    {"prior", register_prior},
                    {"synth", register_synth}});
 }

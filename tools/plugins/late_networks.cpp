@@ -3,16 +3,18 @@
 
 #include "late_networks.h"
 
+#include <utility>
+
 #include "plugin.h"
 
 namespace camber {
 
-std::unique_ptr<Network> open_network(const std::filesystem::path& path, const NetworkInput& input,
+std::unique_ptr<Network> open_network(OnnxFile file, const NetworkInput& input,
                                       const NetworkCheck& check) {
   using Functions = const tools::NetworkFunctions* (*)();
   static const auto* functions =
       reinterpret_cast<Functions>(tools::plugin_symbol("networks", "camber_networks"))();
-  return functions->open_network(path, input, check);
+  return functions->open_network(std::move(file), input, check);
 }
 
 }  // namespace camber

@@ -42,7 +42,7 @@ std::vector<int> statistical_inliers(const RoadCloud& cloud, int neighbors, doub
                                      int num_threads) {
   require(neighbors >= 1, "neighbors", neighbors, "at least 1");
   require(std::isfinite(deviations), "deviations", deviations, "a finite number");
-  const PointTree tree(cloud.points);
+  const PointTree tree(cloud.points, num_threads);
   std::vector<double> means(cloud.size(), std::numeric_limits<double>::infinity());
   if (tree.size() > 1) {
     tree.for_each_neighborhood(
@@ -75,7 +75,7 @@ std::vector<int> radius_inliers(const RoadCloud& cloud, double radius, int neigh
                                 int num_threads) {
   require(std::isfinite(radius) && radius > 0.0, "radius", radius, "a positive number of metres");
   require(neighbors >= 1, "neighbors", neighbors, "at least 1");
-  const PointTree tree(cloud.points);
+  const PointTree tree(cloud.points, num_threads);
   std::vector<unsigned char> good(cloud.size(), 0);
   constexpr std::size_t kBlock = 1024;
   const std::vector<int>& order = tree.indices();  // neighbours follow each other

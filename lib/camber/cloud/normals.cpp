@@ -74,7 +74,7 @@ void estimate_normals(RoadCloud& cloud, const NormalOptions& options) {
   options.validate();
   const float nan = std::numeric_limits<float>::quiet_NaN();
   cloud.normals.assign(cloud.size(), Eigen::Vector3f(nan, nan, nan));
-  const PointTree tree(cloud.points);
+  const PointTree tree(cloud.points, options.num_threads);
   const bool to_viewpoint = options.viewpoint.allFinite();
   const Eigen::Vector3f viewpoint = (options.viewpoint - cloud.origin).cast<float>();
   const Eigen::Vector3f up = options.up.cast<float>();

@@ -24,11 +24,11 @@ class PointTree {
     float squared_distance = 0.f;  ///< m^2
   };
 
-  /// @param points at most 2^31 - 1.
-  explicit PointTree(const std::vector<Eigen::Vector3f>& points);
+  /// @param points at most 2^31 - 1. The tree is the same for any number of threads.
+  explicit PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads = 1);
 
   /// Number of (finite) points.
-  std::size_t size() const { return x_.size(); }
+  std::size_t size() const { return index_.size(); }
 
   /// The nearest min(k, size()) points by ascending distance, equal distances by ascending index.
   /// A query that is not finite has none. `out` is overwritten.
@@ -37,24 +37,34 @@ class PointTree {
   /// The nearest point if it is closer than `largest_distance`, else index -1.
   Neighbor nearest(const Eigen::Vector3f& query, float largest_distance) const;
 
-  /// The nearest point of each query (index -1 for those that are not finite), far faster than
-  /// one search after the other: queries are taken in an order in which neighbours follow each
-  /// other. On at most `num_threads` threads; the result does not depend on them. Of several points
-  /// at the same distance any one may be given, always the same.
-  std::vector<Neighbor> nearest_of_all(const std::vector<Eigen::Vector3f>& queries,
-                                       int num_threads) const;
-
-  /// The nearest point of a query, and how far the next one is.
+  /// The nearest point of a query, and how far the next one is, which shows where rounding leaves
+  /// the nearest open.
   struct NearestPair {
     int index = -1;
     float squared_distance = 0.f;         ///< m^2
     float second_squared_distance = 0.f;  ///< m^2; infinite if the tree holds one point alone
   };
 
-  /// The same as nearest_of_all() with the distance of the second nearest, which shows where
-  /// rounding leaves the nearest open.
+  /// The nearest point of each query (index -1 for those that are not finite), far faster than one
+  /// search after the other: those of a leaf of a tree of the queries go together. On at most
+  /// `num_threads` threads; the result does not depend on them. Of several points at the same
+  /// distance any one may be given, always the same.
   std::vector<NearestPair> nearest_pair_of_all(const std::vector<Eigen::Vector3f>& queries,
                                                int num_threads) const;
+
+  /// The same for the points of one leaf of another tree.
+  struct LeafNeighbors {
+    int begin = 0, count = 0;        ///< the queries, in x(), y(), z() of their tree
+    const float *x, *y, *z;          ///< the queries, shifted
+    const int* positions = nullptr;  ///< of their nearest, in x(), y(), z() of this one; -1: none
+    const float* squared_distances = nullptr;         ///< m^2
+    const float* second_squared_distances = nullptr;  ///< m^2; infinite if there is none
+  };
+
+  /// Calls visit for each leaf of a tree of queries, to which `shift` is added (m), on at most
+  /// `num_threads` threads; calls are not in order, and two may happen at once.
+  void for_each_leaf_of(const PointTree& queries, const Eigen::Vector3d& shift, int num_threads,
+                        const std::function<void(const LeafNeighbors&)>& visit) const;
 
   /// The points at most `radius` away, in the same order. `out` is overwritten.
   void within(const Eigen::Vector3f& query, float radius, std::vector<Neighbor>& out) const;
@@ -77,7 +87,8 @@ class PointTree {
   void for_each_neighborhood(int k, int num_threads,
                              const std::function<void(const Neighborhood&)>& visit) const;
 
-  /// The points in the tree's order, and their indices in the original points.
+  /// The points in the tree's order (behind the last some zeros), and their indices in the original
+  /// points.
   const std::vector<float>& x() const { return x_; }
   const std::vector<float>& y() const { return y_; }
   const std::vector<float>& z() const { return z_; }

@@ -1,14 +1,10 @@
 #include "camber/core/threads.h"
 
-#include <oneapi/tbb/global_control.h>
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/task_arena.h>
-
 #include <algorithm>
 #include <cstdlib>
-#include <optional>
 #include <thread>
 
+#include "camber/core/detail/side_by_side.h"
 #include "camber/core/interruption.h"
 
 namespace camber {
@@ -35,18 +31,9 @@ void parallel_for(std::size_t count, int num_threads,
     }
     return;
   }
-  // TBB prints a warning where an arena asks for more threads than the machine has.
-  using Control = oneapi::tbb::global_control;
-  std::optional<Control> more;
-  if (static_cast<std::size_t>(threads) > Control::active_value(Control::max_allowed_parallelism)) {
-    more.emplace(Control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-  }
-  oneapi::tbb::task_arena arena(threads);
-  arena.execute([&] {
-    oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-      throw_if_interrupted();
-      body(i);
-    });
+  detail::run_side_by_side(count, threads, [&](std::size_t i) {
+    throw_if_interrupted();
+    body(i);
   });
 }
 

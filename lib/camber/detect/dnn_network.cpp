@@ -44,9 +44,8 @@ std::string reason_of(const cv::Exception& error) {
 
 class DnnNetwork final : public Network {
  public:
-  DnnNetwork(const std::filesystem::path& path, const NetworkInput& input,
-             const NetworkCheck& check)
-      : file_(path.string()), bytes_(read_whole_file(path)), hash_(hash_file(path)) {
+  DnnNetwork(OnnxFile file, const NetworkInput& input, const NetworkCheck& check)
+      : file_(std::move(file.name)), bytes_(std::move(file.bytes)), hash_(hash_bytes(bytes_)) {
     const QuietOpenCv quiet;
     const SingleThreadedOpenCv one_thread;
     const Image picture = check_image(input);
@@ -189,10 +188,10 @@ class DnnNetwork final : public Network {
 
 }  // namespace
 
-std::unique_ptr<Network> open_network(const std::filesystem::path& path, const NetworkInput& input,
+std::unique_ptr<Network> open_network(OnnxFile file, const NetworkInput& input,
                                       const NetworkCheck& check) {
   input.validate();
-  return std::make_unique<DnnNetwork>(path, input, check);
+  return std::make_unique<DnnNetwork>(std::move(file), input, check);
 }
 
 }  // namespace camber

@@ -54,13 +54,22 @@ class Network {
  public:
   virtual ~Network() = default;
   /// Its outputs, ordered by their names. Calls may run side by side; each takes
-  /// one thread, and the result depends on the input alone.
+  /// one thread, and the result depends on the input alone. An input of several images (N, ...)
+  /// gives outputs (N, ...) where the network allows it, each image's as if it were alone.
   virtual std::vector<Tensor> run(const Tensor& input) const = 0;
   virtual const std::string& hash() const = 0;  ///< of the file, hash_file()
   /// What was found when it was loaded: "fused" (layers joined by OpenCV), or "unfused", because
   /// joining them changed the outputs.
   virtual const std::string& layers() const = 0;
 };
+
+/// A network's file in memory.
+struct OnnxFile {
+  std::string name;   ///< for messages
+  std::string bytes;  ///< ONNX
+};
+/// @throws InputError if it cannot be read.
+OnnxFile read_onnx_file(const std::filesystem::path& path);
 
 /// Loads an ONNX file with OpenCV's DNN, on the CPU. OpenCV joins layers for speed, which corrupts
 /// some networks (4.6: TwinLiteNet): the outputs for check_image() with and without it are
@@ -69,7 +78,7 @@ class Network {
 /// It brings many shared libraries: a program can load them when this is first called.
 /// @throws InputError for a file that is not ONNX, has operators that OpenCV does not know, takes
 ///         another input, or does not give the stored outputs.
-std::unique_ptr<Network> open_network(const std::filesystem::path& path, const NetworkInput& input,
+std::unique_ptr<Network> open_network(OnnxFile file, const NetworkInput& input,
                                       const NetworkCheck& check);
 
 }  // namespace camber

@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "camber/detect/keypoint_crop.h"
+
 namespace camber {
 namespace {
 
@@ -111,6 +113,22 @@ void SegmenterDescription::validate() const {
               "the number of a name");
       require(seen.insert(number).second, "classes", number, "there once");
     }
+  }
+}
+
+void KeypointsDescription::validate() const {
+  input.validate();
+  validate_check(check);
+  require(input.width == kKeypointCropSize, "input.width", input.width, "64");
+  require(input.height == kKeypointCropSize, "input.height", input.height, "64");
+  require(std::isfinite(spread_weight), "spread_weight", spread_weight, "finite");
+  for (const auto& [key, value] : {std::pair{"sigma_scale.visible", visible_sigma_scale},
+                                   std::pair{"sigma_scale.hidden", hidden_sigma_scale}}) {
+    require(std::isfinite(value) && value > 0.0, key, value, "> 0");
+  }
+  for (const auto& [key, value] : {std::pair{"visibility.scale", visibility_scale},
+                                   std::pair{"visibility.offset", visibility_offset}}) {
+    require(std::isfinite(value), key, value, "finite");
   }
 }
 

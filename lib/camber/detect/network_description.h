@@ -107,4 +107,20 @@ struct SegmenterDescription {
   void validate() const;     ///< throws std::invalid_argument
 };
 
+/// A network that finds the 36 keypoints in a crop (keypoint_crop.h). Its output is
+/// (N, 216, 16, 16): four cells of a heatmap of 32 x 32 (row by row) for each keypoint, then the
+/// logarithm of each keypoint's standard deviation, then the logit of each one's being visible.
+struct KeypointsDescription {
+  std::string name;
+  NetworkInput input;
+  NetworkCheck check;
+  /// How much of the heatmap's own spread is in the logarithm of a standard deviation.
+  double spread_weight = 0.0;
+  /// On the standard deviations of keypoints that are visible, or not, to the network; > 0.
+  double visible_sigma_scale = 1.0, hidden_sigma_scale = 1.0;
+  /// The logit of being visible is scale * output + offset.
+  double visibility_scale = 1.0, visibility_offset = 0.0;
+  void validate() const;  ///< throws std::invalid_argument
+};
+
 }  // namespace camber

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "camber/core/read_file.h"
 #include "camber/detect/network.h"
 
 namespace camber {
@@ -18,6 +19,10 @@ std::string describe(const std::vector<Tensor>& outputs) {
     parts.push_back(output.describe() + (outputs.size() > 1 ? " " + output.name : ""));
   }
   return fmt::format("output {}", fmt::join(parts, " and "));
+}
+
+OnnxFile read_onnx_file(const std::filesystem::path& path) {
+  return {path.string(), read_whole_file(path)};
 }
 
 InputPlacement place_in_input(const NetworkInput& input, const ImagePart& part) {

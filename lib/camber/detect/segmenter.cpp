@@ -125,7 +125,7 @@ Image labels_by_pairs(const SegmenterDescription& d, const std::vector<Tensor>& 
 Segmenter::Segmenter(const std::filesystem::path& path, const SegmenterDescription& description)
     : file_(path.string()), description_(description) {
   description.validate();
-  network_ = open_network(path, description.input, description.check);
+  network_ = open_network(read_onnx_file(path), description.input, description.check);
   const SingleThreadedOpenCv one_thread;
   segment(check_image(description.input));
 }

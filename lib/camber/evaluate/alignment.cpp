@@ -17,7 +17,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 AlignmentResult iterate_closest(const std::vector<Vector3d>& estimate, const Shape& truth,
-                                Alignment alignment, int num_threads) {
+                                const ShapeSearch& search, Alignment alignment) {
   constexpr std::size_t kSample = 20000;
   constexpr double kPointWeight = 0.01;
   AlignmentResult out;
@@ -44,14 +44,13 @@ AlignmentResult iterate_closest(const std::vector<Vector3d>& estimate, const Sha
   double spread = 0.0;
   for (const Vector3d& p : sample) spread += (p - middle).squaredNorm();
   spread = std::sqrt(spread / static_cast<double>(sample.size()));
-  const ShapeSearch search(truth);
   double last_residual = kInfinity;
   for (int iteration = 0; iteration < 100; ++iteration) {
     std::vector<Vector3d> moved(sample.size());
     for (std::size_t i = 0; i < sample.size(); ++i) {
       moved[i] = scale * (rotation * (sample[i] - middle)) + middle + translation;
     }
-    const ShapeDistances near = search.distances(moved, num_threads);
+    const ShapeDistances near = search.distances(moved);
     std::vector<double> distances;
     for (const double d : near.distance) {
       if (std::isfinite(d)) distances.push_back(d);

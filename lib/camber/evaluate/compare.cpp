@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "camber/core/errors.h"
 #include "camber/evaluate/detail/compare_steps.h"
@@ -81,10 +83,66 @@ std::vector<double> counted_values(const DirectedDistances& directed,
   return out;
 }
 
-double share_within(const std::vector<double>& sorted, double threshold) {
-  if (sorted.empty()) return 0.0;
-  const auto end = std::upper_bound(sorted.begin(), sorted.end(), threshold);
-  return static_cast<double>(end - sorted.begin()) / static_cast<double>(sorted.size());
+double share_within(const std::vector<double>& values, double threshold) {
+  if (values.empty()) return 0.0;
+  const auto within =
+      std::count_if(values.begin(), values.end(), [&](double v) { return v <= threshold; });
+  return static_cast<double>(within) / static_cast<double>(values.size());
+}
+
+/// Which points count, and why others do not. @param observed  of a place
+template <typename Observed>
+void sort_out(const RoadCloud& cloud, const CompareOptions& options, DirectedDistances& directed,
+              const Observed& observed) {
+  directed.counted.assign(cloud.size(), 1);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vector3d place = detail::true_point(cloud, i);
+    std::size_t* reason = nullptr;
+    if (!place.allFinite()) {
+      reason = &directed.not_finite;
+    } else if (options.region && !options.region->contains(place)) {
+      reason = &directed.outside;
+    } else if (!observed(place)) {
+      reason = &directed.unobserved;
+    }
+    if (reason == nullptr) continue;
+    ++*reason;
+    directed.counted[i] = 0;
+  }
+}
+
+/// The statistics of both directions.
+/// @param has_normals  whether the truth came with normals
+/// @throws NoAnswerError
+void summarise(bool has_normals, const CompareOptions& options, CloudComparison& out) {
+  const std::vector<double> accuracy =
+                                counted_values(out.accuracy, out.accuracy.distances.distance),
+                            completeness = counted_values(out.completeness,
+                                                          out.completeness.distances.distance);
+  if (accuracy.empty() || completeness.empty()) {
+    throw NoAnswerError(accuracy.empty() && completeness.empty()
+                            ? "nothing to compare: no points left on either side"
+                        : accuracy.empty()
+                            ? "nothing to compare: no points of the estimate are left"
+                            : "nothing to compare: no points of the truth are left");
+  }
+  out.accuracy.summary = summarise_distances(accuracy);
+  out.completeness.summary = summarise_distances(completeness);
+  if (has_normals) {
+    out.accuracy.along_normal =
+        summarise_distances(counted_values(out.accuracy, out.accuracy.distances.along_normal));
+  }
+  out.completeness.along_normal = summarise_distances(
+      counted_values(out.completeness, out.completeness.distances.along_normal));
+  for (const double threshold : options.thresholds) {
+    ThresholdScore score;
+    score.threshold = threshold;
+    score.precision = share_within(accuracy, threshold);
+    score.recall = share_within(completeness, threshold);
+    const double sum = score.precision + score.recall;
+    score.f_score = sum > 0.0 ? 2.0 * score.precision * score.recall / sum : 0.0;
+    out.scores.push_back(score);
+  }
 }
 
 }  // namespace
@@ -145,22 +203,26 @@ DistanceSummary summarise_distances(const std::vector<double>& values) {
   }
   out.count = sizes.size();
   if (sizes.empty()) return out;
-  std::sort(sizes.begin(), sizes.end());
   double sum = 0.0, squares = 0.0;
   for (const double v : sizes) {
     sum += v;
     squares += v * v;
+    out.largest = std::isnan(out.largest) ? v : std::max(out.largest, v);
   }
   const double n = static_cast<double>(sizes.size());
+  auto sorted = sizes.begin();  // all before it are no larger than those behind
   const auto quantile = [&](double share) {
-    return sizes[std::min(sizes.size() - 1, static_cast<std::size_t>(share * n))];
+    const std::size_t at = std::min(sizes.size() - 1, static_cast<std::size_t>(share * n));
+    const auto place = sizes.begin() + static_cast<std::ptrdiff_t>(at);
+    std::nth_element(sorted, place, sizes.end());
+    sorted = place;
+    return *place;
   };
   out.mean = sum / n;
   out.rms = std::sqrt(squares / n);
   out.median = quantile(0.5);
   out.quantile_90 = quantile(0.9);
   out.quantile_95 = quantile(0.95);
-  out.largest = sizes.back();
   return out;
 }
 
@@ -174,94 +236,54 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
   Shape truth = detail::transformed(truth_in, options.estimate_from_truth);
 
   // What is measured of a mesh are points spread over it.
-  const auto measured = [&](const Shape& shape) {
+  const auto sampled = [&](const Shape& shape) {
     return shape.is_mesh() ? sample_mesh(shape, options.mesh_density, kMostSamples, options.seed)
-                           : shape.cloud;
+                           : RoadCloud();
   };
+  std::optional<detail::ShapeSearch> truth_search(std::in_place, truth, options.num_threads);
   const bool iterates = options.alignment != Alignment::kNone && options.pairs.empty();
   if ((options.road_frame || iterates) && !truth.is_mesh() && truth.cloud.normals.empty()) {
-    truth.cloud.normals = detail::tangent_normals(truth.cloud, options.up, options.num_threads);
+    truth.cloud.normals = detail::tangent_normals(truth.cloud, *truth_search->point_tree(),
+                                                  options.up, options.num_threads);
   }
-  Shape estimate = estimate_in;
   if (options.alignment != Alignment::kNone) {
-    out.alignment = options.pairs.empty()
-                        ? detail::iterate_closest(true_points(measured(estimate_in)), truth,
-                                                  options.alignment, options.num_threads)
-                        : detail::align_pairs(options);
-    estimate = detail::transformed(estimate_in, out.alignment.transform);
+    out.alignment =
+        iterates ? detail::iterate_closest(true_points(estimate_in.is_mesh() ? sampled(estimate_in)
+                                                                             : estimate_in.cloud),
+                                           truth, *truth_search, options.alignment)
+                 : detail::align_pairs(options);
   }
+  Shape estimate = detail::transformed(estimate_in, out.alignment.transform);
+  std::optional<detail::ShapeSearch> estimate_search(std::in_place, estimate, options.num_threads);
+  RoadCloud estimate_sample = sampled(estimate), truth_sample = sampled(truth);
+  RoadCloud& estimated = estimate.is_mesh() ? estimate_sample : estimate.cloud;
+  RoadCloud& true_cloud = truth.is_mesh() ? truth_sample : truth.cloud;
+  out.accuracy.distances = truth_search->distances_of(*estimate_search, estimated);
+  out.completeness.distances = estimate_search->distances_of(*truth_search, true_cloud);
+  truth_search.reset();
+  estimate_search.reset();
 
-  const auto measure = [&](const Shape& from, const Shape& to, DirectedDistances& directed) {
-    directed.points = measured(from);
-    const std::vector<Vector3d> places = true_points(directed.points);
-    directed.distances = distances_to(to, places, options.num_threads);
-    directed.counted.assign(places.size(), 1);
-    return places;
-  };
-  const std::vector<Vector3d> estimated = measure(estimate, truth, out.accuracy);
-  const std::vector<Vector3d> true_places = measure(truth, estimate, out.completeness);
-  const auto sort_out = [&](const std::vector<Vector3d>& places, DirectedDistances& directed,
-                            auto&& observed) {
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      std::size_t* reason = nullptr;
-      if (!places[i].allFinite()) {
-        reason = &directed.not_finite;
-      } else if (options.region && !options.region->contains(places[i])) {
-        reason = &directed.outside;
-      } else if (!observed(places[i])) {
-        reason = &directed.unobserved;
-      }
-      if (reason == nullptr) continue;
-      ++*reason;
-      directed.counted[i] = 0;
-    }
-  };
   if (options.truth_viewpoint) {
     const ObservedSpace space(
-        true_points(measured(truth_in)), *options.truth_viewpoint,
+        true_points(truth_in.is_mesh() ? sampled(truth_in) : truth_in.cloud),
+        *options.truth_viewpoint,
         *std::max_element(options.thresholds.begin(), options.thresholds.end()));
     const Matrix4d truth_from_estimate = options.estimate_from_truth.inverse();
-    sort_out(estimated, out.accuracy, [&](const Vector3d& p) {
+    sort_out(estimated, options, out.accuracy, [&](const Vector3d& p) {
       return space.contains(detail::move(truth_from_estimate, p));
     });
   } else {
-    sort_out(estimated, out.accuracy, [](const Vector3d&) { return true; });
+    sort_out(estimated, options, out.accuracy, [](const Vector3d&) { return true; });
   }
-  sort_out(true_places, out.completeness, [&](const Vector3d& p) {
+  sort_out(true_cloud, options, out.completeness, [&](const Vector3d& p) {
     return options.views.empty() || seen(options.views, options.farthest, p);
   });
 
-  std::vector<double> accuracy = counted_values(out.accuracy, out.accuracy.distances.distance),
-                      completeness =
-                          counted_values(out.completeness, out.completeness.distances.distance);
-  if (accuracy.empty() || completeness.empty()) {
-    throw NoAnswerError(accuracy.empty() && completeness.empty()
-                            ? "nothing to compare: no points left on either side"
-                        : accuracy.empty()
-                            ? "nothing to compare: no points of the estimate are left"
-                            : "nothing to compare: no points of the truth are left");
-  }
-  out.accuracy.summary = summarise_distances(accuracy);
-  out.completeness.summary = summarise_distances(completeness);
   // Normals that were only estimated here serve the road's frame, not this.
-  if (truth_in.is_mesh() || !truth_in.cloud.normals.empty()) {
-    out.accuracy.along_normal =
-        summarise_distances(counted_values(out.accuracy, out.accuracy.distances.along_normal));
-  }
-  out.completeness.along_normal = summarise_distances(
-      counted_values(out.completeness, out.completeness.distances.along_normal));
-  std::sort(accuracy.begin(), accuracy.end());
-  std::sort(completeness.begin(), completeness.end());
-  for (const double threshold : options.thresholds) {
-    ThresholdScore score;
-    score.threshold = threshold;
-    score.precision = share_within(accuracy, threshold);
-    score.recall = share_within(completeness, threshold);
-    const double sum = score.precision + score.recall;
-    score.f_score = sum > 0.0 ? 2.0 * score.precision * score.recall / sum : 0.0;
-    out.scores.push_back(score);
-  }
+  summarise(truth_in.is_mesh() || !truth_in.cloud.normals.empty(), options, out);
   if (options.road_frame) detail::add_road_errors(truth, estimated, options, &out);
+  out.accuracy.points = std::move(estimated);
+  out.completeness.points = std::move(true_cloud);
   return out;
 }
 

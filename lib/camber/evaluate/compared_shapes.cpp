@@ -19,53 +19,55 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// Nearest points of a cloud, exact: the search in float leaves open which of two points is nearer
 /// where their distances differ by less than rounding; those are measured again in double.
+/// @param queries  tree of `count` places, of coordinates in float
+/// @param shift    takes these to the cloud's origin
+/// @param local    local(i, q): the i-th place relative to that, the q-th of the tree, in double
+template <typename Local>
 ShapeDistances distances_to_cloud(const RoadCloud& cloud, const PointTree& tree,
-                                  const std::vector<Vector3d>& places, int num_threads) {
+                                  const PointTree& queries, const Vector3d& shift,
+                                  std::size_t count, const Local& local, int num_threads) {
   ShapeDistances out;
-  out.distance.assign(places.size(), kNaN);
-  out.nearest.assign(places.size(), -1);
-  std::vector<Eigen::Vector3f> queries(places.size());
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    queries[i] = (places[i] - cloud.origin).cast<float>();
-  }
-  const std::vector<PointTree::NearestPair> pairs = tree.nearest_pair_of_all(queries, num_threads);
+  out.distance.assign(count, kNaN);
+  out.nearest.assign(count, -1);
   const bool with_normals = !cloud.normals.empty();
-  if (with_normals) out.along_normal.assign(places.size(), kNaN);
-  constexpr std::size_t kBlock = 4096;
-  parallel_for((places.size() + kBlock - 1) / kBlock, num_threads, [&](std::size_t block) {
+  if (with_normals) out.along_normal.assign(count, kNaN);
+  const auto exact = [&](const PointTree::LeafNeighbors& leaf) {
     std::vector<PointTree::Neighbor> near;
-    const std::size_t end = std::min(places.size(), (block + 1) * kBlock);
-    for (std::size_t i = block * kBlock; i < end; ++i) {
-      int index = pairs[i].index;
-      if (index < 0) continue;
-      const Vector3d place = places[i] - cloud.origin;
-      const auto squared = [&](int k) {
-        return (cloud.points[static_cast<std::size_t>(k)].cast<double>() - place).squaredNorm();
-      };
-      double best = squared(index);
+    for (int j = 0; j < leaf.count; ++j) {
+      if (leaf.positions[j] < 0) continue;
+      const std::size_t at = static_cast<std::size_t>(leaf.positions[j]),
+                        asked = static_cast<std::size_t>(leaf.begin + j),
+                        i = static_cast<std::size_t>(queries.indices()[asked]);
+      const Vector3d place = local(i, asked);
+      const Eigen::Vector3f query(leaf.x[j], leaf.y[j], leaf.z[j]);
+      Vector3d found(tree.x()[at], tree.y()[at], tree.z()[at]);
+      double best = (found - place).squaredNorm();
+      int index = tree.indices()[at];
       // Rounding of the query's coordinates and of the distance itself.
-      const double rounding = 1.2e-7 * (queries[i].cwiseAbs().maxCoeff() + 4.0 * std::sqrt(best));
-      const double first = std::sqrt(static_cast<double>(pairs[i].squared_distance)),
-                   second = std::sqrt(static_cast<double>(pairs[i].second_squared_distance));
+      const double rounding = 1.2e-7 * (query.cwiseAbs().maxCoeff() + 4.0 * std::sqrt(best));
+      const double first = std::sqrt(static_cast<double>(leaf.squared_distances[j])),
+                   second = std::sqrt(static_cast<double>(leaf.second_squared_distances[j]));
       if (second - first <= 4.0 * rounding) {
-        tree.within(queries[i], static_cast<float>((first + 4.0 * rounding) * (1.0 + 1e-6)), near);
+        tree.within(query, static_cast<float>((first + 4.0 * rounding) * (1.0 + 1e-6)), near);
         for (const PointTree::Neighbor& other : near) {
-          const double d = squared(other.index);
+          const Vector3d p = cloud.points[static_cast<std::size_t>(other.index)].cast<double>();
+          const double d = (p - place).squaredNorm();
           if (d < best || (d == best && other.index < index)) {
             best = d;
             index = other.index;
+            found = p;
           }
         }
       }
       out.nearest[i] = index;
       out.distance[i] = std::sqrt(best);
       if (with_normals) {
-        const std::size_t k = static_cast<std::size_t>(index);
         out.along_normal[i] =
-            cloud.normals[k].cast<double>().dot(place - cloud.points[k].cast<double>());
+            cloud.normals[static_cast<std::size_t>(index)].cast<double>().dot(place - found);
       }
     }
-  });
+  };
+  tree.for_each_leaf_of(queries, shift, num_threads, exact);
   return out;
 }
 
@@ -103,17 +105,38 @@ ShapeDistances distances_to_mesh(const Shape& mesh, const TriangleTree& tree,
 
 namespace detail {
 
-ShapeSearch::ShapeSearch(const Shape& shape) : shape_(shape) {
+ShapeSearch::ShapeSearch(const Shape& shape, int num_threads)
+    : shape_(shape), num_threads_(num_threads) {
   if (shape.is_mesh()) {
     triangles_.emplace(make_triangle_tree(shape));
   } else {
-    points_.emplace(shape.cloud.points);
+    points_.emplace(shape.cloud.points, num_threads);
   }
 }
 
-ShapeDistances ShapeSearch::distances(const std::vector<Vector3d>& places, int num_threads) const {
-  return shape_.is_mesh() ? distances_to_mesh(shape_, *triangles_, places, num_threads)
-                          : distances_to_cloud(shape_.cloud, *points_, places, num_threads);
+ShapeDistances ShapeSearch::distances(const std::vector<Vector3d>& places) const {
+  if (shape_.is_mesh()) return distances_to_mesh(shape_, *triangles_, places, num_threads_);
+  const Vector3d& origin = shape_.cloud.origin;
+  std::vector<Eigen::Vector3f> rounded(places.size());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    rounded[i] = (places[i] - origin).cast<float>();
+  }
+  return distances_to_cloud(
+      shape_.cloud, *points_, PointTree(rounded, num_threads_), Vector3d::Zero(), places.size(),
+      [&](std::size_t i, std::size_t) -> Vector3d { return places[i] - origin; }, num_threads_);
+}
+
+ShapeDistances ShapeSearch::distances_of(const ShapeSearch& other, const RoadCloud& points) const {
+  if (!points_ || !other.points_) return distances(true_points(points));
+  const RoadCloud& cloud = other.shape_.cloud;
+  const PointTree& tree = *other.points_;
+  const Vector3d shift = cloud.origin - shape_.cloud.origin;
+  return distances_to_cloud(
+      shape_.cloud, *points_, tree, shift, cloud.size(),
+      [&](std::size_t, std::size_t q) -> Vector3d {
+        return Vector3d(tree.x()[q], tree.y()[q], tree.z()[q]) + shift;
+      },
+      num_threads_);
 }
 
 double median_of(std::vector<double> values) {
@@ -165,8 +188,8 @@ Contact contact(const Shape& shape, int nearest, const Vector3d& place) {
   return {nearest_on_triangle(place, a, b, c), normal};
 }
 
-std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Vector3d& up,
-                                             int num_threads) {
+std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const PointTree& own,
+                                             const Vector3d& up, int num_threads) {
   constexpr double kSpacing = 0.25;  // m
   constexpr int kNeighbors = 12;
   constexpr double kLeastSpread = 0.03;  // of the variances in the plane
@@ -177,7 +200,7 @@ std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Vecto
   std::vector<Eigen::Vector3f> points(thinned.size());
   const Eigen::Vector3f shift = (thinned.origin - cloud.origin).cast<float>();
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = thinned.points[i] + shift;
-  const PointTree tree(points);
+  const PointTree tree(points, num_threads);
   std::vector<Eigen::Vector3f> normals(points.size(), Eigen::Vector3f::Zero());
   const float *const x = tree.x().data(), *const y = tree.y().data(), *const z = tree.z().data();
   tree.for_each_neighborhood(kNeighbors, num_threads, [&](const PointTree::Neighborhood& near) {
@@ -197,10 +220,15 @@ std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Vecto
     normals[static_cast<std::size_t>(near.index)] = normal.cast<float>();
   });
   std::vector<Eigen::Vector3f> out(cloud.size(), Eigen::Vector3f::Zero());
-  const std::vector<PointTree::Neighbor> nearest = tree.nearest_of_all(cloud.points, num_threads);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    if (nearest[i].index >= 0) out[i] = normals[static_cast<std::size_t>(nearest[i].index)];
-  }
+  tree.for_each_leaf_of(
+      own, Vector3d::Zero(), num_threads, [&](const PointTree::LeafNeighbors& leaf) {
+        for (int j = 0; j < leaf.count; ++j) {
+          if (leaf.positions[j] < 0) continue;
+          const int nearest = tree.indices()[static_cast<std::size_t>(leaf.positions[j])];
+          out[static_cast<std::size_t>(own.indices()[static_cast<std::size_t>(leaf.begin + j)])] =
+              normals[static_cast<std::size_t>(nearest)];
+        }
+      });
   return out;
 }
 
@@ -208,7 +236,7 @@ std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const Vecto
 
 ShapeDistances distances_to(const Shape& shape, const std::vector<Vector3d>& places,
                             int num_threads) {
-  return detail::ShapeSearch(shape).distances(places, num_threads);
+  return detail::ShapeSearch(shape, num_threads).distances(places);
 }
 
 std::vector<Vector3d> true_points(const RoadCloud& cloud, const Matrix4d& transform) {

@@ -168,6 +168,9 @@ class LibavReader : public VideoReader {
     avcodec_parameters_to_context(codec_.get(), stream()->codecpar);
     codec_->pkt_timebase = stream()->time_base;
     codec_->max_pixels = static_cast<std::int64_t>(kMaxSide) * kMaxSide;
+    // Threads of a frame's slices: those of frames wait for each other for ever in damaged videos
+    // (FFmpeg 5.1, MPEG-4).
+    codec_->thread_type = FF_THREAD_SLICE;
     codec_->thread_count = 2;
     const int opened = avcodec_open2(codec_.get(), decoder, nullptr);
     if (opened < 0) refuse(reason(opened));

@@ -172,9 +172,10 @@ double read_share(const JsonCursor& cursor) {
 /// A document of format "camber-network" whose task is `task`.
 class SideFile {
  public:
-  SideFile(const std::filesystem::path& path, const std::string& task)
-      : context_{path.string(), {}},
-        document_(parse_json(text_of(path, task), path.string())),
+  /// @param name  of the file, for messages.
+  SideFile(const std::string& text, const std::string& name, const std::string& task)
+      : context_{name, {}},
+        document_(parse_json(text, name)),
         root_(JsonCursor(document_, context_)) {
     const auto fixed = [&](const char* key, const json& expected) {
       const std::string expectation = expected.dump();
@@ -185,6 +186,8 @@ class SideFile {
     fixed("version", kVersion);
     fixed("task", task);
   }
+  SideFile(const std::filesystem::path& path, const std::string& task)
+      : SideFile(text_of(path, task), path.string(), task) {}
 
   JsonObject& root() { return root_; }
 
@@ -216,6 +219,30 @@ class SideFile {
   json document_;
   JsonObject root_;
 };
+
+KeypointsDescription read_keypoints(SideFile& file, const LogSink& warn) {
+  JsonObject& root = file.root();
+  KeypointsDescription out;
+  if (auto v = root.find("name")) out.name = v->text();
+  out.input = read_input(root.require("input", "an object"));
+  if (auto v = root.find("check")) out.check = read_check(*v);
+  word_at(root.require("head", "hourglass"), {"hourglass"});
+  if (auto v = root.find("spread_weight")) out.spread_weight = v->number();
+  if (auto v = root.find("sigma_scale")) {
+    JsonObject scale(*v, "an object {\"visible\", \"hidden\"}");
+    out.visible_sigma_scale = scale.require("visible", "a positive number").positive();
+    out.hidden_sigma_scale = scale.require("hidden", "a positive number").positive();
+    scale.note_unknown_keys();
+  }
+  if (auto v = root.find("visibility")) {
+    JsonObject logit(*v, "an object {\"scale\", \"offset\"}");
+    out.visibility_scale = logit.require("scale", "a number").number();
+    out.visibility_offset = logit.require("offset", "a number").number();
+    logit.note_unknown_keys();
+  }
+  file.finish(out, warn);
+  return out;
+}
 
 }  // namespace
 
@@ -309,6 +336,17 @@ SegmenterDescription read_segmenter_description(const std::filesystem::path& pat
   }
   file.finish(out, warn);
   return out;
+}
+
+KeypointsDescription read_keypoints_description(const std::filesystem::path& path,
+                                                const LogSink& warn) {
+  SideFile file(path, "keypoints");
+  return read_keypoints(file, warn);
+}
+
+KeypointsDescription parse_keypoints_description(const std::string& text, const std::string& name) {
+  SideFile file(text, name, "keypoints");
+  return read_keypoints(file, {});
 }
 
 }  // namespace camber

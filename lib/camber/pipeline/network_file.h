@@ -11,7 +11,8 @@ namespace camber {
 std::filesystem::path side_file_of(const std::filesystem::path& network,
                                    const std::filesystem::path& given);
 
-/// Reads the description of a detector or a segmenter (docs/formats.md, format "camber-network").
+/// Reads the description of a detector, a segmenter or a keypoint network (docs/formats.md, format
+/// "camber-network").
 /// @param warn  receives a sentence for each unknown key; may be empty.
 /// @throws InputError "file: JSON path: found, expected"; for a file that is not there the message
 ///         names what it is for.
@@ -19,5 +20,10 @@ DetectorDescription read_detector_description(const std::filesystem::path& path,
                                               const LogSink& warn = {});
 SegmenterDescription read_segmenter_description(const std::filesystem::path& path,
                                                 const LogSink& warn = {});
+
+KeypointsDescription read_keypoints_description(const std::filesystem::path& path,
+                                                const LogSink& warn = {});
+/// The same of a text. @param name  for messages.
+KeypointsDescription parse_keypoints_description(const std::string& text, const std::string& name);
 
 }  // namespace camber

@@ -57,7 +57,6 @@ std::vector<fs::path> detected_scene_files(const NetworkView& view, const fs::pa
 }
 
 Scene write_detected_scene(Scene scene, const NetworkView& view, const fs::path& manifest) {
-  put_network_view(view, &scene);
   std::optional<MadeFolder> folder;
   if (!view.labels.empty()) folder.emplace(labels_folder(manifest));
   AtomicFiles files;

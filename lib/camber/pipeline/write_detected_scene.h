@@ -13,7 +13,7 @@ std::vector<std::filesystem::path> detected_scene_files(const NetworkView& view,
                                                         const std::filesystem::path& manifest);
 
 /// Writes the scene with what the networks saw in its frames: all files or none.
-/// @param scene  as read; put_network_view() is done here. @throws OutputError.
+/// @param scene  with put_network_view() done. @throws OutputError.
 /// @return the scene as written.
 Scene write_detected_scene(Scene scene, const NetworkView& view,
                            const std::filesystem::path& manifest);

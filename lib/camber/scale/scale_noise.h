@@ -63,6 +63,10 @@ struct ScaleNoise {
   /// Standard deviations, of another focal length by the vehicles' proportions: the largest of 66
   /// rendered roads with the true one was 4.1, the next 3.9.
   double focal_length_gate = 4.2;
+
+  // The focal length by a turning camera's epipolar lines.
+  double focal_length = 0.05;  ///< relative, of lenses and flow that bend what is straight
+  double turned_focal_length_gate = 3.0;  ///< standard deviations
 };
 
 }  // namespace camber

@@ -75,6 +75,18 @@ std::vector<KeypointObservation> read_observations(const JsonCursor& cursor) {
   return out;
 }
 
+/// Standard deviations of the keypoints' pixels, which must be there.
+void read_keypoint_sigmas(const JsonCursor& cursor, std::vector<KeypointObservation>* keypoints) {
+  const std::string expectation =
+      fmt::format("{} numbers of px above 0 or null, beside the keypoints", kNumKeypoints);
+  if (keypoints->empty()) cursor.fail_because("found no keypoints, expected " + expectation);
+  const std::vector<double> sigmas = cursor.numbers(kNumKeypoints, expectation.c_str(), true);
+  for (std::size_t i = 0; i < sigmas.size(); ++i) {
+    if (sigmas[i] <= 0.0) cursor.fail(expectation);
+    (*keypoints)[i].sigma = sigmas[i];
+  }
+}
+
 VehicleDetection read_detection(const JsonCursor& cursor, std::set<int>& seen) {
   JsonObject object(cursor, "a vehicle {\"id\", \"box\", ...}");
   VehicleDetection out;
@@ -86,6 +98,7 @@ VehicleDetection read_detection(const JsonCursor& cursor, std::set<int>& seen) {
     out.track = v->integer(-1, kMaxId, "an integer of at least -1");
   if (auto v = object.find("score")) out.score = v->number();
   if (auto v = object.find("keypoints")) out.keypoints = read_observations(*v);
+  if (auto v = object.find("keypoint_sigmas_px")) read_keypoint_sigmas(*v, &out.keypoints);
   if (auto v = object.find("plane")) {
     out.given_plane = read_plane(*v, true);
     out.has_plane = true;
@@ -458,6 +471,12 @@ json detection_json(const VehicleDetection& vehicle) {
           {number_json(k.pixel.x()), number_json(k.pixel.y()), number_json(k.confidence)}));
     }
     out["keypoints"] = std::move(rows);
+    const auto stated = [](const KeypointObservation& k) { return std::isfinite(k.sigma); };
+    if (std::any_of(vehicle.keypoints.begin(), vehicle.keypoints.end(), stated)) {
+      json sigmas = json::array();
+      for (const KeypointObservation& k : vehicle.keypoints) sigmas.push_back(number_json(k.sigma));
+      out["keypoint_sigmas_px"] = std::move(sigmas);
+    }
   }
   if (vehicle.has_plane) out["plane"] = plane_json(vehicle.given_plane);
   return out;

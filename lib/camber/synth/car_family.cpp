@@ -204,7 +204,30 @@ CarModel make_car(CarClass car_class, const CarProportions& proportions) {
 
 CarModel make_car(CarClass car_class) { return make_car(car_class, mean_proportions(car_class)); }
 
-CarModel sample_car(CarClass car_class, const CounterRandom& random, std::uint64_t index) {
+void keep_order(CarProportions* proportions) {
+  CarProportions& p = *proportions;
+  p.bumper_depth = std::max(p.bumper_depth, 0.04);
+  p.arch_gap = std::max(p.arch_gap, 0.025);
+  p.arch_lift = std::clamp(p.arch_lift, -0.02, 0.06);
+  const double rear_overhang_min = p.wheel_radius + p.arch_gap + p.bumper_depth + 0.04;
+  p.front_overhang =
+      std::max(p.front_overhang, p.wheel_radius + p.arch_gap + p.bumper_depth + 0.04);
+  p.wheelbase = std::min(p.wheelbase, p.length - p.front_overhang - rear_overhang_min);
+  p.headlight_x = std::min(p.headlight_x, -0.01);
+  p.tail_x = std::max(p.tail_x, 0.0);
+  p.rear_window_x = std::max(p.rear_window_x, p.tail_x + 0.015);
+  p.rear_window_y = std::max(p.rear_window_y, p.tail_y + 0.02);
+  p.arch_width = std::min(p.arch_width, 0.99);
+  p.roof_crown = std::max(p.roof_crown, 0.03);
+  p.roof_drop = std::max(p.roof_drop, 0.0);
+  p.bumper_height = std::max(p.bumper_height, p.clearance + 0.05);
+  const double rear_axle_to_corner = p.length - p.wheelbase - p.front_overhang - p.bumper_depth;
+  p.roof_rear_x = std::max(p.roof_rear_x, p.rear_window_x - rear_axle_to_corner + 0.02);
+  p.roof_front_x = std::min(p.roof_front_x, p.cowl_x - 0.25);
+}
+
+CarProportions sample_proportions(CarClass car_class, const CounterRandom& random,
+                                  std::uint64_t index) {
   std::uint64_t counter = index * kNumbersPerCar;
   auto draw = [&] { return std::clamp(random.normal(counter++), -2.5, 2.5); };
   const CarProportions mean = mean_proportions(car_class);
@@ -238,26 +261,12 @@ CarModel sample_car(CarClass car_class, const CounterRandom& random, std::uint64
   p.tail_y *= taller;
   for (double CarProportions::*field : kFreeProportions) p.*field += spread.*field * draw();
 
-  // Keep the order of the parts whatever the draw.
-  p.bumper_depth = std::max(p.bumper_depth, 0.04);
-  p.arch_gap = std::max(p.arch_gap, 0.025);
-  p.arch_lift = std::clamp(p.arch_lift, -0.02, 0.06);
-  const double rear_overhang_min = p.wheel_radius + p.arch_gap + p.bumper_depth + 0.04;
-  p.front_overhang =
-      std::max(p.front_overhang, p.wheel_radius + p.arch_gap + p.bumper_depth + 0.04);
-  p.wheelbase = std::min(p.wheelbase, p.length - p.front_overhang - rear_overhang_min);
-  p.headlight_x = std::min(p.headlight_x, -0.01);
-  p.tail_x = std::max(p.tail_x, 0.0);
-  p.rear_window_x = std::max(p.rear_window_x, p.tail_x + 0.015);
-  p.rear_window_y = std::max(p.rear_window_y, p.tail_y + 0.02);
-  p.arch_width = std::min(p.arch_width, 0.99);
-  p.roof_crown = std::max(p.roof_crown, 0.03);
-  p.roof_drop = std::max(p.roof_drop, 0.0);
-  p.bumper_height = std::max(p.bumper_height, p.clearance + 0.05);
-  const double rear_axle_to_corner = p.length - p.wheelbase - p.front_overhang - p.bumper_depth;
-  p.roof_rear_x = std::max(p.roof_rear_x, p.rear_window_x - rear_axle_to_corner + 0.02);
-  p.roof_front_x = std::min(p.roof_front_x, p.cowl_x - 0.25);
-  return make_car(car_class, p);
+  keep_order(&p);
+  return p;
+}
+
+CarModel sample_car(CarClass car_class, const CounterRandom& random, std::uint64_t index) {
+  return make_car(car_class, sample_proportions(car_class, random, index));
 }
 
 CarModel sample_car(const CounterRandom& random, std::uint64_t index) {

@@ -87,6 +87,14 @@ CarModel make_car(CarClass car_class, const CarProportions& proportions);
 /// The class mean.
 CarModel make_car(CarClass car_class);
 
+/// Moves parts that a draw has put into the wrong order (a wheel arch beyond a bumper, a roof that
+/// ends behind its rear window) to where they are just in order.
+void keep_order(CarProportions* proportions);
+
+/// Proportions of a random car of a class, see sample_car().
+CarProportions sample_proportions(CarClass car_class, const CounterRandom& random,
+                                  std::uint64_t index);
+
 /// A random car of a class: sizes correlated as in the catalogues, the rest independent.
 /// Depends on (random, index) alone.
 CarModel sample_car(CarClass car_class, const CounterRandom& random, std::uint64_t index);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <vector>
@@ -15,10 +16,20 @@ namespace camber {
 
 inline constexpr int kNumKeypoints = 36;
 
+/// What hides a keypoint.
+enum class KeypointVisibility : std::uint8_t {
+  kVisible = 0,
+  kHiddenByCar = 1,    ///< by the car itself, whatever else stands before it
+  kHiddenByOther = 2,  ///< by something else alone
+  kOutside = 3,        ///< of the image or of the crop
+};
+
 /// One network keypoint: pixel and the network's own confidence (NaN: none given).
 struct KeypointObservation {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   double confidence = std::numeric_limits<double>::quiet_NaN();
+  /// px, standard deviation along each axis as the network states it; NaN: not stated.
+  double sigma = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// One vehicle in one image, as a detector gives it.

@@ -106,9 +106,7 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
   if (scaled.contradiction_variance > 0.0) {
     out.road = out.road.with_wider_scale(scaled.contradiction_variance);
   }
-  for (const std::string& text : scaled.contradictions) {
-    out.warnings.push_back({"scale_contradicted", text});
-  }
+  out.warnings = scaled.contradictions;
   check_by_vehicles(scaled, constraints, &out);
   check_focal_length(scaled, vehicles.focal_length, &out);
   const Eigen::Index rows = out.plane_covariance.rows();

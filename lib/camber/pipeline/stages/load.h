@@ -54,8 +54,8 @@ struct LoadedFrames {
 
 namespace stages {
 
-/// All frames are matched with one reference frame and solved together, in memory and time that grow
-/// with their number.
+/// All frames are matched with one reference frame and solved together, in memory and time that
+/// grow with their number.
 constexpr std::size_t kMostFrames = 64;
 
 struct LoadOptions {

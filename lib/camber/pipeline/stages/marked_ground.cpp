@@ -256,9 +256,11 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
     const RoadPosterior open = prior(kOpenLogScale);
     out.road =
         open.conditioned(camera_height_constraint(open, given, frames.known.camera_height_sigma));
-    out.contradictions.push_back(fmt::format(
-        "lane_markings ({}): {}; by them everything is {:.0f} % {}", by_markings.source,
-        by_markings.reason, 100.0 * std::abs(std::expm1(-off)), off < 0 ? "larger" : "smaller"));
+    out.contradictions.push_back(
+        {"scale_contradicted",
+         fmt::format("lane_markings ({}): {}; by them everything is {:.0f} % {}",
+                     by_markings.source, by_markings.reason, 100.0 * std::abs(std::expm1(-off)),
+                     off < 0 ? "larger" : "smaller")});
   }
   out.scale_change = std::log(out.road.metres_per_baseline());
   out.reports = {by_height, by_markings};

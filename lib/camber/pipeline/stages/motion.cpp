@@ -22,17 +22,6 @@ MotionEstimate motion_from_poses(const LoadedFrames& frames) {
   return motion_from_known_poses(frame_from_reference, frames.reference, {});
 }
 
-/// One entry a grid point: not on or beside a vehicle or detection of the reference image.
-std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
-                                        const Correspondences& matches) {
-  const std::vector<std::uint8_t>& vehicle_near = frames.reference_masks().vehicle_near;
-  std::vector<std::uint8_t> out(matches.pixels.size());
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i] = !vehicle_near[matches.image_index(i, frames.camera.width)];
-  }
-  return out;
-}
-
 /// The motion by sparse features, which follow displacements that a dense flow loses. kFailed also
 /// where they agree no better with it than with the motion by the flow.
 MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEstimate& dense,
@@ -55,6 +44,16 @@ MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEsti
 }
 
 }  // namespace
+
+std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
+                                        const Correspondences& matches) {
+  const std::vector<std::uint8_t>& vehicle_near = frames.reference_masks().vehicle_near;
+  std::vector<std::uint8_t> out(matches.pixels.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = !vehicle_near[matches.image_index(i, frames.camera.width)];
+  }
+  return out;
+}
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
                       const MotionOptions& options) {

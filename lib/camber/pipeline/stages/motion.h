@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "camber/motion/correspondences.h"
 #include "camber/motion/motion.h"
 #include "camber/pipeline/stages/load.h"
@@ -16,5 +19,8 @@ MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches
 /// adjustment fails.
 MotionEstimate motion_again(const LoadedFrames& frames, const Correspondences& matches,
                             const MotionEstimate& start, const MotionOptions& options);
+
+/// One entry a grid point: 0 on or beside a vehicle or detection of the reference image.
+std::vector<std::uint8_t> static_points(const LoadedFrames& frames, const Correspondences& matches);
 
 }  // namespace camber::stages

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
+#include "camber/motion/self_calibration.h"
+#include "camber/pipeline/stages/motion.h"
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
@@ -194,13 +197,38 @@ std::optional<ConstraintReport> check_search(const LoadedFrames& frames,
   return out;
 }
 
+/// The focal length against the epipolar geometry of a camera that turns.
+std::optional<ConstraintReport> check_focal_length(const LoadedFrames& frames,
+                                                   const Correspondences& matches,
+                                                   const MotionEstimate& motion,
+                                                   const ScaleNoise& noise, double* log_factor) {
+  const FocalLengthEstimate found =
+      estimate_focal_length(frames.camera, matches, static_points(frames, matches), motion);
+  if (found.status != Status::kOk) return std::nullopt;
+  *log_factor = std::log(found.factor);
+  ConstraintReport out{
+      "focal_length", fmt::format("{} matches in a turn", found.matches), 0.0, true, {}};
+  // Errors that neighbours share bend the one or the other: both have to agree.
+  out.residual_sigma = std::min(std::abs(*log_factor) / std::hypot(noise.focal_length, found.sigma),
+                                std::sqrt(2.0 * found.gain));
+  if (out.residual_sigma > noise.turned_focal_length_gate) {
+    out.accepted = false;
+    out.reason = fmt::format("they fit {:.2f} times the focal length, {:.1f} standard deviations",
+                             found.factor, out.residual_sigma);
+  }
+  return out;
+}
+
 /// Names what contradicts the result, and widens its scale by as much.
-void admit_contradictions(const LoadedFrames& frames, const PhotometricGround& ground,
-                          const Eigen::Vector3d& travel, const RoadPosterior& prior,
-                          const std::vector<Constraint>& constraints, const ScaleOptions& options,
-                          ScaledRoad* scaled) {
+void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
+                          const PhotometricGround& ground, const Eigen::Vector3d& travel,
+                          const RoadPosterior& prior, const std::vector<Constraint>& constraints,
+                          const ScaleOptions& options, ScaledRoad* scaled) {
   const ScaleNoise& noise = options.noise;
   double variance = 0.0;
+  const auto contradict = [&](std::string text) {
+    scaled->contradictions.push_back({"scale_contradicted", std::move(text)});
+  };
   const double fused_change =
       std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
   for (std::size_t i = 0; i < constraints.size(); ++i) {
@@ -216,14 +244,14 @@ void admit_contradictions(const LoadedFrames& frames, const PhotometricGround& g
     const double off = implied->mean - fused_change;
     variance = std::max(variance, share * off * off);
     if (report.accepted) continue;
-    scaled->contradictions.push_back(fmt::format(
-        "{} ({}): {}; by it everything is {:.0f} % {}", report.name, report.source, report.reason,
-        100.0 * std::abs(std::expm1(off)), off > 0.0 ? "larger" : "smaller"));
+    contradict(fmt::format("{} ({}): {}; by it everything is {:.0f} % {}", report.name,
+                           report.source, report.reason, 100.0 * std::abs(std::expm1(off)),
+                           off > 0.0 ? "larger" : "smaller"));
   }
   const double aside = std::atan2(travel.x(), travel.z());
   if (std::abs(aside) > noise.most_aside) {
     variance = std::max(variance, aside * aside);
-    scaled->contradictions.push_back(fmt::format(
+    contradict(fmt::format(
         "calibration: the camera travels {:.0f} degrees to the {} of where it looks: is "
         "its principal point right?",
         std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"));
@@ -232,13 +260,21 @@ void admit_contradictions(const LoadedFrames& frames, const PhotometricGround& g
   if (auto report = check_search(frames, ground, options, &difference)) {
     if (!report->accepted) {
       variance = std::max(variance, difference * difference);
-      scaled->contradictions.push_back(report->name + ": " + report->reason);
+      contradict(report->name + ": " + report->reason);
+    }
+    scaled->reports.push_back(std::move(*report));
+  }
+  if (auto report = check_focal_length(frames, matches, ground.motion, noise, &difference)) {
+    if (!report->accepted) {
+      variance = std::max(variance, difference * difference);
+      scaled->contradictions.push_back(
+          {"focal_length_contradicted", report->source + ": " + report->reason});
     }
     scaled->reports.push_back(std::move(*report));
   }
   if (scaled->markings.contradicts) {
     variance = std::max(variance, noise.contradicted_scale * noise.contradicted_scale);
-    scaled->contradictions.push_back("lane_markings: " + scaled->markings.reason);
+    contradict("lane_markings: " + scaled->markings.reason);
   }
   scaled->contradiction_variance = variance;
 }
@@ -318,7 +354,8 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     ScaledRoad out{
         std::move(fused.road), metric,      std::move(fused.reports), {}, 0.0, std::move(markings),
         std::move(width),      scale_change};
-    if (metric) admit_contradictions(frames, ground, travel, prior, constraints, options, &out);
+    if (metric)
+      admit_contradictions(frames, matches, ground, travel, prior, constraints, options, &out);
     return out;
   }
 }

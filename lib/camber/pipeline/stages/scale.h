@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "camber/pipeline/stages/ground.h"
@@ -9,6 +8,7 @@
 #include "camber/scale/lane_marking_constraint.h"
 #include "camber/scale/road_width_constraint.h"
 #include "camber/scale/scale_noise.h"
+#include "camber/scene/results.h"
 
 namespace camber {
 
@@ -17,8 +17,8 @@ struct ScaledRoad {
   RoadPosterior road;
   bool metric = true;  ///< false: lengths are in nominal camera heights
   std::vector<ConstraintReport> reports;
-  /// Sources that contradict each other or the result, a sentence each.
-  std::vector<std::string> contradictions;
+  /// Sources that contradict each other or the result.
+  std::vector<RunDocument::Warning> contradictions;
   /// Of the logarithm of the scale, by what sources differ; not in `road`, since vehicles would
   /// take the place of the sources that disagree.
   double contradiction_variance = 0.0;

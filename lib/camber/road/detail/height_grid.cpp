@@ -2,14 +2,11 @@
 
 #include <algorithm>
 
+#include "camber/core/target_clones.h"
+
 // One clone for machines with AVX2, one for any x86-64, chosen when the program starts. Both only
 // compare and copy, so that their results are the same.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define CAMBER_CLONES __attribute__((target_clones("arch=haswell", "default")))
-#else
-#define CAMBER_CLONES
-#endif
+#define CAMBER_CLONES CAMBER_TARGET_CLONES("avx2")
 
 namespace camber::detail {
 namespace {

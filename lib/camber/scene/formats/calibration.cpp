@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <stdexcept>
 
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
@@ -212,6 +213,13 @@ LensDistortion lens_of(const CameraCalibration& camera, bool rectified, int widt
   out.model = camera.lens;
   out.coefficients = camera.lens_coefficients;
   out.raw = {width, height, camera.fx, camera.fy, camera.cx - shift, camera.cy - shift};
+  try {
+    out.validate();
+  } catch (const std::invalid_argument& error) {
+    throw InputError(path.string(), fmt::format("found a camera that cannot be used: {}; expected "
+                                                "numbers of a lens",
+                                                error.what()));
+  }
   return out;
 }
 

@@ -1,58 +1,25 @@
 #include "camber/synth/detail/ray_caster.h"
 
 #include <embree3/rtcore.h>
-#include <fmt/format.h>
-#include <oneapi/tbb/task_arena.h>
 
 #include <Eigen/Geometry>
 #include <new>
-#include <utility>
 
 #include "camber/core/errors.h"
+#include "camber/synth/detail/embree_tree.h"
 
 namespace camber {
 namespace {
 
+using embree::check;
+using embree::commit;
+using embree::Device;
+using embree::new_tree;
+using embree::Tree;
+
 constexpr int kPacket = 8;
 constexpr unsigned kGroundMask = 1u, kRisenMask = 2u;
 constexpr float kNearest = 1e-6f, kFarthest = 1e4f;
-
-/// Owns a handle of Embree.
-template <typename Handle, void (*kRelease)(Handle)>
-class Owned {
- public:
-  Owned() = default;
-  explicit Owned(Handle handle) : handle_(handle) {}
-  Owned(Owned&& other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
-  Owned& operator=(Owned&& other) noexcept {
-    std::swap(handle_, other.handle_);
-    return *this;
-  }
-  ~Owned() {
-    if (handle_) kRelease(handle_);
-  }
-  Handle get() const { return handle_; }
-
- private:
-  Handle handle_ = nullptr;
-};
-using Device = Owned<RTCDevice, rtcReleaseDevice>;
-using Tree = Owned<RTCScene, rtcReleaseScene>;
-
-void check(RTCDevice device) {
-  const RTCError error = rtcGetDeviceError(device);
-  if (error == RTC_ERROR_NONE) return;
-  if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
-  throw MachineError(
-      fmt::format("ray casting by Embree failed: its error {}", static_cast<int>(error)));
-}
-
-/// Builds on the calling thread alone: the order of triangles in a tree then never changes.
-void commit(RTCDevice device, RTCScene scene) {
-  oneapi::tbb::task_arena arena(1);
-  arena.execute([&] { rtcJoinCommitScene(scene); });
-  check(device);
-}
 
 /// Adds triangles to a tree, as its geometry `id`.
 void add_triangles(RTCDevice device, RTCScene tree, const SynthTriangle* triangles,
@@ -80,12 +47,6 @@ void add_triangles(RTCDevice device, RTCScene tree, const SynthTriangle* triangl
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(tree, geometry, id);
   rtcReleaseGeometry(geometry);
-}
-
-Tree new_tree(RTCDevice device) {
-  Tree tree(rtcNewScene(device));
-  rtcSetSceneFlags(tree.get(), RTC_SCENE_FLAG_ROBUST);
-  return tree;
 }
 
 void attach(RTCDevice device, RTCScene frame, RTCScene part, const SE3& pose, unsigned id) {
@@ -138,8 +99,7 @@ RayCaster::RayCaster(const SynthMesh& ground_and_things, std::size_t num_ground,
                      const std::vector<SynthCar>& cars, int num_frames)
     : impl_(std::make_unique<Impl>()) {
   Impl& in = *impl_;
-  in.device = Device(rtcNewDevice("max_isa=avx2"));
-  if (!in.device.get()) throw MachineError("ray casting by Embree cannot be started");
+  in.device = embree::new_device();
   RTCDevice device = in.device.get();
   const auto& triangles = ground_and_things.triangles;
   in.num_ground = num_ground;

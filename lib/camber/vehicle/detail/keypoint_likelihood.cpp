@@ -19,18 +19,14 @@ double ErrorDensity::share_along(double squared_error) const {
   return std::max(1.0 - (by_squared_precision / total - mean * mean) * squared_error / mean, 0.0);
 }
 
-ErrorDensity error_density(const KeypointNoise& noise, double squared_error, double seen_share,
-                           double seen_scale, double shape_variance) {
-  const double good = 1.0 - noise.gross_share;
-  const double shares[3] = {good * seen_share, good * (1.0 - seen_share) * (1.0 - noise.far_share),
-                            good * (1.0 - seen_share) * noise.far_share};
-  const double sigmas[3] = {noise.seen * seen_scale, noise.guessed, noise.guessed_far};
+ErrorDensity error_density(const KeypointNoise& noise, double gross_share, double squared_error,
+                           const ErrorComponents& components, double shape_variance) {
   ErrorDensity out;
-  out.total = noise.gross_share * noise.cell_share * noise.cell_share;
-  for (int c = 0; c < 3; ++c) {
-    const double variance = sigmas[c] * sigmas[c] + shape_variance;
+  out.total = gross_share * noise.cell_share * noise.cell_share;
+  for (std::size_t c = 0; c < components.size(); ++c) {
+    const double variance = components[c].sigma * components[c].sigma + shape_variance;
     const double density =
-        shares[c] * std::exp(-0.5 * squared_error / variance) / (2.0 * kPi * variance);
+        components[c].share * std::exp(-0.5 * squared_error / variance) / (2.0 * kPi * variance);
     const double by_precision = density / variance;
     out.total += density;
     out.by_precision += by_precision;
@@ -39,6 +35,16 @@ ErrorDensity error_density(const KeypointNoise& noise, double squared_error, dou
     if (c < 2) out.near += density;
   }
   return out;
+}
+
+ErrorDensity error_density(const KeypointNoise& noise, double squared_error, double seen_share,
+                           double seen_scale, double shape_variance) {
+  const double good = 1.0 - noise.gross_share;
+  const ErrorComponents components = {
+      {{good * seen_share, noise.seen * seen_scale},
+       {good * (1.0 - seen_share) * (1.0 - noise.far_share), noise.guessed},
+       {good * (1.0 - seen_share) * noise.far_share, noise.guessed_far}}};
+  return error_density(noise, noise.gross_share, squared_error, components, shape_variance);
 }
 
 KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
@@ -52,8 +58,8 @@ KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
       mean_size_(mean_size.sum()),
       cell_u_(std::max(detection.box.width() * noise.cell_share, noise.min_cell_px)),
       cell_v_(std::max(detection.box.height() * noise.cell_share, noise.min_cell_px)) {
-  bool all_confident = true;
-  std::vector<double> confidence;
+  bool all_confident = true, all_stated = true;
+  std::vector<double> confidence, sigma;
   for (int i = 0; i < static_cast<int>(detection.keypoints.size()); ++i) {
     const KeypointObservation& k = detection.keypoints[static_cast<std::size_t>(i)];
     if (!k.pixel.allFinite() || !in_keypoint_set(keypoint_set, i)) continue;
@@ -61,9 +67,20 @@ KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
     pixels_.push_back(k.pixel);
     rays_.push_back(camera.ray(k.pixel));
     confidence.push_back(k.confidence);
+    sigma.push_back(k.sigma);
     all_confident &= std::isfinite(k.confidence);
+    all_stated &= std::isfinite(k.sigma);
   }
   seen_share_.assign(points_.size(), 0.5);
+  if (all_stated && !points_.empty()) {
+    // Stated sigmas are the same along both axes, so cells are square.
+    cell_u_ = cell_v_ = std::max(cell_u_, cell_v_);
+    for (std::size_t j = 0; j < points_.size(); ++j) {
+      stated_.push_back(std::max(sigma[j], noise.min_cell_px) * noise.stated_scale / cell_u_);
+      if (all_confident) seen_share_[j] = std::clamp(confidence[j], 0.0, 1.0);
+    }
+    return;
+  }
   if (!all_confident || points_.size() < 8) return;
   // Ranks, shared among equals: any monotone scale serves.
   const double count = static_cast<double>(points_.size());
@@ -82,6 +99,7 @@ void KeypointLikelihood::clear() {
   pixels_.clear();
   rays_.clear();
   rank_.clear();
+  stated_.clear();
   seen_share_.clear();
 }
 
@@ -96,6 +114,7 @@ void KeypointLikelihood::update_visibility(const BodyView& at) {
   shape_error_scale_ = scale_u * scale_v;
   cells_by_shape_error_.row(0) = scale_u * (rotation.row(0) - ray.x() * rotation.row(2));
   cells_by_shape_error_.row(1) = scale_v * (rotation.row(1) - ray.y() * rotation.row(2));
+  if (!stated_.empty()) return;  // the network states what it sees
   const Eigen::Vector3d eye = rotation.transpose() * -translation;  // vehicle frame
   for (std::size_t j = 0; j < points_.size(); ++j) {
     double share = shown_to(eye, points_[j], at.in_vehicle(points_[j])) ? noise_.seen_share_shown
@@ -137,8 +156,8 @@ void KeypointLikelihood::adapt_noise(const BodyView& at) {
   for (std::size_t j = 0; j < points_.size(); ++j) {
     const double squared = error(j, at, nullptr).squaredNorm();
     const ErrorDensity d = density(j, squared, true);
-    const double share = d.seen / d.total;
-    sum += share * std::max(squared - 2.0 * shape_variance(j), 0.0) / (noise_.seen * noise_.seen);
+    const double share = d.seen / d.total, sigma = seen_sigma(j);
+    sum += share * std::max(squared - 2.0 * shape_variance(j), 0.0) / (sigma * sigma);
     count += 2.0 * share;
   }
   seen_scale_ = std::clamp(std::sqrt(sum / count), noise_.adapt_min, noise_.adapt_max);
@@ -159,8 +178,20 @@ Eigen::Vector2d KeypointLikelihood::error(std::size_t j, const BodyView& at,
 
 ErrorDensity KeypointLikelihood::density(std::size_t j, double squared_error,
                                          bool integrate_shape) const {
-  return error_density(noise_, squared_error, seen_share_[j], seen_scale_,
-                       integrate_shape ? shape_variance(j) : 0.0);
+  const double variance = integrate_shape ? shape_variance(j) : 0.0;
+  if (stated_.empty()) {
+    return error_density(noise_, squared_error, seen_share_[j], seen_scale_, variance);
+  }
+  const double good = 1.0 - noise_.stated_gross_share, sigma = stated_[j] * seen_scale_;
+  const ErrorComponents components = {
+      {{good * (1.0 - noise_.stated_far_share), sigma},
+       {0.0, sigma},
+       {good * noise_.stated_far_share, noise_.stated_far_scale * sigma}}};
+  return error_density(noise_, noise_.stated_gross_share, squared_error, components, variance);
+}
+
+double KeypointLikelihood::seen_sigma(std::size_t j) const {
+  return stated_.empty() ? noise_.seen : stated_[j];
 }
 
 double KeypointLikelihood::add(const BodyView& at, const ShapeErrors* errors, bool observed,
@@ -248,8 +279,8 @@ std::vector<ObservedKeypoint> KeypointLikelihood::observed(const BodyView& at) c
     k.point = points_[j];
     k.pixel = pixels_[j];
     k.seen = seen_share_[j] > 0.5;
-    const double cells =
-        k.seen ? noise_.seen * seen_scale_ : 0.5 * (noise_.guessed + noise_.guessed_far);
+    const double cells = k.seen || !stated_.empty() ? seen_sigma(j) * seen_scale_
+                                                    : 0.5 * (noise_.guessed + noise_.guessed_far);
     const double sigma = std::sqrt(cells * cells + shape_variance(j));
     k.sigma_px = {sigma * cell_u_, sigma * cell_v_};
     out.push_back(k);

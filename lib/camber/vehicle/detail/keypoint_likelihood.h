@@ -1,8 +1,10 @@
 #pragma once
 
 // Likelihood of one view's keypoints: a mixture of what the network saw, guessed, and got grossly
-// wrong; which of them it saw, by the side that the vehicle shows and by the confidences.
+// wrong; which of them it saw, by the side that the vehicle shows and by the confidences. Where the
+// network states a sigma for each keypoint, that takes the place of all but the gross errors.
 
+#include <array>
 #include <limits>
 #include <vector>
 
@@ -25,6 +27,19 @@ struct ErrorDensity {
   double share_along(double squared_error) const;
 };
 
+/// One normal component of an error's density.
+struct ErrorComponent {
+  double share = 0.0;  ///< prior probability
+  double sigma = 0.0;  ///< cells, each axis, without the shape's error
+};
+/// Seen, guessed or off, and far off; the rest of the probability is gross.
+using ErrorComponents = std::array<ErrorComponent, 3>;
+
+/// @param gross_share  prior probability of an error anywhere in the crop.
+ErrorDensity error_density(const KeypointNoise& noise, double gross_share, double squared_error,
+                           const ErrorComponents& components, double shape_variance);
+
+/// Of a keypoint whose sigma is not stated.
 /// @param squared_error   cells^2
 /// @param seen_share      prior probability that the network saw the keypoint
 /// @param seen_scale      on the standard deviation of seen keypoints
@@ -103,12 +118,15 @@ class KeypointLikelihood {
   /// cells
   Eigen::Vector2d error(std::size_t j, const BodyView& at, const ShapeErrors* errors) const;
   ErrorDensity density(std::size_t j, double squared_error, bool integrate_shape) const;
+  /// cells, of a seen keypoint, each axis, before it is adapted.
+  double seen_sigma(std::size_t j) const;
 
   KeypointNoise noise_;
   Eigen::Vector2d focal_;
   std::array<double, kNumKeypoints> shape_variance_;  // m^2
   double mean_size_;                                  // m, sum of the three
   double cell_u_ = 1.0, cell_v_ = 1.0;                // px
+  std::vector<double> stated_;  // cells, sigmas that the network states; empty: none
   std::vector<int> points_;
   std::vector<Eigen::Vector2d> pixels_;
   std::vector<Eigen::Vector3d> rays_;

@@ -1,0 +1,160 @@
+"""Trains a tiny keypoint network on drawn crops: its loss falls, a stopped training goes on to the
+same weights, and the program gives what PyTorch gives for the exported file.
+
+Usage: keypoint_training_test.py CAMBER TRAINING_FOLDER SCRATCH
+"""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+CAMBER, TRAINING, SCRATCH = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+WIDTHS = '{"stem": 8, "fine": 16, "middle": 24, "coarse": 24, "middle_blocks": 1}'
+STEPS = 60
+
+
+def draw_crops(folder: Path, count: int, seed: int) -> None:
+    """A block whose two halves differ; keypoints stand at fixed shares of it."""
+    random = np.random.default_rng(seed)
+    shares = np.random.default_rng(5).random((18, 2))
+    images = np.empty((count, 64, 64, 3), np.uint8)
+    points = np.empty((count, 36, 2), np.float32)
+    y, x = np.mgrid[0:64, 0:64]
+    for i in range(count):
+        left, top = random.uniform(4, 20, 2)
+        width, height = random.uniform(24, 40, 2)
+        inside = (x >= left) & (x <= left + width) & (y >= top) & (y <= top + height)
+        image = random.normal(random.uniform(30, 220), 12, (64, 64, 3))
+        image[inside] = random.uniform(0, 110, 3)
+        image[inside & (x < left + 0.5 * width) & (y < top + 0.5 * height)] = 240
+        images[i] = np.clip(image, 0, 255)
+        points[i, :18] = np.stack([left + 0.5 * width * shares[:, 0], top + height * shares[:, 1]], 1)
+        points[i, 18:] = points[i, :18]
+        points[i, 18:, 0] = 2 * left + width - points[i, :18, 0]
+    folder.mkdir(parents=True)
+    np.save(folder / "images.npy", images)
+    np.save(folder / "keypoints.npy", points)
+    np.save(folder / "visibility.npy", (points[..., 1] > 36).astype(np.uint8))
+    np.save(folder / "boxes.npy", np.tile(np.float32([4, 4, 60, 60]), (count, 1)))
+    np.save(folder / "heading.npy", np.zeros((count, 3), np.float32))
+
+
+def train_command(out: Path) -> list[str]:
+    return [
+        sys.executable, "-B", str(TRAINING / "train.py"), "--train", str(SCRATCH / "training"),
+        "--validation", str(SCRATCH / "validation"), "--out", str(out), "--steps", str(STEPS),
+        "--batch", "32", "--rate", "4e-3", "--widths", WIDTHS, "--threads", "1", "--report", "20",
+        "--save-seconds", "0", "--quiet",
+    ]  # fmt: skip
+
+
+def log_of(out: Path) -> list[dict]:
+    return [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+
+
+def camber(*arguments: object) -> subprocess.CompletedProcess:
+    return subprocess.run([CAMBER, *map(str, arguments)], capture_output=True, text=True)
+
+
+def weights_of(out: Path) -> dict:
+    import torch
+
+    return torch.load(out / "state.pt")["average"]
+
+
+def check_training() -> Path:
+    out = SCRATCH / "whole"
+    subprocess.run(train_command(out), check=True)
+    losses = [line["train"]["loss"] for line in log_of(out)]
+    assert losses[-1] < 0.75 * losses[0], losses
+    assert (out / "curves.png").stat().st_size > 1000 or not has("matplotlib")
+    return out
+
+
+def check_going_on(whole: Path) -> None:
+    """Stopped after its first report and started again, by the same command."""
+    out = SCRATCH / "stopped"
+    first = subprocess.Popen(train_command(out))
+    while not (out / "log.jsonl").exists() and first.poll() is None:
+        time.sleep(0.02)
+    first.send_signal(signal.SIGTERM)
+    assert first.wait() == 130, "it was to stop before its end"
+    assert log_of(out)[-1]["step"] < STEPS
+    subprocess.run(train_command(out), check=True)
+    assert log_of(out)[-1]["step"] == STEPS
+    expected = weights_of(whole)
+    for name, value in weights_of(out).items():
+        assert (value == expected[name]).all(), name
+
+
+def check_program(state: Path) -> None:
+    network, predictions = SCRATCH / "tiny.onnx", SCRATCH / "predictions.npy"
+    subprocess.run(
+        [sys.executable, "-B", str(TRAINING / "export.py"), str(state / "state.pt"), "--validation",
+         str(SCRATCH / "validation"), "--out", str(network), "--predictions", str(predictions)],
+        check=True,
+    )  # fmt: skip
+    ran = camber("keypoints", "run", SCRATCH / "validation", "--keypoints", network, "--json")
+    assert ran.returncode == 0, ran.stderr
+    crops = json.loads(ran.stdout)["crops"]
+    side = json.loads(network.with_suffix(".json").read_text())
+    found = np.array([crop["keypoints"] for crop in crops])
+    sigmas = np.array([crop["keypoint_sigmas_px"] for crop in crops])
+    expected = np.load(predictions).astype(float)
+    logit = side["visibility"]["scale"] * expected[..., 3] + side["visibility"]["offset"]
+    scale = np.where(logit > 0, side["sigma_scale"]["visible"], side["sigma_scale"]["hidden"])
+    # Peaks of equal height may differ by rounding: nearly all keypoints, not each one.
+    near = np.abs(found[..., :2] - expected[..., :2]).max(-1) < 1e-3
+    assert near.mean() > 0.999, near.mean()
+    np.testing.assert_allclose(found[..., 2][near], 1 / (1 + np.exp(-logit))[near], atol=1e-3)
+    np.testing.assert_allclose(sigmas[near], (scale * np.exp(expected[..., 2]))[near], rtol=1e-2)
+
+    judged = camber("keypoints", "evaluate", SCRATCH / "validation", "--keypoints", network, "--json")
+    assert judged.returncode == 0, judged.stderr
+    overall = json.loads(judged.stdout)["evaluation"]["overall"]
+    truth = np.load(SCRATCH / "validation" / "keypoints.npy")
+    off = np.hypot(*np.moveaxis(found[..., :2] - truth, -1, 0))
+    assert abs(overall["all"]["pck_2px"] - (off <= 2).mean()) < 2e-3, overall
+    # Calibrated on the same crops: 95.45 % of the coordinates.
+    assert abs(overall["visible"]["inside_sigmas"][1] - 0.9545) < 0.02, overall
+
+    damaged = SCRATCH / "damaged.onnx"
+    shutil.copy(network.with_suffix(".json"), damaged.with_suffix(".json"))
+    whole = network.read_bytes()
+    middle = len(whole) // 2
+    for content in (whole[:middle], whole[:middle] + b"\x7f" * 4000 + whole[middle + 4000 :]):
+        damaged.write_bytes(content)
+        for verb in ("run", "evaluate"):
+            ran = camber("keypoints", verb, SCRATCH / "validation", "--keypoints", damaged, "--json")
+            assert ran.returncode == 2, (verb, ran)
+            assert ran.stdout == "" and ran.stderr.count("\n") == 1, ran
+            assert str(damaged) in ran.stderr, ran
+
+
+def has(module: str) -> bool:
+    try:
+        __import__(module)
+    except ImportError:
+        return False
+    return True
+
+
+def main() -> None:
+    if not has("torch"):
+        print("skipped: python3-torch is not there")
+        return
+    shutil.rmtree(SCRATCH, ignore_errors=True)
+    draw_crops(SCRATCH / "training", 512, 1)
+    draw_crops(SCRATCH / "validation", 96, 2)
+    whole = check_training()
+    check_going_on(whole)
+    check_program(whole)
+
+
+main()
