@@ -8,7 +8,8 @@ Usage: tests/run.sh [--no-install] [--asan] [--tsan] [--coverage] [--fuzz] [--lo
 
 Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests:
 ctest says how many passed and failed, a line after it how many were skipped and why. Then, where Clang with libFuzzer is present, the
-fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that; 0: not at all).
+fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that; 0: not at all) from
+one random seed (CAMBER_FUZZ_SEED changes it, 0: another in each run).
 
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
                 tests
@@ -32,6 +33,7 @@ mode=release
 benchmarks=false
 ctest_options=()
 fuzz_seconds=${CAMBER_FUZZ_SECONDS:-60}
+fuzz_seed=${CAMBER_FUZZ_SEED:-1}
 while [ $# -gt 0 ]; do
   case "$1" in
     --no-install) install=false ;;
@@ -48,8 +50,9 @@ while [ $# -gt 0 ]; do
   shift
 done
 
-if ! [[ $fuzz_seconds =~ ^[0-9]+$ ]]; then
-  printf 'run.sh: CAMBER_FUZZ_SECONDS is "%s", expected whole seconds\n' "$fuzz_seconds" >&2
+if ! [[ $fuzz_seconds =~ ^[0-9]+$ && $fuzz_seed =~ ^[0-9]+$ ]]; then
+  printf 'run.sh: CAMBER_FUZZ_SECONDS is "%s" and CAMBER_FUZZ_SEED "%s", expected whole numbers\n' \
+    "$fuzz_seconds" "$fuzz_seed" >&2
   exit 2
 fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -127,7 +130,7 @@ run_fuzzers() {
     if [ -d "tests/fuzz/corpus/${name#fuzz_}" ]; then
       folders+=("tests/fuzz/corpus/${name#fuzz_}")
     fi
-    quietly "$name" "$program" -max_total_time="$seconds" -rss_limit_mb=2048 \
+    quietly "$name" "$program" -seed="$fuzz_seed" -max_total_time="$seconds" -rss_limit_mb=2048 \
       -print_final_stats=1 -artifact_prefix="$findings/" "${folders[@]}"
     printf '%s: %s executions, nothing found\n' "$name" \
       "$(awk '/^stat::number_of_executed_units/ { print $2 }' "$log")"
