@@ -84,6 +84,27 @@ TEST(DecodeKeypoints, WhatIsNotFiniteIsNoKeypoint) {
   EXPECT_TRUE(out[1].at.allFinite());
 }
 
+TEST(DecodeKeypoints, AMirroredCropsMapsAreThoseOfTheOtherSide) {
+  Maps maps, mirrored;
+  maps.heat(3, 10, 7) = 40.0F;
+  maps.log_sigma(3, 5, 3) = 0.6F;
+  maps.visible(3, 5, 3) = 2.0F;
+  // Column c is column 31 - c of the mirror image, left is right; there the peak is a cell lower.
+  mirrored.heat(3 + 18, 31 - 10, 8) = 40.0F;
+  mirrored.log_sigma(3 + 18, 15 - 5, 4) = 0.2F;
+  mirrored.visible(3 + 18, 15 - 5, 4) = 1.0F;
+  average_with_mirrored(mirrored.values.data(), maps.values.data());
+  EXPECT_EQ(maps.heat(3, 10, 7), 20.0F);
+  EXPECT_EQ(maps.heat(3, 10, 8), 20.0F);
+  EXPECT_EQ(maps.heat(21, 10, 8), 0.0F);
+  const PredictedKeypoints out = decode_keypoints(maps.values.data(), {});
+  EXPECT_NEAR(out[3].at.x(), 20.5, 1e-6);
+  EXPECT_NEAR(out[3].at.y(), 15.5, 1e-6);
+  // Rows 3 and 4 of the output, each with half of the weight and half of its own.
+  EXPECT_NEAR(std::log(out[3].sigma), 0.5 * (0.3 + 0.1), 1e-6);
+  EXPECT_NEAR(out[3].visible, 1.0 / (1.0 + std::exp(-0.5 * (1.0 + 0.5))), 1e-6);
+}
+
 TEST(KeypointObservations, AreInTheImage) {
   PredictedKeypoints keypoints;
   keypoints[5] = {{31.5, 63.5}, 2.0, 0.75};

@@ -10,6 +10,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/image/detail/single_threaded_opencv.h"
+#include "camber/vehicle/shape_prior.h"
 
 namespace camber {
 namespace {
@@ -22,7 +23,7 @@ constexpr int kChannels = 6 * kNumKeypoints;
 constexpr int kWindow = 3;                           // cells about the peak
 constexpr double kMinLogSigma = -2.302585092994046;  // of 0.1 px
 constexpr double kMaxLogSigma = 5.298317366548036;   // of 200 px
-/// Crops that the network takes at once: beyond, it is no faster.
+/// Images that the network takes at once: beyond, it is no faster.
 constexpr std::size_t kBatch = 16;
 
 double cell_center(int cell) { return (cell + 0.5) * kCell - 0.5; }
@@ -101,6 +102,24 @@ PredictedKeypoint decode(const Heatmap& heatmap, const float* log_sigma, const f
   return out;
 }
 
+/// @param values  rows of `width` numbers, which are reversed.
+void reverse_rows(std::vector<float>* values, int width) {
+  for (auto row = values->begin(); row != values->end(); row += width) {
+    std::reverse(row, row + width);
+  }
+}
+
+/// The channel of a mirrored crop's maps that is this one of the crop's.
+int mirrored_channel(int channel) {
+  const auto other_side = [](int keypoint) {
+    return (keypoint + kNumSideKeypoints) % kNumKeypoints;
+  };
+  constexpr int kHeat = 4 * kNumKeypoints;
+  // The lowest bit is the column in a pair of cells.
+  if (channel < kHeat) return 4 * other_side(channel / 4) + (channel % 4 ^ 1);
+  return channel - channel % kNumKeypoints + other_side(channel % kNumKeypoints);
+}
+
 /// The shape that a batch's output has. @throws InputError.
 void require_form(const std::vector<Tensor>& outputs, std::size_t crops, const std::string& file) {
   const std::vector<int> expected = {static_cast<int>(crops), kChannels, kMapsGrid, kMapsGrid};
@@ -126,6 +145,17 @@ PredictedKeypoints decode_keypoints(const float* maps, const KeypointsDescriptio
     }
   }
   return out;
+}
+
+void average_with_mirrored(const float* mirrored, float* maps) {
+  for (int channel = 0; channel < kChannels; ++channel) {
+    const float* const other = mirrored + mirrored_channel(channel) * kMapsArea;
+    float* const map = maps + channel * kMapsArea;
+    for (int cell = 0; cell < kMapsArea; ++cell) {
+      const int column = cell % kMapsGrid;
+      map[cell] = 0.5F * (map[cell] + other[cell - column + kMapsGrid - 1 - column]);
+    }
+  }
 }
 
 std::vector<KeypointObservation> to_observations(const PredictedKeypoints& keypoints,
@@ -159,21 +189,27 @@ std::vector<PredictedKeypoints> KeypointNetwork::predict(const std::vector<Image
                     crop.height, crop.channels, input.width, input.height));
   }
   std::vector<PredictedKeypoints> out(crops.size());
-  const std::size_t batches = (crops.size() + kBatch - 1) / kBatch;
+  const std::size_t views = description_.mirrored ? 2 : 1;
+  const std::size_t at_once = kBatch / views, batches = (crops.size() + at_once - 1) / at_once;
   const SingleThreadedOpenCv one_thread;
   parallel_for(batches, num_threads, [&](std::size_t b) {
-    const std::size_t first = b * kBatch, count = std::min(kBatch, crops.size() - first);
-    Tensor batch{{static_cast<int>(count), 3, input.height, input.width}, {}};
+    const std::size_t first = b * at_once, count = std::min(at_once, crops.size() - first);
+    Tensor batch{{static_cast<int>(views * count), 3, input.height, input.width}, {}};
     for (std::size_t i = first; i < first + count; ++i) {
       const InputPlacement whole = place_in_input(input, {0, 0, input.width, input.height});
-      const Tensor one = make_input(input, crops[i], whole);
-      batch.values.insert(batch.values.end(), one.values.begin(), one.values.end());
+      Tensor one = make_input(input, crops[i], whole);
+      for (std::size_t view = 0; view < views; ++view) {
+        if (view > 0) reverse_rows(&one.values, input.width);
+        batch.values.insert(batch.values.end(), one.values.begin(), one.values.end());
+      }
     }
-    const std::vector<Tensor> outputs = network_->run(batch);
-    require_form(outputs, count, file_);
+    std::vector<Tensor> outputs = network_->run(batch);
+    require_form(outputs, views * count, file_);
     const std::size_t size = static_cast<std::size_t>(kChannels) * kMapsArea;
     for (std::size_t i = 0; i < count; ++i) {
-      out[first + i] = decode_keypoints(outputs[0].values.data() + i * size, description_);
+      float* const maps = outputs[0].values.data() + views * i * size;
+      if (description_.mirrored) average_with_mirrored(maps + size, maps);
+      out[first + i] = decode_keypoints(maps, description_);
     }
   });
   return out;

@@ -23,6 +23,10 @@ using PredictedKeypoints = std::array<PredictedKeypoint, kNumKeypoints>;
 /// A heatmap that is not finite gives NaN.
 PredictedKeypoints decode_keypoints(const float* maps, const KeypointsDescription& description);
 
+/// Turns a crop's maps, (216, 16, 16), into their means with those of its mirror image: columns
+/// reversed, left and right keypoints (i and i + 18) exchanged.
+void average_with_mirrored(const float* mirrored, float* maps);
+
 /// The keypoints in the image that a crop was cut from: pixels, sigmas in px and, as confidences,
 /// the probabilities of being visible.
 std::vector<KeypointObservation> to_observations(const PredictedKeypoints& keypoints,

@@ -120,6 +120,8 @@ struct KeypointsDescription {
   double visible_sigma_scale = 1.0, hidden_sigma_scale = 1.0;
   /// The logit of being visible is scale * output + offset.
   double visibility_scale = 1.0, visibility_offset = 0.0;
+  /// The maps are the means of those of the crop and of its mirror image, at twice the time.
+  bool mirrored = false;
   void validate() const;  ///< throws std::invalid_argument
 };
 

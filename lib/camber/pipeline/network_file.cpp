@@ -240,6 +240,7 @@ KeypointsDescription read_keypoints(SideFile& file, const LogSink& warn) {
     out.visibility_offset = logit.require("offset", "a number").number();
     logit.note_unknown_keys();
   }
+  if (auto v = root.find("mirrored")) out.mirrored = v->boolean();
   file.finish(out, warn);
   return out;
 }

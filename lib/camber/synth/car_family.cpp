@@ -227,7 +227,7 @@ void keep_order(CarProportions* proportions) {
 }
 
 CarProportions sample_proportions(CarClass car_class, const CounterRandom& random,
-                                  std::uint64_t index) {
+                                  std::uint64_t index, double breadth) {
   std::uint64_t counter = index * kNumbersPerCar;
   auto draw = [&] { return std::clamp(random.normal(counter++), -2.5, 2.5); };
   const CarProportions mean = mean_proportions(car_class);
@@ -259,7 +259,9 @@ CarProportions sample_proportions(CarClass car_class, const CounterRandom& rando
   p.headlight_y *= taller;
   p.rear_window_y *= taller;
   p.tail_y *= taller;
-  for (double CarProportions::*field : kFreeProportions) p.*field += spread.*field * draw();
+  for (double CarProportions::*field : kFreeProportions) {
+    p.*field += breadth * spread.*field * draw();
+  }
 
   keep_order(&p);
   return p;

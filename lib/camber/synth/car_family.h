@@ -92,8 +92,9 @@ CarModel make_car(CarClass car_class);
 void keep_order(CarProportions* proportions);
 
 /// Proportions of a random car of a class, see sample_car().
+/// @param breadth  times the family's standard deviations of all but the overall sizes.
 CarProportions sample_proportions(CarClass car_class, const CounterRandom& random,
-                                  std::uint64_t index);
+                                  std::uint64_t index, double breadth = 1.0);
 
 /// A random car of a class: sizes correlated as in the catalogues, the rest independent.
 /// Depends on (random, index) alone.

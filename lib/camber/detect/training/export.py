@@ -56,12 +56,31 @@ def check_image() -> Tensor:
     return torch.from_numpy(np.stack(channels)[None].astype(np.float32)) / 255.0
 
 
+def mirrored_channels() -> list[int]:
+    """The channel of a mirrored crop's maps that is each of the crop's."""
+    def side(keypoint: int) -> int:
+        return (keypoint + KEYPOINTS // 2) % KEYPOINTS
+
+    # Of a keypoint's four cells the lowest bit is the column.
+    heat = [4 * side(k) + (cell ^ 1) for k in range(KEYPOINTS) for cell in range(4)]
+    return heat + [c * KEYPOINTS + side(k) for c in (4, 5) for k in range(KEYPOINTS)]
+
+
 @torch.no_grad()
-def predict(network: KeypointNetwork, crops: CropSet) -> tuple[Prediction, Tensor, Tensor]:
-    """Of all crops; points and visibility beside them."""
+def predict(
+    network: KeypointNetwork, crops: CropSet, mirrored: bool
+) -> tuple[Prediction, Tensor, Tensor]:
+    """Of all crops; points and visibility beside them.
+
+    @param mirrored  by the means of the maps of each crop and of its mirror image.
+    """
     parts = []
     for images, points, visibility in whole_batches(crops, 256):
-        p = decode(network(to_input(images)), network.spread_weight)
+        maps = network(to_input(images))
+        if mirrored:
+            other = network(to_input(images.flip(3)))[:, mirrored_channels()].flip(3)
+            maps = 0.5 * (maps + other)
+        p = decode(maps, network.spread_weight)
         parts.append((p.points, p.log_sigma, p.visible, points, visibility))
     joined = [torch.cat(column) for column in zip(*parts)]
     return Prediction(*joined[:3], torch.empty(0), torch.empty(0)), joined[3], joined[4]
@@ -80,8 +99,8 @@ def fit_visibility(logit: Tensor, visible: Tensor) -> tuple[float, float]:
     return float(at[0]), float(at[1])
 
 
-def calibrate(network: KeypointNetwork, patterns: list[str]) -> dict[str, object]:
-    prediction, points, visibility = predict(network, CropSet(patterns))
+def calibrate(network: KeypointNetwork, patterns: list[str], mirrored: bool) -> dict[str, object]:
+    prediction, points, visibility = predict(network, CropSet(patterns), mirrored)
     scale, offset = fit_visibility(prediction.visible.flatten(), (visibility == 0).flatten())
     inside = ((points >= -0.5) & (points <= CROP - 0.5)).all(-1)
     ratio = (prediction.points - points).abs() / (2.0 * prediction.log_sigma.exp()[..., None])
@@ -91,7 +110,11 @@ def calibrate(network: KeypointNetwork, patterns: list[str]) -> dict[str, object
     for name, which in (("visible", taken_visible), ("hidden", ~taken_visible)):
         of = ratio[which & inside].flatten().numpy()
         sigma_scale[name] = float(np.quantile(of, INSIDE_2_SIGMA)) if len(of) else 1.0
-    return {"sigma_scale": sigma_scale, "visibility": {"scale": scale, "offset": offset}}
+    return {
+        "sigma_scale": sigma_scale,
+        "visibility": {"scale": scale, "offset": offset},
+        "mirrored": mirrored,
+    }
 
 
 def check_values(maps: Tensor) -> list[dict[str, object]]:
@@ -137,9 +160,11 @@ def write(network: KeypointNetwork, file: Path, name: str, calibration: dict[str
     os.replace(side.with_suffix(".json.part"), side)
 
 
-def write_predictions(network: KeypointNetwork, patterns: list[str], file: Path) -> None:
+def write_predictions(
+    network: KeypointNetwork, patterns: list[str], mirrored: bool, file: Path
+) -> None:
     """What decode() gives for each crop, uncalibrated: for tests of the program's own."""
-    p, _, _ = predict(network, CropSet(patterns))
+    p, _, _ = predict(network, CropSet(patterns), mirrored)
     columns = [p.points, p.log_sigma[..., None], p.visible[..., None]]
     np.save(file, torch.cat(columns, -1).numpy())
 
@@ -149,15 +174,19 @@ def main() -> int:
     p.add_argument("state", type=Path, help="state.pt of train.py")
     p.add_argument("--validation", nargs="+", required=True, help="folders of crops; may hold * and ?")
     p.add_argument("--out", type=Path, required=True, help="FILE.onnx; FILE.json is written beside it")
+    p.add_argument(
+        "--no-mirror", action="store_true", help="each crop alone, not averaged with its mirror image"
+    )
     p.add_argument("--name", default="Camber's keypoint network", help="for people")
     p.add_argument("--predictions", type=Path, help="also a .npy (N, 36, 4): u, v, log sigma, logit")
     options = p.parse_args()
     if options.out.suffix != ".onnx":
         p.error("--out: expected a name that ends in .onnx")
     network = load(options.state)
-    calibration = calibrate(network, options.validation)
+    mirrored = not options.no_mirror
+    calibration = calibrate(network, options.validation, mirrored)
     if options.predictions:
-        write_predictions(network, options.validation, options.predictions)
+        write_predictions(network, options.validation, mirrored, options.predictions)
     write(network, options.out, options.name, calibration)
     print(json.dumps(calibration), file=sys.stderr)
     return 0

@@ -82,6 +82,23 @@ void vary_proportions(CarClass car_class, Sequence* random, CarProportions* p) {
   keep_order(p);
 }
 
+/// Keeps proportions that vary more than the family's those of a body: a roof of some length, no part
+/// wider than the car, lamps and windows one above the other.
+void keep_body(CarProportions* p) {
+  for (double* width : {&p->roof_width, &p->cowl_width, &p->rear_window_width, &p->tail_width,
+                        &p->headlight_width, &p->bumper_width}) {
+    *width = std::clamp(*width, 0.5, 0.985);
+  }
+  p->arch_width = std::clamp(p->arch_width, 0.88, 0.99);
+  p->bumper_height = std::min(p->bumper_height, 1.5 * p->wheel_radius);
+  p->headlight_y = std::max(p->headlight_y, p->bumper_height + 0.12);
+  p->cowl_y = std::clamp(p->cowl_y, p->headlight_y + 0.08, p->height - 0.30);
+  p->tail_y = std::clamp(p->tail_y, p->bumper_height + 0.15, p->height - 0.40);
+  p->rear_window_y = std::clamp(p->rear_window_y, p->tail_y + 0.02, p->height - 0.30);
+  keep_order(p);
+  p->roof_rear_x = std::min(p->roof_rear_x, p->wheelbase + p->roof_front_x - 0.6);
+}
+
 int nearest_vertex(const TriangleMesh& mesh, const Eigen::Vector3d& point) {
   const auto at = std::min_element(mesh.vertices.begin(), mesh.vertices.end(),
                                    [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -387,9 +404,12 @@ CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index) {
   int chosen = 0;
   while (chosen + 1 < kNumCarClasses && u >= kShares[chosen]) u -= kShares[chosen++];
   const auto car_class = static_cast<CarClass>(chosen);
+  // Half of them shaped as no maker would: what a network learns of them holds for more cars.
+  const double breadth = own.chance(0.5) ? own.uniform(1.0, 2.2) : 1.0;
   CarProportions proportions =
-      sample_proportions(car_class, CounterRandom(random.bits(index), 0x50524F50u), 0);
+      sample_proportions(car_class, CounterRandom(random.bits(index), 0x50524F50u), 0, breadth);
   vary_proportions(car_class, &own, &proportions);
+  if (breadth > 1.0) keep_body(&proportions);
   CropCar car;
   car.model = make_car(car_class, proportions);
   if (own.chance(0.6)) warp_body(own.uniform(0.0, 0.035), &own, &car.model);
