@@ -13,8 +13,6 @@ least CPU time and the largest memory count. Inputs are made by a program of the
 """
 
 import argparse
-import datetime
-import json
 import math
 import os
 import pathlib
@@ -23,7 +21,8 @@ import sys
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+from benchmark_json import ROOT, column, document, write_document
+
 INPUTS = pathlib.Path(__file__).resolve().parent / "growth_inputs.py"
 
 
@@ -135,22 +134,6 @@ def exponents(done, column):
     return slope, (y[-1] - y[-2]) / (x[-1] - x[-2])
 
 
-def git(*words):
-    run = subprocess.run(["git", "-C", ROOT, *words], capture_output=True, text=True, check=False)
-    return run.stdout.strip() if run.returncode == 0 else "unknown"
-
-
-def machine(before):
-    cpu = next((line.split(":", 1)[1].strip() for line in open("/proc/cpuinfo", encoding="utf-8")
-                if line.startswith("model name")), "unknown")
-    return {"cores": os.cpu_count(), "cpu": cpu,
-            "load_average": {"before": [before], "after": [os.getloadavg()[0]]}}
-
-
-def column(name, unit="", **more):
-    return {"name": name, **({"unit": unit} if unit else {}), **more}
-
-
 def report(bench, before):
     timing = {"timing": True, "better": "lower"}
     runs = [column("job", label=True), column("size of", label=True), column("size", label=True),
@@ -160,16 +143,11 @@ def report(bench, before):
             column("time, all sizes", **timing), column("time, last step", **timing),
             column("memory, all sizes", better="lower"), column("memory, last step", better="lower")]
     command = "tests/benchmarks/bench_growth.py"
-    return {
-        "format": "camber-benchmark", "version": 1, "program": "bench_growth", "seed": 0,
-        "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "revision": git("describe", "--always", "--dirty", "--abbrev=7"),
-        "library_tree": git("rev-parse", "--short=12", "HEAD:lib"), "machine": machine(before),
-        "options": {"sections": [], "accuracy_only": False}, "items": {},
-        "tables": [{"key": "growth.exponents", "name": "Exponents of growth", "command": command,
-                    "columns": fits, "rows": bench.fits},
-                   {"key": "growth.runs", "name": "Time and memory by size", "command": command,
-                    "columns": runs, "rows": bench.rows}]}
+    return document("bench_growth", before, [
+        {"key": "growth.exponents", "name": "Exponents of growth", "command": command,
+         "columns": fits, "rows": bench.fits},
+        {"key": "growth.runs", "name": "Time and memory by size", "command": command,
+         "columns": runs, "rows": bench.rows}])
 
 
 def decades(first, last):
@@ -221,8 +199,7 @@ def main():
             print(f"bench_growth.py: {error}", file=sys.stderr)
             return 1
     if args.json:
-        args.json.parent.mkdir(parents=True, exist_ok=True)
-        args.json.write_text(json.dumps(report(bench, before), indent=1) + "\n", encoding="utf-8")
+        write_document(args.json, report(bench, before))
     return 0
 
 

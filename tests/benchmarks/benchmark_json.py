@@ -1,7 +1,14 @@
-"""The JSON that the benchmark programs write (report.h), read and checked."""
+"""The JSON that the benchmark programs write (report.h): read and checked, and made by those in
+Python."""
 
+import datetime
 import json
+import os
 import pathlib
+import subprocess
+from typing import Any, Dict, Iterable, List, Optional, Union
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 
 
 class BadInput(Exception):
@@ -11,7 +18,7 @@ class BadInput(Exception):
 class Run:
     """One program's run with one seed."""
 
-    def __init__(self, path):
+    def __init__(self, path: Union[str, pathlib.Path]) -> None:
         self.path = str(path)
         try:
             with open(path, encoding="utf-8") as file:
@@ -30,30 +37,30 @@ class Run:
                 raise BadInput(f"{path}: no '{key}'")
 
     @property
-    def program(self):
+    def program(self) -> Any:
         return self.data["program"]
 
     @property
-    def seed(self):
+    def seed(self) -> Any:
         return self.data["seed"]
 
     @property
-    def revision(self):
+    def revision(self) -> Any:
         return self.data["revision"]
 
-    def tables(self):
+    def tables(self) -> Dict[str, Any]:
         """Tables by key."""
         return {table["key"]: table for table in self.data["tables"]}
 
-    def measuring_options(self):
+    def measuring_options(self) -> Dict[str, Any]:
         """The options that change what a figure means."""
         return {k: v for k, v in self.data["options"].items()
                 if k not in ("sections", "accuracy_only")}
 
 
-def read_runs(paths):
+def read_runs(paths: Iterable[Union[str, pathlib.Path]]) -> List[Run]:
     """Runs of all files, and of the .json files of all folders, in order of program and seed."""
-    files = []
+    files: List[pathlib.Path] = []
     for path in map(pathlib.Path, paths):
         files += sorted(path.glob("*.json")) if path.is_dir() else [path]
     if not files:
@@ -61,7 +68,44 @@ def read_runs(paths):
     return sorted((Run(file) for file in files), key=lambda run: (run.program, run.seed, run.path))
 
 
-def labels_of(table, row):
+def labels_of(table: Dict[str, Any], row: List[Any]) -> str:
     """What a row is called: its labels, joined."""
     return " | ".join(
         cell for column, cell in zip(table["columns"], row) if column.get("label"))
+
+
+def git(*words: str) -> str:
+    run = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True,
+                         check=False)
+    return run.stdout.strip() if run.returncode == 0 else "unknown"
+
+
+def machine(load_before: float) -> Dict[str, Any]:
+    with open("/proc/cpuinfo", encoding="utf-8") as file:
+        cpu = next((line.split(":", 1)[1].strip() for line in file
+                    if line.startswith("model name")), "unknown")
+    return {"cores": os.cpu_count(), "cpu": cpu,
+            "load_average": {"before": [load_before], "after": [os.getloadavg()[0]]}}
+
+
+def column(name: str, unit: str = "", **more: Any) -> Dict[str, Any]:
+    """more: label=True, timing=True, better="lower" or "higher"."""
+    return {"name": name, **({"unit": unit} if unit else {}), **more}
+
+
+def document(program: str, load_before: float, tables: List[Dict[str, Any]], seed: int = 0,
+             items: Optional[Dict[str, Any]] = None,
+             options: Optional[Dict[str, Any]] = None) -> Dict[str, Any]:
+    """What a program writes; options: those that change what a figure means."""
+    return {
+        "format": "camber-benchmark", "version": 1, "program": program, "seed": seed,
+        "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "revision": git("describe", "--always", "--dirty", "--abbrev=7"),
+        "library_tree": git("rev-parse", "--short=12", "HEAD:lib"), "machine": machine(load_before),
+        "options": {"sections": [], "accuracy_only": False, **(options or {})},
+        "items": items or {}, "tables": tables}
+
+
+def write_document(path: pathlib.Path, data: Dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

@@ -110,6 +110,25 @@ PAGE = [
         Pick("bench_joint_fit", "Joint problem (Ceres) of ten vehicles with their planes", "joint",
              ["derivatives", "time"]),
     ]),
+    ("The keypoint network that ships", [
+        Pick("bench_keypoints", "Crops with true keypoints: made ones that no training sees, and"
+             " rendered steep scenes (another renderer)", "keypoints.crops",
+             ["crops of", "crops", "visible, 2 px of 64", "hidden, 2 px", "all, 2 px",
+              "visible, alpha 0.1", "APK", "visible inside 2 sigma"]),
+        Pick("bench_keypoints", "KITTI cars: wheels, roof and bumper corners inside the labelled"
+             " box's outline; left and right or front and rear swapped", "keypoints.kitti",
+             ["cars", "different cars", "views", "views with all inside", "keypoints inside",
+              "swapped"]),
+        Pick("bench_keypoints", "The same cars placed by label boxes on a flat road",
+             "keypoints.kitti_localisation",
+             ["cars", "distance", "views", "centre, mean", "centre, median", "yaw, median",
+              "flipped", "inside their 95 %"]),
+        Pick("bench_keypoints", "Twenty-two rendered steep scenes, whole runs", "keypoints.scenes",
+             ["scenes", "vehicles by", "runs", "refused", "cars", "centre, mean", "centre, median",
+              "mean over that of given", "median over that of given", "inside their 95 %"]),
+        Pick("bench_keypoints", "Time of the network", "keypoints.inference",
+             ["crops", "threads", "a crop, wall", "a crop, processor time"]),
+    ]),
     ("The paper's method: `--preset paper`", [
         Pick("bench_paper", "True local planes given, one image",
              {"ten steep scenes": "given.steep-scenes", "twelve more": "given.steep-scenes-more"},

@@ -93,6 +93,49 @@ TEST(FitVehicle, TakesStatedSigmasInPlaceOfItsOwn) {
   EXPECT_GT(covered, 0.85);
 }
 
+// The image ends within the car: its network puts what lies beyond the border inside it, and states
+// no more than the sigma of other hidden keypoints.
+TEST(FitVehicle, WhereTheImageCutsTheBoxHiddenKeypointsCountLess) {
+  SimulationOptions simulation;
+  simulation.confidences = false;
+  simulation.gross_share = 0.0;
+  simulation.occluded_share = 0.0;
+  constexpr int kVehicles = 60;
+  VehicleFitOptions plain;
+  plain.noise.keypoint.stated_cut_scale = 1.0;
+  double farther[2] = {}, error[2] = {};
+  for (int i = 0; i < kVehicles; ++i) {
+    SimulatedVehicle s = simulate_vehicle(simulation, i);
+    Box2& box = s.detection.box;
+    const double cell = std::max(box.width(), box.height()) / 64.0;
+    s.camera.width = static_cast<int>(box.x2 - 0.3 * box.width());
+    const double border = s.camera.width - 1.0;
+    box.x2 = border;
+    const CounterRandom random(7, 5);
+    for (std::size_t k = 0; k < kNumKeypoints; ++k) {
+      const std::uint64_t draw = 4 * (kNumKeypoints * static_cast<std::uint64_t>(i) + k);
+      const auto exact = s.camera.project(s.keypoints[k]);
+      ASSERT_TRUE(exact);
+      const double sigma = (s.seen[k] ? 1.0 : 2.0) * cell;
+      KeypointObservation& keypoint = s.detection.keypoints[k];
+      keypoint.pixel =
+          *exact + sigma * Eigen::Vector2d(random.normal(draw), random.normal(draw + 2));
+      const bool outside = exact->x() > border;
+      if (outside) keypoint.pixel.x() = border - 3.0 * cell;
+      keypoint.sigma = outside ? 2.0 * cell : sigma;
+      keypoint.confidence = s.seen[k] && !outside ? 0.9 : 0.1;
+    }
+    const VehicleEstimate e[2] = {fit_vehicle(s.camera, s.detection, s.support, plain),
+                                  fit_vehicle(s.camera, s.detection, s.support, {})};
+    for (int m = 0; m < 2; ++m) {
+      error[m] += center_error(e[m], s) / kVehicles;
+      farther[m] += (e[m].pose.center().norm() / s.truth.center().norm() - 1.0) / kVehicles;
+    }
+  }
+  EXPECT_LT(error[1], 0.8 * error[0]);
+  EXPECT_LT(std::abs(farther[1]), 0.7 * std::abs(farther[0]));
+}
+
 TEST(FitVehicle, AnUnknownSigmaAmongTheStatedOnesLeavesThemUnused) {
   SimulatedVehicle s = simulate_vehicle({}, 3);
   const VehicleEstimate without = fit_vehicle(s.camera, s.detection, s.support, {});

@@ -144,7 +144,7 @@ struct Keypoints {
     variance.fill(0.03 * 0.03);
     return {Body(prior, count, true),
             KeypointLikelihood(s.vehicle.camera, s.vehicle.detection, KeypointSet::kAll36, {},
-                               variance, prior.parameters_mean.head<3>())};
+                               variance, prior.parameters_mean.head<3>(), /*cut=*/false)};
   }
 };
 

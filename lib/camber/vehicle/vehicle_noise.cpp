@@ -50,6 +50,7 @@ void VehicleNoise::validate() const {
                     {"keypoint.adapt_prior_count", keypoint.adapt_prior_count},
                     {"keypoint.adapt_min", keypoint.adapt_min},
                     {"keypoint.stated_scale", keypoint.stated_scale},
+                    {"keypoint.stated_cut_scale", keypoint.stated_cut_scale},
                     {"keypoint.stated_far_scale", keypoint.stated_far_scale},
                     {"keypoint.min_shape_variance", keypoint.min_shape_variance},
                     {"box.pixel_sigma", box.pixel_sigma},

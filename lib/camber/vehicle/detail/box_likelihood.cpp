@@ -22,6 +22,10 @@ BoxLikelihood::BoxLikelihood(const PinholeCamera& camera, const Box2& box, const
   edges_[3] = {1, 1.0, box.y2, sv, box.y2 >= camera.height - 1 - noise.border_px};
 }
 
+bool BoxLikelihood::cut() const {
+  return std::any_of(edges_.begin(), edges_.end(), [](const Edge& edge) { return edge.at_border; });
+}
+
 BoxLikelihood::Sides BoxLikelihood::sides(const BodyView& at) const {
   std::array<double, 4> extreme;
   extreme.fill(-std::numeric_limits<double>::infinity());

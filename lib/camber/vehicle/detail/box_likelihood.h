@@ -30,6 +30,9 @@ class BoxLikelihood {
   };
   Sides sides(const BodyView& at) const;
 
+  /// Whether the image's border cuts the box.
+  bool cut() const;
+
   /// Adds its minus log density, optionally with its normal equations. @return minus log density
   double add(const BodyView& at, NormalEquations* equations) const;
 

@@ -51,7 +51,7 @@ KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
                                        const VehicleDetection& detection, KeypointSet keypoint_set,
                                        const KeypointNoise& noise,
                                        const std::array<double, kNumKeypoints>& shape_variance,
-                                       const Eigen::Vector3d& mean_size)
+                                       const Eigen::Vector3d& mean_size, bool cut)
     : noise_(noise),
       focal_(camera.fx, camera.fy),
       shape_variance_(shape_variance),
@@ -76,8 +76,10 @@ KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
     // Stated sigmas are the same along both axes, so cells are square.
     cell_u_ = cell_v_ = std::max(cell_u_, cell_v_);
     for (std::size_t j = 0; j < points_.size(); ++j) {
-      stated_.push_back(std::max(sigma[j], noise.min_cell_px) * noise.stated_scale / cell_u_);
       if (all_confident) seen_share_[j] = std::clamp(confidence[j], 0.0, 1.0);
+      const bool may_be_outside = cut && all_confident && seen_share_[j] < 0.5;
+      const double scale = noise.stated_scale * (may_be_outside ? noise.stated_cut_scale : 1.0);
+      stated_.push_back(std::max(sigma[j], noise.min_cell_px) * scale / cell_u_);
     }
     return;
   }

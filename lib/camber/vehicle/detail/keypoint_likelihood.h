@@ -59,10 +59,11 @@ class KeypointLikelihood {
  public:
   /// @param shape_variance  of each keypoint's shape error, m^2, each axis.
   /// @param mean_size       length, width and height of the prior's mean.
+  /// @param cut             whether the image's border cuts the detection's box.
   KeypointLikelihood(const PinholeCamera& camera, const VehicleDetection& detection,
                      KeypointSet keypoint_set, const KeypointNoise& noise,
                      const std::array<double, kNumKeypoints>& shape_variance,
-                     const Eigen::Vector3d& mean_size);
+                     const Eigen::Vector3d& mean_size, bool cut);
 
   /// Leaves the keypoints out.
   void clear();

@@ -58,9 +58,9 @@ VehiclePosterior::VehiclePosterior(const PinholeCamera& camera,
   layout_.num_views = static_cast<int>(views.size());
   layout_.num_coefficients = prior_.num_coefficients();
   for (const PosteriorView& v : views) {
-    keypoints_.emplace_back(camera, *v.detection, options.keypoint_set, noise_.keypoint,
-                            shape_variance_, prior_.mean_size());
     boxes_.emplace_back(camera, v.detection->box, noise_.box, layout_.num_views);
+    keypoints_.emplace_back(camera, *v.detection, options.keypoint_set, noise_.keypoint,
+                            shape_variance_, prior_.mean_size(), boxes_.back().cut());
     // Views of one vehicle share its plane, which counts once over all of them.
     contacts_.emplace_back(*v.support, noise_.contact, options.plane_is_exact,
                            1.0 / layout_.num_views);
