@@ -108,6 +108,27 @@ TEST(Mutators, TakeAnyBytes) {
   }
 }
 
+TEST(Mutators, TakeWhatTheyMade) {
+  const std::pair<Mutator, const char*> all[] = {
+      {mutate_json, "scene"},    {mutate_text, "pcd"},    {mutate_document, "own_detections"},
+      {mutate_las, "las"},       {mutate_image, "image"}, {mutate_bag, "rosbag"},
+      {mutate_numbers, "colmap"}};
+  for (const auto& [mutator, folder] : all) {
+    for (const auto& [name, seed] : seeds(folder)) {
+      std::string input = seed;
+      for (std::uint64_t i = 0; i < 1000; ++i) {
+        Dice of_bytes(i);
+        const ByteMutation bytes = [&](std::string_view some, std::size_t longest) {
+          return some_bytes(some, longest, of_bytes);
+        };
+        if (i % 20 == 0) input = seed;
+        input = mutate(input, 4096, i, mutator, bytes);
+        EXPECT_LE(input.size(), 4096u) << folder << "/" << name;
+      }
+    }
+  }
+}
+
 TEST(Mutators, KeepJsonADocument) {
   for (const char* const folder :
        {"scene", "surface", "vehicles", "run", "prior", "network_file"}) {

@@ -128,7 +128,7 @@ std::string mutate_jpeg(std::string_view input, Dice& dice, const ByteMutation& 
   std::size_t at = 2;
   while (at + 4 <= input.size() && static_cast<std::uint8_t>(input[at]) == 0xFF) {
     const std::size_t size = 2 + big_endian(input, at + 2, 2);
-    if (size > input.size() - at) break;
+    if (size < 4 || size > input.size() - at) break;
     segments.emplace_back(input.substr(at, size));
     at += size;
     if (static_cast<std::uint8_t>(segments.back()[1]) == 0xDA) break;

@@ -39,10 +39,12 @@ CropCarPlaces places_of(const CarModel& model) {
 
 /// A city car, a pick-up or a car whose proportions are farther from the mean than the family's.
 void vary_proportions(CarClass car_class, Sequence* random, CarProportions* p) {
-  // The annotated points of an arch: at the class mean's angles.
+  // Upper points of an arch: at the class mean's angles. Its ends are where it meets the sill,
+  // which is higher or lower.
   const CarProportions mean = mean_proportions(car_class);
-  p->arch_end_outer = mean.arch_end_outer;
-  p->arch_end_inner = mean.arch_end_inner;
+  const double lower = random->uniform(-0.25, 0.35);  // [rad]
+  p->arch_end_outer = mean.arch_end_outer - lower + random->uniform(-0.08, 0.08);
+  p->arch_end_inner = mean.arch_end_inner - lower + random->uniform(-0.08, 0.08);
   p->arch_top_outer = mean.arch_top_outer;
   p->arch_top_inner = mean.arch_top_inner;
   if (car_class == CarClass::kHatchback && random->chance(0.10)) {
@@ -82,8 +84,8 @@ void vary_proportions(CarClass car_class, Sequence* random, CarProportions* p) {
   keep_order(p);
 }
 
-/// Keeps proportions that vary more than the family's those of a body: a roof of some length, no part
-/// wider than the car, lamps and windows one above the other.
+/// Keeps proportions that vary more than the family's those of a body: a roof of some length, no
+/// part wider than the car, lamps and windows one above the other.
 void keep_body(CarProportions* p) {
   for (double* width : {&p->roof_width, &p->cowl_width, &p->rear_window_width, &p->tail_width,
                         &p->headlight_width, &p->bumper_width}) {
