@@ -336,6 +336,13 @@ TEST_F(Detections, ThatAreBrokenAreRefusedWithTheirPosition) {
   EXPECT_THAT(error_of("a.txt", "1,2,3\n"), HasSubstr("line 1: found 3 columns, expected frame"));
   EXPECT_THAT(error_of("a.txt", "1,1,10,20,-30,40,1\n"), HasSubstr("no negative size"));
   EXPECT_THAT(error_of("a.txt", "1,1,10,20,nan,40,1\n"), HasSubstr("field 5: found 'nan'"));
+  EXPECT_THAT(error_of("a.txt", "1,18446744073709551616,10,20,30,40,1\n"),
+              HasSubstr("field 2: found '18446744073709551616', expected a whole number"));
+  for (const char* const element : {"image", "track"}) {
+    EXPECT_THAT(error_of("a.xml", "<annotations><" + std::string(element) +
+                                      " id=\"1e300\" name=\"f.png\"/></annotations>"),
+                HasSubstr("line 1: found id 1e+300, expected a whole number"));
+  }
 }
 
 }  // namespace

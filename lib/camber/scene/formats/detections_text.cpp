@@ -17,7 +17,17 @@ namespace camber {
 namespace {
 
 constexpr double kMaxPixel = 1e7;
+constexpr double kMaxTrack = 9e15;     // whole numbers are exact in a double
 constexpr double kShareMargin = 0.02;  // shares of boxes that stick out, rounded or by a detector
+
+std::int64_t track_id(const DelimitedLines& lines, const DelimitedLine& line) {
+  const double id = lines.number(line, 1, "a track's id");
+  if (id != std::floor(id) || std::abs(id) > kMaxTrack) {
+    lines.fail(line, 1,
+               fmt::format("found '{}', expected a whole number", printable(line.fields[1])));
+  }
+  return static_cast<std::int64_t>(id);
+}
 
 /// frame, id, left, top, width, height[, score[, class or x[, visibility or y[, z]]]]
 DetectionFile mot(const fs::path& path) {
@@ -37,7 +47,7 @@ DetectionFile mot(const fs::path& path) {
     }
     const int frame = lines.integer(line, 0, 0, 2000000000, "a frame number");
     DetectedBox box;
-    box.track = static_cast<std::int64_t>(lines.number(line, 1, "a track's id"));
+    box.track = track_id(lines, line);
     double side[4];
     for (std::size_t i = 0; i < 4; ++i) {
       side[i] = lines.number(line, 2 + i, "a box side in pixels");

@@ -13,6 +13,14 @@ namespace camber {
 namespace {
 
 constexpr double kMaxPixel = 1e7;
+constexpr double kMaxId = 9e15;  // whole numbers are exact in a double
+
+std::int64_t id_of(const XmlFile& file, const pugi::xml_node& at) {
+  const double id = file.attribute_number(at, "id");
+  if (id != std::floor(id) || !(std::abs(id) <= kMaxId))
+    file.fail(at, fmt::format("found id {}, expected a whole number", id));
+  return static_cast<std::int64_t>(id);
+}
 
 std::optional<int> side_of(const XmlFile& file, const pugi::xml_node& at, double value) {
   if (value == 0.0) return std::nullopt;  // not known
@@ -76,8 +84,7 @@ DetectionFile cvat_images(const XmlFile& file) {
   for (const pugi::xml_node& element : file.root().children("image")) {
     DetectedImage image;
     image.file_name = element.attribute("name").value();
-    if (element.attribute("id"))
-      image.number = static_cast<std::int64_t>(file.attribute_number(element, "id"));
+    if (element.attribute("id")) image.number = id_of(file, element);
     if (element.attribute("width"))
       image.width = side_of(file, element, file.attribute_number(element, "width"));
     if (element.attribute("height"))
@@ -103,7 +110,7 @@ DetectionFile cvat_video(const XmlFile& file) {
   out.form = DetectionForm::kCvatVideo;
   std::map<std::int64_t, DetectedImage> by_frame;
   for (const pugi::xml_node& track : file.root().children("track")) {
-    const double id = file.attribute_number(track, "id");
+    const std::int64_t id = id_of(file, track);
     for (const pugi::xml_node& shape : track.children()) {
       if (shape.type() != pugi::node_element) continue;
       if (std::string(shape.name()) != "box") {
@@ -117,7 +124,7 @@ DetectionFile cvat_video(const XmlFile& file) {
       DetectedBox box;
       box.class_name = track.attribute("label").value();
       box.box = cvat_box(file, shape);
-      box.track = static_cast<std::int64_t>(id);
+      box.track = id;
       by_frame[static_cast<std::int64_t>(frame)].boxes.push_back(std::move(box));
     }
   }
