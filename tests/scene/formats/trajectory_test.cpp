@@ -369,6 +369,11 @@ TEST_F(Tracks, ThatAreBrokenAreRefusedWithTheirPosition) {
               HasSubstr("line 2, field 2: found 'x', expected a speed"));
   EXPECT_THAT(error_of([&] { read_class_map(file("c.csv", "a,b\n1,2\n")); }),
               HasSubstr("found no column name"));
+  EXPECT_THAT(
+      error_of([&] {
+        read_class_map(file("c.yaml", "labels:\n  40: road\ncolor_map:\n  40: [1e300, 0, 0]\n"));
+      }),
+      HasSubstr("line 4, column 7: found 3 values, expected blue, green, red, each from 0 to 255"));
   EXPECT_THAT(error_of([&] { read_class_map(file("c.csv", "name,id\nroad,x\n")); }),
               HasSubstr("line 2, field 2: found 'x'"));
 }

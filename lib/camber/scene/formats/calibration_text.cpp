@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
 #include <sstream>
@@ -174,10 +175,11 @@ CalibrationFile kitti_calibration(const TextRows& rows) {
     bool numeric = true;
     for (std::size_t i = first; i < row.words.size() && numeric; ++i) {
       double value = 0.0;
-      numeric = parse_number(row.words[i].text, &value);
+      numeric = parse_number(row.words[i].text, &value) && std::isfinite(value);
       if (numeric) read.values.push_back(value);
     }
-    const bool wanted = is_projection(key) || key.rfind("K_", 0) == 0 || key.rfind("D_", 0) == 0;
+    const std::string kind = key.substr(0, 2);
+    const bool wanted = is_projection(key) || kind == "K_" || kind == "D_" || kind == "S_";
     if (!numeric && wanted) {
       for (std::size_t i = first; i < row.words.size(); ++i) {
         rows.number(row, row.words[i], "a number");

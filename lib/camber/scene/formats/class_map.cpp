@@ -131,7 +131,10 @@ ClassMap read_document(const fs::path& path) {
     if (colors && colors->IsMap()) {
       if (const auto bgr = look(*colors, *one.id)) {
         const std::vector<double> v = document.numbers(*bgr, "blue, green, red");
-        if (v.size() != 3) document.expected(*bgr, "blue, green, red");
+        const bool color = v.size() == 3 && std::all_of(v.begin(), v.end(), [](double c) {
+                             return c >= 0.0 && c <= 255.0;
+                           });
+        if (!color) document.expected(*bgr, "blue, green, red, each from 0 to 255");
         one.color = {{static_cast<int>(v[2]), static_cast<int>(v[1]), static_cast<int>(v[0])}};
       }
     }
