@@ -183,6 +183,7 @@ void register_reconstruct(App& root) {
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;
+    options.num_threads = command->common.threads;
     options.inputs = files_of(scene);
     options.inputs.emplace_back(args.scene);
     const std::string summary =

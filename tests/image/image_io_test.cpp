@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "camber/core/errors.h"
+#include "camber/core/random.h"
 #include "scene/write_image.h"
 #include "support/test_data.h"
 
@@ -221,6 +222,25 @@ TEST_F(ImageFile, WritesPng) {
                std::invalid_argument);
   EXPECT_THROW(write_png(Image{20, 12, 3, grey.data}, path("a.png")), std::invalid_argument);
   EXPECT_THROW(write_png(grey, path("no_folder/a.png")), OutputError);
+}
+
+TEST_F(ImageFile, PngOfADrawingAndOfNoise) {
+  const auto size = [&](const Image& image, PngCompression compression) {
+    const std::string bytes = encode_png(image, compression);
+    write_bytes(path("a.png"), bytes);
+    EXPECT_EQ(read_color_image(path("a.png")).data, image.data);
+    return bytes.size();
+  };
+  Image drawing{200, 150, 3, std::vector<std::uint8_t>(200 * 150 * 3, 240)}, noise = drawing;
+  const CounterRandom random(1);
+  for (std::size_t i = 0; i < drawing.data.size(); ++i) {
+    if (i / 600 % 40 < 3 || i / 3 % 50 == 0) drawing.data[i] = 20;        // a grid of lines
+    noise.data[i] = static_cast<std::uint8_t>(100 + random.bits(i) % 8);  // 3 bits a sample
+  }
+  EXPECT_LT(size(drawing, PngCompression::kFast), drawing.data.size() / 100);
+  EXPECT_LT(size(noise, PngCompression::kFast), noise.data.size() * 9 / 16);
+  size(drawing, PngCompression::kSmall);
+  size(noise, PngCompression::kSmall);
 }
 
 TEST_F(ImageFile, KittiDepthAndDisparity) {

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <png.h>
+#include <zlib.h>
 
 #include <csetjmp>
 #include <cstdio>
@@ -48,16 +49,43 @@ void png_put(png_structp png, png_bytep data, png_size_t count) {
 }
 void png_flush_nothing(png_structp) {}
 
+/// A row filter, and how zlib packs the filtered rows.
+struct PngMethod {
+  int filter = PNG_ALL_FILTERS, level = 6, strategy = Z_FILTERED;
+};
+constexpr PngMethod kSmoothMap{};
+/// Filtered rows of noise have no repetitions to look for, only frequent values.
+constexpr PngMethod kPhotograph{PNG_FILTER_PAETH, 1, Z_RLE};
+constexpr PngMethod kDrawing{PNG_FILTER_NONE, 6, Z_DEFAULT_STRATEGY};
+
 struct PngLayout {
-  int width = 0, height = 0, bits = 8, color = PNG_COLOR_TYPE_RGB, level = 6;
+  int width = 0, height = 0, bits = 8, color = PNG_COLOR_TYPE_RGB;
+  PngMethod method;
   const std::uint8_t* rows = nullptr;
   std::size_t row_bytes = 0;
 };
 
+/// Whether few pixels equal their neighbour, by every eighth row: photographs 1 to 8 %, drawings
+/// and maps of labels 86 to 100 %.
+bool is_photograph(const Image& image) {
+  constexpr int kRowStep = 8, kMostEqual = 3;  // in ten
+  const auto channels = static_cast<std::size_t>(image.channels);
+  std::size_t equal = 0, pixels = 0;
+  for (int y = 0; y < image.height; y += kRowStep) {
+    const std::uint8_t* row = image.row(y);
+    for (int x = 1; x < image.width; ++x, row += channels, ++pixels) {
+      if (std::memcmp(row, row + channels, channels) == 0) ++equal;
+    }
+  }
+  return 10 * equal < kMostEqual * pixels;
+}
+
 bool put_png(png_structp png, png_infop info, PngSink* sink, const PngLayout* image) {
   if (setjmp(sink->jump)) return false;
   png_set_write_fn(png, sink, png_put, png_flush_nothing);
-  png_set_compression_level(png, image->level);
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, image->method.filter);
+  png_set_compression_level(png, image->method.level);
+  png_set_compression_strategy(png, image->method.strategy);
   png_set_IHDR(png, info, static_cast<png_uint_32>(image->width),
                static_cast<png_uint_32>(image->height), image->bits, image->color,
                PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
@@ -117,13 +145,15 @@ bool put_jpeg(jpeg_compress_struct* jpeg, JpegSink* sink, const Image* image, in
 
 }  // namespace
 
-std::string encode_png(const Image& image, int level) {
+std::string encode_png(const Image& image, PngCompression compression) {
   const int c = image.channels;
   require_sound(image, c == 1 || c == 3 || c == 4, "encode_png", "1, 3 or 4");
   PngLayout layout;
   layout.width = image.width;
   layout.height = image.height;
-  layout.level = level;
+  layout.method = compression == PngCompression::kSmall ? kSmoothMap
+                  : is_photograph(image)                ? kPhotograph
+                                                        : kDrawing;
   layout.color = c == 1   ? PNG_COLOR_TYPE_GRAY
                  : c == 3 ? PNG_COLOR_TYPE_RGB
                           : PNG_COLOR_TYPE_RGB_ALPHA;
@@ -132,8 +162,7 @@ std::string encode_png(const Image& image, int level) {
   return encode(layout);
 }
 
-std::string encode_png16(int width, int height, const std::vector<std::uint16_t>& values,
-                         int level) {
+std::string encode_png16(int width, int height, const std::vector<std::uint16_t>& values) {
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide ||
       values.size() != static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
     throw std::invalid_argument(
@@ -150,7 +179,6 @@ std::string encode_png16(int width, int height, const std::vector<std::uint16_t>
   layout.width = width;
   layout.height = height;
   layout.bits = 16;
-  layout.level = level;
   layout.color = PNG_COLOR_TYPE_GRAY;
   layout.rows = rows.data();
   layout.row_bytes = 2 * static_cast<std::size_t>(width);

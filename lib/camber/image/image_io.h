@@ -69,15 +69,20 @@ DepthImage read_depth_image(const std::filesystem::path& path, const std::string
 DepthImage read_disparity_image(const std::filesystem::path& path, const PinholeCamera& camera,
                                 double baseline);
 
-/// An image as the bytes of a PNG file of 8 bits and 1, 3 or 4 channels. The same pixels give the
-/// same bytes. @param level  of zlib's compression, 1 (fast) to 9.
-/// @throws std::invalid_argument for an image that is empty or not as Image requires.
-std::string encode_png(const Image& image, int level = 6);
+/// How a PNG file is compressed.
+enum class PngCompression {
+  kFast,   ///< as suits the picture: a photograph, or a drawing with even areas
+  kSmall,  ///< the smaller file for maps of values that change smoothly; ten times the time
+};
 
-/// 16-bit values, rows from the top, as the bytes of a PNG file of one channel.
+/// An image as the bytes of a PNG file of 8 bits and 1, 3 or 4 channels. The same pixels give the
+/// same bytes.
+/// @throws std::invalid_argument for an image that is empty or not as Image requires.
+std::string encode_png(const Image& image, PngCompression compression = PngCompression::kFast);
+
+/// 16-bit values, rows from the top, as the bytes of a PNG file of one channel, kSmall.
 /// @throws std::invalid_argument for an empty image or another number of values.
-std::string encode_png16(int width, int height, const std::vector<std::uint16_t>& values,
-                         int level = 6);
+std::string encode_png16(int width, int height, const std::vector<std::uint16_t>& values);
 
 /// An image of 3 channels as the bytes of a JPEG file. @param quality  1 to 100.
 /// @throws std::invalid_argument as encode_png().

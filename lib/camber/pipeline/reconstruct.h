@@ -90,6 +90,7 @@ ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels = 
 struct WriteReconstructionOptions {
   bool pictures = true;
   bool overwrite = false;  ///< also replace a foreign folder that is not empty
+  int num_threads = 0;     ///< of the pictures, as resolve_num_threads()
   /// What was read, beside the images: no folder that holds any of it is replaced.
   std::vector<std::filesystem::path> inputs;
 };

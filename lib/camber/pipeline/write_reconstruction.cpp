@@ -7,6 +7,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
+#include "camber/core/threads.h"
 #include "camber/evaluate/metrics.h"
 #include "camber/image/image_io.h"
 #include "camber/image/video.h"
@@ -30,6 +31,20 @@ void show_road(const Reconstruction& result, int frame, OverlayRoad* road,
     road->reference_from_camera = camera.reference_from_camera;
     options->show_patches = options->show_grade = options->show_grid = true;
   }
+}
+
+/// The picture of a frame, by its index, with what was found in it.
+Image overlay_of(const Scene& scene, const Reconstruction& result, std::size_t k) {
+  VehicleFrame none;
+  none.id = result.frame_ids[k];
+  const VehicleFrame& vehicles =
+      k < result.vehicles.frames.size() ? result.vehicles.frames[k] : none;
+  OverlayOptions options;
+  options.metric = result.vehicles.metric;
+  options.numbers = VehicleNumbers(result.vehicles);
+  OverlayRoad road;
+  if (vehicles.vehicles.empty()) show_road(result, result.frame_ids[k], &road, &options);
+  return draw_overlay(result.images[k], scene.camera, vehicles, options, road);
 }
 
 }  // namespace
@@ -61,28 +76,20 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
   if (options.pictures) {
     report("render", 0.0);
     const StageTimer timer(timings, "render");
-    for (std::size_t k = 0; k < result.frame_ids.size(); ++k) {
-      VehicleFrame none;
-      none.id = result.frame_ids[k];
-      const VehicleFrame& vehicles =
-          k < result.vehicles.frames.size() ? result.vehicles.frames[k] : none;
-      OverlayOptions overlay;
-      overlay.metric = result.vehicles.metric;
-      overlay.numbers = VehicleNumbers(result.vehicles);
-      OverlayRoad road;
-      if (vehicles.vehicles.empty()) show_road(result, result.frame_ids[k], &road, &overlay);
+    parallel_for(result.frame_ids.size(), options.num_threads, [&](std::size_t k) {
       char name[40];
       std::snprintf(name, sizeof name, "overlay_%06d.png", result.frame_ids[k]);
-      write_png(draw_overlay(result.images[k], scene.camera, vehicles, overlay, road),
-                staging / name);
-      report("render",
-             0.3 * static_cast<double>(k + 1) / static_cast<double>(result.frame_ids.size()));
-    }
+      write_png(overlay_of(scene, result, k), staging / name);
+    });
+    report("render", 0.3);
+    // VTK draws on one thread.
     RenderRecord record;
-    write_png(render_scene_picture(content, {}, &record), staging / "scene.png");
+    const Image drawn[] = {render_scene_picture(content, {}, &record), render_bev_picture(content)};
     result.run.gl_backend = record.backend + ", " + record.renderer;
     report("render", 0.8);
-    write_png(render_bev_picture(content), staging / "bev.png");
+    const char* const names[] = {"scene.png", "bev.png"};
+    parallel_for(2, options.num_threads,
+                 [&](std::size_t i) { write_png(drawn[i], staging / names[i]); });
     report("render", 0.9);
     write_glb(content, staging / "scene.glb");
     report("render", 1.0);

@@ -29,9 +29,6 @@ void check(bool good, const char* name, double value, const char* expected) {
   }
 }
 
-/// What packs pictures with noise, and maps of labels and depth, well in little time.
-constexpr int kImageCompression = 4, kMapCompression = 6;
-
 /// Metres * 256 in 16 bits, 0 for the sky and beyond 255.9 m.
 std::vector<std::uint16_t> kitti_depth(const ViewTruth& truth) {
   std::vector<std::uint16_t> out;
@@ -46,19 +43,18 @@ std::vector<std::uint16_t> kitti_depth(const ViewTruth& truth) {
 /// Depth of a frame as a file of the layout.
 std::string encode_depth(const ViewTruth& truth, int width, int height, SceneLayout layout) {
   if (layout == SceneLayout::kSynthiaSf) {
-    return encode_png(synthia_depth_image(truth, width, height), kMapCompression);
+    return encode_png(synthia_depth_image(truth, width, height), PngCompression::kSmall);
   }
-  return encode_png16(width, height, kitti_depth(truth), kMapCompression);
+  return encode_png16(width, height, kitti_depth(truth));
 }
 
 /// Classes of a frame as a file of the layout.
 std::string encode_labels(const ViewTruth& truth, int width, int height,
                           const DataSetLayout& layout) {
   if (layout.layout == SceneLayout::kSynthiaSf) {
-    return encode_png(synthia_label_image(truth, width, height, layout.instance_ids),
-                      kMapCompression);
+    return encode_png(synthia_label_image(truth, width, height, layout.instance_ids));
   }
-  return encode_png({width, height, 1, truth.labels}, kMapCompression);
+  return encode_png({width, height, 1, truth.labels});
 }
 
 /// A data set's files have its camera and no lens.
@@ -296,8 +292,7 @@ class FrameWriter {
         view_.has_lens() ? trace_labels(world_, f, view_, options_.num_threads) : seen.labels,
         file_camera.width, file_camera.height, options_.seed, f);
     write_file_atomically(frame->segmentation, encode_png({file_camera.width, file_camera.height, 1,
-                                                           std::move(segmentation)},
-                                                          kMapCompression));
+                                                           std::move(segmentation)}));
   }
 
   void write_image(int f, SceneFrame* frame) {
@@ -306,8 +301,7 @@ class FrameWriter {
     std::vector<std::uint8_t> picture =
         render_view(world_, f, view_, sensor_, options_.num_threads);
     write_file_atomically(frame->image, encode_png({options_.camera.width, options_.camera.height,
-                                                    3, std::move(picture)},
-                                                   kImageCompression));
+                                                    3, std::move(picture)}));
   }
 
  private:
