@@ -131,6 +131,25 @@ TEST_F(BrokenFrames, TheScaleIsThatOfTheIntensities) {
   EXPECT_LT(with, scale_error(false));  // 0.0071 measured
 }
 
+// In a turn the camera, ahead of the rear axle, travels to the inside of where it looks.
+TEST_F(BrokenFrames, ATurnIsNotTakenForAWrongPrincipalPoint) {
+  constexpr double kRadius = 9.0, kAhead = 2.4, kStep = 0.5;  // m
+  const Scene scene = make_scene({-1, 0, 1}, [&](int number) {
+    const double heading = kStep * number / kRadius;
+    const Eigen::Vector3d forward(std::sin(heading), 0.0, std::cos(heading));
+    const Eigen::Vector3d axle(kRadius * (1.0 - forward.z()), 0.0, kRadius * forward.x());
+    return test::draw_road(
+        street(flat), kCamera,
+        {rotation_from_vector(Eigen::Vector3d(0.0, heading, 0.0)), axle + kAhead * forward},
+        number);
+  });
+  const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
+  const Eigen::Vector3d step = result.run.cameras.back().reference_from_camera.translation();
+  EXPECT_GT(std::atan2(step.x(), step.z()), 0.25);  // beyond what a straight drive may show
+  EXPECT_NEAR(step.norm(), kStep * std::hypot(1.0, kAhead / kRadius), 0.05);
+  EXPECT_TRUE(result.run.warnings.empty()) << result.run.warnings[0].text;
+}
+
 TEST_F(BrokenFrames, TheScaleIsNoBetterThanTheHeightIsKnown) {
   Scene scene = make_scene(flat);
   scene.height_sigma = 0.2;

@@ -46,6 +46,9 @@ struct ScaleNoise {
 
   /// rad, between the travel and the optical axis in plan: a camera that looks ahead turns less.
   double most_aside = 0.21;
+  /// m, of a camera ahead of the rear axle: in a turn it travels to the inside of where the vehicle
+  /// heads, by this over the radius (kinematic bicycle model).
+  double most_ahead_of_axle = 3.0;
 
   // The plane search.
   double searched_height =

@@ -219,6 +219,19 @@ std::optional<ConstraintReport> check_focal_length(const LoadedFrames& frames,
   return out;
 }
 
+/// rad per metre by which the camera turns to the right along its path, about the reference frame;
+/// 0 where it stands.
+double path_curvature(const MotionEstimate& motion, std::size_t reference,
+                      const Eigen::Vector3d& travel, double metres_per_baseline) {
+  const std::size_t last = motion.frame_from_reference.size() - 1;
+  const SE3 before = motion.frame_from_reference[reference > 0 ? reference - 1 : 0].inverse();
+  const SE3 after = motion.frame_from_reference[std::min(reference + 1, last)].inverse();
+  const double along = metres_per_baseline * travel.dot(after.translation() - before.translation());
+  const Eigen::Vector3d axis =
+      (before.rotation().conjugate() * after.rotation()) * Eigen::Vector3d::UnitZ();
+  return along != 0.0 ? std::atan2(axis.x(), axis.z()) / along : 0.0;
+}
+
 /// Names what contradicts the result, and widens its scale by as much.
 void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
                           const PhotometricGround& ground, const Eigen::Vector3d& travel,
@@ -249,7 +262,11 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
                            off > 0.0 ? "larger" : "smaller"));
   }
   const double aside = std::atan2(travel.x(), travel.z());
-  if (std::abs(aside) > noise.most_aside) {
+  const double turn =
+      noise.most_ahead_of_axle *
+      path_curvature(ground.motion, frames.reference, travel, scaled->road.metres_per_baseline());
+  if (aside > noise.most_aside + std::max(0.0, turn) ||
+      aside < -noise.most_aside + std::min(0.0, turn)) {
     variance = std::max(variance, aside * aside);
     contradict(fmt::format(
         "calibration: the camera travels {:.0f} degrees to the {} of where it looks: is "
