@@ -38,7 +38,8 @@ void add_scene_options(App& app, Arguments& a) {
   app.add_option(
       "--frames", a.frames,
       "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: three, as far "
-      "apart as it takes to see the road move. One frame: road and metres by painted markings of "
+      "apart as it takes to see the road move, or neighbours where those give no answer. One "
+      "frame: road and metres by painted markings of "
       "known size "
       "(markings_m of the scene)");
   app.add_flag("--no-masks", a.no_masks,
@@ -50,6 +51,37 @@ const char* warned_of(const std::string& code) {
   if (code == "road_contradicted") return "road";
   if (code == "gravity_contradicted") return "level";
   return code == "focal_length_contradicted" ? "focal length" : "scale";
+}
+
+/// The result of these frames, with what networks find in them.
+Reconstruction with_frames(const Command& command, Arguments& a,
+                           const DetectFramesOptions& networks,
+                           const FindKeypointsOptions& keypoints, const Progress& progress,
+                           const LogSink& warn, const std::vector<int>& frames, Scene* scene) {
+  NetworkView view;
+  Timings network_time;
+  if (!networks.networks.empty()) {
+    const StageTimer timer(network_time, "networks");
+    view = detect_frames(*scene, frames, networks, progress, warn);
+    put_network_view(view, scene);
+  }
+  StageTimer keypoint_timer(network_time, "keypoints");
+  const std::optional<NetworkUse> found = find_keypoints(scene, frames, keypoints, progress, warn);
+  keypoint_timer.stop();
+  const bool any_network = !networks.networks.empty() || found;
+  if (any_network && !command.common.quiet) {
+    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
+  }
+  a.options.load.labels = std::move(view.labels);
+  Reconstruction result = reconstruct(*scene, frames, a.options, progress);
+  if (any_network) {
+    result.run.extra["networks"] = network_json(view, found);
+    for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
+  }
+  result.run.extra["command"] = command.common.command_line;
+  // Wherever the result is looked at from.
+  result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
+  return result;
 }
 
 /// @param check_output  throws if the result cannot be written, given the files that are read.
@@ -68,44 +100,26 @@ Reconstruction run(
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.load.use_masks = !a.no_masks;
-  std::vector<int> frames;
-  if (a.frames.empty() && scene.frames.size() == 1) {
-    frames = {scene.frames.front().id};
-  } else if (a.frames.empty()) {
-    const ChosenFrames chosen = choose_frames(scene);
-    frames = chosen.ids;
-    if (chosen.spacing > 1 && !command.common.quiet) {
-      std::fprintf(stderr, "camber: slow drive: frames %d apart are used\n", chosen.spacing);
-    }
-  } else {
-    frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
-  }
   const LogSink warn = make_warning_sink(command.common);
-  NetworkView view;
-  Timings network_time;
-  if (!networks.networks.empty()) {
-    const StageTimer timer(network_time, "networks");
-    view = detect_frames(scene, frames, networks, progress, warn);
-    put_network_view(view, &scene);
-  }
-  StageTimer keypoint_timer(network_time, "keypoints");
-  const std::optional<NetworkUse> found = find_keypoints(&scene, frames, keypoints, progress, warn);
-  keypoint_timer.stop();
-  const bool any_network = !networks.networks.empty() || found;
-  if (any_network && !command.common.quiet) {
-    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
-  }
-  a.options.load.labels = std::move(view.labels);
+  const auto with = [&](const std::vector<int>& frames) {
+    return with_frames(command, a, networks, keypoints, progress, warn, frames, &scene);
+  };
   keep_freed_memory();
-  Reconstruction result = reconstruct(scene, frames, a.options, progress);
-  if (any_network) {
-    result.run.extra["networks"] = network_json(view, found);
-    for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
+  if (!a.frames.empty()) return with(select_frames(scene, a.frames == "all" ? "" : a.frames));
+  if (scene.frames.size() == 1) return with({scene.frames.front().id});
+  const ChosenFrames chosen = choose_frames(scene);
+  if (chosen.spacing == 1) return with(chosen.ids);
+  const auto say = [&](const std::string& what) {
+    if (!command.common.quiet) std::fprintf(stderr, "camber: %s\n", what.c_str());
+  };
+  const std::string apart = "frames " + std::to_string(chosen.spacing) + " apart ";
+  say("slow drive: " + apart + "are used");
+  try {
+    return with(chosen.ids);
+  } catch (const NoAnswerError& error) {
+    say(apart + "give no answer (" + error.what() + "): neighbours are used");
+    return with(neighbouring_frames(scene).ids);
   }
-  result.run.extra["command"] = command.common.command_line;
-  // Wherever the result is looked at from.
-  result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
-  return result;
 }
 
 /// What is missing or not to be relied on, in words.

@@ -55,11 +55,19 @@ PythonReconstruction run(const PythonScene& scene, const std::optional<std::vect
   const Progress report = to_progress(progress);
   return compute([&] {
     keep_freed_memory();
-    const std::vector<int> ids =
-        frames ? *frames : choose_frames(scene.scene, options.load.pixels).ids;
-    PythonReconstruction out{reconstruct(scene.scene, ids, options, report), scene.scene};
-    out.run.scene = scene.path;
-    return out;
+    const auto with = [&](const std::vector<int>& ids) {
+      PythonReconstruction out{reconstruct(scene.scene, ids, options, report), scene.scene};
+      out.run.scene = scene.path;
+      return out;
+    };
+    if (frames) return with(*frames);
+    const ChosenFrames chosen = choose_frames(scene.scene, options.load.pixels);
+    if (chosen.spacing == 1) return with(chosen.ids);
+    try {
+      return with(chosen.ids);
+    } catch (const NoAnswerError&) {
+      return with(neighbouring_frames(scene.scene).ids);
+    }
   });
 }
 

@@ -8,6 +8,7 @@
 
 #include "cli/run_program.h"
 #include "scene/write_image.h"
+#include "support/drawn_road.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -216,6 +217,49 @@ TEST_F(BrokenScene, InfoRefusesThemToo) {
   write_bytes(path("result/run.json"), "{\"seed\": -1}");
   EXPECT_ONE_SENTENCE(run_camber({"info", path("result")}), 2,
                       "run.json: seed: found -1, expected an integer of at least 0");
+}
+
+// A slow drive, whose farther frames show nothing.
+TEST(ReconstructWithoutFrames, NeighboursAnswerWhereFramesFartherApartDoNot) {
+  const test::TemporaryFolder folder;
+  const PinholeCamera camera{620, 220, 420.0, 420.0, 310.0, 90.0};
+  test::DrawnRoad road;
+  for (int i = 0; i < 6; ++i) {
+    const double z = 14.0 + 7.0 * i;
+    road.boards.push_back({z, -14.0, -6.0, -4.0 - 0.4 * i, 3.0, 0.0});
+    road.boards.push_back({z + 3.0, 6.5, 13.0, -3.0 - 0.3 * i, 3.0, 0.0});
+  }
+  json frames = json::array();
+  for (const int id : {0, 1, 2, 3, 4}) {
+    constexpr double kStep = 0.15;  // m
+    const SE3 pose(Eigen::Quaterniond::Identity(), {0.0, 0.0, kStep * (id - 2)});
+    const bool dark = id == 0 || id == 4;
+    const std::string name = std::to_string(id) + ".png";
+    write_png(
+        folder.path() / name, camera.width, camera.height, 0, 8,
+        dark ? std::vector<std::uint8_t>(620 * 220, 30) : test::draw_road(road, camera, pose, id));
+    frames.push_back({{"id", id}, {"image", name}});
+  }
+  const json manifest = {{"format", "camber-scene"},
+                         {"version", 1},
+                         {"camera",
+                          {{"width", camera.width},
+                           {"height", camera.height},
+                           {"fx", camera.fx},
+                           {"fy", camera.fy},
+                           {"cx", camera.cx},
+                           {"cy", camera.cy},
+                           {"height_above_road", 1.65}}},
+                         {"frames", frames}};
+  write_bytes(folder.path() / "scene.json", manifest.dump());
+  const std::string scene = folder.path() / "scene.json", out = folder.path() / "result";
+  const auto result = run_camber({"reconstruct", scene, "--out", out, "--no-pictures", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_THAT(result.error, HasSubstr("frames 2 apart give no answer"));
+  EXPECT_EQ(json::parse(result.out)["cameras"].size(), 3u);
+  EXPECT_EQ(json::parse(result.out)["cameras"][0]["id"], 1);
+  // Who asks for them gets the reason.
+  EXPECT_ONE_SENTENCE(run_camber({"reconstruct", scene, "--frames", "0,2,4", "--out", out}), 1, "");
 }
 
 /// The scene that ships with the program.

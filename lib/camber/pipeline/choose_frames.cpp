@@ -93,47 +93,66 @@ std::optional<double> near_parallax(const Scene& scene, const GrayImage& a, cons
   return sizes[at] * scene.camera.width / a.width;
 }
 
+/// The reference and what can stand beside it.
+struct Reference {
+  std::vector<int> ids;  // of the scene
+  std::size_t at = 0;
+
+  explicit Reference(const Scene& scene) {
+    const std::size_t count = scene.frames.size();
+    if (count < 2) {
+      throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
+                          std::to_string(count) + " given");
+    }
+    for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
+    const int id = choose_reference_frame(scene, ids);
+    at = static_cast<std::size_t>(std::find(ids.begin(), ids.end(), id) - ids.begin());
+  }
+  std::size_t behind() const { return at; }
+  std::size_t ahead() const { return ids.size() - 1 - at; }
+
+  ChosenFrames with_spacing(std::size_t spacing) const {
+    ChosenFrames out;
+    out.spacing = static_cast<int>(spacing);
+    if (spacing <= behind()) out.ids.push_back(ids[at - spacing]);
+    out.ids.push_back(ids[at]);
+    if (spacing <= ahead()) out.ids.push_back(ids[at + spacing]);
+    return out;
+  }
+};
+
 }  // namespace
 
+ChosenFrames neighbouring_frames(const Scene& scene) { return Reference(scene).with_spacing(1); }
+
 ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels) {
-  const std::size_t count = scene.frames.size();
-  if (count < 2) {
-    throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
-                        std::to_string(count) + " given");
-  }
-  std::vector<int> ids;
-  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
-  const int id = choose_reference_frame(scene, ids);
-  const auto reference =
-      static_cast<std::size_t>(std::find(ids.begin(), ids.end(), id) - ids.begin());
-  const std::size_t behind = reference, ahead = count - 1 - reference;
-  const std::size_t most = std::max(behind, ahead);
+  const Reference reference(scene);
+  const std::size_t most = std::max(reference.behind(), reference.ahead());
   const Undistortion lens(scene.camera, scene.distortion);
   FrameImageReader images;  // goes on through a video as the frames do
-  const GrayImage here = small_image(scene, reference, lens, images, pixels);
-  ChosenFrames out;
+  const GrayImage here = small_image(scene, reference.at, lens, images, pixels);
   const double enough = kEnoughAngle * scene.camera.fx;
+  double parallax_px = 0.0;
   std::size_t spacing = 1;
   while (true) {
-    const std::size_t other = spacing <= ahead ? reference + spacing : reference - spacing;
+    const std::size_t other =
+        spacing <= reference.ahead() ? reference.at + spacing : reference.at - spacing;
     const auto parallax =
         near_parallax(scene, here, small_image(scene, other, lens, images, pixels),
                       spacing == 1 ? kLeastMatched : 0.0);
     // Too fast to be matched at this size is not too slow.
-    out.parallax_px = parallax.value_or(enough);
-    if (out.parallax_px >= enough) break;
+    parallax_px = parallax.value_or(enough);
+    if (parallax_px >= enough) break;
     // Twice as far, or what the speed so far calls for; never farther than there are frames.
-    const double factor = std::clamp(enough / std::max(out.parallax_px, 0.1), 1.5, 4.0);
+    const double factor = std::clamp(enough / std::max(parallax_px, 0.1), 1.5, 4.0);
     const auto next = std::min(
         most, std::max(spacing + 1, static_cast<std::size_t>(
                                         std::lround(factor * static_cast<double>(spacing)))));
     if (next == spacing) break;
     spacing = next;
   }
-  out.spacing = static_cast<int>(spacing);
-  if (spacing <= behind) out.ids.push_back(ids[reference - spacing]);
-  out.ids.push_back(id);
-  if (spacing <= ahead) out.ids.push_back(ids[reference + spacing]);
+  ChosenFrames out = reference.with_spacing(spacing);
+  out.parallax_px = parallax_px;
   return out;
 }
 

@@ -83,9 +83,14 @@ struct ChosenFrames {
   double parallax_px = 0.0;  ///< of the near road between neighbours, rotation taken out
 };
 
-/// @param pixels  images in memory, as LoadOptions::pixels; asked for the frames that are looked at.
+/// @param pixels  images in memory, as LoadOptions::pixels; asked for the frames that are looked
+/// at.
 /// @throws NoAnswerError for a scene of one frame or without images; InputError as reconstruct.
 ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels = {});
+
+/// The reference and its neighbours, whatever the speed: what remains where frames farther apart
+/// give no answer. @throws NoAnswerError for a scene of one frame.
+ChosenFrames neighbouring_frames(const Scene& scene);
 
 struct WriteReconstructionOptions {
   bool pictures = true;
