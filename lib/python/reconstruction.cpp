@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/pipeline/reconstruct.h"
 #include "convert.h"
