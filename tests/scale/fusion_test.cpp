@@ -56,6 +56,19 @@ TEST(Fuse, SourcesThatAgreeAreWeighedByTheirVariances) {
   }
 }
 
+TEST(Fuse, AnErrorThatAllSourcesShareStaysHoweverManyTheyAre) {
+  const RoadPosterior road = open_road();
+  std::vector<Constraint> sources;
+  for (int k = 0; k < 25; ++k) sources.push_back(scale_source(road, "car", 1.0, 0.05));
+  constexpr double kCommon = 0.02;
+  const FusedRoad fused = fuse(road, sources, kCommon);
+  EXPECT_NEAR(fused.road.scale_sigma(), std::hypot(0.05 / 5.0, kCommon), 1e-4);
+  EXPECT_NEAR(fuse(road, sources).road.scale_sigma(), 0.05 / 5.0, 1e-4);
+  // What they share does not make them disagree.
+  sources.push_back(scale_source(road, "other", std::exp(0.15), 0.01));
+  EXPECT_FALSE(fuse(road, sources, kCommon).reports.back().accepted);
+}
+
 TEST(Fuse, OfThreeTheOneThatContradictsTheOthersIsRejected) {
   const RoadPosterior road = open_road();
   const FusedRoad fused =

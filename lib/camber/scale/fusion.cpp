@@ -67,18 +67,31 @@ Constraint stacked(const std::vector<const Constraint*>& parts) {
   return out;
 }
 
+Eigen::VectorXd by_whole_scale(const RoadPosterior& road, const Constraint& constraint) {
+  return road.of_constraint(constraint).of_state.bottomRows(1).transpose();
+}
+
 std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
                                                  const Constraint& constraint) {
-  const RoadFunctionals functionals = road.of_constraint(constraint);
-  const Eigen::VectorXd by_log_scale = functionals.of_state.bottomRows(1).transpose();
-  const Eigen::MatrixXd spread = constraint.covariance + road.covariance(functionals);
+  const Eigen::VectorXd by_log_scale = by_whole_scale(road, constraint);
+  const Eigen::MatrixXd spread =
+      constraint.covariance + road.covariance(road.of_constraint(constraint));
   const Eigen::VectorXd weighted = spread.ldlt().solve(by_log_scale);
   const double information = weighted.dot(by_log_scale);
   if (!(information > 0.0)) return std::nullopt;
   return ImpliedLogScale{weighted.dot(constraint.residual) / information, 1.0 / information};
 }
 
-FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints) {
+FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints,
+               double common_scale_sigma) {
+  const auto joined = [&](const std::vector<const Constraint*>& parts) {
+    Constraint out = stacked(parts);
+    if (common_scale_sigma > 0.0 && out.size() > 0) {
+      const Eigen::VectorXd by_scale = common_scale_sigma * by_whole_scale(road, out);
+      out.covariance += by_scale * by_scale.transpose();
+    }
+    return out;
+  };
   std::vector<ConstraintReport> reports;
   std::vector<const Constraint*> measured;
   std::vector<Block> blocks;
@@ -91,7 +104,7 @@ FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constra
     blocks.push_back({i, rows, c.size()});
     rows += c.size();
   }
-  const Constraint all = stacked(measured);
+  const Constraint all = joined(measured);
   const Eigen::MatrixXd spread =
       rows > 0 ? Eigen::MatrixXd(road.covariance(road.of_constraint(all)) + all.covariance)
                : Eigen::MatrixXd();
@@ -122,7 +135,7 @@ FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constra
     reports[b.source].accepted = true;
     accepted.push_back(&constraints[b.source]);
   }
-  return {road.conditioned(stacked(accepted)), std::move(reports)};
+  return {road.conditioned(joined(accepted)), std::move(reports)};
 }
 
 }  // namespace camber

@@ -18,7 +18,14 @@ struct FusedRoad {
 /// sources let expect; while one is beyond its gate, the one that is farthest beyond is rejected
 /// and the rest compared again.
 /// @param constraints  linearised around `road`; without measurements: reported only.
-FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints);
+/// @param common_scale_sigma  standard deviation of an error of the logarithm of the scale that all
+///                     constraints have in common, beside their own.
+FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints,
+               double common_scale_sigma = 0.0);
+
+/// What the measurements change by with the logarithm of the scale, the road's shape held.
+/// @param constraint  linearised around `road`.
+Eigen::VectorXd by_whole_scale(const RoadPosterior& road, const Constraint& constraint);
 
 /// What a constraint measures of the logarithm of the scale if the road's shape is right.
 struct ImpliedLogScale {

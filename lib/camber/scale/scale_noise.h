@@ -59,7 +59,8 @@ struct ScaleNoise {
   double contradicted_scale = 0.3;  ///< relative, of a scale that markings contradict altogether
 
   // The average of vehicles' sizes.
-  double vehicle_population = 0.02;  ///< relative, of a street's cars off the size prior (assumed)
+  double vehicle_population =
+      0.02;  ///< relative, of all cars of a street off the size prior (assumed)
   double vehicle_size_most = 0.15;   ///< relative, of one vehicle's scale that is worth counting
   double vehicle_sizes_gate = 3.0;   ///< standard deviations
   double vehicle_contradicts = 3.0;  ///< standard deviations, of one vehicle and the road under it

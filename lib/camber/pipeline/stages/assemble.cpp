@@ -101,7 +101,8 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
                                 const GroundGraph& graph) {
   std::vector<Constraint> constraints;
   for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
-  FusedRoad fused = fuse(scaled.road, constraints);
+  const double population = ScaleNoise().vehicle_population;
+  FusedRoad fused = fuse(scaled.road, constraints, population);
   FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, {}, graph.planes.covariance};
   if (scaled.contradiction_variance > 0.0) {
     out.road = out.road.with_wider_scale(scaled.contradiction_variance);
@@ -119,7 +120,7 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
   }
   if (count == 0) return out;
   Eigen::MatrixXd by_ground = Eigen::MatrixXd::Zero(count, rows);
-  Eigen::VectorXd residual(count), variance(count);
+  Eigen::VectorXd residual(count), variance(count), by_scale(count);
   Eigen::Index at = 0;
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     if (!out.reports[i].accepted) continue;
@@ -128,11 +129,13 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
     by_ground.block(at, rows - v.by_ground.cols(), size, v.by_ground.cols()) = v.by_ground;
     residual.segment(at, size) = v.constraint.residual;
     variance.segment(at, size) = v.variance;
+    by_scale.segment(at, size) = population * by_whole_scale(scaled.road, v.constraint);
     at += size;
   }
   const Eigen::MatrixXd side = out.plane_covariance * by_ground.transpose();
   Eigen::MatrixXd spread = by_ground * side;
   spread.diagonal() += variance;
+  spread += by_scale * by_scale.transpose();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(spread);
   out.plane_changes = side * ldlt.solve(residual);
   out.plane_covariance -= side * ldlt.solve(side.transpose());
