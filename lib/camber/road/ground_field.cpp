@@ -1,14 +1,16 @@
 #include "camber/road/ground_field.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "camber/core/threads.h"
+#include "camber/road/detail/banded_ldlt.h"
 
 namespace camber {
 namespace {
@@ -29,8 +31,11 @@ struct GroundField::Impl {
   double left = 0, top = 0, du = 1, dv = 1;
   int columns = 0, rows = 0;
   Eigen::VectorXd nodes, node_support;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver;
-  Eigen::MatrixXd shared;  // d(nodes) / d(shared parameters)
+  detail::SymmetricBand normal;  // of the last solution
+  detail::BandedLdlt solver;
+  mutable std::mutex posterior_mutex;
+  mutable std::optional<detail::SparseLdlt> posterior;  // made when it is first asked for
+  Eigen::MatrixXd shared;                               // d(nodes) / d(shared parameters)
   std::vector<double> weights;
 
   int index(int r, int c) const { return r * columns + c; }
@@ -58,7 +63,6 @@ struct GroundField::Impl {
   };
   std::vector<Difference> differences;
   GroundFieldOptions options;
-  bool analysed = false;
   double last_correlation = 1.0;
 
   /// Columns: functionals of the nodes from those of inverse depths at pixels.
@@ -203,22 +207,20 @@ struct GroundField::Impl {
   }
 
   /// Lower triangle of the data's normal matrix.
-  void append_data(const std::vector<Eigen::Matrix4d>& blocks,
-                   std::vector<Eigen::Triplet<double>>& triplets) const {
+  void add_data(const std::vector<Eigen::Matrix4d>& blocks, detail::SymmetricBand& matrix) const {
     for (int cell = 0; cell < (columns - 1) * (rows - 1); ++cell) {
       const int r = cell / (columns - 1), c = cell % (columns - 1);
       const int at[4] = {index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1)};
       for (int j = 0; j < 4; ++j) {
         for (int k = 0; k <= j; ++k) {
-          triplets.emplace_back(std::max(at[j], at[k]), std::min(at[j], at[k]),
-                                blocks[static_cast<std::size_t>(cell)](j, k));
+          matrix.at(at[j], at[k]) += blocks[static_cast<std::size_t>(cell)](j, k);
         }
       }
     }
   }
 
   /// Lower triangle of the smoothness' normal matrix, each difference weighed anew.
-  void append_smoothness(std::vector<Eigen::Triplet<double>>& triplets) {
+  void add_smoothness(detail::SymmetricBand& matrix) {
     for (Difference& d : differences) {
       const double s = spread(d);
       double difference = 0.0;
@@ -226,10 +228,7 @@ struct GroundField::Impl {
       d.weight = 1.0 / (1.0 + difference * difference / (9.0 * s * s));
       const double w = d.weight / (s * s);
       for (int j = 0; j < d.terms; ++j) {
-        for (int k = 0; k <= j; ++k) {
-          triplets.emplace_back(std::max(d.node[j], d.node[k]), std::min(d.node[j], d.node[k]),
-                                w * d.sign[j] * d.sign[k]);
-        }
+        for (int k = 0; k <= j; ++k) matrix.at(d.node[j], d.node[k]) += w * d.sign[j] * d.sign[k];
       }
     }
   }
@@ -250,22 +249,15 @@ struct GroundField::Impl {
       weight.resize(count);
       reweigh(observations, footprints, first_width, weight);
     }
+    posterior.reset();
     const int n = columns * rows;
-    Eigen::SparseMatrix<double> normal(n, n);
-    std::vector<Eigen::Triplet<double>> triplets;
     DataTerm data;
     for (int iteration = 0; iteration < iterations; ++iteration) {
       accumulate(observations, footprints, weight, correlation, data);
-      triplets.clear();
-      append_data(data.blocks[0], triplets);
-      append_smoothness(triplets);
-      normal.setFromTriplets(triplets.begin(), triplets.end());
-      if (!analysed) {
-        solver.analyzePattern(normal);
-        analysed = true;
-      }
-      solver.factorize(normal);
-      if (solver.info() != Eigen::Success) {
+      normal.set_zero(n, 2 * columns);  // second differences reach two rows
+      add_data(data.blocks[0], normal);
+      add_smoothness(normal);
+      if (!solver.factorise(normal)) {
         throw std::invalid_argument("ground observations do not fix the field");
       }
       nodes = solver.solve(data.right[0]);
@@ -409,7 +401,7 @@ Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observ
 }
 
 GroundField::GroundField(const GroundField& other) : impl_(std::make_unique<Impl>()) {
-  // All but the factorisation, which cannot be copied.
+  // All but the factorisation, which the next update replaces.
   const Impl& from = *other.impl_;
   impl_->camera = from.camera;
   impl_->left = from.left;
@@ -454,14 +446,18 @@ Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pix
 
 Eigen::MatrixXd GroundField::solve(const Eigen::MatrixXd& of_nodes) const {
   constexpr Eigen::Index kPiece = 16;  // columns
-  if (of_nodes.cols() <= kPiece) return impl_->solver.solve(of_nodes);
+  const Impl& m = *impl_;
+  {
+    const std::lock_guard<std::mutex> lock(m.posterior_mutex);
+    if (!m.posterior) m.posterior.emplace(m.normal);
+  }
+  if (of_nodes.cols() <= kPiece) return m.posterior->solve(of_nodes);
   Eigen::MatrixXd out(of_nodes.rows(), of_nodes.cols());
   const Eigen::Index pieces = (of_nodes.cols() + kPiece - 1) / kPiece;
-  parallel_for(static_cast<std::size_t>(pieces), impl_->options.num_threads, [&](std::size_t k) {
+  parallel_for(static_cast<std::size_t>(pieces), m.options.num_threads, [&](std::size_t k) {
     const Eigen::Index first = kPiece * static_cast<Eigen::Index>(k);
     const Eigen::Index count = std::min(kPiece, of_nodes.cols() - first);
-    out.middleCols(first, count) =
-        impl_->solver.solve(Eigen::MatrixXd(of_nodes.middleCols(first, count)));
+    out.middleCols(first, count) = m.posterior->solve(of_nodes.middleCols(first, count));
   });
   return out;
 }
