@@ -142,17 +142,33 @@ std::vector<float> every_column(const cv::Mat& image, int stride) {
   return out;
 }
 
+/// See SampledImage; the last column and row have no cells.
+std::vector<std::uint32_t> cells_of(const cv::Mat& image) {
+  std::vector<std::uint32_t> out(image.total(), 0);
+  for (int v = 0; v + 1 < image.rows; ++v) {
+    const auto* upper = image.ptr<std::uint8_t>(v);
+    const auto* lower = image.ptr<std::uint8_t>(v + 1);
+    std::uint32_t* to = &out[static_cast<std::size_t>(v) * static_cast<std::size_t>(image.cols)];
+    for (int u = 0; u + 1 < image.cols; ++u) {
+      to[u] = upper[u] | static_cast<std::uint32_t>(upper[u + 1]) << 8 |
+              static_cast<std::uint32_t>(lower[u]) << 16 |
+              static_cast<std::uint32_t>(lower[u + 1]) << 24;
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 /// The images at one resolution.
 struct PlaneSearch::Level {
   PinholeCamera camera;
   int window_wide = kWindowWide, window_high = kWindowHigh;
-  int stride = 1;                         // px, between the columns and rows that are compared
-  double noise = 4.0;                     // intensity squared, of a window without texture
-  std::vector<cv::Mat> gray;              // float, of all images
-  std::vector<cv::Mat> visible;           // float, 1 where nothing stands or moves, else 0
-  std::vector<float> here, here_visible;  // the reference's compared columns
+  int stride = 1;      // px, between the columns and rows that are compared
+  double noise = 4.0;  // intensity squared, of a window without texture
+  std::vector<std::vector<std::uint32_t>> cells;  // see SampledImage, of all images
+  std::vector<cv::Mat> visible;                   // float, 1 where nothing stands or moves, else 0
+  std::vector<float> here, here_visible;          // the reference's compared columns
 
   int columns() const { return camera.width / stride; }
 
@@ -161,7 +177,6 @@ struct PlaneSearch::Level {
 };
 
 void PlaneSearch::Level::add_row(const CorridorRow& row, int v, WarpedView* view) const {
-  const cv::Mat& image = gray[view->image];
   const auto fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
   const auto cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
   const Eigen::Vector3f step = (static_cast<float>(stride) / fx) * view->rotation.col(0);
@@ -173,10 +188,11 @@ void PlaneSearch::Level::add_row(const CorridorRow& row, int v, WarpedView* view
       view->shift.y(), view->shift.z(), fx,        fy,       cx,       cy};
   const auto at = static_cast<std::size_t>(v) * static_cast<std::size_t>(columns()) +
                   static_cast<std::size_t>(row.from);
-  add_warped_row(row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
-                 here_visible.data() + at, warp,
-                 {image.ptr<float>(), visible[view->image].ptr<float>(), image.cols, image.rows},
-                 view->columns(row.from));
+  add_warped_row(
+      row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
+      here_visible.data() + at, warp,
+      {cells[view->image].data(), visible[view->image].ptr<float>(), camera.width, camera.height},
+      view->columns(row.from));
 }
 
 PlaneSearch::~PlaneSearch() = default;
@@ -216,10 +232,14 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
     for (const PlaneSearchImage& image : images) {
       const cv::Mat full(camera.height, camera.width, CV_8UC1,
                          const_cast<std::uint8_t*>(image.image->pixels.data()));
-      cv::Mat small, gray;
+      cv::Mat small;
       cv::resize(full(whole), small, size, 0, 0, cv::INTER_AREA);
-      small.convertTo(gray, CV_32F);
-      level.gray.push_back(gray);
+      level.cells.push_back(cells_of(small));
+      if (image.image == images[reference].image) {
+        cv::Mat gray;
+        small.convertTo(gray, CV_32F);
+        level.here = every_column(gray, level.stride);
+      }
       cv::Mat visible(size, CV_32FC1, cv::Scalar(1.0));
       if (image.ignored) {
         cv::Mat ignored;
@@ -230,7 +250,6 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
       }
       level.visible.push_back(visible);
     }
-    level.here = every_column(level.gray[reference], level.stride);
     level.here_visible = every_column(level.visible[reference], level.stride);
     levels_.push_back(std::move(level));
   }
@@ -256,7 +275,7 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
                           hypothesis, path_curvature(motion) / baseline, options_);
   std::vector<WarpedView> views;
   const auto columns = static_cast<std::size_t>(level.columns());
-  for (std::size_t k = 0; k < level.gray.size(); ++k) {
+  for (std::size_t k = 0; k < level.cells.size(); ++k) {
     if (k == reference_) continue;
     const SE3& pose = motion.frame_from_reference[k];
     views.push_back({k, pose.rotation_matrix().cast<float>(),
