@@ -47,6 +47,7 @@ TEST(BandedLdlt, SolvesAsADenseMatrix) {
       BandedLdlt banded;
       ASSERT_TRUE(banded.factorise(e.band));
       EXPECT_LT((banded.solve(e.right) - expected).norm(), 1e-12) << size << " " << columns;
+      EXPECT_LT((banded.solve_vector(e.right.col(0)) - expected.col(0)).norm(), 1e-12) << size;
       EXPECT_LT((SparseLdlt(e.band).solve(e.right) - expected).norm(), 1e-12)
           << size << " " << columns;
     }

@@ -296,10 +296,10 @@ struct DirectGround::Impl {
     const auto width = static_cast<std::size_t>(camera.width);
     std::vector<float> depth(static_cast<std::size_t>(region.rows) * width);
     parallel_for(static_cast<std::size_t>(region.rows), options.num_threads, [&](std::size_t y) {
-      for (std::size_t x = 0; x < width; ++x) {
-        const Eigen::Vector2d pixel(static_cast<double>(x), static_cast<double>(y) + region.first);
-        depth[y * width + x] = static_cast<float>(std::max(field.inverse_depth(pixel), 1e-6));
-      }
+      float* const row = &depth[y * width];
+      field.interpolated_row(static_cast<double>(y) + region.first, field.nodes(), camera.width,
+                             row);
+      for (std::size_t x = 0; x < width; ++x) row[x] = std::max(row[x], 1e-6F);
     });
     const Plane32 here = blurred(camera.width, region.rows, region.intensity.ptr<float>(), blur);
     std::vector<ImageRows> rows(others.size());

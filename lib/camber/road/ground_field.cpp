@@ -36,6 +36,9 @@ struct GroundField::Impl {
   mutable std::mutex posterior_mutex;
   mutable std::optional<detail::SparseLdlt> posterior;  // made when it is first asked for
   Eigen::MatrixXd shared;                               // d(nodes) / d(shared parameters)
+  // What `shared` solves for: the right sides by shared parameters, a row a node.
+  using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  NodeRows shared_right;
   std::vector<double> weights;
 
   int index(int r, int c) const { return r * columns + c; }
@@ -260,7 +263,7 @@ struct GroundField::Impl {
       if (!solver.factorise(normal)) {
         throw std::invalid_argument("ground observations do not fix the field");
       }
-      nodes = solver.solve(data.right[0]);
+      nodes = solver.solve_vector(data.right[0]);
       if (iteration + 1 == iterations) break;
       const double share = (iteration + 1.0) / std::max(1, iterations - 1);
       reweigh(observations, footprints, std::pow(first_width, 1.0 - share), weight);
@@ -275,20 +278,32 @@ struct GroundField::Impl {
                       const std::vector<Footprint>& footprints, const std::vector<double>& weight,
                       double correlation) {
     const int n = columns * rows;
-    node_support = Eigen::VectorXd::Zero(n);
     const Eigen::Index columns_shared = observations.shared_jacobian.cols();
-    Eigen::MatrixXd shared_right = Eigen::MatrixXd::Zero(n, columns_shared);
-    for (std::size_t i = 0; i < observations.size(); ++i) {
-      const Footprint& f = footprints[i];
-      const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
-      for (int k = 0; k < 4; ++k) {
-        node_support[f.node[k]] += weight[i] * f.weight[k];
+    std::array<Eigen::VectorXd, kPieces> supports;
+    std::array<NodeRows, kPieces> sides;
+    in_pieces(observations.size(), [&](std::size_t piece, std::size_t first, std::size_t last) {
+      Eigen::VectorXd& support = supports[piece];
+      NodeRows& side = sides[piece];
+      support.setZero(n);
+      side.setZero(n, columns_shared);
+      Eigen::RowVectorXd row(columns_shared);
+      for (std::size_t i = first; i < last; ++i) {
+        const Footprint& f = footprints[i];
+        const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
         if (columns_shared > 0) {
-          shared_right.row(f.node[k]) +=
-              w * f.weight[k] *
-              observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+          row = w * observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+        }
+        for (int k = 0; k < 4; ++k) {
+          support[f.node[k]] += weight[i] * f.weight[k];
+          if (columns_shared > 0) side.row(f.node[k]) += f.weight[k] * row;
         }
       }
+    });
+    node_support = std::move(supports[0]);
+    shared_right = std::move(sides[0]);
+    for (std::size_t piece = 1; piece < kPieces; ++piece) {
+      node_support += supports[piece];
+      shared_right += sides[piece];
     }
     shared.resize(n, columns_shared);
     if (columns_shared > 0) shared = solver.solve(shared_right);
@@ -378,20 +393,41 @@ Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observ
   }
   update(observations, iterations, correlation);
   Impl& m = *impl_;
-  // Observations rho_i + D_i p against b_i . x with x = x0 + S p: the nodes are eliminated.
+  // Observations rho_i + D_i p against b_i . x with x = x0 + S p: the nodes are eliminated,
+  // sum w D' (D - b S) = sum w D' D - (sum w b' D)' S.
+  std::array<Eigen::MatrixXd, Impl::kPieces> own;
+  std::array<Eigen::VectorXd, Impl::kPieces> gradients;
+  m.in_pieces(observations.size(), [&](std::size_t piece, std::size_t first, std::size_t last) {
+    constexpr std::size_t kRows = 256;
+    own[piece].setZero(columns, columns);
+    gradients[piece].setZero(columns);
+    Eigen::MatrixXd rows(columns, kRows);
+    Eigen::VectorXd residuals(kRows);
+    for (std::size_t at = first; at < last; at += kRows) {
+      const std::size_t count = std::min(kRows, last - at);
+      for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t i = at + k;
+        const double root = std::sqrt(m.weights[i] / m.last_correlation) / observations.sigma[i];
+        rows.col(static_cast<Eigen::Index>(k)) =
+            root * observations.shared_jacobian.row(static_cast<Eigen::Index>(i))
+                       .cast<double>()
+                       .transpose();
+        residuals[static_cast<Eigen::Index>(k)] =
+            root *
+            (observations.inverse_depth[i] - m.value(m.footprint(observations.pixels[i]), m.nodes));
+      }
+      const auto used = rows.leftCols(static_cast<Eigen::Index>(count));
+      own[piece].noalias() += used * used.transpose();
+      gradients[piece].noalias() += used * residuals.head(static_cast<Eigen::Index>(count));
+    }
+  });
   Eigen::MatrixXd reduced = information;
   Eigen::VectorXd gradient = information * moved;
-  Eigen::VectorXd row(columns), carried(columns);
-  for (std::size_t i = 0; i < observations.size(); ++i) {
-    const Footprint f = m.footprint(observations.pixels[i]);
-    const double w =
-        m.weights[i] / (m.last_correlation * observations.sigma[i] * observations.sigma[i]);
-    row = observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>().transpose();
-    carried = row;
-    for (int k = 0; k < 4; ++k) carried -= f.weight[k] * m.shared.row(f.node[k]).transpose();
-    reduced.noalias() += w * row * carried.transpose();
-    gradient.noalias() += w * (observations.inverse_depth[i] - m.value(f, m.nodes)) * row;
+  for (std::size_t piece = 0; piece < Impl::kPieces; ++piece) {
+    reduced += own[piece];
+    gradient += gradients[piece];
   }
+  reduced.noalias() -= m.shared_right.transpose() * m.shared;
   reduced = 0.5 * (reduced + reduced.transpose()).eval();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(reduced);
   const Eigen::VectorXd change = -ldlt.solve(gradient);
@@ -433,6 +469,25 @@ double GroundField::top() const { return impl_->top; }
 double GroundField::interpolated(const Eigen::Vector2d& pixel,
                                  const Eigen::VectorXd& node_values) const {
   return impl_->value(impl_->footprint(pixel), node_values);
+}
+
+void GroundField::interpolated_row(double row, const Eigen::VectorXd& node_values, int count,
+                                   float* out) const {
+  const Impl& m = *impl_;
+  const Footprint first = m.footprint({m.left, row});
+  const double below = first.weight[2] + first.weight[3];
+  for (int c = 0, u = 0; c + 1 < m.columns && u < count; ++c) {
+    const double a =
+        (1.0 - below) * node_values[first.node[0] + c] + below * node_values[first.node[2] + c];
+    const double b = (1.0 - below) * node_values[first.node[0] + c + 1] +
+                     below * node_values[first.node[2] + c + 1];
+    const double slope = (b - a) / m.du, at = m.left + c * m.du;
+    const int end =
+        c + 2 == m.columns ? count : std::min(count, static_cast<int>(std::ceil(at + m.du)));
+    for (; u < end; ++u) {
+      out[u] = static_cast<float>(a + slope * std::clamp(u - at, 0.0, m.du));
+    }
+  }
 }
 
 const Eigen::VectorXd& GroundField::nodes() const { return impl_->nodes; }

@@ -63,6 +63,10 @@ double RoadPosterior::inverse_depth(const Eigen::Vector2d& pixel) const {
   return field_->interpolated(pixel, metric_nodes_);
 }
 
+void RoadPosterior::inverse_depths(double row, int count, float* out) const {
+  field_->interpolated_row(row, metric_nodes_, count, out);
+}
+
 UncertainPlane RoadPosterior::ego() const {
   UncertainPlane out = ego_.plane;
   const double m = metres_per_baseline();

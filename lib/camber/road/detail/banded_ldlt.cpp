@@ -6,11 +6,10 @@
 
 #include "camber/core/target_clones.h"
 
+#define CAMBER_ALWAYS_INLINE inline __attribute__((always_inline))
+
 namespace camber::detail {
 namespace {
-
-/// Columns that are solved side by side.
-constexpr int kPanel = 8;
 
 /// Column by column, each taken out of the later ones that it reaches.
 CAMBER_TARGET_CLONES("avx2")
@@ -34,69 +33,133 @@ bool eliminate(std::ptrdiff_t size, std::ptrdiff_t band, double* values) {
   return true;
 }
 
-/// @param first  row above which the right sides are zero
-/// @param x      kPanel right sides, row by row; replaced by the solutions
-CAMBER_TARGET_CLONES("avx2")
-void solve_panel(std::ptrdiff_t size, std::ptrdiff_t band, const double* factor,
-                 std::ptrdiff_t first, double* x) {
-  const std::ptrdiff_t pitch = band + 1;
-  for (std::ptrdiff_t j = first; j < size; ++j) {
-    const double* const l = factor + j * pitch;
-    const std::ptrdiff_t last = std::min(band, size - 1 - j);
-    double here[kPanel];
-    for (int c = 0; c < kPanel; ++c) here[c] = x[j * kPanel + c];
-    for (std::ptrdiff_t k = 1; k <= last; ++k) {
-      double* __restrict to = x + (j + k) * kPanel;
-      for (int c = 0; c < kPanel; ++c) to[c] -= l[k] * here[c];
-    }
-  }
-  for (std::ptrdiff_t j = size - 1; j >= 0; --j) {
-    const double* const l = factor + j * pitch;
-    const std::ptrdiff_t last = std::min(band, size - 1 - j);
-    double sum[kPanel];
-    for (int c = 0; c < kPanel; ++c) sum[c] = x[j * kPanel + c] / l[0];
-    for (std::ptrdiff_t k = 1; k <= last; ++k) {
-      const double* from = x + (j + k) * kPanel;
-      for (int c = 0; c < kPanel; ++c) sum[c] -= l[k] * from[c];
-    }
-    for (int c = 0; c < kPanel; ++c) x[j * kPanel + c] = sum[c];
-  }
-}
-
-/// A unit lower triangle, column by column without its diagonal.
+/// A lower triangle with its pivots, column by column: a band, or the entries of a sparse one.
+struct BandFactor {
+  std::ptrdiff_t size, band;
+  const double* values;  // pivot, then what is below it
+};
 struct SparseFactor {
   std::ptrdiff_t size;
   const int* first;  // entry of each column, and one behind the last
   const int* row;
   const double* value;
-  const double* diagonal;
+  const double* pivot;
 };
 
-/// See solve_panel().
-CAMBER_TARGET_CLONES("avx2")
-void solve_sparse_panel(const SparseFactor& factor, double* x) {
-  for (std::ptrdiff_t j = 0; j < factor.size; ++j) {
-    double here[kPanel];
+/// Right sides stand row by row, `wide` of them, and are replaced by the solutions.
+/// @param first  row above which they are zero
+template <int wide>
+CAMBER_ALWAYS_INLINE void solve_wide(const BandFactor& f, std::ptrdiff_t first, double* x) {
+  for (std::ptrdiff_t j = first; j < f.size; ++j) {
+    const double* const l = f.values + j * (f.band + 1);
+    const std::ptrdiff_t last = std::min(f.band, f.size - 1 - j);
+    double here[wide];
+    for (int c = 0; c < wide; ++c) here[c] = x[j * wide + c];
+    for (std::ptrdiff_t k = 1; k <= last; ++k) {
+      double* __restrict to = x + (j + k) * wide;
+      for (int c = 0; c < wide; ++c) to[c] -= l[k] * here[c];
+    }
+  }
+  for (std::ptrdiff_t j = f.size - 1; j >= 0; --j) {
+    const double* const l = f.values + j * (f.band + 1);
+    const std::ptrdiff_t last = std::min(f.band, f.size - 1 - j);
+    double sum[wide];
+    for (int c = 0; c < wide; ++c) sum[c] = x[j * wide + c] / l[0];
+    for (std::ptrdiff_t k = 1; k <= last; ++k) {
+      const double* from = x + (j + k) * wide;
+      for (int c = 0; c < wide; ++c) sum[c] -= l[k] * from[c];
+    }
+    for (int c = 0; c < wide; ++c) x[j * wide + c] = sum[c];
+  }
+}
+
+template <int wide>
+CAMBER_ALWAYS_INLINE void solve_wide(const SparseFactor& f, double* x) {
+  for (std::ptrdiff_t j = 0; j < f.size; ++j) {
+    double here[wide];
     bool any = false;
-    for (int c = 0; c < kPanel; ++c) {
-      here[c] = x[j * kPanel + c];
+    for (int c = 0; c < wide; ++c) {
+      here[c] = x[j * wide + c];
       any |= here[c] != 0.0;
     }
     if (!any) continue;
-    for (int k = factor.first[j]; k < factor.first[j + 1]; ++k) {
-      double* __restrict to = x + static_cast<std::ptrdiff_t>(factor.row[k]) * kPanel;
-      for (int c = 0; c < kPanel; ++c) to[c] -= factor.value[k] * here[c];
+    for (int k = f.first[j]; k < f.first[j + 1]; ++k) {
+      double* __restrict to = x + static_cast<std::ptrdiff_t>(f.row[k]) * wide;
+      for (int c = 0; c < wide; ++c) to[c] -= f.value[k] * here[c];
     }
   }
-  for (std::ptrdiff_t j = factor.size - 1; j >= 0; --j) {
-    double sum[kPanel];
-    for (int c = 0; c < kPanel; ++c) sum[c] = x[j * kPanel + c] / factor.diagonal[j];
-    for (int k = factor.first[j]; k < factor.first[j + 1]; ++k) {
-      const double* from = x + static_cast<std::ptrdiff_t>(factor.row[k]) * kPanel;
-      for (int c = 0; c < kPanel; ++c) sum[c] -= factor.value[k] * from[c];
+  for (std::ptrdiff_t j = f.size - 1; j >= 0; --j) {
+    double sum[wide];
+    for (int c = 0; c < wide; ++c) sum[c] = x[j * wide + c] / f.pivot[j];
+    for (int k = f.first[j]; k < f.first[j + 1]; ++k) {
+      const double* from = x + static_cast<std::ptrdiff_t>(f.row[k]) * wide;
+      for (int c = 0; c < wide; ++c) sum[c] -= f.value[k] * from[c];
     }
-    for (int c = 0; c < kPanel; ++c) x[j * kPanel + c] = sum[c];
+    for (int c = 0; c < wide; ++c) x[j * wide + c] = sum[c];
   }
+}
+
+/// A single right side; sums in four parts, since one waits for itself.
+CAMBER_TARGET_CLONES("avx2")
+void solve_one(const BandFactor& f, std::ptrdiff_t first, double* x) {
+  for (std::ptrdiff_t j = first; j < f.size; ++j) {
+    const double* __restrict l = f.values + j * (f.band + 1);
+    const std::ptrdiff_t last = std::min(f.band, f.size - 1 - j);
+    const double here = x[j];
+    double* __restrict to = x + j;
+    for (std::ptrdiff_t k = 1; k <= last; ++k) to[k] -= l[k] * here;
+  }
+  for (std::ptrdiff_t j = f.size - 1; j >= 0; --j) {
+    const double* __restrict l = f.values + j * (f.band + 1);
+    const std::ptrdiff_t last = std::min(f.band, f.size - 1 - j);
+    const double* __restrict from = x + j;
+    double parts[4] = {};
+    std::ptrdiff_t k = 1;
+    for (; k + 3 <= last; k += 4) {
+      for (int c = 0; c < 4; ++c) parts[c] += l[k + c] * from[k + c];
+    }
+    for (; k <= last; ++k) parts[0] += l[k] * from[k];
+    x[j] = x[j] / l[0] - ((parts[0] + parts[1]) + (parts[2] + parts[3]));
+  }
+}
+
+CAMBER_TARGET_CLONES("avx2")
+void solve_four(const BandFactor& f, std::ptrdiff_t first, double* x) {
+  solve_wide<4>(f, first, x);
+}
+CAMBER_TARGET_CLONES("avx2")
+void solve_eight(const BandFactor& f, std::ptrdiff_t first, double* x) {
+  solve_wide<8>(f, first, x);
+}
+CAMBER_TARGET_CLONES("avx2")
+void solve_four(const SparseFactor& f, double* x) { solve_wide<4>(f, x); }
+CAMBER_TARGET_CLONES("avx2")
+void solve_eight(const SparseFactor& f, double* x) { solve_wide<8>(f, x); }
+
+/// Solves side by side as many columns as there are, by eights and fours.
+/// @param solve  of a panel, with the number of its columns
+template <class Solve>
+Eigen::MatrixXd by_panels(const Eigen::MatrixXd& right, const int* place, const Solve& solve) {
+  const Eigen::Index rows = right.rows();
+  Eigen::MatrixXd out(rows, right.cols());
+  std::vector<double> panel;
+  for (Eigen::Index first = 0; first < right.cols();) {
+    const Eigen::Index left = right.cols() - first, wide = left > 4 ? 8 : 4;
+    const Eigen::Index count = std::min(wide, left);
+    panel.assign(static_cast<std::size_t>(rows * wide), 0.0);
+    const auto at = [&](Eigen::Index i, Eigen::Index c) -> double& {
+      return panel[static_cast<std::size_t>((place ? place[i] : i) * wide + c)];
+    };
+    for (Eigen::Index c = 0; c < count; ++c) {
+      for (Eigen::Index i = 0; i < rows; ++i) at(i, c) = right(i, first + c);
+    }
+    solve(wide, panel.data());
+    for (Eigen::Index c = 0; c < count; ++c) {
+      for (Eigen::Index i = 0; i < rows; ++i) out(i, first + c) = at(i, c);
+    }
+    first += count;
+  }
+  return out;
 }
 
 }  // namespace
@@ -113,17 +176,17 @@ bool BandedLdlt::factorise(SymmetricBand matrix) {
 }
 
 Eigen::MatrixXd BandedLdlt::solve(const Eigen::MatrixXd& right) const {
-  Eigen::MatrixXd out(right.rows(), right.cols());
-  Eigen::Matrix<double, Eigen::Dynamic, kPanel, Eigen::RowMajor> panel(right.rows(), kPanel);
-  for (Eigen::Index first = 0; first < right.cols(); first += kPanel) {
-    const Eigen::Index count = std::min<Eigen::Index>(kPanel, right.cols() - first);
-    panel.setZero();
-    panel.leftCols(count) = right.middleCols(first, count);
-    Eigen::Index top = 0;
-    while (top < panel.rows() && panel.row(top).isZero(0.0)) ++top;
-    solve_panel(factor_.size(), factor_.band(), factor_.column(0), top, panel.data());
-    out.middleCols(first, count) = panel.leftCols(count);
-  }
+  const BandFactor factor{factor_.size(), factor_.band(), factor_.column(0)};
+  Eigen::Index first = 0;
+  while (first < right.rows() && right.row(first).isZero(0.0)) ++first;
+  return by_panels(right, nullptr, [&](Eigen::Index wide, double* x) {
+    wide == 8 ? solve_eight(factor, first, x) : solve_four(factor, first, x);
+  });
+}
+
+Eigen::VectorXd BandedLdlt::solve_vector(const Eigen::VectorXd& right) const {
+  Eigen::VectorXd out = right;
+  solve_one({factor_.size(), factor_.band(), factor_.column(0)}, 0, out.data());
   return out;
 }
 
@@ -146,21 +209,10 @@ Eigen::MatrixXd SparseLdlt::solve(const Eigen::MatrixXd& right) const {
   const Eigen::VectorXd diagonal = factor_.vectorD();
   const SparseFactor factor{lower.cols(), lower.outerIndexPtr(), lower.innerIndexPtr(),
                             lower.valuePtr(), diagonal.data()};
-  const auto& place = factor_.permutationP().indices();
-  Eigen::MatrixXd out(right.rows(), right.cols());
-  Eigen::Matrix<double, Eigen::Dynamic, kPanel, Eigen::RowMajor> panel(right.rows(), kPanel);
-  for (Eigen::Index first = 0; first < right.cols(); first += kPanel) {
-    const Eigen::Index count = std::min<Eigen::Index>(kPanel, right.cols() - first);
-    panel.setZero();
-    for (Eigen::Index c = 0; c < count; ++c) {
-      for (Eigen::Index i = 0; i < right.rows(); ++i) panel(place[i], c) = right(i, first + c);
-    }
-    solve_sparse_panel(factor, panel.data());
-    for (Eigen::Index c = 0; c < count; ++c) {
-      for (Eigen::Index i = 0; i < right.rows(); ++i) out(i, first + c) = panel(place[i], c);
-    }
-  }
-  return out;
+  return by_panels(right, factor_.permutationP().indices().data(),
+                   [&](Eigen::Index wide, double* x) {
+                     wide == 8 ? solve_eight(factor, x) : solve_four(factor, x);
+                   });
 }
 
 }  // namespace camber::detail

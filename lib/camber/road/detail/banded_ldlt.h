@@ -38,6 +38,7 @@ class BandedLdlt {
 
   /// Solves for every column; the same bits for a column whatever others stand beside it.
   Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
+  Eigen::VectorXd solve_vector(const Eigen::VectorXd& right) const;
 
  private:
   SymmetricBand factor_;  // L below the diagonal, D on it
