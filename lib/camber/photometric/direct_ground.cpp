@@ -29,6 +29,7 @@ double robust_cost(double r) { return std::min(r * r, 9.0); }
 
 constexpr int kWindowWide = 21, kWindowHigh = 13;      // px, of the local mean and contrast
 constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees as a whole
+constexpr double kMiddle = 128.0;                      // taken off so that sums stay exact
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 
 /// Pixel values, rows without gaps; not set where they are made.
@@ -79,6 +80,7 @@ struct Region {
   int first = 0, rows = 0;
   cv::Mat intensity;  // float
   cv::Mat ground;     // float, 0 or 1
+  cv::Mat held_out;   // bytes, 1 for pixels that only judge
 };
 
 Plane32 blurred(int width, int rows, const float* intensity, double blur) {
@@ -219,12 +221,17 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
     const float* u_down = map_x.row(y + 1);
     const float* v_down = map_y.row(y + 1);
     std::uint8_t* contradicted = out.contradicted.ptr<std::uint8_t>(y);
+    const auto* held_out = ref.held_out.ptr<std::uint8_t>(y);
     for (int x = 2; x + 2 < width; ++x) {
       if (s[x] > 0.3f * kPatchPixels && l[x] > 3.0f * s[x]) contradicted[x] = 1;
       // Near something else or the rim, or contradicted.
       if (s[x] < 0.98f * kPatchPixels || l[x] > 3.0f * s[x]) continue;
-      const bool judge = is_held_out(x, y + ref.first, options.held_out);
+      const bool judge = held_out[x] != 0;
       if (only_judge && !judge) continue;
+      const double rho =
+          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                        static_cast<std::size_t>(x)];
+      if (!judge && rho > near && ((x | y) & 1)) continue;
       const double g2 = dx[x] * dx[x] + dy[x] * dy[x];
       const double sigma = std::sqrt(n2 + d2 * g2);
       if (judge) {
@@ -232,10 +239,6 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
                               static_cast<float>(robust_cost(e[x] / sigma))});
         continue;
       }
-      const double rho =
-          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                        static_cast<std::size_t>(x)];
-      if (rho > near && ((x | y) & 1)) continue;
       // A shift in the other image, seen in the reference: the inverse of the map's derivative.
       Eigen::Matrix2d by_pixel;
       by_pixel << 0.5 * (u[x + 1] - u[x - 1]), 0.5 * (u_down[x] - u_up[x]),
@@ -340,12 +343,19 @@ DirectGround::DirectGround(const PinholeCamera& camera, const std::vector<Direct
     const cv::Mat bytes(image.height, image.width, CV_8UC1,
                         const_cast<std::uint8_t*>(image.pixels.data()));
     cv::Mat intensity;
-    bytes.convertTo(intensity, CV_32F);
+    bytes.convertTo(intensity, CV_32F, 1.0, -kMiddle);
     return intensity;
   };
   region.intensity =
       intensities_of(*images[reference].image).rowRange(region.first, camera.height).clone();
   region.ground.create(region.rows, camera.width, CV_32F);
+  region.held_out.create(region.rows, camera.width, CV_8U);
+  for (int y = 0; y < region.rows; ++y) {
+    auto* row = region.held_out.ptr<std::uint8_t>(y);
+    for (int x = 0; x < camera.width; ++x) {
+      row[x] = is_held_out(x, y + region.first, options.held_out);
+    }
+  }
   const std::vector<std::uint8_t>* ignored = images[reference].ignored;
   for (int y = 0; y < region.rows; ++y) {
     float* row = region.ground.ptr<float>(y);

@@ -34,12 +34,22 @@ struct GroundField::Impl {
   detail::SymmetricBand normal;  // of the last solution
   detail::BandedLdlt solver;
   mutable std::mutex posterior_mutex;
-  mutable std::optional<detail::SparseLdlt> posterior;  // made when it is first asked for
-  Eigen::MatrixXd shared;                               // d(nodes) / d(shared parameters)
+  // Made when they are first asked for: the covariances' solver, d(nodes) / d(shared parameters).
+  mutable std::optional<detail::SparseLdlt> posterior;
+  mutable std::optional<Eigen::MatrixXd> shared;
   // What `shared` solves for: the right sides by shared parameters, a row a node.
   using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   NodeRows shared_right;
   std::vector<double> weights;
+
+  const Eigen::MatrixXd& by_shared() const {
+    const std::lock_guard<std::mutex> lock(posterior_mutex);
+    if (!shared) {
+      shared.emplace(Eigen::MatrixXd(shared_right.rows(), shared_right.cols()));
+      if (shared_right.cols() > 0) *shared = solver.solve(shared_right);
+    }
+    return *shared;
+  }
 
   int index(int r, int c) const { return r * columns + c; }
 
@@ -253,6 +263,7 @@ struct GroundField::Impl {
       reweigh(observations, footprints, first_width, weight);
     }
     posterior.reset();
+    shared.reset();
     const int n = columns * rows;
     DataTerm data;
     for (int iteration = 0; iteration < iterations; ++iteration) {
@@ -305,8 +316,6 @@ struct GroundField::Impl {
       node_support += supports[piece];
       shared_right += sides[piece];
     }
-    shared.resize(n, columns_shared);
-    if (columns_shared > 0) shared = solver.solve(shared_right);
   }
 };
 
@@ -427,11 +436,11 @@ Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observ
     reduced += own[piece];
     gradient += gradients[piece];
   }
-  reduced.noalias() -= m.shared_right.transpose() * m.shared;
+  reduced.noalias() -= m.shared_right.transpose() * m.by_shared();
   reduced = 0.5 * (reduced + reduced.transpose()).eval();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(reduced);
   const Eigen::VectorXd change = -ldlt.solve(gradient);
-  m.nodes += m.shared * change;
+  m.nodes += m.by_shared() * change;
   if (covariance) *covariance = ldlt.solve(Eigen::MatrixXd::Identity(columns, columns));
   return change;
 }
@@ -492,7 +501,7 @@ void GroundField::interpolated_row(double row, const Eigen::VectorXd& node_value
 
 const Eigen::VectorXd& GroundField::nodes() const { return impl_->nodes; }
 
-const Eigen::MatrixXd& GroundField::shared() const { return impl_->shared; }
+const Eigen::MatrixXd& GroundField::shared() const { return impl_->by_shared(); }
 
 Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pixels,
                                          const Eigen::MatrixXd& coefficients) const {

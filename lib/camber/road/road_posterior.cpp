@@ -160,6 +160,11 @@ Eigen::MatrixXd RoadPosterior::covariance(const RoadFunctionals& functionals) co
   return 0.5 * (out + out.transpose());
 }
 
+Eigen::VectorXd RoadPosterior::variances(const RoadFunctionals& functionals) const {
+  const Eigen::MatrixXd& of_state = functionals.of_state;
+  return of_state.cwiseProduct(covariance_times(of_state)).colwise().sum().transpose();
+}
+
 double RoadPosterior::squared_innovation(const Constraint& constraint) const {
   const Eigen::MatrixXd spread = covariance(of_constraint(constraint)) + constraint.covariance;
   return constraint.residual.dot(spread.ldlt().solve(constraint.residual));

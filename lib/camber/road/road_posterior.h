@@ -81,6 +81,8 @@ class RoadPosterior {
 
   /// Joint covariance of functions.
   Eigen::MatrixXd covariance(const RoadFunctionals& functionals) const;
+  /// Its diagonal alone.
+  Eigen::VectorXd variances(const RoadFunctionals& functionals) const;
   Eigen::MatrixXd covariance(const RoadFunctionals& rows, const RoadFunctionals& columns) const;
 
  private:

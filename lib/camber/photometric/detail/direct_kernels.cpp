@@ -47,23 +47,15 @@ CAMBER_CLONES void normalise_loop(int count, const float* __restrict intensity,
   }
 }
 
-/// Sums over `high` rows, column by column.
-CAMBER_CLONES void column_sums(int count, int high, const float* __restrict first, int pitch,
-                               float* __restrict sums) {
-  for (int k = 0; k < count; ++k) sums[k] = first[k];
-  for (int r = 1; r < high; ++r) {
-    const float* __restrict row = first + static_cast<std::ptrdiff_t>(r) * pitch;
-    for (int k = 0; k < count; ++k) sums[k] += row[k];
-  }
+/// Moves sums over rows down by one: adds the row that comes in, takes out the one that leaves.
+CAMBER_CLONES void move_sums(int count, const float* __restrict in, const float* __restrict out,
+                             float* __restrict sums) {
+  for (int k = 0; k < count; ++k) sums[k] += in[k] - out[k];
 }
 
-CAMBER_CLONES void column_squares(int count, int high, const float* __restrict first, int pitch,
-                                  float* __restrict sums) {
-  for (int k = 0; k < count; ++k) sums[k] = first[k] * first[k];
-  for (int r = 1; r < high; ++r) {
-    const float* __restrict row = first + static_cast<std::ptrdiff_t>(r) * pitch;
-    for (int k = 0; k < count; ++k) sums[k] += row[k] * row[k];
-  }
+CAMBER_CLONES void move_squares(int count, const float* __restrict in, const float* __restrict out,
+                                float* __restrict sums) {
+  for (int k = 0; k < count; ++k) sums[k] += in[k] * in[k] - out[k] * out[k];
 }
 
 /// Sums of `wide` neighbours from each place on, by those of 1, 2, 4, ...
@@ -147,19 +139,27 @@ void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float 
 
 void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
                  float* sums, float* squares) {
-  const int left = window_wide / 2, above = window_high / 2;
-  std::vector<float> padded(static_cast<std::size_t>(width + window_wide), 0.0F);
-  for (int y = 0; y < rows; ++y) {
-    const int first = std::max(0, y - above), last = std::min(rows - 1, y + above);
-    const float* from = values + static_cast<std::ptrdiff_t>(first) * width;
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * width;
+  const int left = window_wide / 2, below = window_high / 2;
+  const auto count = static_cast<std::size_t>(width);
+  const std::vector<float> none(count, 0.0F);
+  std::vector<float> padded(count + static_cast<std::size_t>(window_wide));
+  std::vector<float> of_columns[2] = {std::vector<float>(count, 0.0F),
+                                      std::vector<float>(count, 0.0F)};
+  const auto row = [&](int y) {
+    return y >= 0 && y < rows ? values + static_cast<std::ptrdiff_t>(y) * width : none.data();
+  };
+  for (int y = -below; y < rows; ++y) {
     for (const bool squared : {false, true}) {
       if (squared && !squares) continue;
+      std::vector<float>& columns = of_columns[squared];
+      (squared ? move_squares : move_sums)(width, row(y + below), row(y - below - 1),
+                                           columns.data());
+      if (y < 0) continue;
       std::fill(padded.begin(), padded.begin() + left, 0.0F);
+      std::copy(columns.begin(), columns.end(), padded.begin() + left);
       std::fill(padded.begin() + left + width, padded.end(), 0.0F);
-      (squared ? column_squares : column_sums)(width, last - first + 1, from, width,
-                                               padded.data() + left);
-      running_sums(width, window_wide, padded.data(), (squared ? squares : sums) + at);
+      running_sums(width, window_wide, padded.data(),
+                   (squared ? squares : sums) + static_cast<std::ptrdiff_t>(y) * width);
     }
   }
 }

@@ -11,24 +11,61 @@
 namespace camber::detail {
 namespace {
 
-/// Column by column, each taken out of the later ones that it reaches.
+/// Takes a pivot's column out of a later one.
+CAMBER_ALWAYS_INLINE void take_out(double share, const double* __restrict from,
+                                   std::ptrdiff_t count, double* __restrict to) {
+  for (std::ptrdiff_t i = 0; i < count; ++i) to[i] -= share * from[i];
+}
+
+/// Four columns at a time, each taken out of those behind it in the block, then all of them at once
+/// out of the later ones that they reach.
 CAMBER_TARGET_CLONES("avx2")
 bool eliminate(std::ptrdiff_t size, std::ptrdiff_t band, double* values) {
+  constexpr std::ptrdiff_t kBlock = 4;
   const std::ptrdiff_t pitch = band + 1;
-  for (std::ptrdiff_t j = 0; j < size; ++j) {
-    double* const pivot = values + j * pitch;
-    const double d = pivot[0];
-    if (d == 0.0 || !std::isfinite(d)) return false;
-    const std::ptrdiff_t last = std::min(band, size - 1 - j);
-    for (std::ptrdiff_t k = 1; k <= last; ++k) {
-      const double share = pivot[k] / d;
-      if (share == 0.0) continue;
-      double* __restrict to = values + (j + k) * pitch;
-      const double* __restrict from = pivot + k;
-      for (std::ptrdiff_t i = 0; i <= last - k; ++i) to[i] -= share * from[i];
+  for (std::ptrdiff_t j = 0; j < size; j += kBlock) {
+    const std::ptrdiff_t block = std::min(kBlock, size - j);
+    double inverse[kBlock];
+    for (std::ptrdiff_t p = 0; p < block; ++p) {
+      const double* const pivot = values + (j + p) * pitch;
+      if (pivot[0] == 0.0 || !std::isfinite(pivot[0])) return false;
+      inverse[p] = 1.0 / pivot[0];
+      const std::ptrdiff_t last = std::min(band, size - 1 - j - p);
+      for (std::ptrdiff_t k = 1; k <= std::min(last, block - 1 - p); ++k) {
+        take_out(pivot[k] * inverse[p], pivot + k, last - k + 1, values + (j + p + k) * pitch);
+      }
     }
-    const double inverse = 1.0 / d;
-    for (std::ptrdiff_t k = 1; k <= last; ++k) pivot[k] *= inverse;
+    for (std::ptrdiff_t t = j + block; t <= std::min(j + block - 1 + band, size - 1); ++t) {
+      double* __restrict const to = values + t * pitch;
+      const double* from[kBlock];
+      double share[kBlock];
+      std::ptrdiff_t count[kBlock];  // entries of the column that each pivot reaches
+      for (std::ptrdiff_t p = 0; p < block; ++p) {
+        count[p] = std::max<std::ptrdiff_t>(0, std::min(j + p + band, size - 1) - t + 1);
+        from[p] = values + (j + p) * pitch + (t - j - p);
+        share[p] = count[p] > 0 ? from[p][0] * inverse[p] : 0.0;
+      }
+      std::ptrdiff_t all = 0;
+      if (block == kBlock && count[0] > 0) {
+        all = count[0];
+        const double* __restrict a = from[0];
+        const double* __restrict b = from[1];
+        const double* __restrict c = from[2];
+        const double* __restrict d = from[3];
+        for (std::ptrdiff_t i = 0; i < all; ++i) {
+          to[i] -= (share[0] * a[i] + share[1] * b[i]) + (share[2] * c[i] + share[3] * d[i]);
+        }
+      }
+      for (std::ptrdiff_t p = 0; p < block; ++p) {
+        take_out(share[p], from[p] + all, count[p] - all, to + all);
+      }
+    }
+    for (std::ptrdiff_t p = 0; p < block; ++p) {
+      double* const pivot = values + (j + p) * pitch;
+      for (std::ptrdiff_t k = 1; k <= std::min(band, size - 1 - j - p); ++k) {
+        pivot[k] *= inverse[p];
+      }
+    }
   }
   return true;
 }
