@@ -6,18 +6,23 @@
 #include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/video/tracking.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
+#include "camber/image/detail/cubic_sampling.h"
 #include "camber/image/detail/single_threaded_opencv.h"
+#include "camber/motion/detail/inverse_search_flow.h"
 #include "camber/motion/detail/structure_tensor.h"
 
 namespace camber {
 namespace {
+
+using detail::DenseFlow;
+using detail::FlowPyramid;
+using detail::inverse_search_flow;
 
 constexpr int kWindowWide = 32, kWindowHigh = 11;  // px, compared on their own
 constexpr int kReachX = 4, kReachY = 6;            // px, of the search
@@ -114,18 +119,11 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-/// @param start  a first guess of the flow, or empty.
-cv::Mat dense_flow(const cv::Mat& from, const cv::Mat& to, const CorrespondenceOptions& options,
-                   const cv::Mat& start = {}) {
-  const cv::Ptr<cv::DISOpticalFlow> dis =
-      cv::DISOpticalFlow::create(options.finest_scale == 2 ? cv::DISOpticalFlow::PRESET_FAST
-                                                           : cv::DISOpticalFlow::PRESET_MEDIUM);
-  dis->setFinestScale(options.finest_scale);
-  if (options.finest_scale == 0) dis->setPatchStride(4);
-  if (!options.smooth) dis->setVariationalRefinementIterations(0);
-  cv::Mat flow = start;
-  dis->calc(from, to, flow);
-  return flow;
+detail::InverseSearchOptions search_options(const CorrespondenceOptions& options) {
+  detail::InverseSearchOptions out;
+  out.patch_stride = options.finest_scale == 1 ? 3 : 4;
+  out.smooth = options.smooth;
+  return out;
 }
 
 cv::Point2f sample_flow(const cv::Mat& flow, float x, float y) {
@@ -139,23 +137,23 @@ cv::Point2f sample_flow(const cv::Mat& flow, float x, float y) {
 
 /// Flow from the reference to another image, and back.
 struct FlowPair {
-  cv::Mat there, back;
+  DenseFlow there, back;
 };
 
 /// Follows every grid point there and back; accepted are those that return.
 void check_round_trips(const Correspondences& grid, const FlowPair& flow, double most,
-                       MatchedImage& match) {
+                       const cv::Size& image, MatchedImage& match) {
   match.pixels.resize(grid.pixels.size());
   match.round_trip_px.assign(grid.pixels.size(), std::numeric_limits<float>::infinity());
-  const auto right = static_cast<float>(flow.there.cols - 1);
-  const auto bottom = static_cast<float>(flow.there.rows - 1);
+  const auto right = static_cast<float>(image.width - 1);
+  const auto bottom = static_cast<float>(image.height - 1);
   for (std::size_t i = 0; i < grid.pixels.size(); ++i) {
     const float x = grid.pixels[i].x(), y = grid.pixels[i].y();
-    const auto f = flow.there.at<cv::Point2f>(static_cast<int>(y), static_cast<int>(x));
+    const cv::Point2f f = flow.there.at(x, y);
     const float tx = x + f.x, ty = y + f.y;
     match.pixels[i] = {tx, ty};
     if (!(tx >= 0 && ty >= 0 && tx <= right && ty <= bottom)) continue;
-    const cv::Point2f b = sample_flow(flow.back, tx, ty);
+    const cv::Point2f b = flow.back.at(tx, ty);
     const float error = std::hypot(f.x + b.x, f.y + b.y);
     if (error <= static_cast<float>(most)) match.round_trip_px[i] = error;
   }
@@ -171,36 +169,20 @@ bool is_lost(const MatchedImage& match, const MatchedImage& nearer) {
   return 2 * accepted(match) < accepted(nearer);
 }
 
-/// One flow after another: x -> first(x) + second(x + first(x)).
-cv::Mat composed(const cv::Mat& first, const cv::Mat& second) {
-  cv::Mat out(first.size(), CV_32FC2);
-  const auto right = static_cast<float>(first.cols - 1);
-  const auto bottom = static_cast<float>(first.rows - 1);
-  for (int y = 0; y < first.rows; ++y) {
-    const auto* from = first.ptr<cv::Point2f>(y);
-    auto* to = out.ptr<cv::Point2f>(y);
-    for (int x = 0; x < first.cols; ++x) {
-      const float u = std::clamp(static_cast<float>(x) + from[x].x, 0.0f, right);
-      const float v = std::clamp(static_cast<float>(y) + from[x].y, 0.0f, bottom);
-      to[x] = from[x] + sample_flow(second, u, v);
-    }
-  }
-  return out;
-}
-
 /// Flow to an image that is far from the reference, from a start through the image between;
 /// taken where more comes back than without it.
-void follow(const cv::Mat& reference, const cv::Mat& between, const cv::Mat& image,
+void follow(const FlowPyramid& reference, const FlowPyramid& between, const FlowPyramid& image,
             const FlowPair& to_between, const CorrespondenceOptions& options,
             const Correspondences& grid, FlowPair& flow, MatchedImage& match) {
+  const detail::InverseSearchOptions search = search_options(options);
+  const DenseFlow on = inverse_search_flow(between, image, search);
+  const DenseFlow home = inverse_search_flow(image, between, search);
   FlowPair found;
-  found.there = dense_flow(reference, image, options,
-                           composed(to_between.there, dense_flow(between, image, options)));
-  found.back = dense_flow(image, reference, options,
-                          composed(dense_flow(image, between, options), to_between.back));
+  found.there = inverse_search_flow(reference, image, search, to_between.there.followed_by(on));
+  found.back = inverse_search_flow(image, reference, search, home.followed_by(to_between.back));
   MatchedImage again;
   again.frame = match.frame;
-  check_round_trips(grid, found, options.forward_backward_px, again);
+  check_round_trips(grid, found, options.forward_backward_px, reference.size(), again);
   if (accepted(again) <= accepted(match)) return;
   match = std::move(again);
   flow = std::move(found);
@@ -209,9 +191,9 @@ void follow(const cv::Mat& reference, const cv::Mat& between, const cv::Mat& ima
 /// Another image carried onto the reference by a prediction.
 struct CarriedImage {
   const PredictedImage& prediction;
-  int first;    // row of the reference that is row 0 here
-  cv::Mat map;  // pixel of the other image, kNoPrediction where there is none
-  cv::Mat intensity;
+  int first;          // row of the reference that is row 0 here
+  cv::Mat map;        // pixel of the other image, kNoPrediction where there is none
+  cv::Mat intensity;  // float
 
   /// Whether a pixel is seen there, and nothing stands on it.
   bool usable(int x, int y, int image_height) const {
@@ -235,9 +217,6 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
   constexpr float kWindowNoise = 0.3f;         // px, as a round trip
   const int width = reference.cols, height = reference.rows, step = grid.step;
   const std::vector<std::uint8_t>& searched = other.prediction.searched;
-  cv::Mat here, there;
-  reference.convertTo(here, CV_32F);
-  other.intensity.convertTo(there, CV_32F);
   const int side = kWindowWide / 2 + kReachX, above = kWindowHigh / 2 + kReachY;
   for (int y = above; y + above + 1 < height; y += kCellHigh) {
     for (int x = side; x + side < width; x += kCellWide) {
@@ -252,7 +231,7 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
         }
       }
       if (!whole) continue;
-      const auto f = find_window(here, there, {x, y});
+      const auto f = find_window(reference, other.intensity, {x, y});
       if (!f) continue;
       for (int v = y - kCellHigh / 2; v < y + kCellHigh / 2; ++v) {
         if ((v + other.first) % step != 0) continue;
@@ -345,27 +324,34 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
   for (int k = 0; k < static_cast<int>(images.size()); ++k) {
     if (k != reference) others.push_back(k);
   }
-  std::vector<FlowPair> flows(others.size());
+  std::vector<std::optional<FlowPyramid>> pyramids(images.size());
   Correspondences out;
-  parallel_for(2 * flows.size() + 1, options.num_threads, [&](std::size_t task) {
-    if (task == 2 * flows.size()) {
+  parallel_for(images.size() + 1, options.num_threads, [&](std::size_t k) {
+    if (k == images.size()) {
       out = grid_of(base, reference, options.step);
-      return;
+    } else {
+      pyramids[k].emplace(view(images[k]), options.finest_scale);
     }
-    const cv::Mat a = view(base);
-    const cv::Mat b = view(images[static_cast<std::size_t>(others[task / 2])]);
+  });
+  const FlowPyramid& from = *pyramids[static_cast<std::size_t>(reference)];
+  const auto pyramid_of = [&](std::size_t k) -> const FlowPyramid& {
+    return *pyramids[static_cast<std::size_t>(others[k])];
+  };
+  std::vector<FlowPair> flows(others.size());
+  parallel_for(2 * flows.size(), options.num_threads, [&](std::size_t task) {
+    const FlowPyramid& to = pyramid_of(task / 2);
     FlowPair& pair = flows[task / 2];
     if (task % 2 == 0) {
-      pair.there = dense_flow(a, b, options);
+      pair.there = inverse_search_flow(from, to, search_options(options));
     } else {
-      pair.back = dense_flow(b, a, options);
+      pair.back = inverse_search_flow(to, from, search_options(options));
     }
   });
 
   out.matches.resize(others.size());
   parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
     out.matches[k].frame = others[k];
-    check_round_trips(out, flows[k], options.forward_backward_px, out.matches[k]);
+    check_round_trips(out, flows[k], options.forward_backward_px, from.size(), out.matches[k]);
   });
   // Outwards on both sides of the reference, each image after its neighbour. A list of others has
   // the image before the reference at reference - 1, the one after it at reference.
@@ -375,9 +361,8 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
     for (int k = side == 0 ? reference - 2 : reference + 1; k >= 0 && k < count; k += step) {
       const auto at = static_cast<std::size_t>(k), nearer = static_cast<std::size_t>(k - step);
       if (!is_lost(out.matches[at], out.matches[nearer])) continue;
-      follow(view(base), view(images[static_cast<std::size_t>(others[nearer])]),
-             view(images[static_cast<std::size_t>(others[at])]), flows[nearer], options, out,
-             flows[at], out.matches[at]);
+      follow(from, pyramid_of(nearer), pyramid_of(at), flows[nearer], options, out, flows[at],
+             out.matches[at]);
     }
   });
   return out;
@@ -397,8 +382,13 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   const int first = std::clamp(top, 0, std::max(0, base.height - 16));
   const int height = base.height - first;
   const auto width = static_cast<std::size_t>(base.width);
-  const cv::Mat reference = view(base).rowRange(first, base.height);
+  std::vector<cv::Mat> intensities(images.size());
+  parallel_for(images.size(), options.num_threads,
+               [&](std::size_t k) { view(images[k]).convertTo(intensities[k], CV_32F); });
+  const cv::Mat reference =
+      intensities[static_cast<std::size_t>(before.reference)].rowRange(first, base.height);
   const SingleThreadedOpenCv guard;
+  const FlowPyramid here(reference, options.finest_scale);
   std::vector<std::vector<std::uint8_t>> found(out.matches.size());  // by a window of its own
   parallel_for(out.matches.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];
@@ -420,16 +410,45 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
                                             : cv::Point2f(kNoPrediction, kNoPrediction);
       }
     }
-    cv::Mat& carried = other.intensity;
-    cv::remap(view(images[static_cast<std::size_t>(match.frame)]), carried, map, cv::noArray(),
-              cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    const cv::Mat& whole = intensities[static_cast<std::size_t>(match.frame)];
+    const detail::FloatImage seen{whole.ptr<float>(), static_cast<std::ptrdiff_t>(whole.step1()),
+                                  whole.cols, whole.rows};
     const auto usable = [&](int x, int y) { return other.usable(x, y, base.height); };
+    other.intensity.create(height, base.width, CV_32FC1);
+    std::vector<float> at_x(width), at_y(width);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < base.width; ++x) {
-        if (!usable(x, y)) carried.at<std::uint8_t>(y, x) = reference.at<std::uint8_t>(y, x);
+        // What is not seen there, or of no interest, is as in the reference.
+        const bool shown = usable(x, y);
+        const cv::Point2f p = map.at<cv::Point2f>(y, x);
+        at_x[static_cast<std::size_t>(x)] = shown ? p.x : kNoPrediction;
+        at_y[static_cast<std::size_t>(x)] = shown ? p.y : kNoPrediction;
+      }
+      detail::sample_cubic(seen, base.width, at_x.data(), at_y.data(), reference.ptr<float>(y),
+                           other.intensity.ptr<float>(y));
+    }
+    // A match looks at the flow around it, too: where that varies quickly it crosses an edge of
+    // depth or has failed.
+    constexpr int kAround = 4;
+    std::vector<std::uint8_t> wanted(width * static_cast<std::size_t>(height), 0);
+    for (const Eigen::Vector2f& pixel : out.pixels) {
+      const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y()) - first;
+      if (y < 0 || !usable(x, y)) continue;
+      for (const auto& [u, v] : {std::pair{x, y},
+                                 {x - kAround, y},
+                                 {x + kAround, y},
+                                 {x, y - kAround},
+                                 {x, y + kAround}}) {
+        wanted[static_cast<std::size_t>(std::clamp(v, 0, height - 1)) * width +
+               static_cast<std::size_t>(std::clamp(u, 0, base.width - 1))] = 1;
       }
     }
-    const cv::Mat flow = dense_flow(reference, carried, options);
+    const DenseFlow flow =
+        inverse_search_flow(here, FlowPyramid(other.intensity, options.finest_scale),
+                            search_options(options), {}, options.smooth ? nullptr : wanted.data());
+    const auto flow_at = [&](int x, int y) {
+      return flow.at(static_cast<float>(x), static_cast<float>(y));
+    };
     for (std::size_t i = 0; i < out.pixels.size(); ++i) {
       const int x = static_cast<int>(out.pixels[i].x());
       const int y = static_cast<int>(out.pixels[i].y()) - first;
@@ -438,7 +457,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       match.round_trip_px[i] = std::numeric_limits<float>::infinity();
       if (!usable(x, y)) continue;
       if (options.keep_lost) match.round_trip_px[i] = before_px;
-      const auto f = flow.at<cv::Point2f>(y, x);
+      const cv::Point2f f = flow_at(x, y);
       const float tx = static_cast<float>(x) + f.x, ty = static_cast<float>(y) + f.y;
       if (!(tx >= 0 && ty >= 0 && tx < static_cast<float>(base.width - 1) &&
             ty < static_cast<float>(height - 1)) ||
@@ -448,12 +467,8 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       const cv::Point2f p = sample_flow(map, tx, ty);
       const float moved_x = p.x - static_cast<float>(x);
       const float moved_y = p.y - static_cast<float>(y + first);
-      // Where the flow varies quickly it crosses an edge of depth or has failed.
-      const int step = 4;
-      const auto fx = flow.at<cv::Point2f>(y, std::min(x + step, base.width - 1)) -
-                      flow.at<cv::Point2f>(y, std::max(x - step, 0));
-      const auto fy = flow.at<cv::Point2f>(std::min(y + step, height - 1), x) -
-                      flow.at<cv::Point2f>(std::max(y - step, 0), x);
+      const cv::Point2f fx = flow_at(x + kAround, y) - flow_at(x - kAround, y);
+      const cv::Point2f fy = flow_at(x, y + kAround) - flow_at(x, y - kAround);
       const float variation =
           0.5f * std::sqrt(fx.x * fx.x + fx.y * fx.y + fy.x * fy.x + fy.y * fy.y);
       if (variation <= static_cast<float>(options.forward_backward_px) &&

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "camber/core/random.h"
+#include "camber/core/threads.h"
 #include "camber/motion/detail/spread_points.h"
 #include "camber/motion/reduced_bundle.h"
 
@@ -97,17 +98,17 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
       out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)];
   std::vector<std::uint8_t> candidate(usable.size(), 0);
   std::vector<double> start(usable.size(), 0.0);
-  for (std::size_t i = 0; i < usable.size(); ++i) {
-    if (!usable[i] || !std::isfinite(matches.matches[widest].round_trip_px[i])) continue;
+  const auto consider = [&](std::size_t i) {
+    if (!usable[i] || !std::isfinite(matches.matches[widest].round_trip_px[i])) return;
     const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
     const Eigen::Vector2d z = matches.matches[widest].pixels[i].cast<double>();
     const double rho = inverse_depth_from(camera, widest_from_reference, ray, z);
-    if (!std::isfinite(rho)) continue;
+    if (!std::isfinite(rho)) return;
     // Near the focus of expansion the depth is unknown, yet the point constrains the rotation.
     const double used = std::clamp(rho, 1e-5, 10.0);
     const auto p = camera.project(widest_from_reference.rotation() * ray +
                                   used * widest_from_reference.translation());
-    if (!p || (*p - z).norm() > 2.0 * options.inlier_px) continue;
+    if (!p || (*p - z).norm() > 2.0 * options.inlier_px) return;
     // A wrong match may lie behind a camera that is farther ahead.
     const bool in_front =
         std::all_of(matches.matches.begin(), matches.matches.end(), [&](const MatchedImage& match) {
@@ -115,10 +116,14 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
           return !std::isfinite(match.round_trip_px[i]) ||
                  (view.rotation() * ray + used * view.translation()).z() > 1e-3;
         });
-    if (!in_front) continue;
+    if (!in_front) return;
     candidate[i] = 1;
     start[i] = used;
-  }
+  };
+  parallel_for(static_cast<std::size_t>(matches.rows), options.num_threads, [&](std::size_t row) {
+    const auto columns = static_cast<std::size_t>(matches.columns);
+    for (std::size_t i = row * columns; i < (row + 1) * columns; ++i) consider(i);
+  });
   const std::vector<int> chosen = spread_points(matches, candidate, options.max_bundle_points);
   if (chosen.size() < 30) {
     return fail(out, "too little texture: " + std::to_string(chosen.size()) +

@@ -10,16 +10,16 @@
 namespace camber {
 namespace {
 
-/// Standard deviation of a match's coordinate along the unit direction e, px. Optical flow errs by
-/// the image noise over the gradient along e (Szeliski, "Computer Vision", 2nd ed., section
-/// 9.1.3), plus what the run's own residuals show at well-textured points.
-double match_sigma(const Eigen::Vector3f& texture, const Eigen::Vector2d& e, double round_trip,
-                   double pixel_sigma, const MatchNoise& noise) {
+/// Variance of a match's coordinate along the unit direction e, px^2. Optical flow errs by the
+/// image noise over the gradient along e (Szeliski, "Computer Vision", 2nd ed., section 9.1.3),
+/// plus what the run's own residuals show at well-textured points.
+double match_variance(const Eigen::Vector3f& texture, const Eigen::Vector2d& e, double round_trip,
+                      double pixel_sigma, const MatchNoise& noise) {
   const double energy =
       texture.x() * e.x() * e.x() + 2.0 * texture.y() * e.x() * e.y() + texture.z() * e.y() * e.y();
   const double own = noise.round_trip_share * round_trip;
-  return std::sqrt(pixel_sigma * pixel_sigma +
-                   noise.intensity * noise.intensity / (energy + noise.least_texture) + own * own);
+  return pixel_sigma * pixel_sigma +
+         noise.intensity * noise.intensity / (energy + noise.least_texture) + own * own;
 }
 
 enum class Outcome : std::uint8_t { kAccepted, kUnwanted, kDropped };
@@ -62,6 +62,7 @@ class PointSolver {
     if (!start) return out;
     double rho = *start;
     double information = 0.0;
+    constexpr double kSettled = 1e-3;  // standard deviations
     for (int iteration = 0; iteration < 3; ++iteration) {
       double gradient = 0.0;
       information = 0.0;
@@ -73,6 +74,8 @@ class PointSolver {
       }
       if (!(information > 0)) return out;
       rho -= gradient / information;
+      // A step far below the point's own standard deviation.
+      if (gradient * gradient < kSettled * kSettled * information) break;
     }
     const double sigma = 1.0 / std::sqrt(information);
     if (!(sigma < options_.max_relative_sigma * std::abs(rho))) return out;
@@ -115,12 +118,13 @@ class PointSolver {
     const Eigen::Vector3d p = view.ray + rho * translations_[view.other];
     if (!(p.z() > 1e-4)) return std::nullopt;
     Linearised at;
-    at.projection << camera_.fx / p.z(), 0, -camera_.fx * p.x() / (p.z() * p.z()), 0,
-        camera_.fy / p.z(), -camera_.fy * p.y() / (p.z() * p.z());
-    at.residual = Eigen::Vector2d(camera_.fx * p.x() / p.z() + camera_.cx,
-                                  camera_.fy * p.y() / p.z() + camera_.cy) -
-                  view.pixel;
-    at.by_depth = at.projection * translations_[view.other];
+    const double inverse = 1.0 / p.z(), x = p.x() * inverse, y = p.y() * inverse;
+    const double by_x = camera_.fx * inverse, by_y = camera_.fy * inverse;
+    at.projection << by_x, 0, -by_x * x, 0, by_y, -by_y * y;
+    at.residual =
+        Eigen::Vector2d(camera_.fx * x + camera_.cx, camera_.fy * y + camera_.cy) - view.pixel;
+    const Eigen::Vector3d& t = translations_[view.other];
+    at.by_depth = Eigen::Vector2d(by_x * (t.x() - x * t.z()), by_y * (t.y() - y * t.z()));
     return at;
   }
 
@@ -146,19 +150,20 @@ class PointSolver {
       const double norm = along.norm();
       if (!(norm > 1e-9)) continue;
       const Eigen::Vector2d e = along / norm, across(-e.y(), e.x());
-      const double s1 = match_sigma(matches_.texture[i], e, match.round_trip_px[i],
-                                    motion_.pixel_sigma, options_.noise);
-      const double s2 = match_sigma(matches_.texture[i], across, match.round_trip_px[i],
-                                    motion_.pixel_sigma, options_.noise);
-      view.weight = e * e.transpose() / (s1 * s1) + across * across.transpose() / (s2 * s2);
+      const double round_trip = match.round_trip_px[i];
+      const double w1 = 1.0 / match_variance(matches_.texture[i], e, round_trip,
+                                             motion_.pixel_sigma, options_.noise);
+      const double w2 = 1.0 / match_variance(matches_.texture[i], across, round_trip,
+                                             motion_.pixel_sigma, options_.noise);
+      view.weight = (w1 * e) * e.transpose() + (w2 * across) * across.transpose();
       views.push_back(view);
       // Each view weighs by its parallax over depth.
       const Eigen::Vector3d z = camera_.ray(view.pixel);
       const double b0 = t.x() - z.x() * t.z(), b1 = t.y() - z.y() * t.z();
       const double e0 = z.x() * view.ray.z() - view.ray.x();
       const double e1 = z.y() * view.ray.z() - view.ray.y();
-      numerator += (b0 * e0 + b1 * e1) / (s1 * s1);
-      denominator += (b0 * b0 + b1 * b1) / (s1 * s1);
+      numerator += w1 * (b0 * e0 + b1 * e1);
+      denominator += w1 * (b0 * b0 + b1 * b1);
     }
     if (views.empty() || !(denominator > 1e-12)) return std::nullopt;
     return numerator / denominator;

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
-#include "camber/image/detail/single_threaded_opencv.h"
+#include "camber/image/detail/cubic_sampling.h"
 #include "camber/photometric/detail/direct_kernels.h"
 
 namespace camber {
@@ -29,19 +29,38 @@ double robust_cost(double r) { return std::min(r * r, 9.0); }
 
 constexpr int kWindowWide = 21, kWindowHigh = 13;      // px, of the local mean and contrast
 constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees as a whole
+constexpr double kMiddle = 128.0;                      // taken off so that sums stay exact
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 
+/// Pixel values, rows without gaps; not set where they are made.
+class Plane32 {
+ public:
+  Plane32(int width, int rows) : values_(rows, width, CV_32F) {}
+  float* row(int y) { return values_.ptr<float>(y); }
+  const float* row(int y) const { return values_.ptr<float>(y); }
+  int width() const { return values_.cols; }
+  int rows() const { return values_.rows; }
+
+ private:
+  cv::Mat values_;
+};
+
 /// Local mean and contrast taken out, over the valid pixels of a window.
-cv::Mat normalised(const cv::Mat& intensity, const cv::Mat& valid, const cv::Mat& weight,
+/// @param weight  number of valid pixels in the window.
+Plane32 normalised(const Plane32& intensity, const Plane32& valid, const Plane32& weight,
                    double least_contrast) {
-  const cv::Size window(kWindowWide, kWindowHigh);
-  cv::Mat masked = intensity.mul(valid), sum, squares;
-  cv::boxFilter(masked, sum, CV_32F, window);
-  cv::boxFilter(masked.mul(masked), squares, CV_32F, window);
-  cv::Mat out(intensity.size(), CV_32F);
-  for (int y = 0; y < intensity.rows; ++y) {
-    normalise_row(intensity.cols, intensity.ptr<float>(y), weight.ptr<float>(y), sum.ptr<float>(y),
-                  squares.ptr<float>(y), static_cast<float>(least_contrast), out.ptr<float>(y));
+  const int width = intensity.width(), rows = intensity.rows();
+  Plane32 out(width, rows), sum(width, rows), squares(width, rows);
+  for (int y = 0; y < rows; ++y) {
+    const float* from = intensity.row(y);
+    const float* ok = valid.row(y);
+    float* to = out.row(y);
+    for (int x = 0; x < width; ++x) to[x] = from[x] * ok[x];
+  }
+  window_sums(width, rows, out.row(0), kWindowWide, kWindowHigh, sum.row(0), squares.row(0));
+  for (int y = 0; y < rows; ++y) {
+    normalise_row(width, intensity.row(y), weight.row(y), sum.row(y), squares.row(y),
+                  static_cast<float>(least_contrast), out.row(y));
   }
   return out;
 }
@@ -61,19 +80,26 @@ struct Region {
   int first = 0, rows = 0;
   cv::Mat intensity;  // float
   cv::Mat ground;     // float, 0 or 1
+  cv::Mat held_out;   // bytes, 1 for pixels that only judge
 };
+
+Plane32 blurred(int width, int rows, const float* intensity, double blur) {
+  Plane32 out(width, rows);
+  blur_plane(width, rows, intensity, blur, out.row(0));
+  return out;
+}
 
 /// Where the region is seen in another image.
 struct WarpedRegion {
-  cv::Mat x, y;   // float, px; kNotWarped outside
-  cv::Mat valid;  // float, 1 where ground is seen in both images, else 0
+  Plane32 x, y;   // px; kNotWarped outside
+  Plane32 valid;  // 1 where ground is seen in both images, else 0
 };
 
 WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
                     const std::vector<float>& inverse_depth,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose) {
   const int width = camera.width, rows = ref.rows;
-  WarpedRegion out{{rows, width, CV_32F}, {rows, width, CV_32F}, {rows, width, CV_32F}};
+  WarpedRegion out{{width, rows}, {width, rows}, {width, rows}};
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3f shift = pose.translation().cast<float>();
   const Eigen::Vector3f step = (rotation.col(0) / camera.fx).cast<float>();
@@ -93,9 +119,9 @@ WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
                        static_cast<float>(camera.fy),
                        static_cast<float>(camera.cx),
                        static_cast<float>(camera.cy)};
-    float* u = out.x.ptr<float>(y);
-    float* v = out.y.ptr<float>(y);
-    float* ok = out.valid.ptr<float>(y);
+    float* u = out.x.row(y);
+    float* v = out.y.row(y);
+    float* ok = out.valid.row(y);
     warp_row(width, inverse_depth.data() + static_cast<std::ptrdiff_t>(y) * width, warp,
              static_cast<float>(width - 2), static_cast<float>(camera.height - 2), {u, v, ok});
     const float* ground = ref.ground.ptr<float>(y);
@@ -112,12 +138,12 @@ WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
 
 /// Robust standard deviation of the residuals of valid pixels, one in six of them; none for too
 /// few.
-std::optional<double> residual_noise(const cv::Mat& residual, const cv::Mat& valid) {
+std::optional<double> residual_noise(const Plane32& residual, const Plane32& valid) {
   std::vector<float> sizes;
-  for (int y = 0; y < residual.rows; y += 2) {
-    const float* e = residual.ptr<float>(y);
-    const float* ok = valid.ptr<float>(y);
-    for (int x = y & 2 ? 1 : 0; x < residual.cols; x += 3) {
+  for (int y = 0; y < residual.rows(); y += 2) {
+    const float* e = residual.row(y);
+    const float* ok = valid.row(y);
+    for (int x = y & 2 ? 1 : 0; x < residual.width(); x += 3) {
       if (ok[x] != 0.0f) sizes.push_back(std::abs(e[x]));
     }
   }
@@ -127,7 +153,7 @@ std::optional<double> residual_noise(const cv::Mat& residual, const cv::Mat& val
   return 1.4826 * *middle + 1e-3;
 }
 
-ImageRows linearise(const PinholeCamera& camera, const Region& ref,
+ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane32& here,
                     const std::vector<float>& inverse_depth, const cv::Mat& other,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
                     const DirectOptions& options, bool only_judge) {
@@ -136,60 +162,76 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3d t = pose.translation();
   const auto [map_x, map_y, valid] = warped(camera, ref, inverse_depth, ignored, pose);
-  cv::Mat carried;
-  cv::remap(other, carried, map_x, map_y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
-  cv::Mat here, there;
-  cv::GaussianBlur(ref.intensity, here, {}, blur);
-  cv::GaussianBlur(carried, there, {}, blur);
-  cv::Mat weight;
-  cv::boxFilter(valid, weight, CV_32F, {kWindowWide, kWindowHigh});
-  const cv::Mat a = normalised(here, valid, weight, noise.least_contrast),
-                b = normalised(there, valid, weight, noise.least_contrast);
-  cv::Mat gx, gy;
-  const cv::Mat middle = 0.5f * (a + b);
-  cv::Sobel(middle, gx, CV_32F, 1, 0, 3, 1.0 / 8);
-  cv::Sobel(middle, gy, CV_32F, 0, 1, 3, 1.0 / 8);
+  Plane32 carried(width, rows);
+  const detail::FloatImage seen{other.ptr<float>(), static_cast<std::ptrdiff_t>(other.step1()),
+                                other.cols, other.rows};
+  for (int y = 0; y < rows; ++y) {
+    detail::sample_cubic(seen, width, map_x.row(y), map_y.row(y), ref.intensity.ptr<float>(y),
+                         carried.row(y));
+  }
+  Plane32 weight(width, rows);
+  window_sums(width, rows, valid.row(0), kWindowWide, kWindowHigh, weight.row(0), nullptr);
+  const Plane32 a = normalised(here, valid, weight, noise.least_contrast);
+  const Plane32 b =
+      normalised(blurred(width, rows, carried.row(0), blur), valid, weight, noise.least_contrast);
+  Plane32 residual(width, rows);
+  for (int y = 0; y < rows; ++y) {
+    float* e = residual.row(y);
+    for (int x = 0; x < width; ++x) e[x] = b.row(y)[x] - a.row(y)[x];
+  }
+  Plane32 gx(width, rows), gy(width, rows);
+  for (int y = 0; y < rows; ++y) {
+    const int above = std::max(0, y - 1), below = std::min(rows - 1, y + 1);
+    const float* of_a[3] = {a.row(above), a.row(y), a.row(below)};
+    const float* of_b[3] = {b.row(above), b.row(y), b.row(below)};
+    for (const int x : {0, width - 1}) gx.row(y)[x] = gy.row(y)[x] = 0.0F;  // not looked at
+    gradient_row(width, of_a, of_b, gx.row(y), gy.row(y));
+  }
 
   // Noise of the residual, then what disagrees with it over a whole neighbourhood; what is
   // still to be mended is no reason to leave a pixel out.
-  const cv::Mat residual = b - a;
   ImageRows out;
   const auto measured = residual_noise(residual, valid);
   if (!measured) return out;
   out.noise = *measured;
   const double n2 = out.noise * out.noise;
   const double d2 = noise.misregistration_px * noise.misregistration_px;
-  cv::Mat excess(rows, width, CV_32F), local;
+  Plane32 excess(width, rows), local(width, rows), share(width, rows);
   for (int y = 0; y < rows; ++y) {
-    excess_row(width, residual.ptr<float>(y), gx.ptr<float>(y), gy.ptr<float>(y),
-               valid.ptr<float>(y), static_cast<float>(n2), static_cast<float>(noise.mended_px),
-               excess.ptr<float>(y));
+    excess_row(width, residual.row(y), gx.row(y), gy.row(y), valid.row(y), static_cast<float>(n2),
+               static_cast<float>(noise.mended_px), excess.row(y));
   }
-  cv::boxFilter(excess, local, CV_32F, {kPatchWide, kPatchHigh});
-  cv::Mat share;
-  cv::boxFilter(valid, share, CV_32F, {kPatchWide, kPatchHigh});
+  window_sums(width, rows, excess.row(0), kPatchWide, kPatchHigh, local.row(0), nullptr);
+  window_sums(width, rows, valid.row(0), kPatchWide, kPatchHigh, share.row(0), nullptr);
 
   // Near the camera there are more pixels than the ground's smoothness needs: one in four there.
   const double near = 0.35 * *std::max_element(inverse_depth.begin(), inverse_depth.end());
   out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
+  constexpr float kPatchPixels = kPatchWide * kPatchHigh;
   for (int y = 2; y + 2 < rows; ++y) {
-    const float* e = residual.ptr<float>(y);
-    const float* dx = gx.ptr<float>(y);
-    const float* dy = gy.ptr<float>(y);
-    const float* l = local.ptr<float>(y);
-    const float* s = share.ptr<float>(y);
-    const float* u = map_x.ptr<float>(y);
-    const float* v = map_y.ptr<float>(y);
-    const float* u_up = map_x.ptr<float>(y - 1);
-    const float* v_up = map_y.ptr<float>(y - 1);
-    const float* u_down = map_x.ptr<float>(y + 1);
-    const float* v_down = map_y.ptr<float>(y + 1);
+    const float* e = residual.row(y);
+    const float* dx = gx.row(y);
+    const float* dy = gy.row(y);
+    const float* l = local.row(y);
+    const float* s = share.row(y);
+    const float* u = map_x.row(y);
+    const float* v = map_y.row(y);
+    const float* u_up = map_x.row(y - 1);
+    const float* v_up = map_y.row(y - 1);
+    const float* u_down = map_x.row(y + 1);
+    const float* v_down = map_y.row(y + 1);
     std::uint8_t* contradicted = out.contradicted.ptr<std::uint8_t>(y);
+    const auto* held_out = ref.held_out.ptr<std::uint8_t>(y);
     for (int x = 2; x + 2 < width; ++x) {
-      if (s[x] > 0.3f && l[x] > 3.0f * s[x]) contradicted[x] = 1;
-      if (s[x] < 0.98f || l[x] > 3.0f * s[x]) continue;  // near something else, or contradicted
-      const bool judge = is_held_out(x, y + ref.first, options.held_out);
+      if (s[x] > 0.3f * kPatchPixels && l[x] > 3.0f * s[x]) contradicted[x] = 1;
+      // Near something else or the rim, or contradicted.
+      if (s[x] < 0.98f * kPatchPixels || l[x] > 3.0f * s[x]) continue;
+      const bool judge = held_out[x] != 0;
       if (only_judge && !judge) continue;
+      const double rho =
+          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                        static_cast<std::size_t>(x)];
+      if (!judge && rho > near && ((x | y) & 1)) continue;
       const double g2 = dx[x] * dx[x] + dy[x] * dy[x];
       const double sigma = std::sqrt(n2 + d2 * g2);
       if (judge) {
@@ -197,10 +239,6 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref,
                               static_cast<float>(robust_cost(e[x] / sigma))});
         continue;
       }
-      const double rho =
-          inverse_depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                        static_cast<std::size_t>(x)];
-      if (rho > near && ((x | y) & 1)) continue;
       // A shift in the other image, seen in the reference: the inverse of the map's derivative.
       Eigen::Matrix2d by_pixel;
       by_pixel << 0.5 * (u[x + 1] - u[x - 1]), 0.5 * (u_down[x] - u_up[x]),
@@ -261,15 +299,15 @@ struct DirectGround::Impl {
     const auto width = static_cast<std::size_t>(camera.width);
     std::vector<float> depth(static_cast<std::size_t>(region.rows) * width);
     parallel_for(static_cast<std::size_t>(region.rows), options.num_threads, [&](std::size_t y) {
-      for (std::size_t x = 0; x < width; ++x) {
-        const Eigen::Vector2d pixel(static_cast<double>(x), static_cast<double>(y) + region.first);
-        depth[y * width + x] = static_cast<float>(std::max(field.inverse_depth(pixel), 1e-6));
-      }
+      float* const row = &depth[y * width];
+      field.interpolated_row(static_cast<double>(y) + region.first, field.nodes(), camera.width,
+                             row);
+      for (std::size_t x = 0; x < width; ++x) row[x] = std::max(row[x], 1e-6F);
     });
-    const SingleThreadedOpenCv guard;
+    const Plane32 here = blurred(camera.width, region.rows, region.intensity.ptr<float>(), blur);
     std::vector<ImageRows> rows(others.size());
     parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
-      rows[k] = linearise(camera, region, depth, intensity[k], images[others[k]].ignored,
+      rows[k] = linearise(camera, region, here, depth, intensity[k], images[others[k]].ignored,
                           frame_from_reference[others[k]], blur, options, only_judge);
     });
     return rows;
@@ -305,12 +343,19 @@ DirectGround::DirectGround(const PinholeCamera& camera, const std::vector<Direct
     const cv::Mat bytes(image.height, image.width, CV_8UC1,
                         const_cast<std::uint8_t*>(image.pixels.data()));
     cv::Mat intensity;
-    bytes.convertTo(intensity, CV_32F);
+    bytes.convertTo(intensity, CV_32F, 1.0, -kMiddle);
     return intensity;
   };
   region.intensity =
       intensities_of(*images[reference].image).rowRange(region.first, camera.height).clone();
   region.ground.create(region.rows, camera.width, CV_32F);
+  region.held_out.create(region.rows, camera.width, CV_8U);
+  for (int y = 0; y < region.rows; ++y) {
+    auto* row = region.held_out.ptr<std::uint8_t>(y);
+    for (int x = 0; x < camera.width; ++x) {
+      row[x] = is_held_out(x, y + region.first, options.held_out);
+    }
+  }
   const std::vector<std::uint8_t>* ignored = images[reference].ignored;
   for (int y = 0; y < region.rows; ++y) {
     float* row = region.ground.ptr<float>(y);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -142,17 +143,33 @@ std::vector<float> every_column(const cv::Mat& image, int stride) {
   return out;
 }
 
+/// See SampledImage; the last column and row have no cells.
+std::vector<std::uint32_t> cells_of(const cv::Mat& image) {
+  std::vector<std::uint32_t> out(image.total(), 0);
+  for (int v = 0; v + 1 < image.rows; ++v) {
+    const auto* upper = image.ptr<std::uint8_t>(v);
+    const auto* lower = image.ptr<std::uint8_t>(v + 1);
+    std::uint32_t* to = &out[static_cast<std::size_t>(v) * static_cast<std::size_t>(image.cols)];
+    for (int u = 0; u + 1 < image.cols; ++u) {
+      to[u] = upper[u] | static_cast<std::uint32_t>(upper[u + 1]) << 8 |
+              static_cast<std::uint32_t>(lower[u]) << 16 |
+              static_cast<std::uint32_t>(lower[u + 1]) << 24;
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 /// The images at one resolution.
 struct PlaneSearch::Level {
   PinholeCamera camera;
   int window_wide = kWindowWide, window_high = kWindowHigh;
-  int stride = 1;                         // px, between the columns and rows that are compared
-  double noise = 4.0;                     // intensity squared, of a window without texture
-  std::vector<cv::Mat> gray;              // float, of all images
-  std::vector<cv::Mat> visible;           // float, 1 where nothing stands or moves, else 0
-  std::vector<float> here, here_visible;  // the reference's compared columns
+  int stride = 1;      // px, between the columns and rows that are compared
+  double noise = 4.0;  // intensity squared, of a window without texture
+  std::vector<std::vector<std::uint32_t>> cells;  // see SampledImage, of all images
+  std::vector<cv::Mat> visible;                   // float, 1 where nothing stands or moves, else 0
+  std::vector<float> here, here_visible;          // the reference's compared columns
 
   int columns() const { return camera.width / stride; }
 
@@ -161,7 +178,6 @@ struct PlaneSearch::Level {
 };
 
 void PlaneSearch::Level::add_row(const CorridorRow& row, int v, WarpedView* view) const {
-  const cv::Mat& image = gray[view->image];
   const auto fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy);
   const auto cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
   const Eigen::Vector3f step = (static_cast<float>(stride) / fx) * view->rotation.col(0);
@@ -173,10 +189,11 @@ void PlaneSearch::Level::add_row(const CorridorRow& row, int v, WarpedView* view
       view->shift.y(), view->shift.z(), fx,        fy,       cx,       cy};
   const auto at = static_cast<std::size_t>(v) * static_cast<std::size_t>(columns()) +
                   static_cast<std::size_t>(row.from);
-  add_warped_row(row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
-                 here_visible.data() + at, warp,
-                 {image.ptr<float>(), visible[view->image].ptr<float>(), image.cols, image.rows},
-                 view->columns(row.from));
+  add_warped_row(
+      row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
+      here_visible.data() + at, warp,
+      {cells[view->image].data(), visible[view->image].ptr<float>(), camera.width, camera.height},
+      view->columns(row.from));
 }
 
 PlaneSearch::~PlaneSearch() = default;
@@ -216,10 +233,14 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
     for (const PlaneSearchImage& image : images) {
       const cv::Mat full(camera.height, camera.width, CV_8UC1,
                          const_cast<std::uint8_t*>(image.image->pixels.data()));
-      cv::Mat small, gray;
+      cv::Mat small;
       cv::resize(full(whole), small, size, 0, 0, cv::INTER_AREA);
-      small.convertTo(gray, CV_32F);
-      level.gray.push_back(gray);
+      level.cells.push_back(cells_of(small));
+      if (image.image == images[reference].image) {
+        cv::Mat gray;
+        small.convertTo(gray, CV_32F);
+        level.here = every_column(gray, level.stride);
+      }
       cv::Mat visible(size, CV_32FC1, cv::Scalar(1.0));
       if (image.ignored) {
         cv::Mat ignored;
@@ -230,7 +251,6 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
       }
       level.visible.push_back(visible);
     }
-    level.here = every_column(level.gray[reference], level.stride);
     level.here_visible = every_column(level.visible[reference], level.stride);
     levels_.push_back(std::move(level));
   }
@@ -256,7 +276,7 @@ double PlaneSearch::correlation_at(const Level& level, const MotionEstimate& mot
                           hypothesis, path_curvature(motion) / baseline, options_);
   std::vector<WarpedView> views;
   const auto columns = static_cast<std::size_t>(level.columns());
-  for (std::size_t k = 0; k < level.gray.size(); ++k) {
+  for (std::size_t k = 0; k < level.cells.size(); ++k) {
     if (k == reference_) continue;
     const SE3& pose = motion.frame_from_reference[k];
     views.push_back({k, pose.rotation_matrix().cast<float>(),
@@ -371,40 +391,87 @@ bool PlaneSearch::take_best(const Level& level, const MotionEstimate& motion,
   return true;
 }
 
-void PlaneSearch::bend(const Level& level, const MotionEstimate& motion, double step,
-                       RoadHypothesis* best, double* correlation) const {
-  constexpr int kSteps = 7, kCurvatures = 4;  // to each side
-  *correlation = correlations(level, motion, {*best}).front();
-  std::vector<RoadHypothesis> tried;
-  for (int c = -kCurvatures; c <= kCurvatures; ++c) {
-    for (int i = -kSteps; i <= kSteps; ++i) {
-      tried.push_back(
-          {best->log_baseline + i * step, options_.max_curvature * c / kCurvatures, best->roll});
-    }
+/// Steps of half `along` in the logarithm of the baseline, eighths of the largest curvature and
+/// tenths of the largest roll.
+struct PlaneSearch::Lattice {
+  const Level& level;
+  const MotionEstimate& motion;
+  double windows;
+  RoadHypothesis origin, step;
+  std::map<Place, double> known;
+
+  /// @param share  of the usual steps of curvature and roll.
+  Lattice(const PlaneSearch& search, const Level& of, const MotionEstimate& of_motion,
+          const RoadHypothesis& from, double along, double share)
+      : level(of),
+        motion(of_motion),
+        windows(search.corridor_windows(of, of_motion)),
+        origin(from),
+        step{0.5 * along, 0.125 * share * search.options_.max_curvature,
+             0.1 * share * search.options_.max_roll} {}
+
+  RoadHypothesis at(const Place& p) const {
+    return {origin.log_baseline + p[0] * step.log_baseline,
+            origin.curvature + p[1] * step.curvature, origin.roll + p[2] * step.roll};
   }
-  take_best(level, motion, tried, best, correlation);
+};
+
+std::vector<double> PlaneSearch::correlations(const std::vector<Place>& places,
+                                              Lattice* lattice) const {
+  std::vector<Place> unknown;
+  for (const Place& p : places) {
+    if (lattice->known.find(p) == lattice->known.end()) unknown.push_back(p);
+  }
+  std::vector<double> found(unknown.size());
+  parallel_for(unknown.size(), options_.num_threads, [&](std::size_t i) {
+    found[i] = correlation_at(lattice->level, lattice->motion, lattice->at(unknown[i]),
+                              lattice->windows, nullptr);
+  });
+  for (std::size_t i = 0; i < unknown.size(); ++i) lattice->known[unknown[i]] = found[i];
+  std::vector<double> out;
+  out.reserve(places.size());
+  for (const Place& p : places) out.push_back(lattice->known.at(p));
+  return out;
 }
 
-void PlaneSearch::climb(const Level& level, const MotionEstimate& motion, int rounds, double step,
-                        double share, RoadHypothesis* best, double* correlation) const {
-  const double curvature_step = 0.125 * share * options_.max_curvature;
-  const double roll_step = 0.1 * share * options_.max_roll;
-  *correlation = correlations(level, motion, {*best}).front();
+bool PlaneSearch::take_best(const std::vector<Place>& tried, Lattice* lattice, Place* best,
+                            double* correlation) const {
+  const std::vector<double> found = correlations(tried, lattice);
+  const auto at =
+      static_cast<std::size_t>(std::max_element(found.begin(), found.end()) - found.begin());
+  if (tried.empty() || !(found[at] > *correlation)) return false;
+  *correlation = found[at];
+  *best = tried[at];
+  return true;
+}
+
+PlaneSearch::Place PlaneSearch::bend(Lattice* lattice) const {
+  constexpr int kSteps = 7, kCurvatures = 4;  // to each side
+  Place best{};
+  double correlation = correlations({best}, lattice).front();
+  std::vector<Place> tried;
+  for (int c = -kCurvatures; c <= kCurvatures; ++c) {
+    for (int i = -kSteps; i <= kSteps; ++i) tried.push_back({2 * i, 2 * c, 0});
+  }
+  take_best(tried, lattice, &best, &correlation);
+  return best;
+}
+
+void PlaneSearch::climb(int rounds, Lattice* lattice, Place* best, double* correlation) const {
+  *correlation = correlations({*best}, lattice).front();
   for (int round = 0; round < rounds; ++round) {
-    std::vector<RoadHypothesis> tried;
-    const auto add = [&](double along, double curvature, double roll) {
-      const RoadHypothesis h{best->log_baseline + along * step,
-                             best->curvature + curvature * curvature_step,
-                             best->roll + roll * roll_step};
-      if (within(h)) tried.push_back(h);
+    std::vector<Place> tried;
+    const auto add = [&](int along, int curvature, int roll) {
+      const Place p{(*best)[0] + along, (*best)[1] + curvature, (*best)[2] + roll};
+      if (within(lattice->at(p))) tried.push_back(p);
     };
-    for (const double i : {-2.0, -1.0, -0.5, 0.5, 1.0, 2.0}) add(i, 0.0, 0.0);
+    for (const int i : {-4, -2, -1, 1, 2, 4}) add(i, 0, 0);
     // A road that bends up looks like a shorter baseline: both at once.
     for (const int i : {-2, -1, 1, 2}) {
-      for (const int k : {-2, -1, 0, 1, 2}) add(k, i, 0.0);
+      for (const int k : {-2, -1, 0, 1, 2}) add(2 * k, i, 0);
     }
-    for (const double i : {-2.0, -1.0, 1.0, 2.0}) add(0.0, 0.0, i);
-    if (!take_best(level, motion, tried, best, correlation)) break;
+    for (const int i : {-2, -1, 1, 2}) add(0, 0, i);
+    if (!take_best(tried, lattice, best, correlation)) break;
   }
 }
 
@@ -448,32 +515,36 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   PlaneSearchResult out;
   out.correlation = -1.0;
   std::vector<std::pair<double, RoadHypothesis>> ends;
-  std::vector<RoadHypothesis> starts;
-  for (const RoadHypothesis& peak : sweep(motion)) {
-    double correlation = 0.0;
-    starts.push_back(peak);
-    starts.push_back(peak);
-    bend(levels_.back(), motion, kStep, &starts.back(), &correlation);
-  }
   std::vector<RoadHypothesis> climbed;
-  for (RoadHypothesis h : starts) {
-    double correlation = 0.0;
-    climb(levels_.back(), motion, 3, kStep, 1.0, &h, &correlation);
-    const bool again = std::any_of(climbed.begin(), climbed.end(), [&](const RoadHypothesis& o) {
-      return std::abs(o.log_baseline - h.log_baseline) < 2.0 * kStep &&
-             std::abs(o.curvature - h.curvature) < 0.15 * options_.max_curvature &&
-             std::abs(o.roll - h.roll) < 0.15 * options_.max_roll;
-    });
-    if (again) continue;
-    climbed.push_back(h);
-    ends.emplace_back(correlation, h);
+  for (const RoadHypothesis& peak : sweep(motion)) {
+    Lattice lattice(*this, levels_.back(), motion, peak, kStep, 1.0);
+    for (Place place : {Place{}, bend(&lattice)}) {
+      double correlation = 0.0;
+      climb(3, &lattice, &place, &correlation);
+      const RoadHypothesis h = lattice.at(place);
+      const bool again = std::any_of(climbed.begin(), climbed.end(), [&](const RoadHypothesis& o) {
+        return std::abs(o.log_baseline - h.log_baseline) < 2.0 * kStep &&
+               std::abs(o.curvature - h.curvature) < 0.15 * options_.max_curvature &&
+               std::abs(o.roll - h.roll) < 0.15 * options_.max_roll;
+      });
+      if (again) continue;
+      climbed.push_back(h);
+      ends.emplace_back(correlation, h);
+    }
   }
   std::stable_sort(ends.begin(), ends.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
   constexpr std::size_t kClimbed = 4;
   if (ends.size() > kClimbed) ends.resize(kClimbed);
+  const auto climb_from = [&](const Level& level, int rounds, double along, double share,
+                              RoadHypothesis* h, double* correlation) {
+    Lattice lattice(*this, level, motion, *h, along, share);
+    Place place{};
+    climb(rounds, &lattice, &place, correlation);
+    *h = lattice.at(place);
+  };
   for (auto& [correlation, h] : ends) {
-    climb(levels_[1], motion, 3, 0.5 * kStep, 0.7, &h, &correlation);
+    climb_from(levels_[1], 3, 0.5 * kStep, 0.7, &h, &correlation);
     if (correlation > out.correlation) {
       out.correlation = correlation;
       out.best = h;
@@ -486,7 +557,7 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   }
   out.lead = out.correlation - out.rival;
   const Level& fine = levels_.front();
-  climb(fine, motion, 2, 0.25 * kStep, 0.5, &out.best, &out.correlation);
+  climb_from(fine, 2, 0.25 * kStep, 0.5, &out.best, &out.correlation);
   out.correlation = correlation(motion, out.best, &out.samples);
   // How far the logarithm may go.
   constexpr double kLoss = 0.05, kFineStep = 0.02;

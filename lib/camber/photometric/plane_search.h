@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -86,13 +87,16 @@ class PlaneSearch {
   bool take_best(const Level& level, const MotionEstimate& motion,
                  const std::vector<RoadHypothesis>& tried, RoadHypothesis* best,
                  double* correlation) const;
+  /// Hypotheses around one of them, with the correlations that are known.
+  struct Lattice;
+  using Place = std::array<int, 3>;  // steps of baseline, curvature and roll from its origin
+  std::vector<double> correlations(const std::vector<Place>& places, Lattice* lattice) const;
+  bool take_best(const std::vector<Place>& tried, Lattice* lattice, Place* best,
+                 double* correlation) const;
   /// The best of all curvatures with baselines nearby.
-  void bend(const Level& level, const MotionEstimate& motion, double step, RoadHypothesis* best,
-            double* correlation) const;
-  /// Climbs from a hypothesis to a maximum of the correlation nearby.
-  /// @param share  of the usual steps of curvature and roll.
-  void climb(const Level& level, const MotionEstimate& motion, int rounds, double step,
-             double share, RoadHypothesis* best, double* correlation) const;
+  Place bend(Lattice* lattice) const;
+  /// Climbs to a maximum of the correlation nearby.
+  void climb(int rounds, Lattice* lattice, Place* best, double* correlation) const;
   /// The best hypotheses of the whole range at the coarsest resolution.
   std::vector<RoadHypothesis> sweep(const MotionEstimate& motion) const;
 

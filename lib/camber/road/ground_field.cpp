@@ -1,14 +1,16 @@
 #include "camber/road/ground_field.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "camber/core/threads.h"
+#include "camber/road/detail/banded_ldlt.h"
 
 namespace camber {
 namespace {
@@ -29,9 +31,25 @@ struct GroundField::Impl {
   double left = 0, top = 0, du = 1, dv = 1;
   int columns = 0, rows = 0;
   Eigen::VectorXd nodes, node_support;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver;
-  Eigen::MatrixXd shared;  // d(nodes) / d(shared parameters)
+  detail::SymmetricBand normal;  // of the last solution
+  detail::BandedLdlt solver;
+  mutable std::mutex posterior_mutex;
+  // Made when they are first asked for: the covariances' solver, d(nodes) / d(shared parameters).
+  mutable std::optional<detail::SparseLdlt> posterior;
+  mutable std::optional<Eigen::MatrixXd> shared;
+  // What `shared` solves for: the right sides by shared parameters, a row a node.
+  using NodeRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  NodeRows shared_right;
   std::vector<double> weights;
+
+  const Eigen::MatrixXd& by_shared() const {
+    const std::lock_guard<std::mutex> lock(posterior_mutex);
+    if (!shared) {
+      shared.emplace(Eigen::MatrixXd(shared_right.rows(), shared_right.cols()));
+      if (shared_right.cols() > 0) *shared = solver.solve(shared_right);
+    }
+    return *shared;
+  }
 
   int index(int r, int c) const { return r * columns + c; }
 
@@ -58,7 +76,6 @@ struct GroundField::Impl {
   };
   std::vector<Difference> differences;
   GroundFieldOptions options;
-  bool analysed = false;
   double last_correlation = 1.0;
 
   /// Columns: functionals of the nodes from those of inverse depths at pixels.
@@ -203,22 +220,20 @@ struct GroundField::Impl {
   }
 
   /// Lower triangle of the data's normal matrix.
-  void append_data(const std::vector<Eigen::Matrix4d>& blocks,
-                   std::vector<Eigen::Triplet<double>>& triplets) const {
+  void add_data(const std::vector<Eigen::Matrix4d>& blocks, detail::SymmetricBand& matrix) const {
     for (int cell = 0; cell < (columns - 1) * (rows - 1); ++cell) {
       const int r = cell / (columns - 1), c = cell % (columns - 1);
       const int at[4] = {index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1)};
       for (int j = 0; j < 4; ++j) {
         for (int k = 0; k <= j; ++k) {
-          triplets.emplace_back(std::max(at[j], at[k]), std::min(at[j], at[k]),
-                                blocks[static_cast<std::size_t>(cell)](j, k));
+          matrix.at(at[j], at[k]) += blocks[static_cast<std::size_t>(cell)](j, k);
         }
       }
     }
   }
 
   /// Lower triangle of the smoothness' normal matrix, each difference weighed anew.
-  void append_smoothness(std::vector<Eigen::Triplet<double>>& triplets) {
+  void add_smoothness(detail::SymmetricBand& matrix) {
     for (Difference& d : differences) {
       const double s = spread(d);
       double difference = 0.0;
@@ -226,10 +241,7 @@ struct GroundField::Impl {
       d.weight = 1.0 / (1.0 + difference * difference / (9.0 * s * s));
       const double w = d.weight / (s * s);
       for (int j = 0; j < d.terms; ++j) {
-        for (int k = 0; k <= j; ++k) {
-          triplets.emplace_back(std::max(d.node[j], d.node[k]), std::min(d.node[j], d.node[k]),
-                                w * d.sign[j] * d.sign[k]);
-        }
+        for (int k = 0; k <= j; ++k) matrix.at(d.node[j], d.node[k]) += w * d.sign[j] * d.sign[k];
       }
     }
   }
@@ -250,25 +262,19 @@ struct GroundField::Impl {
       weight.resize(count);
       reweigh(observations, footprints, first_width, weight);
     }
+    posterior.reset();
+    shared.reset();
     const int n = columns * rows;
-    Eigen::SparseMatrix<double> normal(n, n);
-    std::vector<Eigen::Triplet<double>> triplets;
     DataTerm data;
     for (int iteration = 0; iteration < iterations; ++iteration) {
       accumulate(observations, footprints, weight, correlation, data);
-      triplets.clear();
-      append_data(data.blocks[0], triplets);
-      append_smoothness(triplets);
-      normal.setFromTriplets(triplets.begin(), triplets.end());
-      if (!analysed) {
-        solver.analyzePattern(normal);
-        analysed = true;
-      }
-      solver.factorize(normal);
-      if (solver.info() != Eigen::Success) {
+      normal.set_zero(n, 2 * columns);  // second differences reach two rows
+      add_data(data.blocks[0], normal);
+      add_smoothness(normal);
+      if (!solver.factorise(normal)) {
         throw std::invalid_argument("ground observations do not fix the field");
       }
-      nodes = solver.solve(data.right[0]);
+      nodes = solver.solve_vector(data.right[0]);
       if (iteration + 1 == iterations) break;
       const double share = (iteration + 1.0) / std::max(1, iterations - 1);
       reweigh(observations, footprints, std::pow(first_width, 1.0 - share), weight);
@@ -283,23 +289,33 @@ struct GroundField::Impl {
                       const std::vector<Footprint>& footprints, const std::vector<double>& weight,
                       double correlation) {
     const int n = columns * rows;
-    node_support = Eigen::VectorXd::Zero(n);
     const Eigen::Index columns_shared = observations.shared_jacobian.cols();
-    Eigen::MatrixXd shared_right = Eigen::MatrixXd::Zero(n, columns_shared);
-    for (std::size_t i = 0; i < observations.size(); ++i) {
-      const Footprint& f = footprints[i];
-      const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
-      for (int k = 0; k < 4; ++k) {
-        node_support[f.node[k]] += weight[i] * f.weight[k];
+    std::array<Eigen::VectorXd, kPieces> supports;
+    std::array<NodeRows, kPieces> sides;
+    in_pieces(observations.size(), [&](std::size_t piece, std::size_t first, std::size_t last) {
+      Eigen::VectorXd& support = supports[piece];
+      NodeRows& side = sides[piece];
+      support.setZero(n);
+      side.setZero(n, columns_shared);
+      Eigen::RowVectorXd row(columns_shared);
+      for (std::size_t i = first; i < last; ++i) {
+        const Footprint& f = footprints[i];
+        const double w = weight[i] / (correlation * observations.sigma[i] * observations.sigma[i]);
         if (columns_shared > 0) {
-          shared_right.row(f.node[k]) +=
-              w * f.weight[k] *
-              observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+          row = w * observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
+        }
+        for (int k = 0; k < 4; ++k) {
+          support[f.node[k]] += weight[i] * f.weight[k];
+          if (columns_shared > 0) side.row(f.node[k]) += f.weight[k] * row;
         }
       }
+    });
+    node_support = std::move(supports[0]);
+    shared_right = std::move(sides[0]);
+    for (std::size_t piece = 1; piece < kPieces; ++piece) {
+      node_support += supports[piece];
+      shared_right += sides[piece];
     }
-    shared.resize(n, columns_shared);
-    if (columns_shared > 0) shared = solver.solve(shared_right);
   }
 };
 
@@ -386,30 +402,51 @@ Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observ
   }
   update(observations, iterations, correlation);
   Impl& m = *impl_;
-  // Observations rho_i + D_i p against b_i . x with x = x0 + S p: the nodes are eliminated.
+  // Observations rho_i + D_i p against b_i . x with x = x0 + S p: the nodes are eliminated,
+  // sum w D' (D - b S) = sum w D' D - (sum w b' D)' S.
+  std::array<Eigen::MatrixXd, Impl::kPieces> own;
+  std::array<Eigen::VectorXd, Impl::kPieces> gradients;
+  m.in_pieces(observations.size(), [&](std::size_t piece, std::size_t first, std::size_t last) {
+    constexpr std::size_t kRows = 256;
+    own[piece].setZero(columns, columns);
+    gradients[piece].setZero(columns);
+    Eigen::MatrixXd rows(columns, kRows);
+    Eigen::VectorXd residuals(kRows);
+    for (std::size_t at = first; at < last; at += kRows) {
+      const std::size_t count = std::min(kRows, last - at);
+      for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t i = at + k;
+        const double root = std::sqrt(m.weights[i] / m.last_correlation) / observations.sigma[i];
+        rows.col(static_cast<Eigen::Index>(k)) =
+            root * observations.shared_jacobian.row(static_cast<Eigen::Index>(i))
+                       .cast<double>()
+                       .transpose();
+        residuals[static_cast<Eigen::Index>(k)] =
+            root *
+            (observations.inverse_depth[i] - m.value(m.footprint(observations.pixels[i]), m.nodes));
+      }
+      const auto used = rows.leftCols(static_cast<Eigen::Index>(count));
+      own[piece].noalias() += used * used.transpose();
+      gradients[piece].noalias() += used * residuals.head(static_cast<Eigen::Index>(count));
+    }
+  });
   Eigen::MatrixXd reduced = information;
   Eigen::VectorXd gradient = information * moved;
-  Eigen::VectorXd row(columns), carried(columns);
-  for (std::size_t i = 0; i < observations.size(); ++i) {
-    const Footprint f = m.footprint(observations.pixels[i]);
-    const double w =
-        m.weights[i] / (m.last_correlation * observations.sigma[i] * observations.sigma[i]);
-    row = observations.shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>().transpose();
-    carried = row;
-    for (int k = 0; k < 4; ++k) carried -= f.weight[k] * m.shared.row(f.node[k]).transpose();
-    reduced.noalias() += w * row * carried.transpose();
-    gradient.noalias() += w * (observations.inverse_depth[i] - m.value(f, m.nodes)) * row;
+  for (std::size_t piece = 0; piece < Impl::kPieces; ++piece) {
+    reduced += own[piece];
+    gradient += gradients[piece];
   }
+  reduced.noalias() -= m.shared_right.transpose() * m.by_shared();
   reduced = 0.5 * (reduced + reduced.transpose()).eval();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(reduced);
   const Eigen::VectorXd change = -ldlt.solve(gradient);
-  m.nodes += m.shared * change;
+  m.nodes += m.by_shared() * change;
   if (covariance) *covariance = ldlt.solve(Eigen::MatrixXd::Identity(columns, columns));
   return change;
 }
 
 GroundField::GroundField(const GroundField& other) : impl_(std::make_unique<Impl>()) {
-  // All but the factorisation, which cannot be copied.
+  // All but the factorisation, which the next update replaces.
   const Impl& from = *other.impl_;
   impl_->camera = from.camera;
   impl_->left = from.left;
@@ -443,9 +480,28 @@ double GroundField::interpolated(const Eigen::Vector2d& pixel,
   return impl_->value(impl_->footprint(pixel), node_values);
 }
 
+void GroundField::interpolated_row(double row, const Eigen::VectorXd& node_values, int count,
+                                   float* out) const {
+  const Impl& m = *impl_;
+  const Footprint first = m.footprint({m.left, row});
+  const double below = first.weight[2] + first.weight[3];
+  for (int c = 0, u = 0; c + 1 < m.columns && u < count; ++c) {
+    const double a =
+        (1.0 - below) * node_values[first.node[0] + c] + below * node_values[first.node[2] + c];
+    const double b = (1.0 - below) * node_values[first.node[0] + c + 1] +
+                     below * node_values[first.node[2] + c + 1];
+    const double slope = (b - a) / m.du, at = m.left + c * m.du;
+    const int end =
+        c + 2 == m.columns ? count : std::min(count, static_cast<int>(std::ceil(at + m.du)));
+    for (; u < end; ++u) {
+      out[u] = static_cast<float>(a + slope * std::clamp(u - at, 0.0, m.du));
+    }
+  }
+}
+
 const Eigen::VectorXd& GroundField::nodes() const { return impl_->nodes; }
 
-const Eigen::MatrixXd& GroundField::shared() const { return impl_->shared; }
+const Eigen::MatrixXd& GroundField::shared() const { return impl_->by_shared(); }
 
 Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pixels,
                                          const Eigen::MatrixXd& coefficients) const {
@@ -454,14 +510,18 @@ Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pix
 
 Eigen::MatrixXd GroundField::solve(const Eigen::MatrixXd& of_nodes) const {
   constexpr Eigen::Index kPiece = 16;  // columns
-  if (of_nodes.cols() <= kPiece) return impl_->solver.solve(of_nodes);
+  const Impl& m = *impl_;
+  {
+    const std::lock_guard<std::mutex> lock(m.posterior_mutex);
+    if (!m.posterior) m.posterior.emplace(m.normal);
+  }
+  if (of_nodes.cols() <= kPiece) return m.posterior->solve(of_nodes);
   Eigen::MatrixXd out(of_nodes.rows(), of_nodes.cols());
   const Eigen::Index pieces = (of_nodes.cols() + kPiece - 1) / kPiece;
-  parallel_for(static_cast<std::size_t>(pieces), impl_->options.num_threads, [&](std::size_t k) {
+  parallel_for(static_cast<std::size_t>(pieces), m.options.num_threads, [&](std::size_t k) {
     const Eigen::Index first = kPiece * static_cast<Eigen::Index>(k);
     const Eigen::Index count = std::min(kPiece, of_nodes.cols() - first);
-    out.middleCols(first, count) =
-        impl_->solver.solve(Eigen::MatrixXd(of_nodes.middleCols(first, count)));
+    out.middleCols(first, count) = m.posterior->solve(of_nodes.middleCols(first, count));
   });
   return out;
 }

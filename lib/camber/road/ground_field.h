@@ -80,6 +80,9 @@ class GroundField {
   const Eigen::MatrixXd& shared() const;
   /// Values at the nodes, interpolated at a pixel as inverse_depth() is.
   double interpolated(const Eigen::Vector2d& pixel, const Eigen::VectorXd& node_values) const;
+  /// The same at the pixels 0 to count - 1 of a row.
+  void interpolated_row(double row, const Eigen::VectorXd& node_values, int count,
+                        float* out) const;
   /// Linear functions of the nodes, one a column: row k of `coefficients` weighs inverse_depth at
   /// the pixels.
   Eigen::MatrixXd functionals(const std::vector<Eigen::Vector2d>& pixels,

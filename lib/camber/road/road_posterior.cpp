@@ -63,6 +63,10 @@ double RoadPosterior::inverse_depth(const Eigen::Vector2d& pixel) const {
   return field_->interpolated(pixel, metric_nodes_);
 }
 
+void RoadPosterior::inverse_depths(double row, int count, float* out) const {
+  field_->interpolated_row(row, metric_nodes_, count, out);
+}
+
 UncertainPlane RoadPosterior::ego() const {
   UncertainPlane out = ego_.plane;
   const double m = metres_per_baseline();
@@ -154,6 +158,11 @@ Eigen::MatrixXd RoadPosterior::covariance(const RoadFunctionals& rows,
 Eigen::MatrixXd RoadPosterior::covariance(const RoadFunctionals& functionals) const {
   const Eigen::MatrixXd out = covariance(functionals, functionals);
   return 0.5 * (out + out.transpose());
+}
+
+Eigen::VectorXd RoadPosterior::variances(const RoadFunctionals& functionals) const {
+  const Eigen::MatrixXd& of_state = functionals.of_state;
+  return of_state.cwiseProduct(covariance_times(of_state)).colwise().sum().transpose();
 }
 
 double RoadPosterior::squared_innovation(const Constraint& constraint) const {

@@ -58,6 +58,8 @@ class RoadPosterior {
 
   /// Metric inverse depth of the ground at a pixel, 1/m; <= 0: the sky.
   double inverse_depth(const Eigen::Vector2d& pixel) const;
+  /// The same at the pixels 0 to count - 1 of a row.
+  void inverse_depths(double row, int count, float* out) const;
   /// See GroundField::support.
   double support(const Eigen::Vector2d& pixel) const { return field_->support(pixel); }
   double top() const { return field_->top(); }
@@ -79,6 +81,8 @@ class RoadPosterior {
 
   /// Joint covariance of functions.
   Eigen::MatrixXd covariance(const RoadFunctionals& functionals) const;
+  /// Its diagonal alone.
+  Eigen::VectorXd variances(const RoadFunctionals& functionals) const;
   Eigen::MatrixXd covariance(const RoadFunctionals& rows, const RoadFunctionals& columns) const;
 
  private:

@@ -40,7 +40,7 @@ CAMBER_CLONES void warp_loop(int count, const float* __restrict inverse_depth,
   const auto last_column = static_cast<float>(other.columns - 1);
   const auto last_row = static_cast<float>(other.rows - 1);
   const int pitch = other.columns;
-  const float* __restrict image = other.intensity;
+  const std::uint32_t* __restrict cells = other.cells;
   const float* __restrict visible = other.visible;
   for (int k = 0; k < count; ++k) {
     const auto column = static_cast<float>(k);
@@ -56,8 +56,13 @@ CAMBER_CLONES void warp_loop(int count, const float* __restrict inverse_depth,
     const int x0 = static_cast<int>(xi), y0 = static_cast<int>(yi);
     const float s = xi - static_cast<float>(x0), t = yi - static_cast<float>(y0);
     const int at = y0 * pitch + x0;
-    const float upper = image[at] + s * (image[at + 1] - image[at]);
-    const float lower = image[at + pitch] + s * (image[at + pitch + 1] - image[at + pitch]);
+    const auto cell = static_cast<int>(cells[at]);
+    const auto upper_left = static_cast<float>(cell & 255);
+    const auto upper_right = static_cast<float>((cell >> 8) & 255);
+    const auto lower_left = static_cast<float>((cell >> 16) & 255);
+    const auto lower_right = static_cast<float>((cell >> 24) & 255);
+    const float upper = upper_left + s * (upper_right - upper_left);
+    const float lower = lower_left + s * (lower_right - lower_left);
     const float a = here[k], b = upper + t * (lower - upper);
     const float weight = here_visible[k] * visible[at] * one_if(rho > 0.0F) * one_if(pz > 0.02F) *
                          one_if(x >= 0.0F) * one_if(x < last_column) * one_if(y >= 0.0F) *

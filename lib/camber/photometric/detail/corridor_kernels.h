@@ -3,6 +3,8 @@
 // Inner loops of the plane search: one row of the corridor, column by column. Compiled for any
 // x86-64 and for AVX2 (no fused multiply-add, so that both give the same bits).
 
+#include <cstdint>
+
 namespace camber {
 
 /// Rays along one row: the components of column k are first + k * step.
@@ -33,9 +35,11 @@ struct RowWarp {
   float fx = 0.0F, fy = 0.0F, cx = 0.0F, cy = 0.0F;
 };
 
-/// An image, rows without gaps; `visible` is 1 where nothing hides it, else 0.
+/// An image, rows without gaps; `visible` is 1 where nothing hides it, else 0. A cell holds the
+/// four pixels around a place between them, so that one access reads them all: from the lowest
+/// byte, a pixel, that to its right, that below it, and that to the right of that.
 struct SampledImage {
-  const float* intensity = nullptr;
+  const std::uint32_t* cells = nullptr;
   const float* visible = nullptr;
   int columns = 0, rows = 0;  ///< at least 2
 };

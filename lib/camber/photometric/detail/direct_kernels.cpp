@@ -1,6 +1,9 @@
 #include "camber/photometric/detail/direct_kernels.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <vector>
 
 #include "camber/core/target_clones.h"
 
@@ -8,6 +11,8 @@
 
 namespace camber {
 namespace {
+
+constexpr double kBlurReach = 4.0;  // standard deviations
 
 inline float at_least(float value, float least) { return value > least ? value : least; }
 inline float at_most(float value, float most) { return value < most ? value : most; }
@@ -35,11 +40,83 @@ CAMBER_CLONES void normalise_loop(int count, const float* __restrict intensity,
                                   const float* __restrict squares, float noise_variance,
                                   float* __restrict out) {
   for (int k = 0; k < count; ++k) {
-    const float n = 1.0F / at_least(weight[k], 1e-3F);
+    const float n = 1.0F / at_least(weight[k], 1.0F);
     const float mean = sum[k] * n;
     const float variance = at_least(squares[k] * n - mean * mean, 0.0F);
     out[k] = (intensity[k] - mean) / std::sqrt(variance + noise_variance);
   }
+}
+
+/// Moves sums over rows down by one: adds the row that comes in, takes out the one that leaves.
+CAMBER_CLONES void move_sums(int count, const float* __restrict in, const float* __restrict out,
+                             float* __restrict sums) {
+  for (int k = 0; k < count; ++k) sums[k] += in[k] - out[k];
+}
+
+CAMBER_CLONES void move_squares(int count, const float* __restrict in, const float* __restrict out,
+                                float* __restrict sums) {
+  for (int k = 0; k < count; ++k) sums[k] += in[k] * in[k] - out[k] * out[k];
+}
+
+/// Sums of `wide` neighbours from each place on, by those of 1, 2, 4, ...
+/// @param values  count + wide - 1 of them; destroyed.
+CAMBER_CLONES void running_sums(int count, int wide, float* values, float* __restrict out) {
+  for (int k = 0; k < count; ++k) out[k] = 0.0F;
+  int from = 0;
+  for (int power = 1; power <= wide; power *= 2) {
+    if (wide & power) {
+      const float* __restrict part = values + from;
+      for (int k = 0; k < count; ++k) out[k] += part[k];
+      from += power;
+    }
+    const int left = count + wide - 1 - 2 * power + 1;
+    for (int k = 0; k < left; ++k) values[k] += values[k + power];
+  }
+}
+
+/// @param taps  2 * reach + 1, symmetric.
+CAMBER_CLONES void blur_rows(int count, int reach, const float* __restrict taps,
+                             const float* const* rows, float* __restrict out) {
+  for (int k = 0; k < count; ++k) out[k] = taps[reach] * rows[reach][k];
+  for (int r = 1; r <= reach; ++r) {
+    const float weight = taps[reach + r];
+    const float* __restrict above = rows[reach - r];
+    const float* __restrict below = rows[reach + r];
+    for (int k = 0; k < count; ++k) out[k] += weight * (above[k] + below[k]);
+  }
+}
+
+CAMBER_CLONES void blur_row(int count, int reach, const float* __restrict taps,
+                            const float* __restrict row, float* __restrict out) {
+  for (int k = 0; k < count; ++k) out[k] = taps[reach] * row[k];
+  for (int r = 1; r <= reach; ++r) {
+    const float weight = taps[reach + r];
+    const float* __restrict left = row - r;
+    const float* __restrict right = row + r;
+    for (int k = 0; k < count; ++k) out[k] += weight * (left[k] + right[k]);
+  }
+}
+
+CAMBER_CLONES void gradient_loop(int count, const float* __restrict a0, const float* __restrict a1,
+                                 const float* __restrict a2, const float* __restrict b0,
+                                 const float* __restrict b1, const float* __restrict b2,
+                                 float* __restrict by_x, float* __restrict by_y) {
+  for (int k = 1; k + 1 < count; ++k) {
+    const float upper_left = a0[k - 1] + b0[k - 1], upper_right = a0[k + 1] + b0[k + 1];
+    const float lower_left = a2[k - 1] + b2[k - 1], lower_right = a2[k + 1] + b2[k + 1];
+    by_x[k] = 0.0625F * ((upper_right - upper_left) + (lower_right - lower_left) +
+                         2.0F * ((a1[k + 1] + b1[k + 1]) - (a1[k - 1] + b1[k - 1])));
+    by_y[k] = 0.0625F * ((lower_left - upper_left) + (lower_right - upper_right) +
+                         2.0F * ((a2[k] + b2[k]) - (a0[k] + b0[k])));
+  }
+}
+
+/// The index of a row or column beyond the rim, mirrored without the rim itself.
+int mirrored(int i, int count) {
+  if (count == 1) return 0;
+  const int period = 2 * (count - 1);
+  const int k = ((i % period) + period) % period;
+  return k < count ? k : period - k;
 }
 
 CAMBER_CLONES void excess_loop(int count, const float* __restrict residual,
@@ -58,6 +135,64 @@ CAMBER_CLONES void excess_loop(int count, const float* __restrict residual,
 void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float right, float bottom,
               const WarpedRow& out) {
   warp_loop(count, inverse_depth, warp, right, bottom, out.x, out.y, out.inside);
+}
+
+void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
+                 float* sums, float* squares) {
+  const int left = window_wide / 2, below = window_high / 2;
+  const auto count = static_cast<std::size_t>(width);
+  const std::vector<float> none(count, 0.0F);
+  std::vector<float> padded(count + static_cast<std::size_t>(window_wide));
+  std::vector<float> of_columns[2] = {std::vector<float>(count, 0.0F),
+                                      std::vector<float>(count, 0.0F)};
+  const auto row = [&](int y) {
+    return y >= 0 && y < rows ? values + static_cast<std::ptrdiff_t>(y) * width : none.data();
+  };
+  for (int y = -below; y < rows; ++y) {
+    for (const bool squared : {false, true}) {
+      if (squared && !squares) continue;
+      std::vector<float>& columns = of_columns[squared];
+      (squared ? move_squares : move_sums)(width, row(y + below), row(y - below - 1),
+                                           columns.data());
+      if (y < 0) continue;
+      std::fill(padded.begin(), padded.begin() + left, 0.0F);
+      std::copy(columns.begin(), columns.end(), padded.begin() + left);
+      std::fill(padded.begin() + left + width, padded.end(), 0.0F);
+      running_sums(width, window_wide, padded.data(),
+                   (squared ? squares : sums) + static_cast<std::ptrdiff_t>(y) * width);
+    }
+  }
+}
+
+void blur_plane(int width, int rows, const float* values, double sigma, float* out) {
+  const int reach = static_cast<int>(std::ceil(kBlurReach * sigma));
+  std::vector<float> taps(static_cast<std::size_t>(2 * reach + 1));
+  double sum = 0.0;
+  for (int k = -reach; k <= reach; ++k) sum += std::exp(-0.5 * k * k / (sigma * sigma));
+  for (int k = -reach; k <= reach; ++k) {
+    taps[static_cast<std::size_t>(k + reach)] =
+        static_cast<float>(std::exp(-0.5 * k * k / (sigma * sigma)) / sum);
+  }
+  std::vector<const float*> around(taps.size());
+  std::vector<float> padded(static_cast<std::size_t>(width + 2 * reach));
+  float* const row = padded.data() + reach;
+  for (int y = 0; y < rows; ++y) {
+    for (int k = -reach; k <= reach; ++k) {
+      around[static_cast<std::size_t>(k + reach)] =
+          values + static_cast<std::ptrdiff_t>(mirrored(y + k, rows)) * width;
+    }
+    blur_rows(width, reach, taps.data(), around.data(), row);
+    for (int k = 1; k <= reach; ++k) {
+      row[-k] = row[mirrored(-k, width)];
+      row[width - 1 + k] = row[mirrored(width - 1 + k, width)];
+    }
+    blur_row(width, reach, taps.data(), row, out + static_cast<std::ptrdiff_t>(y) * width);
+  }
+}
+
+void gradient_row(int count, const float* const a[3], const float* const b[3], float* by_x,
+                  float* by_y) {
+  gradient_loop(count, a[0], a[1], a[2], b[0], b[1], b[2], by_x, by_y);
 }
 
 void normalise_row(int count, const float* intensity, const float* weight, const float* sum,

@@ -19,11 +19,24 @@ constexpr float kNotWarped = -1000.0F;
 void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float right, float bottom,
               const WarpedRow& out);
 
-/// (intensity - mean) / sqrt(variance + least_contrast^2), mean and variance from sums over a
-/// window.
-/// @param weight  number of pixels of the window, as a share of what the sums count.
+/// Sums over a window around every pixel, of what of it lies within; windows are odd.
+/// @param squares  sums of the squares, too; null: not wanted.
+void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
+                 float* sums, float* squares);
+
+/// Gaussian blur; the rim is mirrored.
+void blur_plane(int width, int rows, const float* values, double sigma, float* out);
+
+/// (intensity - mean) / sqrt(variance + least_contrast^2) for a row, mean and variance from sums
+/// over a window.
+/// @param weight  number of pixels that were summed.
 void normalise_row(int count, const float* intensity, const float* weight, const float* sum,
                    const float* sum_of_squares, float least_contrast, float* out);
+
+/// Derivatives of the mean of two images along a row, an eighth of Sobel's.
+/// @param a, b  three rows of each, from above.
+void gradient_row(int count, const float* const a[3], const float* const b[3], float* by_x,
+                  float* by_y);
 
 /// Squared residual over what noise and a misalignment by mended_px let expect, at most 16; 0 where
 /// not valid.

@@ -339,7 +339,7 @@ class RelativeSigma {
     }
     const auto n = static_cast<Eigen::Index>(pixels.size());
     const Eigen::VectorXd variance =
-        road.covariance(road.of_inverse_depths(pixels, Eigen::MatrixXd::Identity(n, n))).diagonal();
+        road.variances(road.of_inverse_depths(pixels, Eigen::MatrixXd::Identity(n, n)));
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       const double rho = std::max(road.inverse_depth(pixels[i]), 1e-3);
       values_.push_back(std::min(1.0, std::sqrt(variance[static_cast<Eigen::Index>(i)]) / rho));

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "camber/core/errors.h"
+#include "camber/core/threads.h"
 #include "camber/pipeline/stages/detail/ground_steps.h"
 #include "camber/road/grow_road.h"
 
@@ -298,10 +299,16 @@ Ground ground(const LoadedFrames& frames, const Correspondences& matches,
               const GroundOptions& options) {
   Ground out = before;
   out.seen = std::move(points);
-  detail::set_ego(
-      motion, detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options), &out);
   auto field = std::make_shared<GroundField>(*before.field);
-  field->update(detail::ground_observations(matches, out.seen.points), 2);
+  EgoPlane ego;
+  parallel_for(2, options.num_threads, [&](std::size_t task) {
+    if (task == 0) {
+      field->update(detail::ground_observations(matches, out.seen.points), 2);
+    } else {
+      ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
+    }
+  });
+  detail::set_ego(motion, std::move(ego), &out);
   out.field = std::move(field);
   return out;
 }

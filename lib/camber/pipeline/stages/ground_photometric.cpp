@@ -3,6 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "camber/core/threads.h"
 #include "camber/pipeline/stages/detail/ground_steps.h"
 #include "camber/pipeline/stages/ground.h"
 
@@ -168,24 +169,30 @@ PhotometricGround refine_photometrically(const LoadedFrames& frames, const Corre
   moved.covariance = result.covariance;
   Ground now = before;
   now.seen = triangulate(frames, matches, moved, &before.seen, options);
-  if (!detail::set_ego(
-          moved,
-          detail::fit_ego(
-              frames, moved,
-              photometric_profile(frames.camera, matches, now.seen, result.observations), options),
-          &now)) {
-    detail::set_ego(
-        moved, detail::fit_ego(frames, moved, detail::matched_profile(now.seen), options), &now);
-  }
-
-  // Matches and intensities together, at the refined motion.
+  // Matches and intensities together, at the refined motion, and the matches alone.
   const GroundObservations matched = detail::ground_observations(matches, now.seen.points);
   GroundObservations down_weighted = matched;
   down_weight_beside(frames, result.contradicted, down_weighted);
   GroundObservations both =
       joined(std::move(down_weighted), result.observations,
              std::sqrt(direct_options.noise.correlation / GroundFieldOptions().correlation));
-  refined->update(both, 2);
+  auto by_matches = std::make_shared<GroundField>(*before.field);
+  EgoPlane ego;
+  parallel_for(3, options.num_threads, [&](std::size_t task) {
+    if (task == 0) {
+      refined->update(both, 2);
+    } else if (task == 1) {
+      ego = detail::fit_ego(
+          frames, moved, photometric_profile(frames.camera, matches, now.seen, result.observations),
+          options);
+    } else {
+      by_matches->update(matched, 2);
+    }
+  });
+  if (!detail::set_ego(moved, std::move(ego), &now)) {
+    detail::set_ego(
+        moved, detail::fit_ego(frames, moved, detail::matched_profile(now.seen), options), &now);
+  }
   const auto judge = [&] {
     return DirectEvidence(frames.camera.width, frames.camera.height, judged,
                           direct.judge(moved.frame_from_reference, *refined));
@@ -204,8 +211,6 @@ PhotometricGround refine_photometrically(const LoadedFrames& frames, const Corre
     refined->update(both, 2);
     out.evidence = judge();
   }
-  auto by_matches = std::make_shared<GroundField>(*before.field);
-  by_matches->update(matched, 2);
   now.field = std::move(by_matches);
   out.ground = std::move(now);
   out.motion = std::move(moved);

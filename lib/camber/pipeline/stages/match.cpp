@@ -82,22 +82,28 @@ std::vector<PredictedImage> predict(const LoadedFrames& frames, const Correspond
   }
   parallel_for(height - static_cast<std::size_t>(top), num_threads, [&](std::size_t r) {
     const std::size_t v = r + static_cast<std::size_t>(top);
-    for (std::size_t u = 0; u < width; ++u) {
-      const std::size_t p = v * width + u;
-      if (!region[p]) continue;
-      const Eigen::Vector2d pixel(static_cast<double>(u), static_cast<double>(v));
-      const double rho = std::max(least, ground.field->inverse_depth(pixel));
-      const Eigen::Vector3d ray = camera.ray(pixel);
-      for (PredictedImage& image : out) {
-        const auto f = static_cast<std::size_t>(image.frame);
-        const SE3& pose = motion.frame_from_reference[f];
-        const auto q = camera.project(pose.rotation() * ray + rho * pose.translation());
+    std::vector<float> depths(width);
+    ground.field->interpolated_row(static_cast<double>(v), ground.field->nodes(), camera.width,
+                                   depths.data());
+    for (PredictedImage& image : out) {
+      const auto f = static_cast<std::size_t>(image.frame);
+      const SE3& pose = motion.frame_from_reference[f];
+      const Eigen::Matrix3d rotation = pose.rotation_matrix();
+      const Eigen::Vector3d start = rotation * camera.ray({0.0, static_cast<double>(v)});
+      const Eigen::Vector3d step = rotation.col(0) / camera.fx;
+      const std::vector<std::uint8_t>& there = frames.masks[f].vehicle;
+      for (std::size_t u = 0; u < width; ++u) {
+        const std::size_t p = v * width + u;
+        if (!region[p]) continue;
+        const double rho = std::max(least, static_cast<double>(depths[u]));
+        const auto q =
+            camera.project(start + static_cast<double>(u) * step + rho * pose.translation());
         if (!q) continue;
         image.pixels[p] = q->cast<float>();
         bool ignored = here.vehicle[p] != 0;
         if (camera.contains(*q, 1.0)) {
-          ignored |= frames.masks[f].vehicle[static_cast<std::size_t>(std::lround(q->y())) * width +
-                                             static_cast<std::size_t>(std::lround(q->x()))] != 0;
+          ignored |= there[static_cast<std::size_t>(q->y() + 0.5) * width +
+                           static_cast<std::size_t>(q->x() + 0.5)] != 0;
         }
         image.ignored[p] = ignored;
       }

@@ -86,11 +86,8 @@ GroundRaster ground_raster(const LoadedFrames& frames, const Correspondences& ma
   const auto stored = static_cast<std::size_t>(width) * static_cast<std::size_t>(height - out.top);
   out.inverse_depth.resize(stored);
   parallel_for(static_cast<std::size_t>(height - out.top), num_threads, [&](std::size_t row) {
-    const double v = out.top + static_cast<double>(row);
-    float* values = &out.inverse_depth[row * static_cast<std::size_t>(width)];
-    for (int u = 0; u < width; ++u) {
-      values[u] = static_cast<float>(road.inverse_depth({static_cast<double>(u), v}));
-    }
+    road.inverse_depths(out.top + static_cast<double>(row), width,
+                        &out.inverse_depth[row * static_cast<std::size_t>(width)]);
   });
   // Near ground, since masks have holes where there is paint.
   constexpr int kReach = 10;  // px
