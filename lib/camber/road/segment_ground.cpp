@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/core/target_clones.h"
 #include "camber/road/detail/ground_cells.h"
 #include "camber/road/detail/ground_surface.h"
 #include "camber/road/detail/height_grid.h"
@@ -23,6 +24,30 @@ using detail::PlanBounds;
 using detail::PlanFrame;
 using detail::PointDensity;
 
+/// Heights of points above a surface that is bilinear between the middles of cells.
+CAMBER_TARGET_CLONES("avx2")
+void measure_above(const CellPoint* points, std::size_t count, const HeightGrid& ground,
+                   float* above) {
+  const float* const z = ground.z.data();
+  const int width = ground.width, last_x = ground.width - 1, last_y = ground.height - 1;
+  const float most_x = static_cast<float>(last_x), most_y = static_cast<float>(last_y);
+  for (std::size_t i = 0; i < count; ++i) {
+    float x = points[i].u - 0.5f, y = points[i].v - 0.5f;
+    x = x > 0.0f ? x : 0.0f;
+    y = y > 0.0f ? y : 0.0f;
+    x = x < most_x ? x : most_x;
+    y = y < most_y ? y : most_y;
+    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    const int right = x0 < last_x ? 1 : 0, up = y0 < last_y ? width : 0;
+    const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
+    const float* const near = z + y0 * width + x0;
+    const float* const far = near + up;
+    const float surface = (1.0f - fy) * ((1.0f - fx) * near[0] + fx * near[right]) +
+                          fy * ((1.0f - fx) * far[0] + fx * far[right]);
+    above[i] = points[i].h - surface;
+  }
+}
+
 /// Labels the points by their height above the surface.
 class Labeller {
  public:
@@ -32,7 +57,15 @@ class Labeller {
         ground_(ground),
         from_air_(from_air),
         tolerance_(tolerance),
-        narrow_(narrow) {}
+        narrow_(narrow),
+        above_(cells.points.size()) {
+    measure_above(cells.points.data(), cells.points.size(), ground, above_.data());
+    int most = 0;
+    for (const int c : cells.occupied) {
+      most = std::max(most, cells.start[as_size(c) + 1] - cells.start[as_size(c)]);
+    }
+    near_.resize(as_size(most) + 1);
+  }
 
   void label(int cell, GroundSegmentation& out) {
     const std::size_t at = as_size(cell);
@@ -40,24 +73,29 @@ class Labeller {
     float tolerance = tolerance_;
     if (from_air_) tolerance += 0.7f * gradient(ground_, x, y, 1).norm();
     // Points near the surface, and where points rise from it, by sixteenths of the cell.
-    near_.clear();
+    const float left = static_cast<float>(x), front = static_cast<float>(y);
+    const float lowest = -kDeepest - tolerance, highest = tolerance + 0.4f;
+    std::size_t count = 0;
     int rising[16] = {};
     for (int i = cells_.start[at]; i < cells_.start[at + 1]; ++i) {
+      const float above = above_[as_size(i)];
+      if (!(above > lowest && above < highest)) continue;
       const CellPoint& p = cells_.points[as_size(i)];
-      const float above = p.h - surface(p);
-      if (!(above > -kDeepest - tolerance && above < tolerance + 0.4f)) continue;
-      const int column = std::clamp(static_cast<int>(4.0f * (p.u - static_cast<float>(x))), 0, 3);
-      const int row = std::clamp(static_cast<int>(4.0f * (p.v - static_cast<float>(y))), 0, 3);
-      if (above >= tolerance) ++rising[4 * row + column];
-      if (above < tolerance + kHighest) near_.push_back({above, p.index, row, column});
+      const int column = std::clamp(static_cast<int>(4.0f * (p.u - left)), 0, 3);
+      const int row = std::clamp(static_cast<int>(4.0f * (p.v - front)), 0, 3);
+      near_[count] = {above, p.index, 4 * row + column, row / 2 * 2 + column / 2};
+      rising[4 * row + column] += above >= tolerance ? 1 : 0;
+      count += above < tolerance + kHighest ? 1 : 0;
     }
+    if (count == 0) return;
     float shift[4] = {};
-    find_shifts(tolerance, shift);
-    for (const Near& p : near_) {
-      const float r = p.above - shift[p.quarter()];
+    find_shifts(count, tolerance, shift);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Near& p = near_[i];
+      const float r = p.above - shift[p.quarter];
       if (!(r > -tolerance && r < tolerance)) continue;
       // The foot of what rises here.
-      if (!from_air_ && r > narrow_ && rising[4 * p.row + p.column] >= 2) continue;
+      if (!from_air_ && r > narrow_ && rising[p.sixteenth] >= 2) continue;
       out.labels[as_size(p.index)] = 1;
       ++out.ground;
     }
@@ -68,40 +106,27 @@ class Labeller {
 
   struct Near {
     float above;
-    int index, row, column;
-    std::size_t quarter() const { return as_size(row / 2 * 2 + column / 2); }
+    int index, sixteenth, quarter;
   };
-
-  /// Bilinear between the middles of cells.
-  float surface(const CellPoint& p) const {
-    const float x = std::clamp(p.u - 0.5f, 0.0f, static_cast<float>(ground_.width - 1)),
-                y = std::clamp(p.v - 0.5f, 0.0f, static_cast<float>(ground_.height - 1));
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-    const int x1 = std::min(x0 + 1, ground_.width - 1), y1 = std::min(y0 + 1, ground_.height - 1);
-    const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
-    const float* const near = ground_.row(y0);
-    const float* const far = ground_.row(y1);
-    return (1.0f - fy) * ((1.0f - fx) * near[x0] + fx * near[x1]) +
-           fy * ((1.0f - fx) * far[x0] + fx * far[x1]);
-  }
 
   /// What the surface misses between the middles of cells (kerbs, ditches, crests): the mean height
   /// of the lowest points of each quarter, if they are enough.
-  void find_shifts(float tolerance, float* shift) const {
+  void find_shifts(std::size_t count, float tolerance, float* shift) const {
     float lowest[4] = {kNoHeight, kNoHeight, kNoHeight, kNoHeight}, sum[4] = {}, low[4] = {},
           all[4] = {};
-    for (const Near& p : near_) {
-      if (p.above <= -kDeepest || p.above >= tolerance) continue;
-      const std::size_t q = p.quarter();
-      lowest[q] = std::min(lowest[q], p.above);
-      all[q] += 1.0f;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Near& p = near_[i];
+      const bool used = (p.above > -kDeepest) & (p.above < tolerance);
+      const float above = used ? p.above : kNoHeight;
+      lowest[p.quarter] = above < lowest[p.quarter] ? above : lowest[p.quarter];
+      all[p.quarter] += used ? 1.0f : 0.0f;
     }
-    for (const Near& p : near_) {
-      const std::size_t q = p.quarter();
-      if (p.above <= -kDeepest || p.above >= tolerance) continue;
-      if (p.above > lowest[q] + 1.5f * tolerance) continue;
-      sum[q] += p.above;
-      low[q] += 1.0f;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Near& p = near_[i];
+      const bool used = (p.above > -kDeepest) & (p.above < tolerance) &
+                        (p.above <= lowest[p.quarter] + 1.5f * tolerance);
+      sum[p.quarter] += used ? p.above : 0.0f;
+      low[p.quarter] += used ? 1.0f : 0.0f;
     }
     for (std::size_t q = 0; q < 4; ++q) {
       if (low[q] >= 3.0f && low[q] >= 0.4f * all[q]) {
@@ -114,7 +139,8 @@ class Labeller {
   const HeightGrid& ground_;
   bool from_air_;
   float tolerance_, narrow_;
-  std::vector<Near> near_;
+  std::vector<float> above_;  // of each point
+  std::vector<Near> near_;    // of one cell
 };
 
 /// The cloud in cells, and whether it was scanned from the air.
@@ -199,17 +225,8 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   out.labels.assign(cloud.size(), 0);
 
   const PlanFrame frame(options.up);
-  PlanBounds all;
   std::size_t finite = 0;
-  for (const Eigen::Vector3f& p : cloud.points) {
-    const Eigen::Vector3f q = frame(p);
-    if (!detail::usable(q)) continue;
-    ++finite;
-    for (int axis = 0; axis < 2; ++axis) {
-      all.low[axis] = std::min(all.low[axis], q[axis]);
-      all.high[axis] = std::max(all.high[axis], q[axis]);
-    }
-  }
+  const PlanBounds all = detail::find_bounds(cloud, frame, &finite);
   if (finite < 3) {
     out.status = Status::kFailed;
     out.reason = "found " + std::to_string(finite) + " finite points, expected at least 3";

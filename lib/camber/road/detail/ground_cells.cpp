@@ -3,8 +3,111 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "camber/core/target_clones.h"
 
 namespace camber::detail {
+namespace {
+
+constexpr std::size_t kBlock = 1024;  // points
+
+/// Points of a block in the plan's frame, and which of them are usable.
+struct PlanBlock {
+  float u[kBlock], v[kBlock], h[kBlock];  // m
+  std::int32_t usable[kBlock];
+};
+
+/// @param xyz   coordinates of n points, at most kBlock
+/// @param axes  rows of the frame's axes
+CAMBER_TARGET_CLONES("avx2")
+void to_plan(const float* xyz, std::size_t n, const float* axes, PlanBlock& out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const float x = xyz[3 * i], y = xyz[3 * i + 1], z = xyz[3 * i + 2];
+    const float u = axes[0] * x + (axes[1] * y + axes[2] * z),
+                v = axes[3] * x + (axes[4] * y + axes[5] * z),
+                h = axes[6] * x + (axes[7] * y + axes[8] * z);
+    out.u[i] = u;
+    out.v[i] = v;
+    out.h[i] = h;
+    out.usable[i] = std::abs(u) + std::abs(v) + std::abs(h) < kFarthest ? 1 : 0;
+  }
+}
+
+/// Widens bounds by the usable points of a block. @return their number
+CAMBER_TARGET_CLONES("avx2")
+std::int32_t widen(const PlanBlock& block, std::size_t n, float* low, float* high) {
+  float lu = low[0], lv = low[1], hu = high[0], hv = high[1];
+  std::int32_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const float u = block.u[i], v = block.v[i];
+    const bool usable = block.usable[i] != 0;
+    const float below_u = usable ? u : kNoHeight, below_v = usable ? v : kNoHeight,
+                above_u = usable ? u : -kNoHeight, above_v = usable ? v : -kNoHeight;
+    lu = below_u < lu ? below_u : lu;
+    lv = below_v < lv ? below_v : lv;
+    hu = above_u > hu ? above_u : hu;
+    hv = above_v > hv ? above_v : hv;
+    count += block.usable[i];
+  }
+  low[0] = lu;
+  low[1] = lv;
+  high[0] = hu;
+  high[1] = hv;
+  return count;
+}
+
+/// A grid over the plan.
+struct PlanGrid {
+  float low[2], high[2];  // m, bounds of what is in it
+  float per_metre;        // cells
+  std::int32_t width, height;
+};
+
+using F8 = float __attribute__((vector_size(32)));
+using I8 = std::int32_t __attribute__((vector_size(32)));
+
+/// Puts a block's points in cells: coordinates become those in cells from the grid's corner.
+/// @param cell  of each point, with room for kBlock; -1: not in the grid
+CAMBER_TARGET_CLONES("avx2")
+void to_cells(const PlanGrid& grid, std::size_t n, PlanBlock& block, std::int32_t* cell) {
+  const I8 none = {};
+  const I8 last_x = none + (grid.width - 1), last_y = none + (grid.height - 1);
+  for (std::size_t i = 0; i < n; i += 8) {
+    F8 u, v;
+    I8 usable;
+    std::memcpy(&u, block.u + i, sizeof u);
+    std::memcpy(&v, block.v + i, sizeof v);
+    std::memcpy(&usable, block.usable + i, sizeof usable);
+    const I8 inside = (usable != none) & (u >= grid.low[0]) & (u <= grid.high[0]) &
+                      (v >= grid.low[1]) & (v <= grid.high[1]);
+    u = inside ? (u - grid.low[0]) * grid.per_metre : F8{};
+    v = inside ? (v - grid.low[1]) * grid.per_metre : F8{};
+    I8 x = __builtin_convertvector(u, I8), y = __builtin_convertvector(v, I8);
+    x = x < last_x ? x : last_x;
+    y = y < last_y ? y : last_y;
+    const I8 place = inside ? y * grid.width + x : none - 1;
+    std::memcpy(block.u + i, &u, sizeof u);
+    std::memcpy(block.v + i, &v, sizeof v);
+    std::memcpy(cell + i, &place, sizeof place);
+  }
+}
+
+/// Calls visit(first, n, block) for the cloud's points in blocks, in the plan's frame.
+template <typename Visit>
+void for_each_block(const RoadCloud& cloud, const PlanFrame& frame, const Visit& visit) {
+  const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> axes = frame.axes;
+  PlanBlock block;
+  for (std::size_t first = 0; first < cloud.size(); first += kBlock) {
+    const std::size_t n = std::min(kBlock, cloud.size() - first);
+    to_plan(cloud.points[first].data(), n, axes.data(), block);
+    for (std::size_t i = n; i < (n + 7) / 8 * 8; ++i) block.u[i] = block.v[i] = 0.0f;
+    visit(first, n, block);
+  }
+}
+
+}  // namespace
 
 PlanFrame::PlanFrame(const Eigen::Vector3d& direction) : up(direction.normalized()) {
   const Eigen::Vector3d along =
@@ -14,6 +117,15 @@ PlanFrame::PlanFrame(const Eigen::Vector3d& direction) : up(direction.normalized
   axes.row(0) = e1.cast<float>();
   axes.row(1) = e2.cast<float>();
   axes.row(2) = up.cast<float>();
+}
+
+PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, std::size_t* usable) {
+  PlanBounds out;
+  *usable = 0;
+  for_each_block(cloud, frame, [&](std::size_t, std::size_t n, const PlanBlock& block) {
+    *usable += as_size(widen(block, n, out.low, out.high));
+  });
+  return out;
 }
 
 PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
@@ -54,36 +166,33 @@ GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const P
   cells.width = static_cast<int>(bounds.width() / size) + 1;
   cells.height = static_cast<int>(bounds.height() / size) + 1;
   cells.start.assign(cells.count() + 1, 0);
-  const float inverse = 1.0f / cells.cell;
-  const auto place = [&](const Eigen::Vector3f& p, CellPoint* out) {
-    const Eigen::Vector3f q = frame(p);
-    if (!(usable(q) && q.x() >= bounds.low[0] && q.x() <= bounds.high[0] &&
-          q.y() >= bounds.low[1] && q.y() <= bounds.high[1])) {
-      return -1;
+  const PlanGrid grid = {{bounds.low[0], bounds.low[1]},
+                         {bounds.high[0], bounds.high[1]},
+                         1.0f / cells.cell,
+                         cells.width,
+                         cells.height};
+  alignas(32) std::int32_t cell_of[kBlock];
+  for_each_block(cloud, frame, [&](std::size_t, std::size_t n, PlanBlock& block) {
+    to_cells(grid, n, block, cell_of);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (cell_of[i] >= 0) ++cells.start[as_size(cell_of[i]) + 1];
     }
-    out->u = (q.x() - bounds.low[0]) * inverse;
-    out->v = (q.y() - bounds.low[1]) * inverse;
-    out->h = q.z();
-    return std::min(static_cast<int>(out->v), cells.height - 1) * cells.width +
-           std::min(static_cast<int>(out->u), cells.width - 1);
-  };
-  CellPoint point{};
-  for (const Eigen::Vector3f& p : cloud.points) {
-    const int c = place(p, &point);
-    if (c >= 0) ++cells.start[as_size(c) + 1];
-  }
+  });
   for (std::size_t c = 0; c < cells.count(); ++c) {
     if (cells.start[c + 1] > 0) cells.occupied.push_back(static_cast<int>(c));
     cells.start[c + 1] += cells.start[c];
   }
   cells.points.resize(as_size(cells.start.back()));
   std::vector<int> next(cells.start.begin(), cells.start.end() - 1);
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const int c = place(cloud.points[i], &point);
-    if (c < 0) continue;
-    point.index = static_cast<int>(i);
-    cells.points[as_size(next[as_size(c)]++)] = point;
-  }
+  for_each_block(cloud, frame, [&](std::size_t first, std::size_t n, PlanBlock& block) {
+    to_cells(grid, n, block, cell_of);
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::int32_t c = cell_of[i];
+      if (c < 0) continue;
+      cells.points[as_size(next[as_size(c)]++)] = {block.u[i], block.v[i], block.h[i],
+                                                   static_cast<int>(first + i)};
+    }
+  });
   return cells;
 }
 

@@ -20,9 +20,11 @@ struct PlanFrame {
   Eigen::Vector3f operator()(const Eigen::Vector3f& p) const { return axes * p; }
 };
 
+inline constexpr float kFarthest = 1e9f;  ///< m, sum of coordinates that a grid can hold
+
 /// Whether a point's coordinates are finite and of a size that a grid can hold.
 inline bool usable(const Eigen::Vector3f& q) {
-  return std::abs(q.x()) + std::abs(q.y()) + std::abs(q.z()) < 1e9f;
+  return std::abs(q.x()) + std::abs(q.y()) + std::abs(q.z()) < kFarthest;
 }
 
 /// Of the plan coordinates, m.
@@ -48,6 +50,9 @@ struct GroundCells {
 
   std::size_t count() const { return as_size(width) * as_size(height); }
 };
+
+/// Bounds of the usable points, and their number.
+PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, std::size_t* usable);
 
 /// Bounds of the points with few of them left out, so that a grid of squares of a given size
 /// has at most `most` of them; where that is not enough, the size grows.
