@@ -26,10 +26,27 @@ __attribute__((always_inline)) inline void load(const float* from, F8& to) {
   std::memcpy(&to, from, sizeof(F8));
 }
 
+using D4 = double __attribute__((vector_size(32)));
+using F4 = float __attribute__((vector_size(16)));
+
+/// Four of eight lanes, in double precision. @param half  0: the first four
+__attribute__((always_inline)) inline void widen(const F8& from, std::size_t half, D4& to) {
+  F4 part;
+  std::memcpy(&part, reinterpret_cast<const char*>(&from) + half * sizeof(F4), sizeof(F4));
+  to = __builtin_convertvector(part, D4);
+}
+
+__attribute__((always_inline)) inline double lane_sum(const D4& lanes) {
+  return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+}
+
+/// In pairs, so that few additions wait for each other.
 __attribute__((always_inline)) inline double lane_sum(const F8& lanes) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < kLanes; ++i) sum += static_cast<double>(lanes[i]);
-  return sum;
+  D4 first, second;
+  widen(lanes, 0, first);
+  widen(lanes, 1, second);
+  const D4 both = first + second;
+  return lane_sum(both);
 }
 
 #define CAMBER_INLINE __attribute__((always_inline)) inline
@@ -621,17 +638,6 @@ PieceStatistics piece_statistics(Rows rows, const FloatPlane& plane, float limit
 }
 
 namespace {
-
-using D4 = double __attribute__((vector_size(32)));
-using F4 = float __attribute__((vector_size(16)));
-
-CAMBER_INLINE void widen(const F8& from, std::size_t half, D4& to) {
-  F4 part;
-  std::memcpy(&part, reinterpret_cast<const char*>(&from) + half * sizeof(F4), sizeof(F4));
-  to = __builtin_convertvector(part, D4);
-}
-
-CAMBER_INLINE double lane_sum(const D4& lanes) { return lanes[0] + lanes[1] + lanes[2] + lanes[3]; }
 
 /// The sums along one axis, in lanes.
 struct AxisLanes {

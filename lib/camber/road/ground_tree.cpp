@@ -6,6 +6,8 @@
 #include <limits>
 #include <tuple>
 
+#include "camber/core/target_clones.h"
+
 namespace camber {
 
 using Eigen::Matrix3d;
@@ -35,6 +37,19 @@ std::uint64_t bits_of(float value) {
   std::uint32_t bits;
   std::memcpy(&bits, &value, sizeof(bits));
   return bits;
+}
+
+/// Ranks of a leaf's values. @param values  kLeafPoints, whatever their number
+/// @return  whether no two are equal
+CAMBER_TARGET_CLONES("avx2")
+bool rank_values(const float* values, std::size_t count, std::int32_t* rank) {
+  for (std::size_t j = 0; j < kLeafPoints; ++j) rank[j] = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j < kLeafPoints; ++j) rank[j] += values[i] < values[j] ? 1 : 0;
+  }
+  std::size_t sum = 0;
+  for (std::size_t j = 0; j < count; ++j) sum += static_cast<std::size_t>(rank[j]);
+  return 2 * sum == count * (count - 1);
 }
 
 bool usable(const Eigen::Vector3f& p) {
@@ -445,11 +460,26 @@ int GroundTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::
   return id;
 }
 
+/// Rows by x, equal ones by y, then z. Few rows find their places by how many come before them.
+void GroundTree::sort_along_x(Row* rows, std::size_t count) {
+  if (count <= kLeafPoints) {
+    float x[kLeafPoints] = {};
+    std::int32_t rank[kLeafPoints];
+    Row sorted[kLeafPoints];
+    for (std::size_t k = 0; k < count; ++k) x[k] = rows[k].x;
+    if (rank_values(x, count, rank)) {
+      for (std::size_t k = 0; k < count; ++k) sorted[rank[k]] = rows[k];
+      std::copy_n(sorted, count, rows);
+      return;
+    }
+  }
+  std::sort(rows, rows + count, [](const Row& l, const Row& r) {
+    return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
+  });
+}
+
 void GroundTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name) {
-  std::sort(rows_.begin() + static_cast<long>(begin), rows_.begin() + static_cast<long>(end),
-            [](const Row& l, const Row& r) {
-              return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
-            });
+  sort_along_x(rows_.data() + begin, end - begin);
   Leaf leaf;
   leaf.name = name;
   leaf.begin = begin;
@@ -498,6 +528,7 @@ void GroundTree::find_neighbours() {
     above[node.axis] = node.split;
   }
   std::vector<int> stack;
+  std::vector<std::pair<int, int>> pairs;
   // Parts that touch, whatever gap lies between their points (the rings of a scanner), unless it is
   // out of proportion.
   constexpr float kWidestGap = 3.0f;
@@ -519,7 +550,7 @@ void GroundTree::find_neighbours() {
       const float gap =
           (leaf.low - other.high).max(other.low - leaf.high).max(0.0f).matrix().norm();
       if (gap <= kWidestGap * std::max(size, (other.high - other.low).maxCoeff())) {
-        neighbours_[i].push_back(node.leaf);
+        pairs.emplace_back(static_cast<int>(i), node.leaf);
       }
     }
   }
@@ -535,7 +566,7 @@ void GroundTree::find_neighbours() {
       stack.pop_back();
       if ((node.low > high).any() || (node.high < low).any()) continue;
       if (node.leaf >= 0) {
-        if (node.leaf != static_cast<int>(i)) neighbours_[i].push_back(node.leaf);
+        if (node.leaf != static_cast<int>(i)) pairs.emplace_back(static_cast<int>(i), node.leaf);
       } else {
         stack.push_back(node.above);
         stack.push_back(node.below);
@@ -543,10 +574,15 @@ void GroundTree::find_neighbours() {
     }
   }
   // Neighbourhood is mutual.
-  const std::vector<std::vector<int>> found = neighbours_;
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    for (const int j : found[i])
-      neighbours_[static_cast<std::size_t>(j)].push_back(static_cast<int>(i));
+  std::vector<std::size_t> counts(leaves_.size(), 0);
+  for (const auto& [a, b] : pairs) {
+    ++counts[static_cast<std::size_t>(a)];
+    ++counts[static_cast<std::size_t>(b)];
+  }
+  for (std::size_t i = 0; i < leaves_.size(); ++i) neighbours_[i].reserve(counts[i]);
+  for (const auto& [a, b] : pairs) {
+    neighbours_[static_cast<std::size_t>(a)].push_back(b);
+    neighbours_[static_cast<std::size_t>(b)].push_back(a);
   }
   for (std::vector<int>& list : neighbours_) {
     std::sort(list.begin(), list.end());

@@ -77,6 +77,10 @@ class GroundTree {
     int leaf = -1;
     Eigen::Array2f low, high;
   };
+  struct Row {
+    float x, y, z;
+    std::uint32_t index;
+  };
   bool choose_frame(const RoadCloud& cloud, const Eigen::Vector3d& z);
   void sort_into_cells();
   int build_from_cells(int x0, int x1, int y0, int y1, bool in_block, std::uint64_t name);
@@ -84,6 +88,7 @@ class GroundTree {
   int build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
             Eigen::Array2f high, std::uint64_t name);
   void finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name);
+  static void sort_along_x(Row* rows, std::size_t count);
   void find_neighbours();
 
   LevelFrame frame_;
@@ -98,10 +103,6 @@ class GroundTree {
   std::size_t size_ = 0;
   double spread_ = 0.0;
 
-  struct Row {
-    float x, y, z;
-    std::uint32_t index;
-  };
   // While building.
   struct Grid {
     int columns = 0, lines = 0;
