@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
 #include "camber/road/detail/ground_cells.h"
 #include "camber/road/detail/ground_surface.h"
 #include "camber/road/detail/height_grid.h"
@@ -57,17 +58,23 @@ class Labeller {
         ground_(ground),
         from_air_(from_air),
         tolerance_(tolerance),
-        narrow_(narrow),
-        above_(cells.points.size()) {
-    measure_above(cells.points.data(), cells.points.size(), ground, above_.data());
-    int most = 0;
-    for (const int c : cells.occupied) {
-      most = std::max(most, cells.start[as_size(c) + 1] - cells.start[as_size(c)]);
-    }
-    near_.resize(as_size(most) + 1);
+        narrow_(narrow) {}
+
+  /// Labels the points of the occupied cells [first, last). @return how many are ground
+  std::size_t label(std::size_t first, std::size_t last, std::vector<int>& labels) {
+    if (first == last) return 0;
+    first_point_ = cells_.start[as_size(cells_.occupied[first])];
+    const int end = cells_.start[as_size(cells_.occupied[last - 1]) + 1];
+    above_.resize(as_size(end - first_point_));
+    near_.resize(above_.size() + 1);
+    measure_above(cells_.points.data() + first_point_, above_.size(), ground_, above_.data());
+    std::size_t found = 0;
+    for (std::size_t k = first; k < last; ++k) found += label_cell(cells_.occupied[k], labels);
+    return found;
   }
 
-  void label(int cell, GroundSegmentation& out) {
+ private:
+  std::size_t label_cell(int cell, std::vector<int>& labels) {
     const std::size_t at = as_size(cell);
     const int x = cell % cells_.width, y = cell / cells_.width;
     float tolerance = tolerance_;
@@ -78,7 +85,7 @@ class Labeller {
     std::size_t count = 0;
     int rising[16] = {};
     for (int i = cells_.start[at]; i < cells_.start[at + 1]; ++i) {
-      const float above = above_[as_size(i)];
+      const float above = above_[as_size(i - first_point_)];
       if (!(above > lowest && above < highest)) continue;
       const CellPoint& p = cells_.points[as_size(i)];
       const int column = std::clamp(static_cast<int>(4.0f * (p.u - left)), 0, 3);
@@ -87,21 +94,22 @@ class Labeller {
       rising[4 * row + column] += above >= tolerance ? 1 : 0;
       count += above < tolerance + kHighest ? 1 : 0;
     }
-    if (count == 0) return;
+    if (count == 0) return 0;
     float shift[4] = {};
     find_shifts(count, tolerance, shift);
+    std::size_t found = 0;
     for (std::size_t i = 0; i < count; ++i) {
       const Near& p = near_[i];
       const float r = p.above - shift[p.quarter];
       if (!(r > -tolerance && r < tolerance)) continue;
       // The foot of what rises here.
       if (!from_air_ && r > narrow_ && rising[p.sixteenth] >= 2) continue;
-      out.labels[as_size(p.index)] = 1;
-      ++out.ground;
+      labels[as_size(p.index)] = 1;
+      ++found;
     }
+    return found;
   }
 
- private:
   static constexpr float kDeepest = 0.45f, kHighest = 0.12f;  // m, of shifts
 
   struct Near {
@@ -139,7 +147,8 @@ class Labeller {
   const HeightGrid& ground_;
   bool from_air_;
   float tolerance_, narrow_;
-  std::vector<float> above_;  // of each point
+  int first_point_ = 0;
+  std::vector<float> above_;  // of each point of some cells
   std::vector<Near> near_;    // of one cell
 };
 
@@ -160,7 +169,7 @@ SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const Pla
   if (options.cell > 0.0) cell = options.cell;
   PlanBounds& bounds = out.bounds;
   bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
-  out.cells = detail::sort_by_cell(cloud, frame, bounds, cell);
+  out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
   // Scans from the air see about as many points everywhere, others many near by and none behind
   // things.
   const PointDensity density = detail::measure_density(out.cells);
@@ -178,7 +187,8 @@ SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const Pla
     if (options.cell == 0.0) {
       cell = std::clamp(1.5 / std::sqrt(density.median), 1.0, 4.0);
       bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
-      out.cells = detail::sort_by_cell(cloud, frame, bounds, cell);
+      out.cells = GroundCells();  // not both at once
+      out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
     }
   }
   return out;
@@ -226,7 +236,7 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
 
   const PlanFrame frame(options.up);
   std::size_t finite = 0;
-  const PlanBounds all = detail::find_bounds(cloud, frame, &finite);
+  const PlanBounds all = detail::find_bounds(cloud, frame, options.num_threads, &finite);
   if (finite < 3) {
     out.status = Status::kFailed;
     out.reason = "found " + std::to_string(finite) + " finite points, expected at least 3";
@@ -245,20 +255,26 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   out.largest_object = rules.largest_object;
   out.slope = rules.slope;
 
-  detail::LowestHeights lowest = detail::find_lowest(cells);
+  detail::LowestHeights lowest = detail::find_lowest(cells, options.num_threads);
   if (std::isfinite(options.sensor_height)) {
     add_ground_under_sensor(cloud, frame, sorted.bounds, sorted.cell, options.sensor_height, &cells,
                             &lowest);
   }
   detail::drop_low(cells, rules, lowest);
-  const GroundSurface ground = detail::fit_ground_surface(cells, rules, lowest.heights);
+  const GroundSurface ground =
+      detail::fit_ground_surface(cells, rules, lowest.heights, options.num_threads);
 
   float tolerance = rules.from_air ? 0.4f : std::clamp(0.08f + 2.5f * ground.noise, 0.08f, 0.4f);
   float narrow = std::min(tolerance, 0.02f + 1.5f * ground.noise);
   if (options.tolerance > 0.0) tolerance = narrow = static_cast<float>(options.tolerance);
   out.tolerance = tolerance;
-  Labeller labeller(cells, ground.heights, rules.from_air, tolerance, narrow);
-  for (const int c : cells.occupied) labeller.label(c, out);
+  const std::vector<std::size_t> runs = detail::cell_runs(cells);
+  std::vector<std::size_t> found(runs.size() - 1, 0);
+  parallel_for(found.size(), options.num_threads, [&](std::size_t run) {
+    Labeller labeller(cells, ground.heights, rules.from_air, tolerance, narrow);
+    found[run] = labeller.label(runs[run], runs[run + 1], out.labels);
+  });
+  for (const std::size_t number : found) out.ground += number;
   if (out.ground == 0) {
     out.status = Status::kFailed;
     out.reason = "no point lies on the ground's surface";

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
 
 namespace camber::detail {
 namespace {
@@ -94,17 +95,25 @@ void to_cells(const PlanGrid& grid, std::size_t n, PlanBlock& block, std::int32_
   }
 }
 
-/// Calls visit(first, n, block) for the cloud's points in blocks, in the plan's frame.
+/// Calls visit(first, n, block) for points [begin, end) of a cloud in blocks, in the plan's frame.
 template <typename Visit>
-void for_each_block(const RoadCloud& cloud, const PlanFrame& frame, const Visit& visit) {
+void for_each_block(const RoadCloud& cloud, const PlanFrame& frame, std::size_t begin,
+                    std::size_t end, const Visit& visit) {
   const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> axes = frame.axes;
   PlanBlock block;
-  for (std::size_t first = 0; first < cloud.size(); first += kBlock) {
-    const std::size_t n = std::min(kBlock, cloud.size() - first);
+  for (std::size_t first = begin; first < end; first += kBlock) {
+    const std::size_t n = std::min(kBlock, end - first);
     to_plan(cloud.points[first].data(), n, axes.data(), block);
     for (std::size_t i = n; i < (n + 7) / 8 * 8; ++i) block.u[i] = block.v[i] = 0.0f;
     visit(first, n, block);
   }
+}
+
+/// How many slices of a grid are worth a pass over all points each.
+std::size_t slices_for(std::size_t points, int num_threads) {
+  constexpr std::size_t kFewest = 32768, kMost = 4;
+  return std::clamp<std::size_t>(points / kFewest, 1,
+                                 std::min(kMost, as_size(resolve_num_threads(num_threads))));
 }
 
 }  // namespace
@@ -119,12 +128,30 @@ PlanFrame::PlanFrame(const Eigen::Vector3d& direction) : up(direction.normalized
   axes.row(2) = up.cast<float>();
 }
 
-PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, std::size_t* usable) {
+PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, int num_threads,
+                       std::size_t* usable) {
+  constexpr std::size_t kPiece = 32 * kBlock;
+  struct Part {
+    PlanBounds bounds;
+    std::size_t usable = 0;
+  };
+  std::vector<Part> parts((cloud.size() + kPiece - 1) / kPiece);
+  parallel_for(parts.size(), num_threads, [&](std::size_t piece) {
+    Part& part = parts[piece];
+    for_each_block(cloud, frame, piece * kPiece, std::min(cloud.size(), (piece + 1) * kPiece),
+                   [&](std::size_t, std::size_t n, const PlanBlock& block) {
+                     part.usable += as_size(widen(block, n, part.bounds.low, part.bounds.high));
+                   });
+  });
   PlanBounds out;
   *usable = 0;
-  for_each_block(cloud, frame, [&](std::size_t, std::size_t n, const PlanBlock& block) {
-    *usable += as_size(widen(block, n, out.low, out.high));
-  });
+  for (const Part& part : parts) {
+    *usable += part.usable;
+    for (int axis = 0; axis < 2; ++axis) {
+      out.low[axis] = std::min(out.low[axis], part.bounds.low[axis]);
+      out.high[axis] = std::max(out.high[axis], part.bounds.high[axis]);
+    }
+  }
   return out;
 }
 
@@ -160,7 +187,7 @@ PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const P
 }
 
 GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& bounds,
-                         double size) {
+                         double size, int num_threads) {
   GroundCells cells;
   cells.cell = static_cast<float>(size);
   cells.width = static_cast<int>(bounds.width() / size) + 1;
@@ -171,29 +198,61 @@ GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const P
                          1.0f / cells.cell,
                          cells.width,
                          cells.height};
-  alignas(32) std::int32_t cell_of[kBlock];
-  for_each_block(cloud, frame, [&](std::size_t, std::size_t n, PlanBlock& block) {
-    to_cells(grid, n, block, cell_of);
-    for (std::size_t i = 0; i < n; ++i) {
-      if (cell_of[i] >= 0) ++cells.start[as_size(cell_of[i]) + 1];
-    }
+  // Each slice of the grid looks at all points, and keeps those in its own cells: what takes time
+  // is that these lie far apart in memory.
+  const std::size_t slices = slices_for(cloud.size(), num_threads);
+  const auto for_each_slice = [&](const std::vector<std::int32_t>& ends, const auto& visit) {
+    parallel_for(slices, num_threads, [&](std::size_t slice) {
+      const std::int32_t first = ends[slice], last = ends[slice + 1];
+      alignas(32) std::int32_t cell[kBlock];
+      for_each_block(cloud, frame, 0, cloud.size(),
+                     [&](std::size_t from, std::size_t n, PlanBlock& block) {
+                       to_cells(grid, n, block, cell);
+                       for (std::size_t i = 0; i < n; ++i) {
+                         if (cell[i] >= first && cell[i] < last) visit(from, i, block, cell[i]);
+                       }
+                     });
+    });
+  };
+  std::vector<std::int32_t> ends(slices + 1);
+  for (std::size_t k = 0; k <= slices; ++k) {
+    ends[k] = static_cast<std::int32_t>(cells.count() * k / slices);
+  }
+  for_each_slice(ends, [&](std::size_t, std::size_t, const PlanBlock&, std::int32_t c) {
+    ++cells.start[as_size(c) + 1];
   });
   for (std::size_t c = 0; c < cells.count(); ++c) {
     if (cells.start[c + 1] > 0) cells.occupied.push_back(static_cast<int>(c));
     cells.start[c + 1] += cells.start[c];
   }
-  cells.points.resize(as_size(cells.start.back()));
+  const std::size_t count = as_size(cells.start.back());
+  for (std::size_t k = 1; k < slices; ++k) {
+    const auto place = std::lower_bound(cells.start.begin(), cells.start.end() - 1,
+                                        static_cast<int>(count * k / slices));
+    ends[k] = static_cast<std::int32_t>(place - cells.start.begin());
+  }
+  cells.points.resize(count);
   std::vector<int> next(cells.start.begin(), cells.start.end() - 1);
-  for_each_block(cloud, frame, [&](std::size_t first, std::size_t n, PlanBlock& block) {
-    to_cells(grid, n, block, cell_of);
-    for (std::size_t i = 0; i < n; ++i) {
-      const std::int32_t c = cell_of[i];
-      if (c < 0) continue;
-      cells.points[as_size(next[as_size(c)]++)] = {block.u[i], block.v[i], block.h[i],
-                                                   static_cast<int>(first + i)};
-    }
-  });
+  for_each_slice(ends,
+                 [&](std::size_t first, std::size_t i, const PlanBlock& block, std::int32_t c) {
+                   cells.points[as_size(next[as_size(c)]++)] = {block.u[i], block.v[i], block.h[i],
+                                                                static_cast<int>(first + i)};
+                 });
   return cells;
+}
+
+std::vector<std::size_t> cell_runs(const GroundCells& cells) {
+  constexpr int kPoints = 8192;
+  std::vector<std::size_t> runs;
+  int end = 0;  // point with which a new run begins
+  for (std::size_t k = 0; k < cells.occupied.size(); ++k) {
+    const int first = cells.start[as_size(cells.occupied[k])];
+    if (k > 0 && first < end) continue;
+    runs.push_back(k);
+    end = first + kPoints;
+  }
+  runs.push_back(cells.occupied.size());
+  return runs;
 }
 
 PointDensity measure_density(const GroundCells& cells) {

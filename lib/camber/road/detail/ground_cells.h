@@ -52,7 +52,8 @@ struct GroundCells {
 };
 
 /// Bounds of the usable points, and their number.
-PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, std::size_t* usable);
+PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, int num_threads,
+                       std::size_t* usable);
 
 /// Bounds of the points with few of them left out, so that a grid of squares of a given size
 /// has at most `most` of them; where that is not enough, the size grows.
@@ -61,9 +62,13 @@ PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, std::size
 PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
                          double most, double* cell);
 
-/// @param size  m, side of a cell
+/// The same for any number of threads. @param size  m, side of a cell
 GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& bounds,
-                         double size);
+                         double size, int num_threads);
+
+/// Runs of occupied cells with some thousand points each, to be looked at side by side: where each
+/// begins in `occupied`, and the end.
+std::vector<std::size_t> cell_runs(const GroundCells& cells);
 
 /// Median and mean over occupied squares of 2 x 2 cells of the points a square metre, and the share
 /// of squares that are occupied.

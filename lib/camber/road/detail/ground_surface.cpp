@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
 
 namespace camber::detail {
 namespace {
@@ -277,31 +278,44 @@ void remove_raised(const GroundCells& cells, const GroundRules& rules, const Hei
   }
 }
 
-/// Moves each ground cell to the mean of the points near its plane. @return the lower third over
-/// cells of the points' scatter, m; 0 where cells hold few points.
-float refine(const GroundCells& cells, const HeightGrid& filled, float reach, HeightGrid& ground) {
-  std::vector<float> scatter;
-  for (const int c : cells.occupied) {
-    const std::size_t at = as_size(c);
-    const float z = ground.z[at];
-    if (z == kNoHeight) continue;
-    const int x = c % cells.width, y = c / cells.width;
-    const Eigen::Vector2f slope = gradient(filled, x, y, 1);
-    const float u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
-    float sum = 0.0f, squares = 0.0f, count = 0.0f;
-    for (int i = cells.start[at]; i < cells.start[at + 1]; ++i) {
-      const CellPoint& p = cells.points[as_size(i)];
-      const float r = p.h - (z + slope.x() * (p.u - u) + slope.y() * (p.v - v));
-      const float near = (r >= -reach) & (r <= reach) ? 1.0f : 0.0f;
-      sum += near * r;
-      squares += near * r * r;
-      count += near;
-    }
-    if (count == 0.0f) continue;
-    const float mean = sum / count;
-    ground.z[at] = z + mean;
-    if (count >= 5.0f) scatter.push_back(std::sqrt(std::max(0.0f, squares / count - mean * mean)));
+/// Moves one ground cell to the mean of the points near its plane. @return their scatter, m;
+/// negative where they are few
+float refine_cell(const GroundCells& cells, const HeightGrid& filled, float reach, int c,
+                  HeightGrid& ground) {
+  const std::size_t at = as_size(c);
+  const float z = ground.z[at];
+  if (z == kNoHeight) return -1.0f;
+  const int x = c % cells.width, y = c / cells.width;
+  const Eigen::Vector2f slope = gradient(filled, x, y, 1);
+  const float u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
+  float sum = 0.0f, squares = 0.0f, count = 0.0f;
+  for (int i = cells.start[at]; i < cells.start[at + 1]; ++i) {
+    const CellPoint& p = cells.points[as_size(i)];
+    const float r = p.h - (z + slope.x() * (p.u - u) + slope.y() * (p.v - v));
+    const float near = (r >= -reach) & (r <= reach) ? 1.0f : 0.0f;
+    sum += near * r;
+    squares += near * r * r;
+    count += near;
   }
+  if (count == 0.0f) return -1.0f;
+  const float mean = sum / count;
+  ground.z[at] = z + mean;
+  return count >= 5.0f ? std::sqrt(std::max(0.0f, squares / count - mean * mean)) : -1.0f;
+}
+
+/// Moves all ground cells. @return the lower third over cells of the points' scatter, m; 0 where
+/// cells hold few points.
+float refine(const GroundCells& cells, const HeightGrid& filled, float reach, int num_threads,
+             HeightGrid& ground) {
+  std::vector<float> scatter(cells.occupied.size());
+  const std::vector<std::size_t> runs = cell_runs(cells);
+  parallel_for(runs.size() - 1, num_threads, [&](std::size_t run) {
+    for (std::size_t k = runs[run]; k < runs[run + 1]; ++k) {
+      scatter[k] = refine_cell(cells, filled, reach, cells.occupied[k], ground);
+    }
+  });
+  scatter.erase(std::remove_if(scatter.begin(), scatter.end(), [](float s) { return s < 0.0f; }),
+                scatter.end());
   if (scatter.empty()) return 0.0f;
   const auto third = scatter.begin() + static_cast<std::ptrdiff_t>(scatter.size() / 3);
   std::nth_element(scatter.begin(), third, scatter.end());
@@ -310,15 +324,19 @@ float refine(const GroundCells& cells, const HeightGrid& filled, float reach, He
 
 }  // namespace
 
-LowestHeights find_lowest(const GroundCells& cells) {
+LowestHeights find_lowest(const GroundCells& cells, int num_threads) {
   LowestHeights out;
   out.heights = HeightGrid(cells.width, cells.height, kNoHeight);
   out.support.assign(cells.count(), 0);
-  for (const int c : cells.occupied) {
-    const LowestMode mode = lowest_mode(cells, as_size(c), -kNoHeight);
-    out.heights.z[as_size(c)] = mode.height;
-    out.support[as_size(c)] = mode.support;
-  }
+  const std::vector<std::size_t> runs = cell_runs(cells);
+  parallel_for(runs.size() - 1, num_threads, [&](std::size_t run) {
+    for (std::size_t k = runs[run]; k < runs[run + 1]; ++k) {
+      const std::size_t c = as_size(cells.occupied[k]);
+      const LowestMode mode = lowest_mode(cells, c, -kNoHeight);
+      out.heights.z[c] = mode.height;
+      out.support[c] = mode.support;
+    }
+  });
   return out;
 }
 
@@ -358,7 +376,7 @@ void drop_low(const GroundCells& cells, const GroundRules& rules, LowestHeights&
 }
 
 GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& rules,
-                                 const HeightGrid& lowest) {
+                                 const HeightGrid& lowest, int num_threads) {
   GroundSurface out;
   HeightGrid& ground = out.heights;
   GapFiller filler;
@@ -369,11 +387,11 @@ GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& ru
   }
   HeightGrid filled = ground;
   filler.fill(filled, 2);
-  refine(cells, filled, rules.refine, ground);
+  refine(cells, filled, rules.refine, num_threads, ground);
   remove_raised(cells, rules, filled, ground);
   filled = ground;
   filler.fill(filled, 2);
-  out.noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, ground);
+  out.noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, num_threads, ground);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     if (ground.z[c] == kNoHeight) ground.z[c] = filled.z[c];
   }
