@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
@@ -677,13 +678,28 @@ std::size_t split(const BuildNode& at, Entry* entries, detail::PointTreeBox& box
 }  // namespace
 
 PointTree::PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads) {
-  std::vector<Entry> entries;
-  entries.reserve(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector3f& p = points[i];
-    if (p.allFinite()) entries.push_back({{p.x(), p.y(), p.z()}, static_cast<int>(i)});
-  }
-  const std::size_t count = entries.size();
+  constexpr std::size_t kPiece = 65536;
+  const std::size_t pieces = (points.size() + kPiece - 1) / kPiece;
+  const auto for_each_finite = [&](std::size_t piece, const auto& visit) {
+    const std::size_t end = std::min(points.size(), (piece + 1) * kPiece);
+    for (std::size_t i = piece * kPiece; i < end; ++i) {
+      if (points[i].allFinite()) visit(i);
+    }
+  };
+  std::vector<std::size_t> starts(pieces + 1, 0);
+  parallel_for(pieces, num_threads, [&](std::size_t piece) {
+    for_each_finite(piece, [&](std::size_t) { ++starts[piece + 1]; });
+  });
+  for (std::size_t piece = 0; piece < pieces; ++piece) starts[piece + 1] += starts[piece];
+  const std::size_t count = starts[pieces];
+  const std::unique_ptr<Entry[]> memory(new Entry[count]);  // not cleared before it is filled
+  Entry* const entries = memory.get();
+  parallel_for(pieces, num_threads, [&](std::size_t piece) {
+    std::size_t at = starts[piece];
+    for_each_finite(piece, [&](std::size_t i) {
+      entries[at++] = {{points[i].x(), points[i].y(), points[i].z()}, static_cast<int>(i)};
+    });
+  });
   while ((std::size_t{kLeafSize} << levels_) < count) ++levels_;
   const std::size_t leaves = std::size_t{1} << levels_;
   boxes_.resize(2 * leaves);
@@ -695,7 +711,7 @@ PointTree::PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads
   for (int depth = 0; depth < std::min(levels_, kTopLevels); ++depth) {
     std::vector<BuildNode> next(2 * level.size());
     parallel_for(level.size(), num_threads, [&](std::size_t i) {
-      const std::size_t middle = split(level[i], entries.data(), boxes_[level[i].node]);
+      const std::size_t middle = split(level[i], entries, boxes_[level[i].node]);
       next[2 * i] = {2 * level[i].node, level[i].begin, middle};
       next[2 * i + 1] = {2 * level[i].node + 1, middle, level[i].end};
     });
@@ -707,26 +723,27 @@ PointTree::PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads
       const BuildNode at = stack.back();
       stack.pop_back();
       if (at.node >= leaves) {
-        boxes_[at.node] = box_of(entries.data(), at);
+        boxes_[at.node] = box_of(entries, at);
         leaf_start_[at.node - leaves] = static_cast<int>(at.begin);
         continue;
       }
-      const std::size_t middle = split(at, entries.data(), boxes_[at.node]);
+      const std::size_t middle = split(at, entries, boxes_[at.node]);
       stack.push_back({2 * at.node + 1, middle, at.end});
       stack.push_back({2 * at.node, at.begin, middle});
     }
   });
   // A leaf is read as kLeafSize points: behind the last one there are zeros.
-  x_.resize(count + kLeafSize);
-  y_.resize(count + kLeafSize);
-  z_.resize(count + kLeafSize);
-  index_.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    x_[i] = entries[i].p[0];
-    y_[i] = entries[i].p[1];
-    z_[i] = entries[i].p[2];
-    index_[i] = entries[i].index;
-  }
+  parallel_for(4, num_threads, [&](std::size_t array) {
+    if (array == 3) {
+      index_.resize(count);
+      for (std::size_t i = 0; i < count; ++i) index_[i] = entries[i].index;
+      return;
+    }
+    std::vector<float>& out = array == 0 ? x_ : array == 1 ? y_ : z_;
+    out.reserve(count + kLeafSize);
+    for (std::size_t i = 0; i < count; ++i) out.push_back(entries[i].p[array]);
+    out.resize(count + kLeafSize);
+  });
 }
 
 detail::PointTreeView PointTree::view() const {
