@@ -262,6 +262,26 @@ CAMBER_INLINE float from_bits(std::int32_t bits) {
   return value;
 }
 
+using F8 = float __attribute__((vector_size(32)));
+using I8 = std::int32_t __attribute__((vector_size(32)));
+
+// Vectors are passed by reference: by value their calling convention would depend on the clone.
+template <typename Vector, typename Number>
+CAMBER_INLINE void load(const Number* from, Vector& to) {
+  std::memcpy(&to, from, sizeof to);
+}
+
+CAMBER_INLINE std::int32_t least_of(const I8& a, const I8& b) {
+  I8 least = a < b ? a : b;
+  I8 other = __builtin_shufflevector(least, least, 4, 5, 6, 7, 0, 1, 2, 3);
+  least = least < other ? least : other;
+  other = __builtin_shufflevector(least, least, 2, 3, 0, 1, 6, 7, 4, 5);
+  least = least < other ? least : other;
+  other = __builtin_shufflevector(least, least, 1, 0, 3, 2, 5, 4, 7, 6);
+  least = least < other ? least : other;
+  return least[0];
+}
+
 /// Distances of a query to candidates as bits, which sort as the distances do, in runs as these.
 struct CandidateDistances {
   int runs = 0;  ///< that reach into the bound
@@ -286,19 +306,21 @@ bool choose_nearest(const PointTreeView& t, const Candidates& candidates, const 
                     float bound, int* positions, float* distances) {
   CandidateDistances found;
   std::int32_t limit = to_bits(bound);
+  static_assert(kLeafSize == 16, "two vectors");
   for (int run = 0; run < candidates.runs; ++run) {
-    const float* const x = candidates.x + run * kLeafSize;
-    const float* const y = candidates.y + run * kLeafSize;
-    const float* const z = candidates.z + run * kLeafSize;
-    float squares[kLeafSize];
-    for (int i = 0; i < kLeafSize; ++i) {
-      const float dx = x[i] - q[0], dy = y[i] - q[1], dz = z[i] - q[2];
-      squares[i] = dx * dx + dy * dy + dz * dz;
+    I8 halves[2];
+    for (int half = 0; half < 2; ++half) {
+      const int at = run * kLeafSize + 8 * half;
+      F8 x, y, z;
+      load(candidates.x + at, x);
+      load(candidates.y + at, y);
+      load(candidates.z + at, z);
+      const F8 dx = x - q[0], dy = y - q[1], dz = z - q[2];
+      const F8 squares = dx * dx + dy * dy + dz * dz;
+      std::memcpy(&halves[half], &squares, sizeof squares);
     }
-    std::int32_t* const bits = found.bits + found.runs * kLeafSize;
-    std::memcpy(bits, squares, sizeof squares);
-    std::int32_t least = bits[0];
-    for (int i = 1; i < kLeafSize; ++i) least = bits[i] < least ? bits[i] : least;
+    std::memcpy(found.bits + found.runs * kLeafSize, halves, sizeof halves);
+    const std::int32_t least = least_of(halves[0], halves[1]);
     found.run[found.runs] = run;
     found.least[found.runs] = least;
     found.runs += least <= limit ? 1 : 0;
@@ -326,7 +348,7 @@ bool choose_nearest(const PointTreeView& t, const Candidates& candidates, const 
       within_low = within;
     }
   }
-  std::int32_t bits[kMostGrouped + kLeafSize];
+  std::int32_t bits[kMostGrouped + kLeafSize];  // room for what is left out again
   int places[kMostGrouped + kLeafSize], count = 0;
   // All within `high`, or, where more than one of them is at the very distance of the k-th, of
   // these the first.
@@ -345,12 +367,16 @@ bool choose_nearest(const PointTreeView& t, const Candidates& candidates, const 
     }
   }
   // In order, by how many come before each: places are in order already.
-  std::int32_t rank[kMostGrouped] = {};
-  const int padded = (k + 7) / 8 * 8;
-  for (int j = k; j < padded; ++j) bits[j] = 0;
-  for (int i = 0; i < k; ++i) {
-    const std::int32_t here = bits[i];
-    for (int j = 0; j < padded; ++j) rank[j] += here < bits[j] + (i < j ? 1 : 0) ? 1 : 0;
+  std::int32_t rank[kMostGrouped + 8];
+  for (int first = 0; first < k; first += 8) {
+    const I8 lanes = {0, 1, 2, 3, 4, 5, 6, 7};
+    I8 here, before = {};
+    load(bits + first, here);
+    for (int i = 0; i < k; ++i) {
+      // Equal ones come before those behind them.
+      before -= bits[i] < here - (i < lanes + first);
+    }
+    std::memcpy(rank + first, &before, sizeof before);
   }
   for (int i = 0; i < k; ++i) {
     positions[rank[i]] = places[i];
