@@ -249,7 +249,7 @@ GroundTree::GroundTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t
   }
   rows_.clear();
   rows_.shrink_to_fit();
-  find_neighbours();
+  find_neighbours(num_threads);
   if (size_ < cloud.size()) find_entries();
 }
 
@@ -578,7 +578,54 @@ void GroundTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::ui
   leaves_.push_back(leaf);
 }
 
-void GroundTree::find_neighbours() {
+/// Later leaves whose parts of the plan touch a leaf's, whatever gap lies between their points (the
+/// rings of a scanner), unless it is out of proportion.
+/// @param stack  memory for the work
+void GroundTree::find_touching(std::size_t i, const Eigen::Array4f& part, std::vector<int>* stack,
+                               std::vector<std::pair<int, int>>* pairs) const {
+  constexpr float kWidestGap = 3.0f;
+  const Leaf& leaf = leaves_[i];
+  const float size = (leaf.high - leaf.low).maxCoeff();
+  stack->assign(1, 0);
+  while (!stack->empty()) {
+    const Node& node = nodes_[static_cast<std::size_t>(stack->back())];
+    stack->pop_back();
+    if (node.leaf < 0) {
+      if (part[2 + node.axis] >= node.split) stack->push_back(node.above);
+      if (part[node.axis] <= node.split) stack->push_back(node.below);
+      continue;
+    }
+    if (node.leaf <= static_cast<int>(i)) continue;
+    const Leaf& other = leaves_[static_cast<std::size_t>(node.leaf)];
+    const float gap = (leaf.low - other.high).max(other.low - leaf.high).max(0.0f).matrix().norm();
+    if (gap <= kWidestGap * std::max(size, (other.high - other.low).maxCoeff())) {
+      pairs->emplace_back(static_cast<int>(i), node.leaf);
+    }
+  }
+}
+
+/// Leaves whose boxes touch a leaf's: half its size bridges the gaps that chance leaves.
+void GroundTree::find_near(std::size_t i, std::vector<int>* stack,
+                           std::vector<std::pair<int, int>>* pairs) const {
+  const Leaf& leaf = leaves_[i];
+  const Eigen::Array2f size = (leaf.high - leaf.low).max(0.0f);
+  const float reach = 0.5f * std::sqrt(std::max(size[0] * size[1], 0.0f)) + 1e-6f;
+  const Eigen::Array2f low = leaf.low - reach, high = leaf.high + reach;
+  stack->assign(1, 0);
+  while (!stack->empty()) {
+    const Node& node = nodes_[static_cast<std::size_t>(stack->back())];
+    stack->pop_back();
+    if ((node.low > high).any() || (node.high < low).any()) continue;
+    if (node.leaf >= 0) {
+      if (node.leaf != static_cast<int>(i)) pairs->emplace_back(static_cast<int>(i), node.leaf);
+    } else {
+      stack->push_back(node.above);
+      stack->push_back(node.below);
+    }
+  }
+}
+
+void GroundTree::find_neighbours(int num_threads) {
   neighbours_.assign(leaves_.size(), {});
   if (nodes_.empty()) return;
   // The part of the plan that each leaf answers for.
@@ -598,52 +645,19 @@ void GroundTree::find_neighbours() {
     below[2 + node.axis] = node.split;
     above[node.axis] = node.split;
   }
-  std::vector<int> stack;
-  std::vector<std::pair<int, int>> pairs;
-  // Parts that touch, whatever gap lies between their points (the rings of a scanner), unless it is
-  // out of proportion.
-  constexpr float kWidestGap = 3.0f;
-  for (std::size_t i = 0; i < leaves_.size(); ++i) {
-    const Leaf& leaf = leaves_[i];
-    const Eigen::Array4f& part = parts[node_of[i]];
-    const float size = (leaf.high - leaf.low).maxCoeff();
-    stack.assign(1, 0);
-    while (!stack.empty()) {
-      const Node& node = nodes_[static_cast<std::size_t>(stack.back())];
-      stack.pop_back();
-      if (node.leaf < 0) {
-        if (part[2 + node.axis] >= node.split) stack.push_back(node.above);
-        if (part[node.axis] <= node.split) stack.push_back(node.below);
-        continue;
-      }
-      if (node.leaf <= static_cast<int>(i)) continue;
-      const Leaf& other = leaves_[static_cast<std::size_t>(node.leaf)];
-      const float gap =
-          (leaf.low - other.high).max(other.low - leaf.high).max(0.0f).matrix().norm();
-      if (gap <= kWidestGap * std::max(size, (other.high - other.low).maxCoeff())) {
-        pairs.emplace_back(static_cast<int>(i), node.leaf);
-      }
+  constexpr std::size_t kBatch = 256;  // leaves
+  using Pairs = std::vector<std::pair<int, int>>;
+  std::vector<Pairs> lists((leaves_.size() + kBatch - 1) / kBatch);
+  parallel_for(lists.size(), num_threads, [&](std::size_t batch) {
+    std::vector<int> stack;
+    const std::size_t end = std::min(leaves_.size(), (batch + 1) * kBatch);
+    for (std::size_t i = batch * kBatch; i < end; ++i) {
+      find_touching(i, parts[node_of[i]], &stack, &lists[batch]);
+      find_near(i, &stack, &lists[batch]);
     }
-  }
-  for (std::size_t i = 0; i < leaves_.size(); ++i) {
-    const Leaf& leaf = leaves_[i];
-    // Half a leaf's size bridges the gaps that chance leaves between points.
-    const Eigen::Array2f size = (leaf.high - leaf.low).max(0.0f);
-    const float reach = 0.5f * std::sqrt(std::max(size[0] * size[1], 0.0f)) + 1e-6f;
-    const Eigen::Array2f low = leaf.low - reach, high = leaf.high + reach;
-    stack.assign(1, 0);
-    while (!stack.empty()) {
-      const Node& node = nodes_[static_cast<std::size_t>(stack.back())];
-      stack.pop_back();
-      if ((node.low > high).any() || (node.high < low).any()) continue;
-      if (node.leaf >= 0) {
-        if (node.leaf != static_cast<int>(i)) pairs.emplace_back(static_cast<int>(i), node.leaf);
-      } else {
-        stack.push_back(node.above);
-        stack.push_back(node.below);
-      }
-    }
-  }
+  });
+  Pairs pairs;
+  for (const Pairs& list : lists) pairs.insert(pairs.end(), list.begin(), list.end());
   // Neighbourhood is mutual.
   std::vector<std::size_t> counts(leaves_.size(), 0);
   for (const auto& [a, b] : pairs) {

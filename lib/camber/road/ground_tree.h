@@ -96,7 +96,11 @@ class GroundTree {
             Eigen::Array2f high, std::uint64_t name);
   void finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name);
   static void sort_along_x(Row* rows, std::size_t count);
-  void find_neighbours();
+  void find_touching(std::size_t leaf, const Eigen::Array4f& part, std::vector<int>* stack,
+                     std::vector<std::pair<int, int>>* pairs) const;
+  void find_near(std::size_t leaf, std::vector<int>* stack,
+                 std::vector<std::pair<int, int>>* pairs) const;
+  void find_neighbours(int num_threads);
   void find_entries();
   void enter(int id, int x0, int x1, int y0, int y1);
 
