@@ -6,6 +6,8 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
 
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/errors.h"
@@ -37,32 +39,41 @@ struct Arguments {
 };
 
 /// Indices of the points that are asked about: not those of a class that stays, nor those that a
-/// survey has withdrawn (the flag withheld). Clouds without classes have all.
-std::vector<int> points_to_judge(const RoadCloud& cloud, const std::vector<int>& keep_classes) {
+/// survey has withdrawn (the flag withheld). None: all of them, as of clouds without classes.
+std::optional<std::vector<int>> points_to_judge(const RoadCloud& cloud,
+                                                const std::vector<int>& keep_classes) {
   constexpr int kWithheld = 4;  // of class_flags, in all point formats
   const auto classes = cloud.labels.find("classification");
   const auto flags = cloud.labels.find("class_flags");
+  const bool with_classes = classes != cloud.labels.end(), with_flags = flags != cloud.labels.end();
+  if (!with_classes && !with_flags) return std::nullopt;
   std::vector<int> judged;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const bool kept = classes != cloud.labels.end() &&
-                      std::find(keep_classes.begin(), keep_classes.end(), classes->second[i]) !=
-                          keep_classes.end();
-    const bool withheld = flags != cloud.labels.end() && (flags->second[i] & kWithheld) != 0;
+    const bool kept = with_classes && std::find(keep_classes.begin(), keep_classes.end(),
+                                                classes->second[i]) != keep_classes.end();
+    const bool withheld = with_flags && (flags->second[i] & kWithheld) != 0;
     if (!kept && !withheld) judged.push_back(static_cast<int>(i));
   }
+  if (judged.size() == cloud.size()) return std::nullopt;
   return judged;
 }
 
 /// The input with its ground: in LAS by the ASPRS classes, else by an int ground.
+/// @param judged  which points the labels are of, if not all
 void write_ground(const Arguments& arguments, const ReadOptions& read_options,
                   const WriteOptions& write_options, std::size_t points,
-                  const std::vector<int>& judged, const std::vector<int>& labels) {
+                  const std::optional<std::vector<int>>& judged, std::vector<int> labels) {
   const std::optional<CloudFormat> format =
       write_options.format ? write_options.format : format_from_extension(arguments.out);
   const bool las = format == CloudFormat::kLas;
-  std::vector<int> ground(points, las ? -1 : 0);
-  for (std::size_t i = 0; i < judged.size(); ++i) {
-    ground[static_cast<std::size_t>(judged[i])] = labels[i];
+  std::vector<int> ground;
+  if (judged) {
+    ground.assign(points, las ? -1 : 0);
+    for (std::size_t i = 0; i < judged->size(); ++i) {
+      ground[static_cast<std::size_t>((*judged)[i])] = labels[i];
+    }
+  } else {
+    ground = std::move(labels);
   }
   if (!las) {
     write_labelled_copy(arguments.cloud, read_options, "ground", ground, arguments.out,
@@ -151,20 +162,23 @@ void register_ground(App& root) {
     const LogSink warn = make_warning_sink(command->common);
     warn_about(arguments->cloud, file.report, warn);
     use_metres(arguments->cloud, &file, warn);
-    const std::vector<int> judged = points_to_judge(file.cloud, arguments->keep_classes);
-    const bool all = judged.size() == file.cloud.size();
+    const std::optional<std::vector<int>> judged =
+        points_to_judge(file.cloud, arguments->keep_classes);
     load.stop();
     options.up = arguments->up.up(file.cloud);
+    options.num_threads = command->common.threads;
     throw_if_interrupted();
     StageTimer compute(timings, "compute");
-    const GroundSegmentation found =
-        segment_by(arguments->engine, all ? file.cloud : file.cloud.select(judged), options);
+    GroundSegmentation found =
+        judged ? segment_by(arguments->engine, file.cloud.select(*judged), options)
+               : segment_by(arguments->engine, file.cloud, options);
     compute.stop();
     if (found.status == Status::kFailed) {
       throw NoAnswerError(arguments->cloud + ": " + found.reason);
     }
     StageTimer write(timings, "write");
-    write_ground(*arguments, read_options, write_options, file.cloud.size(), judged, found.labels);
+    write_ground(*arguments, read_options, write_options, file.cloud.size(), judged,
+                 std::move(found.labels));
     write.stop();
     if (!arguments->as_json) {
       fmt::print("{}: {} of {} points are ground, within {:.2f} m of its surface\n", arguments->out,
@@ -187,7 +201,7 @@ void register_ground(App& root) {
         {"file", arguments->cloud},
         {"out", arguments->out},
         {"points", file.cloud.size()},
-        {"kept_as_they_are", file.cloud.size() - judged.size()},
+        {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
         {"ground", found.ground},
         {"from_air", found.from_air},
         {"used",

@@ -12,6 +12,8 @@
 namespace camber {
 namespace {
 
+using Quad = float __attribute__((vector_size(16)));
+
 /// Unit eigenvector of the smallest eigenvalue of a symmetric matrix with entries xx, xy, xz, yy,
 /// yz, zz; false if it is not unique (a line, a point).
 /// Eigenvalues by Smith, "Eigenvalues of a symmetric 3x3 matrix", CACM 1961; the vector as the
@@ -84,28 +86,26 @@ void estimate_normals(RoadCloud& cloud, const NormalOptions& options) {
   tree.for_each_neighborhood(
       options.neighbors, options.num_threads, [&](const PointTree::Neighborhood& near) {
         int count = 0;
-        // Sums relative to the point itself: small numbers, whatever the coordinates.
-        float sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+        // Sums relative to the point itself, small numbers whatever the coordinates, four at a
+        // time: x y z, xx xy xz yy, yz zz.
+        const Quad point = {near.point.x(), near.point.y(), near.point.z(), 0.0f};
+        Quad first = {}, second = {}, third = {};
         for (; count < near.count && near.squared_distances[count] <= limit; ++count) {
           const int at = near.positions[count];
-          const float dx = x[at] - near.point.x(), dy = y[at] - near.point.y(),
-                      dz = z[at] - near.point.z();
-          sx += dx;
-          sy += dy;
-          sz += dz;
-          xx += dx * dx;
-          xy += dx * dy;
-          xz += dx * dz;
-          yy += dy * dy;
-          yz += dy * dz;
-          zz += dz * dz;
+          const Quad d = Quad{x[at], y[at], z[at], 0.0f} - point;
+          first += d;
+          second +=
+              __builtin_shufflevector(d, d, 0, 0, 0, 1) * __builtin_shufflevector(d, d, 0, 1, 2, 1);
+          third +=
+              __builtin_shufflevector(d, d, 1, 2, 3, 3) * __builtin_shufflevector(d, d, 2, 2, 3, 3);
         }
         if (count < 3) return;
         const double share = 1.0 / count;
-        const double mx = sx * share, my = sy * share, mz = sz * share;
-        const double covariance[6] = {xx * share - mx * mx, xy * share - mx * my,
-                                      xz * share - mx * mz, yy * share - my * my,
-                                      yz * share - my * mz, zz * share - mz * mz};
+        const auto mean = [share](float sum) { return static_cast<double>(sum) * share; };
+        const double mx = mean(first[0]), my = mean(first[1]), mz = mean(first[2]);
+        const double covariance[6] = {mean(second[0]) - mx * mx, mean(second[1]) - mx * my,
+                                      mean(second[2]) - mx * mz, mean(second[3]) - my * my,
+                                      mean(third[0]) - my * mz,  mean(third[1]) - mz * mz};
         Eigen::Vector3d normal;
         if (!smallest_eigenvector(covariance, normal)) return;
         const Eigen::Vector3f n = normal.cast<float>();

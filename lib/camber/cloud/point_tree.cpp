@@ -1,9 +1,11 @@
 #include "camber/cloud/point_tree.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
@@ -35,6 +37,7 @@ struct Entry {
   float p[3];
   int index;
 };
+static_assert(sizeof(Entry) == 4 * sizeof(float), "four numbers side by side");
 
 /// Distance and number in one integer that sorts by distance, then by number.
 CAMBER_INLINE std::uint64_t pack(float squared_distance, int id) {
@@ -202,6 +205,272 @@ void search_own(const PointTreeView& t, std::size_t leaf, const float* q, Best& 
   }
 }
 
+constexpr int kMostGrouped = 64;  // neighbours that are searched for a leaf's points together
+constexpr int kMostRuns = 64;     // leaves that may hold them
+
+/// The points of some leaves in the tree's order, a run of kLeafSize for each: what neighbours of
+/// points that lie close together are chosen from. Runs end with points at infinity.
+struct Candidates {
+  int runs = 0;
+  std::size_t leaves[kMostRuns];
+  float x[kMostRuns * kLeafSize], y[kMostRuns * kLeafSize], z[kMostRuns * kLeafSize];
+};
+
+/// The leaves within a (squared) distance of a box, in their order.
+/// @return their number, or -1 if they are more than kMostRuns
+CAMBER_TARGET_CLONES("avx2")
+int find_leaves(const PointTreeView& t, const detail::PointTreeBox& box, float reach,
+                std::size_t* leaves) {
+  const std::size_t first_leaf = std::size_t{1} << t.levels;
+  std::size_t stack[kMostLevels + 2];
+  int height = 1, found = 0;
+  stack[0] = 1;
+  while (height > 0) {
+    const std::size_t node = stack[--height];
+    if (gap(t.boxes[node], box.low, box.high) > reach) continue;
+    if (node < first_leaf) {
+      stack[height++] = 2 * node + 1;
+      stack[height++] = 2 * node;
+      continue;
+    }
+    if (found == kMostRuns) return -1;
+    leaves[found++] = node - first_leaf;
+  }
+  return found;
+}
+
+void gather(const PointTreeView& t, Candidates& candidates) {
+  for (int run = 0; run < candidates.runs; ++run) {
+    const std::size_t leaf = candidates.leaves[run];
+    const int begin = t.leaf_start[leaf], count = t.leaf_start[leaf + 1] - begin;
+    float* const x = candidates.x + run * kLeafSize;
+    std::memcpy(x, t.x + begin, kLeafSize * sizeof(float));
+    std::memcpy(candidates.y + run * kLeafSize, t.y + begin, kLeafSize * sizeof(float));
+    std::memcpy(candidates.z + run * kLeafSize, t.z + begin, kLeafSize * sizeof(float));
+    for (int i = count; i < kLeafSize; ++i) x[i] = kInfinity;
+  }
+}
+
+CAMBER_INLINE std::int32_t to_bits(float value) {
+  std::int32_t bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
+CAMBER_INLINE float from_bits(std::int32_t bits) {
+  float value;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+using F8 = float __attribute__((vector_size(32)));
+using I8 = std::int32_t __attribute__((vector_size(32)));
+
+// Vectors are passed by reference: by value their calling convention would depend on the clone.
+template <typename Vector, typename Number>
+CAMBER_INLINE void load(const Number* from, Vector& to) {
+  std::memcpy(&to, from, sizeof to);
+}
+
+CAMBER_INLINE std::int32_t least_of(const I8& a, const I8& b) {
+  I8 least = a < b ? a : b;
+  I8 other = __builtin_shufflevector(least, least, 4, 5, 6, 7, 0, 1, 2, 3);
+  least = least < other ? least : other;
+  other = __builtin_shufflevector(least, least, 2, 3, 0, 1, 6, 7, 4, 5);
+  least = least < other ? least : other;
+  other = __builtin_shufflevector(least, least, 1, 0, 3, 2, 5, 4, 7, 6);
+  least = least < other ? least : other;
+  return least[0];
+}
+
+/// Distances of a query to candidates as bits, which sort as the distances do, in runs as these.
+struct CandidateDistances {
+  int runs = 0;  ///< that reach into the bound
+  int run[kMostRuns];
+  std::int32_t least[kMostRuns];
+  std::int32_t bits[kMostRuns * kLeafSize];
+
+  CAMBER_INLINE int count_up_to(std::int32_t limit) const {
+    std::int32_t count = 0;
+    for (int i = 0; i < runs * kLeafSize; ++i) count += bits[i] <= limit ? 1 : 0;
+    return count;
+  }
+};
+
+/// The k candidates nearest to a query, by distance, equal ones by position.
+/// @param k          at most kMostGrouped
+/// @param bound      squared distance, finite
+/// @param positions  receives k of them, as do the (squared) distances
+/// @return whether so many are within the bound
+CAMBER_TARGET_CLONES("avx2")
+bool choose_nearest(const PointTreeView& t, const Candidates& candidates, const float* q, int k,
+                    float bound, int* positions, float* distances) {
+  CandidateDistances found;
+  std::int32_t limit = to_bits(bound);
+  static_assert(kLeafSize == 16, "two vectors");
+  for (int run = 0; run < candidates.runs; ++run) {
+    I8 halves[2];
+    for (int half = 0; half < 2; ++half) {
+      const int at = run * kLeafSize + 8 * half;
+      F8 x, y, z;
+      load(candidates.x + at, x);
+      load(candidates.y + at, y);
+      load(candidates.z + at, z);
+      const F8 dx = x - q[0], dy = y - q[1], dz = z - q[2];
+      const F8 squares = dx * dx + dy * dy + dz * dz;
+      std::memcpy(&halves[half], &squares, sizeof squares);
+    }
+    std::memcpy(found.bits + found.runs * kLeafSize, halves, sizeof halves);
+    const std::int32_t least = least_of(halves[0], halves[1]);
+    found.run[found.runs] = run;
+    found.least[found.runs] = least;
+    found.runs += least <= limit ? 1 : 0;
+  }
+  // The distance of the k-th: more than `low` and at most `high`. On a surface the number within a
+  // distance grows with its square, so that a few guesses find one within which there are k.
+  int within_low = 0, within_high = found.count_up_to(limit);
+  if (within_high < k) return false;
+  std::int32_t low = -1, high = limit;
+  for (int guess = 0; within_high > k && high - low > 1; ++guess) {
+    std::int32_t middle = low + (high - low) / 2;
+    if (guess < 8) {
+      const float from = low < 0 ? 0.0f : from_bits(low);
+      const float share = (static_cast<float>(k - within_low) - 0.5f) /
+                          static_cast<float>(within_high - within_low);
+      middle = to_bits(from + share * (from_bits(high) - from));
+      middle = middle <= low ? low + 1 : middle >= high ? high - 1 : middle;
+    }
+    const int within = found.count_up_to(middle);
+    if (within >= k) {
+      high = middle;
+      within_high = within;
+    } else {
+      low = middle;
+      within_low = within;
+    }
+  }
+  std::int32_t bits[kMostGrouped + kLeafSize];  // room for what is left out again
+  int places[kMostGrouped + kLeafSize], count = 0;
+  // All within `high`, or, where more than one of them is at the very distance of the k-th, of
+  // these the first.
+  const std::int32_t sure = within_high == k ? high : low;
+  int left = k - (within_high == k ? k : within_low);
+  for (int run = 0; run < found.runs; ++run) {
+    if (found.least[run] > high) continue;
+    const int begin = t.leaf_start[candidates.leaves[found.run[run]]];
+    for (int i = 0; i < kLeafSize; ++i) {
+      const std::int32_t here = found.bits[run * kLeafSize + i];
+      const int tied = (here > sure) & (here <= high) & (left > 0) ? 1 : 0;
+      bits[count] = here;
+      places[count] = begin + i;
+      count += here <= sure ? 1 : tied;
+      left -= tied;
+    }
+  }
+  // In order, by how many come before each: places are in order already.
+  std::int32_t rank[kMostGrouped + 8];
+  for (int first = 0; first < k; first += 8) {
+    const I8 lanes = {0, 1, 2, 3, 4, 5, 6, 7};
+    I8 here, before = {};
+    load(bits + first, here);
+    for (int i = 0; i < k; ++i) {
+      // Equal ones come before those behind them.
+      before -= bits[i] < here - (i < lanes + first);
+    }
+    std::memcpy(rank + first, &before, sizeof before);
+  }
+  for (int i = 0; i < k; ++i) {
+    positions[rank[i]] = places[i];
+    distances[rank[i]] = from_bits(bits[i]);
+  }
+  return true;
+}
+
+/// The nearest points of the points of one leaf after the other.
+class LeafNeighborhoods {
+ public:
+  /// @param tree  whose ids are positions
+  LeafNeighborhoods(const PointTreeView& tree, int k)
+      : t_(tree),
+        k_(k),
+        items_(static_cast<std::size_t>(k)),
+        positions_(static_cast<std::size_t>(k * kLeafSize)),
+        distances_(positions_.size()) {}
+
+  void search(std::size_t leaf) {
+    begin_ = t_.leaf_start[leaf];
+    count_ = t_.leaf_start[leaf + 1] - begin_;
+    if (k_ > kMostGrouped || !search_together(leaf)) {
+      for (int j = 0; j < count_; ++j) search_alone(leaf, j);
+    }
+  }
+  /// Of the j-th point of the leaf, ascending.
+  const int* positions(int j) const { return positions_.data() + j * k_; }
+  const float* distances(int j) const { return distances_.data() + j * k_; }
+
+ private:
+  /// From the leaves that lie within a distance of this one, which the last leaf's neighbours
+  /// suggest; farther ones where that is not enough. False where those are too many.
+  bool search_together(std::size_t leaf) {
+    constexpr float kMore = 1.3f;     // of the last leaf's squared distances
+    constexpr float kFarther = 2.5f;  // squared
+    constexpr float kRounding = 1e-5f;
+    if (!(reach_ < kInfinity)) search_alone(leaf, 0);
+    float reach = kMore * reach_, farthest = 0.0f;
+    bool done[kLeafSize] = {};
+    int left = count_;
+    for (; left > 0; reach *= kFarther) {
+      if (!(reach > 1e-30f && reach < 1e30f)) return false;
+      const std::size_t node = (std::size_t{1} << t_.levels) + leaf;
+      candidates_.runs = find_leaves(t_, t_.boxes[node], reach, candidates_.leaves);
+      if (candidates_.runs < 0) return false;
+      gather(t_, candidates_);
+      for (int j = 0; j < count_; ++j) {
+        if (done[j]) continue;
+        const int at = begin_ + j;
+        const float q[3] = {t_.x[at], t_.y[at], t_.z[at]};
+        done[j] = choose_nearest(t_, candidates_, q, k_, reach * (1.0f - kRounding),
+                                 positions_.data() + j * k_, distances_.data() + j * k_);
+        if (!done[j]) continue;
+        --left;
+        farthest = std::max(farthest, distances(j)[k_ - 1]);
+      }
+    }
+    reach_ = farthest;
+    const int at = begin_ + count_ - 1;
+    last_[0] = t_.x[at];
+    last_[1] = t_.y[at];
+    last_[2] = t_.z[at];
+    return true;
+  }
+
+  /// By a walk through the tree of its own. The last point's neighbours bound those of the next,
+  /// with room for rounding.
+  void search_alone(std::size_t leaf, int j) {
+    const int at = begin_ + j;
+    const float q[4] = {t_.x[at], t_.y[at], t_.z[at], 0.0f};
+    const float dx = q[0] - last_[0], dy = q[1] - last_[1], dz = q[2] - last_[2];
+    const float bound = std::sqrt(reach_) + std::sqrt(dx * dx + dy * dy + dz * dz);
+    Best best = start_best(items_.data(), k_, bound * bound * 1.001f + 1e-30f);
+    search_own(t_, leaf, q, best);
+    for (int i = 0; i < k_; ++i) {
+      positions_[static_cast<std::size_t>(j * k_ + i)] = id_of(items_[static_cast<std::size_t>(i)]);
+      distances_[static_cast<std::size_t>(j * k_ + i)] =
+          distance_of(items_[static_cast<std::size_t>(i)]);
+    }
+    std::copy_n(q, 3, last_);
+    reach_ = distances(j)[k_ - 1];
+  }
+
+  PointTreeView t_;
+  int k_, begin_ = 0, count_ = 0;
+  float last_[3] = {kInfinity, kInfinity, kInfinity};  ///< the last point
+  float reach_ = kInfinity;  ///< no less than the squared distance of its k-th neighbour
+  std::vector<std::uint64_t> items_;
+  std::vector<int> positions_;
+  std::vector<float> distances_;
+  Candidates candidates_;
+};
+
 /// Queries that lie close together, those of one leaf of another tree, and their two nearest
 /// points. Behind the last of them the first is repeated.
 struct QueryGroup {
@@ -345,20 +614,79 @@ struct BuildNode {
   std::size_t node, begin, end;
 };
 
+/// Four numbers side by side, so that a box grows by an entry in two instructions.
+using Quad = float __attribute__((vector_size(16)));
+
 detail::PointTreeBox box_of(const Entry* entries, const BuildNode& at) {
-  detail::PointTreeBox box;
-  for (int a = 0; a < 3; ++a) {
-    box.low[a] = kInfinity;
-    box.high[a] = -kInfinity;
-  }
-  box.low[3] = box.high[3] = 0.0f;
+  Quad low = {kInfinity, kInfinity, kInfinity, kInfinity}, high = -low;
   for (std::size_t i = at.begin; i < at.end; ++i) {
-    for (int a = 0; a < 3; ++a) {
-      box.low[a] = std::min(box.low[a], entries[i].p[a]);
-      box.high[a] = std::max(box.high[a], entries[i].p[a]);
-    }
+    Quad place;  // the fourth is the index, and of no meaning
+    std::memcpy(&place, &entries[i], sizeof place);
+    low = place < low ? place : low;
+    high = place > high ? place : high;
   }
+  detail::PointTreeBox box;
+  std::memcpy(box.low, &low, sizeof low);
+  std::memcpy(box.high, &high, sizeof high);
+  box.low[3] = box.high[3] = 0.0f;
   return box;
+}
+
+/// Moves the entries that are `before` to the front, without branches. @return how many there are
+template <typename Before>
+std::size_t part(Entry* entries, std::size_t count, const Before& before) {
+  std::size_t cut = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Entry entry = entries[i];
+    entries[i] = entries[cut];
+    entries[cut] = entry;
+    cut += before(entry) ? 1 : 0;
+  }
+  return cut;
+}
+
+/// Puts the entry of a rank along an axis (equal ones by index) in its place, smaller ones before
+/// it, larger ones behind. A sample tells between which two values it lies, most likely; only what
+/// is between is looked at again. Floyd, Rivest, "Expected time bounds for selection", CACM 1975.
+void select(Entry* entries, std::size_t count, std::size_t rank, int axis) {
+  constexpr std::size_t kFew = 256, kMostSamples = 512;
+  while (count > kFew) {
+    std::array<float, kMostSamples> sample;
+    const std::size_t samples = std::min(kMostSamples, count / 8);
+    for (std::size_t k = 0; k < samples; ++k) {
+      sample[k] = entries[k * count / samples].p[axis];
+    }
+    const std::size_t middle = rank * samples / count;
+    const auto margin = static_cast<std::size_t>(std::sqrt(static_cast<double>(samples)));
+    const auto begin = sample.begin(), end = begin + static_cast<std::ptrdiff_t>(samples);
+    const auto low_at = begin + static_cast<std::ptrdiff_t>(middle - std::min(margin, middle)),
+               high_at =
+                   begin + static_cast<std::ptrdiff_t>(std::min(middle + margin, samples - 1));
+    std::nth_element(begin, low_at, end);
+    const float low = *low_at;
+    std::nth_element(low_at, high_at, end);
+    const float high = *high_at;
+    const std::size_t below = part(entries, count, [=](const Entry& e) { return e.p[axis] < low; });
+    const std::size_t up_to = below + part(entries + below, count - below,
+                                           [=](const Entry& e) { return e.p[axis] <= high; });
+    const std::size_t before = count;
+    if (rank < below) {
+      count = below;
+    } else if (rank >= up_to) {
+      entries += up_to;
+      rank -= up_to;
+      count -= up_to;
+    } else {
+      entries += below;
+      rank -= below;
+      count = up_to - below;
+    }
+    if (2 * count > before) break;  // many at one place
+  }
+  std::nth_element(entries, entries + rank, entries + count,
+                   [axis](const Entry& a, const Entry& b) {
+                     return a.p[axis] < b.p[axis] || (a.p[axis] == b.p[axis] && a.index < b.index);
+                   });
 }
 
 /// Sorts a node's entries into halves along its longest side. @return where the second starts
@@ -369,23 +697,35 @@ std::size_t split(const BuildNode& at, Entry* entries, detail::PointTreeBox& box
     if (box.high[a] - box.low[a] > box.high[axis] - box.low[axis]) axis = a;
   }
   const std::size_t middle = at.begin + (at.end - at.begin) / 2;
-  std::nth_element(entries + at.begin, entries + middle, entries + at.end,
-                   [axis](const Entry& a, const Entry& b) {
-                     return a.p[axis] < b.p[axis] || (a.p[axis] == b.p[axis] && a.index < b.index);
-                   });
+  select(entries + at.begin, at.end - at.begin, middle - at.begin, axis);
   return middle;
 }
 
 }  // namespace
 
 PointTree::PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads) {
-  std::vector<Entry> entries;
-  entries.reserve(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector3f& p = points[i];
-    if (p.allFinite()) entries.push_back({{p.x(), p.y(), p.z()}, static_cast<int>(i)});
-  }
-  const std::size_t count = entries.size();
+  constexpr std::size_t kPiece = 65536;
+  const std::size_t pieces = (points.size() + kPiece - 1) / kPiece;
+  const auto for_each_finite = [&](std::size_t piece, const auto& visit) {
+    const std::size_t end = std::min(points.size(), (piece + 1) * kPiece);
+    for (std::size_t i = piece * kPiece; i < end; ++i) {
+      if (points[i].allFinite()) visit(i);
+    }
+  };
+  std::vector<std::size_t> starts(pieces + 1, 0);
+  parallel_for(pieces, num_threads, [&](std::size_t piece) {
+    for_each_finite(piece, [&](std::size_t) { ++starts[piece + 1]; });
+  });
+  for (std::size_t piece = 0; piece < pieces; ++piece) starts[piece + 1] += starts[piece];
+  const std::size_t count = starts[pieces];
+  const std::unique_ptr<Entry[]> memory(new Entry[count]);  // not cleared before it is filled
+  Entry* const entries = memory.get();
+  parallel_for(pieces, num_threads, [&](std::size_t piece) {
+    std::size_t at = starts[piece];
+    for_each_finite(piece, [&](std::size_t i) {
+      entries[at++] = {{points[i].x(), points[i].y(), points[i].z()}, static_cast<int>(i)};
+    });
+  });
   while ((std::size_t{kLeafSize} << levels_) < count) ++levels_;
   const std::size_t leaves = std::size_t{1} << levels_;
   boxes_.resize(2 * leaves);
@@ -397,7 +737,7 @@ PointTree::PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads
   for (int depth = 0; depth < std::min(levels_, kTopLevels); ++depth) {
     std::vector<BuildNode> next(2 * level.size());
     parallel_for(level.size(), num_threads, [&](std::size_t i) {
-      const std::size_t middle = split(level[i], entries.data(), boxes_[level[i].node]);
+      const std::size_t middle = split(level[i], entries, boxes_[level[i].node]);
       next[2 * i] = {2 * level[i].node, level[i].begin, middle};
       next[2 * i + 1] = {2 * level[i].node + 1, middle, level[i].end};
     });
@@ -409,26 +749,27 @@ PointTree::PointTree(const std::vector<Eigen::Vector3f>& points, int num_threads
       const BuildNode at = stack.back();
       stack.pop_back();
       if (at.node >= leaves) {
-        boxes_[at.node] = box_of(entries.data(), at);
+        boxes_[at.node] = box_of(entries, at);
         leaf_start_[at.node - leaves] = static_cast<int>(at.begin);
         continue;
       }
-      const std::size_t middle = split(at, entries.data(), boxes_[at.node]);
+      const std::size_t middle = split(at, entries, boxes_[at.node]);
       stack.push_back({2 * at.node + 1, middle, at.end});
       stack.push_back({2 * at.node, at.begin, middle});
     }
   });
   // A leaf is read as kLeafSize points: behind the last one there are zeros.
-  x_.resize(count + kLeafSize);
-  y_.resize(count + kLeafSize);
-  z_.resize(count + kLeafSize);
-  index_.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    x_[i] = entries[i].p[0];
-    y_[i] = entries[i].p[1];
-    z_[i] = entries[i].p[2];
-    index_[i] = entries[i].index;
-  }
+  parallel_for(4, num_threads, [&](std::size_t array) {
+    if (array == 3) {
+      index_.resize(count);
+      for (std::size_t i = 0; i < count; ++i) index_[i] = entries[i].index;
+      return;
+    }
+    std::vector<float>& out = array == 0 ? x_ : array == 1 ? y_ : z_;
+    out.reserve(count + kLeafSize);
+    for (std::size_t i = 0; i < count; ++i) out.push_back(entries[i].p[array]);
+    out.resize(count + kLeafSize);
+  });
 }
 
 detail::PointTreeView PointTree::view() const {
@@ -556,33 +897,19 @@ void PointTree::for_each_neighborhood(int k, int num_threads,
   const std::size_t leaves = std::size_t{1} << levels_;
   constexpr std::size_t kBlock = 64;  // leaves
   parallel_for((leaves + kBlock - 1) / kBlock, num_threads, [&](std::size_t block) {
-    std::vector<std::uint64_t> items(static_cast<std::size_t>(k));
-    std::vector<int> positions(items.size());
-    std::vector<float> distances(items.size());
+    LeafNeighborhoods near(tree, k);
     const std::size_t end = std::min(leaves, (block + 1) * kBlock);
-    // The last point's k neighbours bound those of the next, with room for rounding.
-    Eigen::Vector3f last = Eigen::Vector3f::Constant(kInfinity);
-    float reach = kInfinity;
     for (std::size_t leaf = block * kBlock; leaf < end; ++leaf) {
-      for (int p = leaf_start_[leaf]; p < leaf_start_[leaf + 1]; ++p) {
-        const std::size_t at = static_cast<std::size_t>(p);
-        const float query[4] = {x_[at], y_[at], z_[at], 0.0f};
-        const Eigen::Vector3f point(x_[at], y_[at], z_[at]);
-        const float bound = reach + (point - last).norm();
-        Best best = start_best(items.data(), k, bound * bound * 1.001f + 1e-30f);
-        search_own(tree, leaf, query, best);
-        last = point;
-        reach = std::sqrt(distance_of(items.back()));
-        for (std::size_t i = 0; i < items.size(); ++i) {
-          positions[i] = id_of(items[i]);
-          distances[i] = distance_of(items[i]);
-        }
+      near.search(leaf);
+      const int begin = leaf_start_[leaf], count = leaf_start_[leaf + 1] - begin;
+      for (int j = 0; j < count; ++j) {
+        const std::size_t at = static_cast<std::size_t>(begin + j);
         Neighborhood neighborhood;
         neighborhood.index = index_[at];
-        neighborhood.point = point;
+        neighborhood.point = {x_[at], y_[at], z_[at]};
         neighborhood.count = k;
-        neighborhood.positions = positions.data();
-        neighborhood.squared_distances = distances.data();
+        neighborhood.positions = near.positions(j);
+        neighborhood.squared_distances = near.distances(j);
         visit(neighborhood);
       }
     }

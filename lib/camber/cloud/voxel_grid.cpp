@@ -203,6 +203,9 @@ void VoxelGrid::add(const PointBatch& batch) {
   }
   s.voxels.grow_to(s.count);
   for (std::size_t i = 0; i < n; ++i) {
+    if (i + kAhead < n && s.ids[i + kAhead] >= 0) {
+      __builtin_prefetch(&s.voxels[static_cast<std::size_t>(s.ids[i + kAhead])], 1);
+    }
     if (s.ids[i] < 0) continue;
     Voxel& voxel = s.voxels[static_cast<std::size_t>(s.ids[i])];
     voxel.sum[0] += s.position[0][i];

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "camber/core/errors.h"
+#include "camber/core/threads.h"
 #include "camber/evaluate/detail/compare_steps.h"
 
 namespace camber {
@@ -95,19 +96,32 @@ template <typename Observed>
 void sort_out(const RoadCloud& cloud, const CompareOptions& options, DirectedDistances& directed,
               const Observed& observed) {
   directed.counted.assign(cloud.size(), 1);
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const Vector3d place = detail::true_point(cloud, i);
-    std::size_t* reason = nullptr;
-    if (!place.allFinite()) {
-      reason = &directed.not_finite;
-    } else if (options.region && !options.region->contains(place)) {
-      reason = &directed.outside;
-    } else if (!observed(place)) {
-      reason = &directed.unobserved;
+  struct Left {
+    std::size_t not_finite = 0, outside = 0, unobserved = 0;
+  };
+  constexpr std::size_t kBlock = 65536;
+  std::vector<Left> blocks((cloud.size() + kBlock - 1) / kBlock);
+  parallel_for(blocks.size(), options.num_threads, [&](std::size_t block) {
+    Left& left = blocks[block];
+    for (std::size_t i = block * kBlock; i < std::min(cloud.size(), (block + 1) * kBlock); ++i) {
+      const Vector3d place = detail::true_point(cloud, i);
+      std::size_t* reason = nullptr;
+      if (!place.allFinite()) {
+        reason = &left.not_finite;
+      } else if (options.region && !options.region->contains(place)) {
+        reason = &left.outside;
+      } else if (!observed(place)) {
+        reason = &left.unobserved;
+      }
+      if (reason == nullptr) continue;
+      ++*reason;
+      directed.counted[i] = 0;
     }
-    if (reason == nullptr) continue;
-    ++*reason;
-    directed.counted[i] = 0;
+  });
+  for (const Left& left : blocks) {
+    directed.not_finite += left.not_finite;
+    directed.outside += left.outside;
+    directed.unobserved += left.unobserved;
   }
 }
 
@@ -115,30 +129,41 @@ void sort_out(const RoadCloud& cloud, const CompareOptions& options, DirectedDis
 /// @param has_normals  whether the truth came with normals
 /// @throws NoAnswerError
 void summarise(bool has_normals, const CompareOptions& options, CloudComparison& out) {
-  const std::vector<double> accuracy =
-                                counted_values(out.accuracy, out.accuracy.distances.distance),
-                            completeness = counted_values(out.completeness,
-                                                          out.completeness.distances.distance);
-  if (accuracy.empty() || completeness.empty()) {
-    throw NoAnswerError(accuracy.empty() && completeness.empty()
+  struct Side {
+    std::vector<double> values;
+    std::vector<double> shares;  // within each threshold
+  };
+  Side accuracy, completeness;
+  const auto measure = [&](DirectedDistances& directed, bool along_normal, Side& side) {
+    side.values = counted_values(directed, directed.distances.distance);
+    if (side.values.empty()) return;
+    directed.summary = summarise_distances(side.values);
+    for (const double threshold : options.thresholds) {
+      side.shares.push_back(share_within(side.values, threshold));
+    }
+    if (!along_normal) return;
+    directed.along_normal =
+        summarise_distances(counted_values(directed, directed.distances.along_normal));
+  };
+  parallel_for(2, options.num_threads, [&](std::size_t side) {
+    if (side == 0) {
+      measure(out.accuracy, has_normals, accuracy);
+    } else {
+      measure(out.completeness, true, completeness);
+    }
+  });
+  if (accuracy.values.empty() || completeness.values.empty()) {
+    throw NoAnswerError(accuracy.values.empty() && completeness.values.empty()
                             ? "nothing to compare: no points left on either side"
-                        : accuracy.empty()
+                        : accuracy.values.empty()
                             ? "nothing to compare: no points of the estimate are left"
                             : "nothing to compare: no points of the truth are left");
   }
-  out.accuracy.summary = summarise_distances(accuracy);
-  out.completeness.summary = summarise_distances(completeness);
-  if (has_normals) {
-    out.accuracy.along_normal =
-        summarise_distances(counted_values(out.accuracy, out.accuracy.distances.along_normal));
-  }
-  out.completeness.along_normal = summarise_distances(
-      counted_values(out.completeness, out.completeness.distances.along_normal));
-  for (const double threshold : options.thresholds) {
+  for (std::size_t k = 0; k < options.thresholds.size(); ++k) {
     ThresholdScore score;
-    score.threshold = threshold;
-    score.precision = share_within(accuracy, threshold);
-    score.recall = share_within(completeness, threshold);
+    score.threshold = options.thresholds[k];
+    score.precision = accuracy.shares[k];
+    score.recall = completeness.shares[k];
     const double sum = score.precision + score.recall;
     score.f_score = sum > 0.0 ? 2.0 * score.precision * score.recall / sum : 0.0;
     out.scores.push_back(score);

@@ -33,6 +33,17 @@ ShapeDistances distances_to_cloud(const RoadCloud& cloud, const PointTree& tree,
   if (with_normals) out.along_normal.assign(count, kNaN);
   const auto exact = [&](const PointTree::LeafNeighbors& leaf) {
     std::vector<PointTree::Neighbor> near;
+    // What belongs to neighbours lies anywhere in memory: asked for together, it comes together.
+    for (int j = 0; j < leaf.count; ++j) {
+      const std::size_t i =
+          static_cast<std::size_t>(queries.indices()[static_cast<std::size_t>(leaf.begin + j)]);
+      __builtin_prefetch(&out.distance[i], 1);
+      __builtin_prefetch(&out.nearest[i], 1);
+      if (!with_normals || leaf.positions[j] < 0) continue;
+      __builtin_prefetch(&out.along_normal[i], 1);
+      const int index = tree.indices()[static_cast<std::size_t>(leaf.positions[j])];
+      __builtin_prefetch(&cloud.normals[static_cast<std::size_t>(index)]);
+    }
     for (int j = 0; j < leaf.count; ++j) {
       if (leaf.positions[j] < 0) continue;
       const std::size_t at = static_cast<std::size_t>(leaf.positions[j]),
@@ -165,6 +176,13 @@ Shape transformed(const Shape& shape, const Matrix4d& m) {
     if (!out.cloud.normals.empty()) out.cloud.normals[i] = turn * out.cloud.normals[i];
   }
   return out;
+}
+
+void fetch_contact(const Shape& shape, int nearest) {
+  if (nearest < 0 || shape.is_mesh()) return;
+  const std::size_t k = static_cast<std::size_t>(nearest);
+  __builtin_prefetch(&shape.cloud.points[k]);
+  if (!shape.cloud.normals.empty()) __builtin_prefetch(&shape.cloud.normals[k]);
 }
 
 Contact contact(const Shape& shape, int nearest, const Vector3d& place) {

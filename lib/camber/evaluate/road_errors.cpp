@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <string>
@@ -136,7 +137,7 @@ void add_road_errors(const Shape& truth, const RoadCloud& estimated, const Compa
                  left = up.cross(along);
   const ShapeDistances& distances = out->accuracy.distances;
   std::vector<SplitError> errors(estimated.size());
-  constexpr std::size_t kBlock = 65536;
+  constexpr std::size_t kBlock = 65536, kAhead = 16;
   std::vector<RowSums> sums((errors.size() + kBlock - 1) / kBlock);
   const auto split = [&](std::size_t i, RowSums& rows) {
     if (out->accuracy.counted[i] == 0 || distances.nearest[i] < 0) return;
@@ -167,7 +168,10 @@ void add_road_errors(const Shape& truth, const RoadCloud& estimated, const Compa
   };
   parallel_for(sums.size(), options.num_threads, [&](std::size_t block) {
     const std::size_t end = std::min(errors.size(), (block + 1) * kBlock);
-    for (std::size_t i = block * kBlock; i < end; ++i) split(i, sums[block]);
+    for (std::size_t i = block * kBlock; i < end; ++i) {
+      if (i + kAhead < end) fetch_contact(truth, distances.nearest[i + kAhead]);
+      split(i, sums[block]);
+    }
   });
   RowSums total;
   for (const RowSums& block : sums) {
@@ -180,19 +184,33 @@ void add_road_errors(const Shape& truth, const RoadCloud& estimated, const Compa
     }
     return values;
   };
-  out->road.push_back(
-      make_row(total[0], heights([](const SplitError&) { return true; }), "all", 0.0, kInfinity));
+  // The rows and the map side by side.
+  std::vector<std::function<RoadErrors()>> rows = {[&] {
+    return make_row(total[0], heights([](const SplitError&) { return true; }), "all", 0.0,
+                    kInfinity);
+  }};
   for (int k = 0; options.viewpoint && k < kBins; ++k) {
-    out->road.push_back(make_row(total[static_cast<std::size_t>(1 + k)],
-                                 heights([&](const SplitError& e) { return e.by_distance == k; }),
-                                 "distance", kDistances[k], kDistances[k + 1]));
+    rows.push_back([&, k] {
+      return make_row(total[static_cast<std::size_t>(1 + k)],
+                      heights([&](const SplitError& e) { return e.by_distance == k; }), "distance",
+                      kDistances[k], kDistances[k + 1]);
+    });
   }
   for (int k = 0; k < kBins; ++k) {
-    out->road.push_back(make_row(total[static_cast<std::size_t>(1 + kBins + k)],
-                                 heights([&](const SplitError& e) { return e.by_grade == k; }),
-                                 "grade", kGrades[k], kGrades[k + 1]));
+    rows.push_back([&, k] {
+      return make_row(total[static_cast<std::size_t>(1 + kBins + k)],
+                      heights([&](const SplitError& e) { return e.by_grade == k; }), "grade",
+                      kGrades[k], kGrades[k + 1]);
+    });
   }
-  out->map = make_map(errors, options.map_cell);
+  out->road.resize(rows.size());
+  parallel_for(rows.size() + 1, options.num_threads, [&](std::size_t row) {
+    if (row == 0) {
+      out->map = make_map(errors, options.map_cell);
+    } else {
+      out->road[row - 1] = rows[row - 1]();
+    }
+  });
 }
 
 }  // namespace camber::detail

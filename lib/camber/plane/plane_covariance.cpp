@@ -57,40 +57,12 @@ void judge(const Eigen::Vector2d& scatter, const Vector3d& up, PlaneEstimate* re
 }  // namespace
 
 UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const PlaneWindow& window) {
-  const kernels::FloatPlane p = plane.as_float();
-  const kernels::Window w = window.as_float();
-  const float steep_u = 1.0f / w.ramp_u, steep_v = 1.0f / w.ramp_v;
-  struct Sums {
-    double one = 0, x = 0, xx = 0, xxx = 0, xxxx = 0, v = 0, vx = 0, vxx = 0;
-    void add(double share, double place, double square) {
-      const double place2 = place * place;
-      one += share;
-      x += share * place;
-      xx += share * place2;
-      xxx += share * place2 * place;
-      xxxx += share * place2 * place2;
-      v += share * square;
-      vx += share * square * place;
-      vxx += share * square * place2;
-    }
-  };
-  Sums along, across;
-  double weight = 0.0;
   constexpr float kLimit = static_cast<float>(kInlierSigmas * kInlierSigmas);
-  for (std::size_t k = 0; k < s.size; ++k) {
-    const float r = p.nx * s.x[k] + p.ny * s.y[k] + p.nz * s.z[k] + p.d;
-    const float u = w.ax * s.x[k] + w.ay * s.y[k] + w.az * s.z[k] + w.a0;
-    const float v = w.bx * s.x[k] + w.by * s.y[k] + w.bz * s.z[k] + w.b0;
-    const float taper = std::clamp((w.half_u - std::abs(u)) * steep_u, 0.0f, 1.0f) *
-                        std::clamp((w.half_v - std::abs(v)) * steep_v, 0.0f, 1.0f);
-    const float share = r * r * s.w[k] < kLimit && s.w[k] > 0.0f ? taper : 0.0f;
-    if (!(share > 0.0f)) continue;
-    // Each point's share of the fit, and its square in units of its own variance.
-    const double d = static_cast<double>(share), square = static_cast<double>(r * r * s.w[k]);
-    weight += d * static_cast<double>(s.w[k]);
-    along.add(d, static_cast<double>(u), square);
-    across.add(d, static_cast<double>(v), square);
-  }
+  const kernels::SpreadSums sums = kernels::spread_along(
+      {s.x.data(), s.y.data(), s.z.data(), s.w.data(), kernels::padded(s.size)}, plane.as_float(),
+      window.as_float(), kLimit);
+  const kernels::SpreadSums::Axis &along = sums.u, &across = sums.v;
+  const double weight = sums.weight;
   UnknownRays out;
   if (along.one < 20.0 || !(along.v > 0.0)) return out;
   const double noise = std::sqrt(along.v / weight);
@@ -98,12 +70,12 @@ UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const Pl
   if (window.half_u > 1e14 || along.one < 200.0) return out;
   // How much the variance changes along an axis, relative to its mean: root mean square of the
   // quadratic that fits it best.
-  const auto slope = [&](const Sums& sums) {
-    const double n = sums.one, x = sums.x / n, xx = sums.xx / n, xxx = sums.xxx / n,
-                 xxxx = sums.xxxx / n;
+  const auto slope = [&](const kernels::SpreadSums::Axis& axis) {
+    const double n = axis.one, x = axis.x / n, xx = axis.xx / n, xxx = axis.xxx / n,
+                 xxxx = axis.xxxx / n;
     Eigen::Matrix2d spread;
     spread << xx - x * x, xxx - x * xx, xxx - x * xx, xxxx - xx * xx;
-    const Eigen::Vector2d change(sums.vx / sums.v - x, sums.vxx / sums.v - xx);
+    const Eigen::Vector2d change(axis.vx / axis.v - x, axis.vxx / axis.v - xx);
     if (!(spread.determinant() > 0.0)) return 0.0;
     // Less what chance makes of even noise, two free parameters.
     const double change2 = change.dot(spread.inverse() * change) - 3.0 / n;

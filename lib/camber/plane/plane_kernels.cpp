@@ -26,10 +26,27 @@ __attribute__((always_inline)) inline void load(const float* from, F8& to) {
   std::memcpy(&to, from, sizeof(F8));
 }
 
+using D4 = double __attribute__((vector_size(32)));
+using F4 = float __attribute__((vector_size(16)));
+
+/// Four of eight lanes, in double precision. @param half  0: the first four
+__attribute__((always_inline)) inline void widen(const F8& from, std::size_t half, D4& to) {
+  F4 part;
+  std::memcpy(&part, reinterpret_cast<const char*>(&from) + half * sizeof(F4), sizeof(F4));
+  to = __builtin_convertvector(part, D4);
+}
+
+__attribute__((always_inline)) inline double lane_sum(const D4& lanes) {
+  return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+}
+
+/// In pairs, so that few additions wait for each other.
 __attribute__((always_inline)) inline double lane_sum(const F8& lanes) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < kLanes; ++i) sum += static_cast<double>(lanes[i]);
-  return sum;
+  D4 first, second;
+  widen(lanes, 0, first);
+  widen(lanes, 1, second);
+  const D4 both = first + second;
+  return lane_sum(both);
 }
 
 #define CAMBER_INLINE __attribute__((always_inline)) inline
@@ -618,6 +635,67 @@ PieceStatistics piece_statistics(Rows rows, const FloatPlane& plane, float limit
   }
   return {static_cast<float>(lane_sum(cost)), static_cast<float>(lane_sum(inliers)),
           static_cast<float>(lane_sum(weight)), static_cast<float>(lane_sum(gradient))};
+}
+
+namespace {
+
+/// The sums along one axis, in lanes.
+struct AxisLanes {
+  D4 one = {}, x = {}, xx = {}, xxx = {}, xxxx = {}, v = {}, vx = {}, vxx = {};
+
+  CAMBER_INLINE void add(const D4& share, const D4& square, const D4& place) {
+    const D4 first = share * place, second = first * place, varied = share * square;
+    one += share;
+    x += first;
+    xx += second;
+    xxx += second * place;
+    xxxx += second * place * place;
+    v += varied;
+    vx += varied * place;
+    vxx += varied * place * place;
+  }
+  CAMBER_INLINE SpreadSums::Axis sums() const {
+    return {lane_sum(one),  lane_sum(x), lane_sum(xx), lane_sum(xxx),
+            lane_sum(xxxx), lane_sum(v), lane_sum(vx), lane_sum(vxx)};
+  }
+};
+
+}  // namespace
+
+CAMBER_CLONES
+SpreadSums spread_along(Rows rows, const FloatPlane& plane, const Window& window, float limit) {
+  const F8 zero = {};
+  const F8 cap = zero + limit;
+  const Ramps ramps(window);
+  AxisLanes along, across;
+  D4 weight = {};
+  for (std::size_t i = 0; i < rows.n; i += kLanes) {
+    F8 px, py, pz, pw, r, u, v, share;
+    load(rows.x + i, px);
+    load(rows.y + i, py);
+    load(rows.z + i, pz);
+    load(rows.w + i, pw);
+    project_eight(px, py, pz, plane, window, r, u, v);
+    taper_eight(ramps, u, v, pw, share);
+    F8 t = r * r * pw;
+    share = t < cap ? share : zero;
+    // Far rows must not become infinite.
+    t = share > zero ? t : zero;
+    u = share > zero ? u : zero;
+    v = share > zero ? v : zero;
+    for (std::size_t half = 0; half < 2; ++half) {
+      D4 shares, squares, weights, places;
+      widen(share, half, shares);
+      widen(t, half, squares);
+      widen(pw, half, weights);
+      weight += shares * weights;
+      widen(u, half, places);
+      along.add(shares, squares, places);
+      widen(v, half, places);
+      across.add(shares, squares, places);
+    }
+  }
+  return {along.sums(), across.sums(), lane_sum(weight)};
 }
 
 CAMBER_CLONES

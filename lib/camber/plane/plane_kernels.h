@@ -116,6 +116,18 @@ struct PieceStatistics {
 };
 PieceStatistics piece_statistics(Rows rows, const FloatPlane& plane, float limit);
 
+/// How the squares t = r^2 w of points on a plane change along a window's axes: sums over the rows
+/// with t < limit, each with its share of the window (its taper).
+struct SpreadSums {
+  struct Axis {
+    double one = 0, x = 0, xx = 0, xxx = 0, xxxx = 0;  ///< of share {1, place, ...}
+    double v = 0, vx = 0, vxx = 0;                     ///< of share t {1, place, ...}
+  };
+  Axis u, v;
+  double weight = 0;  ///< of share w
+};
+SpreadSums spread_along(Rows rows, const FloatPlane& plane, const Window& window, float limit);
+
 /// Where load_points() writes.
 struct RowColumns {
   float *x, *y, *z, *w;

@@ -234,7 +234,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
                         const PatchLayer* known, const std::function<void(double)>& report) {
   PatchLayer layer;
   layer.labels.assign(cloud.size(), -1);
-  GroundTree tree(cloud, up, options.seed, kMostPoints);
+  GroundTree tree(cloud, up, options.seed, kMostPoints, options.num_threads);
   if (tree.size() < 3) {
     layer.reason = fmt::format("{} usable points, at least 3 are needed", tree.size());
     return layer;

@@ -6,6 +6,9 @@
 #include <limits>
 #include <tuple>
 
+#include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
+
 namespace camber {
 
 using Eigen::Matrix3d;
@@ -18,6 +21,7 @@ namespace {
 constexpr std::size_t kLeafPoints = 48, kSmallLeafPoints = 14;
 constexpr std::size_t kFewPoints = 40000;
 constexpr std::size_t kBlockPoints = 320;  // largest block
+constexpr std::size_t kPiece = 262144;     // points of a cloud that are looked at in one go
 constexpr double kStray = 10.0;  // points farther from the middle than this many spreads are strays
 constexpr std::size_t kCells =
     8192;  // cells to a spread, by which a part of a large cloud is drawn
@@ -37,6 +41,19 @@ std::uint64_t bits_of(float value) {
   return bits;
 }
 
+/// Ranks of a leaf's values. @param values  kLeafPoints, whatever their number
+/// @return  whether no two are equal
+CAMBER_TARGET_CLONES("avx2")
+bool rank_values(const float* values, std::size_t count, std::int32_t* rank) {
+  for (std::size_t j = 0; j < kLeafPoints; ++j) rank[j] = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j < kLeafPoints; ++j) rank[j] += values[i] < values[j] ? 1 : 0;
+  }
+  std::size_t sum = 0;
+  for (std::size_t j = 0; j < count; ++j) sum += static_cast<std::size_t>(rank[j]);
+  return 2 * sum == count * (count - 1);
+}
+
 bool usable(const Eigen::Vector3f& p) {
   return std::abs(p.x()) < 1e15f && std::abs(p.y()) < 1e15f && std::abs(p.z()) < 1e15f;
 }
@@ -46,30 +63,33 @@ bool usable(const Eigen::Vector3f& p) {
 /// Frame by the cloud itself: origin at the mean, x along the longer principal direction in plan,
 /// towards the longer tail. A cloud that was moved, turned about up or put in another order gets
 /// the same rows but for rounding.
-bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
-  const std::size_t n = cloud.size();
+bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z, int num_threads) {
+  const std::size_t n = cloud.size(), pieces = (n + kPiece - 1) / kPiece;
   // A rough middle and size, from points drawn by their coordinates.
   const std::uint64_t share = n <= 4096 ? 1 : n / 2048;
   Eigen::Vector3f middle = Eigen::Vector3f::Zero();
-  std::vector<float> values[3];
+  std::vector<Eigen::Vector3f> drawn;
   for (std::uint64_t every = share;; every = 1) {
-    for (std::vector<float>& list : values) list.clear();
-    for (const Eigen::Vector3f& p : cloud.points) {
-      if (!usable(p)) continue;
-      if (every > 1 && hash_of(bits_of(p.x()), bits_of(p.y()), bits_of(p.z())) % every != 0)
-        continue;
-      for (int axis = 0; axis < 3; ++axis) values[axis].push_back(p[axis]);
-    }
-    if (values[0].size() >= 256 || every == 1) break;
+    drawn.clear();
+    std::vector<std::vector<Eigen::Vector3f>> lists(pieces);
+    parallel_for(pieces, num_threads, [&](std::size_t piece) {
+      for (std::size_t i = piece * kPiece; i < std::min(n, (piece + 1) * kPiece); ++i) {
+        const Eigen::Vector3f& p = cloud.points[i];
+        if (every > 1 && hash_of(bits_of(p.x()), bits_of(p.y()), bits_of(p.z())) % every != 0) {
+          continue;
+        }
+        if (usable(p)) lists[piece].push_back(p);
+      }
+    });
+    for (const auto& list : lists) drawn.insert(drawn.end(), list.begin(), list.end());
+    if (drawn.size() >= 256 || every == 1) break;
   }
-  if (values[0].empty()) return false;
-  std::vector<float> distances(values[0].size());
-  std::vector<Eigen::Vector3f> drawn(values[0].size());
-  for (std::size_t k = 0; k < drawn.size(); ++k) {
-    drawn[k] = {values[0][k], values[1][k], values[2][k]};
-  }
+  if (drawn.empty()) return false;
+  std::vector<float> distances(drawn.size());
   for (int axis = 0; axis < 3; ++axis) {
-    middle[axis] = static_cast<float>(quantile(values[axis], 0.5));
+    std::vector<float> values(drawn.size());
+    for (std::size_t k = 0; k < drawn.size(); ++k) values[k] = drawn[k][axis];
+    middle[axis] = static_cast<float>(quantile(values, 0.5));
   }
   for (std::size_t k = 0; k < drawn.size(); ++k) distances[k] = (drawn[k] - middle).norm();
   spread_ = quantile(distances, 0.9);
@@ -84,26 +104,40 @@ bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
                             &e2);
   const Eigen::Vector3f f1 = e1.cast<float>(), f2 = e2.cast<float>(), f3 = z.cast<float>();
   const float most2 = static_cast<float>(kStray * kStray * spread_ * spread_);
-  double count = 0, su = 0, sv = 0, sw = 0, uu = 0, uv = 0, vv = 0, ww = 0;
-  double uuu = 0, uuv = 0, uvv = 0, vvv = 0;
-  for (const Eigen::Vector3f& p : cloud.points) {
-    const Eigen::Vector3f q = p - middle;
-    if (!(q.squaredNorm() <= most2)) continue;
-    const double u = static_cast<double>(f1.dot(q)), v = static_cast<double>(f2.dot(q)),
-                 w = static_cast<double>(f3.dot(q));
-    count += 1.0;
-    su += u;
-    sv += v;
-    sw += w;
-    ww += w * w;
-    uu += u * u;
-    uv += u * v;
-    vv += v * v;
-    uuu += u * u * u;
-    uuv += u * u * v;
-    uvv += u * v * v;
-    vvv += v * v * v;
-  }
+  struct Sums {
+    double count = 0, su = 0, sv = 0, sw = 0, uu = 0, uv = 0, vv = 0, ww = 0;
+    double uuu = 0, uuv = 0, uvv = 0, vvv = 0;
+    void add(const Sums& other) {
+      count += other.count;
+      su += other.su;
+      sv += other.sv;
+      sw += other.sw;
+      uu += other.uu;
+      uv += other.uv;
+      vv += other.vv;
+      ww += other.ww;
+      uuu += other.uuu;
+      uuv += other.uuv;
+      uvv += other.uvv;
+      vvv += other.vvv;
+    }
+  };
+  std::vector<Sums> parts(pieces);
+  parallel_for(pieces, num_threads, [&](std::size_t piece) {
+    Sums sums;
+    for (std::size_t i = piece * kPiece; i < std::min(n, (piece + 1) * kPiece); ++i) {
+      const Eigen::Vector3f q = cloud.points[i] - middle;
+      if (!(q.squaredNorm() <= most2)) continue;
+      const double u = static_cast<double>(f1.dot(q)), v = static_cast<double>(f2.dot(q)),
+                   w = static_cast<double>(f3.dot(q));
+      sums.add(
+          {1.0, u, v, w, u * u, u * v, v * v, w * w, u * u * u, u * u * v, u * v * v, v * v * v});
+    }
+    parts[piece] = sums;
+  });
+  Sums total;
+  for (const Sums& part : parts) total.add(part);
+  const auto [count, su, sv, sw, uu, uv, vv, ww, uuu, uuv, uvv, vvv] = total;
   const double mu = su / count, mv = sv / count;
   const double cuu = uu / count - mu * mu, cuv = uv / count - mu * mv, cvv = vv / count - mv * mv;
   const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
@@ -132,13 +166,11 @@ bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z) {
   return true;
 }
 
-GroundTree::GroundTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t seed,
-                       std::size_t most_points) {
-  const std::size_t n = cloud.size();
-  if (!choose_frame(cloud, up.normalized())) return;
+/// The rows, not yet in order: of a large cloud those in a random part of small cells.
+void GroundTree::take_rows(const RoadCloud& cloud, std::uint64_t seed, std::size_t most_points,
+                           int num_threads) {
+  const std::size_t n = cloud.size(), pieces = (n + kPiece - 1) / kPiece;
   const Eigen::Matrix3f turn = frame_.level_from_cloud.cast<float>();
-  rows_.reserve(std::min(n, most_points + most_points / 8));
-  // Of a large cloud those in a random part of small cells.
   const double share =
       static_cast<double>(most_points) / static_cast<double>(std::max<std::size_t>(n, 1));
   const auto keep =
@@ -148,12 +180,29 @@ GroundTree::GroundTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t
     return static_cast<std::uint64_t>(
         static_cast<std::int64_t>(std::floor(std::clamp(value * per_cell, -1e15f, 1e15f))));
   };
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!usable(cloud.points[i])) continue;
-    const Eigen::Vector3f p = turn * (cloud.points[i] - pivot_);
-    if (share < 1.0 && hash_of(cell(p.x()) + seed, cell(p.y()), cell(p.z())) > keep) continue;
-    rows_.push_back({p.x(), p.y(), p.z(), static_cast<std::uint32_t>(i)});
+  std::vector<std::vector<Row>> lists(pieces);
+  parallel_for(pieces, num_threads, [&](std::size_t piece) {
+    std::vector<Row>& list = lists[piece];
+    const std::size_t end = std::min(n, (piece + 1) * kPiece);
+    if (!(share < 1.0)) list.reserve(end - piece * kPiece);
+    for (std::size_t i = piece * kPiece; i < end; ++i) {
+      if (!usable(cloud.points[i])) continue;
+      const Eigen::Vector3f p = turn * (cloud.points[i] - pivot_);
+      if (share < 1.0 && hash_of(cell(p.x()) + seed, cell(p.y()), cell(p.z())) > keep) continue;
+      list.push_back({p.x(), p.y(), p.z(), static_cast<std::uint32_t>(i)});
+    }
+  });
+  if (pieces == 1) {
+    rows_ = std::move(lists[0]);
+    return;
   }
+  for (const std::vector<Row>& list : lists) rows_.insert(rows_.end(), list.begin(), list.end());
+}
+
+GroundTree::GroundTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t seed,
+                       std::size_t most_points, int num_threads) {
+  if (!choose_frame(cloud, up.normalized(), num_threads)) return;
+  take_rows(cloud, seed, most_points, num_threads);
   size_ = rows_.size();
   if (size_ == 0) return;
 
@@ -200,7 +249,44 @@ GroundTree::GroundTree(const RoadCloud& cloud, const Vector3d& up, std::uint64_t
   }
   rows_.clear();
   rows_.shrink_to_fit();
-  find_neighbours();
+  find_neighbours(num_threads);
+  if (size_ < cloud.size()) find_entries();
+}
+
+void GroundTree::find_entries() {
+  Entries& e = entries_;
+  const Node& root = nodes_[0];
+  for (int axis = 0; axis < 2; ++axis) {
+    e.low[axis] = root.low[axis];
+    e.per_metre[axis] =
+        static_cast<float>(Entries::kSide) / std::max(root.high[axis] - root.low[axis], 1e-20f);
+  }
+  e.nodes.assign(static_cast<std::size_t>(Entries::kSide) * Entries::kSide, 0);
+  enter(0, 0, Entries::kSide, 0, Entries::kSide);
+}
+
+/// Notes a node in the cells [x0, x1) x [y0, y1), all in its part of the plan, or what is below it.
+void GroundTree::enter(int id, int x0, int x1, int y0, int y1) {
+  if (x0 >= x1 || y0 >= y1) return;
+  const Node& node = nodes_[static_cast<std::size_t>(id)];
+  const auto note = [&](int from_x, int to_x, int from_y, int to_y) {
+    for (int y = from_y; y < to_y; ++y) {
+      std::fill_n(entries_.nodes.begin() + y * Entries::kSide + from_x, to_x - from_x, id);
+    }
+  };
+  if (node.leaf >= 0) return note(x0, x1, y0, y1);
+  // Cells before that of the split are below it, those behind above; in its own there are both.
+  if (node.axis == 0) {
+    const int cut = std::clamp(entries_.cell(0, node.split), x0, x1 - 1);
+    enter(node.below, x0, cut, y0, y1);
+    note(cut, cut + 1, y0, y1);
+    enter(node.above, cut + 1, x1, y0, y1);
+  } else {
+    const int cut = std::clamp(entries_.cell(1, node.split), y0, y1 - 1);
+    enter(node.below, x0, x1, y0, cut);
+    note(x0, x1, cut, cut + 1);
+    enter(node.above, x0, x1, cut + 1, y1);
+  }
 }
 
 /// Counts the rows in a grid of small cells, of which the upper nodes of the tree are made: they
@@ -445,11 +531,26 @@ int GroundTree::build(std::size_t begin, std::size_t end, bool in_block, Eigen::
   return id;
 }
 
+/// Rows by x, equal ones by y, then z. Few rows find their places by how many come before them.
+void GroundTree::sort_along_x(Row* rows, std::size_t count) {
+  if (count <= kLeafPoints) {
+    float x[kLeafPoints] = {};
+    std::int32_t rank[kLeafPoints];
+    Row sorted[kLeafPoints];
+    for (std::size_t k = 0; k < count; ++k) x[k] = rows[k].x;
+    if (rank_values(x, count, rank)) {
+      for (std::size_t k = 0; k < count; ++k) sorted[rank[k]] = rows[k];
+      std::copy_n(sorted, count, rows);
+      return;
+    }
+  }
+  std::sort(rows, rows + count, [](const Row& l, const Row& r) {
+    return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
+  });
+}
+
 void GroundTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name) {
-  std::sort(rows_.begin() + static_cast<long>(begin), rows_.begin() + static_cast<long>(end),
-            [](const Row& l, const Row& r) {
-              return l.x != r.x ? l.x < r.x : std::tie(l.y, l.z) < std::tie(r.y, r.z);
-            });
+  sort_along_x(rows_.data() + begin, end - begin);
   Leaf leaf;
   leaf.name = name;
   leaf.begin = begin;
@@ -477,7 +578,54 @@ void GroundTree::finish_leaf(int id, std::size_t begin, std::size_t end, std::ui
   leaves_.push_back(leaf);
 }
 
-void GroundTree::find_neighbours() {
+/// Later leaves whose parts of the plan touch a leaf's, whatever gap lies between their points (the
+/// rings of a scanner), unless it is out of proportion.
+/// @param stack  memory for the work
+void GroundTree::find_touching(std::size_t i, const Eigen::Array4f& part, std::vector<int>* stack,
+                               std::vector<std::pair<int, int>>* pairs) const {
+  constexpr float kWidestGap = 3.0f;
+  const Leaf& leaf = leaves_[i];
+  const float size = (leaf.high - leaf.low).maxCoeff();
+  stack->assign(1, 0);
+  while (!stack->empty()) {
+    const Node& node = nodes_[static_cast<std::size_t>(stack->back())];
+    stack->pop_back();
+    if (node.leaf < 0) {
+      if (part[2 + node.axis] >= node.split) stack->push_back(node.above);
+      if (part[node.axis] <= node.split) stack->push_back(node.below);
+      continue;
+    }
+    if (node.leaf <= static_cast<int>(i)) continue;
+    const Leaf& other = leaves_[static_cast<std::size_t>(node.leaf)];
+    const float gap = (leaf.low - other.high).max(other.low - leaf.high).max(0.0f).matrix().norm();
+    if (gap <= kWidestGap * std::max(size, (other.high - other.low).maxCoeff())) {
+      pairs->emplace_back(static_cast<int>(i), node.leaf);
+    }
+  }
+}
+
+/// Leaves whose boxes touch a leaf's: half its size bridges the gaps that chance leaves.
+void GroundTree::find_near(std::size_t i, std::vector<int>* stack,
+                           std::vector<std::pair<int, int>>* pairs) const {
+  const Leaf& leaf = leaves_[i];
+  const Eigen::Array2f size = (leaf.high - leaf.low).max(0.0f);
+  const float reach = 0.5f * std::sqrt(std::max(size[0] * size[1], 0.0f)) + 1e-6f;
+  const Eigen::Array2f low = leaf.low - reach, high = leaf.high + reach;
+  stack->assign(1, 0);
+  while (!stack->empty()) {
+    const Node& node = nodes_[static_cast<std::size_t>(stack->back())];
+    stack->pop_back();
+    if ((node.low > high).any() || (node.high < low).any()) continue;
+    if (node.leaf >= 0) {
+      if (node.leaf != static_cast<int>(i)) pairs->emplace_back(static_cast<int>(i), node.leaf);
+    } else {
+      stack->push_back(node.above);
+      stack->push_back(node.below);
+    }
+  }
+}
+
+void GroundTree::find_neighbours(int num_threads) {
   neighbours_.assign(leaves_.size(), {});
   if (nodes_.empty()) return;
   // The part of the plan that each leaf answers for.
@@ -497,56 +645,29 @@ void GroundTree::find_neighbours() {
     below[2 + node.axis] = node.split;
     above[node.axis] = node.split;
   }
-  std::vector<int> stack;
-  // Parts that touch, whatever gap lies between their points (the rings of a scanner), unless it is
-  // out of proportion.
-  constexpr float kWidestGap = 3.0f;
-  for (std::size_t i = 0; i < leaves_.size(); ++i) {
-    const Leaf& leaf = leaves_[i];
-    const Eigen::Array4f& part = parts[node_of[i]];
-    const float size = (leaf.high - leaf.low).maxCoeff();
-    stack.assign(1, 0);
-    while (!stack.empty()) {
-      const Node& node = nodes_[static_cast<std::size_t>(stack.back())];
-      stack.pop_back();
-      if (node.leaf < 0) {
-        if (part[2 + node.axis] >= node.split) stack.push_back(node.above);
-        if (part[node.axis] <= node.split) stack.push_back(node.below);
-        continue;
-      }
-      if (node.leaf <= static_cast<int>(i)) continue;
-      const Leaf& other = leaves_[static_cast<std::size_t>(node.leaf)];
-      const float gap =
-          (leaf.low - other.high).max(other.low - leaf.high).max(0.0f).matrix().norm();
-      if (gap <= kWidestGap * std::max(size, (other.high - other.low).maxCoeff())) {
-        neighbours_[i].push_back(node.leaf);
-      }
+  constexpr std::size_t kBatch = 256;  // leaves
+  using Pairs = std::vector<std::pair<int, int>>;
+  std::vector<Pairs> lists((leaves_.size() + kBatch - 1) / kBatch);
+  parallel_for(lists.size(), num_threads, [&](std::size_t batch) {
+    std::vector<int> stack;
+    const std::size_t end = std::min(leaves_.size(), (batch + 1) * kBatch);
+    for (std::size_t i = batch * kBatch; i < end; ++i) {
+      find_touching(i, parts[node_of[i]], &stack, &lists[batch]);
+      find_near(i, &stack, &lists[batch]);
     }
-  }
-  for (std::size_t i = 0; i < leaves_.size(); ++i) {
-    const Leaf& leaf = leaves_[i];
-    // Half a leaf's size bridges the gaps that chance leaves between points.
-    const Eigen::Array2f size = (leaf.high - leaf.low).max(0.0f);
-    const float reach = 0.5f * std::sqrt(std::max(size[0] * size[1], 0.0f)) + 1e-6f;
-    const Eigen::Array2f low = leaf.low - reach, high = leaf.high + reach;
-    stack.assign(1, 0);
-    while (!stack.empty()) {
-      const Node& node = nodes_[static_cast<std::size_t>(stack.back())];
-      stack.pop_back();
-      if ((node.low > high).any() || (node.high < low).any()) continue;
-      if (node.leaf >= 0) {
-        if (node.leaf != static_cast<int>(i)) neighbours_[i].push_back(node.leaf);
-      } else {
-        stack.push_back(node.above);
-        stack.push_back(node.below);
-      }
-    }
-  }
+  });
+  Pairs pairs;
+  for (const Pairs& list : lists) pairs.insert(pairs.end(), list.begin(), list.end());
   // Neighbourhood is mutual.
-  const std::vector<std::vector<int>> found = neighbours_;
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    for (const int j : found[i])
-      neighbours_[static_cast<std::size_t>(j)].push_back(static_cast<int>(i));
+  std::vector<std::size_t> counts(leaves_.size(), 0);
+  for (const auto& [a, b] : pairs) {
+    ++counts[static_cast<std::size_t>(a)];
+    ++counts[static_cast<std::size_t>(b)];
+  }
+  for (std::size_t i = 0; i < leaves_.size(); ++i) neighbours_[i].reserve(counts[i]);
+  for (const auto& [a, b] : pairs) {
+    neighbours_[static_cast<std::size_t>(a)].push_back(b);
+    neighbours_[static_cast<std::size_t>(b)].push_back(a);
   }
   for (std::vector<int>& list : neighbours_) {
     std::sort(list.begin(), list.end());
@@ -577,9 +698,15 @@ std::vector<std::uint64_t> GroundTree::keys(std::size_t first, std::size_t last)
   return keys;
 }
 
-int GroundTree::locate(float x, float y) const {
-  if (nodes_.empty()) return -1;
-  std::size_t id = 0;
+int GroundTree::entry(float x, float y) const {
+  if (entries_.nodes.empty()) return nodes_.empty() ? -1 : 0;
+  const int cell = entries_.cell(1, y) * Entries::kSide + entries_.cell(0, x);
+  return entries_.nodes[static_cast<std::size_t>(cell)];
+}
+
+int GroundTree::locate_from(int entry, float x, float y) const {
+  if (entry < 0) return -1;
+  auto id = static_cast<std::size_t>(entry);
   while (nodes_[id].leaf < 0) {
     const Node& node = nodes_[id];
     const float value = node.axis == 0 ? x : y;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <utility>
@@ -46,8 +47,9 @@ class GroundTree {
   };
 
   /// @param most_points  clouds with more are represented by about so many, drawn by place
+  /// The tree is the same for any number of threads.
   GroundTree(const RoadCloud& cloud, const Eigen::Vector3d& up, std::uint64_t seed,
-             std::size_t most_points);
+             std::size_t most_points, int num_threads = 1);
 
   const LevelFrame& frame() const { return frame_; }
   PointArrays& points() { return points_; }
@@ -67,7 +69,10 @@ class GroundTree {
   double spread() const { return spread_; }   ///< m, about 90 % lie within it of the pivot
 
   /// Index of the leaf to whose part of the ground a place in plan belongs.
-  int locate(float x, float y) const;
+  int locate(float x, float y) const { return locate_from(entry(x, y), x, y); }
+  /// The same in two steps, of which the first, for many places, waits for memory but once.
+  int entry(float x, float y) const;
+  int locate_from(int entry, float x, float y) const;
 
  private:
   struct Node {
@@ -77,14 +82,27 @@ class GroundTree {
     int leaf = -1;
     Eigen::Array2f low, high;
   };
-  bool choose_frame(const RoadCloud& cloud, const Eigen::Vector3d& z);
+  struct Row {
+    float x, y, z;
+    std::uint32_t index;
+  };
+  bool choose_frame(const RoadCloud& cloud, const Eigen::Vector3d& z, int num_threads);
+  void take_rows(const RoadCloud& cloud, std::uint64_t seed, std::size_t most_points,
+                 int num_threads);
   void sort_into_cells();
   int build_from_cells(int x0, int x1, int y0, int y1, bool in_block, std::uint64_t name);
   void join(int id, int axis, float split, int below, int above);
   int build(std::size_t begin, std::size_t end, bool in_block, Eigen::Array2f low,
             Eigen::Array2f high, std::uint64_t name);
   void finish_leaf(int id, std::size_t begin, std::size_t end, std::uint64_t name);
-  void find_neighbours();
+  static void sort_along_x(Row* rows, std::size_t count);
+  void find_touching(std::size_t leaf, const Eigen::Array4f& part, std::vector<int>* stack,
+                     std::vector<std::pair<int, int>>* pairs) const;
+  void find_near(std::size_t leaf, std::vector<int>* stack,
+                 std::vector<std::pair<int, int>>* pairs) const;
+  void find_neighbours(int num_threads);
+  void find_entries();
+  void enter(int id, int x0, int x1, int y0, int y1);
 
   LevelFrame frame_;
   Eigen::Vector3f pivot_ = Eigen::Vector3f::Zero();  // relative to the cloud's origin
@@ -98,10 +116,20 @@ class GroundTree {
   std::size_t size_ = 0;
   double spread_ = 0.0;
 
-  struct Row {
-    float x, y, z;
-    std::uint32_t index;
+  /// Where the search for a place's leaf begins: a grid over the plan whose cells know a node that
+  /// all of their places are in. Of clouds of which the tree holds a part alone.
+  struct Entries {
+    static constexpr int kSide = 256;
+    float low[2] = {0.0f, 0.0f}, per_metre[2] = {0.0f, 0.0f};
+    std::vector<int> nodes;
+    /// Never falls as the value grows, so that a split is in one column or line.
+    int cell(int axis, float value) const {
+      const float place = (value - low[axis]) * per_metre[axis];
+      return static_cast<int>(std::min(std::max(place, 0.0f), static_cast<float>(kSide - 1)));
+    }
   };
+  Entries entries_;
+
   // While building.
   struct Grid {
     int columns = 0, lines = 0;

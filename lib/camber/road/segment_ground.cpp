@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
 #include "camber/road/detail/ground_cells.h"
 #include "camber/road/detail/ground_surface.h"
 #include "camber/road/detail/height_grid.h"
@@ -23,6 +25,30 @@ using detail::PlanBounds;
 using detail::PlanFrame;
 using detail::PointDensity;
 
+/// Heights of points above a surface that is bilinear between the middles of cells.
+CAMBER_TARGET_CLONES("avx2")
+void measure_above(const CellPoint* points, std::size_t count, const HeightGrid& ground,
+                   float* above) {
+  const float* const z = ground.z.data();
+  const int width = ground.width, last_x = ground.width - 1, last_y = ground.height - 1;
+  const float most_x = static_cast<float>(last_x), most_y = static_cast<float>(last_y);
+  for (std::size_t i = 0; i < count; ++i) {
+    float x = points[i].u - 0.5f, y = points[i].v - 0.5f;
+    x = x > 0.0f ? x : 0.0f;
+    y = y > 0.0f ? y : 0.0f;
+    x = x < most_x ? x : most_x;
+    y = y < most_y ? y : most_y;
+    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    const int right = x0 < last_x ? 1 : 0, up = y0 < last_y ? width : 0;
+    const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
+    const float* const near = z + y0 * width + x0;
+    const float* const far = near + up;
+    const float surface = (1.0f - fy) * ((1.0f - fx) * near[0] + fx * near[right]) +
+                          fy * ((1.0f - fx) * far[0] + fx * far[right]);
+    above[i] = points[i].h - surface;
+  }
+}
+
 /// Labels the points by their height above the surface.
 class Labeller {
  public:
@@ -34,74 +60,81 @@ class Labeller {
         tolerance_(tolerance),
         narrow_(narrow) {}
 
-  void label(int cell, GroundSegmentation& out) {
+  /// Labels the points of the occupied cells [first, last). @return how many are ground
+  std::size_t label(std::size_t first, std::size_t last, std::vector<int>& labels) {
+    if (first == last) return 0;
+    first_point_ = cells_.start[as_size(cells_.occupied[first])];
+    const int end = cells_.start[as_size(cells_.occupied[last - 1]) + 1];
+    above_.resize(as_size(end - first_point_));
+    near_.resize(above_.size() + 1);
+    measure_above(cells_.points.data() + first_point_, above_.size(), ground_, above_.data());
+    std::size_t found = 0;
+    for (std::size_t k = first; k < last; ++k) found += label_cell(cells_.occupied[k], labels);
+    return found;
+  }
+
+ private:
+  std::size_t label_cell(int cell, std::vector<int>& labels) {
     const std::size_t at = as_size(cell);
     const int x = cell % cells_.width, y = cell / cells_.width;
     float tolerance = tolerance_;
     if (from_air_) tolerance += 0.7f * gradient(ground_, x, y, 1).norm();
     // Points near the surface, and where points rise from it, by sixteenths of the cell.
-    near_.clear();
+    const float left = static_cast<float>(x), front = static_cast<float>(y);
+    const float lowest = -kDeepest - tolerance, highest = tolerance + 0.4f;
+    std::size_t count = 0;
     int rising[16] = {};
     for (int i = cells_.start[at]; i < cells_.start[at + 1]; ++i) {
+      const float above = above_[as_size(i - first_point_)];
+      if (!(above > lowest && above < highest)) continue;
       const CellPoint& p = cells_.points[as_size(i)];
-      const float above = p.h - surface(p);
-      if (!(above > -kDeepest - tolerance && above < tolerance + 0.4f)) continue;
-      const int column = std::clamp(static_cast<int>(4.0f * (p.u - static_cast<float>(x))), 0, 3);
-      const int row = std::clamp(static_cast<int>(4.0f * (p.v - static_cast<float>(y))), 0, 3);
-      if (above >= tolerance) ++rising[4 * row + column];
-      if (above < tolerance + kHighest) near_.push_back({above, p.index, row, column});
+      const int column = std::clamp(static_cast<int>(4.0f * (p.u - left)), 0, 3);
+      const int row = std::clamp(static_cast<int>(4.0f * (p.v - front)), 0, 3);
+      near_[count] = {above, p.index, 4 * row + column, row / 2 * 2 + column / 2};
+      rising[4 * row + column] += above >= tolerance ? 1 : 0;
+      count += above < tolerance + kHighest ? 1 : 0;
     }
+    if (count == 0) return 0;
     float shift[4] = {};
-    find_shifts(tolerance, shift);
-    for (const Near& p : near_) {
-      const float r = p.above - shift[p.quarter()];
+    find_shifts(count, tolerance, shift);
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Near& p = near_[i];
+      const float r = p.above - shift[p.quarter];
       if (!(r > -tolerance && r < tolerance)) continue;
       // The foot of what rises here.
-      if (!from_air_ && r > narrow_ && rising[4 * p.row + p.column] >= 2) continue;
-      out.labels[as_size(p.index)] = 1;
-      ++out.ground;
+      if (!from_air_ && r > narrow_ && rising[p.sixteenth] >= 2) continue;
+      labels[as_size(p.index)] = 1;
+      ++found;
     }
+    return found;
   }
 
- private:
   static constexpr float kDeepest = 0.45f, kHighest = 0.12f;  // m, of shifts
 
   struct Near {
     float above;
-    int index, row, column;
-    std::size_t quarter() const { return as_size(row / 2 * 2 + column / 2); }
+    int index, sixteenth, quarter;
   };
-
-  /// Bilinear between the middles of cells.
-  float surface(const CellPoint& p) const {
-    const float x = std::clamp(p.u - 0.5f, 0.0f, static_cast<float>(ground_.width - 1)),
-                y = std::clamp(p.v - 0.5f, 0.0f, static_cast<float>(ground_.height - 1));
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-    const int x1 = std::min(x0 + 1, ground_.width - 1), y1 = std::min(y0 + 1, ground_.height - 1);
-    const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
-    const float* const near = ground_.row(y0);
-    const float* const far = ground_.row(y1);
-    return (1.0f - fy) * ((1.0f - fx) * near[x0] + fx * near[x1]) +
-           fy * ((1.0f - fx) * far[x0] + fx * far[x1]);
-  }
 
   /// What the surface misses between the middles of cells (kerbs, ditches, crests): the mean height
   /// of the lowest points of each quarter, if they are enough.
-  void find_shifts(float tolerance, float* shift) const {
+  void find_shifts(std::size_t count, float tolerance, float* shift) const {
     float lowest[4] = {kNoHeight, kNoHeight, kNoHeight, kNoHeight}, sum[4] = {}, low[4] = {},
           all[4] = {};
-    for (const Near& p : near_) {
-      if (p.above <= -kDeepest || p.above >= tolerance) continue;
-      const std::size_t q = p.quarter();
-      lowest[q] = std::min(lowest[q], p.above);
-      all[q] += 1.0f;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Near& p = near_[i];
+      const bool used = (p.above > -kDeepest) & (p.above < tolerance);
+      const float above = used ? p.above : kNoHeight;
+      lowest[p.quarter] = above < lowest[p.quarter] ? above : lowest[p.quarter];
+      all[p.quarter] += used ? 1.0f : 0.0f;
     }
-    for (const Near& p : near_) {
-      const std::size_t q = p.quarter();
-      if (p.above <= -kDeepest || p.above >= tolerance) continue;
-      if (p.above > lowest[q] + 1.5f * tolerance) continue;
-      sum[q] += p.above;
-      low[q] += 1.0f;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Near& p = near_[i];
+      const bool used = (p.above > -kDeepest) & (p.above < tolerance) &
+                        (p.above <= lowest[p.quarter] + 1.5f * tolerance);
+      sum[p.quarter] += used ? p.above : 0.0f;
+      low[p.quarter] += used ? 1.0f : 0.0f;
     }
     for (std::size_t q = 0; q < 4; ++q) {
       if (low[q] >= 3.0f && low[q] >= 0.4f * all[q]) {
@@ -114,7 +147,9 @@ class Labeller {
   const HeightGrid& ground_;
   bool from_air_;
   float tolerance_, narrow_;
-  std::vector<Near> near_;
+  int first_point_ = 0;
+  std::vector<float> above_;  // of each point of some cells
+  std::vector<Near> near_;    // of one cell
 };
 
 /// The cloud in cells, and whether it was scanned from the air.
@@ -134,7 +169,7 @@ SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const Pla
   if (options.cell > 0.0) cell = options.cell;
   PlanBounds& bounds = out.bounds;
   bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
-  out.cells = detail::sort_by_cell(cloud, frame, bounds, cell);
+  out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
   // Scans from the air see about as many points everywhere, others many near by and none behind
   // things.
   const PointDensity density = detail::measure_density(out.cells);
@@ -152,7 +187,8 @@ SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const Pla
     if (options.cell == 0.0) {
       cell = std::clamp(1.5 / std::sqrt(density.median), 1.0, 4.0);
       bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
-      out.cells = detail::sort_by_cell(cloud, frame, bounds, cell);
+      out.cells = GroundCells();  // not both at once
+      out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
     }
   }
   return out;
@@ -199,17 +235,8 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   out.labels.assign(cloud.size(), 0);
 
   const PlanFrame frame(options.up);
-  PlanBounds all;
   std::size_t finite = 0;
-  for (const Eigen::Vector3f& p : cloud.points) {
-    const Eigen::Vector3f q = frame(p);
-    if (!detail::usable(q)) continue;
-    ++finite;
-    for (int axis = 0; axis < 2; ++axis) {
-      all.low[axis] = std::min(all.low[axis], q[axis]);
-      all.high[axis] = std::max(all.high[axis], q[axis]);
-    }
-  }
+  const PlanBounds all = detail::find_bounds(cloud, frame, options.num_threads, &finite);
   if (finite < 3) {
     out.status = Status::kFailed;
     out.reason = "found " + std::to_string(finite) + " finite points, expected at least 3";
@@ -228,20 +255,26 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   out.largest_object = rules.largest_object;
   out.slope = rules.slope;
 
-  detail::LowestHeights lowest = detail::find_lowest(cells);
+  detail::LowestHeights lowest = detail::find_lowest(cells, options.num_threads);
   if (std::isfinite(options.sensor_height)) {
     add_ground_under_sensor(cloud, frame, sorted.bounds, sorted.cell, options.sensor_height, &cells,
                             &lowest);
   }
   detail::drop_low(cells, rules, lowest);
-  const GroundSurface ground = detail::fit_ground_surface(cells, rules, lowest.heights);
+  const GroundSurface ground =
+      detail::fit_ground_surface(cells, rules, lowest.heights, options.num_threads);
 
   float tolerance = rules.from_air ? 0.4f : std::clamp(0.08f + 2.5f * ground.noise, 0.08f, 0.4f);
   float narrow = std::min(tolerance, 0.02f + 1.5f * ground.noise);
   if (options.tolerance > 0.0) tolerance = narrow = static_cast<float>(options.tolerance);
   out.tolerance = tolerance;
-  Labeller labeller(cells, ground.heights, rules.from_air, tolerance, narrow);
-  for (const int c : cells.occupied) labeller.label(c, out);
+  const std::vector<std::size_t> runs = detail::cell_runs(cells);
+  std::vector<std::size_t> found(runs.size() - 1, 0);
+  parallel_for(found.size(), options.num_threads, [&](std::size_t run) {
+    Labeller labeller(cells, ground.heights, rules.from_air, tolerance, narrow);
+    found[run] = labeller.label(runs[run], runs[run + 1], out.labels);
+  });
+  for (const std::size_t number : found) out.ground += number;
   if (out.ground == 0) {
     out.status = Status::kFailed;
     out.reason = "no point lies on the ground's surface";

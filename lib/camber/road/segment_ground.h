@@ -20,6 +20,7 @@ struct GroundOptions {
   double largest_object = 0.0;
   double slope = 0.0;  ///< rise over run within which the ground bends; 0: 0.2, from the air 0.35
   double tolerance = 0.0;  ///< m, of ground points about the surface; 0: by their scatter
+  int num_threads = 0;     ///< <= 0: see resolve_num_threads
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
@@ -50,7 +51,7 @@ struct GroundSegmentation {
 ///
 /// Time and memory are linear in the points: the grid has at most about four cells a point, places
 /// far off the bulk of the cloud are left out of it where it would grow larger, and are not ground.
-/// @throws std::invalid_argument if options.validate() fails. Deterministic; one thread.
+/// @throws std::invalid_argument if options.validate() fails. The same for any number of threads.
 GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& options = {});
 
 }  // namespace camber

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <unordered_map>
 #include <utility>
 
 namespace camber {
@@ -19,11 +20,21 @@ constexpr double kInCommon = 0.2;
 struct Cell {
   double count = 0.0, sum = 0.0, squares = 0.0;
 };
-using Cells = std::map<std::pair<std::int64_t, std::int64_t>, Cell>;
+using Place = std::pair<std::int64_t, std::int64_t>;
+struct PlaceHash {
+  std::size_t operator()(const Place& place) const {
+    return static_cast<std::size_t>(static_cast<std::uint64_t>(place.first) *
+                                        0x9E3779B97F4A7C15ull ^
+                                    static_cast<std::uint64_t>(place.second));
+  }
+};
+using Cells = std::unordered_map<Place, Cell, PlaceHash>;
 
 /// Mean square of a smooth field under the residuals: that of the cells' means, less the scatter's
 /// share of it, and two standard deviations more, for few points hide a bend. Not negative.
-double bend_variance(const Cells& cells) {
+double bend_variance(const Cells& unsorted) {
+  // In order of place, so that the sums do not depend on how a table holds them.
+  const std::map<Place, Cell> cells(unsorted.begin(), unsorted.end());
   double sum = 0.0, weight = 0.0, spread = 0.0;
   for (const auto& [place, cell] : cells) {
     if (cell.count < kFewest) continue;
@@ -42,7 +53,7 @@ double bend_variance(const Cells& cells) {
 
 void measure_unmodelled(const RoadCloud& cloud, const std::vector<int>& labels,
                         RoadSurface* surface) {
-  std::map<int, std::pair<PlanePatch*, Cells>> patches;
+  std::unordered_map<int, std::pair<PlanePatch*, Cells>> patches;
   for (PlanePatch& patch : surface->patches) patches[patch.id].first = &patch;
   const std::size_t stride = surface->metric ? 1 + cloud.size() / kMostPoints : cloud.size() + 1;
   for (std::size_t i = 0; surface->metric && i < cloud.size(); i += stride) {

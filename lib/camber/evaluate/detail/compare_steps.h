@@ -49,6 +49,8 @@ struct Contact {
 
 /// @param nearest  point or triangle of the shape, as ShapeDistances has it.
 Contact contact(const Shape& shape, int nearest, const Eigen::Vector3d& place);
+/// Fetches what contact() will read into the cache.
+void fetch_contact(const Shape& shape, int nearest);
 
 /// Normals of the ground's tangent planes at each point: planes through the neighbours in the cloud
 /// thinned to 0.25 m, so that they span some metres also where a laser's lines lie far apart; zero

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
+#include <optional>
+#include <vector>
 
 #include "camber/core/threads.h"
 
@@ -13,6 +16,35 @@ namespace {
 
 constexpr std::size_t kCounted = 131072;  // points that decide between competitors
 constexpr double kCountSigmas = 4.0;      // within which they count: few that belong are left out
+// Whole blocks: sums are added in the chunks' order, whoever computed them.
+constexpr std::size_t kChunk = 32 * kernels::kBlock;
+
+/// Lists of chunks that are put one behind the other, in the chunks' order, while others are still
+/// being made.
+class JoinedLists {
+ public:
+  JoinedLists(std::size_t chunks, std::vector<int>* out) : early_(chunks), out_(*out) {}
+
+  /// The list of a chunk, each once, by any thread.
+  void add(std::size_t chunk, const int* list, std::size_t count) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (chunk != next_) {
+      early_[chunk].emplace(list, list + count);
+      return;
+    }
+    out_.insert(out_.end(), list, list + count);
+    for (++next_; next_ < early_.size() && early_[next_]; ++next_) {
+      out_.insert(out_.end(), early_[next_]->begin(), early_[next_]->end());
+      early_[next_].reset();
+    }
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::optional<std::vector<int>>> early_;
+  std::size_t next_ = 0;  // chunk
+  std::vector<int>& out_;
+};
 
 }  // namespace
 
@@ -69,26 +101,17 @@ CloudMoments sum_cloud_moments(const PointColumns& source, const std::array<floa
                                const PlaneCandidate& c, bool finish, bool list,
                                double expected_share, int num_threads) {
   const std::size_t n = source.size;
-  // Chunks of whole blocks: sums are added in chunk order, whoever computed them.
-  constexpr std::size_t kChunk = 32 * kernels::kBlock;
   const std::size_t chunks = (n + kChunk - 1) / kChunk;
-  struct Part {
-    kernels::Moments moments;
-    std::vector<int> inliers;
-  };
-  std::vector<Part> parts(chunks);
+  std::vector<kernels::Moments> parts(chunks);
   const kernels::Target target = {c.plane.as_float(), c.window.as_float(),
                                   static_cast<float>(kBiweight * kBiweight),
                                   static_cast<float>(kInlierSigmas * kInlierSigmas)};
   list = list && finish;
-  const int threads = resolve_num_threads(num_threads);
   CloudMoments out;
-  // One thread writes the list where it belongs; several write lists of their own.
-  std::vector<int>* single = threads == 1 ? &out.inliers : nullptr;
-  if (list && single) {
-    single->clear();
-    single->reserve(static_cast<std::size_t>(std::min(1.0, 1.1 * expected_share + 0.2) *
-                                             static_cast<double>(n)));
+  JoinedLists lists(chunks, &out.inliers);
+  if (list) {
+    out.inliers.reserve(static_cast<std::size_t>(std::min(1.0, 1.1 * expected_share + 0.2) *
+                                                 static_cast<double>(n)));
   }
   const bool same = c.noise.kind == NoiseKind::kSame;
   const float same_weight = same ? static_cast<float>(1.0 / (c.noise.scale * c.noise.scale)) : 1.0f;
@@ -96,9 +119,9 @@ CloudMoments sum_cloud_moments(const PointColumns& source, const std::array<floa
     alignas(32) float x[kernels::kBlock], y[kernels::kBlock], z[kernels::kBlock],
         weight[kernels::kBlock];
     alignas(32) std::int32_t mask[kernels::kBlock];
-    int buffer[kernels::kBlock + kernels::kLanes];
-    Part& part = parts[chunk];
-    std::vector<int>& inliers = single ? *single : part.inliers;
+    int inliers[kChunk + kernels::kLanes];
+    std::size_t filled = 0;
+    kernels::Moments& moments = parts[chunk];
     const std::size_t chunk_end = std::min(n, (chunk + 1) * kChunk);
     for (std::size_t begin = chunk * kChunk; begin < chunk_end; begin += kernels::kBlock) {
       const std::size_t m = std::min(kernels::kBlock, chunk_end - begin);
@@ -106,10 +129,9 @@ CloudMoments sum_cloud_moments(const PointColumns& source, const std::array<floa
       const kernels::StridedPoints points = {source.x + first, source.y + first, source.z + first,
                                              source.stride, m};
       if (same) {
-        const std::size_t filled = kernels::accumulate_and_list(
-            points, pivot.data(), same_weight, target, static_cast<int>(begin),
-            list ? buffer : nullptr, &part.moments);
-        if (list) inliers.insert(inliers.end(), buffer, buffer + filled);
+        filled += kernels::accumulate_and_list(points, pivot.data(), same_weight, target,
+                                               static_cast<int>(begin),
+                                               list ? inliers + filled : nullptr, &moments);
         continue;
       }
       kernels::load_points(points, pivot.data(), 1.0f, {x, y, z, weight});
@@ -119,32 +141,24 @@ CloudMoments sum_cloud_moments(const PointColumns& source, const std::array<floa
                     source.covariance ? source.covariance + begin : nullptr, weight);
       if (!finish) {
         kernels::accumulate({x, y, z, weight, rows}, target, kernels::Loss::kNewton, false,
-                            &part.moments);
+                            &moments);
         continue;
       }
       kernels::accumulate_and_mark({x, y, z, weight, rows}, target, list ? mask : nullptr,
                                    source.stride == 3 && begin + 2 * kernels::kBlock <= n
                                        ? source.x + first + 3 * kernels::kBlock
                                        : nullptr,
-                                   &part.moments);
+                                   &moments);
       if (!list) continue;
-      int filled = 0;
       for (std::size_t k = 0; k < m; ++k) {
-        buffer[filled] = static_cast<int>(begin + k);
-        filled -= mask[k];
+        inliers[filled] = static_cast<int>(begin + k);
+        filled += mask[k] != 0 ? 1 : 0;
       }
-      inliers.insert(inliers.end(), buffer, buffer + filled);
     }
+    if (list) lists.add(chunk, inliers, filled);
   };
-  parallel_for(chunks, threads, work);
-  for (const Part& part : parts) out.moments += part.moments;
-  if (list && !single) {
-    out.inliers.clear();
-    out.inliers.reserve(static_cast<std::size_t>(out.moments.inliers));
-    for (const Part& part : parts) {
-      out.inliers.insert(out.inliers.end(), part.inliers.begin(), part.inliers.end());
-    }
-  }
+  parallel_for(chunks, num_threads, work);
+  for (const kernels::Moments& part : parts) out.moments += part;
   return out;
 }
 

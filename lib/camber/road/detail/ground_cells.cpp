@@ -3,8 +3,120 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
 
 namespace camber::detail {
+namespace {
+
+constexpr std::size_t kBlock = 1024;  // points
+
+/// Points of a block in the plan's frame, and which of them are usable.
+struct PlanBlock {
+  float u[kBlock], v[kBlock], h[kBlock];  // m
+  std::int32_t usable[kBlock];
+};
+
+/// @param xyz   coordinates of n points, at most kBlock
+/// @param axes  rows of the frame's axes
+CAMBER_TARGET_CLONES("avx2")
+void to_plan(const float* xyz, std::size_t n, const float* axes, PlanBlock& out) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const float x = xyz[3 * i], y = xyz[3 * i + 1], z = xyz[3 * i + 2];
+    const float u = axes[0] * x + (axes[1] * y + axes[2] * z),
+                v = axes[3] * x + (axes[4] * y + axes[5] * z),
+                h = axes[6] * x + (axes[7] * y + axes[8] * z);
+    out.u[i] = u;
+    out.v[i] = v;
+    out.h[i] = h;
+    out.usable[i] = std::abs(u) + std::abs(v) + std::abs(h) < kFarthest ? 1 : 0;
+  }
+}
+
+/// Widens bounds by the usable points of a block. @return their number
+CAMBER_TARGET_CLONES("avx2")
+std::int32_t widen(const PlanBlock& block, std::size_t n, float* low, float* high) {
+  float lu = low[0], lv = low[1], hu = high[0], hv = high[1];
+  std::int32_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const float u = block.u[i], v = block.v[i];
+    const bool usable = block.usable[i] != 0;
+    const float below_u = usable ? u : kNoHeight, below_v = usable ? v : kNoHeight,
+                above_u = usable ? u : -kNoHeight, above_v = usable ? v : -kNoHeight;
+    lu = below_u < lu ? below_u : lu;
+    lv = below_v < lv ? below_v : lv;
+    hu = above_u > hu ? above_u : hu;
+    hv = above_v > hv ? above_v : hv;
+    count += block.usable[i];
+  }
+  low[0] = lu;
+  low[1] = lv;
+  high[0] = hu;
+  high[1] = hv;
+  return count;
+}
+
+/// A grid over the plan.
+struct PlanGrid {
+  float low[2], high[2];  // m, bounds of what is in it
+  float per_metre;        // cells
+  std::int32_t width, height;
+};
+
+using F8 = float __attribute__((vector_size(32)));
+using I8 = std::int32_t __attribute__((vector_size(32)));
+
+/// Puts a block's points in cells: coordinates become those in cells from the grid's corner.
+/// @param cell  of each point, with room for kBlock; -1: not in the grid
+CAMBER_TARGET_CLONES("avx2")
+void to_cells(const PlanGrid& grid, std::size_t n, PlanBlock& block, std::int32_t* cell) {
+  const I8 none = {};
+  const I8 last_x = none + (grid.width - 1), last_y = none + (grid.height - 1);
+  for (std::size_t i = 0; i < n; i += 8) {
+    F8 u, v;
+    I8 usable;
+    std::memcpy(&u, block.u + i, sizeof u);
+    std::memcpy(&v, block.v + i, sizeof v);
+    std::memcpy(&usable, block.usable + i, sizeof usable);
+    const I8 inside = (usable != none) & (u >= grid.low[0]) & (u <= grid.high[0]) &
+                      (v >= grid.low[1]) & (v <= grid.high[1]);
+    u = inside ? (u - grid.low[0]) * grid.per_metre : F8{};
+    v = inside ? (v - grid.low[1]) * grid.per_metre : F8{};
+    I8 x = __builtin_convertvector(u, I8), y = __builtin_convertvector(v, I8);
+    x = x < last_x ? x : last_x;
+    y = y < last_y ? y : last_y;
+    const I8 place = inside ? y * grid.width + x : none - 1;
+    std::memcpy(block.u + i, &u, sizeof u);
+    std::memcpy(block.v + i, &v, sizeof v);
+    std::memcpy(cell + i, &place, sizeof place);
+  }
+}
+
+/// Calls visit(first, n, block) for points [begin, end) of a cloud in blocks, in the plan's frame.
+template <typename Visit>
+void for_each_block(const RoadCloud& cloud, const PlanFrame& frame, std::size_t begin,
+                    std::size_t end, const Visit& visit) {
+  const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> axes = frame.axes;
+  PlanBlock block;
+  for (std::size_t first = begin; first < end; first += kBlock) {
+    const std::size_t n = std::min(kBlock, end - first);
+    to_plan(cloud.points[first].data(), n, axes.data(), block);
+    for (std::size_t i = n; i < (n + 7) / 8 * 8; ++i) block.u[i] = block.v[i] = 0.0f;
+    visit(first, n, block);
+  }
+}
+
+/// How many slices of a grid are worth a pass over all points each.
+std::size_t slices_for(std::size_t points, int num_threads) {
+  constexpr std::size_t kFewest = 32768, kMost = 4;
+  return std::clamp<std::size_t>(points / kFewest, 1,
+                                 std::min(kMost, as_size(resolve_num_threads(num_threads))));
+}
+
+}  // namespace
 
 PlanFrame::PlanFrame(const Eigen::Vector3d& direction) : up(direction.normalized()) {
   const Eigen::Vector3d along =
@@ -14,6 +126,33 @@ PlanFrame::PlanFrame(const Eigen::Vector3d& direction) : up(direction.normalized
   axes.row(0) = e1.cast<float>();
   axes.row(1) = e2.cast<float>();
   axes.row(2) = up.cast<float>();
+}
+
+PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, int num_threads,
+                       std::size_t* usable) {
+  constexpr std::size_t kPiece = 32 * kBlock;
+  struct Part {
+    PlanBounds bounds;
+    std::size_t usable = 0;
+  };
+  std::vector<Part> parts((cloud.size() + kPiece - 1) / kPiece);
+  parallel_for(parts.size(), num_threads, [&](std::size_t piece) {
+    Part& part = parts[piece];
+    for_each_block(cloud, frame, piece * kPiece, std::min(cloud.size(), (piece + 1) * kPiece),
+                   [&](std::size_t, std::size_t n, const PlanBlock& block) {
+                     part.usable += as_size(widen(block, n, part.bounds.low, part.bounds.high));
+                   });
+  });
+  PlanBounds out;
+  *usable = 0;
+  for (const Part& part : parts) {
+    *usable += part.usable;
+    for (int axis = 0; axis < 2; ++axis) {
+      out.low[axis] = std::min(out.low[axis], part.bounds.low[axis]);
+      out.high[axis] = std::max(out.high[axis], part.bounds.high[axis]);
+    }
+  }
+  return out;
 }
 
 PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
@@ -48,43 +187,72 @@ PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const P
 }
 
 GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& bounds,
-                         double size) {
+                         double size, int num_threads) {
   GroundCells cells;
   cells.cell = static_cast<float>(size);
   cells.width = static_cast<int>(bounds.width() / size) + 1;
   cells.height = static_cast<int>(bounds.height() / size) + 1;
   cells.start.assign(cells.count() + 1, 0);
-  const float inverse = 1.0f / cells.cell;
-  const auto place = [&](const Eigen::Vector3f& p, CellPoint* out) {
-    const Eigen::Vector3f q = frame(p);
-    if (!(usable(q) && q.x() >= bounds.low[0] && q.x() <= bounds.high[0] &&
-          q.y() >= bounds.low[1] && q.y() <= bounds.high[1])) {
-      return -1;
-    }
-    out->u = (q.x() - bounds.low[0]) * inverse;
-    out->v = (q.y() - bounds.low[1]) * inverse;
-    out->h = q.z();
-    return std::min(static_cast<int>(out->v), cells.height - 1) * cells.width +
-           std::min(static_cast<int>(out->u), cells.width - 1);
+  const PlanGrid grid = {{bounds.low[0], bounds.low[1]},
+                         {bounds.high[0], bounds.high[1]},
+                         1.0f / cells.cell,
+                         cells.width,
+                         cells.height};
+  // Each slice of the grid looks at all points, and keeps those in its own cells: what takes time
+  // is that these lie far apart in memory.
+  const std::size_t slices = slices_for(cloud.size(), num_threads);
+  const auto for_each_slice = [&](const std::vector<std::int32_t>& ends, const auto& visit) {
+    parallel_for(slices, num_threads, [&](std::size_t slice) {
+      const std::int32_t first = ends[slice], last = ends[slice + 1];
+      alignas(32) std::int32_t cell[kBlock];
+      for_each_block(cloud, frame, 0, cloud.size(),
+                     [&](std::size_t from, std::size_t n, PlanBlock& block) {
+                       to_cells(grid, n, block, cell);
+                       for (std::size_t i = 0; i < n; ++i) {
+                         if (cell[i] >= first && cell[i] < last) visit(from, i, block, cell[i]);
+                       }
+                     });
+    });
   };
-  CellPoint point{};
-  for (const Eigen::Vector3f& p : cloud.points) {
-    const int c = place(p, &point);
-    if (c >= 0) ++cells.start[as_size(c) + 1];
+  std::vector<std::int32_t> ends(slices + 1);
+  for (std::size_t k = 0; k <= slices; ++k) {
+    ends[k] = static_cast<std::int32_t>(cells.count() * k / slices);
   }
+  for_each_slice(ends, [&](std::size_t, std::size_t, const PlanBlock&, std::int32_t c) {
+    ++cells.start[as_size(c) + 1];
+  });
   for (std::size_t c = 0; c < cells.count(); ++c) {
     if (cells.start[c + 1] > 0) cells.occupied.push_back(static_cast<int>(c));
     cells.start[c + 1] += cells.start[c];
   }
-  cells.points.resize(as_size(cells.start.back()));
-  std::vector<int> next(cells.start.begin(), cells.start.end() - 1);
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const int c = place(cloud.points[i], &point);
-    if (c < 0) continue;
-    point.index = static_cast<int>(i);
-    cells.points[as_size(next[as_size(c)]++)] = point;
+  const std::size_t count = as_size(cells.start.back());
+  for (std::size_t k = 1; k < slices; ++k) {
+    const auto place = std::lower_bound(cells.start.begin(), cells.start.end() - 1,
+                                        static_cast<int>(count * k / slices));
+    ends[k] = static_cast<std::int32_t>(place - cells.start.begin());
   }
+  cells.points.resize(count);
+  std::vector<int> next(cells.start.begin(), cells.start.end() - 1);
+  for_each_slice(ends,
+                 [&](std::size_t first, std::size_t i, const PlanBlock& block, std::int32_t c) {
+                   cells.points[as_size(next[as_size(c)]++)] = {block.u[i], block.v[i], block.h[i],
+                                                                static_cast<int>(first + i)};
+                 });
   return cells;
+}
+
+std::vector<std::size_t> cell_runs(const GroundCells& cells) {
+  constexpr int kPoints = 8192;
+  std::vector<std::size_t> runs;
+  int end = 0;  // point with which a new run begins
+  for (std::size_t k = 0; k < cells.occupied.size(); ++k) {
+    const int first = cells.start[as_size(cells.occupied[k])];
+    if (k > 0 && first < end) continue;
+    runs.push_back(k);
+    end = first + kPoints;
+  }
+  runs.push_back(cells.occupied.size());
+  return runs;
 }
 
 PointDensity measure_density(const GroundCells& cells) {

@@ -20,9 +20,11 @@ struct PlanFrame {
   Eigen::Vector3f operator()(const Eigen::Vector3f& p) const { return axes * p; }
 };
 
+inline constexpr float kFarthest = 1e9f;  ///< m, sum of coordinates that a grid can hold
+
 /// Whether a point's coordinates are finite and of a size that a grid can hold.
 inline bool usable(const Eigen::Vector3f& q) {
-  return std::abs(q.x()) + std::abs(q.y()) + std::abs(q.z()) < 1e9f;
+  return std::abs(q.x()) + std::abs(q.y()) + std::abs(q.z()) < kFarthest;
 }
 
 /// Of the plan coordinates, m.
@@ -49,6 +51,10 @@ struct GroundCells {
   std::size_t count() const { return as_size(width) * as_size(height); }
 };
 
+/// Bounds of the usable points, and their number.
+PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, int num_threads,
+                       std::size_t* usable);
+
 /// Bounds of the points with few of them left out, so that a grid of squares of a given size
 /// has at most `most` of them; where that is not enough, the size grows.
 /// @param all   bounds of all points
@@ -56,9 +62,13 @@ struct GroundCells {
 PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
                          double most, double* cell);
 
-/// @param size  m, side of a cell
+/// The same for any number of threads. @param size  m, side of a cell
 GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& bounds,
-                         double size);
+                         double size, int num_threads);
+
+/// Runs of occupied cells with some thousand points each, to be looked at side by side: where each
+/// begins in `occupied`, and the end.
+std::vector<std::size_t> cell_runs(const GroundCells& cells);
 
 /// Median and mean over occupied squares of 2 x 2 cells of the points a square metre, and the share
 /// of squares that are occupied.

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <cstdint>
 
+#include "camber/core/target_clones.h"
+#include "camber/core/threads.h"
+
 namespace camber::detail {
 namespace {
 
@@ -19,20 +22,27 @@ LowestMode lowest_mode(const GroundCells& cells, std::size_t cell, float floor) 
   constexpr float kShare = 0.15f;  // of the fullest window's points
   const auto begin = cells.points.begin() + cells.start[cell],
              end = cells.points.begin() + cells.start[cell + 1];
-  float lowest = kNoHeight;
+  float lowest = kNoHeight, highest = -kNoHeight;
   for (auto p = begin; p != end; ++p) {
-    if (p->h > floor) lowest = std::min(lowest, p->h);
+    if (!(p->h > floor)) continue;
+    lowest = std::min(lowest, p->h);
+    highest = std::max(highest, p->h);
   }
   if (lowest == kNoHeight) return {};
-  std::uint32_t bins[kBins + 1] = {};
+  const auto bin_of = [&](float height) {
+    return std::min(static_cast<int>(std::min((height - lowest) / kBin, 1e4f)), kBins);
+  };
+  // Most cells reach over a few bins: the others need neither be cleared nor looked at.
+  const int last = bin_of(highest), windows = std::min(last + 1, kBins - 1);
+  std::uint32_t bins[kBins + 2];
+  std::fill_n(bins, last + 2, 0u);
   for (auto p = begin; p != end; ++p) {
-    if (p->h > floor)
-      ++bins[std::min(static_cast<int>(std::min((p->h - lowest) / kBin, 1e4f)), kBins)];
+    if (p->h > floor) ++bins[bin_of(p->h)];
   }
   std::uint32_t most = 0;
-  for (int k = 0; k + 1 < kBins; ++k) most = std::max(most, bins[k] + bins[k + 1]);
+  for (int k = 0; k < windows; ++k) most = std::max(most, bins[k] + bins[k + 1]);
   const float enough = std::max(1.0f, kShare * static_cast<float>(most));
-  for (int k = 0; k + 1 < kBins; ++k) {
+  for (int k = 0; k < windows; ++k) {
     if (static_cast<float>(bins[k] + bins[k + 1]) < enough) continue;
     const float from = lowest + static_cast<float>(k) * kBin, to = from + 2.0f * kBin;
     float sum = 0.0f;
@@ -45,6 +55,122 @@ LowestMode lowest_mode(const GroundCells& cells, std::size_t cell, float floor) 
     if (inside > 0) return {sum / static_cast<float>(inside), inside};
   }
   return {lowest, 1};
+}
+
+constexpr int kAround = 3;  // cells to each side of one that is judged
+
+/// Of the squares of 2 * kAround + 1 cells below and right of a place: how many cells are lower
+/// than a bound, and how many hold a height.
+struct SquareCounts {
+  int lower = 0, known = 0;
+};
+
+CAMBER_TARGET_CLONES("avx2")
+SquareCounts count_square(const float* place, std::size_t stride, float bound) {
+  constexpr int kSide = 2 * kAround + 1, kLanes = 8;
+  std::int32_t lower[kLanes] = {}, known[kLanes] = {};
+  for (int row = 0; row < kSide; ++row) {
+    const float* const from = place + static_cast<std::size_t>(row) * stride;
+    for (int i = 0; i < kLanes; ++i) {
+      lower[i] += from[i] < bound ? 1 : 0;
+      known[i] += from[i] < kNoHeight ? 1 : 0;
+    }
+  }
+  SquareCounts out;
+  for (int i = 0; i < kSide; ++i) {
+    out.lower += lower[i];
+    out.known += known[i];
+  }
+  return out;
+}
+
+/// Heights with a margin of empty cells, so that squares around cells need no clipping.
+class MarginGrid {
+ public:
+  explicit MarginGrid(const HeightGrid& grid)
+      : stride_(as_size(grid.width) + 2 * kAround + 1),
+        z_(stride_ * (as_size(grid.height) + 2 * kAround), kNoHeight) {
+    for (int y = 0; y < grid.height; ++y) {
+      std::copy_n(grid.row(y), grid.width, z_.begin() + static_cast<std::ptrdiff_t>(at(0, y)));
+    }
+  }
+  void set(int x, int y, float height) { z_[at(x, y)] = height; }
+  SquareCounts count(int x, int y, float bound) const {
+    return count_square(z_.data() + at(x - kAround, y - kAround), stride_, bound);
+  }
+
+ private:
+  std::size_t at(int x, int y) const {
+    return as_size(y + kAround) * stride_ + as_size(x + kAround);
+  }
+  std::size_t stride_;  // one more, for a lane that is read and not counted
+  std::vector<float> z_;
+};
+
+/// Calls visit(dx, dy, index) for the other cells around one that hold a height.
+template <typename Visit>
+void for_each_around(const HeightGrid& lowest, int cell, const Visit& visit) {
+  const int cx = cell % lowest.width, cy = cell / lowest.width;
+  for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, lowest.height - 1); ++y) {
+    for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, lowest.width - 1); ++x) {
+      const std::size_t other = lowest.at(x, y);
+      if (other != as_size(cell) && lowest.z[other] != kNoHeight) visit(x - cx, y - cy, other);
+    }
+  }
+}
+
+/// Whether a cell of a scan from the air is lower than nearly all around it.
+bool is_below_nearly_all(const GroundCells& cells, const HeightGrid& lowest, int cell) {
+  int around = 0, as_low = 0;
+  for_each_around(lowest, cell, [&](int dx, int dy, std::size_t other) {
+    const float distance = static_cast<float>(std::max(std::abs(dx), std::abs(dy)));
+    ++around;
+    if (lowest.z[other] - lowest.z[as_size(cell)] < 1.0f + 0.6f * cells.cell * distance) ++as_low;
+  });
+  return around >= 4 && as_low <= 4;
+}
+
+/// Whether a cell lies below the plane through those around it, by more than a slope may do, and
+/// few of these are as low.
+/// @param around  the same heights
+bool is_below_plane(const GroundCells& cells, const LowestHeights& heights,
+                    const MarginGrid& around, int cell) {
+  constexpr float kFew = 30.0f;       // points
+  constexpr float kBelow = 0.3f;      // m, below the plane
+  constexpr float kPerMetre = 0.15f;  // m, for each metre from the middle of the cells around
+  constexpr float kAsDeep = 0.2f, kShare = 0.2f;  // m; of the cells around
+  const HeightGrid& lowest = heights.heights;
+  const std::size_t at = as_size(cell);
+  const float z = lowest.z[at];
+  // Ground between dense traffic is below that plane too, but is as low in more places. Asked
+  // first, for it decides nearly all cells, and quickly.
+  const SquareCounts counts = around.count(cell % cells.width, cell / cells.width, z + kAsDeep);
+  const int others = counts.known - 1, as_deep = counts.lower - (z < z + kAsDeep ? 1 : 0);
+  if (others < 4 || static_cast<float>(as_deep) > kShare * static_cast<float>(others)) return false;
+  float s = 0, sx = 0, sy = 0, sz = 0, sxx = 0, sxy = 0, syy = 0, sxz = 0, syz = 0;
+  for_each_around(lowest, cell, [&](int x, int y, std::size_t other) {
+    const float dx = static_cast<float>(x), dy = static_cast<float>(y), dz = lowest.z[other] - z;
+    const float weight = std::min(static_cast<float>(heights.support[other]), kFew);
+    s += weight;
+    sx += weight * dx;
+    sy += weight * dy;
+    sz += weight * dz;
+    sxx += weight * dx * dx;
+    sxy += weight * dx * dy;
+    syy += weight * dy * dy;
+    sxz += weight * dx * dz;
+    syz += weight * dy * dz;
+  });
+  if (s < 4.0f * static_cast<float>(heights.support[at])) return false;
+  const float mx = sx / s, my = sy / s, mz = sz / s;
+  constexpr float kLevel = 0.2f;  // cells^2: held level where those around are in one line
+  const float vxx = sxx / s - mx * mx + kLevel, vxy = sxy / s - mx * my,
+              vyy = syy / s - my * my + kLevel, vxz = sxz / s - mx * mz, vyz = syz / s - my * mz;
+  const float determinant = vxx * vyy - vxy * vxy;
+  const float gx = (vxz * vyy - vyz * vxy) / determinant,
+              gy = (vyz * vxx - vxz * vxy) / determinant;
+  const float distance = cells.cell * std::sqrt(mx * mx + my * my);
+  return mz - gx * mx - gy * my > kBelow + kPerMetre * distance;
 }
 
 /// Marks the cells that rise out of openings of the surface with growing squares. Large squares are
@@ -152,31 +278,44 @@ void remove_raised(const GroundCells& cells, const GroundRules& rules, const Hei
   }
 }
 
-/// Moves each ground cell to the mean of the points near its plane. @return the lower third over
-/// cells of the points' scatter, m; 0 where cells hold few points.
-float refine(const GroundCells& cells, const HeightGrid& filled, float reach, HeightGrid& ground) {
-  std::vector<float> scatter;
-  for (const int c : cells.occupied) {
-    const std::size_t at = as_size(c);
-    const float z = ground.z[at];
-    if (z == kNoHeight) continue;
-    const int x = c % cells.width, y = c / cells.width;
-    const Eigen::Vector2f slope = gradient(filled, x, y, 1);
-    const float u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
-    float sum = 0.0f, squares = 0.0f, count = 0.0f;
-    for (int i = cells.start[at]; i < cells.start[at + 1]; ++i) {
-      const CellPoint& p = cells.points[as_size(i)];
-      const float r = p.h - (z + slope.x() * (p.u - u) + slope.y() * (p.v - v));
-      if (r < -reach || r > reach) continue;
-      sum += r;
-      squares += r * r;
-      count += 1.0f;
-    }
-    if (count == 0.0f) continue;
-    const float mean = sum / count;
-    ground.z[at] = z + mean;
-    if (count >= 5.0f) scatter.push_back(std::sqrt(std::max(0.0f, squares / count - mean * mean)));
+/// Moves one ground cell to the mean of the points near its plane. @return their scatter, m;
+/// negative where they are few
+float refine_cell(const GroundCells& cells, const HeightGrid& filled, float reach, int c,
+                  HeightGrid& ground) {
+  const std::size_t at = as_size(c);
+  const float z = ground.z[at];
+  if (z == kNoHeight) return -1.0f;
+  const int x = c % cells.width, y = c / cells.width;
+  const Eigen::Vector2f slope = gradient(filled, x, y, 1);
+  const float u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
+  float sum = 0.0f, squares = 0.0f, count = 0.0f;
+  for (int i = cells.start[at]; i < cells.start[at + 1]; ++i) {
+    const CellPoint& p = cells.points[as_size(i)];
+    const float r = p.h - (z + slope.x() * (p.u - u) + slope.y() * (p.v - v));
+    const float near = (r >= -reach) & (r <= reach) ? 1.0f : 0.0f;
+    sum += near * r;
+    squares += near * r * r;
+    count += near;
   }
+  if (count == 0.0f) return -1.0f;
+  const float mean = sum / count;
+  ground.z[at] = z + mean;
+  return count >= 5.0f ? std::sqrt(std::max(0.0f, squares / count - mean * mean)) : -1.0f;
+}
+
+/// Moves all ground cells. @return the lower third over cells of the points' scatter, m; 0 where
+/// cells hold few points.
+float refine(const GroundCells& cells, const HeightGrid& filled, float reach, int num_threads,
+             HeightGrid& ground) {
+  std::vector<float> scatter(cells.occupied.size());
+  const std::vector<std::size_t> runs = cell_runs(cells);
+  parallel_for(runs.size() - 1, num_threads, [&](std::size_t run) {
+    for (std::size_t k = runs[run]; k < runs[run + 1]; ++k) {
+      scatter[k] = refine_cell(cells, filled, reach, cells.occupied[k], ground);
+    }
+  });
+  scatter.erase(std::remove_if(scatter.begin(), scatter.end(), [](float s) { return s < 0.0f; }),
+                scatter.end());
   if (scatter.empty()) return 0.0f;
   const auto third = scatter.begin() + static_cast<std::ptrdiff_t>(scatter.size() / 3);
   std::nth_element(scatter.begin(), third, scatter.end());
@@ -185,26 +324,27 @@ float refine(const GroundCells& cells, const HeightGrid& filled, float reach, He
 
 }  // namespace
 
-LowestHeights find_lowest(const GroundCells& cells) {
+LowestHeights find_lowest(const GroundCells& cells, int num_threads) {
   LowestHeights out;
   out.heights = HeightGrid(cells.width, cells.height, kNoHeight);
   out.support.assign(cells.count(), 0);
-  for (const int c : cells.occupied) {
-    const LowestMode mode = lowest_mode(cells, as_size(c), -kNoHeight);
-    out.heights.z[as_size(c)] = mode.height;
-    out.support[as_size(c)] = mode.support;
-  }
+  const std::vector<std::size_t> runs = cell_runs(cells);
+  parallel_for(runs.size() - 1, num_threads, [&](std::size_t run) {
+    for (std::size_t k = runs[run]; k < runs[run + 1]; ++k) {
+      const std::size_t c = as_size(cells.occupied[k]);
+      const LowestMode mode = lowest_mode(cells, c, -kNoHeight);
+      out.heights.z[c] = mode.height;
+      out.support[c] = mode.support;
+    }
+  });
   return out;
 }
 
 void drop_low(const GroundCells& cells, const GroundRules& rules, LowestHeights& out) {
   HeightGrid& lowest = out.heights;
   std::vector<int>& support = out.support;
-  constexpr int kAround = 3;          // cells
-  constexpr int kFew = 30;            // points
-  constexpr float kBelow = 0.3f;      // m, below the plane
-  constexpr float kPerMetre = 0.15f;  // m, for each metre from the middle of the cells around
-  constexpr float kAsDeep = 0.2f, kShare = 0.2f;  // m; of the cells around
+  constexpr int kFew = 30;  // points
+  MarginGrid around(lowest);
   std::vector<int> low;
   std::vector<unsigned char> look(cells.count(), 1);  // again where something has changed
   for (int round = 0; round < 3; ++round) {
@@ -214,55 +354,9 @@ void drop_low(const GroundCells& cells, const GroundRules& rules, LowestHeights&
       if (look[at] == 0) continue;
       look[at] = 0;
       if (support[at] > kFew || lowest.z[at] == kNoHeight) continue;
-      const int cx = c % cells.width, cy = c / cells.width;
-      const float z = lowest.z[at];
-      float s = 0, sx = 0, sy = 0, sz = 0, sxx = 0, sxy = 0, syy = 0, sxz = 0, syz = 0;
-      int around = 0, as_low = 0;
-      for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
-        for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
-          const std::size_t other = lowest.at(x, y);
-          if (other == at || lowest.z[other] == kNoHeight) continue;
-          const float dx = static_cast<float>(x - cx), dy = static_cast<float>(y - cy),
-                      dz = lowest.z[other] - z;
-          ++around;
-          if (dz < 1.0f + 0.6f * cells.cell * std::max(std::abs(dx), std::abs(dy))) ++as_low;
-          const float weight = static_cast<float>(std::min(support[other], kFew));
-          s += weight;
-          sx += weight * dx;
-          sy += weight * dy;
-          sz += weight * dz;
-          sxx += weight * dx * dx;
-          sxy += weight * dx * dy;
-          syy += weight * dy * dy;
-          sxz += weight * dx * dz;
-          syz += weight * dy * dz;
-        }
-      }
-      if (around < 4) continue;
-      if (rules.from_air) {
-        if (as_low <= 4) low.push_back(c);
-        continue;
-      }
-      if (s < 4.0f * static_cast<float>(support[at])) continue;
-      const float mx = sx / s, my = sy / s, mz = sz / s;
-      constexpr float kLevel = 0.2f;  // cells^2: held level where those around are in one line
-      const float vxx = sxx / s - mx * mx + kLevel, vxy = sxy / s - mx * my,
-                  vyy = syy / s - my * my + kLevel, vxz = sxz / s - mx * mz,
-                  vyz = syz / s - my * mz;
-      const float determinant = vxx * vyy - vxy * vxy;
-      const float gx = (vxz * vyy - vyz * vxy) / determinant,
-                  gy = (vyz * vxx - vxz * vxy) / determinant;
-      const float distance = cells.cell * std::sqrt(mx * mx + my * my);
-      if (!(mz - gx * mx - gy * my > kBelow + kPerMetre * distance)) continue;
-      // Ground between dense traffic is below that plane too, but is as low in more places.
-      int as_deep = 0;
-      for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
-        for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
-          const std::size_t other = lowest.at(x, y);
-          if (other != at && lowest.z[other] < z + kAsDeep) ++as_deep;
-        }
-      }
-      if (static_cast<float>(as_deep) <= kShare * static_cast<float>(around)) low.push_back(c);
+      const bool is_low = rules.from_air ? is_below_nearly_all(cells, lowest, c)
+                                         : is_below_plane(cells, out, around, c);
+      if (is_low) low.push_back(c);
     }
     if (low.empty()) break;
     for (const int c : low) {
@@ -271,6 +365,7 @@ void drop_low(const GroundCells& cells, const GroundRules& rules, LowestHeights&
       lowest.z[at] = next.height;
       support[at] = next.support;
       const int cx = c % cells.width, cy = c / cells.width;
+      around.set(cx, cy, next.height);
       for (int y = std::max(cy - kAround, 0); y <= std::min(cy + kAround, cells.height - 1); ++y) {
         for (int x = std::max(cx - kAround, 0); x <= std::min(cx + kAround, cells.width - 1); ++x) {
           look[lowest.at(x, y)] = 1;
@@ -281,7 +376,7 @@ void drop_low(const GroundCells& cells, const GroundRules& rules, LowestHeights&
 }
 
 GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& rules,
-                                 const HeightGrid& lowest) {
+                                 const HeightGrid& lowest, int num_threads) {
   GroundSurface out;
   HeightGrid& ground = out.heights;
   GapFiller filler;
@@ -292,11 +387,11 @@ GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& ru
   }
   HeightGrid filled = ground;
   filler.fill(filled, 2);
-  refine(cells, filled, rules.refine, ground);
+  refine(cells, filled, rules.refine, num_threads, ground);
   remove_raised(cells, rules, filled, ground);
   filled = ground;
   filler.fill(filled, 2);
-  out.noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, ground);
+  out.noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, num_threads, ground);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     if (ground.z[c] == kNoHeight) ground.z[c] = filled.z[c];
   }

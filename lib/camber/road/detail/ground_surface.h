@@ -23,7 +23,8 @@ struct LowestHeights {
   std::vector<int> support;
 };
 
-LowestHeights find_lowest(const GroundCells& cells);
+/// The same for any number of threads, as is the surface below.
+LowestHeights find_lowest(const GroundCells& cells, int num_threads);
 
 /// Drops reflections below the ground, round by round: few points below the plane through the cells
 /// around them, or, from the air, below nearly all of these.
@@ -39,6 +40,6 @@ struct GroundSurface {
 /// Takes objects out of the lowest heights, refines what is left by the points, takes out what
 /// stands above its surroundings, and fills the gaps.
 GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& rules,
-                                 const HeightGrid& lowest);
+                                 const HeightGrid& lowest, int num_threads);
 
 }  // namespace camber::detail

@@ -144,12 +144,42 @@ class LeafLabels {
   std::vector<std::vector<int>> choices_;
 };
 
-/// Labels rows [begin, end) of `s`, which lie in one leaf, into out[0 ...].
 class RowLabeller {
  public:
   RowLabeller(const Segmentation& segmentation, const LeafLabels& chooser)
-      : segmentation_(segmentation), chooser_(chooser) {}
+      : segmentation_(segmentation), chooser_(chooser) {
+    for (const PlanarRegion& region : segmentation.regions) {
+      const NoiseModel& noise = region.candidate.noise;
+      float weight = 1.0f;
+      if (noise.kind == NoiseKind::kSame) {
+        noise.weigh({}, 0.0, 1, nullptr, nullptr, nullptr, nullptr, nullptr, &weight);
+      }
+      same_roots_.push_back(noise.kind == NoiseKind::kSame ? std::sqrt(static_cast<double>(weight))
+                                                           : 0.0);
+    }
+  }
 
+  /// The label of the first row of `s`, which lies in a leaf.
+  int label_first(const PointArrays& s, std::size_t leaf) {
+    const std::vector<int>& list = chooser_.choices(leaf);
+    if (list.empty()) return -1;
+    const Vector3d p = s.point(0);
+    distance_.resize(list.size());
+    for (std::size_t c = 0; c < list.size(); ++c) {
+      const PlaneCandidate& candidate = region(list[c]).candidate;
+      double root = same_roots_[static_cast<std::size_t>(list[c])];
+      if (!(root > 0.0)) {
+        float weight = 1.0f;
+        candidate.noise.weigh(candidate.plane.n, candidate.plane.d, 1, s.x.data(), s.y.data(),
+                              s.z.data(), s.sigma.data(), s.covariance.data(), &weight);
+        root = std::sqrt(static_cast<double>(weight));
+      }
+      distance_[c] = root > 0.0 ? candidate.plane.distance(p) * root : 1e30;
+    }
+    return chooser_.choose(leaf, p, distance_);
+  }
+
+  /// Labels rows [begin, end) of `s`, which lie in one leaf, into out[0 ...].
   void label(const PointArrays& s, std::size_t begin, std::size_t end, std::size_t leaf, int* out) {
     const std::vector<int>& list = chooser_.choices(leaf);
     const std::size_t n = end - begin;
@@ -184,6 +214,7 @@ class RowLabeller {
   const Segmentation& segmentation_;
   const LeafLabels& chooser_;
   std::vector<std::vector<float>> weights_;
+  std::vector<double> same_roots_;  // of each region's weight, where all points have one; else 0
   std::vector<double> distance_;
 };
 
@@ -217,16 +248,32 @@ std::vector<int> label_cloud(const RoadCloud& cloud, const GroundTree& tree,
     PointArrays one;
     one.resize(1, sigmas, covariances);
     const std::size_t end = std::min(cloud.size(), (batch + 1) * kBatch);
-    for (std::size_t i = batch * kBatch; i < end; ++i) {
-      const Vector3d p = turn * (cloud.points[i].cast<double>() - shift);
-      if (!(p.squaredNorm() < 1e30)) continue;
-      one.x[0] = static_cast<float>(p.x());
-      one.y[0] = static_cast<float>(p.y());
-      one.z[0] = static_cast<float>(p.z());
-      if (sigmas) one.sigma[0] = cloud.sigmas[i];
-      if (covariances) one.covariance[0] = cloud.covariances[i];
-      const int leaf = tree.locate(one.x[0], one.y[0]);
-      if (leaf >= 0) labeller.label(one, 0, 1, static_cast<std::size_t>(leaf), &labels[i]);
+    constexpr std::size_t kBlock = 256;
+    struct Place {
+      float x, y, z;
+      int entry;
+    };
+    std::array<Place, kBlock> places;
+    for (std::size_t first = batch * kBatch; first < end; first += kBlock) {
+      const std::size_t count = std::min(kBlock, end - first);
+      for (std::size_t k = 0; k < count; ++k) {
+        const Vector3d p = turn * (cloud.points[first + k].cast<double>() - shift);
+        Place& place = places[k];
+        place = {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z()),
+                 -1};
+        if (p.squaredNorm() < 1e30) place.entry = tree.entry(place.x, place.y);
+      }
+      for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t i = first + k;
+        const int leaf = tree.locate_from(places[k].entry, places[k].x, places[k].y);
+        if (leaf < 0) continue;
+        one.x[0] = places[k].x;
+        one.y[0] = places[k].y;
+        one.z[0] = places[k].z;
+        if (sigmas) one.sigma[0] = cloud.sigmas[i];
+        if (covariances) one.covariance[0] = cloud.covariances[i];
+        labels[i] = labeller.label_first(one, static_cast<std::size_t>(leaf));
+      }
     }
   });
   return labels;

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numeric>
+
+#include "camber/core/threads.h"
 
 namespace camber::detail {
 
@@ -168,9 +169,9 @@ void RegionPartition::compete() {
   const std::size_t count = tree_.leaves().size();
   for (int round = 0; round < 3; ++round) {
     collect();
-    for (std::size_t region = 0; region < planes_.size(); ++region) {
+    parallel_for(planes_.size(), options_.num_threads, [&](std::size_t region) {
       if (members_[region].size() >= 2) evaluator_.refit(members_[region], 2, &planes_[region]);
-    }
+    });
     std::size_t changes = 0;
     std::vector<std::pair<int, int>> votes;  // region, neighbours of it
     for (std::size_t leaf = 0; leaf < count; ++leaf) {
@@ -249,9 +250,13 @@ bool RegionPartition::cut(std::size_t region, Halves* halves) const {
 bool RegionPartition::split() {
   bool any = false;
   const std::size_t count = planes_.size();
+  std::vector<Halves> cuts(count);
+  std::vector<char> pays(count, 0);
+  parallel_for(count, options_.num_threads,
+               [&](std::size_t region) { pays[region] = cut(region, &cuts[region]) ? 1 : 0; });
   for (std::size_t region = 0; region < count; ++region) {
-    Halves halves;
-    if (!cut(region, &halves)) continue;
+    if (pays[region] == 0) continue;
+    const Halves& halves = cuts[region];
     for (const int leaf : halves.rest) {
       leaf_region_[static_cast<std::size_t>(leaf)] = static_cast<int>(planes_.size());
     }
@@ -263,45 +268,59 @@ bool RegionPartition::split() {
   return any;
 }
 
+/// The plane of two regions together, if it does for both.
+std::optional<PivotPlane> RegionPartition::common_plane(std::size_t a, std::size_t b) const {
+  if (planes_[a].n.dot(planes_[b].n) < std::cos(0.1)) return std::nullopt;
+  std::vector<int> both = members_[a];
+  both.insert(both.end(), members_[b].begin(), members_[b].end());
+  PivotPlane plane = members_[a].size() >= members_[b].size() ? planes_[a] : planes_[b];
+  if (!evaluator_.refit(both, 3, &plane)) return std::nullopt;
+  double together = 0.0, apart = 0.0;
+  std::size_t accepted = 0;
+  for (const std::size_t region : {a, b}) {
+    for (const int leaf : members_[region]) {
+      const auto l = static_cast<std::size_t>(leaf);
+      const kernels::PieceStatistics stats = evaluator_.statistics(plane, l);
+      together += static_cast<double>(stats.cost);
+      apart += evaluator_.cost(l, planes_[region]);
+      accepted += evaluator_.accepts(stats, l) ? 1 : 0;
+    }
+  }
+  const double points = evaluator_.points(both);
+  if ((together - apart) * quieter(apart, points) > allowed_misfit(points) ||
+      accepted < both.size() * 95 / 100) {
+    return std::nullopt;
+  }
+  return plane;
+}
+
 bool RegionPartition::merge() {
-  std::map<std::pair<int, int>, int> borders;
+  std::vector<std::pair<int, int>> pairs;
   for (std::size_t leaf = 0; leaf < leaf_region_.size(); ++leaf) {
     const int a = leaf_region_[leaf];
     if (a < 0) continue;
     for (const int other : tree_.neighbours()[leaf]) {
       const int b = leaf_region_[static_cast<std::size_t>(other)];
-      if (b > a) ++borders[{a, b}];
+      if (b > a) pairs.emplace_back(a, b);
     }
   }
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  std::vector<std::optional<PivotPlane>> common(pairs.size());
+  parallel_for(pairs.size(), options_.num_threads, [&](std::size_t k) {
+    common[k] = common_plane(static_cast<std::size_t>(pairs[k].first),
+                             static_cast<std::size_t>(pairs[k].second));
+  });
   bool any = false;
   std::vector<char> changed(planes_.size(), 0);
-  for (const auto& [pair, border] : borders) {
-    const auto a = static_cast<std::size_t>(pair.first), b = static_cast<std::size_t>(pair.second);
-    if (changed[a] || changed[b]) continue;
-    if (planes_[a].n.dot(planes_[b].n) < std::cos(0.1)) continue;
-    std::vector<int> both = members_[a];
-    both.insert(both.end(), members_[b].begin(), members_[b].end());
-    PivotPlane plane = members_[a].size() >= members_[b].size() ? planes_[a] : planes_[b];
-    if (!evaluator_.refit(both, 3, &plane)) continue;
-    double together = 0.0, apart = 0.0;
-    std::size_t accepted = 0;
-    for (const std::size_t region : {a, b}) {
-      for (const int leaf : members_[region]) {
-        const auto l = static_cast<std::size_t>(leaf);
-        const kernels::PieceStatistics stats = evaluator_.statistics(plane, l);
-        together += static_cast<double>(stats.cost);
-        apart += evaluator_.cost(l, planes_[region]);
-        accepted += evaluator_.accepts(stats, l) ? 1 : 0;
-      }
-    }
-    const double points = evaluator_.points(both);
-    if ((together - apart) * quieter(apart, points) > allowed_misfit(points) ||
-        accepted < both.size() * 95 / 100)
-      continue;
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    const auto a = static_cast<std::size_t>(pairs[k].first),
+               b = static_cast<std::size_t>(pairs[k].second);
+    if (!common[k] || changed[a] || changed[b]) continue;
     for (const int leaf : members_[b]) {
       leaf_region_[static_cast<std::size_t>(leaf)] = static_cast<int>(a);
     }
-    planes_[a] = plane;
+    planes_[a] = *common[k];
     changed[a] = changed[b] = 1;
     any = true;
   }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "camber/road/detail/leaf_evaluator.h"
@@ -41,6 +43,7 @@ class RegionPartition {
   void collect();
   int cheapest_region(std::size_t leaf, std::vector<std::pair<int, int>>* votes) const;
   bool cut(std::size_t region, Halves* halves) const;
+  std::optional<PivotPlane> common_plane(std::size_t a, std::size_t b) const;
   std::vector<int> reach(const PivotPlane& plane, const std::vector<int>& from) const;
   double quieter(double cost, double points) const;
   double allowed_misfit(double points) const;
