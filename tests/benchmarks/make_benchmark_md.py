@@ -66,6 +66,21 @@ PAGE = [
         Pick("bench_main_job", "Computing time of a triplet, pictures left out", "time",
              ["input", "stage", "time"], rows=["| all"]),
     ]),
+    ("Scale and vehicles on scenes that decided nothing", [
+        *(Pick(f"trust.py, {of}", f"{of.capitalize()}: {title}", key, columns)
+          for of in ("steep scenes", "made scenes")
+          for title, key, columns in (
+              ("scales and what is stated of them", "trust.scale",
+               ["frames", "runs", "refused", "weak", "error, median", "error, 90 %",
+                "error, worst", "sigma, median", "sigma, 90 %", "inside 2 sigma",
+                "beyond 4 sigma", "largest z"]),
+              ("vehicles of all frames", "trust.vehicles",
+               ["frames", "vehicles", "centre error, mean", "centre error, median",
+                "centres inside their 95 %", "heights inside their 95 %"]),
+              ("faults put into what is given", "trust.faults",
+               ["fault", "runs", "refused", "warned", "inside 3 sigma", "wrong", "contradicted",
+                "good of those contradicted"]))),
+    ]),
     ("Lens distortion", [
         Pick("bench_lens", "Ten made drives without and through a lens: mean errors",
              {"brown, k1 = -0.35": "lens.brown", "fisheye, 120 degrees": "lens.fisheye"},

@@ -37,7 +37,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import trust_report
-from benchmark_json import BadInput
+from benchmark_json import BadInput, write_document
 from trust_scenes import (check_fault, edited_manifest, facts_of, last_line, make_scenes,
                           turn_deg)
 
@@ -118,6 +118,7 @@ def parse(words):
     add("--jobs", type=int, default=1, help="runs at a time, one thread each")
     add("--out", type=pathlib.Path, required=True, metavar="FOLDER", help="has runs.jsonl")
     add("--json", type=pathlib.Path, metavar="FILE", help="the report")
+    add("--tables", type=pathlib.Path, metavar="FILE", help="its tables for make_benchmark_md.py")
     add("--worst", type=pathlib.Path, metavar="FOLDER",
         help="run the worst once more, with pictures, to look at")
     add("--report-only", action="store_true", help="of the runs that are there; make and run none")
@@ -304,13 +305,34 @@ def main(words=None):
         return 2
 
 
+def command_of(arguments):
+    """What measures the same, without the folders of this machine."""
+    words = ["tests/benchmarks/trust.py", "--maker", arguments.maker, "--frames",
+             ",".join(arguments.frames), "--faults", ",".join(arguments.faults)]
+    numbers = arguments.numbers
+    step = 2 if len({n % 2 for n in numbers}) == 1 else 1
+    whole = numbers == list(range(numbers[0], numbers[-1] + 1, step))
+    words += ["--numbers", f"{numbers[0]}:{numbers[-1]}" if whole else ",".join(map(str, numbers))]
+    if step == 2 and whole and len(numbers) > 1:
+        words.append("--odd" if numbers[0] % 2 else "--even")
+    for switch in ("no_masks", "no_detections", "no_markings", "poses"):
+        if getattr(arguments, switch):
+            words.append("--" + switch.replace("_", "-"))
+    return " ".join(words)
+
+
 def run_and_report(arguments, bench):
+    load_before = os.getloadavg()[0]
     if not arguments.report_only:
         bench.run_missing()
     report = trust_report.report_of(bench.entries(), vars(arguments), bench.program.hash)
     print(trust_report.text_of(report))
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if arguments.tables:
+        of = {"synth": "made scenes", "steep_scenes": "steep scenes", "folder": "given scenes"}
+        write_document(arguments.tables, trust_report.document_of(
+            report, f"trust.py, {of[arguments.maker]}", command_of(arguments), load_before))
     if arguments.worst:
         bench.look_at(trust_report.worst_entries(bench.entries()), arguments.worst)
     return 1 if report["crashed"] else 0

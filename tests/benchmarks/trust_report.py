@@ -4,6 +4,8 @@ import collections
 import math
 import re
 
+from benchmark_json import column, document
+
 VEHICLE_COLUMNS = ("distance", "center_error", "center_mahalanobis", "height_error", "height_sigma")
 CENTER_LIMIT = 7.815   # 95 % of chi squared, three degrees of freedom
 HEIGHT_LIMIT = 1.96    # 95 % of a normal, in sigma
@@ -217,6 +219,44 @@ def fault_row(fault, entries, plain):
                    for e in sorted(filter(has_error, entries), key=z_of, reverse=True)
                    if verdict_of(e) == "wrong"],
     }
+
+
+# --- the page of results ---------------------------------------------------------------------------
+
+def document_of(report, program, command, load_before):
+    """The tables of make_benchmark_md.py."""
+    share_of = lambda value: None if value is None else 100.0 * value
+    scale = {"key": "trust.scale", "name": "Scales and what is stated of them", "command": command,
+             "columns": [column("frames", label=True), column("runs"),
+                         column("refused", better="lower"), column("weak", better="lower"),
+                         *(column(name, "%", better="lower") for name in (
+                             "error, median", "error, 90 %", "error, worst", "sigma, median",
+                             "sigma, 90 %")),
+                         column("inside 2 sigma", "%"), column("beyond 4 sigma", better="lower"),
+                         column("largest z", better="lower")],
+             "rows": [[r["name"], r["runs"], r["refused"], r["weak"],
+                       *(share_of(r["error"][key]) for key in ("median", "p90", "worst")),
+                       *(share_of(r["sigma"][key]) for key in ("median", "p90")),
+                       share_of(r["inside_2_sigma"]), r["beyond_4_sigma"], r["largest_z"]]
+                      for r in report["rows"]]}
+    vehicles = {"key": "trust.vehicles", "name": "Vehicles of all frames", "command": command,
+                "columns": [column("frames", label=True), column("vehicles"),
+                            column("centre error, mean", "m", better="lower"),
+                            column("centre error, median", "m", better="lower"),
+                            column("centres inside their 95 %", "%"),
+                            column("heights inside their 95 %", "%")],
+                "rows": [[r["name"], v["count"], v["mean"], v["median"],
+                          share_of(v["centers_inside_95"]), share_of(v["heights_inside_95"])]
+                         for r in report["rows"] for v in [r["vehicles"]] if v["count"]]}
+    counts = ("runs", "refused", "warned", "inside_3_sigma", "wrong", "contradicted")
+    faults = {"key": "trust.faults", "name": "Faults put into what is given", "command": command,
+              "columns": [column("fault", label=True),
+                          *(column(key.replace("_", " ")) for key in counts),
+                          column("good of those contradicted", "%", better="higher")],
+              "rows": [[r["fault"], *(r[key] for key in counts), share_of(r["good_of_these"])]
+                       for r in report["faults"]]}
+    tables = [table for table in (scale, vehicles, faults) if table["rows"]]
+    return document(program, load_before, tables, report["options"]["seed"])
 
 
 # --- text ----------------------------------------------------------------------------------------
