@@ -75,6 +75,12 @@ SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& o, const Stage
     stages::fuse_masks(matches, motion, first, &frames, &first.seen);
     return first;
   });
+  return see_road_again(frames, {std::move(matches), std::move(motion), std::move(ground)}, o, run);
+}
+
+SeenRoad see_road_again(LoadedFrames& frames, SeenRoad seen, const ReconstructOptions& o,
+                        const StageRunner& run) {
+  auto& [matches, motion, ground] = seen;
   for (int round = 0; round < o.rounds; ++round) {
     const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
     matches = run("correspondences", share, [&] {
@@ -82,16 +88,17 @@ SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& o, const Stage
     });
     motion = run("motion", share,
                  [&] { return stages::motion_again(frames, matches, motion, o.motion); });
-    points = run("triangulation", share, [&] {
-      GroundPoints seen = stages::triangulate(frames, matches, motion, &ground.seen, o.ground);
-      stages::fuse_masks(matches, motion, ground, &frames, &seen);
-      return seen;
+    GroundPoints points = run("triangulation", share, [&] {
+      GroundPoints triangulated =
+          stages::triangulate(frames, matches, motion, &ground.seen, o.ground);
+      stages::fuse_masks(matches, motion, ground, &frames, &triangulated);
+      return triangulated;
     });
     ground = run("ground", share, [&] {
       return stages::ground(frames, matches, motion, std::move(points), ground, o.ground);
     });
   }
-  return {std::move(matches), std::move(motion), std::move(ground)};
+  return seen;
 }
 
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,

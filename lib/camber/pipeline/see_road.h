@@ -12,9 +12,14 @@ struct SeenRoad {
   Ground ground;
 };
 
-/// Rounds of match, motion and ground: each matches again with the ground of the one before.
+/// The road from nothing: match, motion, a first ground, and see_road_again().
 /// @throws NoAnswerError as the stages do.
 /// @param frames  what lies off the road is taken off the masks of a network (fuse_masks.h).
 SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& options, const StageRunner& run);
+
+/// Rounds of match, motion and ground: each matches again with the ground of the one before.
+/// @param start  a first ground with the matches and the motion that it is of.
+SeenRoad see_road_again(LoadedFrames& frames, SeenRoad start, const ReconstructOptions& options,
+                        const StageRunner& run);
 
 }  // namespace camber
