@@ -380,6 +380,22 @@ TEST(ScaleStage, APlaneSearchThatTheImagesDoNotBackIsNoContradiction) {
   EXPECT_GT(report_of(scaled, "plane_search")->residual_sigma, 3.0);
 }
 
+TEST(ScaleStage, WhatRejectedIntensitiesDifferByWidensTheScale) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  ground.rejection = "the motion would change by 5.00 standard deviations";
+  ground.rejected_log_scale = 0.01;  // 1.5 sigma of the scale
+  ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  EXPECT_THAT(scaled.contradictions, IsEmpty());
+  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.01, 1e-9);
+  ground.rejected_log_scale = std::log(0.6);
+  scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  ASSERT_EQ(scaled.contradictions.size(), 1u);
+  EXPECT_THAT(scaled.contradictions[0].text,
+              HasSubstr("5.00 standard deviations; by them everything is 40 % smaller"));
+  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), -std::log(0.6), 1e-9);
+}
+
 TEST(ScaleStage, ACameraThatLooksAsideIsNamed) {
   const MadeDrive drive = make_drive({});
   PhotometricGround ground = exact_photometric(drive);

@@ -33,8 +33,8 @@ TEST_P(WrongStart, IsMendedRefusedOrNamed) {
   PlaneSearchResult search = stages::search_plane(frames, motion, options.ground);
   search.informative = true;  // so that the first ground is the search's
   search.best.log_baseline += std::log(start_factor);
-  Ground first = stages::first_ground(frames, matches, motion, std::move(points), search,
-                                      options.ground);
+  Ground first =
+      stages::first_ground(frames, matches, motion, std::move(points), search, options.ground);
   ASSERT_NEAR(std::log(1.0 / first.ego.height), search.best.log_baseline, 1e-9);
   // The last look is by a search of its own, which knows nothing of the start.
   first.search = stages::search_plane(frames, motion, options.ground);

@@ -58,6 +58,10 @@ struct ScaleNoise {
   double search_correlation = 0.6;  ///< from which on the search may contradict
   double contradicted_scale = 0.3;  ///< relative, of a scale that markings contradict altogether
 
+  /// Standard deviations of the scale from which on intensities that contradict the motion are
+  /// named.
+  double rejected_intensities_gate = 3.0;
+
   // The average of vehicles' sizes.
   double vehicle_population =
       0.02;  ///< relative, of all cars of a street off the size prior (assumed)

@@ -1,4 +1,5 @@
 #include "camber/pipeline/stages/assemble.h"
+#include "camber/core/errors.h"
 
 #include <fmt/format.h>
 
@@ -6,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/pipeline/stages/detail/ground_graph.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
@@ -15,9 +17,6 @@
 
 namespace camber::stages {
 namespace {
-
-/// Of the logarithm of a scale that the vehicles contradict altogether.
-constexpr double kOpenLogScale = 1.0;
 
 /// The road given the vehicles, and the planes under them given all but those that contradict it.
 struct FinalRoad {
@@ -30,6 +29,7 @@ struct FinalRoad {
 
 /// The vehicles against the road and its scale, which know nothing of them: their sizes together,
 /// and how many of them contradict it one by one.
+/// @throws NoAnswerError where nearly all do, and their sizes do not fit either.
 void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& vehicles,
                        FinalRoad* final_road) {
   if (!scaled.metric) return;
@@ -52,7 +52,9 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
     if (sizes.size() > 0 && sigmas < 2.0) {
       final_road->warnings.push_back({"road_contradicted", text + "; their sizes fit the scale"});
     } else {
-      contradict(std::move(text), kOpenLogScale * kOpenLogScale);
+      throw NoAnswerError("the scale is not known: " + text +
+                          ": are the camera's height and focal length right, and is the road near "
+                          "the camera in view?");
     }
   }
   if (sizes.size() == 0) return;

@@ -27,6 +27,7 @@ struct AssembleOptions {
 };
 
 /// Conditions the road on what the vehicles measure of it and writes all results.
+/// @throws NoAnswerError where nearly all vehicles contradict a metric road, and their sizes too.
 AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matches,
                        const PhotometricGround& ground, const ScaledRoad& scaled,
                        const SurfacePlan& plan, const PlacedVehicles& vehicles,

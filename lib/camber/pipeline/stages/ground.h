@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,6 +55,9 @@ struct PhotometricGround {
   /// Blocks of the image in which the intensities are left out: pixels that took no part agree less
   /// with them than without.
   RejectedBlocks rejected_blocks;
+  /// By which the logarithm of the scale would change with intensities that contradict the motion
+  /// of the matches; nothing where they do not.
+  std::optional<double> rejected_log_scale;
 };
 
 namespace stages {

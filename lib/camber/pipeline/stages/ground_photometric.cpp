@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -11,6 +13,9 @@ namespace camber::stages {
 namespace {
 
 using detail::ProfilePoints;
+
+/// Standard deviations of the motion by the matches, beyond which the intensities contradict it.
+constexpr double kMostMotionChange = 4.0;
 
 /// What the intensities measure of the near road, in cells of a few pixels. The nearest road
 /// decides how the profile is carried back to the camera, and a flow bends at the lower border of
@@ -136,12 +141,21 @@ void leave_out(const RejectedBlocks& blocks, std::size_t count, const GroundObse
   }
 }
 
+/// Lengths of the ways from the reference to all images, baselines.
+double travelled(const MotionEstimate& motion, std::size_t reference) {
+  double out = 0.0;
+  for (std::size_t k = 0; k < motion.frame_from_reference.size(); ++k) {
+    if (k != reference) out += motion.frame_from_reference[k].translation().norm();
+  }
+  return out;
+}
+
 }  // namespace
 
 PhotometricGround refine_photometrically(const LoadedFrames& frames, const Correspondences& matches,
                                          const MotionEstimate& motion, const Ground& before,
                                          const GroundOptions& options) {
-  PhotometricGround out{before, motion, nullptr, {}, {}, {}};
+  PhotometricGround out{before, motion, nullptr, {}, {}, {}, {}};
   std::vector<DirectImage> images(frames.size());
   for (std::size_t k = 0; k < images.size(); ++k) {
     images[k].image = &frames.gray[k];
@@ -159,16 +173,28 @@ PhotometricGround refine_photometrically(const LoadedFrames& frames, const Corre
     out.rejection = result.reason;
     return out;
   }
-  if (result.motion_change > 4.0) {
-    out.rejection = "the motion would change by " +
-                    std::to_string(result.motion_change).substr(0, 4) + " standard deviations";
-    return out;
-  }
   MotionEstimate moved = motion;
   moved.frame_from_reference = result.frame_from_reference;
   moved.covariance = result.covariance;
   Ground now = before;
   now.seen = triangulate(frames, matches, moved, &before.seen, options);
+  const auto ego_by_intensities = [&] {
+    return detail::fit_ego(
+        frames, moved, photometric_profile(frames.camera, matches, now.seen, result.observations),
+        options);
+  };
+  if (result.motion_change > kMostMotionChange) {
+    out.rejection =
+        fmt::format("the motion would change by {:.2f} standard deviations", result.motion_change);
+    const EgoPlane other = ego_by_intensities();
+    if (other.status != Status::kFailed && before.ego.points > 0) {
+      const auto length = [&](const MotionEstimate& of, const EgoPlane& ego) {
+        return ego.metres_per_baseline * travelled(of, frames.reference);
+      };
+      out.rejected_log_scale = std::log(length(moved, other) / length(motion, before.ego));
+    }
+    return out;
+  }
   // Matches and intensities together, at the refined motion, and the matches alone.
   const GroundObservations matched = detail::ground_observations(matches, now.seen.points);
   GroundObservations down_weighted = matched;
@@ -182,9 +208,7 @@ PhotometricGround refine_photometrically(const LoadedFrames& frames, const Corre
     if (task == 0) {
       refined->update(both, 2);
     } else if (task == 1) {
-      ego = detail::fit_ego(
-          frames, moved, photometric_profile(frames.camera, matches, now.seen, result.observations),
-          options);
+      ego = ego_by_intensities();
     } else {
       by_matches->update(matched, 2);
     }

@@ -270,6 +270,14 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
         "its principal point right?",
         std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"));
   }
+  if (ground.rejected_log_scale) {
+    const double off = *ground.rejected_log_scale;
+    variance = std::max(variance, off * off);
+    if (std::abs(off) > noise.rejected_intensities_gate * scaled->road.scale_sigma()) {
+      contradict(fmt::format("intensities: {}; by them everything is {:.0f} % {}", ground.rejection,
+                             100.0 * std::abs(std::expm1(off)), off > 0.0 ? "larger" : "smaller"));
+    }
+  }
   double difference = 0.0;
   if (auto report = check_search(frames, ground, options, &difference)) {
     if (!report->accepted) {
