@@ -49,7 +49,11 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
       3 * static_cast<std::size_t>(contradicting) > 2 * vehicles.size()) {
     std::string text = fmt::format("{} of {} vehicles contradict the road under them",
                                    contradicting, vehicles.size());
-    if (sizes.size() > 0 && sigmas < 2.0) {
+    // That their sizes fit a scale that is hardly known proves nothing.
+    const bool sizes_fit = sizes.size() > 0 && sigmas < 2.0 &&
+                           std::hypot(scaled.road.scale_sigma(),
+                                      std::sqrt(sizes.covariance(0, 0))) < noise.metric_limit;
+    if (sizes_fit) {
       final_road->warnings.push_back({"road_contradicted", text + "; their sizes fit the scale"});
     } else {
       throw NoAnswerError("the scale is not known: " + text +
