@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -62,6 +63,21 @@ double least_ms(int repeats, const std::function<void()>& call) {
     const double start = cpu_ms();
     call();
     least = std::min(least, cpu_ms() - start);
+  }
+  return least;
+}
+
+double least_wall_ms(int repeats, const std::function<void()>& call) {
+  const auto now = [] {
+    return std::chrono::duration<double, std::milli>(
+               std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+  };
+  double least = 1e300;
+  for (int k = 0; k < repeats; ++k) {
+    const double start = now();
+    call();
+    least = std::min(least, now() - start);
   }
   return least;
 }
@@ -215,6 +231,7 @@ void run_road_clouds(bench::Report& report) {
     one_plane(bench, "largest", 6, "Largest of six planes, 30 % outliers");
   }
   if (report.wanted("patches")) patches(bench);
+  if (report.wanted("threads")) threads(bench);
   if (report.wanted("coverage")) coverage(bench);
   if (report.wanted("repeat")) repeat(bench);
   if (report.wanted("hill")) hill(bench);
@@ -232,7 +249,7 @@ int main(int argc, char** argv) {
   const camber::bench::Program program = {
       "bench_road_clouds",
       "Planes, patches and profiles of road clouds against their truth and other libraries",
-      {"plane", "largest", "patches", "coverage", "repeat", "hill", "bands", "real"},
+      {"plane", "largest", "patches", "threads", "coverage", "repeat", "hill", "bands", "real"},
       {{"--scenes", "N", "Made clouds of a row of the coverage (default: 1000)"},
        {"--largest", "N", "Points of the largest made clouds (default: 10000000)"},
        {"--even-draws", "", "Bands on the draws that constants are decided on"},

@@ -44,13 +44,16 @@ double quantile_of(std::vector<double> values, double share);  ///< NaN without 
 double mean_of(const std::vector<double>& values);             ///< NaN without any
 double share_below(const std::vector<double>& values, double bound);
 double least_ms(int repeats, const std::function<void()>& call);  ///< CPU, of a few calls
-std::string count_name(std::size_t points);                       ///< "1e5"
+double least_wall_ms(int repeats, const std::function<void()>& call);
+std::string count_name(std::size_t points);  ///< "1e5"
 std::vector<Plane> planes_of(const RoadSurface& surface);
 
 /// One plane, alone or the largest of several, against PCL.
 void one_plane(const Bench& bench, const std::string& section, int planes, const char* title);
 /// All planes of a road, against CGAL.
 void patches(const Bench& bench);
+/// Wall times of both on one thread and on all.
+void threads(const Bench& bench);
 /// How often truths lie inside the stated 95 % regions.
 void coverage(const Bench& bench);
 /// The same cloud in another order or place.

@@ -127,6 +127,22 @@ void one_plane(const Bench& bench, const std::string& section, int planes, const
 
 namespace {
 
+/// A job's wall time on one thread and on all, against another library's in the same run.
+struct ThreadTimes {
+  std::vector<double> one, all, peer;
+
+  void row(const std::string& job, const char* name, bench::Table& table) const {
+    std::printf("%-24s %.2f ms on one thread, %.2f ms on all (%.2f x)", job.c_str(), mean_of(one),
+                mean_of(all), mean_of(one) / mean_of(all));
+    if (!peer.empty()) {
+      std::printf("; %s %.1f ms (%.1f x)", name, mean_of(peer), mean_of(peer) / mean_of(all));
+    }
+    std::printf("\n");
+    table.row({job, mean_of(one), mean_of(all), mean_of(one) / mean_of(all), mean_of(peer),
+               mean_of(peer) / mean_of(all)});
+  }
+};
+
 struct PatchErrors {
   int scenes = 0, complete = 0, found = 0, planes = 0;
   double least_overlap = 1.0, worst_angle = 0.0, worst_height = 0.0;
@@ -221,6 +237,44 @@ void patches(const Bench& bench) {
     }
   }
   if (missing) std::printf("CGAL is skipped: the program was built without libcgal-dev\n");
+}
+
+void threads(const Bench& bench) {
+  if (bench.report.accuracy_only()) return;  // times alone
+  bench::Table& table = bench.report.table(
+      "threads", "Wall time on one thread and on all", "threads",
+      {bench::label("job"), bench::timing("one thread"), bench::timing("all threads"),
+       bench::value("times as fast"), bench::timing("peer"),
+       bench::value("peer's time over that of all threads")});
+  std::printf(
+      "\n## Wall time on one thread and on all\nMean over scenes of the least of several\n");
+  ThreadTimes plane, patches;
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    const RoadScene scene = bench.made_scene(1, 1000000, false, 1000 + seed);
+    PlaneFitOptions options = bench.plane_options();
+    options.list_inliers = false;  // as camber plane
+    const auto least = [&](int num_threads) {
+      options.num_threads = num_threads;
+      return least_wall_ms(100, [&] { fit_plane(scene.cloud, options); });
+    };
+    plane.one.push_back(least(1));
+    plane.all.push_back(least(0));
+    plane.peer.push_back(pcl_plane(scene.cloud, false, 10000).ms);
+  }
+  plane.row("one plane, 1e6 points", "PCL RANSAC", table);
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    const RoadScene scene = bench.made_scene(12, 100000, false, 2000 + seed);
+    RoadSurfaceOptions options = bench.surface_options();
+    const auto least = [&](int num_threads) {
+      options.num_threads = num_threads;
+      return least_wall_ms(10, [&] { fit_road_surface(scene.cloud, options); });
+    };
+    patches.one.push_back(least(1));
+    patches.all.push_back(least(0));
+    const PeerAnswer answer = cgal_planes(scene.cloud, scene.cloud.size() / 100);
+    if (answer.available) patches.peer.push_back(answer.ms + answer.normals_ms);
+  }
+  patches.row("12 planes, 1e5 points", "CGAL Efficient RANSAC", table);
 }
 
 }  // namespace camber::benchmarks

@@ -130,5 +130,44 @@ TEST(PlaneKernels, FromTheCloudToSumsAndInliers) {
   }
 }
 
+TEST(PlaneKernels, SpreadAlongTheWindowsAxes) {
+  constexpr std::size_t kCount = 1000;
+  const std::vector<float> p = triples(kCount);
+  std::vector<float> x(kCount), y(kCount), z(kCount), w(kCount);
+  kernels::load_points({p.data(), p.data() + 1, p.data() + 2, 3, kCount}, kPivot, kWeight,
+                       {x.data(), y.data(), z.data(), w.data()});
+  x[17] = 1e14f;  // far rows have no part, and no infinite squares
+  kernels::SpreadSums::Axis u, v;
+  double weight = 0.0;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    const double r = 0.1 * x[i] - 0.2 * y[i] + 0.9746794 * z[i] + 0.3;
+    const double at_u = x[i] + 0.5, at_v = y[i] - 0.2, t = r * r * static_cast<double>(w[i]);
+    if (!(w[i] > 0.0f) || !(t < 6.25)) continue;
+    const double share = std::clamp((4.0 - std::abs(at_u)) / 1.0, 0.0, 1.0) *
+                         std::clamp((3.0 - std::abs(at_v)) / 0.7, 0.0, 1.0);
+    weight += share * static_cast<double>(w[i]);
+    for (auto& [axis, at] : {std::pair<kernels::SpreadSums::Axis*, double>{&u, at_u}, {&v, at_v}}) {
+      axis->one += share;
+      axis->xx += share * at * at;
+      axis->xxxx += share * at * at * at * at;
+      axis->v += share * t;
+      axis->vxx += share * t * at * at;
+    }
+  }
+  const kernels::SpreadSums sums = kernels::spread_along(
+      {x.data(), y.data(), z.data(), w.data(), kCount}, kPlane, kWindow, 6.25f);
+  EXPECT_GT(u.one, 100.0);
+  // Floats in places and squares; a point at the limit may fall on either side.
+  const auto near = [](double sum, double exact) { EXPECT_NEAR(sum, exact, 0.005 * exact); };
+  near(sums.weight, weight);
+  for (const auto& [sum, exact] : {std::pair{sums.u, u}, {sums.v, v}}) {
+    near(sum.one, exact.one);
+    near(sum.xx, exact.xx);
+    near(sum.xxxx, exact.xxxx);
+    near(sum.v, exact.v);
+    near(sum.vxx, exact.vxx);
+  }
+}
+
 }  // namespace
 }  // namespace camber

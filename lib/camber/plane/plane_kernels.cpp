@@ -118,7 +118,8 @@ struct QuadraticSums {
   }
 };
 
-template <Loss kLoss, bool kInfluence, bool kMark>
+/// @tparam kOpen  the window has no edges: every row with a weight is inside
+template <Loss kLoss, bool kInfluence, bool kMark, bool kOpen = false>
 CAMBER_INLINE void accumulate_block(const Rows& rows, const Target& target, std::int32_t* mask,
                                     const float* ahead, Moments* moments) {
   const F8 zero = {};
@@ -151,7 +152,11 @@ CAMBER_INLINE void accumulate_block(const Rows& rows, const Target& target, std:
       inliers -= inlier;
       if (mask) std::memcpy(mask + i, &inlier, sizeof(inlier));
     }
-    taper_eight(ramps, u, v, pw, taper);
+    if constexpr (kOpen) {
+      taper = pw > zero ? one : zero;
+    } else {
+      taper_eight(ramps, u, v, pw, taper);
+    }
     weigh_eight<kLoss>(t, pw * taper, omega, matrix);
     const F8 psi = omega == zero ? zero : omega * r;
     matrices.add(matrix, u, v);
@@ -267,7 +272,13 @@ CAMBER_INLINE void accumulate_any(const Rows& rows, const Target& target, Loss l
   if constexpr (kMark) {
     accumulate_block<Loss::kNewton, false, true>(rows, target, mask, ahead, moments);
   } else if (loss == Loss::kReweighted) {
-    accumulate_block<Loss::kReweighted, false, false>(rows, target, nullptr, nullptr, moments);
+    // Half a window of 1e15 m: no coordinate that a cloud may have is near its edge.
+    if (target.window.half_u > 1e14f && target.window.half_v > 1e14f) {
+      accumulate_block<Loss::kReweighted, false, false, true>(rows, target, nullptr, nullptr,
+                                                              moments);
+    } else {
+      accumulate_block<Loss::kReweighted, false, false>(rows, target, nullptr, nullptr, moments);
+    }
   } else if (influence) {
     accumulate_block<Loss::kNewton, true, false>(rows, target, nullptr, nullptr, moments);
   } else {

@@ -257,9 +257,11 @@ void GroundTree::find_entries() {
   Entries& e = entries_;
   const Node& root = nodes_[0];
   for (int axis = 0; axis < 2; ++axis) {
-    e.low[axis] = root.low[axis];
-    e.per_metre[axis] =
-        static_cast<float>(Entries::kSide) / std::max(root.high[axis] - root.low[axis], 1e-20f);
+    // Strays have the cells at the border.
+    const float most = 3.0f * deviation_[axis];
+    e.low[axis] = std::max(root.low[axis], -most);
+    const float high = std::min(root.high[axis], most);
+    e.per_metre[axis] = static_cast<float>(Entries::kSide) / std::max(high - e.low[axis], 1e-20f);
   }
   e.nodes.assign(static_cast<std::size_t>(Entries::kSide) * Entries::kSide, 0);
   enter(0, 0, Entries::kSide, 0, Entries::kSide);

@@ -185,10 +185,14 @@ SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const Pla
     rules.step_per_metre = 0.2f;
     rules.refine = 0.5f;
     if (options.cell == 0.0) {
+      const double before = cell;
+      const PlanBounds old = bounds;
       cell = std::clamp(1.5 / std::sqrt(density.median), 1.0, 4.0);
       bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
-      out.cells = GroundCells();  // not both at once
-      out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
+      if (cell != before || !(bounds == old)) {
+        out.cells = GroundCells();  // not both at once
+        out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
+      }
     }
   }
   return out;

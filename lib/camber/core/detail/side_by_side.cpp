@@ -114,7 +114,7 @@ class Crew {
   }
 
  private:
-  static constexpr int kMoments = 4000;  // some fifty microseconds
+  static constexpr int kMoments = 1000;  // some ten microseconds
 
   /// False where the machine has no more threads: those that there are do the work.
   bool hire() {

@@ -111,7 +111,7 @@ void for_each_block(const RoadCloud& cloud, const PlanFrame& frame, std::size_t 
 
 /// How many slices of a grid are worth a pass over all points each.
 std::size_t slices_for(std::size_t points, int num_threads) {
-  constexpr std::size_t kFewest = 32768, kMost = 4;
+  constexpr std::size_t kFewest = 262144, kMost = 4;  // of fewer the caches hold all cells
   return std::clamp<std::size_t>(points / kFewest, 1,
                                  std::min(kMost, as_size(resolve_num_threads(num_threads))));
 }

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "camber/cloud/road_cloud.h"
@@ -32,6 +34,10 @@ struct PlanBounds {
   float low[2] = {kNoHeight, kNoHeight}, high[2] = {-kNoHeight, -kNoHeight};
   double width() const { return static_cast<double>(high[0]) - low[0]; }
   double height() const { return static_cast<double>(high[1]) - low[1]; }
+  bool operator==(const PlanBounds& other) const {
+    return low[0] == other.low[0] && low[1] == other.low[1] && high[0] == other.high[0] &&
+           high[1] == other.high[1];
+  }
 };
 
 struct CellPoint {
@@ -40,12 +46,31 @@ struct CellPoint {
   int index;   // into the cloud
 };
 
+/// Points whose memory is not cleared before they are written: of large clouds that takes as long
+/// as all else that is done with a point.
+class CellPoints {
+ public:
+  void resize(std::size_t size) {
+    points_.reset(new CellPoint[size]);
+    size_ = size;
+  }
+  std::size_t size() const { return size_; }
+  CellPoint* data() { return points_.get(); }
+  const CellPoint* data() const { return points_.get(); }
+  CellPoint& operator[](std::size_t i) { return points_[i]; }
+  const CellPoint& operator[](std::size_t i) const { return points_[i]; }
+
+ private:
+  std::unique_ptr<CellPoint[]> points_;
+  std::size_t size_ = 0;
+};
+
 /// The points in an up-aligned frame, sorted by cell.
 struct GroundCells {
   float cell = 1.0f;  // m
   int width = 0, height = 0;
   std::vector<int> start;  // of each cell in `points`; one more than cells
-  std::vector<CellPoint> points;
+  CellPoints points;
   std::vector<int> occupied;  // cells with points (or a given height), ascending
 
   std::size_t count() const { return as_size(width) * as_size(height); }

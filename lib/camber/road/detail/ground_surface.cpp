@@ -20,8 +20,8 @@ LowestMode lowest_mode(const GroundCells& cells, std::size_t cell, float floor) 
   constexpr float kBin = 0.125f;  // m; two make a window
   constexpr int kBins = 96;
   constexpr float kShare = 0.15f;  // of the fullest window's points
-  const auto begin = cells.points.begin() + cells.start[cell],
-             end = cells.points.begin() + cells.start[cell + 1];
+  const CellPoint* const begin = cells.points.data() + cells.start[cell];
+  const CellPoint* const end = cells.points.data() + cells.start[cell + 1];
   float lowest = kNoHeight, highest = -kNoHeight;
   for (auto p = begin; p != end; ++p) {
     if (!(p->h > floor)) continue;

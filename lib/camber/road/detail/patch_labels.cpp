@@ -189,6 +189,7 @@ class RowLabeller {
     }
     if (weights_.size() < list.size()) weights_.resize(list.size());
     for (std::size_t c = 0; c < list.size(); ++c) {
+      if (same_roots_[static_cast<std::size_t>(list[c])] > 0.0) continue;
       const PlaneCandidate& candidate = region(list[c]).candidate;
       weights_[c].assign(n, 1.0f);
       candidate.noise.weigh(candidate.plane.n, candidate.plane.d, n, &s.x[begin], &s.y[begin],
@@ -200,8 +201,9 @@ class RowLabeller {
     for (std::size_t k = 0; k < n; ++k) {
       const Vector3d p = s.point(begin + k);
       for (std::size_t c = 0; c < list.size(); ++c) {
-        const double w = static_cast<double>(weights_[c][k]);
-        distance_[c] = w > 0.0 ? region(list[c]).candidate.plane.distance(p) * std::sqrt(w) : 1e30;
+        const double same = same_roots_[static_cast<std::size_t>(list[c])];
+        const double root = same > 0.0 ? same : std::sqrt(static_cast<double>(weights_[c][k]));
+        distance_[c] = root > 0.0 ? region(list[c]).candidate.plane.distance(p) * root : 1e30;
       }
       out[k] = chooser_.choose(leaf, p, distance_);
     }

@@ -269,22 +269,22 @@ bool RegionPartition::split() {
 }
 
 /// The plane of two regions together, if it does for both.
-std::optional<PivotPlane> RegionPartition::common_plane(std::size_t a, std::size_t b) const {
+/// @param costs  of the regions on their own planes
+std::optional<PivotPlane> RegionPartition::common_plane(std::size_t a, std::size_t b,
+                                                        const std::vector<double>& costs) const {
   if (planes_[a].n.dot(planes_[b].n) < std::cos(0.1)) return std::nullopt;
   std::vector<int> both = members_[a];
   both.insert(both.end(), members_[b].begin(), members_[b].end());
   PivotPlane plane = members_[a].size() >= members_[b].size() ? planes_[a] : planes_[b];
   if (!evaluator_.refit(both, 3, &plane)) return std::nullopt;
-  double together = 0.0, apart = 0.0;
+  const double apart = costs[a] + costs[b];
+  double together = 0.0;
   std::size_t accepted = 0;
-  for (const std::size_t region : {a, b}) {
-    for (const int leaf : members_[region]) {
-      const auto l = static_cast<std::size_t>(leaf);
-      const kernels::PieceStatistics stats = evaluator_.statistics(plane, l);
-      together += static_cast<double>(stats.cost);
-      apart += evaluator_.cost(l, planes_[region]);
-      accepted += evaluator_.accepts(stats, l) ? 1 : 0;
-    }
+  for (const int leaf : both) {
+    const auto l = static_cast<std::size_t>(leaf);
+    const kernels::PieceStatistics stats = evaluator_.statistics(plane, l);
+    together += static_cast<double>(stats.cost);
+    accepted += evaluator_.accepts(stats, l) ? 1 : 0;
   }
   const double points = evaluator_.points(both);
   if ((together - apart) * quieter(apart, points) > allowed_misfit(points) ||
@@ -306,10 +306,16 @@ bool RegionPartition::merge() {
   }
   std::sort(pairs.begin(), pairs.end());
   pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  std::vector<double> costs(planes_.size(), 0.0);
+  parallel_for(planes_.size(), options_.num_threads, [&](std::size_t region) {
+    for (const int leaf : members_[region]) {
+      costs[region] += evaluator_.cost(static_cast<std::size_t>(leaf), planes_[region]);
+    }
+  });
   std::vector<std::optional<PivotPlane>> common(pairs.size());
   parallel_for(pairs.size(), options_.num_threads, [&](std::size_t k) {
     common[k] = common_plane(static_cast<std::size_t>(pairs[k].first),
-                             static_cast<std::size_t>(pairs[k].second));
+                             static_cast<std::size_t>(pairs[k].second), costs);
   });
   bool any = false;
   std::vector<char> changed(planes_.size(), 0);

@@ -43,7 +43,8 @@ class RegionPartition {
   void collect();
   int cheapest_region(std::size_t leaf, std::vector<std::pair<int, int>>* votes) const;
   bool cut(std::size_t region, Halves* halves) const;
-  std::optional<PivotPlane> common_plane(std::size_t a, std::size_t b) const;
+  std::optional<PivotPlane> common_plane(std::size_t a, std::size_t b,
+                                         const std::vector<double>& costs) const;
   std::vector<int> reach(const PivotPlane& plane, const std::vector<int>& from) const;
   double quieter(double cost, double points) const;
   double allowed_misfit(double points) const;
