@@ -192,7 +192,7 @@ void follow(const FlowPyramid& reference, const FlowPyramid& between, const Flow
 struct CarriedImage {
   const PredictedImage& prediction;
   int first;          // row of the reference that is row 0 here
-  cv::Mat map;        // pixel of the other image, kNoPrediction where there is none
+  cv::Mat map;        // pixel of the other image, NaN where there is none
   cv::Mat intensity;  // float
 
   /// Whether a pixel is seen there, and nothing stands on it.
@@ -205,7 +205,6 @@ struct CarriedImage {
                          static_cast<std::size_t>(x)];
   }
 };
-constexpr float kNoPrediction = -1000.0f;
 // A prediction may be off by this much: px, or a share of the distance that a fast near pixel
 // moves.
 constexpr float kCorrection = 6.0f, kCorrectionShare = 0.3f;
@@ -245,6 +244,7 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
             continue;
           }
           const cv::Point2f p = sample_flow(other.map, tx, ty);
+          if (std::isnan(p.x)) continue;
           match.pixels[i] = {p.x, p.y};
           match.round_trip_px[i] = kWindowNoise;
           found[i] = 1;
@@ -399,17 +399,15 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       throw std::invalid_argument("prediction " + std::to_string(k) +
                                   " does not fit the images it is for");
     }
-    CarriedImage other{prediction, first, cv::Mat(height, base.width, CV_32FC2), {}};
+    static_assert(sizeof(Eigen::Vector2f) == sizeof(cv::Point2f));
+    CarriedImage other{
+        prediction,
+        first,
+        cv::Mat(height, base.width, CV_32FC2,
+                const_cast<Eigen::Vector2f*>(prediction.pixels.data() +
+                                             static_cast<std::size_t>(first) * width)),
+        {}};
     const cv::Mat& map = other.map;
-    for (int y = 0; y < height; ++y) {
-      auto* row = other.map.ptr<cv::Point2f>(y);
-      const Eigen::Vector2f* from =
-          prediction.pixels.data() + static_cast<std::size_t>(y + first) * width;
-      for (int x = 0; x < base.width; ++x) {
-        row[x] = std::isfinite(from[x].x()) ? cv::Point2f(from[x].x(), from[x].y())
-                                            : cv::Point2f(kNoPrediction, kNoPrediction);
-      }
-    }
     const cv::Mat& whole = intensities[static_cast<std::size_t>(match.frame)];
     const detail::FloatImage seen{whole.ptr<float>(), static_cast<std::ptrdiff_t>(whole.step1()),
                                   whole.cols, whole.rows};
@@ -421,8 +419,8 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         // What is not seen there, or of no interest, is as in the reference.
         const bool shown = usable(x, y);
         const cv::Point2f p = map.at<cv::Point2f>(y, x);
-        at_x[static_cast<std::size_t>(x)] = shown ? p.x : kNoPrediction;
-        at_y[static_cast<std::size_t>(x)] = shown ? p.y : kNoPrediction;
+        at_x[static_cast<std::size_t>(x)] = shown ? p.x : -1.0F;
+        at_y[static_cast<std::size_t>(x)] = shown ? p.y : -1.0F;
       }
       detail::sample_cubic(seen, base.width, at_x.data(), at_y.data(), reference.ptr<float>(y),
                            other.intensity.ptr<float>(y));
@@ -444,7 +442,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       }
     }
     const DenseFlow flow =
-        inverse_search_flow(here, FlowPyramid(other.intensity, options.finest_scale),
+        inverse_search_flow(here, FlowPyramid(other.intensity, options.finest_scale, false),
                             search_options(options), {}, options.smooth ? nullptr : wanted.data());
     const auto flow_at = [&](int x, int y) {
       return flow.at(static_cast<float>(x), static_cast<float>(y));
@@ -452,7 +450,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
     for (std::size_t i = 0; i < out.pixels.size(); ++i) {
       const int x = static_cast<int>(out.pixels[i].x());
       const int y = static_cast<int>(out.pixels[i].y()) - first;
-      if (y < 0 || map.at<cv::Point2f>(y, x).x == kNoPrediction) continue;
+      if (y < 0 || std::isnan(map.at<cv::Point2f>(y, x).x)) continue;
       const float before_px = match.round_trip_px[i];
       match.round_trip_px[i] = std::numeric_limits<float>::infinity();
       if (!usable(x, y)) continue;
@@ -465,6 +463,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         continue;
       }
       const cv::Point2f p = sample_flow(map, tx, ty);
+      if (std::isnan(p.x)) continue;
       const float moved_x = p.x - static_cast<float>(x);
       const float moved_y = p.y - static_cast<float>(y + first);
       const cv::Point2f fx = flow_at(x + kAround, y) - flow_at(x - kAround, y);

@@ -16,7 +16,8 @@ class FlowPyramid {
   /// of kBorder pixels that repeats the rim.
   struct Level {
     int width = 0, height = 0;
-    std::vector<float> intensity, by_x, by_y;
+    cv::Mat intensity, by_x, by_y;  // float
+    const float* pixels(const cv::Mat& of) const { return of.ptr<float>() + at(0, 0); }
     std::ptrdiff_t pitch() const { return width + 2 * kBorder; }
     std::ptrdiff_t at(int x, int y) const { return (y + kBorder) * pitch() + x + kBorder; }
   };
@@ -25,7 +26,8 @@ class FlowPyramid {
   /// @param image         CV_8UC1 or CV_32FC1; smaller than a patch (8 px) it has no levels.
   /// @param finest_scale  the finest level has 1 / 2^finest_scale of the size, >= 0; larger where
   ///                      that would be smaller than a patch.
-  FlowPyramid(const cv::Mat& image, int finest_scale);
+  /// @param gradients     false: it is no flow's first image and has no derivatives.
+  FlowPyramid(const cv::Mat& image, int finest_scale, bool gradients = true);
 
   int finest_scale() const { return finest_scale_; }
   cv::Size size() const { return size_; }  ///< of the image
