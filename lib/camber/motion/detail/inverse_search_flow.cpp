@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <opencv2/video/tracking.hpp>
 #include <utility>
 
 #include "camber/core/target_clones.h"
@@ -18,6 +17,9 @@ constexpr float kPatchPixels = kPatch * kPatch;
 /// Gradients' energy of a patch, (intensity / px)^2 summed, below which only noise moves it.
 constexpr float kLeastEnergy = 1.0F;
 constexpr float kConverged = 0.01F;  // px, of a step
+/// Of a Gauss-Newton step: whole ones overshoot where texture is finer than the error, and a patch
+/// stops where it fits worse.
+constexpr float kStepShare = 0.5F;
 
 using F4 = float __attribute__((vector_size(16)));
 using F8 = float __attribute__((vector_size(32)));
@@ -201,8 +203,8 @@ void search_pass(const float* here, const float* by_x, const float* by_y, const 
         best_v = at_v;
         const float bx = sum_of(sum_x) - s * n.sum_x / kPatchPixels;
         const float by = sum_of(sum_y) - s * n.sum_y / kPatchPixels;
-        const float step_u = n.inverse_determinant * (n.yy * bx - n.xy * by);
-        const float step_v = n.inverse_determinant * (n.xx * by - n.xy * bx);
+        const float step_u = kStepShare * n.inverse_determinant * (n.yy * bx - n.xy * by);
+        const float step_v = kStepShare * n.inverse_determinant * (n.xx * by - n.xy * bx);
         at_u -= step_u;
         at_v -= step_v;
         if (step_u * step_u + step_v * step_v < kConverged * kConverged) {
@@ -406,22 +408,6 @@ void choose_patches(const std::uint8_t* wanted, const cv::Size& image, int scale
   }
 }
 
-void refine_variationally(const FlowPyramid::Level& from, const FlowPyramid::Level& to, cv::Mat* u,
-                          cv::Mat* v) {
-  const auto view = [](const FlowPyramid::Level& level) {
-    return cv::Mat(level.height, level.width, CV_32FC1,
-                   const_cast<float*>(level.pixels(level.intensity)),
-                   static_cast<std::size_t>(level.pitch()) * sizeof(float));
-  };
-  const auto variational = cv::VariationalRefinement::create();
-  variational->setAlpha(20.0F);
-  variational->setDelta(5.0F);
-  variational->setGamma(10.0F);
-  variational->setSorIterations(5);
-  variational->setFixedPointIterations(5);
-  variational->calcUV(view(from), view(to), *u, *v);
-}
-
 }  // namespace
 
 FlowPyramid::FlowPyramid(const cv::Mat& image, int finest_scale, bool gradients)
@@ -521,12 +507,6 @@ DenseFlow inverse_search_flow(const FlowPyramid& from, const FlowPyramid& to,
                        : from_coarser(coarse, static_cast<float>(x), static_cast<float>(y));
         }
       }
-    }
-    if (options.smooth) {
-      cv::Mat parts[2];
-      cv::split(dense, parts);
-      refine_variationally(a, b, &parts[0], &parts[1]);
-      cv::merge(parts, 2, dense);
     }
     coarse = std::move(dense);
   }

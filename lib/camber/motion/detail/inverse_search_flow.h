@@ -46,6 +46,7 @@ class DenseFlow {
   /// @param field  CV_32FC2, px of its own resolution.
   DenseFlow(cv::Mat field, int scale) : field_(std::move(field)), scale_(scale) {}
   bool empty() const { return field_.empty(); }
+  const cv::Mat& field() const { return field_; }
 
   /// px, at a pixel of the image; that of the rim outside.
   cv::Point2f at(float x, float y) const;
@@ -61,7 +62,6 @@ class DenseFlow {
 struct InverseSearchOptions {
   int patch_stride = 3;  ///< px, between patches of 8 x 8, 1 to 8
   int most_steps = 8;    ///< Gauss-Newton, of each patch in each of two passes, >= 1
-  bool smooth = false;   ///< variational refinement of each level (Brox et al., ECCV 2004)
 };
 
 /// Dense inverse search (Kroeger, Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse
