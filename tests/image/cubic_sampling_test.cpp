@@ -10,7 +10,6 @@ namespace {
 
 constexpr int kWidth = 7, kHeight = 6;
 
-/// A plane, which cubic convolution reproduces.
 std::vector<float> ramp() {
   std::vector<float> out;
   for (int y = 0; y < kHeight; ++y) {
@@ -22,11 +21,11 @@ std::vector<float> ramp() {
 float sampled(const std::vector<float>& image, float x, float y) {
   const float outside = -1000.0F;
   float out = 0.0F;
-  sample_cubic({image.data(), kWidth, kWidth, kHeight}, 1, &x, &y, &outside, &out);
+  sample_cubic({image.data(), kWidth, kWidth, kHeight}, -0.75F, 1, &x, &y, &outside, &out);
   return out;
 }
 
-TEST(CubicSampling, ReproducesPixelsAndPlanes) {
+TEST(CubicSampling, ReproducesPixels) {
   const std::vector<float> image = ramp();
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -34,15 +33,16 @@ TEST(CubicSampling, ReproducesPixelsAndPlanes) {
                 image[static_cast<std::size_t>(y * kWidth + x)]);
     }
   }
-  EXPECT_NEAR(sampled(image, 2.3F, 1.6F), 3.0 + 2.0 * 2.3 - 5.0 * 1.6, 1e-5);
+  // Halfway between pixels a plane is met, too.
+  EXPECT_NEAR(sampled(image, 2.5F, 1.5F), 3.0 + 2.0 * 2.5 - 5.0 * 1.5, 1e-5);
 }
 
 TEST(CubicSampling, WeighsAPointAsTheConvolutionDoes) {
   std::vector<float> image(kWidth * kHeight, 0.0F);
   image[2 * kWidth + 3] = 1.0F;
-  // (a + 2) t^3 - (a + 3) t^2 + 1 with a = -0.5 at t = 0.25; a (t^3 - 5 t^2 + 8 t - 4) at 1.25.
-  EXPECT_NEAR(sampled(image, 3.25F, 2.0F), 0.8671875, 1e-6);
-  EXPECT_NEAR(sampled(image, 4.25F, 2.0F), -0.0703125, 1e-6);
+  // (a + 2) t^3 - (a + 3) t^2 + 1 with a = -0.75 at t = 0.25; a (t^3 - 5 t^2 + 8 t - 4) at 1.25.
+  EXPECT_NEAR(sampled(image, 3.25F, 2.0F), 0.87890625, 1e-6);
+  EXPECT_NEAR(sampled(image, 4.25F, 2.0F), -0.10546875, 1e-6);
 }
 
 TEST(CubicSampling, RepeatsTheRimAndLeavesOutWhatLiesBeyond) {

@@ -21,16 +21,19 @@ std::vector<float> drawn() {
   return out;
 }
 
-TEST(DirectKernels, WindowSumsAreThoseOfThePixelsInside) {
+int mirrored(int i, int count) { return i < 0 ? -i : i < count ? i : 2 * (count - 1) - i; }
+
+TEST(DirectKernels, WindowSumsMirrorTheRim) {
   const std::vector<float> values = drawn();
   std::vector<float> sums(values.size()), squares(values.size());
   window_sums(kWidth, kRows, values.data(), 21, 13, sums.data(), squares.data());
   for (int y = 0; y < kRows; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       double sum = 0.0, square = 0.0;
-      for (int v = std::max(0, y - 6); v <= std::min(kRows - 1, y + 6); ++v) {
-        for (int u = std::max(0, x - 10); u <= std::min(kWidth - 1, x + 10); ++u) {
-          const double value = values[static_cast<std::size_t>(v * kWidth + u)];
+      for (int v = y - 6; v <= y + 6; ++v) {
+        for (int u = x - 10; u <= x + 10; ++u) {
+          const double value =
+              values[static_cast<std::size_t>(mirrored(v, kRows) * kWidth + mirrored(u, kWidth))];
           sum += value;
           square += value * value;
         }

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -22,8 +23,8 @@ namespace {
 
 using detail::DenseFlow;
 using detail::FlowPyramid;
-using detail::inverse_search_flow;
 
+constexpr float kSharpness = -0.75F;               // of cubic sampling: fine texture is matched
 constexpr int kWindowWide = 32, kWindowHigh = 11;  // px, compared on their own
 constexpr int kReachX = 4, kReachY = 6;            // px, of the search
 constexpr int kShiftsX = 2 * kReachX + 1, kShiftsY = 2 * kReachY + 1;
@@ -119,11 +120,48 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-detail::InverseSearchOptions search_options(const CorrespondenceOptions& options) {
-  detail::InverseSearchOptions out;
-  out.patch_stride = options.finest_scale == 1 ? 3 : 4;
-  out.smooth = options.smooth;
-  return out;
+/// Where no mask says what is road (lost matches are kept) or the flow is to be smooth, it is
+/// OpenCV's.
+bool by_opencv(const CorrespondenceOptions& options) { return options.smooth || options.keep_lost; }
+
+/// An image as a flow needs it.
+struct FlowImage {
+  cv::Mat pixels;                      // bytes, for OpenCV's flow
+  std::optional<FlowPyramid> pyramid;  // for our own
+
+  /// @param image  bytes or floats, which must outlive this.
+  /// @param first  false: it is no flow's first image.
+  FlowImage(const cv::Mat& image, const CorrespondenceOptions& options, bool first = true) {
+    if (by_opencv(options)) {
+      image.convertTo(pixels, CV_8U);
+    } else {
+      pyramid.emplace(image, options.finest_scale, first);
+    }
+  }
+};
+
+DenseFlow opencv_flow(const cv::Mat& from, const cv::Mat& to, const CorrespondenceOptions& options,
+                      const DenseFlow& start) {
+  const cv::Ptr<cv::DISOpticalFlow> dis =
+      cv::DISOpticalFlow::create(options.finest_scale == 2 ? cv::DISOpticalFlow::PRESET_FAST
+                                                           : cv::DISOpticalFlow::PRESET_MEDIUM);
+  dis->setFinestScale(options.finest_scale);
+  if (options.finest_scale == 0) dis->setPatchStride(4);
+  if (!options.smooth) dis->setVariationalRefinementIterations(0);
+  cv::Mat flow = start.field().clone();
+  dis->calc(from, to, flow);
+  return {flow, 0};
+}
+
+/// @param start   a first guess of the flow, or empty.
+/// @param wanted  see inverse_search_flow(); OpenCV's flow is found everywhere.
+DenseFlow dense_flow(const FlowImage& from, const FlowImage& to,
+                     const CorrespondenceOptions& options, const DenseFlow& start = {},
+                     const std::uint8_t* wanted = nullptr) {
+  if (by_opencv(options)) return opencv_flow(from.pixels, to.pixels, options, start);
+  detail::InverseSearchOptions search;
+  search.patch_stride = options.finest_scale == 1 ? 3 : 4;
+  return detail::inverse_search_flow(*from.pyramid, *to.pyramid, search, start, wanted);
 }
 
 cv::Point2f sample_flow(const cv::Mat& flow, float x, float y) {
@@ -171,18 +209,18 @@ bool is_lost(const MatchedImage& match, const MatchedImage& nearer) {
 
 /// Flow to an image that is far from the reference, from a start through the image between;
 /// taken where more comes back than without it.
-void follow(const FlowPyramid& reference, const FlowPyramid& between, const FlowPyramid& image,
+void follow(const FlowImage& reference, const FlowImage& between, const FlowImage& image,
             const FlowPair& to_between, const CorrespondenceOptions& options,
-            const Correspondences& grid, FlowPair& flow, MatchedImage& match) {
-  const detail::InverseSearchOptions search = search_options(options);
-  const DenseFlow on = inverse_search_flow(between, image, search);
-  const DenseFlow home = inverse_search_flow(image, between, search);
+            const Correspondences& grid, const cv::Size& size, FlowPair& flow,
+            MatchedImage& match) {
+  const DenseFlow on = dense_flow(between, image, options);
+  const DenseFlow home = dense_flow(image, between, options);
   FlowPair found;
-  found.there = inverse_search_flow(reference, image, search, to_between.there.followed_by(on));
-  found.back = inverse_search_flow(image, reference, search, home.followed_by(to_between.back));
+  found.there = dense_flow(reference, image, options, to_between.there.followed_by(on));
+  found.back = dense_flow(image, reference, options, home.followed_by(to_between.back));
   MatchedImage again;
   again.frame = match.frame;
-  check_round_trips(grid, found, options.forward_backward_px, reference.size(), again);
+  check_round_trips(grid, found, options.forward_backward_px, size, again);
   if (accepted(again) <= accepted(match)) return;
   match = std::move(again);
   flow = std::move(found);
@@ -192,7 +230,7 @@ void follow(const FlowPyramid& reference, const FlowPyramid& between, const Flow
 struct CarriedImage {
   const PredictedImage& prediction;
   int first;          // row of the reference that is row 0 here
-  cv::Mat map;        // pixel of the other image, kNoPrediction where there is none
+  cv::Mat map;        // pixel of the other image, NaN where there is none
   cv::Mat intensity;  // float
 
   /// Whether a pixel is seen there, and nothing stands on it.
@@ -205,7 +243,6 @@ struct CarriedImage {
                          static_cast<std::size_t>(x)];
   }
 };
-constexpr float kNoPrediction = -1000.0f;
 // A prediction may be off by this much: px, or a share of the distance that a fast near pixel
 // moves.
 constexpr float kCorrection = 6.0f, kCorrectionShare = 0.3f;
@@ -245,6 +282,7 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
             continue;
           }
           const cv::Point2f p = sample_flow(other.map, tx, ty);
+          if (std::isnan(p.x)) continue;
           match.pixels[i] = {p.x, p.y};
           match.round_trip_px[i] = kWindowNoise;
           found[i] = 1;
@@ -324,34 +362,35 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
   for (int k = 0; k < static_cast<int>(images.size()); ++k) {
     if (k != reference) others.push_back(k);
   }
-  std::vector<std::optional<FlowPyramid>> pyramids(images.size());
+  std::vector<std::optional<FlowImage>> prepared(images.size());
   Correspondences out;
   parallel_for(images.size() + 1, options.num_threads, [&](std::size_t k) {
     if (k == images.size()) {
       out = grid_of(base, reference, options.step);
     } else {
-      pyramids[k].emplace(view(images[k]), options.finest_scale);
+      prepared[k].emplace(view(images[k]), options);
     }
   });
-  const FlowPyramid& from = *pyramids[static_cast<std::size_t>(reference)];
-  const auto pyramid_of = [&](std::size_t k) -> const FlowPyramid& {
-    return *pyramids[static_cast<std::size_t>(others[k])];
+  const FlowImage& from = *prepared[static_cast<std::size_t>(reference)];
+  const auto prepared_of = [&](std::size_t k) -> const FlowImage& {
+    return *prepared[static_cast<std::size_t>(others[k])];
   };
+  const cv::Size size(base.width, base.height);
   std::vector<FlowPair> flows(others.size());
   parallel_for(2 * flows.size(), options.num_threads, [&](std::size_t task) {
-    const FlowPyramid& to = pyramid_of(task / 2);
+    const FlowImage& to = prepared_of(task / 2);
     FlowPair& pair = flows[task / 2];
     if (task % 2 == 0) {
-      pair.there = inverse_search_flow(from, to, search_options(options));
+      pair.there = dense_flow(from, to, options);
     } else {
-      pair.back = inverse_search_flow(to, from, search_options(options));
+      pair.back = dense_flow(to, from, options);
     }
   });
 
   out.matches.resize(others.size());
   parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
     out.matches[k].frame = others[k];
-    check_round_trips(out, flows[k], options.forward_backward_px, from.size(), out.matches[k]);
+    check_round_trips(out, flows[k], options.forward_backward_px, size, out.matches[k]);
   });
   // Outwards on both sides of the reference, each image after its neighbour. A list of others has
   // the image before the reference at reference - 1, the one after it at reference.
@@ -361,8 +400,8 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
     for (int k = side == 0 ? reference - 2 : reference + 1; k >= 0 && k < count; k += step) {
       const auto at = static_cast<std::size_t>(k), nearer = static_cast<std::size_t>(k - step);
       if (!is_lost(out.matches[at], out.matches[nearer])) continue;
-      follow(from, pyramid_of(nearer), pyramid_of(at), flows[nearer], options, out, flows[at],
-             out.matches[at]);
+      follow(from, prepared_of(nearer), prepared_of(at), flows[nearer], options, out, size,
+             flows[at], out.matches[at]);
     }
   });
   return out;
@@ -388,7 +427,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   const cv::Mat reference =
       intensities[static_cast<std::size_t>(before.reference)].rowRange(first, base.height);
   const SingleThreadedOpenCv guard;
-  const FlowPyramid here(reference, options.finest_scale);
+  const FlowImage here(reference, options);
   std::vector<std::vector<std::uint8_t>> found(out.matches.size());  // by a window of its own
   parallel_for(out.matches.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];
@@ -399,17 +438,15 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       throw std::invalid_argument("prediction " + std::to_string(k) +
                                   " does not fit the images it is for");
     }
-    CarriedImage other{prediction, first, cv::Mat(height, base.width, CV_32FC2), {}};
+    static_assert(sizeof(Eigen::Vector2f) == sizeof(cv::Point2f));
+    CarriedImage other{
+        prediction,
+        first,
+        cv::Mat(height, base.width, CV_32FC2,
+                const_cast<Eigen::Vector2f*>(prediction.pixels.data() +
+                                             static_cast<std::size_t>(first) * width)),
+        {}};
     const cv::Mat& map = other.map;
-    for (int y = 0; y < height; ++y) {
-      auto* row = other.map.ptr<cv::Point2f>(y);
-      const Eigen::Vector2f* from =
-          prediction.pixels.data() + static_cast<std::size_t>(y + first) * width;
-      for (int x = 0; x < base.width; ++x) {
-        row[x] = std::isfinite(from[x].x()) ? cv::Point2f(from[x].x(), from[x].y())
-                                            : cv::Point2f(kNoPrediction, kNoPrediction);
-      }
-    }
     const cv::Mat& whole = intensities[static_cast<std::size_t>(match.frame)];
     const detail::FloatImage seen{whole.ptr<float>(), static_cast<std::ptrdiff_t>(whole.step1()),
                                   whole.cols, whole.rows};
@@ -421,11 +458,11 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         // What is not seen there, or of no interest, is as in the reference.
         const bool shown = usable(x, y);
         const cv::Point2f p = map.at<cv::Point2f>(y, x);
-        at_x[static_cast<std::size_t>(x)] = shown ? p.x : kNoPrediction;
-        at_y[static_cast<std::size_t>(x)] = shown ? p.y : kNoPrediction;
+        at_x[static_cast<std::size_t>(x)] = shown ? p.x : -1.0F;
+        at_y[static_cast<std::size_t>(x)] = shown ? p.y : -1.0F;
       }
-      detail::sample_cubic(seen, base.width, at_x.data(), at_y.data(), reference.ptr<float>(y),
-                           other.intensity.ptr<float>(y));
+      detail::sample_cubic(seen, kSharpness, base.width, at_x.data(), at_y.data(),
+                           reference.ptr<float>(y), other.intensity.ptr<float>(y));
     }
     // A match looks at the flow around it, too: where that varies quickly it crosses an edge of
     // depth or has failed.
@@ -444,15 +481,14 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
       }
     }
     const DenseFlow flow =
-        inverse_search_flow(here, FlowPyramid(other.intensity, options.finest_scale),
-                            search_options(options), {}, options.smooth ? nullptr : wanted.data());
+        dense_flow(here, FlowImage(other.intensity, options, false), options, {}, wanted.data());
     const auto flow_at = [&](int x, int y) {
       return flow.at(static_cast<float>(x), static_cast<float>(y));
     };
     for (std::size_t i = 0; i < out.pixels.size(); ++i) {
       const int x = static_cast<int>(out.pixels[i].x());
       const int y = static_cast<int>(out.pixels[i].y()) - first;
-      if (y < 0 || map.at<cv::Point2f>(y, x).x == kNoPrediction) continue;
+      if (y < 0 || std::isnan(map.at<cv::Point2f>(y, x).x)) continue;
       const float before_px = match.round_trip_px[i];
       match.round_trip_px[i] = std::numeric_limits<float>::infinity();
       if (!usable(x, y)) continue;
@@ -465,6 +501,7 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
         continue;
       }
       const cv::Point2f p = sample_flow(map, tx, ty);
+      if (std::isnan(p.x)) continue;
       const float moved_x = p.x - static_cast<float>(x);
       const float moved_y = p.y - static_cast<float>(y + first);
       const cv::Point2f fx = flow_at(x + kAround, y) - flow_at(x - kAround, y);

@@ -70,36 +70,13 @@ std::vector<std::size_t> pieces(const BundleProblem& problem) {
   return out;
 }
 
-/// Cost alone; infinite if a point is behind a camera.
-double cost_of(const BundleProblem& problem, const std::vector<View>& views,
-               const std::vector<double>& depths, double sigma_px) {
-  const std::vector<std::size_t> ends = pieces(problem);
-  std::vector<double> costs(ends.size() - 1, 0.0);
-  parallel_for(costs.size(), problem.num_threads, [&](std::size_t piece) {
-    double cost = 0.0;
-    Eigen::Vector3d a, p;
-    Eigen::Vector2d r;
-    for (std::size_t k = ends[piece]; k < ends[piece + 1]; ++k) {
-      const BundleObservation& o = problem.observations[k];
-      const auto i = static_cast<std::size_t>(o.point);
-      if (!project(problem.camera, views[static_cast<std::size_t>(o.view)], problem.rays[i],
-                   depths[i], o.pixel, &a, &p, &r)) {
-        cost = std::numeric_limits<double>::infinity();
-        break;
-      }
-      cost += cauchy_loss(r.squaredNorm() / (sigma_px * sigma_px), problem.cauchy);
-    }
-    costs[piece] = cost;
-  });
-  return std::accumulate(costs.begin(), costs.end(), 0.0);
-}
-
 /// What elimination keeps of each point, to put its depth back.
 struct Eliminated {
   double information = 0.0, gradient = 0.0;
 };
 
-/// One pass: the views' system and, if wanted, what is needed to put the depths back.
+/// One pass: the cost (infinite if a point is behind a camera), the views' system and, if wanted,
+/// what is needed to put the depths back.
 /// @param damping  Levenberg-Marquardt, on the depths: their information grows by this share.
 /// @param crossed  one column a point: the coupling of its depth with all views.
 ReducedBundle reduce(const BundleProblem& problem, const std::vector<View>& views,
@@ -116,6 +93,12 @@ ReducedBundle reduce(const BundleProblem& problem, const std::vector<View>& view
     ReducedBundle& part = parts[piece];
     part.information = Eigen::MatrixXd::Zero(n, n);
     part.gradient = Eigen::VectorXd::Zero(n);
+    // Of pairs of views, each with itself and those behind it.
+    std::vector<Eigen::Matrix<double, 6, 6>> pairs(views.size() * views.size());
+    for (auto& pair : pairs) pair.setZero();
+    const auto pair_of = [&](int a, int b) -> Eigen::Matrix<double, 6, 6>& {
+      return pairs[static_cast<std::size_t>(a) * views.size() + static_cast<std::size_t>(b)];
+    };
     std::vector<int> seen;  // views of a point
     std::vector<Eigen::Matrix<double, 6, 1>> cross;
     for (std::size_t at = ends[piece]; at < ends[piece + 1];) {
@@ -129,25 +112,27 @@ ReducedBundle reduce(const BundleProblem& problem, const std::vector<View>& view
         Linearisation l;
         if (!linearise(problem.camera, views[static_cast<std::size_t>(o.view)], problem.rays[i],
                        depths[i], o.pixel, &l)) {
+          part.cost = std::numeric_limits<double>::infinity();
           continue;
         }
         const double squared = l.residual.squaredNorm() / s2;
         part.cost += cauchy_loss(squared, problem.cauchy);
         const double weight = 1.0 / (s2 * (1.0 + squared / c2));
-        part.information.block<6, 6>(block(o.view), block(o.view)).noalias() +=
-            weight * l.by_view.transpose() * l.by_view;
-        part.gradient.segment<6>(block(o.view)).noalias() +=
-            weight * l.by_view.transpose() * l.residual;
+        const Eigen::Matrix<double, 2, 6> weighted = weight * l.by_view;
+        pair_of(o.view, o.view).noalias() += weighted.transpose() * l.by_view;
+        part.gradient.segment<6>(block(o.view)).noalias() += weighted.transpose() * l.residual;
         information += weight * l.by_depth.squaredNorm();
         gradient += weight * l.by_depth.dot(l.residual);
         seen.push_back(o.view);
-        cross.push_back(weight * l.by_view.transpose() * l.by_depth);
+        cross.push_back(weighted.transpose() * l.by_depth);
       }
       information *= 1.0 + damping;
       for (std::size_t a = 0; a < seen.size(); ++a) {
+        const Eigen::Matrix<double, 6, 1> share = cross[a] / information;
         for (std::size_t b = 0; b < seen.size(); ++b) {
-          part.information.block<6, 6>(block(seen[a]), block(seen[b])).noalias() -=
-              cross[a] * (cross[b].transpose() / information);
+          if (seen[b] >= seen[a]) {
+            pair_of(seen[a], seen[b]).noalias() -= share * cross[b].transpose();
+          }
         }
         part.gradient.segment<6>(block(seen[a])) -= cross[a] * (gradient / information);
         if (crossed) {
@@ -155,6 +140,13 @@ ReducedBundle reduce(const BundleProblem& problem, const std::vector<View>& view
         }
       }
       if (eliminated) (*eliminated)[i] = {information, gradient};
+    }
+    const auto count = static_cast<int>(views.size());
+    for (int a = 0; a < count; ++a) {
+      for (int b = a; b < count; ++b) {
+        part.information.block<6, 6>(block(a), block(b)) = pair_of(a, b);
+        part.information.block<6, 6>(block(b), block(a)) = pair_of(a, b).transpose();
+      }
     }
   });
   ReducedBundle out = std::move(parts.front());
@@ -196,15 +188,14 @@ bool solve_bundle(const BundleProblem& problem, std::size_t longest, double sigm
   constexpr int kMostSteps = 40;
   constexpr double kEnough = 1e-5;  // relative decrease of the cost
   std::vector<View> at = unpacked(views);
-  double cost = cost_of(problem, at, inverse_depths, sigma_px);
-  if (!std::isfinite(cost)) return false;
-  const double length = views[longest].translation().norm();
   double damping = 1e-4;
-  std::vector<Eliminated> eliminated;
-  Eigen::MatrixXd crossed;
+  std::vector<Eliminated> eliminated, next_eliminated;
+  Eigen::MatrixXd crossed, next_crossed;
+  ReducedBundle system =
+      reduce(problem, at, inverse_depths, sigma_px, damping, &eliminated, &crossed);
+  if (!std::isfinite(system.cost)) return false;
+  const double length = views[longest].translation().norm();
   for (int step = 0; step < kMostSteps; ++step) {
-    const ReducedBundle system =
-        reduce(problem, at, inverse_depths, sigma_px, damping, &eliminated, &crossed);
     Eigen::MatrixXd information = system.information;
     information.diagonal() *= 1.0 + damping;
     // The gauge: no step along the longest baseline.
@@ -232,18 +223,24 @@ bool solve_bundle(const BundleProblem& problem, std::size_t longest, double sigm
     }
     for (SE3& view : moved) view.set_translation(view.translation() * stretch);
     std::vector<View> there = unpacked(moved);
-    const double after = cost_of(problem, there, depths, sigma_px);
-    if (!(after < cost)) {
+    // With the damping of a step that succeeds, so that the next one has its system already.
+    const double less_damping = std::max(1e-7, 0.1 * damping);
+    ReducedBundle next =
+        reduce(problem, there, depths, sigma_px, less_damping, &next_eliminated, &next_crossed);
+    if (!(next.cost < system.cost)) {
       damping *= 10.0;
       if (damping > 1e6) break;
+      system = reduce(problem, at, inverse_depths, sigma_px, damping, &eliminated, &crossed);
       continue;
     }
-    const bool enough = cost - after < kEnough * cost;
+    const bool enough = system.cost - next.cost < kEnough * system.cost;
     views = std::move(moved);
     inverse_depths = std::move(depths);
     at = std::move(there);
-    cost = after;
-    damping = std::max(1e-7, 0.1 * damping);
+    damping = less_damping;
+    system = std::move(next);
+    std::swap(eliminated, next_eliminated);
+    std::swap(crossed, next_crossed);
     if (enough) break;
   }
   return true;

@@ -29,6 +29,7 @@ double robust_cost(double r) { return std::min(r * r, 9.0); }
 
 constexpr int kWindowWide = 21, kWindowHigh = 13;      // px, of the local mean and contrast
 constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees as a whole
+constexpr float kSharpness = -0.5F;                    // of cubic sampling: planes stay planes
 constexpr double kMiddle = 128.0;                      // taken off so that sums stay exact
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 
@@ -166,8 +167,9 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
   const detail::FloatImage seen{other.ptr<float>(), static_cast<std::ptrdiff_t>(other.step1()),
                                 other.cols, other.rows};
   for (int y = 0; y < rows; ++y) {
-    detail::sample_cubic(seen, width, map_x.row(y), map_y.row(y), ref.intensity.ptr<float>(y),
-                         carried.row(y));
+    // Beyond the other image its rim goes on, for the blur beside it.
+    detail::sample_cubic(seen, kSharpness, width, map_x.row(y), map_y.row(y),
+                         y > 0 ? carried.row(y - 1) : ref.intensity.ptr<float>(y), carried.row(y));
   }
   Plane32 weight(width, rows);
   window_sums(width, rows, valid.row(0), kWindowWide, kWindowHigh, weight.row(0), nullptr);

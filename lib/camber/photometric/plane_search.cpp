@@ -144,13 +144,19 @@ std::vector<float> every_column(const cv::Mat& image, int stride) {
 }
 
 /// See SampledImage; the last column and row have no cells.
-std::vector<std::uint32_t> cells_of(const cv::Mat& image) {
+/// @param hidden  bytes, non-zero where something hides the image.
+std::vector<std::uint32_t> cells_of(const cv::Mat& image, const cv::Mat& hidden) {
   std::vector<std::uint32_t> out(image.total(), 0);
   for (int v = 0; v + 1 < image.rows; ++v) {
     const auto* upper = image.ptr<std::uint8_t>(v);
     const auto* lower = image.ptr<std::uint8_t>(v + 1);
     std::uint32_t* to = &out[static_cast<std::size_t>(v) * static_cast<std::size_t>(image.cols)];
+    const auto* covered = hidden.ptr<std::uint8_t>(v);
     for (int u = 0; u + 1 < image.cols; ++u) {
+      if (covered[u]) {
+        to[u] = kHiddenCell;
+        continue;
+      }
       to[u] = upper[u] | static_cast<std::uint32_t>(upper[u + 1]) << 8 |
               static_cast<std::uint32_t>(lower[u]) << 16 |
               static_cast<std::uint32_t>(lower[u + 1]) << 24;
@@ -168,7 +174,6 @@ struct PlaneSearch::Level {
   int stride = 1;      // px, between the columns and rows that are compared
   double noise = 4.0;  // intensity squared, of a window without texture
   std::vector<std::vector<std::uint32_t>> cells;  // see SampledImage, of all images
-  std::vector<cv::Mat> visible;                   // float, 1 where nothing stands or moves, else 0
   std::vector<float> here, here_visible;          // the reference's compared columns
 
   int columns() const { return camera.width / stride; }
@@ -189,11 +194,9 @@ void PlaneSearch::Level::add_row(const CorridorRow& row, int v, WarpedView* view
       view->shift.y(), view->shift.z(), fx,        fy,       cx,       cy};
   const auto at = static_cast<std::size_t>(v) * static_cast<std::size_t>(columns()) +
                   static_cast<std::size_t>(row.from);
-  add_warped_row(
-      row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
-      here_visible.data() + at, warp,
-      {cells[view->image].data(), visible[view->image].ptr<float>(), camera.width, camera.height},
-      view->columns(row.from));
+  add_warped_row(row.to - row.from, row.inverse_depth.data() + row.from, here.data() + at,
+                 here_visible.data() + at, warp,
+                 {cells[view->image].data(), camera.width, camera.height}, view->columns(row.from));
 }
 
 PlaneSearch::~PlaneSearch() = default;
@@ -235,23 +238,21 @@ PlaneSearch::PlaneSearch(const PinholeCamera& camera, const std::vector<PlaneSea
                          const_cast<std::uint8_t*>(image.image->pixels.data()));
       cv::Mat small;
       cv::resize(full(whole), small, size, 0, 0, cv::INTER_AREA);
-      level.cells.push_back(cells_of(small));
-      if (image.image == images[reference].image) {
-        cv::Mat gray;
-        small.convertTo(gray, CV_32F);
-        level.here = every_column(gray, level.stride);
-      }
-      cv::Mat visible(size, CV_32FC1, cv::Scalar(1.0));
+      cv::Mat ignored(size, CV_8UC1, cv::Scalar(0));
       if (image.ignored) {
-        cv::Mat ignored;
         const cv::Mat mask(camera.height, camera.width, CV_8UC1,
                            const_cast<std::uint8_t*>(image.ignored->data()));
         cv::resize(mask(whole), ignored, size, 0, 0, cv::INTER_NEAREST);
-        visible.setTo(0.0, ignored);
       }
-      level.visible.push_back(visible);
+      level.cells.push_back(cells_of(small, ignored));
+      if (image.image == images[reference].image) {
+        cv::Mat gray, visible(size, CV_32FC1, cv::Scalar(1.0));
+        small.convertTo(gray, CV_32F);
+        visible.setTo(0.0, ignored);
+        level.here = every_column(gray, level.stride);
+        level.here_visible = every_column(visible, level.stride);
+      }
     }
-    level.here_visible = every_column(level.visible[reference], level.stride);
     levels_.push_back(std::move(level));
   }
 }

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "camber/core/threads.h"
+#include "camber/geometry/detail/dense_product.h"
 #include "camber/road/detail/banded_ldlt.h"
 
 namespace camber {
@@ -426,7 +427,7 @@ Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observ
             (observations.inverse_depth[i] - m.value(m.footprint(observations.pixels[i]), m.nodes));
       }
       const auto used = rows.leftCols(static_cast<Eigen::Index>(count));
-      own[piece].noalias() += used * used.transpose();
+      own[piece] += detail::square(used);
       gradients[piece].noalias() += used * residuals.head(static_cast<Eigen::Index>(count));
     }
   });

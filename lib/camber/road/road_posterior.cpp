@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "camber/geometry/detail/dense_product.h"
+
 namespace camber {
 
 void Constraint::validate() const {
@@ -138,21 +140,22 @@ Eigen::MatrixXd RoadPosterior::covariance_times(const Eigen::MatrixXd& of_state)
     // share already.
     const double root = std::sqrt(inflation_);
     const Eigen::MatrixXd of_motion =
-        shared_covariance_ * (root * (field_->shared().transpose() * field));
+        shared_covariance_ * (root * detail::transposed_product(field_->shared(), field));
     const Eigen::MatrixXd of_motion_by_ego =
         shared_covariance_ * (ego_.by_shared.transpose() * ego);
-    out.topRows(nodes) += root * (field_->shared() * (of_motion + of_motion_by_ego));
+    out.topRows(nodes) += root * detail::product(field_->shared(), of_motion + of_motion_by_ego);
     out.middleRows(nodes, 3) += ego_.by_shared * of_motion;
   }
   for (const auto& update : updates_) {
-    out -= update->gain_side * (update->information * (update->gain_side.transpose() * of_state));
+    const Eigen::MatrixXd of_gain = detail::transposed_product(update->gain_side, of_state);
+    out -= detail::product(update->gain_side, update->information * of_gain);
   }
   return out;
 }
 
 Eigen::MatrixXd RoadPosterior::covariance(const RoadFunctionals& rows,
                                           const RoadFunctionals& columns) const {
-  return rows.of_state.transpose() * covariance_times(columns.of_state);
+  return detail::transposed_product(rows.of_state, covariance_times(columns.of_state));
 }
 
 Eigen::MatrixXd RoadPosterior::covariance(const RoadFunctionals& functionals) const {
@@ -177,7 +180,7 @@ RoadPosterior RoadPosterior::conditioned(const Constraint& constraint) const {
   auto update = std::make_shared<Update>();
   update->gain_side = covariance_times(functionals.of_state);
   Eigen::MatrixXd spread =
-      functionals.of_state.transpose() * update->gain_side + constraint.covariance;
+      detail::transposed_product(functionals.of_state, update->gain_side) + constraint.covariance;
   spread = 0.5 * (spread + spread.transpose()).eval();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(spread);
   update->information = ldlt.solve(Eigen::MatrixXd::Identity(spread.rows(), spread.cols()));

@@ -63,21 +63,27 @@ class EdgeFinder {
   }
 
  private:
-  double inverse_depth(double u, double v) const {
+  double inverse_depth_near(double u, double v) const {
     const int x = std::clamp(static_cast<int>(std::lround(u)), 0, camera_.width - 1);
     const int y = std::clamp(static_cast<int>(std::lround(v)), ground_.top, camera_.height - 1);
     return ground_.inverse_depth[static_cast<std::size_t>(y - ground_.top) *
                                      static_cast<std::size_t>(camera_.width) +
                                  static_cast<std::size_t>(x)];
   }
-  double middle(int v) const { return inverse_depth(0.5 * camera_.width, v); }
+  double inverse_depth(int u, int v) const {
+    return ground_.inverse_depth[static_cast<std::size_t>(v - ground_.top) *
+                                     static_cast<std::size_t>(camera_.width) +
+                                 static_cast<std::size_t>(u)];
+  }
+  double middle(int v) const { return inverse_depth(camera_.width / 2, v); }
 
   /// Columns by which a line along the road moves from row v to row v - 1, at a depth.
-  double slope(double u, int v) const {
+  double slope(int u, int v) const {
     const double here = inverse_depth(u, v), above = inverse_depth(u, v - 1);
     if (!(here > 1.0 / kFarthest) || !(above > 0.5 / kFarthest)) return 0.0;
-    const Eigen::Vector3d a = camera_.ray({u, static_cast<double>(v)}) / here;
-    const Eigen::Vector3d b = camera_.ray({u, v - 1.0}) / above;
+    const auto column = static_cast<double>(u);
+    const Eigen::Vector3d a = camera_.ray({column, static_cast<double>(v)}) / here;
+    const Eigen::Vector3d b = camera_.ray({column, v - 1.0}) / above;
     return -(b - a).dot(right_) * camera_.fx * above / std::max(0.2, right_.x());
   }
 
@@ -216,7 +222,7 @@ class EdgeFinder {
         out.lean[i] = std::clamp(x[1], -20.0, 20.0);
         out.usable[i] = 1;
       }
-      const double rho = inverse_depth(out.column[i], top_ + static_cast<int>(i));
+      const double rho = inverse_depth_near(out.column[i], top_ + static_cast<double>(i));
       out.scale[i] = camera_.fx * std::max(rho, 0.5 / kFarthest);
     }
     return out;

@@ -10,13 +10,10 @@ namespace {
 
 using F4 = float __attribute__((vector_size(16)));
 
-constexpr float kSharpness = -0.5F;  // reproduces planes; -0.75, which OpenCV takes, does not
-
 CAMBER_TARGET_CLONES("avx2")
-void sample_loop(const float* image, std::ptrdiff_t pitch, int width, int height, int count,
-                 const float* x, const float* y, const float* outside, float* out) {
+void sample_loop(float a, const float* image, std::ptrdiff_t pitch, int width, int height,
+                 int count, const float* x, const float* y, const float* outside, float* out) {
   // Weights of the four pixels around a place, polynomials in its fraction.
-  constexpr float a = kSharpness;
   const F4 cubic = {a, a + 2.0F, -(a + 2.0F), -a};
   const F4 square = {-2.0F * a, -(a + 3.0F), 2.0F * a + 3.0F, a};
   const F4 linear = {a, 0.0F, -a, 0.0F};
@@ -52,9 +49,10 @@ void sample_loop(const float* image, std::ptrdiff_t pitch, int width, int height
 
 }  // namespace
 
-void sample_cubic(const FloatImage& image, int count, const float* x, const float* y,
-                  const float* outside, float* out) {
-  sample_loop(image.pixels, image.pitch, image.width, image.height, count, x, y, outside, out);
+void sample_cubic(const FloatImage& image, float sharpness, int count, const float* x,
+                  const float* y, const float* outside, float* out) {
+  sample_loop(sharpness, image.pixels, image.pitch, image.width, image.height, count, x, y, outside,
+              out);
 }
 
 }  // namespace camber::detail

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <opencv2/video/tracking.hpp>
 #include <utility>
 
 #include "camber/core/target_clones.h"
@@ -18,6 +17,9 @@ constexpr float kPatchPixels = kPatch * kPatch;
 /// Gradients' energy of a patch, (intensity / px)^2 summed, below which only noise moves it.
 constexpr float kLeastEnergy = 1.0F;
 constexpr float kConverged = 0.01F;  // px, of a step
+/// Of a Gauss-Newton step: whole ones overshoot where texture is finer than the error, and a patch
+/// stops where it fits worse.
+constexpr float kStepShare = 0.5F;
 
 using F4 = float __attribute__((vector_size(16)));
 using F8 = float __attribute__((vector_size(32)));
@@ -201,8 +203,8 @@ void search_pass(const float* here, const float* by_x, const float* by_y, const 
         best_v = at_v;
         const float bx = sum_of(sum_x) - s * n.sum_x / kPatchPixels;
         const float by = sum_of(sum_y) - s * n.sum_y / kPatchPixels;
-        const float step_u = n.inverse_determinant * (n.yy * bx - n.xy * by);
-        const float step_v = n.inverse_determinant * (n.xx * by - n.xy * bx);
+        const float step_u = kStepShare * n.inverse_determinant * (n.yy * bx - n.xy * by);
+        const float step_v = kStepShare * n.inverse_determinant * (n.xx * by - n.xy * bx);
         at_u -= step_u;
         at_v -= step_v;
         if (step_u * step_u + step_v * step_v < kConverged * kConverged) {
@@ -286,13 +288,13 @@ void sobel_row(int count, const float* above, const float* here, const float* be
 void repeat_rim(FlowPyramid::Level* level) {
   constexpr int kBorder = FlowPyramid::kBorder;
   for (int y = 0; y < level->height; ++y) {
-    float* row = level->intensity.data() + level->at(0, y);
+    float* row = level->intensity.ptr<float>() + level->at(0, y);
     std::fill(row - kBorder, row, row[0]);
     std::fill(row + level->width, row + level->width + kBorder, row[level->width - 1]);
   }
   const auto pitch = level->pitch();
-  float* first = level->intensity.data() + level->at(-kBorder, 0);
-  float* last = level->intensity.data() + level->at(-kBorder, level->height - 1);
+  float* first = level->intensity.ptr<float>() + level->at(-kBorder, 0);
+  float* last = level->intensity.ptr<float>() + level->at(-kBorder, level->height - 1);
   for (int y = 1; y <= kBorder; ++y) {
     std::copy(first, first + pitch, first - y * pitch);
     std::copy(last, last + pitch, last + y * pitch);
@@ -300,14 +302,14 @@ void repeat_rim(FlowPyramid::Level* level) {
 }
 
 void find_gradients(FlowPyramid::Level* level) {
-  level->by_x.assign(level->intensity.size(), 0.0F);
-  level->by_y.assign(level->intensity.size(), 0.0F);
+  level->by_x.create(level->intensity.size(), CV_32FC1);  // the border is not looked at
+  level->by_y.create(level->intensity.size(), CV_32FC1);
   const auto pitch = level->pitch();
   for (int y = 0; y < level->height; ++y) {
     const std::ptrdiff_t at = level->at(0, y);
-    const float* row = level->intensity.data() + at;
-    sobel_row(level->width, row - pitch, row, row + pitch, level->by_x.data() + at,
-              level->by_y.data() + at);
+    const float* row = level->intensity.ptr<float>() + at;
+    sobel_row(level->width, row - pitch, row, row + pitch, level->by_x.ptr<float>() + at,
+              level->by_y.ptr<float>() + at);
   }
 }
 
@@ -315,8 +317,7 @@ FlowPyramid::Level empty_level(int width, int height) {
   FlowPyramid::Level out;
   out.width = width;
   out.height = height;
-  out.intensity.resize(static_cast<std::size_t>(out.pitch()) *
-                       static_cast<std::size_t>(height + 2 * FlowPyramid::kBorder));
+  out.intensity.create(height + 2 * FlowPyramid::kBorder, static_cast<int>(out.pitch()), CV_32FC1);
   return out;
 }
 
@@ -333,7 +334,7 @@ FlowPyramid::Level reduced(const cv::Mat& image, int scale) {
       const Value* from = image.ptr<Value>(y * side + k);
       for (std::size_t x = 0; x < sums.size(); ++x) sums[x] += from[x];
     }
-    float* to = out.intensity.data() + out.at(0, y);
+    float* to = out.intensity.ptr<float>() + out.at(0, y);
     for (int x = 0; x < out.width; ++x) {
       Sum sum{};
       for (int k = 0; k < side; ++k) sum += sums[static_cast<std::size_t>(x * side + k)];
@@ -346,9 +347,9 @@ FlowPyramid::Level reduced(const cv::Mat& image, int scale) {
 FlowPyramid::Level halved(const FlowPyramid::Level& fine) {
   FlowPyramid::Level out = empty_level(fine.width / 2, fine.height / 2);
   for (int y = 0; y < out.height; ++y) {
-    const float* a = fine.intensity.data() + fine.at(0, 2 * y);
+    const float* a = fine.intensity.ptr<float>() + fine.at(0, 2 * y);
     const float* b = a + fine.pitch();
-    float* to = out.intensity.data() + out.at(0, y);
+    float* to = out.intensity.ptr<float>() + out.at(0, y);
     for (int x = 0; x < out.width; ++x) {
       to[x] = 0.25F * ((a[2 * x] + a[2 * x + 1]) + (b[2 * x] + b[2 * x + 1]));
     }
@@ -407,25 +408,9 @@ void choose_patches(const std::uint8_t* wanted, const cv::Size& image, int scale
   }
 }
 
-void refine_variationally(const FlowPyramid::Level& from, const FlowPyramid::Level& to, cv::Mat* u,
-                          cv::Mat* v) {
-  const auto view = [](const FlowPyramid::Level& level) {
-    return cv::Mat(level.height, level.width, CV_32FC1,
-                   const_cast<float*>(level.intensity.data() + level.at(0, 0)),
-                   static_cast<std::size_t>(level.pitch()) * sizeof(float));
-  };
-  const auto variational = cv::VariationalRefinement::create();
-  variational->setAlpha(20.0F);
-  variational->setDelta(5.0F);
-  variational->setGamma(10.0F);
-  variational->setSorIterations(5);
-  variational->setFixedPointIterations(5);
-  variational->calcUV(view(from), view(to), *u, *v);
-}
-
 }  // namespace
 
-FlowPyramid::FlowPyramid(const cv::Mat& image, int finest_scale)
+FlowPyramid::FlowPyramid(const cv::Mat& image, int finest_scale, bool gradients)
     : size_(image.size()), finest_scale_(finest_scale) {
   // The coarsest looks for motions up to a quarter of the image.
   const int most =
@@ -442,6 +427,7 @@ FlowPyramid::FlowPyramid(const cv::Mat& image, int finest_scale)
     levels_.push_back(halved(levels_.back()));
     repeat_rim(&levels_.back());
   }
+  if (!gradients) return;
   for (Level& level : levels_) find_gradients(&level);
 }
 
@@ -497,12 +483,11 @@ DenseFlow inverse_search_flow(const FlowPyramid& from, const FlowPyramid& to,
         grid.start_v[i] = s.y;
       }
     }
-    const std::ptrdiff_t origin = a.at(0, 0);
-    const float* here = a.intensity.data() + origin;
-    const float* there = b.intensity.data() + origin;
-    find_normals(a.by_x.data() + origin, a.by_y.data() + origin, a.pitch(), grid);
+    const float* here = a.pixels(a.intensity);
+    const float* there = b.pixels(b.intensity);
+    find_normals(a.pixels(a.by_x), a.pixels(a.by_y), a.pitch(), grid);
     for (const bool forwards : {true, false}) {
-      search_pass(here, a.by_x.data() + origin, a.by_y.data() + origin, there, a.pitch(), forwards,
+      search_pass(here, a.pixels(a.by_x), a.pixels(a.by_y), there, a.pitch(), forwards,
                   options.most_steps, grid);
     }
     const auto pixels = static_cast<std::size_t>(a.width) * static_cast<std::size_t>(a.height);
@@ -522,12 +507,6 @@ DenseFlow inverse_search_flow(const FlowPyramid& from, const FlowPyramid& to,
                        : from_coarser(coarse, static_cast<float>(x), static_cast<float>(y));
         }
       }
-    }
-    if (options.smooth) {
-      cv::Mat parts[2];
-      cv::split(dense, parts);
-      refine_variationally(a, b, &parts[0], &parts[1]);
-      cv::merge(parts, 2, dense);
     }
     coarse = std::move(dense);
   }

@@ -16,7 +16,8 @@ class FlowPyramid {
   /// of kBorder pixels that repeats the rim.
   struct Level {
     int width = 0, height = 0;
-    std::vector<float> intensity, by_x, by_y;
+    cv::Mat intensity, by_x, by_y;  // float
+    const float* pixels(const cv::Mat& of) const { return of.ptr<float>() + at(0, 0); }
     std::ptrdiff_t pitch() const { return width + 2 * kBorder; }
     std::ptrdiff_t at(int x, int y) const { return (y + kBorder) * pitch() + x + kBorder; }
   };
@@ -25,7 +26,8 @@ class FlowPyramid {
   /// @param image         CV_8UC1 or CV_32FC1; smaller than a patch (8 px) it has no levels.
   /// @param finest_scale  the finest level has 1 / 2^finest_scale of the size, >= 0; larger where
   ///                      that would be smaller than a patch.
-  FlowPyramid(const cv::Mat& image, int finest_scale);
+  /// @param gradients     false: it is no flow's first image and has no derivatives.
+  FlowPyramid(const cv::Mat& image, int finest_scale, bool gradients = true);
 
   int finest_scale() const { return finest_scale_; }
   cv::Size size() const { return size_; }  ///< of the image
@@ -44,6 +46,7 @@ class DenseFlow {
   /// @param field  CV_32FC2, px of its own resolution.
   DenseFlow(cv::Mat field, int scale) : field_(std::move(field)), scale_(scale) {}
   bool empty() const { return field_.empty(); }
+  const cv::Mat& field() const { return field_; }
 
   /// px, at a pixel of the image; that of the rim outside.
   cv::Point2f at(float x, float y) const;
@@ -59,7 +62,6 @@ class DenseFlow {
 struct InverseSearchOptions {
   int patch_stride = 3;  ///< px, between patches of 8 x 8, 1 to 8
   int most_steps = 8;    ///< Gauss-Newton, of each patch in each of two passes, >= 1
-  bool smooth = false;   ///< variational refinement of each level (Brox et al., ECCV 2004)
 };
 
 /// Dense inverse search (Kroeger, Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse

@@ -41,7 +41,6 @@ CAMBER_CLONES void warp_loop(int count, const float* __restrict inverse_depth,
   const auto last_row = static_cast<float>(other.rows - 1);
   const int pitch = other.columns;
   const std::uint32_t* __restrict cells = other.cells;
-  const float* __restrict visible = other.visible;
   for (int k = 0; k < count; ++k) {
     const auto column = static_cast<float>(k);
     const float rho = inverse_depth[k];
@@ -64,9 +63,9 @@ CAMBER_CLONES void warp_loop(int count, const float* __restrict inverse_depth,
     const float upper = upper_left + s * (upper_right - upper_left);
     const float lower = lower_left + s * (lower_right - lower_left);
     const float a = here[k], b = upper + t * (lower - upper);
-    const float weight = here_visible[k] * visible[at] * one_if(rho > 0.0F) * one_if(pz > 0.02F) *
-                         one_if(x >= 0.0F) * one_if(x < last_column) * one_if(y >= 0.0F) *
-                         one_if(y < last_row);
+    const float weight = here_visible[k] * one_if(cells[at] != kHiddenCell) * one_if(rho > 0.0F) *
+                         one_if(pz > 0.02F) * one_if(x >= 0.0F) * one_if(x < last_column) *
+                         one_if(y >= 0.0F) * one_if(y < last_row);
     counts[k] += weight;
     sum_a[k] += weight * a;
     sum_b[k] += weight * b;

@@ -35,14 +35,14 @@ struct RowWarp {
   float fx = 0.0F, fy = 0.0F, cx = 0.0F, cy = 0.0F;
 };
 
-/// An image, rows without gaps; `visible` is 1 where nothing hides it, else 0. A cell holds the
-/// four pixels around a place between them, so that one access reads them all: from the lowest
-/// byte, a pixel, that to its right, that below it, and that to the right of that.
+/// An image, rows without gaps. A cell holds the four pixels around a place between them, so that
+/// one access reads them all: from the lowest byte, a pixel, that to its right, that below it, and
+/// that to the right of that; kHiddenCell where something hides the first.
 struct SampledImage {
   const std::uint32_t* cells = nullptr;
-  const float* visible = nullptr;
   int columns = 0, rows = 0;  ///< at least 2
 };
+constexpr std::uint32_t kHiddenCell = 0xFFFFFFFFU;  // four white pixels have no texture
 
 /// Sums for the correlation of two images, one entry a column.
 struct ColumnSums {

@@ -139,25 +139,30 @@ void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float 
 
 void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
                  float* sums, float* squares) {
-  const int left = window_wide / 2, below = window_high / 2;
+  const int side = window_wide / 2, below = window_high / 2;
   const auto count = static_cast<std::size_t>(width);
   const std::vector<float> none(count, 0.0F);
   std::vector<float> padded(count + static_cast<std::size_t>(window_wide));
   std::vector<float> of_columns[2] = {std::vector<float>(count, 0.0F),
                                       std::vector<float>(count, 0.0F)};
   const auto row = [&](int y) {
-    return y >= 0 && y < rows ? values + static_cast<std::ptrdiff_t>(y) * width : none.data();
+    return values + static_cast<std::ptrdiff_t>(mirrored(y, rows)) * width;
   };
-  for (int y = -below; y < rows; ++y) {
+  // The first row's window comes in row by row.
+  for (int y = -2 * below; y < rows; ++y) {
+    const bool filling = y <= 0;
     for (const bool squared : {false, true}) {
       if (squared && !squares) continue;
       std::vector<float>& columns = of_columns[squared];
-      (squared ? move_squares : move_sums)(width, row(y + below), row(y - below - 1),
-                                           columns.data());
+      (squared ? move_squares : move_sums)(
+          width, row(y + below), filling ? none.data() : row(y - below - 1), columns.data());
       if (y < 0) continue;
-      std::fill(padded.begin(), padded.begin() + left, 0.0F);
-      std::copy(columns.begin(), columns.end(), padded.begin() + left);
-      std::fill(padded.begin() + left + width, padded.end(), 0.0F);
+      float* const middle = padded.data() + side;
+      std::copy(columns.begin(), columns.end(), middle);
+      for (int k = 1; k <= side; ++k) {
+        middle[-k] = columns[static_cast<std::size_t>(mirrored(-k, width))];
+        middle[width - 1 + k] = columns[static_cast<std::size_t>(mirrored(width - 1 + k, width))];
+      }
       running_sums(width, window_wide, padded.data(),
                    (squared ? squares : sums) + static_cast<std::ptrdiff_t>(y) * width);
     }

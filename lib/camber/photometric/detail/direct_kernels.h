@@ -19,7 +19,7 @@ constexpr float kNotWarped = -1000.0F;
 void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float right, float bottom,
               const WarpedRow& out);
 
-/// Sums over a window around every pixel, of what of it lies within; windows are odd.
+/// Sums over a window around every pixel, the rim mirrored; windows are odd.
 /// @param squares  sums of the squares, too; null: not wanted.
 void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
                  float* sums, float* squares);

@@ -1,5 +1,7 @@
 #include "camber/vehicle/detail/linear_algebra.h"
 
+#include "camber/geometry/detail/dense_product.h"
+
 namespace camber::internal {
 
 void SymmetricFactors::compute(const Eigen::MatrixXd& matrix) { factors_.compute(matrix); }
@@ -22,14 +24,16 @@ Eigen::MatrixXd SymmetricFactors::inverse() const {
 
 double SymmetricFactors::log_determinant() const { return factors_.vectorD().array().log().sum(); }
 
-Eigen::MatrixXd product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) { return a * b; }
+Eigen::MatrixXd product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  return camber::detail::product(a, b);
+}
 
 Eigen::MatrixXd transposed_product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
-  return a.transpose() * b;
+  return camber::detail::transposed_product(a, b);
 }
 
 void add_square(const Eigen::MatrixXd& a, Eigen::MatrixXd* out) {
-  out->noalias() += a * a.transpose();
+  *out += camber::detail::square(a);
 }
 
 }  // namespace camber::internal
