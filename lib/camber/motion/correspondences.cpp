@@ -120,7 +120,7 @@ cv::Mat view(const GrayImage& image) {
   return {image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-/// Where no mask says what is road (lost matches are kept) or the flow is to be smooth, it is
+/// Where no mask bounds the road (lost matches are kept) or the flow is to be smooth, it is
 /// OpenCV's.
 bool by_opencv(const CorrespondenceOptions& options) { return options.smooth || options.keep_lost; }
 

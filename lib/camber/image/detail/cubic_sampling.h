@@ -14,10 +14,9 @@ struct FloatImage {
 /// Values between pixels by cubic convolution (Keys, "Cubic Convolution Interpolation", 1981), at
 /// exact places; the rim is repeated for the pixels around a place that the image does not hold.
 /// @param sharpness  the convolution's free parameter: -0.5 reproduces planes, -0.75 (OpenCV's)
-/// keeps
-///                   more of fine texture.
-/// @param x, y     `count` places, px.
-/// @param outside  values where the place lies outside the image or is NaN, one a place.
+///                   keeps more of fine texture.
+/// @param x, y       `count` places, px.
+/// @param outside    values where the place lies outside the image or is NaN, one a place.
 void sample_cubic(const FloatImage& image, float sharpness, int count, const float* x,
                   const float* y, const float* outside, float* out);
 
