@@ -116,7 +116,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   const PhotometricGround refined = run("ground", 0.8, [&] {
     return o.photometric ? stages::refine_photometrically(frames, seen.matches, seen.motion,
                                                           seen.ground, o.ground)
-                         : PhotometricGround{seen.ground, seen.motion, nullptr, {}, {}, {}, {}};
+                         : PhotometricGround{seen.ground, seen.motion, nullptr, {}, {}, {}};
   });
   const ScaledRoad scaled =
       run("scale", 0.83, [&] { return stages::scale(frames, seen.matches, refined, o.scale); });

@@ -57,7 +57,7 @@ struct PhotometricGround {
   RejectedBlocks rejected_blocks;
   /// By which the logarithm of the scale would change with intensities that contradict the motion
   /// of the matches; nothing where they do not.
-  std::optional<double> rejected_log_scale;
+  std::optional<double> rejected_log_scale = std::nullopt;
 };
 
 namespace stages {
