@@ -109,15 +109,15 @@ Reconstruction run(
   if (scene.frames.size() == 1) return with({scene.frames.front().id});
   const ChosenFrames chosen = choose_frames(scene);
   if (chosen.spacing == 1) return with(chosen.ids);
-  const auto say = [&](const std::string& what) {
+  const auto report = [&](const std::string& what) {
     if (!command.common.quiet) std::fprintf(stderr, "camber: %s\n", what.c_str());
   };
   const std::string apart = "frames " + std::to_string(chosen.spacing) + " apart ";
-  say("slow drive: " + apart + "are used");
+  report("slow drive: " + apart + "are used");
   try {
     return with(chosen.ids);
   } catch (const NoAnswerError& error) {
-    say(apart + "give no answer (" + error.what() + "): neighbours are used");
+    report(apart + "give no answer (" + error.what() + "): neighbours are used");
     return with(neighbouring_frames(scene).ids);
   }
 }

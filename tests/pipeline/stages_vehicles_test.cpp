@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "camber/core/errors.h"
 #include "camber/pipeline/stages/assemble.h"
 #include "camber/pipeline/stages/surface.h"
 #include "camber/pipeline/stages/vehicles.h"
@@ -356,12 +357,21 @@ TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {
   ASSERT_EQ(placed.constraints.size(), 1u);
   placed.constraints.resize(3, placed.constraints[0]);
   // A car that is not where the road lets expect it looks too large or too small as well.
-  const AssembledRoad both = assembled(drive, scaled, plan, placed);
-  ASSERT_EQ(both.run.warnings.size(), 2u);
-  EXPECT_EQ(both.run.warnings[0].code, "scale_contradicted");
-  EXPECT_THAT(both.run.warnings[0].text, HasSubstr("3 of 3 vehicles contradict the road"));
-  EXPECT_THAT(both.run.warnings[1].text, HasSubstr("by their sizes everything is"));
-  EXPECT_EQ(both.run.scale_status, Status::kWeak);
+  const AssembledRoad sizes = assembled(drive, scaled, plan, placed);
+  ASSERT_EQ(sizes.run.warnings.size(), 1u);
+  EXPECT_EQ(sizes.run.warnings[0].code, "scale_contradicted");
+  EXPECT_THAT(sizes.run.warnings[0].text, HasSubstr("by their sizes everything is"));
+  EXPECT_EQ(sizes.run.scale_status, Status::kWeak);
+
+  // Farther off, each of them contradicts the road, and their sizes the scale.
+  PlacedVehicles farther = placed;
+  for (VehicleConstraint& v : farther.constraints) v.constraint.residual *= 3.0;
+  try {
+    assembled(drive, scaled, plan, farther);
+    FAIL() << "an answer";
+  } catch (const NoAnswerError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("3 of 3 vehicles contradict the road"));
+  }
 
   // Without what their sizes are off by, and the rest many times: the road is wrong, not its scale.
   for (VehicleConstraint& v : placed.constraints) {

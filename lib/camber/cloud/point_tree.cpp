@@ -646,8 +646,8 @@ std::size_t part(Entry* entries, std::size_t count, const Before& before) {
 }
 
 /// Puts the entry of a rank along an axis (equal ones by index) in its place, smaller ones before
-/// it, larger ones behind. A sample tells between which two values it lies, most likely; only what
-/// is between is looked at again. Floyd, Rivest, "Expected time bounds for selection", CACM 1975.
+/// it, larger ones behind. By a sample it most likely lies between two values; only what is between
+/// them is looked at again. Floyd, Rivest, "Expected time bounds for selection", CACM 1975.
 void select(Entry* entries, std::size_t count, std::size_t rank, int axis) {
   constexpr std::size_t kFew = 256, kMostSamples = 512;
   while (count > kFew) {

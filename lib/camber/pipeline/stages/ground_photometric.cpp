@@ -141,7 +141,7 @@ void leave_out(const RejectedBlocks& blocks, std::size_t count, const GroundObse
   }
 }
 
-/// Lengths of the ways from the reference to all images, baselines.
+/// Sum of the distances from the reference to all images, baselines.
 double travelled(const MotionEstimate& motion, std::size_t reference) {
   double out = 0.0;
   for (std::size_t k = 0; k < motion.frame_from_reference.size(); ++k) {
