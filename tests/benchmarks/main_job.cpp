@@ -607,8 +607,8 @@ int main(int argc, char** argv) {
   const bench::Program program = {
       "bench_main_job",
       "The main job on real and rendered scenes against their truth",
-      {"steep3", "steep5", "nomasks", "joint_planes", "once", "tracking", "odometry", "crawling", "ablation",
-       "time"},
+      {"steep3", "steep5", "nomasks", "joint_planes", "once", "tracking", "odometry", "crawling",
+       "ablation", "time"},
       {{"--cars", "", "List every vehicle of the steep scenes", false}}};
   return bench::run_program(program, argc, argv, run_main_job);
 }

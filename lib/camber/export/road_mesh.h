@@ -43,8 +43,9 @@ RoadMesh make_road_mesh(const HeightSource& ground, const SmoothLine& line,
 std::string encode_ply(const RoadMesh& mesh);
 /// Wavefront OBJ with normals; colours behind the coordinates, as many programs read them.
 std::string encode_obj(const RoadMesh& mesh);
-/// Binary glTF 2.0, with the texture as PNG in place of the points' colours: y up, -z along the plan frame's x; coordinates relative to the first point,
-/// which `asset.extras.origin` holds in the plan frame.
+/// Binary glTF 2.0, with the texture as PNG in place of the points' colours: y up, -z along the
+/// plan frame's x; coordinates relative to the first point, which `asset.extras.origin` holds in
+/// the plan frame.
 std::string encode_glb(const RoadMesh& mesh);
 
 }  // namespace camber

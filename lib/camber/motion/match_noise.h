@@ -11,7 +11,7 @@ struct MatchNoise {
   double intensity = 0.6;         ///< intensity, of a window's mean [heights]
   double least_texture = 0.05;    ///< (intensity / px)^2, added to a window's; assumed
   double round_trip_share = 0.5;  ///< of a match's round-trip error that is an error of its own
-  double cauchy_px = 0.3;     ///< px, half width of the loss of epipolar errors, at least; assumed
+  double cauchy_px = 0.3;      ///< px, half width of the loss of epipolar errors, at least; assumed
   double least_turn = 0.0125;  ///< rad, of a camera whose turn may show its focal length [random]
   /// The errors of a smooth flow are shared by neighbours: the motion's covariance is that of
   /// independent matches times this, >= 1. [random]

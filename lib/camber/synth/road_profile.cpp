@@ -165,7 +165,8 @@ RoadProfile::RoadProfile(ProfileTrack grade, ProfileTrack bank, ProfileTrack cur
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const double heading = nodes_[i].heading;
     const double slope_angle = grade_.value(begin_ + static_cast<int>(i) * step_);
-    steps_[i] = Eigen::Vector3d(std::cos(heading), std::sin(heading), std::tan(slope_angle)) * step_;
+    steps_[i] =
+        Eigen::Vector3d(std::cos(heading), std::sin(heading), std::tan(slope_angle)) * step_;
   }
 }
 

@@ -2,7 +2,8 @@
 
 // What this process is writing: files and folders under temporary names beside their final ones.
 // A temporary is called ".NAME.camber.PID.N" (a file's has NAME's extension after that), and is
-// locked (flock) as long as its process lives, so that a later run recognises what a killed one left.
+// locked (flock) as long as its process lives, so that a later run recognises what a killed one
+// left.
 
 #include <filesystem>
 #include <mutex>
