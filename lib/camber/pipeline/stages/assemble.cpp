@@ -1,5 +1,4 @@
 #include "camber/pipeline/stages/assemble.h"
-#include "camber/core/errors.h"
 
 #include <fmt/format.h>
 
