@@ -1,10 +1,9 @@
-// A first ground that is off: what follows mends it, or the run does not rely on it.
+// A first ground that is off: what follows mends it.
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "camber/core/errors.h"
 #include "camber/pipeline/see_road.h"
 #include "pipeline/half_scene.h"
 #include "support/test_data.h"
@@ -14,7 +13,7 @@ namespace {
 
 class WrongStart : public ::testing::TestWithParam<double> {};
 
-TEST_P(WrongStart, IsMendedRefusedOrNamed) {
+TEST_P(WrongStart, IsMended) {
   const double start_factor = GetParam();
   const test::TemporaryFolder folder;
   const Scene scene =
@@ -39,27 +38,19 @@ TEST_P(WrongStart, IsMendedRefusedOrNamed) {
   // The last look is by a search of its own, which knows nothing of the start.
   first.search = stages::search_plane(frames, motion, options.ground);
 
-  double log_error = 0.0, sigma = 0.0;
-  bool named = false;
-  try {
-    const SeenRoad seen = see_road_again(
-        frames, {std::move(matches), std::move(motion), std::move(first)}, options, run);
-    const PhotometricGround refined = stages::refine_photometrically(
-        frames, seen.matches, seen.motion, seen.ground, options.ground);
-    const ScaledRoad scaled = stages::scale(frames, seen.matches, refined, options.scale);
-    const auto center = [&](std::size_t k) {
-      return scene.truth->frames[k].world_from_camera->translation();
-    };
-    const double true_length = (center(0) - center(1)).norm();
-    const SE3 moved = metric_pose(refined.motion, 0, scaled.road.metres_per_baseline());
-    log_error = std::log(moved.translation().norm() / true_length);
-    sigma = std::hypot(scaled.road.scale_sigma(), std::sqrt(scaled.contradiction_variance));
-    named = !scaled.contradictions.empty();
-  } catch (const NoAnswerError&) {
-    return;  // refused
-  }
-  EXPECT_LT(std::abs(log_error), 3.0 * sigma) << "the scale is off by " << log_error;
-  EXPECT_TRUE(named || sigma < 0.1) << sigma;
+  const SeenRoad seen = see_road_again(
+      frames, {std::move(matches), std::move(motion), std::move(first)}, options, run);
+  const PhotometricGround refined = stages::refine_photometrically(
+      frames, seen.matches, seen.motion, seen.ground, options.ground);
+  const ScaledRoad scaled = stages::scale(frames, seen.matches, refined, options.scale);
+  const auto center = [&](std::size_t k) {
+    return scene.truth->frames[k].world_from_camera->translation();
+  };
+  const SE3 moved = metric_pose(refined.motion, 0, scaled.road.metres_per_baseline());
+  const double error = std::log(moved.translation().norm() / (center(0) - center(1)).norm());
+  EXPECT_LT(std::abs(error), 0.02);  // at most 0.009 measured; 0.022 to 0.025 stated
+  EXPECT_LT(std::abs(error), 3.0 * scaled.road.scale_sigma());
+  EXPECT_TRUE(scaled.contradictions.empty());
 }
 
 INSTANTIATE_TEST_SUITE_P(Factors, WrongStart,
