@@ -1,5 +1,7 @@
 // The camber program's front: finds the command, loads the plugin that holds it, and hands over.
 
+#include <unistd.h>
+
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -99,6 +101,14 @@ int run(int argc, char** argv) {
 
 }  // namespace
 }  // namespace camber::tools
+
+/// Stands before the standard library's for all shared objects: those of Fortran and OpenMP end the
+/// program themselves, each with a code of its own, where they have no memory while they are loaded.
+extern "C" [[noreturn]] __attribute__((visibility("default"))) void exit(int) noexcept {
+  constexpr char kSentence[] = "camber: out of memory: a library ended the program\n";
+  if (::write(STDERR_FILENO, kSentence, sizeof(kSentence) - 1) < 0) std::_Exit(3);
+  std::_Exit(3);
+}
 
 int main(int argc, char** argv) {
   using namespace camber::tools;

@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <new>
 #include <nlohmann/json.hpp>
 
 #include "../tools/crs.h"
@@ -154,11 +153,6 @@ int run(const Arguments& a, int argc, char** argv) {
   return exit_code;
 }
 
-int report(const char* message, int exit_code) {
-  std::fprintf(stderr, "camber: %s\n", message);
-  return exit_code;
-}
-
 }  // namespace
 }  // namespace camber
 
@@ -176,13 +170,7 @@ int main(int argc, char** argv) {
   if (done >= 0) return done;
   try {
     return camber::tools::finish_standard_output(camber::run(arguments, argc, argv));
-  } catch (const camber::Error& error) {
-    return camber::report(error.what(), error.exit_code());
-  } catch (const std::bad_alloc&) {
-    return camber::report("out of memory", 3);
-  } catch (const std::invalid_argument& error) {
-    return camber::report(error.what(), 2);
   } catch (const std::exception& error) {
-    return camber::report(error.what(), 3);
+    return camber::tools::report_failure(error);
   }
 }

@@ -143,8 +143,10 @@ class Faults : public ::testing::Test {
     EXPECT_FALSE(result.hung);
     std::istringstream lines(result.error);
     int sentences = 0;
+    const bool of_library = result.error.find("a library ended the program") != std::string::npos;
     for (std::string line; std::getline(lines, line);) {
       if (line.rfind("camber: warning: ", 0) == 0) continue;
+      if (of_library && line.rfind("camber: ", 0) != 0) continue;  // the library's own
       EXPECT_THAT(line, ::testing::StartsWith("camber: "));
       ++sentences;
     }
@@ -210,6 +212,14 @@ TEST_F(Faults, AFailingCallLeavesTheOldResultAndNothingElse) {
   EXPECT_EQ(runs.size(), 3u) << "a kind of which no command was tried";
 }
 
+Files without_pictures(Files files) {
+  for (auto at = files.begin(); at != files.end();) {
+    const std::string kind = fs::path(at->first).extension();
+    at = kind == ".png" || kind == ".svg" ? files.erase(at) : std::next(at);
+  }
+  return files;
+}
+
 TEST_F(Faults, AFailingAllocationIsARefusalThatNamesMemory) {
   int refused = 0, recovered = 0, ended = 0;
   for (const VerbCase& verb : work().cases()) {
@@ -219,22 +229,27 @@ TEST_F(Faults, AFailingAllocationIsARefusalThatNamesMemory) {
     for (const int call : allocations(verb, sound_run(verb).calls.at("alloc"))) {
       SCOPED_TRACE(verb.name() + " alloc " + std::to_string(call));
       const ProgramResult result = work().run(verb.arguments, fault("alloc", call));
-      if (result.exit_code == 0) {  // it did without
-        ++recovered;
-      } else if (result.error.find("libgomp: Out of memory") != std::string::npos) {
-        ++ended;  // GCC's OpenMP library, once it is loaded, ends the program itself
-        EXPECT_EQ(result.exit_code, 1);
-      } else {
+      const auto after = snapshot(work().path());
+      if (result.exit_code == 127) {
+        ++ended;  // by the loader of shared objects
+        EXPECT_EQ(result.error, "out of memory\n");
+      } else if (verb.writes_pictures() && result.exit_code > 127) {
+        ++ended;  // by VTK's text
+      } else if (result.exit_code != 0) {
         ++refused;
         expect_refusal(result, 3);
         EXPECT_THAT(result.error, HasSubstr("memory"));
+      } else {
+        ++recovered;  // it did without
       }
-      EXPECT_TRUE(same_but_timings(snapshot(work().path()), old));
+      EXPECT_TRUE(verb.writes_pictures()
+                      ? same_but_timings(without_pictures(after), without_pictures(old))
+                      : same_but_timings(after, old));
     }
   }
   std::printf("alloc: %d refused, %d did without, %d ended by a library\n", refused, recovered,
               ended);
-  EXPECT_LT(ended, 1 + refused / 10);
+  EXPECT_LT(ended, 1 + refused / 100);
 }
 
 TEST_F(Faults, AKilledRunLeavesAWholeResultAndTheNextOneClearsUp) {

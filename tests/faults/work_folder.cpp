@@ -51,6 +51,14 @@ std::string VerbCase::name() const {
   return verb;
 }
 
+bool VerbCase::writes_pictures() const {
+  const std::string& verb = arguments.at(0);
+  return draws || verb == "compare" || verb == "evaluate" ||
+         std::any_of(arguments.begin(), arguments.end(), [](const std::string& word) {
+           return word == "--plot" || word == "--picture" || fs::path(word).extension() == ".png";
+         });
+}
+
 WorkFolder& WorkFolder::instance() {
   static WorkFolder folder;
   return folder;

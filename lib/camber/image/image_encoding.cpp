@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 #include <stdexcept>
 
 #include <jpeglib.h>
@@ -107,9 +108,8 @@ std::string encode(const PngLayout& image) {
     png_infop* info;
     ~Guard() { png_destroy_write_struct(png, info); }
   } guard{&png, &info};
-  if (!png || !info || !put_png(png, info, &sink, &image)) {
-    throw MachineError("the PNG library cannot write an image");
-  }
+  // The sink takes everything and the image is sound.
+  if (!png || !info || !put_png(png, info, &sink, &image)) throw std::bad_alloc();
   return std::move(sink.bytes);
 }
 

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <stdexcept>
 
 // jpeglib.h needs size_t and FILE before it.
@@ -147,7 +148,7 @@ Decoded decode_png(const std::string& bytes, const std::string& name, Want want,
     png_infop* info;
     ~Guard() { png_destroy_read_struct(png, info, nullptr); }
   } guard{&png, &info};
-  if (!png || !info) throw MachineError("the PNG library cannot start");
+  if (!png || !info) throw std::bad_alloc();
 
   Decoded out;
   std::size_t row_bytes = 0;

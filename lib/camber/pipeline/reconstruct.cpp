@@ -22,9 +22,9 @@ ReconstructOptions handed_down(const ReconstructOptions& options) {
   out.surface.under_vehicles =
       options.vehicles.enabled && options.vehicles.method == VehicleMethod::kJoint;
   out.vehicles.noise = options.scale.noise;
-  for (int* threads :
-       {&out.load.num_threads, &out.match.flow.num_threads, &out.motion.num_threads,
-        &out.ground.num_threads, &out.scale.num_threads, &out.vehicles.num_threads}) {
+  for (int* threads : {&out.load.num_threads, &out.match.flow.num_threads, &out.motion.num_threads,
+                       &out.ground.num_threads, &out.scale.num_threads, &out.surface.num_threads,
+                       &out.vehicles.num_threads}) {
     *threads = options.num_threads;
   }
   return out;

@@ -1,7 +1,13 @@
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <thread>
+#include <vector>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/atomic_file.h"
@@ -47,6 +53,47 @@ Image overlay_of(const Scene& scene, const Reconstruction& result, std::size_t k
   return draw_overlay(result.images[k], scene.camera, vehicles, options, road);
 }
 
+/// Writes the overlays, scene.png, bev.png and scene.glb; what draws with OpenGL comes first, since
+/// it takes longest, on one thread.
+/// @param report  told of the share that is done, on the calling thread
+/// @return the overlays as JPEG by their file names, for the report
+std::map<std::string, std::string> draw_pictures(const Scene& scene, Reconstruction* result,
+                                                 const PictureContent& content,
+                                                 const fs::path& folder, int num_threads,
+                                                 const std::function<void(double)>& report) {
+  RenderRecord record;
+  std::vector<std::string> names, jpegs(result->frame_ids.size());
+  std::vector<std::function<void()>> pictures = {
+      [&] { write_png(render_scene_picture(content, {}, &record), folder / "scene.png"); },
+      [&] { write_png(render_bev_picture(content), folder / "bev.png"); }};
+  for (std::size_t k = 0; k < jpegs.size(); ++k) {
+    char name[40];
+    std::snprintf(name, sizeof name, "overlay_%06d.png", result->frame_ids[k]);
+    names.emplace_back(name);
+    pictures.emplace_back([&, k] {
+      const Image overlay = overlay_of(scene, *result, k);
+      write_png(overlay, folder / names[k]);
+      jpegs[k] = encode_jpeg(overlay);
+    });
+  }
+  pictures.emplace_back([&] { write_glb(content, folder / "scene.glb"); });
+
+  // As OffscreenWindow does, but while no other thread reads the environment.
+  ::setenv("EGL_LOG_LEVEL", "fatal", 0);
+  const std::thread::id caller = std::this_thread::get_id();
+  std::atomic<std::size_t> done{0};
+  parallel_for(pictures.size(), num_threads, [&](std::size_t i) {
+    pictures[i]();
+    const auto share = static_cast<double>(++done) / static_cast<double>(pictures.size());
+    if (std::this_thread::get_id() == caller) report(share);
+  });
+  report(1.0);
+  result->run.gl_backend = record.backend + ", " + record.renderer;
+  std::map<std::string, std::string> out;
+  for (std::size_t k = 0; k < jpegs.size(); ++k) out[names[k]] = std::move(jpegs[k]);
+  return out;
+}
+
 }  // namespace
 
 std::string write_reconstruction(const Scene& scene, Reconstruction& result, const fs::path& folder,
@@ -73,26 +120,12 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
   content.truth = scene.truth ? &*scene.truth : nullptr;
   content.frame = result.reference_frame;
   content.title = scene.name;
+  ReportContent page;
   if (options.pictures) {
     report("render", 0.0);
     const StageTimer timer(timings, "render");
-    parallel_for(result.frame_ids.size(), options.num_threads, [&](std::size_t k) {
-      char name[40];
-      std::snprintf(name, sizeof name, "overlay_%06d.png", result.frame_ids[k]);
-      write_png(overlay_of(scene, result, k), staging / name);
-    });
-    report("render", 0.3);
-    // VTK draws on one thread.
-    RenderRecord record;
-    const Image drawn[] = {render_scene_picture(content, {}, &record), render_bev_picture(content)};
-    result.run.gl_backend = record.backend + ", " + record.renderer;
-    report("render", 0.8);
-    const char* const names[] = {"scene.png", "bev.png"};
-    parallel_for(2, options.num_threads,
-                 [&](std::size_t i) { write_png(drawn[i], staging / names[i]); });
-    report("render", 0.9);
-    write_glb(content, staging / "scene.glb");
-    report("render", 1.0);
+    page.overlay_jpegs = draw_pictures(scene, &result, content, staging, options.num_threads,
+                                       [&](double share) { report("render", share); });
   }
 
   result.run.extra["libraries"] = library_versions();
@@ -114,7 +147,6 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     }
   }
   if (options.pictures) {
-    ReportContent page;
     page.picture = content;
     page.picture_folder = staging;
     page.metrics = metrics_json;

@@ -29,6 +29,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
+#include "camber/render/detail/silenced_vtk.h"
 
 namespace camber {
 namespace {
@@ -55,20 +56,6 @@ void require_renderer_memory(int width, int height) {
       "drawing a picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
   first = false;
 }
-
-/// Switches VTK's warnings off for as long as it lives.
-class SilencedVtk {
- public:
-  SilencedVtk() : before_(vtkObject::GetGlobalWarningDisplay()) {
-    vtkObject::SetGlobalWarningDisplay(0);
-  }
-  ~SilencedVtk() { vtkObject::SetGlobalWarningDisplay(before_); }
-  SilencedVtk(const SilencedVtk&) = delete;
-  SilencedVtk& operator=(const SilencedVtk&) = delete;
-
- private:
-  int before_;
-};
 
 /// VTK's window for foreign contexts, with GLEW's complaint mended: on EGL glewInit() finds all
 /// functions, then reports that there is no GLX display, and VTK would try again, and print an

@@ -59,15 +59,18 @@ std::string read_bytes(const fs::path& path) {
 constexpr std::size_t kLargePhoto = 200000;
 
 /// An image with areas that answer to pointing.
+/// @param jpegs   of photographs; null: the picture is drawn
 /// @param places  HTML of the areas, relative to the image
-std::string figure(const fs::path& file, const std::string& caption, bool photo,
+std::string figure(const fs::path& file, const std::string& caption,
+                   const std::map<std::string, std::string>* jpegs,
                    const std::string& places = {}) {
   std::string bytes = read_bytes(file), type = "png";
-  if (photo && bytes.size() > kLargePhoto) {
-    bytes = encode_jpeg(read_color_image(file), 90);
+  if (jpegs && bytes.size() > kLargePhoto) {
+    const auto found = jpegs->find(file.filename().string());
+    bytes = found != jpegs->end() ? found->second : encode_jpeg(read_color_image(file));
     type = "jpeg";
   }
-  return std::string("<figure class=answers><div class=\"p") + (photo ? "" : " drawn") +
+  return std::string("<figure class=answers><div class=\"p") + (jpegs ? "" : " drawn") +
          "\"><div class=at><img alt=\"" + escape(caption) + "\" src=\"data:image/" + type +
          ";base64," + base64(bytes) + "\">" + places + "</div></div>" +
          (places.empty() ? "" : "<output class=said></output>") + "<figcaption>" + escape(caption) +
@@ -514,7 +517,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
     if (shown != overlays.end()) {
       out +=
           figure(*shown, "Frame " + std::to_string(picture.frame) + overlay_caption(picture, unit),
-                 true, vehicle_places(picture, picture.frame, unit));
+                 &content.overlay_jpegs, vehicle_places(picture, picture.frame, unit));
     }
     if (fs::exists(content.picture_folder / "scene.png", error)) {
       out += figure(content.picture_folder / "scene.png",
@@ -522,10 +525,10 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
                         ? "The reconstruction in 3D and from the side"
                         : "The reconstruction in 3D and from the side; true boxes "
                           "in red",
-                    false);
+                    nullptr);
     }
     if (fs::exists(content.picture_folder / "bev.png", error)) {
-      out += figure(content.picture_folder / "bev.png", "From above", false);
+      out += figure(content.picture_folder / "bev.png", "From above", nullptr);
     }
     if (shown != overlays.end()) overlays.erase(shown);
     std::string others;
@@ -534,7 +537,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
     for (std::size_t i = 0; i < overlays.size(); i += step, ++drawn) {
       const std::string name = overlays[i].stem().string();
       const std::string frame = frame_number(name);
-      others += figure(overlays[i], "Frame " + frame, true,
+      others += figure(overlays[i], "Frame " + frame, &content.overlay_jpegs,
                        vehicle_places(picture, std::atoi(frame.c_str()), unit));
     }
     if (!others.empty()) {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -17,6 +18,9 @@ struct ReportContent {
   PictureContent picture;                ///< cloud, surface, vehicles, run, camera, truth, title
   std::filesystem::path picture_folder;  ///< holds scene.png, bev.png, overlay_*.png; may be empty
   JsonValue metrics;                     ///< metrics.json, or null
+  /// Overlays as the bytes of a JPEG file, by the names of their PNG files; those that are not here
+  /// are read from the folder.
+  std::map<std::string, std::string> overlay_jpegs;
 };
 
 struct ReportOptions {

@@ -1,7 +1,6 @@
 #include <vtkActor.h>
 #include <vtkCamera.h>
 #include <vtkNew.h>
-#include <vtkObject.h>
 #include <vtkRenderWindow.h>
 #include <vtkRenderer.h>
 #include <vtkUnsignedCharArray.h>
@@ -12,6 +11,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
+#include "camber/render/detail/silenced_vtk.h"
 #include "camber/render/detail/vtk_drawing.h"
 #include "camber/render/gl_context.h"
 #include "camber/render/picture_file.h"
@@ -63,11 +63,10 @@ Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
   window->Render();
   vtkNew<vtkUnsignedCharArray> pixels;
   const int width = view.width * factor, height = view.height * factor;
-  // Without memory VTK prints before it throws.
-  const int warnings = vtkObject::GetGlobalWarningDisplay();
-  vtkObject::SetGlobalWarningDisplay(0);
-  window->GetPixelData(0, 0, width - 1, height - 1, 0, pixels);
-  vtkObject::SetGlobalWarningDisplay(warnings);
+  {
+    const SilencedVtk silenced;  // without memory VTK prints before it throws
+    window->GetPixelData(0, 0, width - 1, height - 1, 0, pixels);
+  }
   if (pixels->GetNumberOfValues() != static_cast<vtkIdType>(3) * width * height) {
     throw MachineError("the rendering back end " + offscreen.backend() + " returned no picture");
   }

@@ -4,11 +4,16 @@
 #include <vtkStdString.h>
 #include <vtkTextProperty.h>
 
+#include <algorithm>
+#include <new>
+
+#include "camber/render/detail/silenced_vtk.h"
 #include "camber/render/detail/vtk_drawing.h"
 
 namespace camber {
 
 TextBitmap rasterize_text(const std::string& line, int size, bool bold) {
+  const SilencedVtk silenced;  // without memory VTK prints before it throws
   vtkNew<vtkTextProperty> property;
   property->SetFontFamilyToArial();
   property->SetFontSize(size);
@@ -20,7 +25,14 @@ TextBitmap rasterize_text(const std::string& line, int size, bool bold) {
   int dims[2] = {0, 0};
   constexpr int kPointsPerInch = 72;  // a font size is then a number of pixels
   TextBitmap out;
-  if (line.empty() || !tools->RenderString(property, line, kPointsPerInch, data, dims)) return out;
+  if (line.empty()) return out;
+  if (!tools->RenderString(property, line, kPointsPerInch, data, dims)) {
+    // The font has all letters of ASCII.
+    const bool is_ascii =
+        std::all_of(line.begin(), line.end(), [](char c) { return c >= ' ' && c <= '~'; });
+    if (is_ascii && line.find_first_not_of(' ') != std::string::npos) throw std::bad_alloc();
+    return out;
+  }
   const int* extent = data->GetExtent();
   out.width = extent[1] - extent[0] + 1;
   out.height = extent[3] - extent[2] + 1;

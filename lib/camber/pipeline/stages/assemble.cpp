@@ -469,7 +469,7 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   // Without vehicles in the joint problem the graph is that of the road alone.
   const GroundGraph graph = placed.ground.planes.covariance.size() > 0
                                 ? placed.ground
-                                : detail::ground_graph(frames.camera, scaled.road, plan, {});
+                                : detail::ground_graph(scaled.road, plan, {});
   const FinalRoad final_road = condition_on_vehicles(scaled, placed, graph);
   const RoadPosterior& road = final_road.road;
   AssembledRoad out;
@@ -478,9 +478,10 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   surface.scale_sigma = road.scale_sigma();
   surface.ego_patch = 0;
   surface.patches.push_back(ego_patch(ground.ground.ego, road, surface.up));
-  for (const PatchFootprint& footprint : plan.road) {
-    surface.patches.push_back(road_patch(ground, road, frames.camera, footprint, surface.up));
-  }
+  surface.patches.resize(1 + plan.road.size());
+  parallel_for(plan.road.size(), options.num_threads, [&](std::size_t i) {
+    surface.patches[1 + i] = road_patch(ground, road, frames.camera, plan.road[i], surface.up);
+  });
   const std::size_t road_patches = surface.patches.size();
   for (const Eigen::Vector3d& p : ground.ground.ego.line) {
     surface.driven_line.push_back(road.metres_per_baseline() * p);

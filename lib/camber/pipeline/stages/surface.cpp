@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/core/threads.h"
+
 namespace camber::stages {
 namespace {
 
@@ -130,7 +132,8 @@ std::vector<PatchFootprint> road_ahead(const LoadedFrames& frames, const MotionE
     const double end = std::max(road.top(), row - (row - camera.cy) * options.patch_length /
                                                       (options.patch_length + ahead.z()));
     patch.around = {patch.contact.x() - half, std::min(end, row), patch.contact.x() + half, row};
-    const LocalPlane fit = fit_local_plane(road, camera, patch.contact, patch.local);
+    patch.plane = fit_local_plane(road, camera, patch.contact, patch.local);
+    const LocalPlane& fit = patch.plane;
     if (fit.status == Status::kFailed) break;
     if (std::sqrt(fit.plane.covariance(2, 2)) > options.worst_height) break;
     // Not beyond the last row in which the ground is seen: the ground may fall away there.
@@ -169,9 +172,8 @@ std::optional<PatchFootprint> footprint_under(const LoadedFrames& frames, const 
     out.around = {out.around.x1 + shift.x(), out.around.y1 + shift.y(), out.around.x2 + shift.x(),
                   out.around.y2 + shift.y()};
   }
-  if (fit_local_plane(road, camera, out.contact, out.local).status == Status::kFailed) {
-    return std::nullopt;
-  }
+  out.plane = fit_local_plane(road, camera, out.contact, out.local);
+  if (out.plane.status == Status::kFailed) return std::nullopt;
   // The ground around the box's lower edge, since the vehicle hides what it stands on.
   const Box2& a = out.around;
   out.kind = kind_of(frames, {a.x1, out.contact.y() - 0.15 * a.height(), a.x2,
@@ -185,26 +187,40 @@ SurfacePlan surface(const LoadedFrames& frames, const Correspondences& matches,
                     const MotionEstimate& motion, const Ground& ground, const RoadPosterior& road,
                     const SurfaceOptions& options) {
   constexpr int kFewPoints = 20;
+  struct Detection {
+    std::size_t frame, at;
+  };
   SurfacePlan out;
-  out.road = road_ahead(frames, motion, road, options);
+  std::vector<SE3> reference_from;
+  std::vector<Detection> detections;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const std::size_t count = frames.frames[k].vehicles.size();
+    reference_from.push_back(metric_pose(motion, k, road.metres_per_baseline()).inverse());
+    out.under_vehicles.emplace_back(count);
+    for (std::size_t i = 0; i < count; ++i) detections.push_back({k, i});
+  }
+  // The first takes longest.
+  parallel_for(1 + detections.size(), options.num_threads, [&](std::size_t task) {
+    if (task == 0) {
+      out.road = road_ahead(frames, motion, road, options);
+      return;
+    }
+    const auto [k, i] = detections[task - 1];
+    const VehicleDetection& detection = frames.frames[k].vehicles[i];
+    if (!options.under_vehicles || detection.has_plane) return;
+    auto patch = footprint_under(frames, road, k, reference_from[k], detection, options);
+    if (patch) patch->inliers = count_points(matches, ground, patch->around);
+    out.under_vehicles[k][i] = std::move(patch);
+  });
   int next = 1;
   for (PatchFootprint& patch : out.road) patch.id = next++;
-  for (std::size_t k = 0; k < frames.size(); ++k) {
-    const SE3 pose = metric_pose(motion, k, road.metres_per_baseline());
-    out.under_vehicles.emplace_back();
-    for (const VehicleDetection& detection : frames.frames[k].vehicles) {
-      std::optional<PatchFootprint> patch;
-      if (options.under_vehicles && !detection.has_plane) {
-        patch = footprint_under(frames, road, k, pose.inverse(), detection, options);
+  for (auto& patches : out.under_vehicles) {
+    for (std::optional<PatchFootprint>& patch : patches) {
+      if (!patch) continue;
+      patch->id = next++;
+      if (patch->inliers < kFewPoints) {
+        patch->unobserved = fmt::format("only {} road points around the vehicle", patch->inliers);
       }
-      if (patch) {
-        patch->id = next++;
-        patch->inliers = count_points(matches, ground, patch->around);
-        if (patch->inliers < kFewPoints) {
-          patch->unobserved = fmt::format("only {} road points around the vehicle", patch->inliers);
-        }
-      }
-      out.under_vehicles.back().push_back(std::move(patch));
     }
   }
   return out;

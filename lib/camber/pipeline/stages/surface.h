@@ -19,6 +19,7 @@ struct PatchFootprint {
   Eigen::Vector2d contact{0, 0};  ///< px of the reference image: the middle of its near end
   Box2 around;                    ///< px: the ground points that are counted as its own
   LocalPlaneOptions local;        ///< its size
+  LocalPlane plane;               ///< by the road that surface() was given
   double ahead = 0.0;             ///< m, of its boundary beyond its centroid
   int inliers = 0;                ///< ground points that carry it
   std::string unobserved;         ///< why the ground is hardly seen there; empty: it is
@@ -44,6 +45,7 @@ struct SurfaceOptions {
   double box_expansion = 1.95;
   LocalPlaneOptions under_vehicle;
   bool under_vehicles = true;  ///< false: the road alone has patches
+  int num_threads = 0;         ///< <= 0: see resolve_num_threads
 };
 
 /// Decides which patches the surface has: pieces of road while the ground is seen, and the ground

@@ -77,8 +77,8 @@ SupportPlane support_from(const LocalPlane& plane, const PatchFootprint& footpri
 }
 
 /// Beyond what is seen: the last patch of the road, known to a metre and a few degrees.
-SupportPlane last_patch(const RoadPosterior& road, const PinholeCamera& camera,
-                        const SurfacePlan& plan, const SE3& frame_from_reference) {
+SupportPlane last_patch(const RoadPosterior& road, const SurfacePlan& plan,
+                        const SE3& frame_from_reference) {
   constexpr double kTilt = 0.05, kHeight = 1.0;  // rad, m
   SupportPlane out;
   out.status = Status::kNotObservable;
@@ -86,7 +86,7 @@ SupportPlane last_patch(const RoadPosterior& road, const PinholeCamera& camera,
   out.source = "patch 0";
   if (!plan.road.empty()) {
     const PatchFootprint& last = plan.road.back();
-    plane = fit_local_plane(road, camera, last.contact, last.local).plane;
+    plane = last.plane.plane;
     out.source = "patch " + std::to_string(last.id);
   }
   out.plane = plane.transformed(frame_from_reference);
@@ -123,13 +123,12 @@ GroundUnderVehicles ground_under_vehicles(const LoadedFrames& frames, const Moti
         continue;
       }
       if (!footprint) {
-        ground.local.emplace_back(last_patch(road, frames.camera, plan, pose));
+        ground.local.emplace_back(last_patch(road, plan, pose));
         continue;
       }
-      LocalPlane plane = fit_local_plane(road, frames.camera, footprint->contact, footprint->local);
-      ground.local.emplace_back(support_from(plane, *footprint, pose));
+      ground.local.emplace_back(support_from(footprint->plane, *footprint, pose));
       out.local = footprint->local;
-      out.planes.push_back(std::move(plane));
+      out.planes.push_back(footprint->plane);
       out.at.push_back({k, j});
     }
     out.frames.push_back(std::move(ground));
@@ -265,7 +264,7 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
     return place_vehicles(frames.camera, std::move(views), nullptr, road.scale_sigma(), options);
   }
   const detail::DetectedGround detected{&views, &ground.planes, &ground.at, ground.local};
-  GroundGraph joint = detail::ground_graph(frames.camera, road, plan, detected, options.graph);
+  GroundGraph joint = detail::ground_graph(road, plan, detected, options.graph);
   PlacedVehicles out = place_vehicles(frames.camera, std::move(views), &joint.under_detections,
                                       road.scale_sigma(), options);
   out.ground = std::move(joint);

@@ -90,15 +90,15 @@ class Nodes {
 
 }  // namespace
 
-GroundGraph ground_graph(const PinholeCamera& camera, const RoadPosterior& road,
-                         const SurfacePlan& plan, const DetectedGround& detected, bool factorised) {
+GroundGraph ground_graph(const RoadPosterior& road, const SurfacePlan& plan,
+                         const DetectedGround& detected, bool factorised) {
   Nodes nodes;
   const auto functionals = [&](const LocalPlane& plane) {
     return road.of_inverse_depths(plane.pixels, plane.by_inverse_depth);
   };
   nodes.add(0, road.ego(), road.of_ego(), true, Eigen::Vector3d::Zero());
   for (const PatchFootprint& footprint : plan.road) {
-    const LocalPlane plane = fit_local_plane(road, camera, footprint.contact, footprint.local);
+    const LocalPlane& plane = footprint.plane;
     if (plane.status == Status::kFailed) continue;
     nodes.add(footprint.id, plane.plane, functionals(plane), true, Eigen::Vector3d::Zero());
   }

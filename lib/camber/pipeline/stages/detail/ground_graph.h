@@ -20,8 +20,7 @@ struct DetectedGround {
 /// Planes that are no functions of the road stand by themselves. Of very many detections those of
 /// the tallest boxes take part.
 /// @param factorised  false: the joint covariance of all planes in the graph's place.
-GroundGraph ground_graph(const PinholeCamera& camera, const RoadPosterior& road,
-                         const SurfacePlan& plan, const DetectedGround& detected,
-                         bool factorised = true);
+GroundGraph ground_graph(const RoadPosterior& road, const SurfacePlan& plan,
+                         const DetectedGround& detected, bool factorised = true);
 
 }  // namespace camber::stages::detail
