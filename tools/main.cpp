@@ -103,7 +103,8 @@ int run(int argc, char** argv) {
 }  // namespace camber::tools
 
 /// Stands before the standard library's for all shared objects: those of Fortran and OpenMP end the
-/// program themselves, each with a code of its own, where they have no memory while they are loaded.
+/// program themselves, each with a code of its own, where they have no memory while they are
+/// loaded.
 extern "C" [[noreturn]] __attribute__((visibility("default"))) void exit(int) noexcept {
   constexpr char kSentence[] = "camber: out of memory: a library ended the program\n";
   if (::write(STDERR_FILENO, kSentence, sizeof(kSentence) - 1) < 0) std::_Exit(3);

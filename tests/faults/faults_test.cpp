@@ -147,6 +147,8 @@ class Faults : public ::testing::Test {
     for (std::string line; std::getline(lines, line);) {
       if (line.rfind("camber: warning: ", 0) == 0) continue;
       if (of_library && line.rfind("camber: ", 0) != 0) continue;  // the library's own
+      if (line.rfind("\x1B[0m", 0) == 0)
+        continue;  // VTK's own, where it has no memory to be loaded
       EXPECT_THAT(line, ::testing::StartsWith("camber: "));
       ++sentences;
     }

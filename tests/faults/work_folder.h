@@ -14,8 +14,8 @@ struct VerbCase {
   std::vector<std::string> arguments;  ///< files relative to the folder, results below out/
   std::vector<std::string> inputs;     ///< files and folders that it reads
   bool slow = false;                   ///< more than some 0.2 s of one core
-  bool draws = false;        ///< loads a driver of OpenGL, which survives no lack of memory
-  int exit_code = 0;         ///< of a sound run
+  bool draws = false;  ///< loads a driver of OpenGL, which survives no lack of memory
+  int exit_code = 0;   ///< of a sound run
   /// Whether it writes pictures or plots, in which VTK draws the text: where it has no memory it
   /// leaves letters out, or writes beyond its own.
   bool writes_pictures() const;

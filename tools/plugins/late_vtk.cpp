@@ -21,8 +21,8 @@ TextBitmap rasterize_text(const std::string& line, int size, bool bold) {
   return vtk().rasterize_text(line, size, bold);
 }
 
-Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
-  return vtk().render_scene_content(shot, record);
+Image render_scene_content(const SceneShot& shot, KeptWindow* window, RenderRecord* record) {
+  return vtk().render_scene_content(shot, window, record);
 }
 
 }  // namespace camber

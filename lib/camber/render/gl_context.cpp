@@ -305,13 +305,21 @@ struct OffscreenWindow::Impl {
   }
 };
 
-OffscreenWindow::OffscreenWindow(int width, int height) : impl_(std::make_unique<Impl>()) {
+namespace {
+
+void require_size(int width, int height) {
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
     throw std::invalid_argument("picture size: found " + std::to_string(width) + " x " +
                                 std::to_string(height) + " pixels, expected 1 to " +
                                 std::to_string(kMaxSide) + " each");
   }
   require_renderer_memory(width, height);
+}
+
+}  // namespace
+
+OffscreenWindow::OffscreenWindow(int width, int height) : impl_(std::make_unique<Impl>()) {
+  require_size(width, height);
   // Mesa's warnings are about other drivers that it tried.
   ::setenv("EGL_LOG_LEVEL", "fatal", 0);
   std::string no_egl, no_display, no_xvfb;
@@ -323,6 +331,13 @@ OffscreenWindow::OffscreenWindow(int width, int height) : impl_(std::make_unique
 }
 
 OffscreenWindow::~OffscreenWindow() = default;
+
+void OffscreenWindow::resize(int width, int height) {
+  const int* size = impl_->window->GetSize();
+  if (size[0] == width && size[1] == height) return;
+  require_size(width, height);
+  impl_->window->SetSize(width, height);
+}
 
 vtkRenderWindow* OffscreenWindow::window() { return impl_->window; }
 

@@ -22,6 +22,9 @@ class OffscreenWindow {
   OffscreenWindow(const OffscreenWindow&) = delete;
   OffscreenWindow& operator=(const OffscreenWindow&) = delete;
 
+  /// @param width, height  pixels, 1 to 16384.
+  void resize(int width, int height);
+
   vtkRenderWindow* window();
   /// "egl-surfaceless", "display" or "xvfb"
   const std::string& backend() const;

@@ -25,6 +25,7 @@ struct Drawing {
   const PictureSpace& space;
   const ScenePictureOptions& options;
   RenderRecord* record;
+  KeptWindow* window;
   std::deque<bool>* covered;  ///< of the numbers along the grid, in order
   Color background = kPaper;
 
@@ -36,7 +37,7 @@ Image draw_content(const Drawing& drawing, const SceneCamera& view, const SceneG
                    double unit) {
   return render_scene_content(
       {drawing.content, drawing.space, drawing.options, view, grid, drawing.background, unit},
-      drawing.record);
+      drawing.window, drawing.record);
 }
 
 /// Ids and distances beside the vehicles.
@@ -505,11 +506,12 @@ Image render_scene_picture(const PictureContent& content, const ScenePictureOpti
                            RenderRecord* record) {
   options.validate();
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
+  KeptWindow window;
   std::deque<bool> covered;
-  const Image on_white = compose({content, space, options, record, &covered});
+  const Image on_white = compose({content, space, options, record, &window, &covered});
   if (!options.transparent) return on_white;
-  return with_alpha_channel(on_white,
-                            compose({content, space, options, record, &covered, {0, 0, 0, 1.0}}));
+  return with_alpha_channel(
+      on_white, compose({content, space, options, record, &window, &covered, {0, 0, 0, 1.0}}));
 }
 
 }  // namespace camber

@@ -19,7 +19,7 @@
 
 namespace camber {
 
-Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
+Image render_scene_content(const SceneShot& shot, KeptWindow* kept, RenderRecord* record) {
   const PictureSpace& space = shot.space;
   const SceneCamera& view = shot.camera;
   const double unit = shot.line_unit;
@@ -28,7 +28,10 @@ Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
   const std::size_t points = space.points.size() + space.truth_points.size();
   require_address_space(kPointBytes * points,
                         "drawing a cloud of " + std::to_string(points) + " points");
-  OffscreenWindow offscreen(view.width * factor, view.height * factor);
+  const int width = view.width * factor, height = view.height * factor;
+  if (!*kept) *kept = std::make_shared<OffscreenWindow>(width, height);
+  OffscreenWindow& offscreen = *static_cast<OffscreenWindow*>(kept->get());
+  offscreen.resize(width, height);
   vtkNew<vtkRenderer> renderer;
   renderer->SetBackground(shot.background.red / 255.0, shot.background.green / 255.0,
                           shot.background.blue / 255.0);
@@ -62,7 +65,6 @@ Image render_scene_content(const SceneShot& shot, RenderRecord* record) {
   window->AddRenderer(renderer);
   window->Render();
   vtkNew<vtkUnsignedCharArray> pixels;
-  const int width = view.width * factor, height = view.height * factor;
   {
     const SilencedVtk silenced;  // without memory VTK prints before it throws
     window->GetPixelData(0, 0, width - 1, height - 1, 0, pixels);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -34,8 +35,13 @@ struct SceneShot {
   double line_unit = 1.0;  ///< pixels of a line of width one
 };
 
-/// Pixels of the 3D content without any text. @param record  may be nullptr.
+/// An off-screen window that is kept from shot to shot; OpenGL's start and the compiled shaders are
+/// those of the window.
+using KeptWindow = std::shared_ptr<void>;
+
+/// Pixels of the 3D content without any text.
+/// @param window  opened where it is empty. @param record  may be nullptr.
 /// @throws MachineError if no rendering back end answers.
-Image render_scene_content(const SceneShot& shot, RenderRecord* record);
+Image render_scene_content(const SceneShot& shot, KeptWindow* window, RenderRecord* record);
 
 }  // namespace camber
