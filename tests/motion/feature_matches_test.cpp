@@ -122,6 +122,17 @@ TEST(EpipolarAgreement, IsTheShareOfMatchesOnTheirLines) {
   motion.frame_from_reference[2] =
       SE3(rotation_from_vector({0.0, 0.02, 0.0}), Eigen::Vector3d::Zero()) * poses[2];
   EXPECT_LT(epipolar_agreement(camera, made.matches, made.all, motion, 0.5), at_truth - 0.2);
+  // Of one image: the one whose pose is right, and the one whose pose is wrong.
+  for (std::size_t m = 0; m < made.matches.matches.size(); ++m) {
+    const double share = epipolar_agreement(camera, made.matches, made.all, motion, 0.5, m);
+    if (made.matches.matches[m].frame == 2) {
+      EXPECT_LT(share, 0.4);
+    } else {
+      EXPECT_NEAR(share, at_truth, 0.05);
+    }
+  }
+  EXPECT_THROW(epipolar_agreement(camera, made.matches, made.all, motion, 0.5, 9),
+               std::invalid_argument);
   EXPECT_EQ(epipolar_agreement(camera, made.matches, std::vector<std::uint8_t>(made.all.size(), 0),
                                motion, 0.5),
             0.0);

@@ -455,27 +455,63 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
   return out;
 }
 
-double epipolar_agreement(const PinholeCamera& camera, const Correspondences& matches,
-                          const std::vector<std::uint8_t>& usable, const MotionEstimate& motion,
-                          double px) {
+namespace {
+
+struct Agreement {
+  std::size_t matched = 0, agreeing = 0;
+  double share() const {
+    return matched > 0 ? static_cast<double>(agreeing) / static_cast<double>(matched) : 0.0;
+  }
+};
+
+void require_fitting(const Correspondences& matches, const std::vector<std::uint8_t>& usable,
+                     const MotionEstimate& motion) {
   if (usable.size() != matches.pixels.size() ||
       motion.frame_from_reference.size() != matches.matches.size() + 1) {
     throw std::invalid_argument("usable or motion does not fit the correspondences");
   }
-  std::size_t matched = 0, agreeing = 0;
-  for (const MatchedImage& match : matches.matches) {
-    const SE3& pose = motion.frame_from_reference[static_cast<std::size_t>(match.frame)];
-    for (std::size_t i = 0; i < usable.size(); ++i) {
-      if (!usable[i] || !std::isfinite(match.round_trip_px[i])) continue;
-      const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
-      const Eigen::Vector3d line = pose.translation().cross(pose.rotation() * ray);
-      const Eigen::Vector3d seen = camera.ray(match.pixels[i].cast<double>());
-      ++matched;
-      agreeing +=
-          std::abs(line.dot(seen)) < px * std::hypot(line.x() / camera.fx, line.y() / camera.fy);
-    }
+}
+
+void add_agreement(const PinholeCamera& camera, const Correspondences& matches,
+                   const std::vector<std::uint8_t>& usable, const MotionEstimate& motion, double px,
+                   std::size_t other, Agreement* sum) {
+  const MatchedImage& match = matches.matches[other];
+  const SE3& pose = motion.frame_from_reference[static_cast<std::size_t>(match.frame)];
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    if (!usable[i] || !std::isfinite(match.round_trip_px[i])) continue;
+    const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
+    const Eigen::Vector3d line = pose.translation().cross(pose.rotation() * ray);
+    const Eigen::Vector3d seen = camera.ray(match.pixels[i].cast<double>());
+    ++sum->matched;
+    sum->agreeing +=
+        std::abs(line.dot(seen)) < px * std::hypot(line.x() / camera.fx, line.y() / camera.fy);
   }
-  return matched > 0 ? static_cast<double>(agreeing) / static_cast<double>(matched) : 0.0;
+}
+
+}  // namespace
+
+double epipolar_agreement(const PinholeCamera& camera, const Correspondences& matches,
+                          const std::vector<std::uint8_t>& usable, const MotionEstimate& motion,
+                          double px) {
+  require_fitting(matches, usable, motion);
+  Agreement sum;
+  for (std::size_t other = 0; other < matches.matches.size(); ++other) {
+    add_agreement(camera, matches, usable, motion, px, other, &sum);
+  }
+  return sum.share();
+}
+
+double epipolar_agreement(const PinholeCamera& camera, const Correspondences& matches,
+                          const std::vector<std::uint8_t>& usable, const MotionEstimate& motion,
+                          double px, std::size_t other) {
+  require_fitting(matches, usable, motion);
+  if (other >= matches.matches.size()) {
+    throw std::invalid_argument("other = " + std::to_string(other) + ", expected less than " +
+                                std::to_string(matches.matches.size()));
+  }
+  Agreement sum;
+  add_agreement(camera, matches, usable, motion, px, other, &sum);
+  return sum.share();
 }
 
 MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences& matches,

@@ -85,6 +85,11 @@ double epipolar_agreement(const PinholeCamera& camera, const Correspondences& ma
                           const std::vector<std::uint8_t>& usable, const MotionEstimate& motion,
                           double px);
 
+/// The same for the matches with one image. @param other  index into matches.matches.
+double epipolar_agreement(const PinholeCamera& camera, const Correspondences& matches,
+                          const std::vector<std::uint8_t>& usable, const MotionEstimate& motion,
+                          double px, std::size_t other);
+
 /// Bundle adjustment alone, from a motion that is nearly right: for better correspondences.
 MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences& matches,
                              const std::vector<std::uint8_t>& usable, const MotionEstimate& start,

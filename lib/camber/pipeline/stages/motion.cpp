@@ -43,6 +43,25 @@ MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEsti
   return out;
 }
 
+/// Whether the motion by the flow explains it: for the images next to the reference, where the
+/// farther ones, of which the flow loses more, do not.
+bool is_explained(const LoadedFrames& frames, const Correspondences& matches,
+                  const std::vector<std::uint8_t>& usable, const MotionEstimate& dense,
+                  const MotionOptions& options) {
+  if (dense.status == Status::kFailed) return false;
+  const double least = options.noise.trusted_inliers;
+  if (dense.inlier_ratio >= least) return true;
+  if (matches.matches.size() <= 2) return false;
+  for (std::size_t m = 0; m < matches.matches.size(); ++m) {
+    const auto frame = static_cast<std::size_t>(matches.matches[m].frame);
+    if (frame + 1 != frames.reference && frame != frames.reference + 1) continue;
+    const double share =
+        epipolar_agreement(frames.camera, matches, usable, dense, options.inlier_px, m);
+    if (share < least) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
@@ -62,10 +81,9 @@ MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches
     if (known.status == Status::kFailed) throw NoAnswerError(known.reason);
     return known;
   }
-  const MotionEstimate dense =
-      estimate_motion(frames.camera, matches, static_points(frames, matches), options);
-  if (dense.status != Status::kFailed && dense.inlier_ratio >= options.noise.trusted_inliers)
-    return dense;
+  const std::vector<std::uint8_t> usable = static_points(frames, matches);
+  const MotionEstimate dense = estimate_motion(frames.camera, matches, usable, options);
+  if (is_explained(frames, matches, usable, dense, options)) return dense;
   MotionEstimate sparse = motion_from_features(frames, dense, options);
   if (sparse.status != Status::kFailed) return sparse;
   if (dense.status == Status::kFailed) throw NoAnswerError(dense.reason);
