@@ -5,7 +5,7 @@ run, and the exponents b of size^b between them.
     tests/benchmarks/bench_growth.py --camber build/release/bin/camber --json runs/growth.json
     tests/benchmarks/bench_growth.py plane patches --largest 1e8 ...   (some jobs; more points)
 
-Clouds are made with one density (400 points a square metre of gently rolling ground), so that their
+Clouds are made with one density (400 points a square metre of ground, half level, half rolling), so that their
 extent grows with their number; scenes of many vehicles are a made scene's, repeated with their boxes
 and keypoints moved by pixels. Each size runs --repeats times, once where a run took more than 20 s; the
 least CPU time and the largest memory count. Inputs are made by a program of their own

@@ -15,7 +15,7 @@ DENSITY = 400.0  # points a square metre
 
 
 def make_cloud(path, count, seed):
-    """Rolling ground with 1 cm of noise as a binary PLY, z up."""
+    """Ground with 1 cm of noise as a binary PLY, z up: one half level, the other rolling."""
     import numpy  # only here: a crowd needs none
 
     random = numpy.random.Generator(numpy.random.PCG64(seed))
@@ -28,7 +28,8 @@ def make_cloud(path, count, seed):
             n = min(1_000_000, count - begin)
             points = numpy.empty((n, 3), numpy.float32)
             points[:, :2] = random.random((n, 2)) * side
-            points[:, 2] = (numpy.sin(points[:, 0] / 40.0) + numpy.sin(points[:, 1] / 55.0)
+            beyond = numpy.maximum(points[:, 0] - 0.5 * side, 0.0)
+            points[:, 2] = (numpy.sin(beyond / 40.0) * (1.5 + numpy.sin(points[:, 1] / 55.0))
                             + 0.01 * random.standard_normal(n))
             points.tofile(file)
 

@@ -11,6 +11,7 @@
 #include "camber/core/random.h"
 #include "camber/plane/detail/local_noise.h"
 #include "camber/plane/noise_model.h"
+#include "camber/plane/plane_covariance.h"
 #include "camber/plane/plane_solver.h"
 #include "plane/road_scene_maker.h"
 
@@ -335,6 +336,26 @@ TEST(FitPlane, OptionsAreChecked) {
   options = {};
   options.inlier_threshold = -1.0;
   EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+}
+
+TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {
+  plane_kernels::Moments full;
+  full.weight = 100.0;
+  full.count = 1000.0;
+  full.uu = -300.0;
+  full.vv = -200.0;
+  plane_kernels::Moments influence = full;
+  influence.i1 = influence.iuu = influence.ivv = 1.0;
+  const PlaneEstimate bent = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+                                                 Vector3d::UnitZ(), std::nullopt);
+  EXPECT_EQ(bent.status, Status::kNotObservable);
+  EXPECT_EQ(bent.reason, "the points bend away from any plane");
+  full.uu = 300.0;
+  full.vv = 0.0;
+  const PlaneEstimate line = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+                                                 Vector3d::UnitZ(), std::nullopt);
+  EXPECT_EQ(line.status, Status::kNotObservable);
+  EXPECT_EQ(line.reason, "the points lie on a line");
 }
 
 }  // namespace

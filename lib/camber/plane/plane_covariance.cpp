@@ -32,7 +32,9 @@ void judge(const Eigen::Vector2d& scatter, const Vector3d& up, PlaneEstimate* re
     const Vector3d along = out.axis1;
     const Vector3d level = up - up.dot(along) * along;
     result->status = Status::kNotObservable;
-    result->reason = "the points lie on a line";
+    // Curvature of the loss: negative where more points leave the plane than lie on it.
+    result->reason =
+        wide > 0.0 ? "the points lie on a line" : "the points bend away from any plane";
     if (level.norm() > 1e-9) {
       out.plane.normal = level.normalized();
       out.plane.offset = -out.plane.normal.dot(out.centroid);
