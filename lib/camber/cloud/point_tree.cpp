@@ -374,7 +374,8 @@ bool choose_nearest(const PointTreeView& t, const Candidates& candidates, const 
     load(bits + first, here);
     for (int i = 0; i < k; ++i) {
       // Equal ones come before those behind them.
-      before -= bits[i] < here - (i < lanes + first);
+      const I8 equal = (bits[i] == here) & (i < lanes + first);
+      before -= (bits[i] < here) | equal;
     }
     std::memcpy(rank + first, &before, sizeof before);
   }

@@ -55,7 +55,7 @@ Image overlay_of(const Scene& scene, const Reconstruction& result, std::size_t k
 
 /// Writes the overlays, scene.png, bev.png and scene.glb; what draws with OpenGL comes first, since
 /// it takes longest, on one thread.
-/// @param report  told of the share that is done, on the calling thread
+/// @param report  called with the share that is done, on the calling thread
 /// @return the overlays as JPEG by their file names, for the report
 std::map<std::string, std::string> draw_pictures(const Scene& scene, Reconstruction* result,
                                                  const PictureContent& content,

@@ -25,10 +25,13 @@ class Mask {
  public:
   /// @param reach  what the shapes may cover; pixels.
   Mask(const Image& image, const Box2& reach) {
-    const int x1 = std::max(0, static_cast<int>(std::floor(std::max(-2.0, reach.x1))) - 1);
-    const int y1 = std::max(0, static_cast<int>(std::floor(std::max(-2.0, reach.y1))) - 1);
-    const int x2 = static_cast<int>(std::ceil(std::min(reach.x2, image.width + 1.0))) + 2;
-    const int y2 = static_cast<int>(std::ceil(std::min(reach.y2, image.height + 1.0))) + 2;
+    const auto inside = [](double at, int size) {
+      return std::min(std::max(-2.0, at), size + 1.0);
+    };
+    const int x1 = std::max(0, static_cast<int>(std::floor(inside(reach.x1, image.width))) - 1);
+    const int y1 = std::max(0, static_cast<int>(std::floor(inside(reach.y1, image.height))) - 1);
+    const int x2 = static_cast<int>(std::ceil(inside(reach.x2, image.width))) + 2;
+    const int y2 = static_cast<int>(std::ceil(inside(reach.y2, image.height))) + 2;
     area_ = cv::Rect(x1, y1, std::min(x2, image.width) - x1, std::min(y2, image.height) - y1);
     if (area_.width <= 0 || area_.height <= 0) {
       area_ = cv::Rect();

@@ -351,7 +351,8 @@ TEST(PaperStart, WeighsKeypointsByConfidence) {
   for (KeypointObservation& k : keypoints) k.confidence = 0.5;
   const auto count = [&] {
     int seen = 0;
-    for (const WeighedKeypoint& k : starts_of(f)[0].keypoints) seen += k.seen ? 1 : 0;
+    const std::vector<VehicleStart> starts = starts_of(f);
+    for (const WeighedKeypoint& k : starts[0].keypoints) seen += k.seen ? 1 : 0;
     return seen;
   };
   const int all = count();

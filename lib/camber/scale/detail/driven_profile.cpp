@@ -68,7 +68,8 @@ class ProfileFit {
       profile_.x = ldlt.solve(right_);
       if (last) {
         profile_.covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
-        profile_.shared = ldlt.solve(shared_right_);
+        profile_.shared.resize(size, shared_right_.cols());
+        if (shared_right_.cols() > 0) profile_.shared = ldlt.solve(shared_right_);
       } else if (profile_.x[profile_.foot] < 0) {
         const double change =
             std::clamp(options_.camera_height / profile_.camera_height(), 0.8, 1.25);
