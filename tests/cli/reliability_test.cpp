@@ -124,6 +124,9 @@ TEST_F(Reliability, AFileBeyondTheLargestSizeIsARefusal) {
 }
 
 TEST_F(Reliability, ShortMemoryIsARefusalThatNamesIt) {
+#if defined(__SANITIZE_ADDRESS__)
+  GTEST_SKIP() << "the address sanitizer takes memory and time of its own";
+#endif
   const std::string result = make_result("result");
   const auto before = test::snapshot(folder_.path());
   int refused = 0;
@@ -241,6 +244,9 @@ TEST_F(Reliability, NoOutputReplacesAnInput) {
 }
 
 TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {
+#if defined(__SANITIZE_ADDRESS__)
+  GTEST_SKIP() << "the address sanitizer takes memory and time of its own";
+#endif
   const std::string cloud = write_square("cloud.ply", 1'500'000);
   const auto before = test::snapshot(folder_.path());
   const std::vector<std::vector<std::string>> commands = {
