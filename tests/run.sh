@@ -20,8 +20,8 @@ one random seed (CAMBER_FUZZ_SEED changes it, 0: another in each run).
                 have less than 90 % of their lines
   --fuzz        instead, only the fuzzers; Clang is installed for them
   --long        also the tests that take minutes: the Debian packages, built, checked, installed
-                into a fresh system (root, mmdebstrap and a mirror) and run; and some twenty: every fault
-                of the machine at every call of every command, 10,000 bad inputs, 200 kills
+                into a fresh system (root, mmdebstrap and a mirror) and run; and some twenty minutes
+                of faults of the machine at the calls of every command, 10,000 bad inputs, 200 kills
   --benchmarks  after the tests, run the benchmarks; their JSON goes to build/release/benchmarks
   --no-install  take the packages as they are
   -- OPTIONS    go to ctest, without the fuzzers: tests/run.sh -- -R road

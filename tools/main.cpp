@@ -119,8 +119,9 @@ extern "C" int __lsan_is_turned_off() {
 /// program themselves, each with a code of its own, where they have no memory while they are
 /// loaded.
 extern "C" [[noreturn]] __attribute__((visibility("default"))) void exit(int) noexcept {
-  constexpr char kSentence[] = "camber: out of memory: a library ended the program\n";
-  if (::write(STDERR_FILENO, kSentence, sizeof(kSentence) - 1) < 0) std::_Exit(3);
+  constexpr char kSentence[] =
+      "camber: a library ended the program, most likely for want of memory\n";
+  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kSentence, sizeof(kSentence) - 1);
   std::_Exit(3);
 }
 

@@ -32,13 +32,6 @@
 #include "camber/render/detail/silenced_vtk.h"
 
 namespace camber {
-
-SilencedVtk::SilencedVtk() : before_(vtkObject::GetGlobalWarningDisplay()) {
-  vtkObject::SetGlobalWarningDisplay(0);
-}
-
-SilencedVtk::~SilencedVtk() { vtkObject::SetGlobalWarningDisplay(before_); }
-
 namespace {
 
 constexpr int kMaxSide = 16384;

@@ -2,16 +2,13 @@
 
 namespace camber {
 
-/// Switches VTK's warnings off for as long as it lives.
+/// Switches VTK's warnings off for as long as one of them lives, in whatever thread.
 class SilencedVtk {
  public:
   SilencedVtk();
   ~SilencedVtk();
   SilencedVtk(const SilencedVtk&) = delete;
   SilencedVtk& operator=(const SilencedVtk&) = delete;
-
- private:
-  int before_;
 };
 
 }  // namespace camber
