@@ -1,5 +1,6 @@
 """Trains a tiny keypoint network on drawn crops: its loss falls, a stopped training goes on to the
-same weights, and the program gives what PyTorch gives for the exported file.
+same weights, the program gives what PyTorch gives for the exported file, and a larger network starts
+from it as the same function.
 
 Usage: keypoint_training_test.py CAMBER TRAINING_FOLDER SCRATCH
 """
@@ -137,6 +138,41 @@ def check_program(state: Path) -> None:
             assert str(damaged) in ran.stderr, ran
 
 
+def check_start() -> None:
+    """From the file that check_program() exported; a network of other widths is refused."""
+    if not has("cv2"):
+        print("start from a file not checked: python3-opencv is not there")
+        return
+    import torch
+
+    sys.path.insert(0, str(TRAINING))
+    sys.dont_write_bytecode = True
+    from data import CropSet, to_input
+    from export import load
+    from model import KeypointNetwork, Widths
+    from start import start_from
+
+    images, _, _ = CropSet([str(SCRATCH / "validation")]).take(np.arange(96))
+    images = to_input(images)
+    with torch.no_grad():
+        small = load(SCRATCH / "whole" / "state.pt")
+        expected = small(images)
+        widths = Widths(**{**json.loads(WIDTHS), "fine_blocks": 2, "coarse_blocks": 3, "fine_up_blocks": 2})
+        larger = KeypointNetwork(widths)
+        start_from(larger, SCRATCH / "tiny.onnx", images)
+        bound = 1e-3 * float(expected.abs().max())
+        for as_trained in (False, True):
+            difference = float((larger.train(as_trained)(images) - expected).abs().max())
+            assert difference < bound, (as_trained, difference, bound)
+        assert float(larger.spread_weight) == float(small.spread_weight)
+    wider = train_command(SCRATCH / "wider")
+    wider[wider.index("--widths") + 1] = WIDTHS.replace('"fine": 16', '"fine": 20')
+    ran = subprocess.run(
+        [*wider, "--start", str(SCRATCH / "tiny.onnx")], capture_output=True, text=True
+    )
+    assert ran.returncode == 1 and "has no place" in ran.stderr.splitlines()[-1], ran
+
+
 def has(module: str) -> bool:
     try:
         __import__(module)
@@ -155,6 +191,7 @@ def main() -> None:
     whole = check_training()
     check_going_on(whole)
     check_program(whole)
+    check_start()
 
 
 main()

@@ -36,6 +36,7 @@ class Widths:
     fine_blocks: int = 1
     middle_blocks: int = 2
     coarse_blocks: int = 1
+    fine_up_blocks: int = 1  # on the way up
 
 
 @dataclass
@@ -91,7 +92,7 @@ class KeypointNetwork(nn.Module):
         self.up_to_middle = convolution(w.coarse, w.middle, size=1)
         self.middle_up = residuals(w.middle, 1)
         self.up_to_fine = convolution(w.middle, w.fine, size=1)
-        self.fine_up = residuals(w.fine, 1)
+        self.fine_up = residuals(w.fine, w.fine_up_blocks)
         self.maps = nn.Conv2d(w.fine, MAPS, 1)
         # How much of log sigma is that of the heatmap's own spread.
         self.spread_weight = nn.Parameter(torch.tensor(0.5))

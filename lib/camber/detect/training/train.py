@@ -26,10 +26,13 @@ from torch import Tensor, nn
 
 from data import CropSet, Place, Varier, Variation, batches, learning_rate, to_input, whole_batches
 from model import CROP, KeypointNetwork, LossWeights, Widths, decode, loss
+from start import start_from
 
 FORMAT = "camber-keypoint-training"
 # s: what one step counts for at most; a process that was stopped goes on where it was.
 LONGEST_STEP = 10.0
+# Crops that the batch norms of a network that is started from are fitted on.
+START_CROPS = 1024
 
 
 class Average:
@@ -148,6 +151,14 @@ class Training:
         for name in ("step", "cycle", "cycle_step", "cycle_seconds", "history"):
             setattr(self, name, state[name])
 
+    def start(self, file: Path) -> None:
+        """From an exported network's weights in place of random ones."""
+        crops = CropSet(self.options.train)
+        chosen = torch.randperm(len(crops), generator=self.generator)[:START_CROPS].sort().values
+        images, _, _ = crops.take(chosen.numpy())
+        start_from(self.network, file, to_input(images))
+        self.average = Average(self.network, self.options.average)
+
     def begin_cycle(self) -> None:
         """A new rise and fall of the learning rate, from the averaged weights on."""
         if self.step:
@@ -157,7 +168,8 @@ class Training:
         o = self.options
         self.history.append(
             {"from_step": self.step, "steps": o.steps, "minutes": o.minutes, "rate": o.rate,
-             "batch": o.batch, "seed": o.seed, "train": o.train}
+             "batch": o.batch, "seed": o.seed, "train": o.train,
+             "start": str(o.start) if o.start else None}
         )  # fmt: skip
 
     # The training itself.
@@ -280,6 +292,9 @@ def parse() -> argparse.Namespace:
     p.add_argument("--train", nargs="+", required=True, help="folders of crops; may hold * and ?")
     p.add_argument("--validation", nargs="*", default=[], help="likewise")
     p.add_argument("--out", type=Path, required=True)
+    p.add_argument(
+        "--start", type=Path, help="FILE.onnx of a network of the same or fewer blocks to go on from"
+    )
     p.add_argument("--steps", type=int, default=0, help="of the schedule")
     p.add_argument("--minutes", type=float, default=0.0, help="of the schedule, in place of --steps")
     p.add_argument("--more", action="store_true", help="another cycle after a finished one")
@@ -315,6 +330,8 @@ def main() -> int:
         state = options.out / "state_before.pt"
     if state.exists():
         training.load(state)
+    elif options.start:
+        training.start(options.start)
     finished = training.history and training.progress() >= 1.0
     if not training.history or (finished and options.more):
         training.begin_cycle()
