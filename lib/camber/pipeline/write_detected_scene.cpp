@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <optional>
-#include <system_error>
 
 #include "camber/core/atomic_file.h"
-#include "camber/core/errors.h"
+#include "camber/core/made_folder.h"
 #include "camber/image/image_io.h"
 
 namespace fs = std::filesystem;
@@ -26,27 +25,6 @@ fs::path labels_folder(const fs::path& manifest) {
 fs::path label_file(const fs::path& manifest, int id) {
   return labels_folder(manifest) / fmt::format("{:06}.png", id);
 }
-
-/// A folder that goes away again if it was made here and what it was made for failed.
-class MadeFolder {
- public:
-  explicit MadeFolder(fs::path folder) : folder_(std::move(folder)) {
-    std::error_code error;
-    made_ = fs::create_directories(folder_, error);
-    if (error) throw OutputError(folder_.string(), "cannot be created: " + error.message());
-  }
-  ~MadeFolder() {
-    std::error_code ignored;
-    if (made_) fs::remove_all(folder_, ignored);
-  }
-  MadeFolder(const MadeFolder&) = delete;
-  MadeFolder& operator=(const MadeFolder&) = delete;
-  void keep() { made_ = false; }
-
- private:
-  fs::path folder_;
-  bool made_ = false;
-};
 
 }  // namespace
 

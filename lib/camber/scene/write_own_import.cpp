@@ -3,35 +3,13 @@
 #include <algorithm>
 
 #include "camber/core/atomic_file.h"
+#include "camber/core/made_folder.h"
 #include "camber/image/video.h"
 #include "camber/scene/detail/own_data.h"
 
 namespace fs = std::filesystem;
 
 namespace camber {
-namespace {
-
-/// A folder that goes away again with all in it if it was made here and not kept.
-class MadeFolder {
- public:
-  explicit MadeFolder(fs::path folder) : folder_(std::move(folder)) {
-    std::error_code error;
-    made_ = fs::create_directories(folder_, error);
-  }
-  ~MadeFolder() {
-    std::error_code ignored;
-    if (made_) fs::remove_all(folder_, ignored);
-  }
-  MadeFolder(const MadeFolder&) = delete;
-  MadeFolder& operator=(const MadeFolder&) = delete;
-  void keep() { made_ = false; }
-
- private:
-  fs::path folder_;
-  bool made_ = false;
-};
-
-}  // namespace
 
 void write_own_import(OwnImport& import, const fs::path& manifest) {
   const fs::path folder = manifest.has_parent_path() ? manifest.parent_path() : fs::path(".");

@@ -213,6 +213,60 @@ void warp_body(double size, Sequence* random, CarModel* model) {
   for (Eigen::Vector3d& k : model->keypoints) k = moved(k);
 }
 
+/// Moves each pair of keypoints by itself, and the shell of the body with them, so that no place of
+/// a car follows from the others: annotated shapes are some 8 cm away from any smooth family
+/// (docs/notes/keypoint-crops.md). Between the keypoints the displacement is interpolated over the
+/// side view; wheels stay.
+/// @param size  standard deviation of a displacement along an axis, m
+void move_keypoints(double size, Sequence* random, CarModel* model) {
+  constexpr int kFirst = 2, kCount = kNumKeypoints / 2 - kFirst;  // of one side, without wheels
+  constexpr int kLastArch = 9;
+  constexpr double kReach = 0.35, kSmoothing = 0.05;  // m; of the kernel's diagonal
+  constexpr double kArchShare = 0.4;                  // an arch stays about its wheel
+  const auto kernel = [](double x, double y) {
+    return std::exp(-(x * x + y * y) / (2.0 * kReach * kReach));
+  };
+  Eigen::Matrix<double, kCount, kCount> gram;
+  Eigen::Matrix<double, kCount, 3> moved;
+  for (int i = 0; i < kCount; ++i) {
+    const Eigen::Vector3d& a = model->keypoints[kFirst + i];
+    for (int j = 0; j < kCount; ++j) {
+      const Eigen::Vector3d& b = model->keypoints[kFirst + j];
+      gram(i, j) = kernel(a.x() - b.x(), a.y() - b.y()) + (i == j ? kSmoothing : 0.0);
+    }
+    const double share = kFirst + i <= kLastArch ? kArchShare : 1.0;
+    for (int axis = 0; axis < 3; ++axis) moved(i, axis) = share * size * random->normal();
+  }
+  const Eigen::Matrix<double, kCount, 3> coefficients = gram.ldlt().solve(moved);
+  std::array<Eigen::Vector2d, kCount> middles;
+  for (int i = 0; i < kCount; ++i) middles[i] = model->keypoints[kFirst + i].head<2>();
+  const double half_width = 0.5 * model->dimensions.width;
+  const auto change_at = [&](const Eigen::Vector3d& p) {
+    Eigen::Vector3d change = Eigen::Vector3d::Zero();
+    for (int i = 0; i < kCount; ++i) {
+      change += kernel(p.x() - middles[i].x(), p.y() - middles[i].y()) * coefficients.row(i);
+    }
+    change.z() *= p.z() / half_width;
+    return change;
+  };
+  TriangleMesh& mesh = model->mesh;
+  std::vector<bool> wheel(mesh.vertices.size(), false);
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto material = static_cast<CarMaterial>(mesh.materials[i]);
+    if (material != CarMaterial::kTyre && material != CarMaterial::kRim) continue;
+    for (int k = 0; k < 3; ++k) wheel[mesh.triangles[i][k]] = true;
+  }
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    if (!wheel[i]) mesh.vertices[i] += change_at(mesh.vertices[i]);
+  }
+  for (const int side : {0, kNumKeypoints / 2}) {
+    for (int i = kFirst; i < kFirst + kCount; ++i) {
+      Eigen::Vector3d& k = model->keypoints[side + i];
+      k += change_at(k);
+    }
+  }
+}
+
 /// Seats with head rests, a dashboard and perhaps a driver, seen through the glass.
 void add_cabin(const CropCarPlaces& at, Sequence* random, CropMesh* mesh) {
   const Eigen::Matrix3f level = Eigen::Matrix3f::Identity();
@@ -415,6 +469,9 @@ CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index) {
   CropCar car;
   car.model = make_car(car_class, proportions);
   if (own.chance(0.6)) warp_body(own.uniform(0.0, 0.035), &own, &car.model);
+  // Of its own numbers: the other cars are what they were before.
+  Sequence local(random.bits(index), 0x4C4F4341u);
+  if (local.chance(0.4)) move_keypoints(local.uniform(0.02, 0.09), &local, &car.model);
   round_body(part(&own, 0.2, 0.6), own.below(4), &car.model);
   car.places = places_of(car.model);
   car.mesh = smooth_mesh(car.model.mesh, std::cos(part(&own, 25.0, 60.0) * kDegree));

@@ -90,8 +90,9 @@ struct CropCar {
   CropCarLook look;
 };
 
-/// A random car, of wider variety than the prior's family: also pick-ups, city cars, panel vans and
-/// cars out of proportion, with mirrors, rails and spoilers. The points of the wheel arches, where
+/// A random car, of wider variety than the prior's family: also pick-ups, city cars, panel vans,
+/// cars out of proportion and cars whose corners are moved one by one, with mirrors, rails and
+/// spoilers. The points of the wheel arches, where
 /// a real arch has no corners, sit at the same angles on all of them, so that a network can learn
 /// them.
 CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index);
