@@ -38,16 +38,18 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
                                             detections.size(), supports.size(), estimates.size()));
   }
   const HypothesisGates& noise = options.noise.hypotheses;
-  std::vector<std::size_t> used;
-  for (std::size_t i = 0; i < detections.size(); ++i) {
-    if (std::isfinite(estimates[i].keypoint_cost) &&
-        estimates[i].pose.center().z() < noise.focal_length_farthest) {
-      used.push_back(i);
-    }
-  }
   FocalLengthEvidence out;
-  out.vehicles = static_cast<int>(used.size());
   const auto compare = [&](double factor) {
+    // A far vehicle stands on a plane that is known by little: what is wrong with it would count
+    // for another focal length. Far or near by the shorter of the two depths: which of the focal
+    // lengths is the true one is not known.
+    std::vector<std::size_t> used;
+    for (std::size_t i = 0; i < detections.size(); ++i) {
+      const double depth = std::min(1.0, factor) * estimates[i].pose.center().z();
+      if (std::isfinite(estimates[i].keypoint_cost) && depth < noise.focal_length_farthest) {
+        used.push_back(i);
+      }
+    }
     const double most = noise.focal_length_most;
     PinholeCamera other = camera;
     other.fx *= factor;
@@ -62,6 +64,7 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
     });
     double sum = 0.0;
     for (const double gain : gains) sum += gain;
+    if (out.vehicles == 0 || sum > out.gain) out.vehicles = static_cast<int>(used.size());
     if (sum > out.gain) {
       out.gain = sum;
       out.factor = factor;

@@ -9,7 +9,7 @@ namespace camber {
 
 /// What the proportions of vehicles know of the focal length.
 struct FocalLengthEvidence {
-  int vehicles = 0;     ///< that were compared
+  int vehicles = 0;     ///< that were compared, at that factor
   double factor = 1.0;  ///< on the focal length, of those tried the likeliest
   /// Log likelihood ratio of all vehicles, that factor over 1, >= 0; no vehicle adds more than
   /// HypothesisGates::focal_length_most.
@@ -22,7 +22,8 @@ struct FocalLengthEvidence {
 /// likewise, so that every pixel of the ground stays where it is.
 /// @param supports   planes under the detections, camera frame, m.
 /// @param estimates  of the detections on these planes by fit_vehicle; those without a
-///                   keypoint_cost or farther than focal_length_farthest are left out.
+///                   keypoint_cost are left out, and with a factor those that are farther than
+///                   HypothesisGates::focal_length_farthest with both focal lengths.
 /// The same for any number of threads.
 FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
                                           const std::vector<VehicleDetection>& detections,
