@@ -84,6 +84,20 @@ void vary_proportions(CarClass car_class, Sequence* random, CarProportions* p) {
   keep_order(p);
 }
 
+/// Corners that no car has sharp are put at other places by other annotators: bumpers lower, arches
+/// larger, lamps farther out than the family has them (docs/notes/keypoint-crops.md).
+void vary_annotation(Sequence* random, CarProportions* p) {
+  p->bumper_height = std::max(0.16, p->bumper_height + random->uniform(-0.13, 0.05));
+  p->arch_gap += random->uniform(0.0, 0.05);
+  const double lower = random->uniform(-0.05, 0.25);  // [rad]
+  p->arch_end_outer -= lower;
+  p->arch_end_inner -= lower;
+  p->tail_width += random->uniform(-0.02, 0.09);
+  p->headlight_width += random->uniform(-0.02, 0.08);
+  p->headlight_y += random->uniform(-0.02, 0.05);
+  p->rear_window_y += random->uniform(-0.02, 0.07);
+}
+
 /// Keeps proportions that vary more than the family's those of a body: a roof of some length, no
 /// part wider than the car, lamps and windows one above the other.
 void keep_body(CarProportions* p) {
@@ -465,13 +479,17 @@ CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index) {
   CarProportions proportions =
       sample_proportions(car_class, CounterRandom(random.bits(index), 0x50524F50u), 0, breadth);
   vary_proportions(car_class, &own, &proportions);
-  if (breadth > 1.0) keep_body(&proportions);
+  // Of its own numbers: all else about the cars is as it was without.
+  Sequence local(random.bits(index), 0x4C4F4341u);
+  const bool moved = local.chance(0.4);
+  const double moved_by = local.uniform(0.02, 0.09);
+  const bool otherwise = local.chance(0.7);
+  if (otherwise) vary_annotation(&local, &proportions);
+  if (otherwise || breadth > 1.0) keep_body(&proportions);
   CropCar car;
   car.model = make_car(car_class, proportions);
   if (own.chance(0.6)) warp_body(own.uniform(0.0, 0.035), &own, &car.model);
-  // Of its own numbers: the other cars are what they were before.
-  Sequence local(random.bits(index), 0x4C4F4341u);
-  if (local.chance(0.4)) move_keypoints(local.uniform(0.02, 0.09), &local, &car.model);
+  if (moved) move_keypoints(moved_by, &local, &car.model);
   round_body(part(&own, 0.2, 0.6), own.below(4), &car.model);
   car.places = places_of(car.model);
   car.mesh = smooth_mesh(car.model.mesh, std::cos(part(&own, 25.0, 60.0) * kDegree));
