@@ -150,7 +150,7 @@ void Fitter::choose_noise() {
   }
   if (!fixed_threshold() && (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower)) {
     detail::learn_local_noise(sample_.ordered, sample_.leaves, {}, up_, options_.max_tilt,
-                              sample_.least_noise, options_.seed, &noise_);
+                              sample_.least_noise, options_.seed, options_.num_threads, &noise_);
   }
 }
 

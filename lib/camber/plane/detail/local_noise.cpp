@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "camber/core/random.h"
+#include "camber/core/threads.h"
 
 namespace camber::detail {
 
@@ -212,6 +213,12 @@ bool NeighbourhoodFit::refit(std::size_t begin, std::size_t end, PivotPlane* pla
   return true;
 }
 
+/// What one neighbourhood shows.
+struct LeafNoise {
+  std::optional<double> deviation;  // m; none without a plane
+  std::vector<float> residuals;     // m, of its rows; where a power law is learnt
+};
+
 /// Rescales a power law, whose shape is that of all neighbourhoods, to the size of the quiet ones.
 void fit_size_to_quiet(const PointArrays& s,
                        const std::vector<std::pair<std::size_t, std::size_t>>& measured,
@@ -261,25 +268,34 @@ std::uint32_t KeyedDraws::draw(std::uint64_t bits) const {
 void learn_local_noise(const PointArrays& s,
                        const std::vector<std::pair<std::size_t, std::size_t>>& leaves,
                        const std::vector<std::uint64_t>& keys, const Vector3d& up, double max_tilt,
-                       double least, std::uint64_t seed, NoiseModel* model) {
-  constexpr std::size_t kMostLeaves = 36;
+                       double least, std::uint64_t seed, int num_threads, NoiseModel* model) {
+  constexpr std::size_t kMostLeaves = 36, kLeavesATask = 6;
   const std::size_t step = keys.empty() ? std::max<std::size_t>(1, leaves.size() / kMostLeaves) : 1;
+  std::vector<std::size_t> chosen;
+  for (std::size_t leaf = step / 2; leaf < leaves.size(); leaf += step) chosen.push_back(leaf);
+  const bool power = model->kind == NoiseKind::kPower;
+  std::vector<LeafNoise> found(chosen.size());
+  parallel_for((chosen.size() + kLeavesATask - 1) / kLeavesATask, num_threads, [&](std::size_t t) {
+    NeighbourhoodFit fit(s, keys, up, max_tilt, least, seed);
+    const std::size_t last = std::min(chosen.size(), (t + 1) * kLeavesATask);
+    for (std::size_t k = t * kLeavesATask; k < last; ++k) {
+      const auto [begin, end] = leaves[chosen[k]];
+      PivotPlane plane;
+      found[k].deviation = fit.fit(chosen[k], begin, end, &plane);
+      if (found[k].deviation && power) found[k].residuals = fit.residuals(plane, begin, end);
+    }
+  });
   std::vector<float> deviations;
   std::vector<std::pair<std::size_t, std::size_t>> measured;  // rows of each
   std::vector<std::pair<float, float>> pairs;                 // sigma, |residual|
-  NeighbourhoodFit fit(s, keys, up, max_tilt, least, seed);
-  for (std::size_t leaf = step / 2; leaf < leaves.size(); leaf += step) {
-    const auto [begin, end] = leaves[leaf];
-    PivotPlane plane;
-    const std::optional<double> deviation = fit.fit(leaf, begin, end, &plane);
-    if (!deviation) continue;
-    deviations.push_back(static_cast<float>(*deviation));
-    measured.emplace_back(begin, end);
-    if (model->kind != NoiseKind::kPower) continue;
-    const std::vector<float>& residuals = fit.residuals(plane, begin, end);
-    for (std::size_t k = 0; k < end - begin; ++k) {
-      const float sigma = s.sigma[begin + k];
-      if (sigma > 1e-12f && sigma < 1e12f) pairs.emplace_back(sigma, std::abs(residuals[k]));
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    if (!found[k].deviation) continue;
+    deviations.push_back(static_cast<float>(*found[k].deviation));
+    measured.push_back(leaves[chosen[k]]);
+    for (std::size_t i = 0; i < found[k].residuals.size(); ++i) {
+      const float sigma = s.sigma[measured.back().first + i];
+      if (sigma > 1e-12f && sigma < 1e12f)
+        pairs.emplace_back(sigma, std::abs(found[k].residuals[i]));
     }
   }
   const double typical = deviations.empty() ? least : std::max(typical_of(deviations), least);

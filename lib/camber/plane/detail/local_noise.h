@@ -35,9 +35,11 @@ class KeyedDraws {
 /// @param keys  a number for each row by which rows are drawn (see KeyedDraws); empty: by their
 /// place in the neighbourhood
 /// @param least  m, the smallest deviation to answer, > 0
+/// The same for any number of threads.
 void learn_local_noise(const PointArrays& points,
                        const std::vector<std::pair<std::size_t, std::size_t>>& neighbourhoods,
                        const std::vector<std::uint64_t>& keys, const Eigen::Vector3d& up,
-                       double max_tilt, double least, std::uint64_t seed, NoiseModel* model);
+                       double max_tilt, double least, std::uint64_t seed, int num_threads,
+                       NoiseModel* model);
 
 }  // namespace camber::detail

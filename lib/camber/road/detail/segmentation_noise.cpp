@@ -80,7 +80,7 @@ SegmentationNoise learn_segmentation_noise(const SegmentationOptions& options, N
       keys.insert(keys.end(), more.begin(), more.end());
     }
     learn_local_noise(some, pieces, keys, Vector3d::UnitZ(), options.max_slope, least, options.seed,
-                      &noise);
+                      options.num_threads, &noise);
   }
   out.noise = noise;
   if (!(options.inlier_threshold > 0.0)) out.noise.least = std::max(noise.least, options.roughness);
