@@ -128,8 +128,9 @@ struct HypothesisGates {
                                    ///< contradicts the chosen heading by more
   double same_axis = 0.9;       ///< cosine of the headings of views of one track, but for the sense
   double parked_pruned = 60.0;  ///< the parked hypothesis so much worse than the moving one
-  double focal_length_most = 6.0;       ///< that one vehicle may add to another focal length
-  /// m, of the vehicles that are compared the depth, the shorter of those with the two focal lengths
+  double focal_length_most = 6.0;  ///< that one vehicle may add to another focal length
+  /// m, of the vehicles that are compared the depth, the shorter of those with the two focal
+  /// lengths
   double focal_length_farthest = 18.0;
   // Starts of a heading: robust scales of the reweighted linear problem, in cells, the last one to
   // the end; least weight of a keypoint that is not seen; m, beside the plane's own height.
