@@ -267,7 +267,7 @@ def draw_curves(folder: Path) -> None:
         right.set(xlabel="crops", ylim=(0, 1), title="validation")
         right.legend()
         right.grid(alpha=0.3)
-    left.legend()
+    left.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncol=4, frameon=False)
     left.grid(alpha=0.3)
     figure.tight_layout()
     figure.savefig(folder / "curves.part.png", dpi=90)
