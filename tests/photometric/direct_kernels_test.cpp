@@ -21,12 +21,14 @@ std::vector<float> drawn() {
   return out;
 }
 
+std::vector<ColumnSpan> whole_rows() { return std::vector<ColumnSpan>(kRows, {0, kWidth}); }
+
 int mirrored(int i, int count) { return i < 0 ? -i : i < count ? i : 2 * (count - 1) - i; }
 
 TEST(DirectKernels, WindowSumsMirrorTheRim) {
   const std::vector<float> values = drawn();
   std::vector<float> sums(values.size()), squares(values.size());
-  window_sums(kWidth, kRows, values.data(), 21, 13, sums.data(), squares.data());
+  window_sums(kWidth, whole_rows(), values.data(), 21, 13, sums.data(), squares.data());
   for (int y = 0; y < kRows; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       double sum = 0.0, square = 0.0;
@@ -47,14 +49,39 @@ TEST(DirectKernels, WindowSumsMirrorTheRim) {
 
 TEST(DirectKernels, BlursByItsSigmaAndKeepsConstants) {
   std::vector<float> values(kWidth * kRows, 5.0F), out(values.size());
-  blur_plane(kWidth, kRows, values.data(), 1.5, out.data());
+  blur_plane(kWidth, whole_rows(), values.data(), 1.5, out.data());
   for (const float value : out) EXPECT_NEAR(value, 5.0, 1e-5);
   values.assign(values.size(), 0.0F);
   values[9 * kWidth + 18] = 1.0F;
-  blur_plane(kWidth, kRows, values.data(), 1.5, out.data());
+  blur_plane(kWidth, whole_rows(), values.data(), 1.5, out.data());
   const auto at = [&](int x, int y) { return out[static_cast<std::size_t>(y * kWidth + x)]; };
   EXPECT_NEAR(at(20, 9) / at(18, 9), std::exp(-0.5 * 4.0 / 2.25), 1e-4);
   EXPECT_NEAR(at(18, 12) / at(18, 9), std::exp(-0.5 * 9.0 / 2.25), 1e-4);
+}
+
+TEST(DirectKernels, SpansGetTheValuesOfWholeRows) {
+  const std::vector<float> values = drawn();
+  std::vector<ColumnSpan> spans;
+  for (int y = 0; y < kRows; ++y) spans.push_back({(5 * y) % 30, (5 * y) % 30 + y % 8});
+  std::vector<float> whole[3], parts[3];
+  for (std::size_t k = 0; k < 3; ++k) {
+    whole[k].assign(values.size(), -9.0F);
+    parts[k].assign(values.size(), -9.0F);
+  }
+  window_sums(kWidth, whole_rows(), values.data(), 21, 13, whole[0].data(), whole[1].data());
+  window_sums(kWidth, spans, values.data(), 21, 13, parts[0].data(), parts[1].data());
+  blur_plane(kWidth, whole_rows(), values.data(), 1.5, whole[2].data());
+  blur_plane(kWidth, spans, values.data(), 1.5, parts[2].data());
+  for (int y = 0; y < kRows; ++y) {
+    const ColumnSpan span = spans[static_cast<std::size_t>(y)];
+    for (int x = 0; x < kWidth; ++x) {
+      const auto at = static_cast<std::size_t>(y * kWidth + x);
+      const bool wanted = x >= span.from && x < span.to;
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_EQ(parts[k][at], wanted ? whole[k][at] : -9.0F) << k << " " << x << " " << y;
+      }
+    }
+  }
 }
 
 TEST(DirectKernels, GradientsOfTheMeanOfTwoPlanes) {

@@ -33,10 +33,11 @@ constexpr float kSharpness = -0.5F;                    // of cubic sampling: pla
 constexpr double kMiddle = 128.0;                      // taken off so that sums stay exact
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
 
-/// Pixel values, rows without gaps; not set where they are made.
+/// Pixel values, rows without gaps; not set where they are made without a value.
 class Plane32 {
  public:
   Plane32(int width, int rows) : values_(rows, width, CV_32F) {}
+  Plane32(int width, int rows, float value) : values_(rows, width, CV_32F, cv::Scalar(value)) {}
   float* row(int y) { return values_.ptr<float>(y); }
   const float* row(int y) const { return values_.ptr<float>(y); }
   int width() const { return values_.cols; }
@@ -46,22 +47,45 @@ class Plane32 {
   cv::Mat values_;
 };
 
+using Spans = std::vector<ColumnSpan>;  // one a row
+
+/// Spans that hold those of the rows around, and pixels beside them.
+Spans grown(const Spans& spans, int side, int rows_around, int width) {
+  const int rows = static_cast<int>(spans.size());
+  Spans out(spans.size());
+  for (int y = 0; y < rows; ++y) {
+    ColumnSpan& to = out[static_cast<std::size_t>(y)];
+    to = {width, 0};
+    for (int v = std::max(0, y - rows_around); v <= std::min(rows - 1, y + rows_around); ++v) {
+      const ColumnSpan& from = spans[static_cast<std::size_t>(v)];
+      if (from.count() <= 0) continue;
+      to.from = std::min(to.from, std::max(0, from.from - side));
+      to.to = std::max(to.to, std::min(width, from.to + side));
+    }
+    if (to.count() <= 0) to = {};
+  }
+  return out;
+}
+
 /// Local mean and contrast taken out, over the valid pixels of a window.
 /// @param weight  number of valid pixels in the window.
 Plane32 normalised(const Plane32& intensity, const Plane32& valid, const Plane32& weight,
-                   double least_contrast) {
+                   const Spans& spans, double least_contrast) {
   const int width = intensity.width(), rows = intensity.rows();
-  Plane32 out(width, rows), sum(width, rows), squares(width, rows);
+  Plane32 out(width, rows, 0.0F), sum(width, rows), squares(width, rows);
   for (int y = 0; y < rows; ++y) {
     const float* from = intensity.row(y);
     const float* ok = valid.row(y);
     float* to = out.row(y);
-    for (int x = 0; x < width; ++x) to[x] = from[x] * ok[x];
+    const ColumnSpan span = spans[static_cast<std::size_t>(y)];
+    for (int x = span.from; x < span.to; ++x) to[x] = from[x] * ok[x];
   }
-  window_sums(width, rows, out.row(0), kWindowWide, kWindowHigh, sum.row(0), squares.row(0));
+  window_sums(width, spans, out.row(0), kWindowWide, kWindowHigh, sum.row(0), squares.row(0));
   for (int y = 0; y < rows; ++y) {
-    normalise_row(width, intensity.row(y), weight.row(y), sum.row(y), squares.row(y),
-                  static_cast<float>(least_contrast), out.row(y));
+    const ColumnSpan span = spans[static_cast<std::size_t>(y)];
+    normalise_row(span.count(), intensity.row(y) + span.from, weight.row(y) + span.from,
+                  sum.row(y) + span.from, squares.row(y) + span.from,
+                  static_cast<float>(least_contrast), out.row(y) + span.from);
   }
   return out;
 }
@@ -82,15 +106,32 @@ struct Region {
   cv::Mat intensity;  // float
   cv::Mat ground;     // float, 0 or 1
   cv::Mat held_out;   // bytes, 1 for pixels that only judge
+  Spans compared;     // ground, and what its derivatives look at
+  Spans blurred;      // that and what its blur looks at
+
+  /// Only where the ground lies pixels are looked at.
+  void find_spans() {
+    Spans ground_spans(static_cast<std::size_t>(rows));
+    for (int y = 0; y < rows; ++y) {
+      const float* row = ground.ptr<float>(y);
+      ColumnSpan& span = ground_spans[static_cast<std::size_t>(y)];
+      while (span.from < ground.cols && row[span.from] == 0.0F) ++span.from;
+      span.to = ground.cols;
+      while (span.to > span.from && row[span.to - 1] == 0.0F) --span.to;
+    }
+    compared = grown(ground_spans, 2, 2, ground.cols);
+    const int reach = blur_reach(std::max(kFinalBlur, kCoarseBlur));
+    blurred = grown(compared, reach, reach, ground.cols);
+  }
 };
 
-Plane32 blurred(int width, int rows, const float* intensity, double blur) {
-  Plane32 out(width, rows);
-  blur_plane(width, rows, intensity, blur, out.row(0));
+Plane32 blurred(int width, const Spans& spans, const float* intensity, double blur) {
+  Plane32 out(width, static_cast<int>(spans.size()));
+  blur_plane(width, spans, intensity, blur, out.row(0));
   return out;
 }
 
-/// Where the region is seen in another image.
+/// Where the region is seen in another image, in its spans.
 struct WarpedRegion {
   Plane32 x, y;   // px; kNotWarped outside
   Plane32 valid;  // 1 where ground is seen in both images, else 0
@@ -100,13 +141,14 @@ WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
                     const std::vector<float>& inverse_depth,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose) {
   const int width = camera.width, rows = ref.rows;
-  WarpedRegion out{{width, rows}, {width, rows}, {width, rows}};
+  WarpedRegion out{{width, rows}, {width, rows}, {width, rows, 0.0F}};
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3f shift = pose.translation().cast<float>();
   const Eigen::Vector3f step = (rotation.col(0) / camera.fx).cast<float>();
   for (int y = 0; y < rows; ++y) {
+    const auto [from, to] = ref.blurred[static_cast<std::size_t>(y)];
     const Eigen::Vector3f start =
-        (rotation * camera.ray(Eigen::Vector2d(0, y + ref.first))).cast<float>();
+        (rotation * camera.ray(Eigen::Vector2d(from, y + ref.first))).cast<float>();
     const RowWarp warp{start.x(),
                        start.y(),
                        start.z(),
@@ -123,10 +165,11 @@ WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
     float* u = out.x.row(y);
     float* v = out.y.row(y);
     float* ok = out.valid.row(y);
-    warp_row(width, inverse_depth.data() + static_cast<std::ptrdiff_t>(y) * width, warp,
-             static_cast<float>(width - 2), static_cast<float>(camera.height - 2), {u, v, ok});
+    warp_row(to - from, inverse_depth.data() + static_cast<std::ptrdiff_t>(y) * width + from, warp,
+             static_cast<float>(width - 2), static_cast<float>(camera.height - 2),
+             {u + from, v + from, ok + from});
     const float* ground = ref.ground.ptr<float>(y);
-    for (int x = 0; x < width; ++x) {
+    for (int x = from; x < to; ++x) {
       ok[x] *= ground[x];
       if (ok[x] == 0.0F || !ignored) continue;
       const auto at = static_cast<std::size_t>(v[x] + 0.5F) * static_cast<std::size_t>(width) +
@@ -139,12 +182,15 @@ WarpedRegion warped(const PinholeCamera& camera, const Region& ref,
 
 /// Robust standard deviation of the residuals of valid pixels, one in six of them; none for too
 /// few.
-std::optional<double> residual_noise(const Plane32& residual, const Plane32& valid) {
+std::optional<double> residual_noise(const Plane32& residual, const Plane32& valid,
+                                     const Spans& spans) {
   std::vector<float> sizes;
   for (int y = 0; y < residual.rows(); y += 2) {
     const float* e = residual.row(y);
     const float* ok = valid.row(y);
-    for (int x = y & 2 ? 1 : 0; x < residual.width(); x += 3) {
+    const ColumnSpan span = spans[static_cast<std::size_t>(y)];
+    const int phase = y & 2 ? 1 : 0;
+    for (int x = span.from + (phase + 3 - span.from % 3) % 3; x < span.to; x += 3) {
       if (ok[x] != 0.0f) sizes.push_back(std::abs(e[x]));
     }
   }
@@ -154,8 +200,9 @@ std::optional<double> residual_noise(const Plane32& residual, const Plane32& val
   return 1.4826 * *middle + 1e-3;
 }
 
+/// @param near  inverse depth beyond which one pixel in four is enough
 ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane32& here,
-                    const std::vector<float>& inverse_depth, const cv::Mat& other,
+                    const std::vector<float>& inverse_depth, double near, const cv::Mat& other,
                     const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
                     const DirectOptions& options, bool only_judge) {
   const int width = camera.width, rows = ref.rows;
@@ -167,47 +214,57 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
   const detail::FloatImage seen{other.ptr<float>(), static_cast<std::ptrdiff_t>(other.step1()),
                                 other.cols, other.rows};
   for (int y = 0; y < rows; ++y) {
+    const auto [from, to] = ref.blurred[static_cast<std::size_t>(y)];
     // Beyond the other image its rim goes on, for the blur beside it.
-    detail::sample_cubic(seen, kSharpness, width, map_x.row(y), map_y.row(y),
-                         y > 0 ? carried.row(y - 1) : ref.intensity.ptr<float>(y), carried.row(y));
+    const float* outside = ref.intensity.ptr<float>(y);
+    if (y > 0 && to > from) {
+      const ColumnSpan above = ref.blurred[static_cast<std::size_t>(y - 1)];
+      float* row = carried.row(y - 1);
+      for (int x = from; x < to; ++x) {
+        if (x < above.from || x >= above.to) row[x] = outside[x];
+      }
+      outside = row;
+    }
+    detail::sample_cubic(seen, kSharpness, to - from, map_x.row(y) + from, map_y.row(y) + from,
+                         outside + from, carried.row(y) + from);
   }
+  const Spans& spans = ref.compared;
   Plane32 weight(width, rows);
-  window_sums(width, rows, valid.row(0), kWindowWide, kWindowHigh, weight.row(0), nullptr);
-  const Plane32 a = normalised(here, valid, weight, noise.least_contrast);
-  const Plane32 b =
-      normalised(blurred(width, rows, carried.row(0), blur), valid, weight, noise.least_contrast);
-  Plane32 residual(width, rows);
+  window_sums(width, spans, valid.row(0), kWindowWide, kWindowHigh, weight.row(0), nullptr);
+  const Plane32 a = normalised(here, valid, weight, spans, noise.least_contrast);
+  const Plane32 b = normalised(blurred(width, spans, carried.row(0), blur), valid, weight, spans,
+                               noise.least_contrast);
+  Plane32 residual(width, rows), gx(width, rows), gy(width, rows);
   for (int y = 0; y < rows; ++y) {
+    const auto [from, to] = spans[static_cast<std::size_t>(y)];
+    if (to <= from) continue;
     float* e = residual.row(y);
-    for (int x = 0; x < width; ++x) e[x] = b.row(y)[x] - a.row(y)[x];
-  }
-  Plane32 gx(width, rows), gy(width, rows);
-  for (int y = 0; y < rows; ++y) {
+    for (int x = from; x < to; ++x) e[x] = b.row(y)[x] - a.row(y)[x];
     const int above = std::max(0, y - 1), below = std::min(rows - 1, y + 1);
-    const float* of_a[3] = {a.row(above), a.row(y), a.row(below)};
-    const float* of_b[3] = {b.row(above), b.row(y), b.row(below)};
-    for (const int x : {0, width - 1}) gx.row(y)[x] = gy.row(y)[x] = 0.0F;  // not looked at
-    gradient_row(width, of_a, of_b, gx.row(y), gy.row(y));
+    const float* of_a[3] = {a.row(above) + from, a.row(y) + from, a.row(below) + from};
+    const float* of_b[3] = {b.row(above) + from, b.row(y) + from, b.row(below) + from};
+    for (const int x : {from, to - 1}) gx.row(y)[x] = gy.row(y)[x] = 0.0F;  // not looked at
+    gradient_row(to - from, of_a, of_b, gx.row(y) + from, gy.row(y) + from);
   }
 
   // Noise of the residual, then what disagrees with it over a whole neighbourhood; what is
   // still to be mended is no reason to leave a pixel out.
   ImageRows out;
-  const auto measured = residual_noise(residual, valid);
+  const auto measured = residual_noise(residual, valid, spans);
   if (!measured) return out;
   out.noise = *measured;
   const double n2 = out.noise * out.noise;
   const double d2 = noise.misregistration_px * noise.misregistration_px;
-  Plane32 excess(width, rows), local(width, rows), share(width, rows);
+  Plane32 excess(width, rows, 0.0F), local(width, rows), share(width, rows);
   for (int y = 0; y < rows; ++y) {
-    excess_row(width, residual.row(y), gx.row(y), gy.row(y), valid.row(y), static_cast<float>(n2),
-               static_cast<float>(noise.mended_px), excess.row(y));
+    const auto [from, to] = spans[static_cast<std::size_t>(y)];
+    excess_row(to - from, residual.row(y) + from, gx.row(y) + from, gy.row(y) + from,
+               valid.row(y) + from, static_cast<float>(n2), static_cast<float>(noise.mended_px),
+               excess.row(y) + from);
   }
-  window_sums(width, rows, excess.row(0), kPatchWide, kPatchHigh, local.row(0), nullptr);
-  window_sums(width, rows, valid.row(0), kPatchWide, kPatchHigh, share.row(0), nullptr);
+  window_sums(width, spans, excess.row(0), kPatchWide, kPatchHigh, local.row(0), nullptr);
+  window_sums(width, spans, valid.row(0), kPatchWide, kPatchHigh, share.row(0), nullptr);
 
-  // Near the camera there are more pixels than the ground's smoothness needs: one in four there.
-  const double near = 0.35 * *std::max_element(inverse_depth.begin(), inverse_depth.end());
   out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
   constexpr float kPatchPixels = kPatchWide * kPatchHigh;
   for (int y = 2; y + 2 < rows; ++y) {
@@ -224,7 +281,8 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
     const float* v_down = map_y.row(y + 1);
     std::uint8_t* contradicted = out.contradicted.ptr<std::uint8_t>(y);
     const auto* held_out = ref.held_out.ptr<std::uint8_t>(y);
-    for (int x = 2; x + 2 < width; ++x) {
+    const ColumnSpan span = spans[static_cast<std::size_t>(y)];
+    for (int x = std::max(2, span.from); x < std::min(width - 2, span.to); ++x) {
       if (s[x] > 0.3f * kPatchPixels && l[x] > 3.0f * s[x]) contradicted[x] = 1;
       // Near something else or the rim, or contradicted.
       if (s[x] < 0.98f * kPatchPixels || l[x] > 3.0f * s[x]) continue;
@@ -294,6 +352,7 @@ struct DirectGround::Impl {
   std::vector<std::size_t> others;
   std::vector<cv::Mat> intensity;  // of the others, float
   Region region;
+  Plane32 finely_blurred{0, 0}, coarsely_blurred{0, 0};  // the reference image in the region
 
   std::vector<ImageRows> linearise_all(const std::vector<SE3>& frame_from_reference,
                                        const GroundField& field, double blur,
@@ -306,11 +365,14 @@ struct DirectGround::Impl {
                              row);
       for (std::size_t x = 0; x < width; ++x) row[x] = std::max(row[x], 1e-6F);
     });
-    const Plane32 here = blurred(camera.width, region.rows, region.intensity.ptr<float>(), blur);
+    // Near the camera there are more pixels than the ground's smoothness needs.
+    const double near = 0.35 * *std::max_element(depth.begin(), depth.end());
+    const Plane32& here = blur == kFinalBlur ? finely_blurred : coarsely_blurred;
     std::vector<ImageRows> rows(others.size());
     parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
-      rows[k] = linearise(camera, region, here, depth, intensity[k], images[others[k]].ignored,
-                          frame_from_reference[others[k]], blur, options, only_judge);
+      rows[k] =
+          linearise(camera, region, here, depth, near, intensity[k], images[others[k]].ignored,
+                    frame_from_reference[others[k]], blur, options, only_judge);
     });
     return rows;
   }
@@ -367,6 +429,12 @@ DirectGround::DirectGround(const PinholeCamera& camera, const std::vector<Direct
       row[x] = ground[p] && !(ignored && (*ignored)[p]) ? 1.0f : 0.0f;
     }
   }
+  region.find_spans();
+  parallel_for(2, options.num_threads, [&](std::size_t coarse) {
+    (coarse ? m.coarsely_blurred : m.finely_blurred) =
+        blurred(camera.width, region.compared, region.intensity.ptr<float>(),
+                coarse ? kCoarseBlur : kFinalBlur);
+  });
   for (std::size_t k = 0; k < images.size(); ++k) {
     if (k == reference) continue;
     m.others.push_back(k);

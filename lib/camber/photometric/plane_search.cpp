@@ -479,7 +479,7 @@ void PlaneSearch::climb(int rounds, Lattice* lattice, Place* best, double* corre
 std::vector<RoadHypothesis> PlaneSearch::sweep(const MotionEstimate& motion) const {
   constexpr double kStep = 0.04;
   constexpr int kRolls = 2;  // to each side
-  constexpr std::size_t kPeaks = 8;
+  constexpr std::size_t kPeaks = 4;
   std::vector<RoadHypothesis> tried;
   for (int r = -kRolls; r <= kRolls; ++r) {
     for (double s = options_.least_log_baseline; s <= options_.greatest_log_baseline; s += kStep) {
@@ -535,7 +535,7 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   }
   std::stable_sort(ends.begin(), ends.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
-  constexpr std::size_t kClimbed = 4;
+  constexpr std::size_t kClimbed = 3;
   if (ends.size() > kClimbed) ends.resize(kClimbed);
   const auto climb_from = [&](const Level& level, int rounds, double along, double share,
                               RoadHypothesis* h, double* correlation) {

@@ -80,11 +80,14 @@ SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& o, const Stage
 
 SeenRoad see_road_again(LoadedFrames& frames, SeenRoad seen, const ReconstructOptions& o,
                         const StageRunner& run) {
+  constexpr double kSettledPx = 1.5;
   auto& [matches, motion, ground] = seen;
   for (int round = 0; round < o.rounds; ++round) {
     const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
+    // Without masks the road is to be found first, for which a coarse flow is smoother.
+    const bool fine = frames.has_masks() || round > 0 || o.rounds == 1;
     matches = run("correspondences", share, [&] {
-      return stages::match_again(frames, matches, motion, ground, round + 1 == o.rounds, o.match);
+      return stages::match_again(frames, matches, motion, ground, fine, o.match);
     });
     motion = run("motion", share,
                  [&] { return stages::motion_again(frames, matches, motion, o.motion); });
@@ -94,9 +97,13 @@ SeenRoad see_road_again(LoadedFrames& frames, SeenRoad seen, const ReconstructOp
       stages::fuse_masks(matches, motion, ground, &frames, &triangulated);
       return triangulated;
     });
+    const std::shared_ptr<const GroundField> before = ground.field;
     ground = run("ground", share, [&] {
       return stages::ground(frames, matches, motion, std::move(points), ground, o.ground);
     });
+    if (fine && stages::prediction_change(frames, matches, motion, *before, ground) < kSettledPx) {
+      break;
+    }
   }
   return seen;
 }

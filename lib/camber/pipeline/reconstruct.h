@@ -33,7 +33,7 @@ struct PaperOptions {
 struct ReconstructOptions {
   std::uint64_t seed = 0;
   int num_threads = 0;      ///< <= 0: see resolve_num_threads
-  int rounds = 2;           ///< of matching again with the ground known, >= 0
+  int rounds = 3;           ///< of matching again with the ground known, at most; >= 0
   bool photometric = true;  ///< refine motion and ground on the intensities of all images
   stages::LoadOptions load;
   stages::MatchOptions match;

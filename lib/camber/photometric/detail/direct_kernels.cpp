@@ -137,9 +137,10 @@ void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float 
   warp_loop(count, inverse_depth, warp, right, bottom, out.x, out.y, out.inside);
 }
 
-void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
-                 float* sums, float* squares) {
+void window_sums(int width, const std::vector<ColumnSpan>& wanted, const float* values,
+                 int window_wide, int window_high, float* sums, float* squares) {
   const int side = window_wide / 2, below = window_high / 2;
+  const int rows = static_cast<int>(wanted.size());
   const auto count = static_cast<std::size_t>(width);
   const std::vector<float> none(count, 0.0F);
   std::vector<float> padded(count + static_cast<std::size_t>(window_wide));
@@ -157,20 +158,28 @@ void window_sums(int width, int rows, const float* values, int window_wide, int 
       (squared ? move_squares : move_sums)(
           width, row(y + below), filling ? none.data() : row(y - below - 1), columns.data());
       if (y < 0) continue;
+      const ColumnSpan span = wanted[static_cast<std::size_t>(y)];
+      if (span.count() <= 0) continue;
+      const int first = std::max(0, span.from - side), last = std::min(width, span.to + side);
       float* const middle = padded.data() + side;
-      std::copy(columns.begin(), columns.end(), middle);
-      for (int k = 1; k <= side; ++k) {
-        middle[-k] = columns[static_cast<std::size_t>(mirrored(-k, width))];
-        middle[width - 1 + k] = columns[static_cast<std::size_t>(mirrored(width - 1 + k, width))];
+      std::copy(columns.begin() + first, columns.begin() + last, middle + first);
+      for (int k = span.from - side; k < 0; ++k) {
+        middle[k] = columns[static_cast<std::size_t>(mirrored(k, width))];
       }
-      running_sums(width, window_wide, padded.data(),
-                   (squared ? squares : sums) + static_cast<std::ptrdiff_t>(y) * width);
+      for (int k = width; k < span.to + side; ++k) {
+        middle[k] = columns[static_cast<std::size_t>(mirrored(k, width))];
+      }
+      running_sums(span.count(), window_wide, padded.data() + span.from,
+                   (squared ? squares : sums) + static_cast<std::ptrdiff_t>(y) * width + span.from);
     }
   }
 }
 
-void blur_plane(int width, int rows, const float* values, double sigma, float* out) {
-  const int reach = static_cast<int>(std::ceil(kBlurReach * sigma));
+int blur_reach(double sigma) { return static_cast<int>(std::ceil(kBlurReach * sigma)); }
+
+void blur_plane(int width, const std::vector<ColumnSpan>& wanted, const float* values, double sigma,
+                float* out) {
+  const int reach = blur_reach(sigma), rows = static_cast<int>(wanted.size());
   std::vector<float> taps(static_cast<std::size_t>(2 * reach + 1));
   double sum = 0.0;
   for (int k = -reach; k <= reach; ++k) sum += std::exp(-0.5 * k * k / (sigma * sigma));
@@ -182,16 +191,18 @@ void blur_plane(int width, int rows, const float* values, double sigma, float* o
   std::vector<float> padded(static_cast<std::size_t>(width + 2 * reach));
   float* const row = padded.data() + reach;
   for (int y = 0; y < rows; ++y) {
+    const ColumnSpan span = wanted[static_cast<std::size_t>(y)];
+    if (span.count() <= 0) continue;
+    const int first = std::max(0, span.from - reach), last = std::min(width, span.to + reach);
     for (int k = -reach; k <= reach; ++k) {
       around[static_cast<std::size_t>(k + reach)] =
-          values + static_cast<std::ptrdiff_t>(mirrored(y + k, rows)) * width;
+          values + static_cast<std::ptrdiff_t>(mirrored(y + k, rows)) * width + first;
     }
-    blur_rows(width, reach, taps.data(), around.data(), row);
-    for (int k = 1; k <= reach; ++k) {
-      row[-k] = row[mirrored(-k, width)];
-      row[width - 1 + k] = row[mirrored(width - 1 + k, width)];
-    }
-    blur_row(width, reach, taps.data(), row, out + static_cast<std::ptrdiff_t>(y) * width);
+    blur_rows(last - first, reach, taps.data(), around.data(), row + first);
+    for (int k = span.from - reach; k < 0; ++k) row[k] = row[mirrored(k, width)];
+    for (int k = width; k < span.to + reach; ++k) row[k] = row[mirrored(k, width)];
+    blur_row(span.count(), reach, taps.data(), row + span.from,
+             out + static_cast<std::ptrdiff_t>(y) * width + span.from);
   }
 }
 

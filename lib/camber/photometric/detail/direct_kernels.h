@@ -3,9 +3,17 @@
 // Inner loops of the direct refinement, one row of the image each. Compiled for any x86-64 and for
 // AVX2 (no fused multiply-add, so that both give the same bits).
 
+#include <vector>
+
 #include "camber/photometric/detail/corridor_kernels.h"
 
 namespace camber {
+
+/// Columns of a row that are wanted, from `from` to before `to`.
+struct ColumnSpan {
+  int from = 0, to = 0;
+  int count() const { return to - from; }
+};
 
 /// Where the columns of a row are seen in another image.
 struct WarpedRow {
@@ -19,13 +27,18 @@ constexpr float kNotWarped = -1000.0F;
 void warp_row(int count, const float* inverse_depth, const RowWarp& warp, float right, float bottom,
               const WarpedRow& out);
 
-/// Sums over a window around every pixel, the rim mirrored; windows are odd.
+/// Sums over a window around every wanted pixel, the rim mirrored; windows are odd.
+/// @param wanted   one span a row.
 /// @param squares  sums of the squares, too; null: not wanted.
-void window_sums(int width, int rows, const float* values, int window_wide, int window_high,
-                 float* sums, float* squares);
+void window_sums(int width, const std::vector<ColumnSpan>& wanted, const float* values,
+                 int window_wide, int window_high, float* sums, float* squares);
 
-/// Gaussian blur; the rim is mirrored.
-void blur_plane(int width, int rows, const float* values, double sigma, float* out);
+/// Gaussian blur of the wanted pixels; the rim is mirrored.
+/// @param wanted  one span a row.
+void blur_plane(int width, const std::vector<ColumnSpan>& wanted, const float* values, double sigma,
+                float* out);
+/// How far a blur reaches, px.
+int blur_reach(double sigma);
 
 /// (intensity - mean) / sqrt(variance + least_contrast^2) for a row, mean and variance from sums
 /// over a window.

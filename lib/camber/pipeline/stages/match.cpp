@@ -127,15 +127,44 @@ Correspondences match(const LoadedFrames& frames, const MatchOptions& options) {
 }
 
 Correspondences match_again(const LoadedFrames& frames, const Correspondences& before,
-                            const MotionEstimate& motion, const Ground& ground, bool last,
+                            const MotionEstimate& motion, const Ground& ground, bool fine,
                             const MatchOptions& options) {
   const int top = std::max(0, static_cast<int>(ground.field->top()) - 12);
   CorrespondenceOptions flow = flow_options(frames, options);
-  // Coarse and smooth to find the road, then fine for where exactly it lies.
-  flow.finest_scale = last ? 0 : flow.keep_lost ? 1 : 2;
-  flow.smooth = !last;
+  flow.finest_scale = fine ? 0 : flow.keep_lost ? 1 : 2;
+  flow.smooth = !fine;
   return refine_matches(frames.gray, before,
                         predict(frames, before, motion, ground, top, flow.num_threads), top, flow);
+}
+
+double prediction_change(const LoadedFrames& frames, const Correspondences& matches,
+                         const MotionEstimate& motion, const GroundField& before,
+                         const Ground& after) {
+  constexpr std::size_t kStride = 7;  // of the points
+  constexpr double kShare = 0.95;
+  const PinholeCamera& camera = frames.camera;
+  const double least = after.metres_per_baseline / kFarthest;
+  std::vector<double> moved;
+  const TriangulatedPoints& points = after.seen.points;
+  for (std::size_t k = 0; k < points.size(); k += kStride) {
+    const Eigen::Vector2d pixel =
+        matches.pixels[static_cast<std::size_t>(points.grid[k])].cast<double>();
+    const double was = std::max(least, before.inverse_depth(pixel));
+    const double is = std::max(least, after.field->inverse_depth(pixel));
+    double most = 0.0;
+    for (const MatchedImage& match : matches.matches) {
+      const SE3& pose = motion.frame_from_reference[static_cast<std::size_t>(match.frame)];
+      const Eigen::Vector3d ray = pose.rotation() * camera.ray(pixel);
+      const auto from = camera.project(ray + was * pose.translation());
+      const auto to = camera.project(ray + is * pose.translation());
+      if (from && to) most = std::max(most, (*to - *from).norm());
+    }
+    moved.push_back(most);
+  }
+  if (moved.empty()) return 0.0;
+  const auto at = moved.begin() + static_cast<std::ptrdiff_t>(kShare * (moved.size() - 1));
+  std::nth_element(moved.begin(), at, moved.end());
+  return *at;
 }
 
 }  // namespace camber::stages

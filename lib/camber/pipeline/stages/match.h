@@ -16,9 +16,15 @@ Correspondences match(const LoadedFrames& frames, const MatchOptions& options);
 
 /// Matches again: the ground and the motion found so far predict where each ground pixel is seen,
 /// so that only small differences remain for the flow.
-/// @param last  whether no better prediction follows: then in full resolution.
+/// @param fine  in full resolution, in place of coarse and smooth to find the road.
 Correspondences match_again(const LoadedFrames& frames, const Correspondences& before,
-                            const MotionEstimate& motion, const Ground& ground, bool last,
+                            const MotionEstimate& motion, const Ground& ground, bool fine,
                             const MatchOptions& options);
+
+/// How far the ground's points move in the other images where `after` predicts them in place of
+/// `before`, px: 95 % of them at most by so much. 0 without points.
+double prediction_change(const LoadedFrames& frames, const Correspondences& matches,
+                         const MotionEstimate& motion, const GroundField& before,
+                         const Ground& after);
 
 }  // namespace camber::stages
