@@ -98,6 +98,13 @@ struct ImageRows {
   std::vector<HeldOutPixels::Pixel> judged;
   double noise = 0.0;
   cv::Mat contradicted;  // bytes, rows of the region
+
+  void reserve(std::size_t count) {
+    pixels.reserve(count);
+    inverse_depth.reserve(count);
+    sigma.reserve(count);
+    by_pose.reserve(count);
+  }
 };
 
 /// The reference image below its first row of interest.
@@ -266,6 +273,7 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
   window_sums(width, spans, valid.row(0), kPatchWide, kPatchHigh, share.row(0), nullptr);
 
   out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
+  if (!only_judge) out.reserve(static_cast<std::size_t>(cv::countNonZero(ref.ground)));
   constexpr float kPatchPixels = kPatchWide * kPatchHigh;
   for (int y = 2; y + 2 < rows; ++y) {
     const float* e = residual.row(y);
@@ -325,6 +333,32 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
       out.by_pose.push_back(pose_row);
     }
   }
+  return out;
+}
+
+/// The observations of all images, each with its own pose as shared parameters.
+GroundObservations joined(const std::vector<ImageRows>& images, int num_threads) {
+  std::vector<std::size_t> first(images.size() + 1, 0);
+  for (std::size_t k = 0; k < images.size(); ++k) first[k + 1] = first[k] + images[k].pixels.size();
+  GroundObservations out;
+  out.pixels.resize(first.back());
+  out.inverse_depth.resize(first.back());
+  out.sigma.resize(first.back());
+  out.shared_jacobian.resize(static_cast<Eigen::Index>(first.back()),
+                             static_cast<Eigen::Index>(6 * images.size()));
+  parallel_for(images.size(), num_threads, [&](std::size_t k) {
+    const ImageRows& image = images[k];
+    const auto at = static_cast<std::ptrdiff_t>(first[k]);
+    std::copy(image.pixels.begin(), image.pixels.end(), out.pixels.begin() + at);
+    std::copy(image.inverse_depth.begin(), image.inverse_depth.end(),
+              out.inverse_depth.begin() + at);
+    std::copy(image.sigma.begin(), image.sigma.end(), out.sigma.begin() + at);
+    out.shared_jacobian.middleRows(at, static_cast<Eigen::Index>(image.pixels.size())).setZero();
+    for (std::size_t i = 0; i < image.by_pose.size(); ++i) {
+      out.shared_jacobian.row(at + static_cast<Eigen::Index>(i))
+          .segment<6>(static_cast<Eigen::Index>(6 * k)) = image.by_pose[i].transpose();
+    }
+  });
   return out;
 }
 
@@ -485,23 +519,7 @@ DirectResult DirectGround::refine(const MotionEstimate& motion, GroundField& fie
       out.reason = "only " + std::to_string(count) + " pixels of the ground can be compared";
       return out;
     }
-    observations = {};
-    observations.pixels.reserve(count);
-    observations.inverse_depth.reserve(count);
-    observations.sigma.reserve(count);
-    observations.shared_jacobian.setZero(static_cast<Eigen::Index>(count), columns);
-    Eigen::Index at = 0;
-    for (std::size_t k = 0; k < rows.size(); ++k) {
-      const ImageRows& r = rows[k];
-      observations.pixels.insert(observations.pixels.end(), r.pixels.begin(), r.pixels.end());
-      observations.inverse_depth.insert(observations.inverse_depth.end(), r.inverse_depth.begin(),
-                                        r.inverse_depth.end());
-      observations.sigma.insert(observations.sigma.end(), r.sigma.begin(), r.sigma.end());
-      for (const auto& row : r.by_pose) {
-        observations.shared_jacobian.row(at++).segment<6>(static_cast<Eigen::Index>(6 * k)) =
-            row.transpose();
-      }
-    }
+    observations = joined(rows, m.options.num_threads);
     const Eigen::VectorXd change = field.update_with_shared(
         observations, 2, m.options.noise.correlation, information, moved, &out.covariance);
     moved += change;

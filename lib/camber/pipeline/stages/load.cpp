@@ -245,12 +245,20 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
     out.input_hashes.insert(out.input_hashes.end(), list.begin(), list.end());
   }
   const Undistortion lens(scene.camera, scene.distortion);
-  std::vector<FrameImage> images = images_of(out.frames, lens, options, &pixels);
-  parallel_for(count, options.num_threads, [&](std::size_t k) {
+  std::vector<FrameImage> images;
+  parallel_for(2, options.num_threads, [&](std::size_t task) {
+    if (task == 0) {
+      images = images_of(out.frames, lens, options, &pixels);
+      return;
+    }
+    parallel_for(count, options.num_threads, [&](std::size_t k) {
+      out.masks[k] = read_masks(scene, out.frames[k], pixels[k], lens, options);
+    });
+  });
+  for (std::size_t k = 0; k < count; ++k) {
     out.gray[k] = std::move(images[k].gray);
     out.color[k] = std::move(images[k].color);
-    out.masks[k] = read_masks(scene, out.frames[k], pixels[k], lens, options);
-  });
+  }
   require_different_images(out);
   return out;
 }
