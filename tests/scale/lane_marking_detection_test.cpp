@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "camber/core/random.h"
+#include "camber/scale/focal_length_by_dashes.h"
 
 namespace camber {
 namespace {
@@ -213,6 +214,39 @@ TEST(LaneMarkings, SizesThatAreNotKnownAreNotLookedFor) {
   const LaneMarkings found =
       detect_lane_markings(image, kCamera, level_ground(), kAhead, LaneMarkingSizes{}, 0.01, 1);
   EXPECT_TRUE(found.dashes.empty());
+}
+
+/// With the true ground stretched along the view, as a camera with a wrong focal length sees it.
+DashFocalLength find_focal_length(const GrayImage& image, double wrong_by, int num_threads = 1) {
+  PinholeCamera camera = kCamera;
+  camera.fx *= wrong_by;
+  camera.fy *= wrong_by;
+  return focal_length_by_dashes(image, camera, level_ground(wrong_by), kAhead, kSizes, 0.012,
+                                num_threads);
+}
+
+TEST(DashFocalLength, BrokenLinesGiveOneThatIsFarOff) {
+  const GrayImage image = draw([](double x, double z) { return dashed(x, z, -1.2, 7.0); });
+  for (const double wrong_by : {0.52, 0.7, 1.4, 1.6, 2.0}) {
+    const DashFocalLength found = find_focal_length(image, wrong_by);
+    EXPECT_GE(found.strokes, 2) << wrong_by;
+    EXPECT_NEAR(found.factor * wrong_by, 1.0, 0.1) << wrong_by;
+    const DashFocalLength again = find_focal_length(image, wrong_by, 4);
+    EXPECT_EQ(found.strokes, again.strokes);
+    EXPECT_EQ(found.factor, again.factor);
+  }
+}
+
+TEST(DashFocalLength, NothingSpeaksAgainstTheTrueOne) {
+  EXPECT_EQ(find_focal_length(draw([](double x, double z) { return dashed(x, z, -1.2, 7.0); }), 1.0)
+                .strokes,
+            0);
+  const GrayImage continuous = draw([](double x, double) { return std::abs(x - 1.0) < 0.06; });
+  const GrayImage bare = draw([](double, double) { return false; }, 5.0, 2);
+  for (const double wrong_by : {0.7, 1.0, 2.0}) {
+    EXPECT_EQ(find_focal_length(continuous, wrong_by).strokes, 0) << wrong_by;
+    EXPECT_EQ(find_focal_length(bare, wrong_by).strokes, 0) << wrong_by;
+  }
 }
 
 }  // namespace

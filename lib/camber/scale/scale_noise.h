@@ -75,6 +75,7 @@ struct ScaleNoise {
   // The focal length by a turning camera's epipolar lines.
   double focal_length = 0.05;  ///< relative, of lenses and flow that bend what is straight
   double turned_focal_length_gate = 3.0;  ///< standard deviations
+  double dash_focal_length = 0.1;         ///< relative, of one by the strokes of broken lines
 };
 
 }  // namespace camber

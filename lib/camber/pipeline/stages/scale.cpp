@@ -12,6 +12,7 @@
 #include "camber/motion/self_calibration.h"
 #include "camber/pipeline/stages/motion.h"
 #include "camber/scale/camera_height_constraint.h"
+#include "camber/scale/focal_length_by_dashes.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
 #include "camber/scale/speed_constraint.h"
@@ -216,6 +217,27 @@ std::optional<ConstraintReport> check_focal_length(const LoadedFrames& frames,
   return out;
 }
 
+/// The focal length against broken lines of known sizes, of which no stroke fits.
+std::optional<ConstraintReport> check_dashes(const LoadedFrames& frames, const GroundRaster& raster,
+                                             const Eigen::Vector3d& travel,
+                                             const ScaledRoad& scaled, const ScaleOptions& options,
+                                             double* log_factor) {
+  if (!options.use_markings || scaled.markings.dashes > 0) return std::nullopt;
+  const DashFocalLength found =
+      focal_length_by_dashes(frames.gray[frames.reference], frames.camera, raster, travel,
+                             frames.known.markings, scaled.road.scale_sigma(), options.num_threads);
+  if (found.strokes == 0) return std::nullopt;
+  *log_factor = std::log(found.factor);
+  ConstraintReport out{
+      "focal_length", fmt::format("{} strokes of broken lines", found.strokes), 0.0, false, {}};
+  out.residual_sigma = std::abs(*log_factor) / options.noise.dash_focal_length;
+  out.reason = fmt::format(
+      "they have the known sizes with {:.2f} times the focal length, {:.1f} "
+      "standard deviations",
+      found.factor, out.residual_sigma);
+  return out;
+}
+
 /// rad per metre by which the camera turns to the right along its path, about the reference frame;
 /// 0 where it stands.
 double path_curvature(const MotionEstimate& motion, std::size_t reference,
@@ -231,9 +253,10 @@ double path_curvature(const MotionEstimate& motion, std::size_t reference,
 
 /// Names what contradicts the result, and widens its scale by as much.
 void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
-                          const PhotometricGround& ground, const Eigen::Vector3d& travel,
-                          const RoadPosterior& prior, const std::vector<Constraint>& constraints,
-                          const ScaleOptions& options, ScaledRoad* scaled) {
+                          const PhotometricGround& ground, const GroundRaster& raster,
+                          const Eigen::Vector3d& travel, const RoadPosterior& prior,
+                          const std::vector<Constraint>& constraints, const ScaleOptions& options,
+                          ScaledRoad* scaled) {
   const ScaleNoise& noise = options.noise;
   double variance = 0.0;
   const auto contradict = [&](std::string text) {
@@ -286,14 +309,17 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
     }
     scaled->reports.push_back(std::move(*report));
   }
-  if (auto report = check_focal_length(frames, matches, ground.motion, noise, &difference)) {
+  const auto take_focal_length = [&](std::optional<ConstraintReport> report) {
+    if (!report) return;
     if (!report->accepted) {
       variance = std::max(variance, difference * difference);
       scaled->contradictions.push_back(
           {"focal_length_contradicted", report->source + ": " + report->reason});
     }
     scaled->reports.push_back(std::move(*report));
-  }
+  };
+  take_focal_length(check_focal_length(frames, matches, ground.motion, noise, &difference));
+  take_focal_length(check_dashes(frames, raster, travel, *scaled, options, &difference));
   if (scaled->markings.contradicts) {
     variance = std::max(variance, noise.contradicted_scale * noise.contradicted_scale);
     contradict("lane_markings: " + scaled->markings.reason);
@@ -377,7 +403,8 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
         std::move(fused.road), metric,      std::move(fused.reports), {}, 0.0, std::move(markings),
         std::move(width),      scale_change};
     if (metric)
-      admit_contradictions(frames, matches, ground, travel, prior, constraints, options, &out);
+      admit_contradictions(frames, matches, ground, raster, travel, prior, constraints, options,
+                           &out);
     return out;
   }
 }

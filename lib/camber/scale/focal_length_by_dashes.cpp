@@ -1,0 +1,124 @@
+#include "camber/scale/focal_length_by_dashes.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "camber/core/threads.h"
+
+namespace camber {
+namespace {
+
+/// A stroke on the ground, m.
+struct Stroke {
+  Eigen::Vector3d middle, along;
+};
+
+/// Strokes that lie a period from another, along it, with the length that belongs to that period.
+struct BrokenLines {
+  std::vector<char> in_line;   // one a stroke
+  std::vector<double> ratios;  // of the periods over the known one
+
+  BrokenLines(const std::vector<Stroke>& strokes, const LaneMarkingSizes& sizes)
+      : in_line(strokes.size(), 0) {
+    // Of logarithms; focal lengths are tried in steps of 0.35.
+    constexpr double kMostOff = 0.2, kMostUnlike = 0.15;
+    constexpr double kMostTurn = 0.1;
+    const double period = sizes.dash_length + sizes.dash_gap;
+    for (std::size_t i = 0; i < strokes.size(); ++i) {
+      for (std::size_t j = i + 1; j < strokes.size(); ++j) {
+        const Eigen::Vector3d step = strokes[j].middle - strokes[i].middle;
+        const double ratio = step.norm() / period;
+        const double length = 0.5 * (strokes[i].along.norm() + strokes[j].along.norm());
+        if (!(std::abs(std::log(ratio)) < kMostOff) ||
+            !(std::abs(std::log(length / (ratio * sizes.dash_length))) < kMostUnlike)) {
+          continue;
+        }
+        const auto turn = [&](const Stroke& stroke) {
+          return std::atan2(step.cross(stroke.along).norm(), step.dot(stroke.along));
+        };
+        if (std::max(turn(strokes[i]), turn(strokes[j])) > kMostTurn) continue;
+        in_line[i] = in_line[j] = 1;
+        ratios.push_back(ratio);
+      }
+    }
+  }
+
+  int strokes() const { return static_cast<int>(std::count(in_line.begin(), in_line.end(), 1)); }
+};
+
+/// A camera, ground and direction with the depths of another focal length.
+struct Stretched {
+  PinholeCamera camera;
+  GroundRaster ground;
+  Eigen::Vector3d ahead;
+
+  Stretched(const PinholeCamera& from, const GroundRaster& raster, const Eigen::Vector3d& travel,
+            double factor)
+      : camera(from), ground(raster), ahead(travel.x(), travel.y(), factor * travel.z()) {
+    camera.fx *= factor;
+    camera.fy *= factor;
+    const auto by = static_cast<float>(1.0 / factor);
+    for (float& rho : ground.inverse_depth) rho *= by;
+    ahead.normalize();
+  }
+
+  Eigen::Vector3d point(const Eigen::Vector2d& pixel) const {
+    const int u = std::clamp(static_cast<int>(std::lround(pixel.x())), 0, camera.width - 1);
+    const int v =
+        std::clamp(static_cast<int>(std::lround(pixel.y())), ground.top, camera.height - 1);
+    const auto at =
+        static_cast<std::size_t>(v - ground.top) * static_cast<std::size_t>(camera.width) +
+        static_cast<std::size_t>(u);
+    return camera.ray(pixel) / std::max(1e-6F, ground.inverse_depth[at]);
+  }
+};
+
+}  // namespace
+
+DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCamera& camera,
+                                       const GroundRaster& ground, const Eigen::Vector3d& ahead,
+                                       const LaneMarkingSizes& sizes, double scale_sigma,
+                                       int num_threads) {
+  DashFocalLength out;
+  if (!sizes.dashes()) return out;
+  LaneMarkingSizes of_dashes;
+  of_dashes.dash_length = sizes.dash_length;
+  of_dashes.dash_gap = sizes.dash_gap;
+  of_dashes.line_width = sizes.line_width;
+  // Bars of few rows have any length, and those far ahead or aside that of the ground's errors.
+  constexpr int kFewestRows = 5;
+  constexpr double kFarthest = 40.0, kMostAside = 4.0;  // m
+  constexpr std::array<double, 5> kFactors = {1.0, 0.5, M_SQRT1_2, M_SQRT2, 2.0};
+  std::array<DashFocalLength, kFactors.size()> found;
+  parallel_for(kFactors.size(), num_threads, [&](std::size_t k) {
+    const Stretched other(camera, ground, ahead, kFactors[k]);
+    std::vector<Stroke> strokes;
+    const LaneMarkings markings = detect_lane_markings(image, other.camera, other.ground,
+                                                       other.ahead, of_dashes, scale_sigma, 1);
+    for (const PaintedDash& dash : markings.dashes) {
+      const Eigen::Vector3d along = other.point(dash.far_end) - other.point(dash.near_end);
+      const Eigen::Vector3d middle = other.point(dash.centroid);
+      const double shorter_depth = middle.z() * std::min(1.0, 1.0 / kFactors[k]);
+      if (dash.rows < kFewestRows || shorter_depth > kFarthest ||
+          std::abs(middle.x()) > kMostAside) {
+        continue;
+      }
+      strokes.push_back({middle, along});
+    }
+    BrokenLines lines(strokes, of_dashes);
+    found[k].strokes = lines.strokes();
+    if (lines.ratios.empty()) return;
+    const auto middle = lines.ratios.begin() + static_cast<std::ptrdiff_t>(lines.ratios.size() / 2);
+    std::nth_element(lines.ratios.begin(), middle, lines.ratios.end());
+    found[k].factor = kFactors[k] / *middle;
+  });
+  for (std::size_t k = 1; k < found.size(); ++k) {
+    if (found[k].strokes > std::max(out.strokes, found[0].strokes)) out = found[k];
+  }
+  return out;
+}
+
+}  // namespace camber

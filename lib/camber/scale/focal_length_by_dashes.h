@@ -1,0 +1,26 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "camber/scale/lane_marking_detection.h"
+
+namespace camber {
+
+/// What the strokes of broken lines know of the focal length.
+struct DashFocalLength {
+  double factor = 1.0;  ///< on the camera's focal length, > 0, to about a tenth
+  int strokes = 0;      ///< that fit it, more than fit the camera's own; 0: none
+};
+
+/// Looks for broken lines of known sizes with other focal lengths, from half to twice the camera's.
+/// A wrong one stretches the ground along the view and leaves what lies across it, as the camera's
+/// height and the width of a line, unchanged: strokes of the right width then have wrong lengths
+/// and periods. Strokes that lie a period apart, along each other, prove it.
+/// @param ground, ahead  by the camera as it is given; see detect_lane_markings().
+/// @throws std::invalid_argument for sizes that disagree.
+DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCamera& camera,
+                                       const GroundRaster& ground, const Eigen::Vector3d& ahead,
+                                       const LaneMarkingSizes& sizes, double scale_sigma,
+                                       int num_threads = 0);
+
+}  // namespace camber
