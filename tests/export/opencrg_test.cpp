@@ -208,6 +208,18 @@ TEST(OpenCrg, DamagedFilesAreRefusedWithTheirPlace) {
               ::testing::HasSubstr("cross sections of 3 channels"));
 }
 
+TEST(OpenCrg, ShortestStepsAndScalesThatLeaveNoNumbers) {
+  const std::string good = written(small_road());
+  const std::string tiny = replaced(replaced(good, "END_U      = 4\n", "END_U      = 4e-300\n"),
+                                    "INCREMENT  = 2\n", "INCREMENT  = 2e-300\n");
+  ASSERT_EQ(refusal(tiny), "read");
+  const CrgRoad road(read_text_as_crg(tiny), true);
+  for (const double u : {-1e9, 0.0, 1e-300, 1e9}) EXPECT_TRUE(std::isfinite(road.heading(u))) << u;
+  EXPECT_THAT(
+      refusal(replaced(good, "$KD_DEF", "$ROAD_CRG_MODS\nSCALE_LENGTH = 1e-308\n$\n$KD_DEF")),
+      ::testing::HasSubstr("scale_length is 1e-308, expected 1e-06 to 1000000"));
+}
+
 TEST(OpenCrg, NamedFiles) {
   const test::TemporaryFolder folder;
   const auto put = [&](const char* name, const std::string& text) {

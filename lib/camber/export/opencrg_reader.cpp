@@ -257,8 +257,9 @@ void Reader::modifier_entry(const std::string& key, double value) {
                                                 {"refpoint_u_offset", &m.point_u_offset},
                                                 {"refpoint_v_offset", &m.point_v_offset}};
   if (const auto found = optional.find(key); found != optional.end()) {
-    if ((key == "scale_length" || key == "scale_width") && !(value > 0.0)) {
-      lines_.fail(fmt::format("{} is {}, expected > 0", key, value));
+    constexpr double kLeast = 1e-6, kMost = 1e6;  // lengths stay numbers to compute with
+    if ((key == "scale_length" || key == "scale_width") && !(value >= kLeast && value <= kMost)) {
+      lines_.fail(fmt::format("{} is {}, expected {} to {}", key, value, kLeast, kMost));
     }
     *found->second = value;
   } else if (const auto other = plain.find(key); other != plain.end()) {

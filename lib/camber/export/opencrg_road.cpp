@@ -399,8 +399,9 @@ double CrgRoad::heading(double u) const {
   u = wrapped(u);
   const std::size_t n = x_.size();
   const double at = (u - first_u_) / increment_;
-  const std::size_t index = at < 0.0 ? 0 : std::min(static_cast<std::size_t>(at), n - 2);
-  const auto span = std::max<std::size_t>(static_cast<std::size_t>(0.5 / increment_), 1);
+  const auto index = static_cast<std::size_t>(std::clamp(at, 0.0, static_cast<double>(n - 2)));
+  const auto span =
+      static_cast<std::size_t>(std::clamp(0.5 / increment_, 1.0, static_cast<double>(n)));
   if (span > index) return first_phi_;
   if (phi_.empty() || index + span >= n) return last_phi_;
   return phi_[index];
