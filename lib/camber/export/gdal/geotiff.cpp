@@ -12,7 +12,9 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstdio>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "camber/core/errors.h"
@@ -22,16 +24,32 @@ namespace {
 
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 
-/// Keeps GDAL from printing.
-class Quiet {
+/// Keeps GDAL from printing and remembers its first complaint: some functions make one and return
+/// as if all were well.
+class Complaints {
  public:
-  Quiet() {
-    CPLErrorReset();
-    CPLPushErrorHandler(CPLQuietErrorHandler);
+  Complaints() { CPLPushErrorHandlerEx(keep, this); }
+  ~Complaints() { CPLPopErrorHandler(); }
+  Complaints(const Complaints&) = delete;
+  Complaints& operator=(const Complaints&) = delete;
+
+  /// Refuses where a call was not done or GDAL has complained. What it writes is sound and the file
+  /// is in memory: only that can be short.
+  void check(bool is_done) const {
+    if (is_done && first_[0] == '\0') return;
+    throw MachineError(
+        fmt::format("GDAL cannot write the GeoTIFF, most likely for want of memory{}{}",
+                    first_[0] == '\0' ? "" : ": ", first_.data()));
   }
-  ~Quiet() { CPLPopErrorHandler(); }
-  Quiet(const Quiet&) = delete;
-  Quiet& operator=(const Quiet&) = delete;
+
+ private:
+  static void CPL_STDCALL keep(CPLErr kind, CPLErrorNum, const char* message) {
+    auto& first = static_cast<Complaints*>(CPLGetErrorHandlerUserData())->first_;
+    if (kind < CE_Failure || first[0] != '\0') return;
+    std::snprintf(first.data(), first.size(), "%s", *message == '\0' ? "no reason" : message);
+  }
+
+  std::array<char, 200> first_{};
 };
 
 struct Band {
@@ -67,31 +85,58 @@ std::vector<Band> bands_of(const RoadRaster& raster) {
   return bands;
 }
 
-[[noreturn]] void refuse() {
-  throw MachineError(fmt::format("GDAL cannot write the GeoTIFF: {}", CPLGetLastErrorMsg()));
+using Dataset = std::unique_ptr<void, void (*)(GDALDatasetH)>;
+
+Dataset owned(GDALDatasetH file) {
+  return {file, [](GDALDatasetH open) {
+            if (open != nullptr) GDALClose(open);
+          }};
 }
 
-void set_system(GDALDatasetH file, const std::string& crs) {
+bool set_system(GDALDatasetH file, const std::string& crs) {
   const std::unique_ptr<void, void (*)(OGRSpatialReferenceH)> system(
       OSRNewSpatialReference(nullptr), OSRDestroySpatialReference);
   if (OSRSetFromUserInput(system.get(), crs.c_str()) != OGRERR_NONE) {
+    const std::string_view reason = CPLGetLastErrorMsg();  // PROJ's, which has no code for it
+    for (const char* memory : {"out of memory", "bad_alloc"}) {
+      if (reason.find(memory) != std::string_view::npos) return false;
+    }
     throw NoAnswerError(
         fmt::format("GDAL does not know the coordinate system '{}'", crs.substr(0, 80)));
   }
   OSRSetAxisMappingStrategy(system.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  if (GDALSetSpatialRef(file, system.get()) != CE_None) refuse();
+  return GDALSetSpatialRef(file, system.get()) == CE_None;
 }
 
-void write_band(GDALDatasetH file, int number, Band& band, int columns, int rows) {
+bool transfer(GDALRasterBandH band, GDALRWFlag direction, std::vector<float>& values) {
+  const int columns = GDALGetRasterBandXSize(band), rows = GDALGetRasterBandYSize(band);
+  return GDALRasterIO(band, direction, 0, 0, columns, rows, values.data(), columns, rows,
+                      GDT_Float32, 0, 0) == CE_None;
+}
+
+bool write_band(GDALDatasetH file, int number, Band& band) {
   const GDALRasterBandH out = GDALGetRasterBand(file, number);
   GDALSetDescription(out, band.name);
-  GDALSetRasterUnitType(out, band.unit);
-  GDALSetRasterColorInterpretation(out, band.meaning);
-  GDALSetRasterNoDataValue(out, kGeoTiffNoData);
-  if (GDALRasterIO(out, GF_Write, 0, 0, columns, rows, band.values.data(), columns, rows,
-                   GDT_Float32, 0, 0) != CE_None) {
-    refuse();
+  return GDALSetRasterUnitType(out, band.unit) == CE_None &&
+         GDALSetRasterColorInterpretation(out, band.meaning) == CE_None &&
+         GDALSetRasterNoDataValue(out, kGeoTiffNoData) == CE_None &&
+         transfer(out, GF_Write, band.values);
+}
+
+/// Whether a file holds the values. Where libtiff has no memory for a row it goes on with another.
+bool holds(const char* name, const std::vector<Band>& bands) {
+  const std::array<const char*, 2> drivers = {"GTiff", nullptr};
+  const Dataset file =
+      owned(GDALOpenEx(name, GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(), nullptr, nullptr));
+  if (file == nullptr || GDALGetRasterCount(file.get()) != static_cast<int>(bands.size())) {
+    return false;
   }
+  for (std::size_t i = 0; i < bands.size(); ++i) {
+    std::vector<float> values(bands[i].values.size());
+    const GDALRasterBandH band = GDALGetRasterBand(file.get(), static_cast<int>(i) + 1);
+    if (!transfer(band, GF_Read, values) || values != bands[i].values) return false;
+  }
+  return true;
 }
 
 /// A file in memory, removed with it.
@@ -108,7 +153,7 @@ class MemoryFile {
   std::string bytes() const {
     vsi_l_offset size = 0;
     const GByte* data = VSIGetMemFileBuffer(name(), &size, FALSE);
-    if (data == nullptr) refuse();
+    if (data == nullptr) return {};
     return {reinterpret_cast<const char*>(data), static_cast<std::size_t>(size)};
   }
 
@@ -120,35 +165,34 @@ class MemoryFile {
 
 std::string encode_geotiff(const RoadRaster& raster, const std::string& crs,
                            const std::map<std::string, std::string>& metadata) {
-  const Quiet quiet;
+  const Complaints complaints;
   GDALRegister_GTiff();
   const GDALDriverH driver = GDALGetDriverByName("GTiff");
-  if (driver == nullptr) refuse();
+  complaints.check(driver != nullptr);
   std::vector<Band> bands = bands_of(raster);
   const MemoryFile memory;
   std::array<const char*, 5> options = {"COMPRESS=DEFLATE", "PREDICTOR=3", "TILED=YES",
                                         "BIGTIFF=IF_SAFER", nullptr};
   const int columns = static_cast<int>(raster.columns), rows = static_cast<int>(raster.rows);
-  std::unique_ptr<void, void (*)(GDALDatasetH)> file(
-      GDALCreate(driver, memory.name(), columns, rows, static_cast<int>(bands.size()), GDT_Float32,
-                 const_cast<char**>(options.data())),
-      [](GDALDatasetH open) {
-        if (open != nullptr) GDALClose(open);
-      });
-  if (file == nullptr) refuse();
+  Dataset file =
+      owned(GDALCreate(driver, memory.name(), columns, rows, static_cast<int>(bands.size()),
+                       GDT_Float32, const_cast<char**>(options.data())));
+  complaints.check(file != nullptr);
   std::array<double, 6> corners = {raster.west, raster.cell, 0.0, raster.north, 0.0, -raster.cell};
-  if (GDALSetGeoTransform(file.get(), corners.data()) != CE_None) refuse();
-  if (!crs.empty()) set_system(file.get(), crs);
+  complaints.check(GDALSetGeoTransform(file.get(), corners.data()) == CE_None);
+  if (!crs.empty()) complaints.check(set_system(file.get(), crs));
   for (const auto& [name, value] : metadata) {
-    GDALSetMetadataItem(file.get(), name.c_str(), value.c_str(), nullptr);
+    complaints.check(GDALSetMetadataItem(file.get(), name.c_str(), value.c_str(), nullptr) ==
+                     CE_None);
   }
   for (std::size_t i = 0; i < bands.size(); ++i) {
-    write_band(file.get(), static_cast<int>(i) + 1, bands[i], columns, rows);
+    complaints.check(write_band(file.get(), static_cast<int>(i) + 1, bands[i]));
   }
-  CPLErrorReset();
   file.reset();  // writes what is left
-  if (CPLGetLastErrorType() >= CE_Failure) refuse();
-  return memory.bytes();
+  complaints.check(holds(memory.name(), bands));
+  std::string bytes = memory.bytes();
+  complaints.check(!bytes.empty());
+  return bytes;
 }
 
 }  // namespace camber
