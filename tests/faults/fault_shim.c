@@ -50,7 +50,8 @@ static int g_at;             // the N-th call
 static const char* g_folder = "";
 static const char* g_counts;
 static int g_no_exchange;
-static atomic_int g_calls[kKinds];
+static atomic_int g_early_calls[kKinds];
+static atomic_int* g_calls = g_early_calls;
 static atomic_int g_in_main;
 
 // The function of that name that this one hides.
@@ -69,6 +70,10 @@ __attribute__((constructor)) static void read_environment(void) {
   if (getenv("CAMBER_FAULT_FOLDER")) g_folder = getenv("CAMBER_FAULT_FOLDER");
   g_counts = getenv("CAMBER_FAULT_COUNTS");
   g_no_exchange = getenv("CAMBER_NO_EXCHANGE") != NULL;
+  // Shared: a process that the program forks counts on.
+  void* const shared =
+      mmap(NULL, sizeof g_early_calls, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (shared != MAP_FAILED) g_calls = memcpy(shared, g_early_calls, sizeof g_early_calls);
 }
 
 __attribute__((destructor)) static void write_counts(void) {
