@@ -1,6 +1,7 @@
 #include <vtkFreeTypeTools.h>
 #include <vtkImageData.h>
 #include <vtkNew.h>
+#include <vtkSmartPointer.h>
 #include <vtkStdString.h>
 #include <vtkTextProperty.h>
 
@@ -21,12 +22,15 @@ TextBitmap rasterize_text(const std::string& line, int size, bool bold) {
   property->SetColor(1, 1, 1);
   vtkFreeTypeTools* tools = vtkFreeTypeTools::GetInstance();
   tools->ScaleToPowerTwoOff();
-  vtkNew<vtkImageData> data;
   int dims[2] = {0, 0};
   constexpr int kPointsPerInch = 72;  // a font size is then a number of pixels
   TextBitmap out;
   if (line.empty()) return out;
-  if (!tools->RenderString(property, line, kPointsPerInch, data, dims)) {
+  // Not deleted where VTK throws: what it leaves then crashes as it is destroyed.
+  vtkImageData* const made = vtkImageData::New();
+  const bool is_drawn = tools->RenderString(property, line, kPointsPerInch, made, dims);
+  const auto data = vtkSmartPointer<vtkImageData>::Take(made);
+  if (!is_drawn) {
     // The font has all letters of ASCII.
     const bool is_ascii =
         std::all_of(line.begin(), line.end(), [](char c) { return c >= ' ' && c <= '~'; });
