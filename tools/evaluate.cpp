@@ -109,22 +109,23 @@ std::string file_stem(const std::string& name) {
   return out.empty() ? "scene" : out;
 }
 
-/// Histograms of all vehicles, and depth over time of each scene with all its methods.
+/// Histograms of all vehicles, and depth over time of each scene with all its methods, by name.
 /// @param truths  the truth of each of the scenes, as given.
-void write_plots(const fs::path& folder, const std::vector<EvaluatedScene>& scenes,
-                 const std::vector<std::string>& truths,
-                 const std::vector<std::map<int, double>>& times) {
-  const auto write = [&](const std::string& name, const auto& make) {
+std::map<std::string, Image> draw_all_plots(const std::vector<EvaluatedScene>& scenes,
+                                            const std::vector<std::string>& truths,
+                                            const std::vector<std::map<int, double>>& times) {
+  std::map<std::string, Image> plots;
+  const auto draw = [&](const std::string& name, const auto& make) {
     PlotSheet sheet;
     try {
       sheet = make();
     } catch (const NoAnswerError&) {
       return;  // nothing to plot: the tables state it
     }
-    write_png(draw_plots(sheet), folder / name);
+    plots[name] = draw_plots(sheet);
   };
-  write("error_histogram.png", [&] { return error_plots(scenes, PlottedError::kCenter); });
-  write("height_histogram.png", [&] { return error_plots(scenes, PlottedError::kGround); });
+  draw("error_histogram.png", [&] { return error_plots(scenes, PlottedError::kCenter); });
+  draw("height_histogram.png", [&] { return error_plots(scenes, PlottedError::kGround); });
   std::vector<std::string> done, names;
   for (const std::string& truth : truths) {
     if (std::find(done.begin(), done.end(), truth) != done.end()) continue;
@@ -145,15 +146,16 @@ void write_plots(const fs::path& folder, const std::vector<EvaluatedScene>& scen
       names.push_back(name);
       if (same > 0) name += "_" + std::to_string(same + 1);
     }
-    write(name + ".png", [&] { return depth_plots(methods, seconds); });
+    draw(name + ".png", [&] { return depth_plots(methods, seconds); });
   }
+  return plots;
 }
 
 /// All estimates beside their truths; a row of each list belongs together.
 struct Evaluation {
   std::vector<EvaluatedScene> scenes;
   std::vector<std::string> truths;           ///< as given
-  std::vector<std::map<int, double>> times;  ///< as write_plots() takes them
+  std::vector<std::map<int, double>> times;  ///< as draw_all_plots() takes them
 };
 
 Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
@@ -177,11 +179,13 @@ void write_folder(const Command& command, const Arguments& args, const Evaluatio
   inputs.insert(inputs.end(), args.estimate.begin(), args.estimate.end());
   inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
   inputs.emplace_back(args.subset);
+  // Before the folder is there: where VTK's text has no memory, it may end the program.
+  const std::map<std::string, Image> plots = draw_all_plots(all.scenes, all.truths, all.times);
   AtomicFolder folder(args.out, args.overwrite, inputs);
   write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
   write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
   write_json(json, folder.staging() / "tables.json");
-  write_plots(folder.staging(), all.scenes, all.truths, all.times);
+  for (const auto& [name, plot] : plots) write_png(plot, folder.staging() / name);
   RunDocument run;
   run.seed = command.common.seed;
   run.options = json["options"];
