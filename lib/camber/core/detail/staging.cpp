@@ -29,7 +29,9 @@ struct Temporary {
 };
 
 struct Registry {
-  std::mutex mutex;
+  // Recursive: where the standard library has no memory within its noexcept functions, the program
+  // ends through discard_all() on the thread that holds it.
+  std::recursive_mutex mutex;
   bool closed = false;  // by discard_all()
   unsigned counter = 0;
   std::map<fs::path, Temporary> temporaries;
@@ -42,8 +44,8 @@ Registry& registry() {
   return *all;
 }
 
-std::unique_lock<std::mutex> lock_registry() {
-  std::unique_lock<std::mutex> lock(registry().mutex);
+std::unique_lock<std::recursive_mutex> lock_registry() {
+  std::unique_lock<std::recursive_mutex> lock(registry().mutex);
   while (registry().closed) ::pause();
   return lock;
 }
@@ -174,7 +176,7 @@ fs::path final_name(const fs::path& path) {
 Renaming::Renaming() : lock_(lock_registry()) {}
 
 void discard_all() noexcept {
-  const std::lock_guard<std::mutex> lock(registry().mutex);
+  const std::lock_guard<std::recursive_mutex> lock(registry().mutex);
   registry().closed = true;
   for (const auto& [path, temporary] : registry().temporaries) remove_tree(path);
 }

@@ -32,7 +32,7 @@ class Renaming {
   Renaming();
 
  private:
-  std::unique_lock<std::mutex> lock_;
+  std::unique_lock<std::recursive_mutex> lock_;
 };
 
 /// Removes all temporaries; from then on no more can be made nor given their final names, whoever
