@@ -78,7 +78,8 @@ void* end_when_signalled(void*) {
 
 [[noreturn]] void on_terminate() {
   if (g_ending.exchange(true)) wait_for_good();
-  bool no_memory = false;
+  // Thrown, and not caught, in one of the functions that declare that they throw nothing.
+  bool no_memory = std::uncaught_exceptions() > 0;
   try {
     if (std::current_exception()) throw;
   } catch (const std::exception& error) {
