@@ -62,7 +62,7 @@ class Socket {
                      "no process can be started for GDAL: " + std::strerror(reason));
 }
 
-/// Sends the file, or the sentence that says why there is none.
+/// Sends the file, or the sentence that gives the reason.
 [[noreturn]] void encode_and_end(const Socket& to, const RoadRaster& raster, const std::string& crs,
                                  const std::map<std::string, std::string>& metadata) {
   // GDAL and the C library print before they abort.
