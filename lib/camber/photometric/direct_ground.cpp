@@ -273,7 +273,10 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
   window_sums(width, spans, valid.row(0), kPatchWide, kPatchHigh, share.row(0), nullptr);
 
   out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
-  if (!only_judge) out.reserve(static_cast<std::size_t>(cv::countNonZero(ref.ground)));
+  constexpr int kReserved = 1 << 18;  // pixels; large images grow beyond
+  if (!only_judge) {
+    out.reserve(static_cast<std::size_t>(std::min(kReserved, cv::countNonZero(ref.ground))));
+  }
   constexpr float kPatchPixels = kPatchWide * kPatchHigh;
   for (int y = 2; y + 2 < rows; ++y) {
     const float* e = residual.row(y);
