@@ -10,6 +10,7 @@
 #include <string>
 
 #include "camber/core/errors.h"
+#include "camber/pipeline/stages/match.h"
 #include "camber/pipeline/stages/motion.h"
 #include "camber/pipeline/stages/surface.h"
 #include "pipeline/made_drive.h"
@@ -277,6 +278,12 @@ TEST(GroundStage, TakesBetterPointsInPlaceOfTheGroundBefore) {
   EXPECT_LT(worst_field(drive, *found.field), 0.003);
   // The value before is as it was.
   EXPECT_NEAR(before.ego.height, 1.8 / 1.2, 1e-9);
+  // The nearest points of a ground that lies 0.15 m deeper move by several pixels.
+  const auto change = [&](const Ground& from) {
+    return stages::prediction_change(drive.frames, drive.matches, drive.motion, *from.field, found);
+  };
+  EXPECT_GT(change(before), 1.5);
+  EXPECT_EQ(change(found), 0.0);
   EXPECT_GT(worst_field(drive, *before.field), 0.05);
 }
 
