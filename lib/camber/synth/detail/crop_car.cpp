@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "camber/synth/detail/car_body.h"
+#include "camber/synth/detail/faceted_body.h"
 
 namespace camber {
 namespace {
@@ -490,9 +491,18 @@ CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index) {
   car.model = make_car(car_class, proportions);
   if (own.chance(0.6)) warp_body(own.uniform(0.0, 0.035), &own, &car.model);
   if (moved) move_keypoints(moved_by, &local, &car.model);
-  round_body(part(&own, 0.2, 0.6), own.below(4), &car.model);
+  const float weight = part(&own, 0.2, 0.6);
+  const int iterations = own.below(4);
+  float smooth_below = part(&own, 25.0, 60.0);  // [deg]
+  Sequence facets(random.bits(index), 0x46414345u);
+  if (facets.chance(0.4)) {
+    facet_body(facets.uniform(0.01, 0.09), &facets, &car.model);
+    smooth_below = part(&facets, 1.0, 35.0);
+  } else {
+    round_body(weight, iterations, &car.model);
+  }
   car.places = places_of(car.model);
-  car.mesh = smooth_mesh(car.model.mesh, std::cos(part(&own, 25.0, 60.0) * kDegree));
+  car.mesh = smooth_mesh(car.model.mesh, std::cos(smooth_below * kDegree));
   for (std::uint8_t& material : car.mesh.materials) {
     const auto m = static_cast<CarMaterial>(material);
     if (m == CarMaterial::kGlass || m == CarMaterial::kLight || m == CarMaterial::kPlate) {
