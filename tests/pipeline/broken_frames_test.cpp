@@ -3,12 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "camber/core/errors.h"
@@ -230,6 +232,37 @@ TEST_F(BrokenFrames, MarkingsOfKnownSizeGiveMetresWithoutACameraHeight) {
   ASSERT_FALSE(wrong.run.warnings.empty());
   EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("lane_markings"));
   EXPECT_GT(wrong.run.scale_sigma, 0.15);
+}
+
+/// Three broken lines of 3 m strokes, 6 m apart.
+double lanes(double x, double z, int) {
+  for (const auto& [line, first] : {std::pair{-3.4, 6.0}, {-1.6, 8.0}, {1.9, 5.0}}) {
+    if (std::abs(x - line) < 0.075 && z > first && std::fmod(z - first, 9.0) < 3.0) return 2.2;
+  }
+  return 1.0;
+}
+
+TEST_F(BrokenFrames, StrokesOfKnownLengthContradictAFocalLength) {
+  DrawnRoad road = street(flat);
+  road.light = lanes;
+  Scene scene = make_scene(road);
+  scene.markings_m = {{"dash_length", 3.0}, {"dash_gap", 6.0}, {"line_width", 0.15}};
+  const auto named = [](const Reconstruction& result) {
+    return std::count_if(result.run.warnings.begin(), result.run.warnings.end(),
+                         [](const auto& w) { return w.code == "focal_length_contradicted"; });
+  };
+  EXPECT_EQ(named(reconstruct(scene, {0, 1, 2}, {})), 0);
+
+  scene.camera.fx *= 2.0;
+  scene.camera.fy *= 2.0;
+  const Reconstruction wrong = reconstruct(scene, {0, 1, 2}, {});
+  ASSERT_EQ(named(wrong), 1);
+  for (const auto& warning : wrong.run.warnings) {
+    if (warning.code != "focal_length_contradicted") continue;
+    EXPECT_THAT(warning.text, HasSubstr("strokes of broken lines"));
+  }
+  // Twice the focal length takes lengths along the road for twice what they are.
+  EXPECT_GT(wrong.run.scale_sigma, 0.3);
 }
 
 TEST_F(BrokenFrames, TruckAheadWithoutMasks) {
