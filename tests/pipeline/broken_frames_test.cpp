@@ -336,6 +336,17 @@ TEST_F(BrokenFrames, SlowDriveTakesFramesFurtherApart) {
   EXPECT_GT(three.parallax_px, 6.0);
 }
 
+TEST_F(BrokenFrames, WhereThereIsNothingToChooseNoImageIsRead) {
+  const FramePixelSource none = [](int id) -> FramePixels {
+    ADD_FAILURE() << "frame " << id << " was read";
+    return {};
+  };
+  const ChosenFrames three = choose_frames(make_scene(flat, {-1, 0, 1}), none);
+  EXPECT_EQ(three.ids, (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(three.spacing, 1);
+  EXPECT_EQ(three.parallax_px, 0.0);
+}
+
 TEST_F(BrokenFrames, TwoFramesSuffice) {
   const Reconstruction result = reconstruct(make_scene(climbing, {0, 1}), {0, 1}, {});
   EXPECT_GE(check(result, street(climbing)), 6);

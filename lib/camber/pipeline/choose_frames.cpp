@@ -128,6 +128,7 @@ ChosenFrames neighbouring_frames(const Scene& scene) { return Reference(scene).w
 ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels) {
   const Reference reference(scene);
   const std::size_t most = std::max(reference.behind(), reference.ahead());
+  if (most == 1) return reference.with_spacing(1);
   const Undistortion lens(scene.camera, scene.distortion);
   FrameImageReader images;  // goes on through a video as the frames do
   const GrayImage here = small_image(scene, reference.at, lens, images, pixels);

@@ -78,9 +78,11 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
 /// many frames apart as it takes to see the near road move (a slow drive has no parallax between
 /// consecutive ones); two where the reference is the first or the last.
 struct ChosenFrames {
-  std::vector<int> ids;      ///< ascending
-  int spacing = 1;           ///< frames from one to the next
-  double parallax_px = 0.0;  ///< of the near road between neighbours, rotation taken out
+  std::vector<int> ids;  ///< ascending
+  int spacing = 1;       ///< frames from one to the next
+  /// Of the near road between neighbours, rotation taken out; 0 where there was nothing to choose
+  /// and no image was looked at.
+  double parallax_px = 0.0;
 };
 
 /// @param pixels  images in memory, as LoadOptions::pixels; asked for the frames that are looked
