@@ -139,6 +139,14 @@ bool holds(const char* name, const std::vector<Band>& bands) {
   return true;
 }
 
+/// Whether a file names a coordinate system. GeoTIFF has keys for the common projections alone.
+bool names_system(const char* name) {
+  const std::array<const char*, 2> drivers = {"GTiff", nullptr};
+  const Dataset file =
+      owned(GDALOpenEx(name, GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(), nullptr, nullptr));
+  return file != nullptr && GDALGetSpatialRef(file.get()) != nullptr;
+}
+
 /// A file in memory, removed with it.
 class MemoryFile {
  public:
@@ -166,6 +174,8 @@ class MemoryFile {
 std::string encode_geotiff(const RoadRaster& raster, const std::string& crs,
                            const std::map<std::string, std::string>& metadata) {
   const Complaints complaints;
+  // What the format cannot hold is not to be put into a file beside it, which nobody gets.
+  CPLSetConfigOption("GDAL_PAM_ENABLED", "NO");
   GDALRegister_GTiff();
   const GDALDriverH driver = GDALGetDriverByName("GTiff");
   complaints.check(driver != nullptr);
@@ -190,6 +200,10 @@ std::string encode_geotiff(const RoadRaster& raster, const std::string& crs,
   }
   file.reset();  // writes what is left
   complaints.check(holds(memory.name(), bands));
+  if (!crs.empty() && !names_system(memory.name())) {
+    throw NoAnswerError(
+        fmt::format("a GeoTIFF cannot name the coordinate system '{}'", crs.substr(0, 80)));
+  }
   std::string bytes = memory.bytes();
   complaints.check(!bytes.empty());
   return bytes;

@@ -15,8 +15,8 @@ inline constexpr double kGeoTiffNoData = -9999.0;
 /// @param crs       EPSG:n, well-known text or a PROJ string; empty: none is known
 /// @param metadata  of the whole file: name and value
 /// @return          the file's bytes
-/// @throws NoAnswerError for a coordinate system that GDAL does not know; MachineError where GDAL
-///         cannot write.
+/// @throws NoAnswerError for a coordinate system that GDAL does not know or the format has no keys
+///         for; MachineError where GDAL cannot write.
 std::string encode_geotiff(const RoadRaster& raster, const std::string& crs,
                            const std::map<std::string, std::string>& metadata);
 
