@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "camber/core/errors.h"
+#include "camber/core/read_file.h"
 
 namespace camber {
 namespace {
@@ -30,8 +31,7 @@ std::string hash_bytes(std::string_view bytes) {
 }
 
 std::string hash_file(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError(path.string(), "cannot be opened");
+  std::ifstream in = open_file(path);
   const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(),
                                                                               XXH3_freeState);
   XXH3_128bits_reset(state.get());

@@ -2,14 +2,13 @@
 
 #include <cerrno>
 #include <cstring>
-#include <fstream>
 #include <vector>
 
 #include "camber/core/errors.h"
 
 namespace camber {
 
-std::string read_whole_file(const std::filesystem::path& path, std::size_t max_bytes) {
+std::ifstream open_file(const std::filesystem::path& path) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) {
     throw InputError(path.string(), "is a folder, expected a file");
@@ -23,7 +22,13 @@ std::string read_whole_file(const std::filesystem::path& path, std::size_t max_b
                                         : std::string("cannot be opened: ") +
                                               (reason ? std::strerror(reason) : "unknown reason"));
   }
+  return in;
+}
+
+std::string read_whole_file(const std::filesystem::path& path, std::size_t max_bytes) {
+  std::ifstream in = open_file(path);
   std::string text;
+  std::error_code error;
   const auto size = std::filesystem::file_size(path, error);
   if (!error && size <= max_bytes) text.reserve(static_cast<std::size_t>(size));
   std::vector<char> buffer(1 << 16);

@@ -2,10 +2,14 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <string_view>
 
 namespace camber {
+
+/// A file's bytes to read. @throws InputError if it is missing, a folder or cannot be opened.
+std::ifstream open_file(const std::filesystem::path& path);
 
 /// The whole of a file of at most `max_bytes`. @throws InputError if it is missing, a folder,
 /// unreadable or larger.
