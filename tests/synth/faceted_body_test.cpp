@@ -71,7 +71,7 @@ TEST(FacetedBody, TrianglesFaceOutwards) {
 }
 
 TEST(FacetedBody, EachPairOfKeypointsMovesByItself) {
-  // Along the car, apart from the shift that centres it again; the body redraws too large moves.
+  // Heights, which centring the car again leaves alone; moves that are too large are drawn again.
   double squares = 0.0, product = 0.0;
   int count = 0;
   for (std::uint64_t i = 0; i < kCars; ++i) {

@@ -123,28 +123,21 @@ bool write_band(GDALDatasetH file, int number, Band& band) {
          transfer(out, GF_Write, band.values);
 }
 
-/// Whether a file holds the values. Where libtiff has no memory for a row it goes on with another.
-bool holds(const char* name, const std::vector<Band>& bands) {
+Dataset reopened(const char* name) {
   const std::array<const char*, 2> drivers = {"GTiff", nullptr};
-  const Dataset file =
-      owned(GDALOpenEx(name, GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(), nullptr, nullptr));
-  if (file == nullptr || GDALGetRasterCount(file.get()) != static_cast<int>(bands.size())) {
-    return false;
-  }
+  return owned(
+      GDALOpenEx(name, GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(), nullptr, nullptr));
+}
+
+/// Whether a file holds the values. Where libtiff has no memory for a row it goes on with another.
+bool holds(GDALDatasetH file, const std::vector<Band>& bands) {
+  if (file == nullptr || GDALGetRasterCount(file) != static_cast<int>(bands.size())) return false;
   for (std::size_t i = 0; i < bands.size(); ++i) {
     std::vector<float> values(bands[i].values.size());
-    const GDALRasterBandH band = GDALGetRasterBand(file.get(), static_cast<int>(i) + 1);
+    const GDALRasterBandH band = GDALGetRasterBand(file, static_cast<int>(i) + 1);
     if (!transfer(band, GF_Read, values) || values != bands[i].values) return false;
   }
   return true;
-}
-
-/// Whether a file names a coordinate system. GeoTIFF has keys for the common projections alone.
-bool names_system(const char* name) {
-  const std::array<const char*, 2> drivers = {"GTiff", nullptr};
-  const Dataset file =
-      owned(GDALOpenEx(name, GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(), nullptr, nullptr));
-  return file != nullptr && GDALGetSpatialRef(file.get()) != nullptr;
 }
 
 /// A file in memory, removed with it.
@@ -175,7 +168,7 @@ std::string encode_geotiff(const RoadRaster& raster, const std::string& crs,
                            const std::map<std::string, std::string>& metadata) {
   const Complaints complaints;
   // What the format cannot hold is not to be put into a file beside it, which nobody gets.
-  CPLSetConfigOption("GDAL_PAM_ENABLED", "NO");
+  const CPLConfigOptionSetter no_side_file("GDAL_PAM_ENABLED", "NO", false);
   GDALRegister_GTiff();
   const GDALDriverH driver = GDALGetDriverByName("GTiff");
   complaints.check(driver != nullptr);
@@ -199,10 +192,15 @@ std::string encode_geotiff(const RoadRaster& raster, const std::string& crs,
     complaints.check(write_band(file.get(), static_cast<int>(i) + 1, bands[i]));
   }
   file.reset();  // writes what is left
-  complaints.check(holds(memory.name(), bands));
-  if (!crs.empty() && !names_system(memory.name())) {
-    throw NoAnswerError(
-        fmt::format("a GeoTIFF cannot name the coordinate system '{}'", crs.substr(0, 80)));
+  {
+    const Dataset written = reopened(memory.name());
+    complaints.check(holds(written.get(), bands));
+    const bool named = crs.empty() || GDALGetSpatialRef(written.get()) != nullptr;
+    complaints.check(true);
+    if (!named) {  // it has keys for the common projections alone
+      throw NoAnswerError(
+          fmt::format("a GeoTIFF cannot name the coordinate system '{}'", crs.substr(0, 80)));
+    }
   }
   std::string bytes = memory.bytes();
   complaints.check(!bytes.empty());

@@ -37,7 +37,9 @@ class CarBuilder {
     for (int k : {0, 1}) {
       add_wheel(model_.keypoints[k], -1.0);
       add_wheel(model_.keypoints[k + 18], 1.0);
-      add_axle_box(model_.keypoints[k]);
+      const double arch = p_.wheel_radius + p_.arch_gap + 0.01;
+      add_axle_box(model_.keypoints[k], arch, p_.clearance + 0.01, p_.wheel_radius + arch,
+                   &model_.mesh);
     }
     return std::move(model_);
   }
@@ -504,22 +506,6 @@ class CarBuilder {
     }
   }
 
-  /// A dark closed box between the wheels of an axle, so that nobody sees through the arches.
-  void add_axle_box(const Eigen::Vector3d& wheel) {
-    const double arch = p_.wheel_radius + p_.arch_gap + 0.01;
-    const double xs[2] = {wheel.x() - arch, wheel.x() + arch};
-    const double ys[2] = {p_.clearance + 0.01, p_.wheel_radius + arch};
-    const double zs[2] = {wheel.z() + 0.2, -wheel.z() - 0.2};
-    const int first = static_cast<int>(model_.mesh.vertices.size());
-    for (int i = 0; i < 8; ++i) add_vertex({xs[i & 1], ys[(i >> 1) & 1], zs[i >> 2]});
-    constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
-                                  {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
-    for (const auto& f : kFaces) {
-      add_triangle(first + f[0], first + f[1], first + f[2], CarMaterial::kTrim);
-      add_triangle(first + f[0], first + f[2], first + f[3], CarMaterial::kTrim);
-    }
-  }
-
   CarProportions p_;
   double half_width_;
   CarModel model_;
@@ -540,6 +526,22 @@ class CarBuilder {
 
 CarModel build_car_body(CarClass car_class, const CarProportions& proportions) {
   return CarBuilder(car_class, proportions).build();
+}
+
+void add_axle_box(const Eigen::Vector3d& wheel, double reach, double low, double high,
+                  TriangleMesh* mesh) {
+  const double xs[2] = {wheel.x() - reach, wheel.x() + reach};
+  const double ys[2] = {low, high};
+  const double zs[2] = {wheel.z() + 0.2, -wheel.z() - 0.2};
+  const int first = static_cast<int>(mesh->vertices.size());
+  for (int i = 0; i < 8; ++i) mesh->vertices.emplace_back(xs[i & 1], ys[(i >> 1) & 1], zs[i >> 2]);
+  constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  for (const auto& f : kFaces) {
+    mesh->triangles.emplace_back(first + f[0], first + f[1], first + f[2]);
+    mesh->triangles.emplace_back(first + f[0], first + f[2], first + f[3]);
+    mesh->materials.insert(mesh->materials.end(), 2, static_cast<int>(CarMaterial::kTrim));
+  }
 }
 
 }  // namespace camber

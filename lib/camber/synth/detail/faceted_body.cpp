@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "camber/synth/detail/car_body.h"
+
 namespace camber {
 namespace {
 
@@ -173,22 +175,6 @@ void add_panels(const Keypoints& k, double clearance, Sequence* random, Polyhedr
   });
 }
 
-/// Dark, between the wheels of an axle.
-void add_axle_box(const Eigen::Vector3d& wheel, double radius, double top, double clearance,
-                  Polyhedron* body) {
-  const double reach = radius + 0.07, half = -wheel.z() - 0.2;
-  const double xs[2] = {wheel.x() - reach, wheel.x() + reach};
-  const double ys[2] = {clearance + 0.01, top}, zs[2] = {-half, half};
-  std::array<int, 8> at;
-  for (int i = 0; i < 8; ++i) at[i] = body->vertex({xs[i & 1], ys[(i >> 1) & 1], zs[i >> 2]});
-  constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
-                                {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
-  for (const auto& f : kFaces) {
-    body->triangle(at[f[0]], at[f[1]], at[f[2]], CarMaterial::kTrim);
-    body->triangle(at[f[0]], at[f[2]], at[f[3]], CarMaterial::kTrim);
-  }
-}
-
 bool of_wheel(int material) {
   return material == static_cast<int>(CarMaterial::kTyre) ||
          material == static_cast<int>(CarMaterial::kRim);
@@ -256,7 +242,7 @@ void facet_body(double size, Sequence* random, CarModel* model) {
   add_skirts(k, clearance, &body);
   for (int axle = 0; axle < 2; ++axle) {
     const double top = std::min(k[kTops[axle][0]].y(), k[kTops[axle][1]].y()) + 0.02;
-    add_axle_box(k[axle], model->wheel_radius, top, clearance, &body);
+    add_axle_box(k[axle], model->wheel_radius + 0.07, clearance + 0.01, top, &model->mesh);
   }
   center(model);
 }
