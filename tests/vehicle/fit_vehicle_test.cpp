@@ -510,6 +510,41 @@ TEST(FitVehicle, TwoDetectionsOfOneCarAgree) {
 }
 
 // The vehicle stands on the ground: the ground below it is known better with it than without.
+// What a plane's covariance leaves out is in what is stated, as far as it moves the answer: the
+// change of one that stands on a plane raised by as much.
+TEST(FitVehicle, StatesWhatThePlanesCovarianceLeavesOut) {
+  SimulationOptions simulation;
+  simulation.gross_share = 0.0;
+  constexpr double kLeftOut = 0.05;  // m
+  int compared = 0, agreed = 0;
+  for (int i = 0; i < 40; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(simulation, i);
+    const VehicleEstimate without = fit_vehicle(s.camera, s.detection, s.support, {});
+    SupportPlane support = s.support;
+    support.unmodelled_height = kLeftOut;
+    const VehicleEstimate with = fit_vehicle(s.camera, s.detection, support, {});
+    EXPECT_TRUE(with.pose.center() == without.pose.center()) << i;
+    if (without.status != Status::kOk || with.status != Status::kOk) continue;
+
+    constexpr double kStep = 0.002;  // m; beyond it the plane's robust cost is no parabola
+    SupportPlane raised = s.support;
+    raised.plane.plane = s.support.plane.perturbed({0.0, 0.0, kStep});
+    raised.plane.centroid = raised.plane.plane.foot(s.support.plane.centroid);
+    const VehicleEstimate moved = fit_vehicle(s.camera, s.detection, raised, {});
+    const Eigen::Vector3d change = kLeftOut / kStep * (moved.pose.center() - without.pose.center());
+    const Eigen::Matrix3d added = (with.covariance - without.covariance).topLeftCorner<3, 3>();
+    EXPECT_GT(with.plane_sigma_height, without.plane_sigma_height) << i;
+    if (change.norm() < 0.2) continue;  // the start's own steps are seen
+    ++compared;
+    const Eigen::Vector3d along = change.normalized();
+    const bool as_far = std::abs(std::sqrt(added.trace()) - change.norm()) < 0.2 * change.norm();
+    agreed += as_far && along.dot(added * along) > 0.95 * added.trace() ? 1 : 0;
+  }
+  // A fit decides anew which keypoints were seen, so that a few answers jump.
+  EXPECT_GT(compared, 15);
+  EXPECT_GT(agreed, 0.8 * compared) << compared;
+}
+
 TEST(FitVehicle, MeasuresTheGroundBelowIt) {
   SimulationOptions options;
   options.plane_sigma_height = 0.15;

@@ -11,7 +11,8 @@ namespace {
 std::optional<SupportPlane> patch_below(const RoadSurface& surface,
                                         const SE3& reference_from_camera,
                                         const PinholeCamera& camera,
-                                        const VehicleDetection& detection) {
+                                        const VehicleDetection& detection,
+                                        const SupportOptions& options) {
   constexpr double kReach = 5.0;  // m, beyond a patch's boundary
   const Eigen::Vector3d ray =
       camera.ray({detection.box.center().x(), std::min(detection.box.y2, camera.height - 1.0)});
@@ -22,6 +23,7 @@ std::optional<SupportPlane> patch_below(const RoadSurface& surface,
   out.plane = query.plane.transformed(reference_from_camera.inverse());
   out.source = "patch " + std::to_string(query.patch);
   out.status = query.status;
+  out.unmodelled_height = options.road_unmodelled_height;
   return out;
 }
 
@@ -51,8 +53,8 @@ FrameGround ground_of(const Scene& scene, const SceneFrame& frame, const RoadSur
   if (seen) {
     out.ego = ego_below(surface, seen->reference_from_camera);
     for (const VehicleDetection& detection : frame.vehicles) {
-      out.local.push_back(
-          patch_below(surface, seen->reference_from_camera, scene.camera, detection));
+      out.local.push_back(patch_below(surface, seen->reference_from_camera, scene.camera, detection,
+                                      options.vehicles.support));
     }
   }
   if (!out.ego && frame.ego_plane) {

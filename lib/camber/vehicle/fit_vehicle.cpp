@@ -55,8 +55,7 @@ bool fit_box(const PinholeCamera& camera, const VehicleDetection& detection,
   ReportCovariance covariance = ReportCovariance::Zero();
   for (std::size_t i = 0; i < hypotheses.size(); ++i) {
     const VehicleState& s = hypotheses[i].state;
-    const Eigen::MatrixXd own =
-        posterior.view_covariance(0, posterior_mean(posterior, s).covariance);
+    const Eigen::MatrixXd own = stated_covariance(posterior, 0, posterior_mean(posterior, s));
     const Eigen::Matrix<double, 6, 1> off = place(s) - mean;
     Eigen::Matrix<double, 9, 1> difference = Eigen::Matrix<double, 9, 1>::Zero();
     difference.head<3>() = off.head<3>();
@@ -136,8 +135,7 @@ std::string fit_keypoints(const PinholeCamera& camera, const VehicleDetection& d
 
   const PosteriorMean answer = posterior_mean(posterior, best);
   if (answer.covariance.size() == 0) return "no pose fits the keypoints";
-  write_answer(posterior, 0, prior, answer.state, posterior.view_covariance(0, answer.covariance),
-               rival, out);
+  write_answer(posterior, 0, prior, answer, rival, out);
   if (naming.swapped && out->status == Status::kOk) {
     out->status = Status::kWeak;
     out->reason = kSidesSwapped;

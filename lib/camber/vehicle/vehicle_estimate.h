@@ -49,6 +49,9 @@ struct SupportPlane {
   UncertainPlane plane;         ///< camera frame of the image, metres
   std::string source;           ///< "patch ID", "ego", "given" or "level"
   Status status = Status::kOk;  ///< of the patch
+  /// m: an error of the plane's height that its covariance, by which it is weighed against the
+  /// vehicle's own evidence, leaves out. It is in what is stated of the vehicle alone.
+  double unmodelled_height = 0.0;
 };
 
 /// Keypoints of which nothing is known: NaN.

@@ -106,6 +106,8 @@ void SupportOptions::validate() const {
                     {"ego_sigma_tilt", ego_sigma_tilt},
                     {"level_sigma_height", level_sigma_height},
                     {"level_sigma_tilt", level_sigma_tilt}});
+  require(road_unmodelled_height >= 0.0, {"road_unmodelled_height", road_unmodelled_height},
+          ">= 0");
 }
 
 }  // namespace camber

@@ -179,7 +179,9 @@ struct SupportOptions {
   double ego_sigma_tilt = 0.03;       ///< rad: how much a road's slope changes ahead; > 0; assumed
   double level_sigma_height = 0.05;   ///< m, at the foot below the camera; > 0; assumed
   double level_sigma_tilt = 0.06;     ///< rad; > 0; assumed
-  void validate() const;              ///< throws std::invalid_argument
+  /// m, SupportPlane::unmodelled_height of a plane of the road. [steep]
+  double road_unmodelled_height = 0.05;
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 }  // namespace camber

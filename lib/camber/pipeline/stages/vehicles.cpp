@@ -68,8 +68,9 @@ SupportPlane support_of(const PinholeCamera& camera, const VehicleDetection& det
 
 /// A patch's plane in the camera of its frame.
 SupportPlane support_from(const LocalPlane& plane, const PatchFootprint& footprint,
-                          const SE3& frame_from_reference) {
+                          const SE3& frame_from_reference, const SupportOptions& options) {
   SupportPlane out;
+  out.unmodelled_height = options.road_unmodelled_height;
   out.plane = plane.plane.transformed(frame_from_reference);
   out.source = "patch " + std::to_string(footprint.id);
   out.status = detail::patch_status(plane.plane, footprint.unobserved).status;
@@ -104,7 +105,8 @@ struct GroundUnderVehicles {
 };
 
 GroundUnderVehicles ground_under_vehicles(const LoadedFrames& frames, const MotionEstimate& motion,
-                                          const ScaledRoad& scaled, const SurfacePlan& plan) {
+                                          const ScaledRoad& scaled, const SurfacePlan& plan,
+                                          const SupportOptions& options) {
   const RoadPosterior& road = scaled.road;
   GroundUnderVehicles out;
   SupportPlane ego;
@@ -126,7 +128,7 @@ GroundUnderVehicles ground_under_vehicles(const LoadedFrames& frames, const Moti
         ground.local.emplace_back(last_patch(road, plan, pose));
         continue;
       }
-      ground.local.emplace_back(support_from(footprint->plane, *footprint, pose));
+      ground.local.emplace_back(support_from(footprint->plane, *footprint, pose, options));
       out.local = footprint->local;
       out.planes.push_back(footprint->plane);
       out.at.push_back({k, j});
@@ -257,7 +259,8 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
                         const VehicleOptions& options) {
   if (!options.enabled) return {};
   const RoadPosterior& road = scaled.road;
-  const GroundUnderVehicles ground = ground_under_vehicles(frames, motion, scaled, plan);
+  const GroundUnderVehicles ground =
+      ground_under_vehicles(frames, motion, scaled, plan, options.support);
   std::vector<TrackFrame> views =
       views_of(frames, motion, road.metres_per_baseline(), ground.frames, options);
   if (options.method != VehicleMethod::kJoint) {

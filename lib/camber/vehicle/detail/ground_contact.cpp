@@ -22,6 +22,7 @@ GroundContact::GroundContact(const SupportPlane& support, const ContactNoise& no
                              double weight)
     : plane_(support.plane),
       shared_(support.source == "ego" || support.source == "level"),
+      unmodelled_height_(support.unmodelled_height),
       noise_variance_(noise.sigma_tilt * noise.sigma_tilt, noise.sigma_tilt * noise.sigma_tilt,
                       noise.sigma_height * noise.sigma_height),
       gate_squared_(noise.gate * noise.gate),
@@ -90,6 +91,13 @@ double GroundContact::evaluate(const ViewPose& pose, PoseMatrix* hessian,
   return cost;
 }
 
+PoseVector GroundContact::pull_of_unmodelled(const ViewPose& pose) const {
+  const double weight =
+      weight_ * (certain_ ? 1.0 : 1.0 / (1.0 + squared_distance(pose) / gate_squared_));
+  return weight * unmodelled_height_ *
+         (jacobian(pose).transpose() * information(pose) * by_plane(pose).col(2));
+}
+
 GroundContact::Posterior GroundContact::posterior(const ViewPose& pose,
                                                   const PoseMatrix& pose_covariance) const {
   const double widening = certain_ ? 1.0 : 1.0 + squared_distance(pose) / gate_squared_;
@@ -101,15 +109,18 @@ GroundContact::Posterior GroundContact::posterior(const ViewPose& pose,
   Posterior out;
   out.change = gain * residual(pose);
   out.change_by_pose = gain * jacobian(pose);
+  out.kept = Eigen::Matrix3d::Identity() - gain * m;
   out.covariance = prior - gain * m * prior +
                    out.change_by_pose * pose_covariance * out.change_by_pose.transpose();
   return out;
 }
 
 Plane GroundContact::posterior_plane(const ViewPose& pose, const PoseMatrix& pose_covariance,
-                                     const Eigen::Matrix3d& place, double* sigma_height) const {
+                                     const PoseVector& raised, const Eigen::Matrix3d& place,
+                                     double* sigma_height) const {
   if (shared_) {
-    *sigma_height = std::sqrt(std::max(plane_.height_variance(pose.translation), 0.0));
+    *sigma_height = std::hypot(std::sqrt(std::max(plane_.height_variance(pose.translation), 0.0)),
+                               unmodelled_height_);
     return plane_.plane;
   }
   const Posterior after = posterior(pose, pose_covariance);
@@ -121,7 +132,10 @@ Plane GroundContact::posterior_plane(const ViewPose& pose, const PoseMatrix& pos
   const Eigen::Matrix2d tilt = after.covariance.topLeftCorner<2, 2>();
   const double elsewhere = tilt.cwiseProduct(arm * place * arm.transpose()).sum();
   const double variance = height * after.covariance * height.transpose();
-  *sigma_height = std::sqrt(std::max(variance, 0.0) + std::max(elsewhere, 0.0));
+  const double unmodelled =
+      height * (unmodelled_height_ * after.kept.col(2) + after.change_by_pose * raised);
+  *sigma_height =
+      std::sqrt(std::max(variance, 0.0) + std::max(elsewhere, 0.0) + unmodelled * unmodelled);
   return plane_.perturbed(after.change);
 }
 

@@ -49,24 +49,32 @@ class GroundContact {
   /// the information is held, as it hardly depends on the pose.
   double evaluate(const ViewPose& pose, PoseMatrix* hessian, PoseVector* gradient) const;
 
+  /// What the gradient of the cost by the pose falls by where the plane is raised by what its
+  /// covariance leaves out (SupportPlane::unmodelled_height).
+  PoseVector pull_of_unmodelled(const ViewPose& pose) const;
+
   /// The ground as the vehicle that stands on it shows it too.
   struct Posterior {
     Eigen::Vector3d change;          ///< of the plane: tilt, tilt, height
     Eigen::Matrix3d covariance;      ///< of the changed plane
     ContactJacobian change_by_pose;  ///< d change / d pose, information held
+    Eigen::Matrix3d kept;            ///< what is left of an error of the plane, the pose held
   };
   /// @param pose_covariance  of the solved pose parameters.
   Posterior posterior(const ViewPose& pose, const PoseMatrix& pose_covariance) const;
 
   /// Posterior mean of the plane, and the standard deviation of its height at the vehicle. The ego
   /// plane and a level one, which other vehicles stand on too, stay.
-  /// @param place  covariance of the vehicle's centre, m^2: where it truly stands.
+  /// @param raised  change of the pose by what the plane's covariance leaves out.
+  /// @param place   covariance of the vehicle's centre, m^2: where it truly stands.
   Plane posterior_plane(const ViewPose& pose, const PoseMatrix& pose_covariance,
-                        const Eigen::Matrix3d& place, double* sigma_height) const;
+                        const PoseVector& raised, const Eigen::Matrix3d& place,
+                        double* sigma_height) const;
 
  private:
   UncertainPlane plane_;
   bool shared_;  // with other vehicles
+  double unmodelled_height_;
   Eigen::Vector3d noise_variance_;
   double gate_squared_;
   bool certain_;

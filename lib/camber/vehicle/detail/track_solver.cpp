@@ -230,8 +230,7 @@ void write_track(const std::vector<TrackFrame>& frames, const VehiclePrior& prio
     if (!unreliable_reason(posterior, k, answer.state, frame.detections[v.detection].box).empty()) {
       continue;
     }
-    write_answer(posterior, k, prior, answer.state, posterior.view_covariance(k, answer.covariance),
-                 std::numeric_limits<double>::infinity(), &estimate);
+    write_answer(posterior, k, prior, answer, std::numeric_limits<double>::infinity(), &estimate);
     if (posterior.num_views() == 1 && estimate.status == Status::kOk &&
         frame.estimates[v.detection].reason == kTwoHeadings) {
       estimate.status = Status::kWeak;

@@ -74,20 +74,34 @@ PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleSta
   out.covariance = factors.inverse();
   const Eigen::VectorXd gradient = posterior.shape_marginal_gradient(state, equations);
   out.state = posterior.moved(state, -out.covariance * gradient);
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(posterior.layout().total());
+  for (int k = 0; k < posterior.num_views(); ++k) {
+    pull.segment<kPoseParameters>(posterior.layout().pose(k)) =
+        posterior.contact(k).pull_of_unmodelled(out.state.poses[static_cast<std::size_t>(k)]);
+  }
+  out.raised = out.covariance * pull;
   return out;
 }
 
+Eigen::MatrixXd stated_covariance(const VehiclePosterior& posterior, int view,
+                                  const PosteriorMean& mean) {
+  return posterior.view_covariance(view, mean.covariance + mean.raised * mean.raised.transpose());
+}
+
 void write_answer(const VehiclePosterior& posterior, int view, const VehiclePrior& prior,
-                  const VehicleState& state, const Eigen::MatrixXd& covariance, double rival,
-                  VehicleEstimate* out) {
+                  const PosteriorMean& mean, double rival, VehicleEstimate* out) {
+  const VehicleState& state = mean.state;
   const ViewPose& pose = state.poses[static_cast<std::size_t>(view)];
   const VehicleNoise& noise = posterior.noise();
   const GroundContact& contact = posterior.contact(view);
   write_pose_and_form(prior, pose, state.form, out);
-  out->covariance = report_covariance(pose, state.form, covariance, noise.form);
+  out->covariance =
+      report_covariance(pose, state.form, stated_covariance(posterior, view, mean), noise.form);
   const Eigen::Matrix3d place = out->covariance.topLeftCorner<3, 3>();
-  out->plane = contact.posterior_plane(pose, covariance.topLeftCorner<6, 6>(), place,
-                                       &out->plane_sigma_height);
+  const int at = posterior.layout().pose(view);
+  const PoseMatrix covariance = mean.covariance.block<kPoseParameters, kPoseParameters>(at, at);
+  out->plane = contact.posterior_plane(pose, covariance, mean.raised.segment<kPoseParameters>(at),
+                                       place, &out->plane_sigma_height);
   out->reprojection_rmse_px =
       posterior.keypoints(view).agreement(posterior.view(view, state)).rmse_px;
   out->status = Status::kOk;

@@ -34,16 +34,21 @@ std::string unreliable_reason(const VehiclePosterior& posterior, int view,
 struct PosteriorMean {
   VehicleState state;
   Eigen::MatrixXd covariance;
+  /// What all parameters change by where the planes of all views are raised by what their
+  /// covariances leave out: an error that is not in `covariance`.
+  Eigen::VectorXd raised;
   bool minimum = false;  ///< false: the second derivatives are not positive definite
 };
 PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleState& state);
 
+/// Covariance of a view's own parameters (VehiclePosterior::view_covariance), with `raised`.
+Eigen::MatrixXd stated_covariance(const VehiclePosterior& posterior, int view,
+                                  const PosteriorMean& mean);
+
 /// Writes a reliable answer with its covariance and status.
-/// @param covariance  of the view's parameters (VehiclePosterior::view_covariance).
-/// @param rival       cost of the best other heading above this one's.
+/// @param rival  cost of the best other heading above this one's.
 void write_answer(const VehiclePosterior& posterior, int view, const VehiclePrior& prior,
-                  const VehicleState& state, const Eigen::MatrixXd& covariance, double rival,
-                  VehicleEstimate* out);
+                  const PosteriorMean& mean, double rival, VehicleEstimate* out);
 
 /// What the support plane's own status means for the answer, the plane's height deviation there,
 /// and kFailed for an answer that is not finite.
