@@ -6,6 +6,7 @@
 #include <string>
 
 #include "camber/cloud/coordinate_system.h"
+#include "camber/core/errors.h"
 #include "crs_plugin.h"
 #include "plugin.h"
 
@@ -20,6 +21,29 @@ std::string stated(const char* definition) {
   return text;
 }
 
+/// Without memory PROJ knows nothing, as it does without its database, and gives no reason.
+/// @throws MachineError if it does not even know WGS 84.
+void check_proj() {
+  PJ_CONTEXT* const context = proj_context_create();
+  proj_log_level(context, PJ_LOG_NONE);
+  PJ* const known = proj_create(context, "EPSG:4326");
+  const bool works = known != nullptr;
+  proj_destroy(known);
+  proj_context_destroy(context);
+  if (!works) {
+    throw camber::MachineError("PROJ finds no system: out of memory, or its database is missing");
+  }
+}
+
+/// What `make` gives; where that is nothing, PROJ is checked and `make` called once more.
+template <typename Make>
+PJ* checked(const Make& make) {
+  PJ* const made = make();
+  if (made != nullptr) return made;
+  check_proj();
+  return make();
+}
+
 }  // namespace
 
 CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
@@ -29,7 +53,7 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
   const std::string text = stated(definition);
   PJ_CONTEXT* const context = proj_context_create();
   proj_log_level(context, PJ_LOG_NONE);
-  PJ* const system = proj_create(context, text.c_str());
+  PJ* const system = checked([&] { return proj_create(context, text.c_str()); });
   const bool good = system != nullptr && proj_is_crs(system) != 0;
   if (good) {
     // The version of the text that LAS asks for; systems that it cannot express get the newer one.
@@ -54,8 +78,9 @@ CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
                                   std::vector<Eigen::Vector2d>* places, std::string* reason) {
   PJ_CONTEXT* const context = proj_context_create();
   proj_log_level(context, PJ_LOG_NONE);
+  const std::string text = stated(definition);
   PJ* const given =
-      proj_create_crs_to_crs(context, "EPSG:4326", stated(definition).c_str(), nullptr);
+      checked([&] { return proj_create_crs_to_crs(context, "EPSG:4326", text.c_str(), nullptr); });
   PJ* const ordered = given ? proj_normalize_for_visualization(context, given) : nullptr;
   if (ordered == nullptr) *reason = "PROJ knows no way to it from WGS 84";
   for (Eigen::Vector2d& place : *places) {
