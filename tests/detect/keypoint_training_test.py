@@ -140,9 +140,6 @@ def check_program(state: Path) -> None:
 
 def check_start() -> None:
     """From the file that check_program() exported; a network of other widths is refused."""
-    if not has("cv2"):
-        print("start from a file not checked: python3-opencv is not there")
-        return
     import torch
 
     sys.path.insert(0, str(TRAINING))
@@ -157,7 +154,8 @@ def check_start() -> None:
     with torch.no_grad():
         small = load(SCRATCH / "whole" / "state.pt")
         expected = small(images)
-        widths = Widths(**{**json.loads(WIDTHS), "fine_blocks": 2, "coarse_blocks": 3, "fine_up_blocks": 2})
+        more = {"stem_blocks": 1, "fine_blocks": 2, "coarse_blocks": 3, "middle_up_blocks": 2, "head": 24}
+        widths = Widths(**{**json.loads(WIDTHS), **more})
         larger = KeypointNetwork(widths)
         start_from(larger, SCRATCH / "tiny.onnx", images)
         bound = 1e-3 * float(expected.abs().max())
@@ -182,9 +180,10 @@ def has(module: str) -> bool:
 
 
 def main() -> None:
-    if not has("torch"):
-        print("skipped: python3-torch is not there")
-        return
+    for module in ("torch", "onnx"):
+        if not has(module):
+            print(f"skipped: python3-{module} is not there")
+            return
     shutil.rmtree(SCRATCH, ignore_errors=True)
     draw_crops(SCRATCH / "training", 512, 1)
     draw_crops(SCRATCH / "validation", 96, 2)

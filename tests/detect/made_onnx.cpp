@@ -33,7 +33,7 @@ class Message {
   std::string bytes_;
 };
 
-constexpr int kFloat = 1, kInts = 7;
+constexpr int kFloat = 1, kInts = 7, kFloat16 = 10;
 
 Message tensor(const std::string& name, const std::vector<int>& shape,
                const std::vector<float>& values) {
@@ -42,6 +42,24 @@ Message tensor(const std::string& name, const std::vector<int>& shape,
   std::string raw(values.size() * sizeof(float), '\0');
   std::memcpy(raw.data(), values.data(), raw.size());
   return out.number(2, kFloat).bytes(8, name).bytes(9, raw);
+}
+
+/// Of normal numbers of half precision and zero.
+Message half_tensor(const std::string& name, const std::vector<int>& shape,
+                    const std::vector<float>& values) {
+  Message out;
+  for (const int size : shape) out.number(1, size);
+  std::string raw;
+  for (const float value : values) {
+    std::uint32_t bits;
+    std::memcpy(&bits, &value, sizeof bits);
+    const std::uint32_t exponent = bits >> 23 & 0xff, sign = bits >> 16 & 0x8000;
+    const std::uint32_t half =
+        exponent == 0 ? sign : sign | (exponent - 112) << 10 | (bits >> 13 & 0x3ff);
+    raw += static_cast<char>(half & 0xff);
+    raw += static_cast<char>(half >> 8);
+  }
+  return out.number(2, kFloat16).bytes(8, name).bytes(9, raw);
 }
 
 Message value_info(const std::string& name, const std::vector<int>& shape) {
@@ -61,7 +79,7 @@ Message attribute(const std::string& name, const std::vector<int>& values) {
 }  // namespace
 
 std::string made_onnx(int width, int height, int cell,
-                      const std::vector<MadeConvolution>& convolutions) {
+                      const std::vector<MadeConvolution>& convolutions, MadePrecision precision) {
   Message graph;
   for (const MadeConvolution& c : convolutions) {
     graph.message(1, Message()
@@ -85,7 +103,8 @@ std::string made_onnx(int width, int height, int cell,
                        static_cast<float>(share / (cell * cell)));
       }
     }
-    graph.message(5, tensor(c.name + "_weights", {count, 3, cell, cell}, weights));
+    const auto stored = precision == MadePrecision::kHalf ? half_tensor : tensor;
+    graph.message(5, stored(c.name + "_weights", {count, 3, cell, cell}, weights));
     graph.message(5, tensor(c.name + "_bias", {count}, bias));
   }
   graph.message(11, value_info("image", {1, 3, height, width}));

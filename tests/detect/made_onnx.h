@@ -18,10 +18,13 @@ struct MadeConvolution {
   std::vector<Channel> channels;
 };
 
+enum class MadePrecision { kSingle, kHalf };
+
 /// The bytes of an ONNX file (opset 11): an input "image" (1, 3, height, width) and convolutions
-/// side by side.
+/// side by side. Of half precision are the weights, rounded towards zero, not the biases.
 std::string made_onnx(int width, int height, int cell,
-                      const std::vector<MadeConvolution>& convolutions);
+                      const std::vector<MadeConvolution>& convolutions,
+                      MadePrecision precision = MadePrecision::kSingle);
 
 void write_file(const std::filesystem::path& path, const std::string& content);
 

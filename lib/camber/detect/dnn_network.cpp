@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
 #include "camber/core/read_file.h"
+#include "camber/detect/detail/onnx_weights.h"
 #include "camber/detect/network.h"
 #include "camber/image/detail/single_threaded_opencv.h"
 
@@ -45,7 +46,9 @@ std::string reason_of(const cv::Exception& error) {
 class DnnNetwork final : public Network {
  public:
   DnnNetwork(OnnxFile file, const NetworkInput& input, const NetworkCheck& check)
-      : file_(std::move(file.name)), bytes_(std::move(file.bytes)), hash_(hash_bytes(bytes_)) {
+      : file_(std::move(file.name)),
+        hash_(hash_bytes(file.bytes)),
+        bytes_(half_weights_to_floats(std::move(file.bytes))) {
     const QuietOpenCv quiet;
     const SingleThreadedOpenCv one_thread;
     const Image picture = check_image(input);
@@ -180,7 +183,9 @@ class DnnNetwork final : public Network {
     return std::nullopt;
   }
 
-  std::string file_, bytes_, hash_, layers_;
+  std::string file_, hash_;
+  std::string bytes_;  // as OpenCV takes them
+  std::string layers_;
   bool fuse_ = true;
   mutable std::mutex mutex_;
   mutable std::vector<cv::dnn::Net> idle_;  // each used by one thread at a time

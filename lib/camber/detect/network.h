@@ -71,7 +71,8 @@ struct OnnxFile {
 /// @throws InputError if it cannot be read.
 OnnxFile read_onnx_file(const std::filesystem::path& path);
 
-/// Loads an ONNX file with OpenCV's DNN, on the CPU. OpenCV joins layers for speed, which corrupts
+/// Loads an ONNX file with OpenCV's DNN, on the CPU; weights of half precision (FLOAT16) become
+/// floats. OpenCV joins layers for speed, which corrupts
 /// some networks (4.6: TwinLiteNet): the outputs for check_image() with and without it are
 /// compared, and also against check.values where there are any; layers are joined only where it
 /// changes nothing.

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Writes the trained network as ONNX and its side file (docs/formats.md, task "keypoints").
 
-Batch norms are folded into the convolutions. The sigmas and the probabilities of being visible are
-calibrated on the validation crops; the side file holds values that the network gives here for
-Camber's check image, so that the program notices where it computes others.
+Batch norms are folded into the convolutions, whose weights are stored in half precision. The sigmas
+and the probabilities of being visible are calibrated on the validation crops; the side file holds
+values that the network gives here for Camber's check image, so that the program notices where it
+computes others.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from data import CropSet, to_input, whole_batches
 from model import CROP, GRID, KEYPOINTS, WINDOW, KeypointNetwork, Prediction, Widths, decode
+from onnx_weights import store_in_half_precision
 from train import FORMAT
 
 # Of a coordinate's errors inside 2 sigma after calibration: a normal distribution's.
@@ -40,12 +42,21 @@ def load(file: Path) -> KeypointNetwork:
     return network.eval()
 
 
+@torch.no_grad()
 def fold(network: KeypointNetwork) -> KeypointNetwork:
-    """The same function without batch norms."""
+    """The same function without batch norms, its convolutions' weights rounded to half precision."""
+    image = to_input(check_image())
+    before = network(image)
     for module in network.modules():
         if isinstance(module, nn.Sequential) and len(module) >= 2 and isinstance(module[1], nn.BatchNorm2d):
             module[0] = fuse_conv_bn_eval(module[0], module[1])
             module[1] = nn.Identity()
+    difference = float((network(image) - before).abs().max() / before.abs().max())
+    if not difference < 1e-4:
+        raise SystemExit(f"camber training: without batch norms the output is off by {difference}")
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d):
+            module.weight.copy_(module.weight.half().float())
     return network
 
 
@@ -132,12 +143,7 @@ def check_values(maps: Tensor) -> list[dict[str, object]]:
 @torch.no_grad()
 def write(network: KeypointNetwork, file: Path, name: str, calibration: dict[str, object]) -> None:
     image = to_input(check_image())
-    before = network(image)
-    network = fold(network)
     maps = network(image)
-    difference = float((maps - before).abs().max() / before.abs().max())
-    if not difference < 1e-4:
-        raise SystemExit(f"camber training: without batch norms the output is off by {difference}")
     description = {
         "format": "camber-network",
         "version": 1,
@@ -154,6 +160,7 @@ def write(network: KeypointNetwork, file: Path, name: str, calibration: dict[str
         network, image, str(temporary), input_names=["image"], output_names=["maps"],
         dynamic_axes={"image": {0: "crops"}, "maps": {0: "crops"}}, opset_version=11,
     )  # fmt: skip
+    store_in_half_precision(temporary)
     os.replace(temporary, file)
     side = file.with_suffix(".json")
     side.with_suffix(".json.part").write_text(json.dumps(description, indent=1) + "\n")
@@ -182,7 +189,7 @@ def main() -> int:
     options = p.parse_args()
     if options.out.suffix != ".onnx":
         p.error("--out: expected a name that ends in .onnx")
-    network = load(options.state)
+    network = fold(load(options.state))
     mirrored = not options.no_mirror
     calibration = calibrate(network, options.validation, mirrored)
     if options.predictions:

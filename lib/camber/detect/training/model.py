@@ -36,7 +36,10 @@ class Widths:
     fine_blocks: int = 1
     middle_blocks: int = 2
     coarse_blocks: int = 1
-    fine_up_blocks: int = 1  # on the way up
+    middle_up_blocks: int = 1  # on the way up
+    fine_up_blocks: int = 1
+    stem_blocks: int = 0
+    head: int = 0  # channels of a last 3 x 3 convolution before the maps; 0: none
 
 
 @dataclass
@@ -83,6 +86,7 @@ class KeypointNetwork(nn.Module):
         w = widths or Widths()
         self.widths = w
         self.stem = convolution(3, w.stem, 2)
+        self.stem_more = residuals(w.stem, w.stem_blocks)
         self.to_fine = convolution(w.stem, w.fine, 2)
         self.fine = residuals(w.fine, w.fine_blocks)
         self.to_middle = convolution(w.fine, w.middle, 2)
@@ -90,20 +94,21 @@ class KeypointNetwork(nn.Module):
         self.to_coarse = convolution(w.middle, w.coarse, 2)
         self.coarse = residuals(w.coarse, w.coarse_blocks)
         self.up_to_middle = convolution(w.coarse, w.middle, size=1)
-        self.middle_up = residuals(w.middle, 1)
+        self.middle_up = residuals(w.middle, w.middle_up_blocks)
         self.up_to_fine = convolution(w.middle, w.fine, size=1)
         self.fine_up = residuals(w.fine, w.fine_up_blocks)
-        self.maps = nn.Conv2d(w.fine, MAPS, 1)
+        self.head = convolution(w.fine, w.head) if w.head else nn.Sequential()
+        self.maps = nn.Conv2d(w.head or w.fine, MAPS, 1)
         # How much of log sigma is that of the heatmap's own spread.
         self.spread_weight = nn.Parameter(torch.tensor(0.5))
 
     def forward(self, image: Tensor) -> Tensor:
-        fine = self.fine(self.to_fine(self.stem(image)))
+        fine = self.fine(self.to_fine(self.stem_more(self.stem(image))))
         middle = self.middle(self.to_middle(fine))
         coarse = self.coarse(self.to_coarse(middle))
         middle = self.middle_up(middle + enlarge(self.up_to_middle(coarse)))
         fine = self.fine_up(fine + enlarge(self.up_to_fine(middle)))
-        return self.maps(fine)
+        return self.maps(self.head(fine))
 
     def description(self) -> dict[str, int]:
         return asdict(self.widths)

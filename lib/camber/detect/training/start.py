@@ -1,4 +1,5 @@
-"""A training's start from a network that export.py wrote, which may have fewer residual blocks."""
+"""A training's start from a network that export.py wrote, which may have fewer residual blocks and no
+convolution before its maps."""
 
 from __future__ import annotations
 
@@ -9,36 +10,17 @@ import torch
 from torch import Tensor, nn
 
 from model import KeypointNetwork, Residual
+from onnx_weights import convolutions
 
-CONVOLUTION = "/Conv"
-
-
-def module_name(layer: str) -> str:
-    """Of a layer of the ONNX file, "onnx_node!/fine/fine.0/first/first.0/Conv": fine.0.first.0."""
-    scopes = layer.split("!")[-1].removesuffix(CONVOLUTION).strip("/").split("/")
-    inner = [s for s, below in zip(scopes, scopes[1:] + [""]) if not below.startswith(s + ".")]
-    return ".".join(inner)
-
-
-def convolutions(file: Path) -> dict[str, tuple[Tensor, Tensor]]:
-    """Weights and biases by the module's name, batch norms folded into them."""
-    import cv2  # Debian's python3-opencv: here alone, so that a start from nothing does without it
-
-    net = cv2.dnn.readNetFromONNX(str(file))
-    found = {}
-    for name in net.getLayerNames():
-        layer = net.getLayer(net.getLayerId(name))
-        if layer.type == "Convolution":
-            weight, bias = (torch.from_numpy(blob.copy()) for blob in layer.blobs)
-            found[module_name(name)] = weight, bias.flatten()
-    return found
+HEAD = "head.0"
 
 
 @torch.no_grad()
 def start_from(network: KeypointNetwork, file: Path, images: Tensor) -> None:
     """Gives the network the function of the file's.
 
-    Blocks that the file lacks add nothing at first. The batch norms, which the file has no longer, get
+    Blocks that the file lacks add nothing at first; a head that it lacks hands its inputs on, and its
+    other channels have no weight in the maps. The batch norms, which the file has no longer, get
     the statistics of the images, (N, 3, 64, 64), and scales and offsets that undo them.
     """
     try:
@@ -47,6 +29,13 @@ def start_from(network: KeypointNetwork, file: Path, images: Tensor) -> None:
     except Exception as error:
         raise SystemExit(f"camber training: {file}: {error}") from error
     modules = dict(network.named_modules())
+    if len(network.head) and HEAD not in found and "maps" in found:
+        head = network.head[0]
+        nn.init.dirac_(head.weight[: head.in_channels])
+        found[HEAD] = head.weight, torch.zeros(head.out_channels)
+        weight, bias = found["maps"]
+        added = torch.zeros(len(weight), head.out_channels - head.in_channels, 1, 1)
+        found["maps"] = torch.cat([weight, added], 1), bias
     for name, (weight, _) in found.items():
         mine = modules.get(name)
         if not isinstance(mine, nn.Conv2d) or mine.weight.shape != weight.shape:
