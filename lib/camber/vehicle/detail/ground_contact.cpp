@@ -91,7 +91,7 @@ double GroundContact::evaluate(const ViewPose& pose, PoseMatrix* hessian,
   return cost;
 }
 
-PoseVector GroundContact::pull_of_unmodelled(const ViewPose& pose) const {
+PoseVector GroundContact::gradient_by_unmodelled(const ViewPose& pose) const {
   const double weight =
       weight_ * (certain_ ? 1.0 : 1.0 / (1.0 + squared_distance(pose) / gate_squared_));
   return weight * unmodelled_height_ *
@@ -109,7 +109,7 @@ GroundContact::Posterior GroundContact::posterior(const ViewPose& pose,
   Posterior out;
   out.change = gain * residual(pose);
   out.change_by_pose = gain * jacobian(pose);
-  out.kept = Eigen::Matrix3d::Identity() - gain * m;
+  out.by_plane_error = Eigen::Matrix3d::Identity() - gain * m;
   out.covariance = prior - gain * m * prior +
                    out.change_by_pose * pose_covariance * out.change_by_pose.transpose();
   return out;
@@ -133,7 +133,7 @@ Plane GroundContact::posterior_plane(const ViewPose& pose, const PoseMatrix& pos
   const double elsewhere = tilt.cwiseProduct(arm * place * arm.transpose()).sum();
   const double variance = height * after.covariance * height.transpose();
   const double unmodelled =
-      height * (unmodelled_height_ * after.kept.col(2) + after.change_by_pose * raised);
+      height * (unmodelled_height_ * after.by_plane_error.col(2) + after.change_by_pose * raised);
   *sigma_height =
       std::sqrt(std::max(variance, 0.0) + std::max(elsewhere, 0.0) + unmodelled * unmodelled);
   return plane_.perturbed(after.change);

@@ -51,14 +51,14 @@ class GroundContact {
 
   /// What the gradient of the cost by the pose falls by where the plane is raised by what its
   /// covariance leaves out (SupportPlane::unmodelled_height).
-  PoseVector pull_of_unmodelled(const ViewPose& pose) const;
+  PoseVector gradient_by_unmodelled(const ViewPose& pose) const;
 
   /// The ground as the vehicle that stands on it shows it too.
   struct Posterior {
     Eigen::Vector3d change;          ///< of the plane: tilt, tilt, height
     Eigen::Matrix3d covariance;      ///< of the changed plane
     ContactJacobian change_by_pose;  ///< d change / d pose, information held
-    Eigen::Matrix3d kept;            ///< what is left of an error of the plane, the pose held
+    Eigen::Matrix3d by_plane_error;  ///< what is left of an error of the plane, the pose held
   };
   /// @param pose_covariance  of the solved pose parameters.
   Posterior posterior(const ViewPose& pose, const PoseMatrix& pose_covariance) const;
