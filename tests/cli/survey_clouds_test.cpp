@@ -418,6 +418,12 @@ TEST_F(SurveyTools, SystemsByCodeAndDegrees) {
                       "+proj=utm +zone=17 +datum=WGS84"})["files"][0]["crs"]["kind"],
             "projected");
   EXPECT_ONE_SENTENCE(run_camber({"info", path("feet.csv"), "--crs", "EPSG:999999"}), 2, "--crs");
+  // A PROJ that finds no system at all, as it does without memory: not the option's fault.
+  test::Surroundings no_database;
+  no_database.variables = {"PROJ_DATA=" + path(""), "PROJ_LIB=" + path("")};
+  EXPECT_ONE_SENTENCE(
+      test::run_camber_in(no_database, {"info", path("feet.csv"), "--crs", "EPSG:2994"}), 3,
+      "PROJ finds no system");
   write_text("true.csv", "x,y,z\n1,2,3\n4,5,6\n7,1,9\n");
   const test::ProgramResult drawn =
       run_camber({"render", path("feet.csv"), "--crs", "EPSG:2994", "--truth", path("true.csv"),

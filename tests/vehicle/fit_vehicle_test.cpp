@@ -509,7 +509,6 @@ TEST(FitVehicle, TwoDetectionsOfOneCarAgree) {
   }
 }
 
-// The vehicle stands on the ground: the ground below it is known better with it than without.
 // What a plane's covariance leaves out is in what is stated, as far as it moves the answer: the
 // change of one that stands on a plane raised by as much.
 TEST(FitVehicle, StatesWhatThePlanesCovarianceLeavesOut) {
@@ -545,6 +544,7 @@ TEST(FitVehicle, StatesWhatThePlanesCovarianceLeavesOut) {
   EXPECT_GT(agreed, 0.8 * compared) << compared;
 }
 
+// The vehicle stands on the ground: the ground below it is known better with it than without.
 TEST(FitVehicle, MeasuresTheGroundBelowIt) {
   SimulationOptions options;
   options.plane_sigma_height = 0.15;

@@ -3,6 +3,7 @@
 #include <proj.h>
 
 #include <cmath>
+#include <memory>
 #include <string>
 
 #include "camber/cloud/coordinate_system.h"
@@ -21,27 +22,31 @@ std::string stated(const char* definition) {
   return text;
 }
 
-/// Without memory PROJ knows nothing, as it does without its database, and gives no reason.
-/// @throws MachineError if it does not even know WGS 84.
-void check_proj() {
-  PJ_CONTEXT* const context = proj_context_create();
-  proj_log_level(context, PJ_LOG_NONE);
-  PJ* const known = proj_create(context, "EPSG:4326");
-  const bool works = known != nullptr;
-  proj_destroy(known);
-  proj_context_destroy(context);
-  if (!works) {
-    throw camber::MachineError("PROJ finds no system: out of memory, or its database is missing");
-  }
+struct Destroy {
+  void operator()(PJ_CONTEXT* context) const { proj_context_destroy(context); }
+  void operator()(PJ* object) const { proj_destroy(object); }
+};
+using Context = std::unique_ptr<PJ_CONTEXT, Destroy>;
+using Object = std::unique_ptr<PJ, Destroy>;
+
+/// Writes nothing: a missing database is written of at any level.
+Context quiet_context() {
+  Context context(proj_context_create());
+  proj_log_func(context.get(), nullptr, [](void*, int, const char*) {});
+  return context;
 }
 
-/// What `make` gives; where that is nothing, PROJ is checked and `make` called once more.
+/// What `make` gives. Without memory PROJ knows nothing, as it does without its database, and gives
+/// no reason: where that is nothing, PROJ is asked for WGS 84 and `make` called once more.
+/// @throws MachineError if PROJ does not know that either.
 template <typename Make>
-PJ* checked(const Make& make) {
-  PJ* const made = make();
-  if (made != nullptr) return made;
-  check_proj();
-  return make();
+Object checked(const Make& make) {
+  if (PJ* const made = make()) return Object(made);
+  const Context context = quiet_context();
+  if (!Object(proj_create(context.get(), "EPSG:4326"))) {
+    throw camber::MachineError("PROJ finds no system: out of memory, or its database is missing");
+  }
+  return Object(make());
 }
 
 }  // namespace
@@ -51,15 +56,14 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
 CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
                                    std::string* reason) {
   const std::string text = stated(definition);
-  PJ_CONTEXT* const context = proj_context_create();
-  proj_log_level(context, PJ_LOG_NONE);
-  PJ* const system = checked([&] { return proj_create(context, text.c_str()); });
-  const bool good = system != nullptr && proj_is_crs(system) != 0;
+  const Context context = quiet_context();
+  const Object system = checked([&] { return proj_create(context.get(), text.c_str()); });
+  const bool good = system != nullptr && proj_is_crs(system.get()) != 0;
   if (good) {
     // The version of the text that LAS asks for; systems that it cannot express get the newer one.
     const char* const options[] = {"MULTILINE=NO", nullptr};
-    const char* wkt = proj_as_wkt(context, system, PJ_WKT1_GDAL, options);
-    if (wkt == nullptr) wkt = proj_as_wkt(context, system, PJ_WKT2_2019, options);
+    const char* wkt = proj_as_wkt(context.get(), system.get(), PJ_WKT1_GDAL, options);
+    if (wkt == nullptr) wkt = proj_as_wkt(context.get(), system.get(), PJ_WKT2_2019, options);
     if (wkt != nullptr)
       *found = camber::coordinate_system_from_wkt(wkt);
     else
@@ -67,8 +71,6 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
   } else {
     *reason = system != nullptr ? "it is no coordinate reference system" : "PROJ does not know it";
   }
-  proj_destroy(system);
-  proj_context_destroy(context);
   return reason->empty();
 }
 
@@ -76,16 +78,16 @@ CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
                                   std::vector<Eigen::Vector2d>* places, std::string* reason);
 CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
                                   std::vector<Eigen::Vector2d>* places, std::string* reason) {
-  PJ_CONTEXT* const context = proj_context_create();
-  proj_log_level(context, PJ_LOG_NONE);
+  const Context context = quiet_context();
   const std::string text = stated(definition);
-  PJ* const given =
-      checked([&] { return proj_create_crs_to_crs(context, "EPSG:4326", text.c_str(), nullptr); });
-  PJ* const ordered = given ? proj_normalize_for_visualization(context, given) : nullptr;
+  const Object given = checked(
+      [&] { return proj_create_crs_to_crs(context.get(), "EPSG:4326", text.c_str(), nullptr); });
+  const Object ordered(given ? proj_normalize_for_visualization(context.get(), given.get())
+                             : nullptr);
   if (ordered == nullptr) *reason = "PROJ knows no way to it from WGS 84";
   for (Eigen::Vector2d& place : *places) {
     if (ordered == nullptr) break;
-    const PJ_COORD to = proj_trans(ordered, inverse ? PJ_INV : PJ_FWD,
+    const PJ_COORD to = proj_trans(ordered.get(), inverse ? PJ_INV : PJ_FWD,
                                    proj_coord(place.x(), place.y(), 0.0, HUGE_VAL));
     place = {to.xy.x, to.xy.y};
     if (!place.allFinite() || std::abs(place.x()) == HUGE_VAL) {
@@ -93,8 +95,5 @@ CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
       break;
     }
   }
-  proj_destroy(ordered);
-  proj_destroy(given);
-  proj_context_destroy(context);
   return reason->empty();
 }

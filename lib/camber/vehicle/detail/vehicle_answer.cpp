@@ -74,12 +74,12 @@ PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleSta
   out.covariance = factors.inverse();
   const Eigen::VectorXd gradient = posterior.shape_marginal_gradient(state, equations);
   out.state = posterior.moved(state, -out.covariance * gradient);
-  Eigen::VectorXd fall = Eigen::VectorXd::Zero(posterior.layout().total());
+  Eigen::VectorXd gradient_change = Eigen::VectorXd::Zero(posterior.layout().total());
   for (int k = 0; k < posterior.num_views(); ++k) {
-    fall.segment<kPoseParameters>(posterior.layout().pose(k)) =
+    gradient_change.segment<kPoseParameters>(posterior.layout().pose(k)) =
         posterior.contact(k).gradient_by_unmodelled(out.state.poses[static_cast<std::size_t>(k)]);
   }
-  out.raised = out.covariance * fall;
+  out.raised = out.covariance * gradient_change;
   return out;
 }
 
