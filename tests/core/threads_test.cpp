@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -59,6 +60,23 @@ TEST(ParallelFor, RethrowsWhatABodyThrows) {
                                 if (i == 57) throw std::runtime_error("body");
                               }),
                  std::runtime_error);
+  }
+}
+
+TEST(ParallelFor, RethrowsWhatTheLowestIndexThrows) {
+  for (const int threads : {1, 2, 8}) {
+    for (int attempt = 0; attempt < 5; ++attempt) {
+      try {
+        parallel_for(100, threads, [](std::size_t i) {
+          // Others have thrown long before.
+          if (i == 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+          if (i >= 3) throw std::runtime_error(std::to_string(i));
+        });
+        ADD_FAILURE() << "nothing was thrown";
+      } catch (const std::runtime_error& error) {
+        EXPECT_STREQ(error.what(), "3") << threads;
+      }
+    }
   }
 }
 

@@ -13,8 +13,8 @@ int resolve_num_threads(int requested);
 /// Calls body(i) for every i in [0, count), on at most `num_threads` threads (<= 0: see
 /// resolve_num_threads). Order is not defined: each call must write only to places of its own, and
 /// sums must be made afterwards in index order, so that results do not depend on the threads.
-/// The first exception thrown by a body is rethrown. @throws InterruptedError between two calls
-/// once request_interruption() was called.
+/// Of what bodies throw the lowest index's is rethrown, and no higher index is begun. @throws
+/// InterruptedError between two calls once request_interruption() was called.
 void parallel_for(std::size_t count, int num_threads, const std::function<void(std::size_t)>& body);
 
 }  // namespace camber

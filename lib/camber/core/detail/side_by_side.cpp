@@ -2,6 +2,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <exception>
+#include <limits>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -29,14 +30,15 @@ class Call {
   void work() {
     std::size_t begin = 0, end = 0;
     while (take(&begin, &end)) {
+      std::size_t i = begin;
       try {
-        for (std::size_t i = begin; i < end && !failed_.load(std::memory_order_relaxed); ++i) {
-          body_(i);
-        }
+        for (; i < end && i < failed_.load(std::memory_order_relaxed); ++i) body_(i);
       } catch (...) {
         const std::lock_guard<std::mutex> lock(mutex_);
-        if (!first_) first_ = std::current_exception();
-        failed_.store(true, std::memory_order_relaxed);
+        if (i < failed_.load(std::memory_order_relaxed)) {
+          first_ = std::current_exception();
+          failed_.store(i, std::memory_order_relaxed);
+        }
       }
     }
   }
@@ -55,7 +57,7 @@ class Call {
   bool take(std::size_t* begin, std::size_t* end) {
     std::size_t at = next_.load(std::memory_order_relaxed), step = 0;
     do {
-      if (at >= count_ || failed_.load(std::memory_order_relaxed)) return false;
+      if (at >= std::min(count_, failed_.load(std::memory_order_relaxed))) return false;
       step = std::max<std::size_t>(1, (count_ - at) / (8 * threads_));
     } while (!next_.compare_exchange_weak(at, at + step, std::memory_order_relaxed));
     *begin = at;
@@ -66,7 +68,8 @@ class Call {
   std::atomic<std::size_t> next_{0};
   std::size_t count_, threads_;
   const std::function<void(std::size_t)>& body_;
-  std::atomic<bool> failed_{false};
+  /// Lowest index whose body has thrown. Runs are taken in order: all below it will be called.
+  std::atomic<std::size_t> failed_{std::numeric_limits<std::size_t>::max()};
   std::mutex mutex_;
   std::exception_ptr first_;
 };
