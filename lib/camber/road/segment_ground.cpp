@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <stdexcept>
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
+#include "camber/road/detail/cell_lanes.h"
 #include "camber/road/detail/ground_cells.h"
 #include "camber/road/detail/ground_surface.h"
 #include "camber/road/detail/height_grid.h"
@@ -15,37 +18,126 @@ namespace {
 
 using detail::as_size;
 using detail::CellPoint;
+using detail::F8;
 using detail::gradient;
 using detail::GroundCells;
 using detail::GroundRules;
 using detail::GroundSurface;
 using detail::HeightGrid;
+using detail::I8;
+using detail::kLanes;
 using detail::kNoHeight;
 using detail::PlanBounds;
 using detail::PlanFrame;
 using detail::PointDensity;
 
-/// Heights of points above a surface that is bilinear between the middles of cells.
+constexpr int kSide = 4;  // parts of a cell along an axis, where points may rise from the ground
+constexpr float kDeepest = 0.45f, kHighest = 0.12f;  // m, of shifts
+constexpr float kRise = 0.4f;                        // m, over the tolerance
+
+/// Heights of the surface in the middles of a cell and of the eight about it, m, rows by v; those
+/// at the grid's border are repeated outwards.
+struct CellSurface {
+  float u, v;  // of the cell's corner
+  float z[3][3];
+};
+
+CellSurface surface_of(const HeightGrid& ground, int cell) {
+  const int x = cell % ground.width, y = cell / ground.width;
+  CellSurface out = {static_cast<float>(x), static_cast<float>(y), {}};
+  for (int dy = 0; dy < 3; ++dy) {
+    const float* const row = ground.row(std::clamp(y + dy - 1, 0, ground.height - 1));
+    for (int dx = 0; dx < 3; ++dx) out.z[dy][dx] = row[std::clamp(x + dx - 1, 0, ground.width - 1)];
+  }
+  return out;
+}
+
+/// What the labels of a cell's points hang on.
+struct CellHeights {
+  std::vector<float> above;        // m, over the surface
+  std::vector<std::int32_t> part;  // of the cell, kSide * row + column
+  float shift[4];                  // m, of the surface, by quarters of the cell
+  bool rises;                      // whether any point stands up to kRise above what is ground
+
+  /// There is room for whole lanes.
+  void make_room(std::size_t count) {
+    if (above.size() >= count + kLanes) return;
+    above.resize(count + kLanes);
+    part.resize(count + kLanes);
+  }
+};
+
+/// Measures a cell's points over the surface, which is bilinear between the middles of cells, and
+/// what that misses there (kerbs, ditches, crests): of each quarter of the cell the mean height of
+/// the lowest points, if they are enough; else 0.
+/// @param out  with room for `count`
 CAMBER_TARGET_CLONES("avx2")
-void measure_above(const CellPoint* points, std::size_t count, const HeightGrid& ground,
-                   float* above) {
-  const float* const z = ground.z.data();
-  const int width = ground.width, last_x = ground.width - 1, last_y = ground.height - 1;
-  const float most_x = static_cast<float>(last_x), most_y = static_cast<float>(last_y);
-  for (std::size_t i = 0; i < count; ++i) {
-    float x = points[i].u - 0.5f, y = points[i].v - 0.5f;
-    x = x > 0.0f ? x : 0.0f;
-    y = y > 0.0f ? y : 0.0f;
-    x = x < most_x ? x : most_x;
-    y = y < most_y ? y : most_y;
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-    const int right = x0 < last_x ? 1 : 0, up = y0 < last_y ? width : 0;
-    const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
-    const float* const near = z + y0 * width + x0;
-    const float* const far = near + up;
-    const float surface = (1.0f - fy) * ((1.0f - fx) * near[0] + fx * near[right]) +
-                          fy * ((1.0f - fx) * far[0] + fx * far[right]);
-    above[i] = points[i].h - surface;
+void measure_cell(const CellPoint* points, std::size_t count, const CellSurface& surface,
+                  float tolerance, CellHeights& out) {
+  constexpr std::size_t kQuarters = 4;
+  const F8 none = {}, infinite = none + kNoHeight, one = none + 1.0f;
+  float* const above = out.above.data();
+  std::int32_t* const parts = out.part.data();
+  I8 rises = {};
+  F8 lowest[kQuarters] = {infinite, infinite, infinite, infinite}, all[kQuarters] = {};
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    detail::PointLanes p;
+    detail::load_lanes(points + i, count - i, p);
+    const F8 u = p.u - surface.u, v = p.v - surface.v;
+    F8 left = 0.5f - u, right = u - 0.5f, front = 0.5f - v, back = v - 0.5f;
+    left = left > none ? left : none;
+    right = right > none ? right : none;
+    front = front > none ? front : none;
+    back = back > none ? back : none;
+    const F8 middle = 1.0f - left - right;
+    const auto& z = surface.z;
+    const F8 ground =
+        front * (left * z[0][0] + middle * z[0][1] + right * z[0][2]) +
+        (1.0f - front - back) * (left * z[1][0] + middle * z[1][1] + right * z[1][2]) +
+        back * (left * z[2][0] + middle * z[2][1] + right * z[2][2]);
+    const F8 height = p.there ? p.h - ground : infinite;
+    I8 column = __builtin_convertvector(u * static_cast<float>(kSide), I8);
+    I8 row = __builtin_convertvector(v * static_cast<float>(kSide), I8);
+    column = column < kSide ? column : kSide - 1;
+    row = row < kSide ? row : kSide - 1;
+    const I8 part = row * kSide + column;
+    std::memcpy(above + i, &height, sizeof height);
+    std::memcpy(parts + i, &part, sizeof part);
+    const I8 used = (height > -kDeepest) & (height < tolerance);
+    rises |= (height >= tolerance) & (height < tolerance + kRise);
+    const I8 quarter = (row & 2) | (column >> 1);
+    for (std::size_t q = 0; q < kQuarters; ++q) {
+      const I8 here = used & (quarter == static_cast<std::int32_t>(q));
+      const F8 found = here ? height : infinite;
+      lowest[q] = found < lowest[q] ? found : lowest[q];
+      all[q] += here ? one : none;
+    }
+  }
+  out.rises = false;
+  for (std::size_t i = 0; i < kLanes; ++i) out.rises |= rises[i] != 0;
+  float bound[kQuarters];
+  for (std::size_t q = 0; q < kQuarters; ++q) {
+    bound[q] = std::min(detail::least_of_lanes(lowest[q]) + 1.5f * tolerance, tolerance);
+  }
+  F8 sum[kQuarters] = {}, low[kQuarters] = {};
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    F8 height;
+    I8 part;
+    std::memcpy(&height, above + i, sizeof height);
+    std::memcpy(&part, parts + i, sizeof part);
+    const I8 used = (height > -kDeepest) & (height < tolerance);
+    const I8 quarter = ((part >> 2) & 2) | ((part >> 1) & 1);
+    for (std::size_t q = 0; q < kQuarters; ++q) {
+      const I8 here = used & (quarter == static_cast<std::int32_t>(q)) & (height <= bound[q]);
+      sum[q] += here ? height : none;
+      low[q] += here ? one : none;
+    }
+  }
+  for (std::size_t q = 0; q < kQuarters; ++q) {
+    const float number = detail::sum_of_lanes(low[q]);
+    const bool enough = number >= 3.0f && number >= 0.4f * detail::sum_of_lanes(all[q]);
+    const float mean = detail::sum_of_lanes(sum[q]) / std::max(number, 1.0f);
+    out.shift[q] = enough ? std::min(std::max(mean, -kDeepest), kHighest) : 0.0f;
   }
 }
 
@@ -60,96 +152,43 @@ class Labeller {
         tolerance_(tolerance),
         narrow_(narrow) {}
 
-  /// Labels the points of the occupied cells [first, last). @return how many are ground
-  std::size_t label(std::size_t first, std::size_t last, std::vector<int>& labels) {
-    if (first == last) return 0;
-    first_point_ = cells_.start[as_size(cells_.occupied[first])];
-    const int end = cells_.start[as_size(cells_.occupied[last - 1]) + 1];
-    above_.resize(as_size(end - first_point_));
-    near_.resize(above_.size() + 1);
-    measure_above(cells_.points.data() + first_point_, above_.size(), ground_, above_.data());
-    std::size_t found = 0;
-    for (std::size_t k = first; k < last; ++k) found += label_cell(cells_.occupied[k], labels);
-    return found;
-  }
-
- private:
-  std::size_t label_cell(int cell, std::vector<int>& labels) {
+  /// Labels the points of an occupied cell. @return how many are ground
+  std::size_t label(int cell, std::vector<int>& labels) {
     const std::size_t at = as_size(cell);
-    const int x = cell % cells_.width, y = cell / cells_.width;
     float tolerance = tolerance_;
-    if (from_air_) tolerance += 0.7f * gradient(ground_, x, y, 1).norm();
-    // Points near the surface, and where points rise from it, by sixteenths of the cell.
-    const float left = static_cast<float>(x), front = static_cast<float>(y);
-    const float lowest = -kDeepest - tolerance, highest = tolerance + 0.4f;
-    std::size_t count = 0;
-    int rising[16] = {};
-    for (int i = cells_.start[at]; i < cells_.start[at + 1]; ++i) {
-      const float above = above_[as_size(i - first_point_)];
-      if (!(above > lowest && above < highest)) continue;
-      const CellPoint& p = cells_.points[as_size(i)];
-      const int column = std::clamp(static_cast<int>(4.0f * (p.u - left)), 0, 3);
-      const int row = std::clamp(static_cast<int>(4.0f * (p.v - front)), 0, 3);
-      near_[count] = {above, p.index, 4 * row + column, row / 2 * 2 + column / 2};
-      rising[4 * row + column] += above >= tolerance ? 1 : 0;
-      count += above < tolerance + kHighest ? 1 : 0;
+    if (from_air_) {
+      const int x = cell % cells_.width, y = cell / cells_.width;
+      tolerance += 0.7f * gradient(ground_, x, y, 1).norm();
     }
-    if (count == 0) return 0;
-    float shift[4] = {};
-    find_shifts(count, tolerance, shift);
+    const CellPoint* const points = cells_.points.data() + cells_.start[at];
+    const std::size_t count = as_size(cells_.start[at + 1] - cells_.start[at]);
+    heights_.make_room(count);
+    measure_cell(points, count, surface_of(ground_, cell), tolerance, heights_);
+    const float* const above = heights_.above.data();
+    const std::int32_t* const part = heights_.part.data();
+    int rising[kSide * kSide] = {};
+    const bool feet = heights_.rises && !from_air_;
+    for (std::size_t i = 0; feet && i < count; ++i) {
+      rising[part[i]] += above[i] >= tolerance && above[i] < tolerance + kRise ? 1 : 0;
+    }
     std::size_t found = 0;
     for (std::size_t i = 0; i < count; ++i) {
-      const Near& p = near_[i];
-      const float r = p.above - shift[p.quarter];
+      const float r = above[i] - heights_.shift[(part[i] >> 2 & 2) | (part[i] >> 1 & 1)];
       if (!(r > -tolerance && r < tolerance)) continue;
       // The foot of what rises here.
-      if (!from_air_ && r > narrow_ && rising[p.sixteenth] >= 2) continue;
-      labels[as_size(p.index)] = 1;
+      if (feet && r > narrow_ && rising[part[i]] >= 2) continue;
+      labels[as_size(points[i].index)] = 1;
       ++found;
     }
     return found;
   }
 
-  static constexpr float kDeepest = 0.45f, kHighest = 0.12f;  // m, of shifts
-
-  struct Near {
-    float above;
-    int index, sixteenth, quarter;
-  };
-
-  /// What the surface misses between the middles of cells (kerbs, ditches, crests): the mean height
-  /// of the lowest points of each quarter, if they are enough.
-  void find_shifts(std::size_t count, float tolerance, float* shift) const {
-    float lowest[4] = {kNoHeight, kNoHeight, kNoHeight, kNoHeight}, sum[4] = {}, low[4] = {},
-          all[4] = {};
-    for (std::size_t i = 0; i < count; ++i) {
-      const Near& p = near_[i];
-      const bool used = (p.above > -kDeepest) & (p.above < tolerance);
-      const float above = used ? p.above : kNoHeight;
-      lowest[p.quarter] = above < lowest[p.quarter] ? above : lowest[p.quarter];
-      all[p.quarter] += used ? 1.0f : 0.0f;
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      const Near& p = near_[i];
-      const bool used = (p.above > -kDeepest) & (p.above < tolerance) &
-                        (p.above <= lowest[p.quarter] + 1.5f * tolerance);
-      sum[p.quarter] += used ? p.above : 0.0f;
-      low[p.quarter] += used ? 1.0f : 0.0f;
-    }
-    for (std::size_t q = 0; q < 4; ++q) {
-      if (low[q] >= 3.0f && low[q] >= 0.4f * all[q]) {
-        shift[q] = std::clamp(sum[q] / low[q], -kDeepest, kHighest);
-      }
-    }
-  }
-
+ private:
   const GroundCells& cells_;
   const HeightGrid& ground_;
   bool from_air_;
   float tolerance_, narrow_;
-  int first_point_ = 0;
-  std::vector<float> above_;  // of each point of some cells
-  std::vector<Near> near_;    // of one cell
+  CellHeights heights_;  // of one cell
 };
 
 /// The cloud in cells, and whether it was scanned from the air.
@@ -276,7 +315,9 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   std::vector<std::size_t> found(runs.size() - 1, 0);
   parallel_for(found.size(), options.num_threads, [&](std::size_t run) {
     Labeller labeller(cells, ground.heights, rules.from_air, tolerance, narrow);
-    found[run] = labeller.label(runs[run], runs[run + 1], out.labels);
+    for (std::size_t k = runs[run]; k < runs[run + 1]; ++k) {
+      found[run] += labeller.label(cells.occupied[k], out.labels);
+    }
   });
   for (const std::size_t number : found) out.ground += number;
   if (out.ground == 0) {

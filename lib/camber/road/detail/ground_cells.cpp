@@ -109,11 +109,32 @@ void for_each_block(const RoadCloud& cloud, const PlanFrame& frame, std::size_t 
   }
 }
 
-/// How many slices of a grid are worth a pass over all points each.
-std::size_t slices_for(std::size_t points, int num_threads) {
-  constexpr std::size_t kFewest = 262144, kMost = 4;  // of fewer the caches hold all cells
-  return std::clamp<std::size_t>(points / kFewest, 1,
-                                 std::min(kMost, as_size(resolve_num_threads(num_threads))));
+/// What one thread sorts: the points [first, last) that lie in the cells [first_cell, last_cell).
+struct Share {
+  std::size_t first = 0, last = 0;
+  std::int32_t first_cell = 0, last_cell = 0;
+};
+
+/// Shares of a cloud that the caches hold: its points, by parts; each needs a table of its own.
+/// What takes time with larger clouds is that cells lie far apart in memory: there each share is a
+/// slice of the grid, for which all points are looked at.
+std::vector<Share> make_shares(std::size_t points, std::size_t cells, int num_threads) {
+  constexpr std::size_t kFewest = 32768, kFewestOfSlice = 262144, kMost = 4;
+  const std::size_t threads = std::min(kMost, as_size(resolve_num_threads(num_threads)));
+  const std::size_t slices = std::clamp<std::size_t>(points / kFewestOfSlice, 1, threads);
+  const bool by_points = slices == 1 && cells <= points;
+  const std::size_t count =
+      by_points ? std::clamp<std::size_t>(points / kFewest, 1, threads) : slices;
+  std::vector<Share> shares(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto begin = [&](std::size_t size, std::size_t i) { return size * i / count; };
+    Share& share = shares[k];
+    share.first = by_points ? begin(points, k) : 0;
+    share.last = by_points ? begin(points, k + 1) : points;
+    share.first_cell = by_points ? 0 : static_cast<std::int32_t>(begin(cells, k));
+    share.last_cell = static_cast<std::int32_t>(by_points ? cells : begin(cells, k + 1));
+  }
+  return shares;
 }
 
 }  // namespace
@@ -198,46 +219,53 @@ GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const P
                          1.0f / cells.cell,
                          cells.width,
                          cells.height};
-  // Each slice of the grid looks at all points, and keeps those in its own cells: what takes time
-  // is that these lie far apart in memory.
-  const std::size_t slices = slices_for(cloud.size(), num_threads);
-  const auto for_each_slice = [&](const std::vector<std::int32_t>& ends, const auto& visit) {
-    parallel_for(slices, num_threads, [&](std::size_t slice) {
-      const std::int32_t first = ends[slice], last = ends[slice + 1];
+  std::vector<Share> shares = make_shares(cloud.size(), cells.count(), num_threads);
+  const bool by_points = shares.front().last < cloud.size();
+  // Of each share of the points, or of all, and each cell: the number of points, then the place of
+  // the next one. Either way points of a cell keep their order.
+  std::vector<std::vector<int>> tables(by_points ? shares.size() : 1);
+  for (std::vector<int>& table : tables) table.assign(cells.count(), 0);
+  const auto for_each_share = [&](const auto& visit) {
+    parallel_for(shares.size(), num_threads, [&](std::size_t k) {
+      const Share& share = shares[k];
+      int* const table = tables[by_points ? k : 0].data();
       alignas(32) std::int32_t cell[kBlock];
-      for_each_block(cloud, frame, 0, cloud.size(),
+      for_each_block(cloud, frame, share.first, share.last,
                      [&](std::size_t from, std::size_t n, PlanBlock& block) {
                        to_cells(grid, n, block, cell);
                        for (std::size_t i = 0; i < n; ++i) {
-                         if (cell[i] >= first && cell[i] < last) visit(from, i, block, cell[i]);
+                         if (cell[i] < share.first_cell || cell[i] >= share.last_cell) continue;
+                         visit(from, i, block, table[cell[i]]);
                        }
                      });
     });
   };
-  std::vector<std::int32_t> ends(slices + 1);
-  for (std::size_t k = 0; k <= slices; ++k) {
-    ends[k] = static_cast<std::int32_t>(cells.count() * k / slices);
-  }
-  for_each_slice(ends, [&](std::size_t, std::size_t, const PlanBlock&, std::int32_t c) {
-    ++cells.start[as_size(c) + 1];
-  });
+  for_each_share([](std::size_t, std::size_t, const PlanBlock&, int& number) { ++number; });
+  int count = 0;
   for (std::size_t c = 0; c < cells.count(); ++c) {
-    if (cells.start[c + 1] > 0) cells.occupied.push_back(static_cast<int>(c));
-    cells.start[c + 1] += cells.start[c];
+    cells.start[c] = count;
+    for (std::vector<int>& table : tables) {
+      const int number = table[c];
+      table[c] = count;
+      count += number;
+    }
+    if (count > cells.start[c]) cells.occupied.push_back(static_cast<int>(c));
   }
-  const std::size_t count = as_size(cells.start.back());
-  for (std::size_t k = 1; k < slices; ++k) {
-    const auto place = std::lower_bound(cells.start.begin(), cells.start.end() - 1,
-                                        static_cast<int>(count * k / slices));
-    ends[k] = static_cast<std::int32_t>(place - cells.start.begin());
+  cells.start.back() = count;
+  if (!by_points) {
+    // Slices with as many points each.
+    for (std::size_t k = 1; k < shares.size(); ++k) {
+      const auto place = std::lower_bound(cells.start.begin(), cells.start.end() - 1,
+                                          static_cast<int>(as_size(count) * k / shares.size()));
+      shares[k - 1].last_cell = shares[k].first_cell =
+          static_cast<std::int32_t>(place - cells.start.begin());
+    }
   }
-  cells.points.resize(count);
-  std::vector<int> next(cells.start.begin(), cells.start.end() - 1);
-  for_each_slice(ends,
-                 [&](std::size_t first, std::size_t i, const PlanBlock& block, std::int32_t c) {
-                   cells.points[as_size(next[as_size(c)]++)] = {block.u[i], block.v[i], block.h[i],
-                                                                static_cast<int>(first + i)};
-                 });
+  cells.points.resize(as_size(count));
+  for_each_share([&](std::size_t first, std::size_t i, const PlanBlock& block, int& next) {
+    cells.points[as_size(next++)] = {block.u[i], block.v[i], block.h[i],
+                                     static_cast<int>(first + i)};
+  });
   return cells;
 }
 

@@ -6,6 +6,7 @@
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
+#include "camber/road/detail/cell_lanes.h"
 
 namespace camber::detail {
 namespace {
@@ -16,24 +17,49 @@ struct LowestMode {
   int support = 0;           // their number
 };
 
+/// Of a cell's points above a floor and not above a ceiling.
+struct HeightSums {
+  float lowest, highest;  // m
+  float sum, count;
+};
+
+CAMBER_TARGET_CLONES("avx2")
+HeightSums sum_heights(const CellPoint* points, std::size_t count, float floor, float ceiling) {
+  const F8 none = {};
+  F8 lowest = none + kNoHeight, highest = none - kNoHeight, sum = {}, number = {};
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    PointLanes p;
+    load_lanes(points + i, count - i, p);
+    const I8 used = (p.h > floor) & (p.h <= ceiling) & p.there;
+    const F8 low = used ? p.h : none + kNoHeight, high = used ? p.h : none - kNoHeight;
+    lowest = low < lowest ? low : lowest;
+    highest = high > highest ? high : highest;
+    sum += used ? p.h : none;
+    number += used ? none + 1.0f : none;
+  }
+  return {least_of_lanes(lowest), -least_of_lanes(-highest), sum_of_lanes(sum),
+          sum_of_lanes(number)};
+}
+
 LowestMode lowest_mode(const GroundCells& cells, std::size_t cell, float floor) {
   constexpr float kBin = 0.125f;  // m; two make a window
   constexpr int kBins = 96;
   constexpr float kShare = 0.15f;  // of the fullest window's points
   const CellPoint* const begin = cells.points.data() + cells.start[cell];
   const CellPoint* const end = cells.points.data() + cells.start[cell + 1];
-  float lowest = kNoHeight, highest = -kNoHeight;
-  for (auto p = begin; p != end; ++p) {
-    if (!(p->h > floor)) continue;
-    lowest = std::min(lowest, p->h);
-    highest = std::max(highest, p->h);
-  }
-  if (lowest == kNoHeight) return {};
+  const std::size_t count = static_cast<std::size_t>(end - begin);
+  const HeightSums all = sum_heights(begin, count, floor, kNoHeight);
+  if (all.count == 0.0f) return {};
+  const float lowest = all.lowest;
   const auto bin_of = [&](float height) {
     return std::min(static_cast<int>(std::min((height - lowest) / kBin, 1e4f)), kBins);
   };
+  const auto mean_of = [](const HeightSums& sums) {
+    return LowestMode{sums.sum / sums.count, static_cast<int>(sums.count)};
+  };
+  const int last = bin_of(all.highest), windows = std::min(last + 1, kBins - 1);
+  if (last <= 1) return mean_of(all);  // one window
   // Most cells reach over a few bins: the others need neither be cleared nor looked at.
-  const int last = bin_of(highest), windows = std::min(last + 1, kBins - 1);
   std::uint32_t bins[kBins + 2];
   std::fill_n(bins, last + 2, 0u);
   for (auto p = begin; p != end; ++p) {
@@ -44,15 +70,10 @@ LowestMode lowest_mode(const GroundCells& cells, std::size_t cell, float floor) 
   const float enough = std::max(1.0f, kShare * static_cast<float>(most));
   for (int k = 0; k < windows; ++k) {
     if (static_cast<float>(bins[k] + bins[k + 1]) < enough) continue;
-    const float from = lowest + static_cast<float>(k) * kBin, to = from + 2.0f * kBin;
-    float sum = 0.0f;
-    int inside = 0;
-    for (auto p = begin; p != end; ++p) {
-      if (p->h < from || p->h > to) continue;
-      sum += p->h;
-      ++inside;
-    }
-    if (inside > 0) return {sum / static_cast<float>(inside), inside};
+    const float from = lowest + static_cast<float>(k) * kBin;
+    const float below = std::nextafter(from, -kNoHeight);
+    const HeightSums inside = sum_heights(begin, count, std::max(below, floor), from + 2.0f * kBin);
+    if (inside.count > 0.0f) return mean_of(inside);
   }
   return {lowest, 1};
 }
@@ -278,29 +299,52 @@ void remove_raised(const GroundCells& cells, const GroundRules& rules, const Hei
   }
 }
 
+/// A plane over a cell: its height in the cell's middle, and slopes, m a cell.
+struct CellPlane {
+  float u, v, z, slope_u, slope_v;
+};
+
+/// Of the points' distances from a plane, those within reach.
+struct DistanceSums {
+  float sum = 0.0f, squares = 0.0f, count = 0.0f;
+};
+
+CAMBER_TARGET_CLONES("avx2")
+DistanceSums sum_distances(const CellPoint* points, std::size_t count, const CellPlane& plane,
+                           float reach) {
+  const F8 none = {};
+  F8 sum = {}, squares = {}, near = {};
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    PointLanes p;
+    load_lanes(points + i, count - i, p);
+    F8 r = p.h - (plane.z + plane.slope_u * (p.u - plane.u) + plane.slope_v * (p.v - plane.v));
+    const I8 used = (r >= -reach) & (r <= reach) & p.there;
+    r = used ? r : none;
+    sum += r;
+    squares += r * r;
+    near += used ? none + 1.0f : none;
+  }
+  return {sum_of_lanes(sum), sum_of_lanes(squares), sum_of_lanes(near)};
+}
+
 /// Moves one ground cell to the mean of the points near its plane. @return their scatter, m;
 /// negative where they are few
 float refine_cell(const GroundCells& cells, const HeightGrid& filled, float reach, int c,
                   HeightGrid& ground) {
   const std::size_t at = as_size(c);
-  const float z = ground.z[at];
-  if (z == kNoHeight) return -1.0f;
+  if (ground.z[at] == kNoHeight) return -1.0f;
   const int x = c % cells.width, y = c / cells.width;
   const Eigen::Vector2f slope = gradient(filled, x, y, 1);
-  const float u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
-  float sum = 0.0f, squares = 0.0f, count = 0.0f;
-  for (int i = cells.start[at]; i < cells.start[at + 1]; ++i) {
-    const CellPoint& p = cells.points[as_size(i)];
-    const float r = p.h - (z + slope.x() * (p.u - u) + slope.y() * (p.v - v));
-    const float near = (r >= -reach) & (r <= reach) ? 1.0f : 0.0f;
-    sum += near * r;
-    squares += near * r * r;
-    count += near;
-  }
-  if (count == 0.0f) return -1.0f;
-  const float mean = sum / count;
-  ground.z[at] = z + mean;
-  return count >= 5.0f ? std::sqrt(std::max(0.0f, squares / count - mean * mean)) : -1.0f;
+  const CellPlane plane = {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, ground.z[at],
+                           slope.x(), slope.y()};
+  const DistanceSums near =
+      sum_distances(cells.points.data() + cells.start[at],
+                    as_size(cells.start[at + 1] - cells.start[at]), plane, reach);
+  if (near.count == 0.0f) return -1.0f;
+  const float mean = near.sum / near.count;
+  ground.z[at] += mean;
+  if (near.count < 5.0f) return -1.0f;
+  return std::sqrt(std::max(0.0f, near.squares / near.count - mean * mean));
 }
 
 /// Moves all ground cells. @return the lower third over cells of the points' scatter, m; 0 where

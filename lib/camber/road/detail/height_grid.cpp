@@ -4,8 +4,8 @@
 
 #include "camber/core/target_clones.h"
 
-// One clone for machines with AVX2, one for any x86-64, chosen when the program starts. Both only
-// compare and copy, so that their results are the same.
+// One clone for machines with AVX2, one for any x86-64, chosen when the program starts. Their
+// results are the same: neither fuses multiplications with additions.
 #define CAMBER_CLONES CAMBER_TARGET_CLONES("avx2")
 
 namespace camber::detail {
@@ -16,6 +16,50 @@ CAMBER_CLONES void minimum(const float* a, const float* b, float* out, std::size
 }
 CAMBER_CLONES void maximum(const float* a, const float* b, float* out, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) out[i] = a[i] > b[i] ? a[i] : b[i];
+}
+
+/// Means of what is known of each two by two cells; kNoHeight where nothing is.
+/// @param first, second  rows of 2 * count cells; one row alone is given twice
+CAMBER_CLONES void mean_of_pairs(const float* first, const float* second, std::size_t count,
+                                 float* out) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float a = first[2 * i], b = second[2 * i], c = first[2 * i + 1], d = second[2 * i + 1];
+    const float sum = (a == kNoHeight ? 0.0f : a) + (b == kNoHeight ? 0.0f : b) +
+                      (c == kNoHeight ? 0.0f : c) + (d == kNoHeight ? 0.0f : d);
+    const float known = (a == kNoHeight ? 0.0f : 1.0f) + (b == kNoHeight ? 0.0f : 1.0f) +
+                        (c == kNoHeight ? 0.0f : 1.0f) + (d == kNoHeight ? 0.0f : 1.0f);
+    out[i] = known > 0.0f ? sum / known : kNoHeight;
+  }
+}
+
+CAMBER_CLONES void mix(const float* near, const float* far, std::size_t count, float* out) {
+  for (std::size_t i = 0; i < count; ++i) out[i] = 0.75f * near[i] + 0.25f * far[i];
+}
+
+/// Fills the gaps of a row of 2 * count cells from a coarser one that begins a cell before it.
+/// @param gaps  where there was one 1 in the first of two cells, 2 in the second; else 0
+CAMBER_CLONES void fill_pairs(const float* coarse, std::size_t count, float* row,
+                              std::int32_t* gaps) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float middle = 0.75f * coarse[i + 1];
+    const float left = row[2 * i], right = row[2 * i + 1];
+    const bool no_left = left == kNoHeight, no_right = right == kNoHeight;
+    row[2 * i] = no_left ? middle + 0.25f * coarse[i] : left;
+    row[2 * i + 1] = no_right ? middle + 0.25f * coarse[i + 2] : right;
+    gaps[2 * i] = no_left ? 1 : 0;
+    gaps[2 * i + 1] = no_right ? 2 : 0;
+  }
+}
+
+/// Replaces the marked cells of a row by the mean of their neighbours.
+/// @param count  cells of a row, at least 3
+/// @param space  a row's memory
+CAMBER_CLONES void smooth_row(const float* above, const float* below, const std::int32_t* gaps,
+                              std::int32_t mark, std::size_t count, float* row, float* space) {
+  for (std::size_t i = 1; i + 1 < count; ++i) {
+    space[i] = 0.25f * (row[i - 1] + row[i + 1] + above[i] + below[i]);
+  }
+  for (std::size_t i = 1; i + 1 < count; ++i) row[i] = gaps[i] == mark ? space[i] : row[i];
 }
 
 /// Combines squares of 2 * radius + 1 cells by `combine` (minimum or maximum), the border repeated
@@ -79,12 +123,7 @@ void GapFiller::fill(HeightGrid& grid, int smoothing) {
   for (std::size_t level = levels; level-- > 0;) {
     HeightGrid& fine = level == 0 ? grid : coarse_[level - 1];
     take_from(coarse_[level], fine);
-    float* const z = fine.z.data();
-    const int w = fine.width;
-    for (int k = 0; k < smoothing; ++k) {
-      // The one that has just changed comes last, so that few steps wait for each other.
-      for (const int i : holes_) z[i] = 0.25f * (z[i + 1] + z[i - w] + z[i + w] + z[i - 1]);
-    }
+    for (int k = 0; k < smoothing; ++k) smooth(fine);
   }
 }
 
@@ -93,41 +132,55 @@ void GapFiller::shrink(const HeightGrid& fine, HeightGrid& coarse) {
   coarse.height = (fine.height + 1) / 2;
   coarse.z.resize(as_size(coarse.width) * as_size(coarse.height));
   for (int y = 0; y < coarse.height; ++y) {
-    const float* const first = fine.row(2 * y);
-    const float* const second = fine.row(std::min(2 * y + 1, fine.height - 1));
     const bool two_rows = 2 * y + 1 < fine.height;
-    for (int x = 0; x < coarse.width; ++x) {
-      float sum = 0.0f, count = 0.0f;
-      const auto add = [&](float z) {
-        if (z == kNoHeight) return;
-        sum += z;
-        count += 1.0f;
-      };
-      add(first[2 * x]);
-      if (two_rows) add(second[2 * x]);
-      if (2 * x + 1 < fine.width) {
-        add(first[2 * x + 1]);
-        if (two_rows) add(second[2 * x + 1]);
-      }
-      coarse.z[coarse.at(x, y)] = count > 0.0f ? sum / count : kNoHeight;
+    const float* const first = fine.row(2 * y);
+    const float* const second = two_rows ? fine.row(2 * y + 1) : first;
+    float* const out = coarse.row(y);
+    mean_of_pairs(first, second, as_size(fine.width / 2), out);
+    if (fine.width % 2 != 0) {
+      const float pair[2] = {first[fine.width - 1], kNoHeight},
+                  below[2] = {second[fine.width - 1], kNoHeight};
+      mean_of_pairs(pair, below, 1, out + fine.width / 2);
     }
   }
 }
 
-/// Fills the fine gaps by bilinear interpolation of the coarse cells; lists those inside.
+/// Fills the fine gaps by bilinear interpolation of the coarse cells, and marks them.
 void GapFiller::take_from(const HeightGrid& coarse, HeightGrid& fine) {
-  holes_.clear();
+  const std::size_t w = as_size(fine.width), half = as_size(coarse.width);
+  gaps_.resize(fine.z.size());
+  line_.resize(std::max(w, half + 2));
   for (int y = 0; y < fine.height; ++y) {
     const float* const near = coarse.row(y / 2);
     const float* const far =
         coarse.row(std::clamp(y / 2 + (y % 2 == 0 ? -1 : 1), 0, coarse.height - 1));
+    // The coarse cells between the rows, the first and the last of them repeated outwards.
+    mix(near, far, half, line_.data() + 1);
+    line_[0] = line_[1];
+    line_[half + 1] = line_[half];
     float* const row = fine.row(y);
-    const bool inside = y > 0 && y + 1 < fine.height;
-    for (int x = 0; x < fine.width; ++x) {
-      if (row[x] != kNoHeight) continue;
-      const int x0 = x / 2, x1 = std::clamp(x0 + (x % 2 == 0 ? -1 : 1), 0, coarse.width - 1);
-      row[x] = 0.5625f * near[x0] + 0.1875f * (near[x1] + far[x0]) + 0.0625f * far[x1];
-      if (inside && x > 0 && x + 1 < fine.width) holes_.push_back(y * fine.width + x);
+    std::int32_t* const gaps = gaps_.data() + fine.at(0, y);
+    fill_pairs(line_.data(), w / 2, row, gaps);
+    if (w % 2 != 0) {
+      float pair[2] = {row[w - 1], 0.0f};
+      std::int32_t gap[2];
+      fill_pairs(line_.data() + half - 1, 1, pair, gap);
+      row[w - 1] = pair[0];
+      gaps[w - 1] = gap[0];
+    }
+  }
+}
+
+/// Replaces the marked cells inside by the mean of their neighbours, row by row and every other
+/// cell first, so that those above and beside are new ones where that can be.
+void GapFiller::smooth(HeightGrid& grid) {
+  const int w = grid.width;
+  if (w < 3) return;
+  line_.resize(std::max(line_.size(), as_size(w)));
+  for (int y = 1; y + 1 < grid.height; ++y) {
+    for (const std::int32_t mark : {1, 2}) {
+      smooth_row(grid.row(y - 1), grid.row(y + 1), gaps_.data() + grid.at(0, y), mark, as_size(w),
+                 grid.row(y), line_.data());
     }
   }
 }

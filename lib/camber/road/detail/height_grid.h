@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -41,9 +42,11 @@ class GapFiller {
  private:
   static void shrink(const HeightGrid& fine, HeightGrid& coarse);
   void take_from(const HeightGrid& coarse, HeightGrid& fine);
+  void smooth(HeightGrid& grid);
 
   std::vector<HeightGrid> coarse_;
-  std::vector<int> holes_;
+  std::vector<std::int32_t> gaps_;  // of the grid at hand: 1, 2 in even, odd columns; else 0
+  std::vector<float> line_;
 };
 
 /// Slope of a surface over `reach` cells to both sides, m a cell.
