@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "camber/core/version.h"
+#include "huge_pages.h"
 #include "libraries.h"
 #include "nearest_name.h"
 #include "plugins/plugin.h"
@@ -94,6 +95,9 @@ int run(int argc, char** argv) {
   }
   for (const Verb& verb : kVerbs) {
     if (word != verb.name) continue;
+    const bool asks =
+        argc < 3 || std::strcmp(argv[2], "--help") == 0 || std::strcmp(argv[2], "-h") == 0;
+    if (!asks) start_with_huge_pages(argv, verb.reuses_memory);
     using Run = int (*)(int, char**);
     return reinterpret_cast<Run>(plugin_symbol(verb.plugin, "camber_run"))(argc, argv);
   }

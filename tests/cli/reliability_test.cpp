@@ -21,6 +21,7 @@ using test::run_camber;
 using test::run_camber_in;
 using test::Surroundings;
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace fs = std::filesystem;
 
 class Reliability : public ::testing::Test {
@@ -257,7 +258,7 @@ TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {
       {"synth", "--frames", "20", "--out", path("scene")},
   };
   for (const auto& command : commands) {
-    for (const int after : {150, 700}) {
+    for (const int after : {300, 700}) {
       SCOPED_TRACE(::testing::PrintToString(command) + " " + std::to_string(after));
       Surroundings stopped;
       stopped.signal = SIGTERM;
@@ -290,6 +291,39 @@ TEST_F(Reliability, TheSecondSignalDoesNotWait) {
   const ProgramResult twice = run_camber_in(stopped, command);
   EXPECT_ONE_SENTENCE(twice, 130, "interrupted");
   EXPECT_LT(twice.seconds_after_signal, 0.6);
+}
+
+/// The environment of a command that waits for a pipe, as it is after half a second.
+std::string environment_of_waiting_command(const std::string& pipe, const std::string& file,
+                                           Surroundings surroundings) {
+  surroundings.shell += "(sleep 0.5; tr '\\0' '\\n' < /proc/$$/environ > " + file + ") & :";
+  surroundings.signal = SIGTERM;
+  surroundings.signal_after_ms = 1000;
+  EXPECT_EQ(run_camber_in(surroundings, {"vehicles", pipe, "--out", file + ".json"}).exit_code,
+            130);
+  return test::read_text(file);
+}
+
+TEST_F(Reliability, MemoryIsAskedForInHugePagesWhereAddressSpaceIsNotLimited) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "instrumented programs have allocators of their own";
+#endif
+  std::ifstream kernel("/sys/kernel/mm/transparent_hugepage/enabled");
+  std::string given;
+  std::getline(kernel, given);
+  if (given.find("[madvise]") == std::string::npos) {
+    GTEST_SKIP() << "huge pages are not given on request here: " << given;
+  }
+  const std::string pipe = path("pipe.json"), file = path("environment");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const char* const asked = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1";
+  EXPECT_THAT(environment_of_waiting_command(pipe, file, {}), HasSubstr(asked));
+  Surroundings limited;
+  limited.shell = "ulimit -v 4000000; ";
+  EXPECT_THAT(environment_of_waiting_command(pipe, file, limited), Not(HasSubstr(asked)));
+  Surroundings own;
+  own.variables = {"GLIBC_TUNABLES=glibc.malloc.check=0"};
+  EXPECT_THAT(environment_of_waiting_command(pipe, file, own), Not(HasSubstr(asked)));
 }
 
 }  // namespace
