@@ -12,9 +12,6 @@ namespace {
 
 constexpr char kVariable[] = "GLIBC_TUNABLES";
 constexpr char kHugePages[] = "glibc.malloc.hugetlb=1";  // by madvise(); glibc 2.35
-constexpr char kHugePagesKept[] =
-    "glibc.malloc.hugetlb=1:glibc.malloc.mmap_threshold=33554432:"
-    "glibc.malloc.trim_threshold=268435456:glibc.malloc.top_pad=16777216";
 
 /// Whether the kernel gives huge pages to who asks, and to nobody else.
 bool are_given_on_request() {
@@ -33,11 +30,10 @@ bool is_address_space_limited() {
 
 }  // namespace
 
-void start_with_huge_pages(char** argv, bool keep) {
+void start_with_huge_pages(char** argv) {
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  const char* const wanted = keep ? kHugePagesKept : kHugePages;
   if (const char* const given = std::getenv(kVariable)) {
-    if (std::strcmp(given, wanted) == 0) ::unsetenv(kVariable);
+    if (std::strcmp(given, kHugePages) == 0) ::unsetenv(kVariable);
     return;
   }
   if (is_address_space_limited() || !are_given_on_request()) return;
@@ -45,12 +41,11 @@ void start_with_huge_pages(char** argv, bool keep) {
   const ssize_t size = ::readlink("/proc/self/exe", program, sizeof program - 1);
   if (size <= 0) return;
   program[size] = '\0';
-  if (::setenv(kVariable, wanted, 0) != 0) return;
+  if (::setenv(kVariable, kHugePages, 0) != 0) return;
   ::execv(program, argv);
   ::unsetenv(kVariable);  // it could not be started, and goes on as it is
 #else
   static_cast<void>(argv);
-  static_cast<void>(keep);
 #endif
 }
 

@@ -7,7 +7,6 @@ namespace camber::tools {
 /// which the kernel finds and clears. Does nothing where such pages are not had for the asking,
 /// address space is limited, the environment has tunables of its own, or the program is
 /// instrumented; and in the program so started, whose environment is then as it was.
-/// @param keep  freed memory is kept for what is asked for next, up to some hundred megabytes
-void start_with_huge_pages(char** argv, bool keep);
+void start_with_huge_pages(char** argv);
 
 }  // namespace camber::tools

@@ -97,7 +97,7 @@ int run(int argc, char** argv) {
     if (word != verb.name) continue;
     const bool asks =
         argc < 3 || std::strcmp(argv[2], "--help") == 0 || std::strcmp(argv[2], "-h") == 0;
-    if (!asks) start_with_huge_pages(argv, verb.reuses_memory);
+    if (!asks) start_with_huge_pages(argv);
     using Run = int (*)(int, char**);
     return reinterpret_cast<Run>(plugin_symbol(verb.plugin, "camber_run"))(argc, argv);
   }

@@ -18,6 +18,7 @@
 #include "camber/pipeline/reconstruct.h"
 #include "camber/plane/fit_plane.h"
 #include "camber/scene/import_kitti.h"
+#include "huge_pages.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;
@@ -603,7 +604,8 @@ void run_main_job(bench::Report& report) {
 
 int main(int argc, char** argv) {
   using namespace camber;
-  keep_freed_memory();  // as the command does
+  tools::start_with_huge_pages(argv);  // as the command does
+  keep_freed_memory();
   const bench::Program program = {
       "bench_main_job",
       "The main job on real and rendered scenes against their truth",
