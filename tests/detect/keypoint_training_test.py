@@ -1,6 +1,6 @@
 """Trains a tiny keypoint network on drawn crops: its loss falls, a stopped training goes on to the
-same weights, the program gives what PyTorch gives for the exported file, and a larger network starts
-from it as the same function.
+same weights, the program gives what PyTorch gives for the exported file, a larger network starts from
+it as the same function, and Muon trains one as well.
 
 Usage: keypoint_training_test.py CAMBER TRAINING_FOLDER SCRATCH
 """
@@ -171,6 +171,26 @@ def check_start() -> None:
     assert ran.returncode == 1 and "has no place" in ran.stderr.splitlines()[-1], ran
 
 
+def check_muon() -> None:
+    """Singular values come near 1; the loss falls; its states are not AdamW's."""
+    import torch
+
+    from muon import orthogonalised
+
+    matrices = torch.randn(2, 20, 50, generator=torch.Generator().manual_seed(1))
+    for matrix in (matrices[0], matrices[1].T):
+        for precision in (torch.float32, torch.bfloat16):
+            values = torch.linalg.svdvals(orthogonalised(matrix, precision))
+            assert 0.6 < float(values.min()) and float(values.max()) < 1.3, values
+    out = SCRATCH / "muon"
+    command = [*train_command(out), "--muon"]
+    subprocess.run(command, check=True)
+    losses = [line["train"]["loss"] for line in log_of(out)]
+    assert losses[-1] < 0.75 * losses[0], losses
+    ran = subprocess.run(command[:-1], capture_output=True, text=True)
+    assert ran.returncode == 1 and "--muon" in ran.stderr.splitlines()[-1], ran
+
+
 def has(module: str) -> bool:
     try:
         __import__(module)
@@ -191,6 +211,7 @@ def main() -> None:
     check_going_on(whole)
     check_program(whole)
     check_start()
+    check_muon()
 
 
 main()

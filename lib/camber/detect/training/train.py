@@ -26,6 +26,7 @@ from torch import Tensor, nn
 
 from data import CropSet, Place, Varier, Variation, batches, learning_rate, to_input, whole_batches
 from model import CROP, KeypointNetwork, LossWeights, Widths, decode, loss
+from muon import Muon
 from start import start_from
 
 FORMAT = "camber-keypoint-training"
@@ -91,12 +92,7 @@ class Training:
         self.network = KeypointNetwork(Widths(**json.loads(options.widths)))
         self.network = self.network.to(memory_format=torch.channels_last)
         self.average = Average(self.network, options.average)
-        decayed = [p for p in self.network.parameters() if p.ndim > 1]
-        others = [p for p in self.network.parameters() if p.ndim <= 1]
-        self.optimizer = torch.optim.AdamW(
-            [{"params": decayed, "weight_decay": options.decay}, {"params": others, "weight_decay": 0.0}],
-            lr=options.rate,
-        )
+        self.optimizers = self.make_optimizers()
         self.generator = torch.Generator().manual_seed(options.seed)
         self.place = Place()
         self.step = 0
@@ -106,6 +102,27 @@ class Training:
         self.history: list[dict[str, Any]] = []  # one entry a cycle: how it was asked for
         self.stopped = False
 
+    def make_optimizers(self) -> list[torch.optim.Optimizer]:
+        o = self.options
+        decayed = [p for p in self.network.parameters() if p.ndim > 1]
+        others = [p for p in self.network.parameters() if p.ndim <= 1]
+        hidden: list[nn.Parameter] = []
+        if o.muon:
+            # Convolutions between hidden maps: not what reads the image or gives the maps.
+            outer = (self.network.stem[0].weight, self.network.maps.weight)
+            hidden = [p for p in decayed if all(p is not q for q in outer)]
+            decayed = list(outer)
+        optimizers: list[torch.optim.Optimizer] = [
+            torch.optim.AdamW(
+                [{"params": decayed, "weight_decay": o.decay}, {"params": others, "weight_decay": 0.0}],
+                lr=o.rate,
+            )
+        ]
+        if hidden:
+            precision = torch.bfloat16 if o.bf16 else torch.float32
+            optimizers.append(Muon(hidden, o.rate, weight_decay=o.decay, precision=precision))
+        return optimizers
+
     # What was saved and what is gone on with.
 
     def state(self) -> dict[str, Any]:
@@ -114,7 +131,7 @@ class Training:
             "widths": self.network.description(),
             "network": self.network.state_dict(),
             "average": self.average.network.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
+            "optimizers": [optimizer.state_dict() for optimizer in self.optimizers],
             "generator": self.generator.get_state(),
             "place": asdict(self.place),
             "step": self.step,
@@ -141,11 +158,14 @@ class Training:
                 raise ValueError(f"no {FORMAT}")
             if state["widths"] != self.network.description():
                 raise ValueError(f"has widths {state['widths']}, not {self.network.description()}")
+            if len(state["optimizers"]) != len(self.optimizers):
+                raise ValueError("has another optimizer: begun with or without --muon")
         except Exception as error:
             raise SystemExit(f"camber training: {file}: {error}") from error
         self.network.load_state_dict(state["network"])
         self.average.network.load_state_dict(state["average"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        for optimizer, saved in zip(self.optimizers, state["optimizers"]):
+            optimizer.load_state_dict(saved)
         self.generator.set_state(state["generator"])
         self.place = Place(**state["place"])
         for name in ("step", "cycle", "cycle_step", "cycle_seconds", "history"):
@@ -168,7 +188,7 @@ class Training:
         o = self.options
         self.history.append(
             {"from_step": self.step, "steps": o.steps, "minutes": o.minutes, "rate": o.rate,
-             "batch": o.batch, "seed": o.seed, "train": o.train,
+             "batch": o.batch, "muon": o.muon, "seed": o.seed, "train": o.train,
              "start": str(o.start) if o.start else None}
         )  # fmt: skip
 
@@ -181,16 +201,18 @@ class Training:
 
     def one_step(self, images: Tensor, points: Tensor, visibility: Tensor) -> dict[str, Tensor]:
         rate = learning_rate(self.progress(), self.options.rate, self.options.warm_up)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
+        for optimizer in self.optimizers:
+            for group in optimizer.param_groups:
+                group["lr"] = rate
         images = to_input(images).contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.options.bf16):
             maps = self.network(images)
         parts = loss(decode(maps, self.network.spread_weight), points, visibility, LossWeights())
-        self.optimizer.zero_grad(set_to_none=True)
+        self.network.zero_grad(set_to_none=True)
         parts["loss"].backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), self.options.clip)
-        self.optimizer.step()
+        for optimizer in self.optimizers:
+            optimizer.step()
         self.step += 1
         self.cycle_step += 1
         self.average.update(self.network, self.step)
@@ -200,7 +222,7 @@ class Training:
         line: dict[str, Any] = {
             "step": self.step, "cycle": self.cycle, "progress": round(self.progress(), 4),
             "crops": self.step * self.options.batch, "pass": self.place.passed,
-            "rate": self.optimizer.param_groups[0]["lr"],
+            "rate": self.optimizers[0].param_groups[0]["lr"],
             "crops_per_s": round(steps * self.options.batch / max(seconds, 1e-9), 1),
             "train": {k: round(v / max(1, steps), 5) for k, v in sums.items()},
         }  # fmt: skip
@@ -300,6 +322,7 @@ def parse() -> argparse.Namespace:
     p.add_argument("--more", action="store_true", help="another cycle after a finished one")
     p.add_argument("--batch", type=int, default=64)
     p.add_argument("--rate", type=float, default=2e-3, help="highest learning rate")
+    p.add_argument("--muon", action="store_true", help="Muon for hidden convolutions (muon.py)")
     p.add_argument("--warm-up", type=float, default=0.05, help="share of the schedule")
     p.add_argument("--decay", type=float, default=0.02)
     p.add_argument("--clip", type=float, default=5.0, help="most of the gradient's norm")
