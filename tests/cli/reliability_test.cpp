@@ -301,7 +301,9 @@ std::string environment_of_waiting_command(const std::string& pipe, const std::s
   surroundings.signal_after_ms = 1000;
   EXPECT_EQ(run_camber_in(surroundings, {"vehicles", pipe, "--out", file + ".json"}).exit_code,
             130);
-  return test::read_text(file);
+  const std::string found = test::read_text(file);
+  EXPECT_THAT(found, HasSubstr("PATH="));
+  return found;
 }
 
 TEST_F(Reliability, MemoryIsAskedForInHugePagesWhereAddressSpaceIsNotLimited) {

@@ -8,6 +8,7 @@
 
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
+#include "camber/road/detail/cell_lanes.h"
 
 namespace camber::detail {
 namespace {
@@ -65,9 +66,6 @@ struct PlanGrid {
   float per_metre;        // cells
   std::int32_t width, height;
 };
-
-using F8 = float __attribute__((vector_size(32)));
-using I8 = std::int32_t __attribute__((vector_size(32)));
 
 /// Puts a block's points in cells: coordinates become those in cells from the grid's corner.
 /// @param cell  of each point, with room for kBlock; -1: not in the grid
