@@ -257,23 +257,30 @@ TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {
       {"patches", cloud, "--out", path("patches")},
       {"synth", "--frames", "20", "--out", path("scene")},
   };
+  int interrupted = 0;
   for (const auto& command : commands) {
-    for (const int after : {300, 700}) {
+    for (const int after : {150, 700}) {
       SCOPED_TRACE(::testing::PrintToString(command) + " " + std::to_string(after));
       Surroundings stopped;
       stopped.signal = SIGTERM;
       stopped.signal_after_ms = after;
       const ProgramResult result = run_camber_in(stopped, command);
-      if (after == 700 && result.exit_code == 0) {  // a fast machine
+      if (result.exit_code == 0) {  // a fast machine
         fs::remove_all(command.back());
         continue;
       }
-      EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+      if (result.exit_code == 128 + SIGTERM) {  // a slow one: its libraries were not loaded yet
+        EXPECT_EQ(after, 150);
+      } else {
+        EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+        ++interrupted;
+      }
       EXPECT_LT(result.seconds_after_signal, 2.0);  // 1 s on a machine that does nothing else
       EXPECT_TRUE(test::snapshot(folder_.path()) == before)
           << "a file is another, or more are there";
     }
   }
+  EXPECT_GE(interrupted, 4);
 }
 
 TEST_F(Reliability, TheSecondSignalDoesNotWait) {
