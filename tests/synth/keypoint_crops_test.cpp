@@ -14,6 +14,7 @@
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/synth/detail/crop_labels.h"
 #include "camber/synth/detail/crop_scene.h"
+#include "camber/synth/detail/noise.h"
 #include "camber/synth/detail/npy_file.h"
 #include "support/test_data.h"
 
@@ -205,6 +206,90 @@ TEST_F(CropScenes, VisibleKeypointsLieOnTheRenderedCar) {
   }
   EXPECT_GT(visible, 200);
   EXPECT_GE(on_car, visible - visible / 50);
+}
+
+/// Red as a tail light is.
+bool is_red(const Color& c) { return c[0] > 0.2f && c[0] > 10.0f * c[1]; }
+
+TEST(CropCars, TailLightsBelowTheWindowOrBesideItAreRed) {
+  CropCar car = draw_crop_car(CounterRandom(12), 0);
+  CropCarLook& look = car.look;
+  const CropCarPlaces& at = car.places;
+  look.dirt = 0.0f;
+  look.brakes = look.indicator = look.clear_tails = look.rear_blind = false;
+  // Neither amber nor white parts.
+  while (hash_unit(1, 8, look.seed) < 0.4f || hash_unit(2, 8, look.seed) < 0.5f) ++look.seed;
+  look.parts.tail_round = 0.0f;
+  look.parts.tail_low = 0.5f;
+  look.parts.tail_inner = 0.7f;
+  look.parts.tail_pillar = 0.10f;
+  look.parts.pillar_lamp_low = 0.2f;
+  look.parts.pillar_lamp_high = 0.8f;
+  const Eigen::Vector3f backward(-1.0f, 0.0f, 0.0f);
+  const auto color = [&](const Eigen::Vector3f& place) {
+    return crop_car_surface(at, look, static_cast<std::uint8_t>(CropCarMaterial::kBody), place,
+                            backward, 0.001f)
+        .albedo;
+  };
+  // Four tenths up the rear window, at its edge; and on the lid.
+  const auto along_window = [&](float t) {
+    Eigen::Vector3f place = at.rear_window + t * (at.roof_rear - at.rear_window);
+    place.z() -= 0.05f;
+    return place;
+  };
+  Eigen::Vector3f lid = at.rear_bumper + 0.7f * (at.boot - at.rear_bumper);
+  lid.z() = 0.9f * at.half_width;
+  EXPECT_TRUE(is_red(color(along_window(0.4f))));
+  EXPECT_FALSE(is_red(color(along_window(0.9f))));
+  EXPECT_TRUE(is_red(color(lid)));
+  look.parts.tail_low = 1.03f;  // beside the window alone
+  EXPECT_TRUE(is_red(color(along_window(0.4f))));
+  EXPECT_FALSE(is_red(color(lid)));
+}
+
+TEST(CropCars, BumpersOfTheirOwnColourAreAtBothEnds) {
+  CropCar car = draw_crop_car(CounterRandom(12), 1);
+  CropCarLook& look = car.look;
+  look.dirt = 0.0f;
+  look.rear_plate = look.front_plate = look.chrome = false;
+  look.parts.intake_width = look.parts.reflector = 0.0f;
+  look.parts.bumper_high = 0.5f;
+  look.paint = Color(0.5f, 0.02f, 0.02f);
+  look.bumper = Color::Constant(0.4f);
+  for (const bool two_tone : {true, false}) {
+    look.two_tone = two_tone;
+    look.painted_bumpers = true;
+    for (const float end : {-1.0f, 1.0f}) {
+      const CropCarPlaces& at = car.places;
+      const Eigen::Vector3f &low = end > 0.0f ? at.front_bumper : at.rear_bumper,
+                            &high = end > 0.0f ? at.headlight : at.boot;
+      Eigen::Vector3f place = low + 0.2f * (high - low);
+      place.z() = 0.55f * at.half_width;
+      const Color found =
+          crop_car_surface(at, look, static_cast<std::uint8_t>(CropCarMaterial::kBody), place,
+                           Eigen::Vector3f(end, 0.0f, 0.0f), 0.001f)
+              .albedo;
+      EXPECT_NEAR(found[1], two_tone ? 0.4f : 0.02f, 1e-3f) << end;
+    }
+  }
+}
+
+TEST(CropCars, TailsVary) {
+  int columns = 0, high_alone = 0, round = 0, third = 0, wipers = 0;
+  constexpr int kCars = 150;
+  for (std::uint64_t i = 0; i < kCars; ++i) {
+    const CropCarParts p = draw_crop_car(CounterRandom(12), i).look.parts;
+    columns += p.tail_pillar > 0.0f;
+    high_alone += p.tail_pillar > 0.0f && p.tail_low > 1.0f;
+    round += p.tail_round > 0.0f;
+    third += p.third_lamp > 0.0f;
+    wipers += p.wiper > 0.0f;
+  }
+  EXPECT_THAT(columns, ::testing::AllOf(::testing::Ge(kCars / 5), ::testing::Le(kCars / 2)));
+  EXPECT_GT(high_alone, 0);
+  EXPECT_GT(round, kCars / 30);
+  EXPECT_THAT(third, ::testing::AllOf(::testing::Ge(kCars / 2), ::testing::Le(9 * kCars / 10)));
+  EXPECT_GT(wipers, kCars / 4);
 }
 
 TEST(KeypointCrops, LeftRightFrontAndRearAreWhereTheHeadingPutsThem) {

@@ -352,6 +352,25 @@ CropCarParts draw_parts(const CropCarPlaces& at, CarClass car_class, Sequence* r
   return p;
 }
 
+/// Tails as hatchbacks, vans and estates have them, whose rear a network may take for a front.
+void vary_tail(CarClass car_class, Sequence* random, CropCarParts* p) {
+  const bool tailgate = car_class != CarClass::kSaloon;
+  p->pillar_lamp_low = -0.1f;
+  p->pillar_lamp_high = 0.8f;
+  if (tailgate && random->chance(0.4)) {
+    // A column at each side, along the window or below it or both.
+    p->tail_inner = part(random, 0.74, 0.92);
+    p->tail_pillar = random->chance(0.7) ? part(random, 0.05, 0.15) : 0.0f;
+    p->pillar_lamp_low = random->chance(0.5) ? -0.1f : part(random, 0.1, 0.4);
+    p->pillar_lamp_high = part(random, 0.5, 1.0);
+    if (p->tail_pillar > 0.0f && random->chance(0.5)) p->tail_low = part(random, 0.75, 1.03);
+  }
+  p->tail_round = random->chance(0.12) ? part(random, 0.05, 0.10) : 0.0f;
+  p->third_lamp = random->chance(0.7) ? part(random, 0.08, 0.25) : 0.0f;
+  p->reflector = random->chance(0.4) ? part(random, 0.012, 0.035) : 0.0f;
+  p->wiper = tailgate && random->chance(0.6) ? part(random, 0.25, 0.5) : 0.0f;
+}
+
 /// Mirrors, rails, box and spoiler. None of them moves a keypoint.
 void add_extras(CarClass car_class, const CropCarPlaces& at, Sequence* random, CropMesh* mesh) {
   const Eigen::Matrix3f level = Eigen::Matrix3f::Identity();
@@ -464,6 +483,10 @@ CropCarLook draw_crop_car_look(const CropCar& car, Sequence* random) {
   l.rear_plate = random->chance(0.96);
   l.yellow_rear_plate = random->chance(0.15);
   l.blue_band = random->chance(0.6);
+  l.two_tone = random->chance(0.15);
+  l.bumper =
+      random->chance(0.7) ? Color(Color::Constant(part(random, 0.05, 0.6))) : draw_paint(random);
+  l.clear_tails = random->chance(0.15);
   return l;
 }
 
@@ -512,6 +535,8 @@ CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index) {
   add_extras(car_class, car.places, &own, &car.mesh);
   add_cabin(car.places, &own, &car.mesh);
   car.look.parts = draw_parts(car.places, car_class, &own);
+  Sequence tails(random.bits(index), 0x5441494Cu);
+  vary_tail(car_class, &tails, &car.look.parts);
   car.look = draw_crop_car_look(car, &own);
   return car;
 }

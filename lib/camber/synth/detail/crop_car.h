@@ -42,6 +42,11 @@ struct CropCarParts {
   float front_plate_low, rear_plate_low;
   float tail_low, tail_inner, tail_wrap;
   float tail_pillar;                             ///< tail lights go up along the rear window, m
+  float pillar_lamp_low, pillar_lamp_high;       ///< of them there, of the rear window's height
+  float tail_round;                              ///< radius of round tail lights, m; 0: not round
+  float third_lamp;                              ///< half the width of a third brake light, m
+  float reflector;                               ///< half the height of those in the rear bumper, m
+  float wiper;                                   ///< length of the rear window's, m
   float bumper_high;                             ///< of nose and tail
   float strip_y, strip_half;                     ///< side moulding, m; half width 0: none
   float cladding_y;                              ///< below it the flanks are plastic, m
@@ -59,12 +64,14 @@ struct CropCarParts {
 /// Colours and finish of one car.
 struct CropCarLook {
   Color paint = Color::Zero(), roof = Color::Zero(), trim = Color::Zero(), rim = Color::Zero(),
-        interior = Color::Zero();
+        interior = Color::Zero(), bumper = Color::Zero();
   float flake = 0.0f;        ///< contrast of metallic paint over the angle of view
   float clear_coat = 0.05f;  ///< mirror reflection of the paint at normal incidence
   float dirt = 0.0f;         ///< 0 to 1
   float tint = 0.0f;         ///< of the rear glass, 0 clear to 1 black
   float clear = 0.0f;        ///< of the front glass
+  bool two_tone = false;     ///< bumpers of a colour of their own
+  bool clear_tails = false;  ///< tail lights of clear glass, red in their middle
   bool painted_bumpers = true, painted_sills = true, chrome = false, roof_glass = false;
   bool dark_pillars = true;  ///< between the side windows
   bool panel_sides = false;  ///< no windows behind the front doors

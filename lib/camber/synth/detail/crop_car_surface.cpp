@@ -89,6 +89,11 @@ CropSurface headlight(const Place& p, float t, float s) {
   return lamp;
 }
 
+/// What a bumper is of where it is not of the body's paint.
+CropSurface bumper_at(const Place& p) {
+  return p.l.two_tone ? paint_at(p, p.l.bumper) : plastic(p);
+}
+
 CropSurface tail_light(const Place& p, float t) {
   CropSurface lamp;
   const bool amber = hash_unit(1, 8, p.l.seed) < 0.4f && t > 0.80f;
@@ -97,6 +102,12 @@ CropSurface tail_light(const Place& p, float t) {
                 : white ? Color(0.45f, 0.42f, 0.42f)
                         : Color(0.34f, 0.012f, 0.014f);
   lamp.mirror = 0.08f;
+  const float phase = wrap(t, 0.25f);
+  if (p.l.clear_tails && (phase < 0.08f || phase > 0.18f)) {
+    const float spot = gradient_noise({11.0f * p.at.z(), 9.0f * p.at.y()}, p.l.seed + 6);
+    lamp.albedo = Color::Constant(0.25f + 0.3f * spot);
+    lamp.mirror = 0.12f;
+  }
   if (p.l.brakes && !white) lamp.emission = Color(2.2f, 0.10f, 0.06f);
   if (p.l.indicator && amber) lamp.emission = Color(2.0f, 0.9f, 0.05f);
   return lamp;
@@ -108,7 +119,8 @@ void nose(const Place& p, CropSurface* out) {
   const float low = p.c.front_bumper.y(), span = p.c.headlight.y() - low;
   const float t = (p.at.y() - low) / span, s = std::fabs(p.at.z()) / p.c.half_width;
   const float wt = p.w / span, ws = p.w / p.c.half_width;
-  if (!p.l.painted_bumpers) blend(plastic(p), band(t, -1.0f, k.bumper_high, wt), out);
+  const bool other = p.l.two_tone || !p.l.painted_bumpers;
+  if (other) blend(bumper_at(p), band(t, -1.0f, k.bumper_high, wt), out);
   blend(plastic(p), band(t, -1.0f, k.intake_high, wt) * band(s, -1.0f, k.intake_width, ws), out);
   CropSurface grille = plastic(p);
   if (k.grille_bars > 0.0f) {
@@ -157,14 +169,32 @@ void tail(const Place& p, CropSurface* out) {
         strip_cover(p.at.y() - low - span * k.bumper_high, k.gap_half, p.w) *
             band(s, -1.0f, k.tail_inner, ws),
         out);
-  if (!p.l.painted_bumpers) {
-    blend(plastic(p), band(t, -1.0f, k.bumper_high, wt), out);
+  if (p.l.two_tone || !p.l.painted_bumpers) {
+    blend(bumper_at(p), band(t, -1.0f, k.bumper_high, wt), out);
   } else {
     blend(plastic(p), band(t, -1.0f, 0.10f, wt), out);
     if (k.strip_half > 0.0f)
       blend(plastic(p), strip_cover(t - 0.7f * k.bumper_high, 0.05f, wt), out);
   }
-  blend(tail_light(p, t), band(t, k.tail_low, 1.02f, wt) * band(s, k.tail_inner, 2.0f, ws), out);
+  float lamps = band(t, k.tail_low, 1.02f, wt) * band(s, k.tail_inner, 2.0f, ws);
+  if (k.tail_round > 0.0f) {
+    lamps = 0.0f;
+    const float side = std::fabs(p.at.z()) - p.c.half_width + 1.4f * k.tail_round;
+    for (const float row : {0.0f, 2.2f}) {
+      const float up = p.at.y() - p.c.boot.y() + (1.2f + row) * k.tail_round;
+      lamps = std::max(lamps, below_edge(std::hypot(side, up) - k.tail_round, p.w));
+    }
+  }
+  blend(tail_light(p, t), lamps, out);
+  if (k.reflector > 0.0f) {
+    CropSurface red;
+    red.albedo = Color(0.30f, 0.012f, 0.014f);
+    red.mirror = 0.06f;
+    blend(red,
+          strip_cover(p.at.y() - low - 0.6f * k.bumper_high * span, k.reflector, p.w) *
+              band(s, 0.58f, 0.84f, ws),
+          out);
+  }
   if (p.l.chrome) {
     blend(chrome(),
           strip_cover(t - std::min(0.97f, k.rear_plate_low + 0.28f), 0.025f, wt) *
@@ -203,11 +233,12 @@ void flank(const Place& p, CropSurface* out) {
       blend(plastic(p), below_edge(r - c.arch_radius - k.arch_cladding, p.w), out);
     }
   }
-  if (!p.l.painted_bumpers) {
+  if (p.l.two_tone || !p.l.painted_bumpers) {
     const float front = c.front_bumper.y() + k.bumper_high * (c.headlight.y() - c.front_bumper.y());
     const float rear = c.rear_bumper.y() + k.bumper_high * (c.boot.y() - c.rear_bumper.y());
-    if (x > c.front_axle + c.arch_radius) blend(plastic(p), below_edge(y - front, p.w), out);
-    if (x < c.rear_axle - c.arch_radius) blend(plastic(p), below_edge(y - rear, p.w), out);
+    const CropSurface bumper = bumper_at(p);
+    if (x > c.front_axle + c.arch_radius) blend(bumper, below_edge(y - front, p.w), out);
+    if (x < c.rear_axle - c.arch_radius) blend(bumper, below_edge(y - rear, p.w), out);
   }
   const float nose_span = c.headlight.y() - c.front_bumper.y();
   blend(headlight(p, 0.9f, 0.9f),
@@ -216,6 +247,7 @@ void flank(const Place& p, CropSurface* out) {
         out);
   const float tail_span = c.boot.y() - c.rear_bumper.y();
   const float t = (y - c.rear_bumper.y()) / tail_span;
+  if (k.tail_round > 0.0f) return;
   blend(tail_light(p, t),
         band(x, -9.0f, c.boot.x() + k.tail_wrap, p.w) * band(t, k.tail_low, 1.02f, p.w / tail_span),
         out);
@@ -272,7 +304,28 @@ void greenhouse(const Place& p, CropSurface* out) {
     }
     if (k.tail_pillar > 0.0f) {
       blend(tail_light(p, 0.9f),
-            band(z, half - k.tail_pillar, 2.0f, p.w) * band(rear_t, -0.1f, 0.8f, p.w / span), out);
+            band(z, half - k.tail_pillar, 2.0f, p.w) *
+                band(rear_t, k.pillar_lamp_low, k.pillar_lamp_high, p.w / span),
+            out);
+    }
+    if (k.third_lamp > 0.0f) {
+      CropSurface lamp;
+      lamp.albedo = Color(0.25f, 0.012f, 0.014f);
+      lamp.mirror = 0.06f;
+      if (p.l.brakes) lamp.emission = Color(2.2f, 0.25f, 0.06f);
+      blend(
+          lamp,
+          strip_cover(z, k.third_lamp, p.w) * strip_cover(y - c.roof_rear.y() + 0.05f, 0.018f, p.w),
+          out);
+    }
+    if (k.wiper > 0.0f && !p.l.rear_blind) {
+      CropSurface blade;
+      blade.albedo = Color::Constant(0.01f);
+      const float foot = y - c.rear_window.y() - span * k.rear_window_low;
+      const float side = hash_unit(4, 4, p.l.seed) < 0.5f ? p.at.z() : -p.at.z();
+      blend(blade,
+            strip_cover(foot - 0.02f - 0.25f * side, 0.012f, p.w) * band(side, 0.0f, k.wiper, p.w),
+            out);
     }
   } else if (y > c.roof_front.y() - 0.12f) {
     CropSurface roof = paint_at(p, p.l.roof);
