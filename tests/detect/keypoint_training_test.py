@@ -1,6 +1,6 @@
 """Trains a tiny keypoint network on drawn crops: its loss falls, a stopped training goes on to the
 same weights, the program gives what PyTorch gives for the exported file, a larger network starts from
-it as the same function, and Muon trains one as well.
+it as the same function, Muon trains one as well, and --bf16 is used where the processor has it.
 
 Usage: keypoint_training_test.py CAMBER TRAINING_FOLDER SCRATCH
 """
@@ -191,6 +191,22 @@ def check_muon() -> None:
     assert ran.returncode == 1 and "--muon" in ran.stderr.splitlines()[-1], ran
 
 
+def check_precision() -> None:
+    """--bf16 where the processor has it; else it is passed over, and that is said."""
+    sys.path.insert(0, str(TRAINING))
+    from train import has_bfloat16
+
+    info = SCRATCH / "cpuinfo"
+    for flags, expected in (("fpu avx2 avx512f", False), ("fpu avx512_bf16", True), ("amx_bf16", True)):
+        info.write_text(f"flags\t\t: {flags}\n")
+        assert has_bfloat16(info) == expected, flags
+    assert not has_bfloat16(SCRATCH / "not there")
+    command = [*train_command(SCRATCH / "bf16"), "--bf16"]
+    command[command.index("--steps") + 1] = "2"
+    ran = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert ("single precision" in ran.stderr) != has_bfloat16(), ran.stderr
+
+
 def has(module: str) -> bool:
     try:
         __import__(module)
@@ -212,6 +228,7 @@ def main() -> None:
     check_program(whole)
     check_start()
     check_muon()
+    check_precision()
 
 
 main()

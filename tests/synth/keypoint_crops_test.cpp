@@ -208,43 +208,106 @@ TEST_F(CropScenes, VisibleKeypointsLieOnTheRenderedCar) {
   EXPECT_GE(on_car, visible - visible / 50);
 }
 
-/// Red as a tail light is.
-bool is_red(const Color& c) { return c[0] > 0.2f && c[0] > 10.0f * c[1]; }
+/// A car's body as it is seen from behind, its lamps neither lit nor with amber or white parts.
+class CropCarTail : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    look_.dirt = 0.0f;
+    look_.paint = look_.trim = Color::Constant(0.3f);
+    look_.brakes = look_.indicator = look_.clear_tails = look_.rear_blind = look_.chrome = false;
+    look_.two_tone = look_.rear_plate = false;
+    while (hash_unit(1, 8, look_.seed) < 0.4f || hash_unit(2, 8, look_.seed) < 0.5f) ++look_.seed;
+    parts_.tail_round = parts_.tail_pillar = 0.0f;
+    parts_.third_lamp = parts_.reflector = parts_.wiper = 0.0f;
+    parts_.tail_low = 0.5f;
+    parts_.tail_inner = 0.7f;
+    parts_.bumper_high = 0.4f;
+  }
 
-TEST(CropCars, TailLightsBelowTheWindowOrBesideItAreRed) {
-  CropCar car = draw_crop_car(CounterRandom(12), 0);
-  CropCarLook& look = car.look;
-  const CropCarPlaces& at = car.places;
-  look.dirt = 0.0f;
-  look.brakes = look.indicator = look.clear_tails = look.rear_blind = false;
-  // Neither amber nor white parts.
-  while (hash_unit(1, 8, look.seed) < 0.4f || hash_unit(2, 8, look.seed) < 0.5f) ++look.seed;
-  look.parts.tail_round = 0.0f;
-  look.parts.tail_low = 0.5f;
-  look.parts.tail_inner = 0.7f;
-  look.parts.tail_pillar = 0.10f;
-  look.parts.pillar_lamp_low = 0.2f;
-  look.parts.pillar_lamp_high = 0.8f;
-  const Eigen::Vector3f backward(-1.0f, 0.0f, 0.0f);
-  const auto color = [&](const Eigen::Vector3f& place) {
-    return crop_car_surface(at, look, static_cast<std::uint8_t>(CropCarMaterial::kBody), place,
-                            backward, 0.001f)
+  Color color(const Eigen::Vector3f& place) const {
+    return crop_car_surface(at_, look_, static_cast<std::uint8_t>(CropCarMaterial::kBody), place,
+                            Eigen::Vector3f(-1.0f, 0.0f, 0.0f), 0.001f)
         .albedo;
-  };
-  // Four tenths up the rear window, at its edge; and on the lid.
-  const auto along_window = [&](float t) {
-    Eigen::Vector3f place = at.rear_window + t * (at.roof_rear - at.rear_window);
-    place.z() -= 0.05f;
+  }
+  bool is_red(const Eigen::Vector3f& place) const {
+    const Color c = color(place);
+    return c[0] > 0.2f && c[0] > 10.0f * c[1];
+  }
+  /// Of the lid and bumper, by shares of its height and of the half width.
+  Eigen::Vector3f tail(float up, float out) const {
+    Eigen::Vector3f place = at_.rear_bumper + up * (at_.boot - at_.rear_bumper);
+    place.z() = out * at_.half_width;
     return place;
+  }
+  /// Of the rear window, by the share of its height, at its edge or in its middle.
+  Eigen::Vector3f window(float up, bool edge) const {
+    Eigen::Vector3f place = at_.rear_window + up * (at_.roof_rear - at_.rear_window);
+    place.z() = edge ? place.z() - 0.05f : 0.0f;
+    return place;
+  }
+
+  CropCar car_ = draw_crop_car(CounterRandom(12), 0);
+  CropCarLook& look_ = car_.look;
+  CropCarParts& parts_ = look_.parts;
+  const CropCarPlaces& at_ = car_.places;
+};
+
+TEST_F(CropCarTail, LightsAreBelowTheWindowOrBesideIt) {
+  EXPECT_TRUE(is_red(tail(0.7f, 0.9f)));
+  EXPECT_FALSE(is_red(window(0.4f, true)));
+  parts_.tail_pillar = 0.10f;
+  parts_.pillar_lamp_low = 0.2f;
+  parts_.pillar_lamp_high = 0.8f;
+  EXPECT_TRUE(is_red(tail(0.7f, 0.9f)));
+  EXPECT_TRUE(is_red(window(0.4f, true)));
+  EXPECT_FALSE(is_red(window(0.9f, true)));
+  EXPECT_FALSE(is_red(window(0.1f, true)));
+  parts_.tail_low = 1.03f;
+  EXPECT_FALSE(is_red(tail(0.7f, 0.9f)));
+  EXPECT_TRUE(is_red(window(0.4f, true)));
+}
+
+TEST_F(CropCarTail, RoundLightsAreTwoAboveEachOther) {
+  parts_.tail_round = 0.06f;
+  const auto at = [&](float below_top) {
+    return Eigen::Vector3f(at_.boot.x(), at_.boot.y() - below_top, at_.half_width - 0.084f);
   };
-  Eigen::Vector3f lid = at.rear_bumper + 0.7f * (at.boot - at.rear_bumper);
-  lid.z() = 0.9f * at.half_width;
-  EXPECT_TRUE(is_red(color(along_window(0.4f))));
-  EXPECT_FALSE(is_red(color(along_window(0.9f))));
-  EXPECT_TRUE(is_red(color(lid)));
-  look.parts.tail_low = 1.03f;  // beside the window alone
-  EXPECT_TRUE(is_red(color(along_window(0.4f))));
-  EXPECT_FALSE(is_red(color(lid)));
+  EXPECT_TRUE(is_red(at(0.072f)));
+  EXPECT_FALSE(is_red(at(0.138f)));  // between them
+  EXPECT_TRUE(is_red(at(0.204f)));
+  EXPECT_FALSE(is_red(at(0.28f)));
+}
+
+TEST_F(CropCarTail, ThirdLightReflectorsAndWiperAreWhereTheyAreAskedFor) {
+  const Eigen::Vector3f third =
+      at_.roof_rear.cwiseProduct(Eigen::Vector3f(1, 1, 0)) - Eigen::Vector3f(0.0f, 0.05f, 0.0f);
+  const Eigen::Vector3f reflector = tail(0.6f * parts_.bumper_high, 0.7f);
+  const float span = at_.roof_rear.y() - at_.rear_window.y();
+  Eigen::Vector3f wiper = window(parts_.rear_window_low + (0.02f + 0.25f * 0.1f) / span, false);
+  wiper.z() = hash_unit(4, 4, look_.seed) < 0.5f ? 0.1f : -0.1f;
+  EXPECT_FALSE(is_red(third));
+  EXPECT_FALSE(is_red(reflector));
+  const float glass = color(wiper)[0];
+  parts_.third_lamp = 0.15f;
+  parts_.reflector = 0.02f;
+  parts_.wiper = 0.4f;
+  EXPECT_TRUE(is_red(third));
+  EXPECT_TRUE(is_red(reflector));
+  EXPECT_FALSE(is_red(tail(0.6f * parts_.bumper_high, 0.4f)));
+  EXPECT_NE(color(wiper)[0], glass);
+  EXPECT_NEAR(color(wiper)[0], 0.01f, 1e-6f);
+}
+
+TEST_F(CropCarTail, ClearLightsHaveRedStrips) {
+  look_.clear_tails = true;
+  int red = 0, clear = 0;
+  for (float up = 0.55f; up < 0.95f; up += 0.005f) {
+    const bool is = is_red(tail(up, 0.9f));
+    red += is;
+    clear += !is;
+  }
+  EXPECT_GT(red, 15);
+  EXPECT_GT(clear, 25);
 }
 
 TEST(CropCars, BumpersOfTheirOwnColourAreAtBothEnds) {

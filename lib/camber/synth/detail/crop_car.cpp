@@ -535,6 +535,7 @@ CropCar draw_crop_car(const CounterRandom& random, std::uint64_t index) {
   add_extras(car_class, car.places, &own, &car.mesh);
   add_cabin(car.places, &own, &car.mesh);
   car.look.parts = draw_parts(car.places, car_class, &own);
+  // Of numbers of its own, as above.
   Sequence tails(random.bits(index), 0x5441494Cu);
   vary_tail(car_class, &tails, &car.look.parts);
   car.look = draw_crop_car_look(car, &own);

@@ -71,7 +71,7 @@ struct CropCarLook {
   float tint = 0.0f;         ///< of the rear glass, 0 clear to 1 black
   float clear = 0.0f;        ///< of the front glass
   bool two_tone = false;     ///< bumpers of a colour of their own
-  bool clear_tails = false;  ///< tail lights of clear glass, red in their middle
+  bool clear_tails = false;  ///< tail lights of clear glass with red strips
   bool painted_bumpers = true, painted_sills = true, chrome = false, roof_glass = false;
   bool dark_pillars = true;  ///< between the side windows
   bool panel_sides = false;  ///< no windows behind the front doors

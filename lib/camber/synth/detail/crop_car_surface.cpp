@@ -89,9 +89,19 @@ CropSurface headlight(const Place& p, float t, float s) {
   return lamp;
 }
 
-/// What a bumper is of where it is not of the body's paint.
+bool bumpers_differ(const Place& p) { return p.l.two_tone || !p.l.painted_bumpers; }
+
+/// What bumpers are of where they differ from the body.
 CropSurface bumper_at(const Place& p) {
   return p.l.two_tone ? paint_at(p, p.l.bumper) : plastic(p);
+}
+
+/// A lamp or reflector that is not lit.
+CropSurface red_glass(float red) {
+  CropSurface s;
+  s.albedo = Color(red, 0.012f, 0.014f);
+  s.mirror = 0.06f;
+  return s;
 }
 
 CropSurface tail_light(const Place& p, float t) {
@@ -102,7 +112,7 @@ CropSurface tail_light(const Place& p, float t) {
                 : white ? Color(0.45f, 0.42f, 0.42f)
                         : Color(0.34f, 0.012f, 0.014f);
   lamp.mirror = 0.08f;
-  const float phase = wrap(t, 0.25f);
+  const float phase = wrap(t, 0.25f);  // of the height, from one red strip to the next
   if (p.l.clear_tails && (phase < 0.08f || phase > 0.18f)) {
     const float spot = gradient_noise({11.0f * p.at.z(), 9.0f * p.at.y()}, p.l.seed + 6);
     lamp.albedo = Color::Constant(0.25f + 0.3f * spot);
@@ -119,8 +129,7 @@ void nose(const Place& p, CropSurface* out) {
   const float low = p.c.front_bumper.y(), span = p.c.headlight.y() - low;
   const float t = (p.at.y() - low) / span, s = std::fabs(p.at.z()) / p.c.half_width;
   const float wt = p.w / span, ws = p.w / p.c.half_width;
-  const bool other = p.l.two_tone || !p.l.painted_bumpers;
-  if (other) blend(bumper_at(p), band(t, -1.0f, k.bumper_high, wt), out);
+  if (bumpers_differ(p)) blend(bumper_at(p), band(t, -1.0f, k.bumper_high, wt), out);
   blend(plastic(p), band(t, -1.0f, k.intake_high, wt) * band(s, -1.0f, k.intake_width, ws), out);
   CropSurface grille = plastic(p);
   if (k.grille_bars > 0.0f) {
@@ -169,16 +178,17 @@ void tail(const Place& p, CropSurface* out) {
         strip_cover(p.at.y() - low - span * k.bumper_high, k.gap_half, p.w) *
             band(s, -1.0f, k.tail_inner, ws),
         out);
-  if (p.l.two_tone || !p.l.painted_bumpers) {
+  if (bumpers_differ(p)) {
     blend(bumper_at(p), band(t, -1.0f, k.bumper_high, wt), out);
   } else {
     blend(plastic(p), band(t, -1.0f, 0.10f, wt), out);
     if (k.strip_half > 0.0f)
       blend(plastic(p), strip_cover(t - 0.7f * k.bumper_high, 0.05f, wt), out);
   }
-  float lamps = band(t, k.tail_low, 1.02f, wt) * band(s, k.tail_inner, 2.0f, ws);
-  if (k.tail_round > 0.0f) {
-    lamps = 0.0f;
+  float lamps = 0.0f;
+  if (k.tail_round == 0.0f) {
+    lamps = band(t, k.tail_low, 1.02f, wt) * band(s, k.tail_inner, 2.0f, ws);
+  } else {  // two a side, one above the other
     const float side = std::fabs(p.at.z()) - p.c.half_width + 1.4f * k.tail_round;
     for (const float row : {0.0f, 2.2f}) {
       const float up = p.at.y() - p.c.boot.y() + (1.2f + row) * k.tail_round;
@@ -187,10 +197,7 @@ void tail(const Place& p, CropSurface* out) {
   }
   blend(tail_light(p, t), lamps, out);
   if (k.reflector > 0.0f) {
-    CropSurface red;
-    red.albedo = Color(0.30f, 0.012f, 0.014f);
-    red.mirror = 0.06f;
-    blend(red,
+    blend(red_glass(0.30f),
           strip_cover(p.at.y() - low - 0.6f * k.bumper_high * span, k.reflector, p.w) *
               band(s, 0.58f, 0.84f, ws),
           out);
@@ -233,7 +240,7 @@ void flank(const Place& p, CropSurface* out) {
       blend(plastic(p), below_edge(r - c.arch_radius - k.arch_cladding, p.w), out);
     }
   }
-  if (p.l.two_tone || !p.l.painted_bumpers) {
+  if (bumpers_differ(p)) {
     const float front = c.front_bumper.y() + k.bumper_high * (c.headlight.y() - c.front_bumper.y());
     const float rear = c.rear_bumper.y() + k.bumper_high * (c.boot.y() - c.rear_bumper.y());
     const CropSurface bumper = bumper_at(p);
@@ -247,10 +254,12 @@ void flank(const Place& p, CropSurface* out) {
         out);
   const float tail_span = c.boot.y() - c.rear_bumper.y();
   const float t = (y - c.rear_bumper.y()) / tail_span;
-  if (k.tail_round > 0.0f) return;
-  blend(tail_light(p, t),
+  if (k.tail_round == 0.0f) {
+    blend(
+        tail_light(p, t),
         band(x, -9.0f, c.boot.x() + k.tail_wrap, p.w) * band(t, k.tail_low, 1.02f, p.w / tail_span),
         out);
+  }
 }
 
 float lerp(float a, float b, float t) { return a + t * (b - a); }
@@ -309,9 +318,7 @@ void greenhouse(const Place& p, CropSurface* out) {
             out);
     }
     if (k.third_lamp > 0.0f) {
-      CropSurface lamp;
-      lamp.albedo = Color(0.25f, 0.012f, 0.014f);
-      lamp.mirror = 0.06f;
+      CropSurface lamp = red_glass(0.25f);
       if (p.l.brakes) lamp.emission = Color(2.2f, 0.25f, 0.06f);
       blend(
           lamp,
