@@ -9,7 +9,8 @@ Usage: tests/run.sh [--no-install] [--asan] [--tsan] [--coverage] [--fuzz] [--lo
 Installs missing packages (needs root or sudo, once), builds the release preset and runs its tests:
 ctest says how many passed and failed, a line after it how many were skipped and why. Then, where Clang with libFuzzer is present, the
 fuzzers of all readers run for a minute in all (CAMBER_FUZZ_SECONDS changes that; 0: not at all) from
-one random seed (CAMBER_FUZZ_SEED changes it, 0: another in each run).
+one random seed (CAMBER_FUZZ_SEED changes it, 0: another in each run). After more than 40 minutes of
+building and testing they are left out, since they are a second build (CAMBER_FUZZ_LATEST: in minutes).
 
   --asan        instead, build with the address and undefined-behaviour sanitizers and run the unit
                 tests
@@ -34,6 +35,7 @@ benchmarks=false
 ctest_options=()
 fuzz_seconds=${CAMBER_FUZZ_SECONDS:-60}
 fuzz_seed=${CAMBER_FUZZ_SEED:-1}
+fuzz_latest=${CAMBER_FUZZ_LATEST:-40}
 while [ $# -gt 0 ]; do
   case "$1" in
     --no-install) install=false ;;
@@ -50,11 +52,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 
-if ! [[ $fuzz_seconds =~ ^[0-9]+$ && $fuzz_seed =~ ^[0-9]+$ ]]; then
-  printf 'run.sh: CAMBER_FUZZ_SECONDS is "%s" and CAMBER_FUZZ_SEED "%s", expected whole numbers\n' \
-    "$fuzz_seconds" "$fuzz_seed" >&2
-  exit 2
-fi
+for name in fuzz_seconds fuzz_seed fuzz_latest; do
+  if ! [[ ${!name} =~ ^[0-9]+$ ]]; then
+    printf 'run.sh: CAMBER_%s is "%s", expected a whole number\n' "${name^^}" "${!name}" >&2
+    exit 2
+  fi
+done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 if $install; then
   packages=(--tests)
@@ -143,7 +146,9 @@ case "$mode" in
     failed=false
     run_ctest release || failed=true
     if [ ${#ctest_options[@]} -eq 0 ] && [ "$fuzz_seconds" -gt 0 ]; then
-      if has_fuzzer; then
+      if [ "$SECONDS" -ge $((60 * fuzz_latest)) ]; then
+        echo "After $((SECONDS / 60)) minutes the fuzzers are left out: tests/run.sh --fuzz runs them"
+      elif has_fuzzer; then
         run_fuzzers
       else
         echo "No Clang with libFuzzer here: the fuzzers did not run (their seeds did, above)"

@@ -210,6 +210,22 @@ TEST_F(Scripts, SummaryOfTheTestsSaysThatNoneWasSkippedAndKeepsTheFailure) {
   EXPECT_THAT(out_, AllOf(HasSubstr("(Failed)"), HasSubstr("\n0 skipped\n")));
 }
 
+TEST_F(Scripts, TestsThatTookLongLeaveTheFuzzersOut) {
+  const fs::path root = checkout_with_tests("add_test(passes true)\n");
+  fs::create_directories(root / "build" / "fuzz" / "bin");
+  const fs::path fuzzer = root / "build" / "fuzz" / "bin" / "fuzz_a";
+  std::ofstream(fuzzer) << "#!/bin/sh\necho stat::number_of_executed_units: 7\n";
+  fs::permissions(fuzzer, fs::perms::owner_all);
+  stand_in("clang++", "exit 0");
+  ASSERT_EQ(run("tests/run.sh --no-install", root), 0) << out_ << err_;
+  EXPECT_THAT(out_, HasSubstr("fuzz_a: 7 executions, nothing found\n"));
+  ::setenv("CAMBER_FUZZ_LATEST", "0", 1);
+  const int code = run("tests/run.sh --no-install", root);
+  ::unsetenv("CAMBER_FUZZ_LATEST");
+  ASSERT_EQ(code, 0) << out_ << err_;
+  EXPECT_THAT(out_, AllOf(HasSubstr("the fuzzers are left out"), Not(HasSubstr("fuzz_a"))));
+}
+
 const char* const kForty = "for i in $(seq 40); do echo \"[$i/40] Building part $i\"; done";
 
 TEST_F(Scripts, TellHowFarTheBuildIsInAFewLines) {
