@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -80,6 +81,10 @@ std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
   const double information = weighted.dot(by_log_scale);
   if (!(information > 0.0)) return std::nullopt;
   return ImpliedLogScale{weighted.dot(constraint.residual) / information, 1.0 / information};
+}
+
+double contradiction_share(double sigmas, double doubt, double gate) {
+  return std::clamp((sigmas - doubt) / (gate - doubt), 0.0, 1.0);
 }
 
 FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints,

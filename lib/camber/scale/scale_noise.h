@@ -20,6 +20,11 @@ struct ScaleNoise {
   // The speed.
   double speed_path = 0.005;  ///< relative, of the path's length in baselines (assumed)
 
+  /// Standard deviations between one source and the others from which on the scale is widened, by
+  /// ever more of what they differ by up to the source's gate (rendered roads, cameras' heights 20
+  /// % off).
+  double doubt = 1.5;
+
   // Painted markings of known size.
   double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)
   double painted_size = 0.01;  ///< relative, sizes of one road's paint off the given ones (assumed)
@@ -65,7 +70,7 @@ struct ScaleNoise {
   // The average of vehicles' sizes.
   double vehicle_population =
       0.02;  ///< relative, of all cars of a street off the size prior (assumed)
-  double vehicle_size_most = 0.15;   ///< relative, of one vehicle's scale that is worth counting
+  double vehicle_size_most = 0.3;    ///< relative, of one vehicle's scale that is worth counting
   double vehicle_sizes_gate = 3.0;   ///< standard deviations
   double vehicle_contradicts = 3.0;  ///< standard deviations, of one vehicle and the road under it
   /// Standard deviations, of another focal length by the vehicles' proportions: with the true one

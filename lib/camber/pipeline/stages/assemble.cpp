@@ -64,8 +64,7 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   const bool agrees = sigmas <= sizes.gate;
   ConstraintReport report{sizes.name, sizes.source, sigmas, agrees, {}};
   const double change = sizes.residual[0];
-  // From two standard deviations on, ever more of what they differ by.
-  const double share = std::clamp((sigmas - 2.0) / (sizes.gate - 2.0), 0.0, 1.0);
+  const double share = contradiction_share(sigmas, noise.doubt, sizes.gate);
   if (agrees && share > 0.0) {
     final_road->road = final_road->road.with_wider_scale(share * change * change);
   }

@@ -241,8 +241,8 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
   FusedRoad fused = fuse(out.road, {height});
   ConstraintReport by_height = fused.reports.front();
   by_markings.residual_sigma = by_height.residual_sigma;
-  // From two standard deviations on, ever more of what they differ by.
-  const double share = std::clamp((by_height.residual_sigma - 2.0) / (height.gate - 2.0), 0.0, 1.0);
+  const double share =
+      contradiction_share(by_height.residual_sigma, ScaleNoise().doubt, height.gate);
   out.contradiction_variance = share * off * off;
   if (by_height.accepted) {
     out.road = std::move(fused.road);

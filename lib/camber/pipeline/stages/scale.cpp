@@ -267,9 +267,8 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintReport& report = scaled->reports[i];
     if (constraints[i].size() == 0) continue;
-    // From two standard deviations on, ever more of what a source differs by.
     const double share =
-        std::clamp((report.residual_sigma - 2.0) / (constraints[i].gate - 2.0), 0.0, 1.0);
+        contradiction_share(report.residual_sigma, noise.doubt, constraints[i].gate);
     if (!(share > 0.0)) continue;
     // Alone, before the ground is conditioned on all sources.
     const auto implied = implied_log_scale(prior, constraints[i]);
