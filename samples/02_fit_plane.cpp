@@ -14,7 +14,9 @@ int main(int argc, char** argv) try {
   camber::PlaneFitOptions options;
   options.up = cloud.default_up();
   const camber::PlaneFit fit = camber::fit_plane(cloud, options);
-  if (fit.status == camber::Status::kFailed) throw camber::NoAnswerError(fit.reason);
+  if (fit.status != camber::Status::kOk && fit.status != camber::Status::kWeak) {
+    throw camber::NoAnswerError(fit.reason);
+  }
 
   // A plane's parameters are two tilts and a height at its centroid, with a 3 x 3 covariance.
   const double degrees = 180.0 / M_PI;
@@ -24,6 +26,7 @@ int main(int argc, char** argv) try {
               degrees * camber::angle_between(normal, options.up),
               degrees * std::sqrt(fit.plane.covariance.topLeftCorner<2, 2>().trace()),
               1000.0 * std::sqrt(fit.plane.covariance(2, 2)));
+  if (!fit.reason.empty()) std::printf("weak: %s\n", fit.reason.c_str());
 } catch (const camber::Error& error) {
   std::fprintf(stderr, "%s\n", error.what());
   return error.exit_code();

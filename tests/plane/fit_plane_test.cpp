@@ -338,6 +338,55 @@ TEST(FitPlane, OptionsAreChecked) {
   EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
 }
 
+/// 20,000 points of a road that rises as x^2 / 2R, 60 m long and 8 m wide.
+RoadCloud bending_road(double radius, double noise, std::uint64_t seed) {
+  const CounterRandom random(seed, 1);
+  RoadCloud out;
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    const double x = 60.0 * random.uniform(4 * i), y = 8.0 * random.uniform(4 * i + 1) - 4.0;
+    const double z = x * x / (2.0 * radius) + noise * (random.uniform(4 * i + 2) - 0.5);
+    out.points.push_back(Eigen::Vector3d(x, y, z).cast<float>());
+  }
+  return out;
+}
+
+TEST(FitPlane, OfASurfaceThatBendsIsWeakAndHoldsTheBend) {
+  for (const double radius : {50.0, 100.0, 500.0}) {
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const RoadCloud road = bending_road(radius, 0.004, seed);
+      const PlaneFit fit = fit_plane(road, {});
+      ASSERT_TRUE(fit.status == Status::kOk || fit.status == Status::kWeak) << fit.reason;
+      // A tangent of the road where the points are.
+      const Eigen::Vector3d& c = fit.plane.centroid;
+      const double slope = std::atan(c.x() / radius);
+      const Eigen::Vector3d& n = fit.plane.plane.normal;
+      EXPECT_NEAR(std::atan2(-n.x(), n.z()), slope, 0.03) << radius;
+      if (fit.status == Status::kWeak) {
+        EXPECT_EQ(fit.reason.rfind("the points bend away from any plane", 0), 0u) << fit.reason;
+        EXPECT_LT(std::abs(c.z() - c.x() * c.x() / (2.0 * radius)),
+                  3.0 * std::sqrt(fit.plane.covariance(2, 2)));
+      }
+    }
+  }
+  // The steepest bend is one that no plane by the noise alone is found for.
+  EXPECT_EQ(fit_plane(bending_road(50.0, 0.004, 1), {}).status, Status::kWeak);
+}
+
+TEST(FitPlane, PassesByRaysThatMetNothing) {
+  const CounterRandom random(5, 1);
+  RoadCloud cloud;
+  for (std::uint64_t i = 0; i < 10000; ++i) {
+    const double noise = 0.02 * (random.uniform(3 * i + 2) - 0.5);
+    cloud.points.push_back(Eigen::Vector3d(20.0 * random.uniform(3 * i) - 10.0,
+                                           20.0 * random.uniform(3 * i + 1) - 10.0, -2.0 + noise)
+                               .cast<float>());
+    if (i % 8 == 0) cloud.points.emplace_back(0.0f, 0.0f, 0.0f);
+  }
+  const PlaneFit fit = fit_plane(cloud, {});
+  ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+  EXPECT_NEAR(fit.plane.plane.offset, 2.0, 0.001);
+}
+
 TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {
   plane_kernels::Moments full;
   full.weight = 100.0;
@@ -351,6 +400,9 @@ TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {
   EXPECT_EQ(bent.status, Status::kNotObservable);
   EXPECT_EQ(bent.reason, "the points bend away from any plane");
   full.uu = 300.0;
+  const PlaneEstimate one_axis = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+                                                     Vector3d::UnitZ(), std::nullopt);
+  EXPECT_EQ(one_axis.reason, "the points bend away from any plane");
   full.vv = 0.0;
   const PlaneEstimate line = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
                                                  Vector3d::UnitZ(), std::nullopt);

@@ -27,10 +27,19 @@ constexpr std::size_t kManyPasses = 262144;  // up to it all points are iterated
 /// Everything about one fit.
 class Fitter {
  public:
-  Fitter(const PointColumns& source, const PlaneFitOptions& options)
-      : source_(source), options_(options), up_(options.up.normalized()) {}
+  /// @param shared  m, standard deviation of an error that all points may share
+  Fitter(const PointColumns& source, const PlaneFitOptions& options, double shared = 0.0)
+      : source_(source), options_(options), up_(options.up.normalized()), shared_(shared) {}
 
   PlaneFit run();
+
+  /// After run(): there is no plane since more points leave any than lie on it.
+  bool bends() const { return bends_; }
+  double spread() const { return sample_.spread; }  ///< m, of the points
+  /// m, inlier threshold of the noise; 0 where the points state their own.
+  double threshold() const {
+    return noise_.kind == NoiseKind::kSame ? kInlierSigmas * noise_.scale : 0.0;
+  }
 
  private:
   void choose_noise();
@@ -41,7 +50,7 @@ class Fitter {
   kernels::Moments all_moments(const PlaneCandidate& candidate, bool finish, double inlier_share,
                                PlaneFit* fit) const;
   void describe(const PlaneCandidate& candidate, const kernels::Moments& full,
-                const kernels::Moments& influence, PlaneFit* fit) const;
+                const kernels::Moments& influence, PlaneFit* fit);
 
   PlaneFit fail(Status status, const std::string& reason, int hypotheses = 0) const {
     PlaneFit fit;
@@ -62,6 +71,8 @@ class Fitter {
   const PointColumns& source_;
   const PlaneFitOptions& options_;
   Vector3d up_;
+  double shared_;
+  bool bends_ = false;
   PlaneSample sample_;
   NoiseModel noise_;
 };
@@ -92,10 +103,12 @@ void Fitter::relearn_power_law(PointArrays* points, PlaneCandidate* c) const {
 
 /// Covariance, condition, status.
 void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full,
-                      const kernels::Moments& s, PlaneFit* fit) const {
+                      const kernels::Moments& s, PlaneFit* fit) {
   std::optional<UnknownRays> rays;  // sample_.subset is weighed for the plane
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(sample_.subset, c.plane, c.window);
-  const PlaneEstimate estimate = estimate_covariance(c.plane, c.window, full, s, up_, rays);
+  const PlaneEstimate estimate =
+      estimate_covariance(c.plane, c.window, full, s, up_, rays, shared_);
+  bends_ = estimate.bends;
   fit->plane = estimate.plane;
   const Vector3d pivot = this->pivot() + source_.origin;
   fit->plane.centroid += pivot;
@@ -229,6 +242,7 @@ PlaneFit Fitter::run() {
   hypotheses.orient(&c.plane);
   align(c.plane, &c.window);
   if (!(full.weight > 0.0)) {
+    bends_ = true;
     return fail(Status::kFailed, "no points lie on a common plane", fit.hypotheses);
   }
   if (c.plane.n.dot(up_) < std::cos(options_.max_tilt) - 1e-6) return no_plane(fit.hypotheses);
@@ -239,9 +253,41 @@ PlaneFit Fitter::run() {
   return fit;
 }
 
+/// What a plane holds within of a surface that bends away from it by more than its noise: the least
+/// of thresholds, each twice the last, within which more points lie on a plane than leave it.
+/// @param threshold  m, of the noise; 0: not known
+/// @param spread     m, of the points
+std::optional<PlaneFit> fit_bending(const PointColumns& source, const PlaneFitOptions& options,
+                                    double threshold, double spread) {
+  constexpr double kFirst = 1e-4, kLast = 0.05;  // of the spread
+  constexpr std::size_t kLeastPoints = 12;
+  PlaneFitOptions wider = options;
+  wider.inlier_threshold = std::max(kFirst * spread, 2.0 * threshold);
+  for (; wider.inlier_threshold <= kLast * spread; wider.inlier_threshold *= 2.0) {
+    // The bend is an error that all points share.
+    PlaneFit fit = Fitter(source, wider, wider.inlier_threshold / kInlierSigmas).run();
+    if (fit.status != Status::kOk && fit.status != Status::kWeak) continue;
+    if (fit.num_inliers < kLeastPoints) continue;
+    fit.status = Status::kWeak;
+    fit.reason = fmt::format(
+        "the points bend away from any plane by more than their noise: this is of those within "
+        "{:.2g} m of it",
+        wider.inlier_threshold);
+    return fit;
+  }
+  return std::nullopt;
+}
+
 PlaneFit run_fit(const PointColumns& source, const PlaneFitOptions& options) {
   options.validate();
-  return Fitter(source, options).run();
+  Fitter fitter(source, options);
+  PlaneFit fit = fitter.run();
+  if (fitter.bends() && options.inlier_threshold == 0.0) {
+    if (auto found = fit_bending(source, options, fitter.threshold(), fitter.spread())) {
+      return std::move(*found);
+    }
+  }
+  return fit;
 }
 
 }  // namespace

@@ -18,9 +18,19 @@ namespace {
 constexpr double kRangeNoise = 0.01;  // relative, along unknown rays
 constexpr double kRayTilt = 0.08;     // see UnknownRays
 
+/// Whether points with this scatter in the plane (m^2) are spread over an area, not along a line.
+bool covers_area(const Eigen::Matrix2d& scatter) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+  eigen.computeDirect(scatter, Eigen::EigenvaluesOnly);
+  constexpr double kLeast = 1e-4;  // a hundredth as wide as long
+  return eigen.eigenvalues()[0] > kLeast * eigen.eigenvalues()[1];
+}
+
 /// Status and reason; a line has the plane through it that is nearest to level.
-/// @param scatter  m^2, smaller and larger eigenvalue in the plane
-void judge(const Eigen::Vector2d& scatter, const Vector3d& up, PlaneEstimate* result) {
+/// @param scatter  m^2, smaller and larger eigenvalue in the plane, by the curvature of the loss:
+///                 negative where more points leave the plane than lie on it
+/// @param area     whether the points themselves are spread over an area
+void judge(const Eigen::Vector2d& scatter, bool area, const Vector3d& up, PlaneEstimate* result) {
   UncertainPlane& out = result->plane;
   const double thin = std::max(scatter[0], 0.0), wide = scatter[1], one = result->noise;
   const double points = std::max(result->points, 1.0);
@@ -32,9 +42,9 @@ void judge(const Eigen::Vector2d& scatter, const Vector3d& up, PlaneEstimate* re
     const Vector3d along = out.axis1;
     const Vector3d level = up - up.dot(along) * along;
     result->status = Status::kNotObservable;
-    // Curvature of the loss: negative where more points leave the plane than lie on it.
+    result->bends = !(wide > 0.0) || (scatter[0] < 0.0 && area);
     result->reason =
-        wide > 0.0 ? "the points lie on a line" : "the points bend away from any plane";
+        result->bends ? "the points bend away from any plane" : "the points lie on a line";
     if (level.norm() > 1e-9) {
       out.plane.normal = level.normalized();
       out.plane.offset = -out.plane.normal.dot(out.centroid);
@@ -164,7 +174,7 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   out.covariance = turn * covariance * turn.transpose();
   out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
 
-  judge(in_plane.eigenvalues(), up, &result);
+  judge(in_plane.eigenvalues(), covers_area(spread.topLeftCorner<2, 2>()), up, &result);
   return result;
 }
 

@@ -18,6 +18,8 @@ struct PlaneEstimate {
   double noise = std::numeric_limits<double>::quiet_NaN();      ///< m, of a point
   double condition = std::numeric_limits<double>::quiet_NaN();  ///< >= 1
   double points = 0.0;                                          ///< that carry the fit
+  /// Not observable since more points leave the plane, on both of its axes, than lie on it.
+  bool bends = false;
   Status status = Status::kNotRun;
   std::string reason;
 };

@@ -16,6 +16,18 @@ constexpr std::size_t kOrdered = 4096;  // of the subset, points in order of nei
 constexpr std::size_t kScored = 2048;   // of those, points that score a hypothesis
 constexpr std::size_t kLeaf = 32;       // points of a neighbourhood that shows the noise
 
+/// Rays that met nothing: many sensors' drivers write all three coordinates as 0. A few such points
+/// may be of the surface; more would be a surface without noise.
+void drop_no_returns(const PointColumns& source, std::vector<std::uint32_t>* rows) {
+  constexpr std::ptrdiff_t kFew = 3;
+  const auto zero = [&](std::uint32_t row) {
+    const std::size_t i = source.stride * row;
+    return source.x[i] == 0.0f && source.y[i] == 0.0f && source.z[i] == 0.0f;
+  };
+  if (std::count_if(rows->begin(), rows->end(), zero) <= kFew) return;
+  rows->erase(std::remove_if(rows->begin(), rows->end(), zero), rows->end());
+}
+
 /// Rows of the subset: one from each of equal slices of the input; of a small cloud all that are
 /// usable.
 std::vector<std::uint32_t> draw_rows(const PointColumns& source, std::uint64_t seed) {
@@ -68,6 +80,7 @@ std::vector<std::uint32_t> draw_rows(const PointColumns& source, std::uint64_t s
       chosen = fewer;
     }
   }
+  drop_no_returns(source, &chosen);
   return chosen;
 }
 
