@@ -47,8 +47,11 @@ class Page:
             entries.append((what, (text + " " + line.strip()).strip()))
             return
         parts = re.split(r" {2,}", line.strip(), maxsplit=1)
-        if len(parts) == 1 and len(line) > 30 and line[29] == " ":
-            parts = [line[:29].strip(), line[30:].strip()]
+        what = line[:29].strip()
+        # Not where the column falls into an option's own range or list of others.
+        whole = what.count("[") == what.count("]") and not what.endswith(":")
+        if len(parts) == 1 and len(line) > 30 and line[29] == " " and whole:
+            parts = [what, line[30:].strip()]
         entries.append((parts[0], parts[1] if len(parts) > 1 else ""))
 
     def commands(self):
