@@ -107,7 +107,7 @@ TEST(Fuse, ASourceThatMeasuredNothingIsReportedOnly) {
   EXPECT_EQ(fuse(road, {}).road.metres_per_baseline(), road.metres_per_baseline());
 }
 
-TEST(ContradictionShare, GrowsFromDoubtToTheGate) {
+TEST(ContradictionShare, GrowsFromTheStartToTheGate) {
   EXPECT_EQ(contradiction_share(1.4, 1.5, 3.0), 0.0);
   EXPECT_NEAR(contradiction_share(2.25, 1.5, 3.0), 0.5, 1e-12);
   EXPECT_EQ(contradiction_share(3.0, 1.5, 3.0), 1.0);

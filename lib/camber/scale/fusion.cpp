@@ -83,8 +83,8 @@ std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
   return ImpliedLogScale{weighted.dot(constraint.residual) / information, 1.0 / information};
 }
 
-double contradiction_share(double sigmas, double doubt, double gate) {
-  return std::clamp((sigmas - doubt) / (gate - doubt), 0.0, 1.0);
+double contradiction_share(double sigmas, double start, double gate) {
+  return std::clamp((sigmas - start) / (gate - start), 0.0, 1.0);
 }
 
 FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints,

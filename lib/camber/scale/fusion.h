@@ -39,9 +39,9 @@ std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
                                                  const Constraint& constraint);
 
 /// Share, by how far a source is off the others, of its squared difference that is added to the
-/// scale's variance: none up to `doubt`, all of it at `gate`, linear between. All three are standard
-/// deviations.
-double contradiction_share(double sigmas, double doubt, double gate);
+/// scale's variance: none up to `start`, all of it at `gate`, linear between. All three are
+/// standard deviations.
+double contradiction_share(double sigmas, double start, double gate);
 
 /// Constraints that know nothing of each other, as one; nothing measured gives an empty one.
 Constraint stacked(const std::vector<const Constraint*>& parts);

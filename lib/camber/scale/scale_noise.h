@@ -23,7 +23,7 @@ struct ScaleNoise {
   /// Standard deviations between one source and the others from which on the scale is widened, by
   /// ever more of what they differ by up to the source's gate (rendered roads, cameras' heights 20
   /// % off).
-  double doubt = 1.5;
+  double contradiction_start = 1.5;
 
   // Painted markings of known size.
   double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)

@@ -64,7 +64,7 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   const bool agrees = sigmas <= sizes.gate;
   ConstraintReport report{sizes.name, sizes.source, sigmas, agrees, {}};
   const double change = sizes.residual[0];
-  const double share = contradiction_share(sigmas, noise.doubt, sizes.gate);
+  const double share = contradiction_share(sigmas, noise.contradiction_start, sizes.gate);
   if (agrees && share > 0.0) {
     final_road->road = final_road->road.with_wider_scale(share * change * change);
   }

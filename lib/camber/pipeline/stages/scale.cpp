@@ -268,7 +268,7 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
     const ConstraintReport& report = scaled->reports[i];
     if (constraints[i].size() == 0) continue;
     const double share =
-        contradiction_share(report.residual_sigma, noise.doubt, constraints[i].gate);
+        contradiction_share(report.residual_sigma, noise.contradiction_start, constraints[i].gate);
     if (!(share > 0.0)) continue;
     // Alone, before the ground is conditioned on all sources.
     const auto implied = implied_log_scale(prior, constraints[i]);
