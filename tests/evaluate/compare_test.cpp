@@ -379,6 +379,19 @@ TEST(CompareShapes, DistancesAreThoseOfThePlacesWhateverTheOrigins) {
   }
 }
 
+TEST(CompareShapes, ColumnsStandApartHoweverFarTheShapes) {
+  CloudComparison c;
+  c.accuracy.summary = summarise_distances(std::vector<double>(6000, 5423092.1105));
+  c.road.push_back({});
+  c.road[0].by = "all";
+  c.road[0].count = 6000;
+  c.road[0].height_mean = c.road[0].height_median = c.road[0].height_rms = c.road[0].along_rms =
+      c.road[0].across_rms = 5423092.1105;
+  const std::string text = describe(c);
+  EXPECT_THAT(text, ::testing::HasSubstr("6000 5423092.1105 5423092.1105 5423092.1105 "));
+  EXPECT_THAT(text, ::testing::HasSubstr("+5423092.1105 5423092.1105 5423092.1105 5423092.1105"));
+}
+
 TEST(CompareShapes, AnyNumberOfThreadsTheSameNumbers) {
   const Shape truth = make_mesh(1.0), estimate{make_road(20000, 9, 0.05, 0.2), {}};
   CompareOptions options;
