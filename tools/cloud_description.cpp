@@ -192,7 +192,7 @@ std::string unit_mark(const CloudSummary& summary) {
 }  // namespace
 
 void Description::line(const std::string& name, const std::string& value) {
-  lines += fmt::format("  {:<14}{}\n", name, value);
+  lines += fmt::format("  {:<13} {}\n", name, value);
 }
 
 json to_json(const CoordinateSystem& system) {
@@ -279,8 +279,8 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
   out.line("attributes", "");
   for (const AttributeSummary& attribute : summary.attributes) {
     out.lines += fmt::format(
-        "    {:<22}{:<9}{:.10g} to {:.10g}{}\n", attribute.name, attribute.type, attribute.minimum,
-        attribute.maximum,
+        "    {:<21} {:<8} {:.10g} to {:.10g}{}\n", attribute.name, attribute.type,
+        attribute.minimum, attribute.maximum,
         attribute.non_finite > 0 ? fmt::format(", {} not finite", attribute.non_finite) : "");
   }
   for (const auto& [reason, count] : report.dropped) {

@@ -117,8 +117,10 @@ bool works_in_memory(const Arguments& args) {
 }
 
 /// The points that --drop-non-finite, --box and --range leave.
+/// @param not_finite  counts those dropped for it, while the points pass
 std::unique_ptr<PointSource> cropped(std::unique_ptr<PointSource> source, const Arguments& args,
-                                     double metre) {
+                                     double metre,
+                                     const std::shared_ptr<std::uint64_t>& not_finite) {
   if (!args.drop_non_finite && args.box.empty() && !(args.range > 0.0)) return source;
   CropBox box;
   if (!args.box.empty()) {
@@ -132,8 +134,11 @@ std::unique_ptr<PointSource> cropped(std::unique_ptr<PointSource> source, const 
   const bool outside = args.outside;
   const double range = args.range * metre;
   return select_points(std::move(source), [=](const Eigen::Vector3d& x) {
-    return x.allFinite() && (!has_box || box.contains(x) != outside) &&
-           (range <= 0.0 || x.norm() <= range);
+    if (!x.allFinite()) {
+      ++*not_finite;
+      return false;
+    }
+    return (!has_box || box.contains(x) != outside) && (range <= 0.0 || x.norm() <= range);
   });
 }
 
@@ -149,8 +154,13 @@ std::unique_ptr<VoxelGrid> thinned(PointSource& source, const Arguments& args, d
 }
 
 /// The steps that need all points at once. @return the steps taken, for the JSON.
-json clean(const Arguments& args, double metre, int threads, Collected& kept) {
+/// @param not_finite  counts the points dropped for it
+json clean(const Arguments& args, double metre, int threads, Collected& kept,
+           std::uint64_t* not_finite) {
   RoadCloud& cloud = kept.cloud;
+  if (!args.radius.empty() || !args.statistical.empty()) {
+    *not_finite += cloud.size() - finite_points(cloud).size();
+  }
   json steps = json::array();
   const auto step = [&](const char* name) {
     steps.push_back({{"step", name}, {"points", cloud.size()}});
@@ -241,11 +251,13 @@ int run(const Command& command, const Arguments& args) {
       open_typed_source(args.files.input, args.files.cloud.read_options());
   const double metre = metres_in(*source, args, warn);
   if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
-  source = cropped(std::move(source), args, metre);
+  const auto not_finite = std::make_shared<std::uint64_t>(0);  // points dropped for it
+  source = cropped(std::move(source), args, metre, not_finite);
   std::unique_ptr<PointSource> input;  // keeps the reader and its report
   std::unique_ptr<VoxelGrid> grid;
   if (args.voxel > 0.0) {
     grid = thinned(*source, args, metre);
+    *not_finite += grid->non_finite();
     input = std::move(source);
     source = grid->points();
   }
@@ -258,7 +270,7 @@ int run(const Command& command, const Arguments& args) {
 
   StageTimer compute(timings, "compute");
   if (works_in_memory(args)) {
-    written.steps = clean(args, metre, command.common.threads, kept);
+    written.steps = clean(args, metre, command.common.threads, kept, not_finite.get());
     if (!input) input = std::move(source);
     source = source_of(kept, input->header(), args.normals > 0);
   }
@@ -268,7 +280,8 @@ int run(const Command& command, const Arguments& args) {
   written.points =
       write_points(*source, args.files.out, write, make_progress(command.common), &written.notes);
   writing.stop();
-  const ReadReport& report = input ? input->report() : source->report();
+  ReadReport report = input ? input->report() : source->report();
+  report.drop("not finite", *not_finite);
   warn_about(args.files.input, report, warn);
   warn_about_losses(args.files.input, source->header(), report, write, args.files.out, warn);
   for (const std::string& note : written.notes) {
@@ -285,7 +298,7 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--box", a.box, "keep the inside of a box: min x,y,z, max x,y,z, m")
       ->delimiter(',')
       ->expected(6);
-  app.add_flag("--outside", a.outside, "with --box: keep the outside");
+  app.add_flag("--outside", a.outside, "with --box: keep the outside")->needs("--box");
   app.add_option("--range", a.range, "keep points at most so far from the coordinates' origin, m")
       ->check(positive_number());
   app.add_option("--voxel", a.voxel, "one point for each cube of this edge, m")
@@ -303,10 +316,12 @@ void add_arguments(App& app, Arguments& a) {
       ->check(in_range(3, 100000));
   app.add_option("--up", a.up, "normals point to this side; default: the cloud's up")
       ->delimiter(',')
-      ->expected(3);
+      ->expected(3)
+      ->needs("--normals");
   app.add_option("--viewpoint", a.viewpoint, "normals point to this place instead, m")
       ->delimiter(',')
-      ->expected(3);
+      ->expected(3)
+      ->needs("--normals");
   app.add_flag("--morton", a.morton,
                "sort so that near points are near in the file (Morton order)");
 }

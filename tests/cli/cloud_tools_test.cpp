@@ -190,6 +190,65 @@ TEST_F(CloudTools, FilterTakesItsStepsInOrder) {
   EXPECT_FALSE(fs::exists(path("x.ply")));
 }
 
+TEST_F(CloudTools, FilterRefusesOptionsThatNeedAnother) {
+  write_cloud(make_square(0.1), path("in.ply"));
+  const std::vector<std::string> base = {"filter", path("in.ply"), "--out", path("x.ply")};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), base.begin(), base.end());
+    return run_camber(more);
+  };
+  EXPECT_ONE_SENTENCE(with({"--outside"}), 2, "--outside requires --box");
+  EXPECT_ONE_SENTENCE(with({"--viewpoint", "0,0,2"}), 2, "--viewpoint requires --normals");
+  EXPECT_ONE_SENTENCE(with({"--up", "0,0,1"}), 2, "--up requires --normals");
+  EXPECT_FALSE(fs::exists(path("x.ply")));
+  EXPECT_EQ(with({"--outside", "--box", "0,0,-1,1,1,1"}).exit_code, 0);
+  EXPECT_EQ(with({"--viewpoint", "0,0,2", "--normals", "8"}).exit_code, 0);
+}
+
+TEST_F(CloudTools, FilterStatesHowManyPointsWereNotFinite) {
+  RoadCloud cloud = make_square(0.02);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (std::size_t i = 0; i < 3; ++i) cloud.points[100 * i].z() = nan;
+  write_cloud(cloud, path("in.ply"));
+  const std::vector<std::vector<std::string>> steps = {{"--voxel", "0.5"},
+                                                       {"--statistical", "20,3"},
+                                                       {"--radius", "0.5,2"},
+                                                       {"--range", "100"},
+                                                       {"--box", "-9,-9,-9,9,9,9", "--morton"}};
+  for (const std::vector<std::string>& step : steps) {
+    std::vector<std::string> arguments = {"filter", path("in.ply"), "--out", path("x.ply")};
+    arguments.insert(arguments.end(), step.begin(), step.end());
+    EXPECT_THAT(run_camber(arguments).error, HasSubstr("in.ply: dropped not finite: 3")) << step[0];
+    EXPECT_EQ(run_json(arguments)["dropped"]["not finite"], 3) << step[0];
+  }
+  const json kept = run_json({"filter", path("in.ply"), "--morton", "--out", path("x.ply")});
+  EXPECT_TRUE(kept["dropped"].empty());
+  EXPECT_EQ(kept["points"], cloud.size());
+}
+
+TEST_F(CloudTools, PointsThatAFormatCannotHoldAreNotWritten) {
+  test::write_bytes(path("nan.csv"), "x,y,z\n1,2,3\nnan,1,2\n4,5,6\n");
+  test::write_bytes(path("far.csv"), "x,y,z\n1,2,3\n4,5,6\n2e6,1,2\n");
+  for (const char* name : {"out.bin", "out.las"}) {
+    const ProgramResult nan = run_camber({"convert", path("nan.csv"), "--out", path(name)});
+    EXPECT_ONE_SENTENCE(nan, 2, path(name) + ": point 1 has the coordinate nan, expected");
+    const ProgramResult far = run_camber({"convert", path("far.csv"), "--out", path(name)});
+    EXPECT_ONE_SENTENCE(far, 2, path(name) + ": point 2 has the coordinate 2e+06, expected");
+    EXPECT_FALSE(fs::exists(path(name)));
+    run({"convert", path("nan.csv"), "--lenient", "--out", path(name)});
+    EXPECT_EQ(run_json({"info", path(name)})["files"][0]["points"], 2);
+  }
+}
+
+TEST_F(CloudTools, ColumnsOfInfoStandApart) {
+  test::write_bytes(path("long.csv"),
+                    "x_usft,y_usft,z_usft,sigma_cross_slope_percent\n"
+                    "1,2,3,0.5\n4,5,6,0.5\n");
+  const std::string text = run_camber({"info", path("long.csv")}).out;
+  EXPECT_THAT(text, HasSubstr("min [US survey foot] 1.000"));
+  EXPECT_THAT(text, HasSubstr("sigma_cross_slope_percent float64  0.5"));
+}
+
 TEST_F(CloudTools, GroundLabelsTheCloudInItsOrder) {
   test::ScanOptions made;
   made.azimuths = 360;

@@ -409,6 +409,33 @@ TEST_F(SurveyTools, GroundOfFeetIsThatOfMetres) {
       test::read_text(path("halves-thin.las")).size() - test::read_text(path("halves.las")).size());
 }
 
+TEST_F(SurveyTools, FeetOfAColumnsNameStayFeetInEveryFormat) {
+  std::string feet = street(1.0 / 0.3048);
+  feet.replace(0, 5, "x_ft,y_ft,z_ft");
+  write_text("feet.csv", feet);
+  const json expected = run_json({"plane", path("feet.csv"), "--threshold", "0.05"});
+  for (const char* name : {"feet.las", "feet.ply", "feet.pcd", "feet.xyz"}) {
+    run({"convert", path("feet.csv"), "--out", path(name)});
+    run({"ground", path("feet.csv"), "--out", path(std::string("ground-") + name)});
+    for (const std::string& file : {std::string(name), std::string("ground-") + name}) {
+      const json info = run_json({"info", path(file)})["files"][0];
+      EXPECT_EQ(info["metric"], false) << file;
+      EXPECT_EQ(info["crs"]["unit"]["name"], "foot") << file;
+      EXPECT_EQ(info["crs"]["vertical_unit"]["name"], "foot") << file;
+      const test::ProgramResult plane = run({"plane", path(file), "--threshold", "0.05", "--json"});
+      EXPECT_THAT(plane.error, ::testing::HasSubstr("in units of foot")) << file;
+      const json found = json::parse(plane.out);
+      EXPECT_EQ(found["metric"], true) << file;
+      EXPECT_NEAR(found["plane"]["offset"].get<double>(), expected["plane"]["offset"].get<double>(),
+                  1e-3)
+          << file;
+    }
+  }
+  // Written anew from LAS.
+  run({"filter", path("feet.las"), "--voxel", "0.5", "--out", path("thin.las")});
+  EXPECT_EQ(run_json({"info", path("thin.las")})["files"][0]["crs"]["unit"]["name"], "foot");
+}
+
 TEST_F(SurveyTools, SystemsByCodeAndDegrees) {
   write_text("feet.csv", "x,y,z\n1,2,3\n4,5,6\n7,1,9\n");
   const json feet = run_json({"info", path("feet.csv"), "--crs", "EPSG:2994"})["files"][0];

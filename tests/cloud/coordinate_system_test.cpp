@@ -167,6 +167,33 @@ TEST(CoordinateSystem, OtherFormatsCarryItInComments) {
   EXPECT_EQ(test::read_error("# camber unit 0 1\n1 2 3\n", "a.xyz").substr(0, 13), "a.xyz: line 1");
 }
 
+TEST(CoordinateSystem, LasKeepsAUnitThatBelongsToNoNamedSystem) {
+  RoadCloud cloud;
+  cloud.points = {{1, 2, 3}, {4, 5, 6}};
+  for (const char* const vertical : {"ft", "m", "US survey foot"}) {
+    const auto source = make_point_source(cloud);
+    PointStreamHeader header = source->header();
+    CoordinateSystem unit;
+    unit.horizontal = unit_from_name("ft");
+    unit.vertical = unit_from_name(vertical);
+    header.crs = unit;
+    header.metric = false;
+    std::ostringstream out;
+    const auto sink = make_point_sink(out, header, CloudFormat::kLas, CloudEncoding::kBinary);
+    PointBatch batch;
+    while (source->next(batch)) sink->write(batch);
+    sink->finish();
+    const CloudFile back = test::read_from_memory(out.str(), "a.las");
+    ASSERT_TRUE(back.report.crs.has_value());
+    EXPECT_EQ(back.report.crs->horizontal.name, unit.horizontal.name);
+    EXPECT_EQ(back.report.crs->horizontal.metres, unit.horizontal.metres);
+    EXPECT_EQ(back.report.crs->vertical.name, unit.vertical.name);
+    EXPECT_EQ(back.report.crs->vertical.metres, unit.vertical.metres);
+    EXPECT_FALSE(back.cloud.metric);
+    EXPECT_EQ(back.cloud.points, cloud.points);
+  }
+}
+
 TEST(Units, FeetBecomeMetres) {
   RoadCloud cloud;
   cloud.metric = false;

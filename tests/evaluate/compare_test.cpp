@@ -285,6 +285,73 @@ INSTANTIATE_TEST_SUITE_P(Kinds, AlignmentTest,
                          ::testing::Values(Alignment::kScale, Alignment::kRigid,
                                            Alignment::kSimilarity));
 
+/// Largest distance between where an alignment takes a cloud's points and where they belong.
+double misplaced(const AlignmentResult& alignment, const RoadCloud& estimate,
+                 const RoadCloud& truth) {
+  const std::vector<Vector3d> from = true_points(estimate), to = true_points(truth);
+  const Eigen::Matrix4d& m = alignment.transform;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Vector3d moved = m.topLeftCorner<3, 3>() * from[i] + m.topRightCorner<3, 1>();
+    largest = std::max(largest, (moved - to[i]).norm());
+  }
+  return largest;
+}
+
+TEST(Alignment, OfShapesThatLieApartStartsFromTheirCentres) {
+  Shape truth{make_road(6000, 21, 0.0, 0.0), {}};
+  for (int i = 0; i < 1500; ++i) {  // a wall, for the directions that a road leaves open
+    truth.cloud.points.emplace_back(static_cast<float>(i % 50) * 0.2f, 7.0f,
+                                    static_cast<float>(i / 50) * 0.1f);
+  }
+  Shape estimate = truth;
+  estimate.cloud.origin = {500000, 5400000, 430};
+  CompareOptions options;
+  for (const Alignment alignment : {Alignment::kRigid, Alignment::kSimilarity}) {
+    options.alignment = alignment;
+    const CloudComparison c = compare_shapes(estimate, truth, options);
+    EXPECT_LT(misplaced(c.alignment, estimate.cloud, truth.cloud), 1e-3);
+    EXPECT_NEAR(c.alignment.scale, 1.0, 1e-6);
+    EXPECT_NEAR(c.alignment.residual_before, 5423114.0, 1e3);
+    EXPECT_LT(c.accuracy.summary.largest, 1e-3);
+  }
+  // A shape of another size: nine times as large.
+  Shape large = estimate;
+  for (Eigen::Vector3f& p : large.cloud.points) p *= 9.0f;
+  const CloudComparison c = compare_shapes(large, truth, options);
+  EXPECT_LT(misplaced(c.alignment, large.cloud, truth.cloud), 1e-3);
+  EXPECT_NEAR(c.alignment.scale, 1.0 / 9.0, 1e-6);
+}
+
+TEST(Alignment, ThatCollapsesOrFindsAPartAloneIsRefused) {
+  const auto reason = [](const Shape& estimate, const Shape& truth, Alignment alignment) {
+    CompareOptions options;
+    options.alignment = alignment;
+    try {
+      compare_shapes(estimate, truth, options);
+    } catch (const NoAnswerError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const Shape road{make_road(6000, 22, 0.0, 0.0), {}};
+  const CounterRandom random(23);
+  Shape speck, volume;
+  for (std::uint64_t i = 0; i < 3000; ++i) {
+    Eigen::Vector3f p;
+    for (std::uint64_t k = 0; k < 3; ++k) {
+      p[static_cast<Eigen::Index>(k)] = static_cast<float>(random.uniform(3 * i + k, -1, 1));
+    }
+    speck.cloud.points.push_back(0.3f * p);
+    volume.cloud.points.push_back(40.0f * p);
+  }
+  EXPECT_THAT(reason(volume, speck, Alignment::kSimilarity),
+              ::testing::HasSubstr("the scale changed by a factor of 0.0"));
+  speck.cloud.origin = {0, 0, 5000};
+  EXPECT_THAT(reason(speck, road, Alignment::kRigid),
+              ::testing::HasSubstr("of the truth's extent and"));
+}
+
 TEST(CompareShapes, NothingMovesUnlessAsked) {
   const Shape truth{make_road(5000, 8, 0.0, 0.0), {}};
   Shape estimate = truth;
@@ -310,6 +377,19 @@ TEST(CompareShapes, DistancesAreThoseOfThePlacesWhateverTheOrigins) {
   for (std::size_t i = 0; i < there.distance.size(); ++i) {
     ASSERT_NEAR(c.accuracy.distances.distance[i], there.distance[i], 1e-8);
   }
+}
+
+TEST(CompareShapes, ColumnsStandApartHoweverFarTheShapes) {
+  CloudComparison c;
+  c.accuracy.summary = summarise_distances(std::vector<double>(6000, 5423092.1105));
+  c.road.push_back({});
+  c.road[0].by = "all";
+  c.road[0].count = 6000;
+  c.road[0].height_mean = c.road[0].height_median = c.road[0].height_rms = c.road[0].along_rms =
+      c.road[0].across_rms = 5423092.1105;
+  const std::string text = describe(c);
+  EXPECT_THAT(text, ::testing::HasSubstr("6000 5423092.1105 5423092.1105 5423092.1105 "));
+  EXPECT_THAT(text, ::testing::HasSubstr("+5423092.1105 5423092.1105 5423092.1105 5423092.1105"));
 }
 
 TEST(CompareShapes, AnyNumberOfThreadsTheSameNumbers) {

@@ -251,11 +251,11 @@ void write_cloud(const RoadCloud& cloud, const std::filesystem::path& path,
   const std::unique_ptr<PointSource> source = make_point_source(cloud);
   const CloudEncoding encoding = encoding_for(path, *format, options.encoding);
   write_file_atomically(path, [&](std::ostream& out) {
-    const std::unique_ptr<PointSink> sink =
-        make_point_sink(out, source->header(), *format, encoding);
+    std::unique_ptr<PointSink> sink;
+    write_step(path, [&] { sink = make_point_sink(out, source->header(), *format, encoding); });
     PointBatch batch;
-    while (source->next(batch)) sink->write(batch);
-    sink->finish();
+    while (source->next(batch)) write_step(path, [&] { sink->write(batch); });
+    write_step(path, [&] { sink->finish(); });
   });
 }
 

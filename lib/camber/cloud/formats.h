@@ -1,7 +1,9 @@
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <ostream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -137,6 +139,16 @@ bool has_large_values(const RowBuffer& rows, int column);
 
 /// The header comments that carry a cloud's frame, scale and origin, without comment signs.
 std::vector<std::string> camber_comments(const PointStreamHeader& header);
+
+/// Takes a step of writing a cloud's file; what the format cannot hold is an error that names it.
+template <typename Step>
+void write_step(const std::filesystem::path& path, Step&& step) {
+  try {
+    step();
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(path.string() + ": " + error.what());
+  }
+}
 
 /// Appends a value of a batch in its shortest text form.
 void append_value(std::string& out, const FieldView& view, ScalarType type, std::size_t i);

@@ -9,6 +9,7 @@ namespace camber {
 namespace {
 
 constexpr std::size_t kRecord = 16;  // bytes
+constexpr float kLargest = 1e6f;     // m; no header distinguishes a scan from any other file
 
 class KittiBinSource : public FormatSource {
  public:
@@ -43,11 +44,10 @@ class KittiBinSource : public FormatSource {
     const std::uint64_t first = report_.points;
     const bool more = records_.next(*file_, batch);
     report_.points += batch.count;
-    // No header distinguishes a scan from any other file, so the values are checked.
     for (std::size_t i = 0; i < batch.count && !options_.lenient; ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const float value = batch.fields[axis].get<float>(i);
-        if (std::abs(value) < 1e6f) continue;
+        if (std::abs(value) < kLargest) continue;
         file_->fail_at((first + i) * kRecord + 4 * axis,
                        "found the coordinate " + std::to_string(value) +
                            ", expected one below 1000 km (is this a KITTI scan?)");
@@ -89,6 +89,8 @@ class KittiBinSink : public PointSink {
         if (c < 3 && std::abs(values_[4 * i + c]) >= kFar) far_ = true;
       }
     }
+    require_readable(batch);
+    count_ += batch.count;
     out_.write(reinterpret_cast<const char*>(values_.data()),
                static_cast<std::streamsize>(values_.size() * sizeof(float)));
   }
@@ -115,6 +117,22 @@ class KittiBinSink : public PointSink {
 
  private:
   static constexpr float kFar = 8192.0f;  // m; a float is good to 0.5 mm below
+
+  /// What the reader refuses is not written.
+  void require_readable(const PointBatch& batch) const {
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        if (std::abs(values_[4 * i + c]) < kLargest) continue;
+        const std::size_t f = static_cast<std::size_t>(fields_[c]);
+        std::string shown_value;
+        append_number(shown_value, batch.fields[f].number(header_.fields[f].type, i));
+        throw std::invalid_argument(
+            "point " + std::to_string(count_ + i) + " has the coordinate " + shown_value +
+            ", expected a finite one within 1000 km of the first for KITTI .bin (--lenient drops "
+            "points that are not finite)");
+      }
+    }
+  }
 
   /// Coordinates of a map do not fit into floats: the round part of the first point is taken away
   /// and named in the notes.
@@ -144,6 +162,7 @@ class KittiBinSink : public PointSink {
   PointStreamHeader header_;
   std::array<double, 4> origin_{0.0, 0.0, 0.0, 0.0};
   bool started_ = false, far_ = false;
+  std::uint64_t count_ = 0;
   std::array<int, 4> fields_{-1, -1, -1, -1};
   std::vector<float> values_;
 };

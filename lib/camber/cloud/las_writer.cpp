@@ -250,11 +250,15 @@ class LasSink : public PointSink {
   }
 
   void write_head() {
+    std::string projection;
+    std::uint32_t projection_count = 0;
+    append_crs(&projection, &projection_count);
     std::string records;
     std::uint32_t record_count = 0;
     std::string comments;
     PointStreamHeader frame = header_;
-    frame.crs.reset();  // has records of its own
+    // A system that is a unit alone has no records of its own.
+    if (projection_count > 0) frame.crs.reset();
     for (const std::string& comment : camber_comments(frame)) comments += comment + "\n";
     if (!comments.empty()) {
       records += las_record("Camber", 1, "frame of the coordinates", comments);
@@ -264,7 +268,8 @@ class LasSink : public PointSink {
       records += las_record("LASF_Spec", 4, "extra bytes", describe_extras());
       ++record_count;
     }
-    append_crs(&records, &record_count);
+    records += projection;
+    record_count += projection_count;
     const std::size_t header_size = minor_ == 4 ? 375 : 227;
     std::string h(header_size, '\0');
     store(h, 0, "LASF", 4);

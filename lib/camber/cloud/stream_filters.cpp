@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "camber/cloud/formats.h"
 #include "camber/core/atomic_file.h"
 
 namespace camber {
@@ -411,17 +412,18 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
   const CloudEncoding encoding = encoding_for(path, *format, options.encoding);
   std::uint64_t count = 0;
   write_file_atomically(path, [&](std::ostream& out) {
-    const auto sink = make_point_sink(out, source.header(), *format, encoding);
+    std::unique_ptr<PointSink> sink;
+    write_step(path, [&] { sink = make_point_sink(out, source.header(), *format, encoding); });
     const double total = static_cast<double>(
         std::max<std::uint64_t>(source.header().count.value_or(source.report().declared), 1));
     PointBatch batch;
     while (source.next(batch)) {
-      sink->write(batch);
+      write_step(path, [&] { sink->write(batch); });
       count += batch.count;
       if (!out) break;  // a full disk; reported by the writer of the file
       if (progress) progress("write", std::min(1.0, static_cast<double>(count) / total));
     }
-    sink->finish();
+    write_step(path, [&] { sink->finish(); });
     if (notes) *notes = sink->notes();
   });
   return count;

@@ -143,7 +143,8 @@ struct AlignmentResult {
   bool from_pairs = false;
   Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();  ///< aligned_from_estimate
   double scale = 1.0;
-  double residual_before = std::numeric_limits<double>::quiet_NaN();  ///< m, rms over its pairs
+  /// m, rms over its pairs; of shapes that lie apart from the truth's box
+  double residual_before = std::numeric_limits<double>::quiet_NaN();
   double residual_after = std::numeric_limits<double>::quiet_NaN();
   std::size_t pairs = 0;
   int iterations = 0;
@@ -160,7 +161,8 @@ struct CloudComparison {
 
 /// Measures an estimate against the truth, in both directions.
 /// @throws std::invalid_argument for bad options or triangles; NoAnswerError if nothing is left to
-/// count on either side, or the pairs do not fix the alignment. Same answer for any num_threads.
+/// count on either side, the pairs do not fix the alignment, or it shrinks onto a part of the
+/// truth. Same answer for any num_threads.
 CloudComparison compare_shapes(const Shape& estimate, const Shape& truth,
                                const CompareOptions& options = {});
 

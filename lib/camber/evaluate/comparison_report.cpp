@@ -53,8 +53,8 @@ std::string describe(const CloudComparison& c) {
   }
   out += "metres                   points     mean   median      rms      90%      95%      max\n";
   const auto row = [&](const char* name, const DistanceSummary& s) {
-    out += fmt::format("{:<21}{:>10}{:9.4f}{:9.4f}{:9.4f}{:9.4f}{:9.4f}{:9.3f}\n", name, s.count,
-                       s.mean, s.median, s.rms, s.quantile_90, s.quantile_95, s.largest);
+    out += fmt::format("{:<20} {:>10} {:8.4f} {:8.4f} {:8.4f} {:8.4f} {:8.4f} {:8.3f}\n", name,
+                       s.count, s.mean, s.median, s.rms, s.quantile_90, s.quantile_95, s.largest);
   };
   row("accuracy", c.accuracy.summary);
   if (c.accuracy.along_normal.count > 0) row("  along the normal", c.accuracy.along_normal);
@@ -83,8 +83,9 @@ std::string describe(const CloudComparison& c) {
         name = std::isfinite(r.to) ? fmt::format("{} {:g}-{:g} {}", r.by, r.from, r.to, unit)
                                    : fmt::format("{} > {:g} {}", r.by, r.from, unit);
       }
-      out += fmt::format("{:<18}{:>10}{:+13.4f}{:10.4f}{:9.4f}{:12.4f}{:12.4f}\n", name, r.count,
-                         r.height_mean, r.height_median, r.height_rms, r.along_rms, r.across_rms);
+      out +=
+          fmt::format("{:<17} {:>10} {:+12.4f} {:9.4f} {:8.4f} {:11.4f} {:11.4f}\n", name, r.count,
+                      r.height_mean, r.height_median, r.height_rms, r.along_rms, r.across_rms);
     }
   }
   return out;

@@ -64,8 +64,11 @@ double median_of(std::vector<double> values);
 
 /// Iterated closest points of a sample of the estimate: along the truth's normals, with a little of
 /// the whole distance where those leave a direction open (Chen and Medioni, "Object modelling by
-/// registration of multiple range images", IVC 1992). Far pairs are left out by the median.
+/// registration of multiple range images", IVC 1992). Far pairs are left out by the median. Shapes
+/// that lie apart start centre on centre, similarities from two scales.
 /// @param search  of the truth
+/// @throws NoAnswerError for too few pairs, a scale that collapses, and shapes that lie apart and
+/// whose pairs reach over a small part of either.
 AlignmentResult iterate_closest(const std::vector<Eigen::Vector3d>& estimate, const Shape& truth,
                                 const ShapeSearch& search, Alignment alignment);
 
