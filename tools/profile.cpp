@@ -20,6 +20,7 @@
 #include "own_inputs.h"
 #include "profile_crg.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -207,6 +208,8 @@ int run(const Command& command, const Arguments& args) {
   check_line(in, args);
   StageTimer compute(timings, "compute");
   const std::vector<ProfilePoint> profile = road_profile(in.surface, in.line, options);
+  warn_of_unknown_scale(in.surface_file.string(), in.surface.metric, {},
+                        make_warning_sink(command.common));
   compute.stop();
   const std::size_t covered = covered_stations(profile);
   if (covered == 0) {

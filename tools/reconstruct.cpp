@@ -256,8 +256,12 @@ void register_triangulate(App& root) {
     }
     if (args.json) return print_json(result);
     if (!command->common.quiet) {
-      std::printf("%s: %zu road points, scale known to %.1f %% (1 sigma)\n", args.out.c_str(),
-                  result.cloud.size(), 100.0 * result.surface.scale_sigma);
+      const std::string scale =
+          result.surface.metric
+              ? fmt::format("scale known to {:.1f} % (1 sigma)", 100.0 * result.surface.scale_sigma)
+              : "up to scale";
+      std::printf("%s: %zu road points, %s\n", args.out.c_str(), result.cloud.size(),
+                  scale.c_str());
     }
     return 0;
   };
