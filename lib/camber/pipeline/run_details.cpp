@@ -6,6 +6,10 @@
 
 namespace camber {
 namespace {
+#include <optional>
+#include <string>
+
+#include "camber/cloud/number_text.h"
 
 nlohmann::json photometric_json(const ReconstructOptions& options, const PinholeCamera& camera,
                                 const PhotometricGround& ground) {
@@ -73,12 +77,12 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
   const EgoPlane& ego = ground.ground.ego;
   const ConstraintReport* speed = report_of(scaled, "speed");
   const bool by_speed = !frames.known.camera_height && speed && speed->accepted;
-  return {{"source", by_speed                     ? (marked ? "speed, and markings" : "speed")
-                     : !marked                    ? "camera height over the ego plane"
-                     : frames.known.camera_height ? "camera height over the ego plane, and markings"
-                                                  : "markings"},
+  const std::optional<double>& height = frames.known.camera_height;
+  std::string source = by_speed ? "speed" : height ? "camera height over the ego plane" : "";
+  if (marked) source += source.empty() ? "markings" : ", and markings";
+  return {{"source", source.empty() ? "not given" : source},
           {"sigma_camera_height",
-           noise.camera_height / frames.known.camera_height.value_or(noise.unknown_camera_height)},
+           height ? nlohmann::json(noise.camera_height / *height) : nlohmann::json()},
           {"sigma_road_shape", std::sqrt(ego.plane.covariance(2, 2)) / ego.height},
           {"bend_correction", ego.height / ego.near_plane_height - 1.0}};
 }
