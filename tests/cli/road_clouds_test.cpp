@@ -415,6 +415,8 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
     return run_camber(more);
   };
   EXPECT_ONE_SENTENCE(with({}), 2, "--plot");
+  EXPECT_ONE_SENTENCE(with({"--step", "0", "--json"}), 2,
+                      "--step: found 0, expected a number of metres above 0");
   EXPECT_ONE_SENTENCE(with({"--plot", path("old.gif")}), 2, "FILE.png or FILE.svg");
   EXPECT_ONE_SENTENCE(with({"--plot", path("missing/plot.png")}), 3, "plot.png");
   std::ofstream(path("elsewhere.csv")) << "x y z\n9000 0 0\n9010 0 0\n";
