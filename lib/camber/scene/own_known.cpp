@@ -352,11 +352,13 @@ void put_own_up(Scene& scene, const fs::path& file, double sigma, OwnImport& out
   const auto put = [&](SceneFrame& frame, double roll, double pitch) {
     const Eigen::Vector3d up = up_in_camera(roll, pitch);
     if (const char* wrong = why_not_up(up)) {
-      throw InputError(file.string(),
-                       fmt::format("found roll {:.1f} and pitch {:.1f} degrees for frame {}, by "
-                                   "which up points {} in the camera, expected a camera that "
-                                   "stands upright (roll positive with the left side up)",
-                                   roll * 180.0 / M_PI, pitch * 180.0 / M_PI, frame.id, wrong));
+      throw InputError(
+          file.string(),
+          fmt::format("found roll {:.1f} and pitch {:.1f} degrees for frame {}, by "
+                      "which up points {} in the camera, expected a camera that "
+                      "stands upright (roll positive with the left side up, pitch with "
+                      "the front down)",
+                      roll * 180.0 / M_PI, pitch * 180.0 / M_PI, frame.id, wrong));
     }
     frame.up = up;
     frame.up_sigma = sigma;
