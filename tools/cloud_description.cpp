@@ -271,10 +271,12 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
   out.line("frame", std::string(to_string(summary.frame)) +
                         (summary.metric || summary.crs ? "" : ", up to scale"));
   if (summary.crs) out.line("coordinates", describe(*summary.crs));
-  if (summary.origin) out.line("origin [m]", text(*summary.origin));
+  const std::string length = summary.metric || summary.crs ? "m" : "units";
+  if (summary.origin) out.line("origin [" + length + "]", text(*summary.origin));
   if (std::isfinite(summary.sigma_mean)) {
-    out.line("sigma [m]", fmt::format("mean {:.4g}, median {:.3g}, 95 % below {:.3g}",
-                                      summary.sigma_mean, summary.sigma_median, summary.sigma_95));
+    out.line("sigma [" + length + "]",
+             fmt::format("mean {:.4g}, median {:.3g}, 95 % below {:.3g}", summary.sigma_mean,
+                         summary.sigma_median, summary.sigma_95));
   }
   out.line("attributes", "");
   for (const AttributeSummary& attribute : summary.attributes) {

@@ -29,6 +29,7 @@
 #include "crg_road.h"
 #include "crs.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -158,7 +159,14 @@ Shape crg_mesh(const fs::path& path, const LogSink& warn) {
   return shape;
 }
 
-Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn) {
+/// Whether the estimate gets the size of the truth.
+bool scales(const CompareOptions& options) {
+  return options.alignment == Alignment::kScale || options.alignment == Alignment::kSimilarity;
+}
+
+/// @param own_size  false: the shape is scaled to another one, its units do not matter
+Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
+                 bool own_size = true) {
   if (is_crg(path)) {
     Shape shape = crg_mesh(path, warn);
     if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": no cell has four known corners");
@@ -168,6 +176,9 @@ Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn)
   CloudFile file = read_cloud_file(path, options);
   warn_about(path.string(), file.report, warn);
   use_metres(path.string(), &file, warn);
+  if (own_size) {
+    warn_of_unknown_scale(path.string(), file.cloud.metric, file.report.crs, warn);
+  }
   Shape shape;
   shape.cloud = std::move(file.cloud);
   shape.triangles = std::move(file.triangles);
@@ -248,6 +259,7 @@ json options_json(const Arguments& a, const CompareOptions& o) {
 /// Two shapes, and what is known of how the estimate was made.
 struct Inputs {
   Shape estimate, truth;
+  bool metric = true;  ///< distances are in metres: both are, or the truth that scales the estimate
   std::optional<RunDocument> run;  ///< of the estimate, where that is a result folder
   std::string camera;              ///< the scene whose camera saw the estimate; empty: unknown
 };
@@ -257,7 +269,7 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
   const ReadOptions reading = args.reading.read_options();
   Inputs in;
   in.camera = args.camera;
-  in.estimate = read_shape(cloud_of(args.estimate), reading, warn);
+  in.estimate = read_shape(cloud_of(args.estimate), reading, warn, !scales(*options));
   if (is_result(args.estimate)) in.run = read_run(fs::path(args.estimate) / "run.json");
   if (!is_result(args.truth) && is_scene(args.truth)) {
     const Scene scene = read_scene(args.truth, warn);
@@ -347,17 +359,23 @@ Inputs load(const Arguments& args, const LogSink& warn, CompareOptions* options)
         Eigen::Vector3d(args.truth_viewpoint[0], args.truth_viewpoint[1], args.truth_viewpoint[2]);
   }
   set_directions(args, in.estimate.cloud, options);
+  in.metric = in.truth.cloud.metric && (scales(*options) || in.estimate.cloud.metric);
   return in;
 }
 
+std::string table_of(const CloudComparison& comparison, bool metric) {
+  const std::string table = describe(comparison);
+  return metric ? table : "up to scale: read units of unknown size for metres (m) below\n" + table;
+}
+
 /// Tables, coloured clouds and pictures.
-void write_comparison(const CloudComparison& comparison, const CompareOptions& options,
+void write_comparison(const CloudComparison& comparison, const CompareOptions& options, bool metric,
                       const json& result, const fs::path& at) {
   double largest = 0.0;
   for (const double t : options.thresholds) largest = std::max(largest, 2.0 * t);
   write_json(result, at / "compare.json");
   write_file_atomically(at / "scores.csv", scores_csv(comparison));
-  write_file_atomically(at / "compare.txt", describe(comparison));
+  write_file_atomically(at / "compare.txt", table_of(comparison, metric));
   write_cloud(color_by_distance(comparison.accuracy, largest), at / "accuracy.ply");
   write_cloud(color_by_distance(comparison.completeness, largest), at / "completeness.ply");
   write_png(draw_histogram(comparison), at / "histogram.png");
@@ -404,14 +422,15 @@ int run(const Command& command, const Arguments& args) {
   json result = to_json(comparison);
   result["estimate"] = args.estimate;
   result["truth"] = args.truth;
-  if (folder) write_comparison(comparison, options, result, folder->staging());
+  result["metric"] = in.metric;
+  if (folder) write_comparison(comparison, options, in.metric, result, folder->staging());
   write.stop();
   if (folder) {
-    write_run(args, options, in.estimate.cloud.metric, timings, folder->staging());
+    write_run(args, options, in.metric, timings, folder->staging());
     folder->commit();
   }
   if (!args.as_json) {
-    fmt::print("{}", describe(comparison));
+    fmt::print("{}", table_of(comparison, in.metric));
     return 0;
   }
   result["version"] = kVersion;

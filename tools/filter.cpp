@@ -22,6 +22,7 @@
 #include "command.h"
 #include "crs.h"
 #include "own_inputs.h"
+#include "unknown_scale.h"
 
 using nlohmann::json;
 
@@ -87,6 +88,9 @@ Collected collect(PointSource& source) {
 
 /// Metres in the file's unit of length; warns where that is another one. Degrees stay.
 double metres_in(const PointSource& source, const Arguments& args, const LogSink& warn) {
+  if (args.range > 0.0 || args.voxel > 0.0 || !args.radius.empty() || !args.box.empty()) {
+    warn_of_unknown_scale(args.files.input, source.header().metric, source.header().crs, warn);
+  }
   const bool lengths = args.range > 0.0 || args.voxel > 0.0 || !args.radius.empty();
   if (!source.header().crs || !lengths) return 1.0;
   CoordinateSystem crs = *source.header().crs;
@@ -210,7 +214,7 @@ struct Written {
 };
 
 void print_json(const Command& command, const Arguments& args, const ReadReport& report,
-                const Written& written, const Timings& timings) {
+                bool metric, const Written& written, const Timings& timings) {
   json dropped = json::object();
   for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
   const json options = {{"box", args.box},
@@ -229,6 +233,7 @@ void print_json(const Command& command, const Arguments& args, const ReadReport&
                           {"timings_ms", cloud_timings(timings)},
                           {"input", args.files.input},
                           {"out", args.files.out},
+                          {"metric", metric},
                           {"steps", written.steps},
                           {"points", written.points},
                           {"dropped", dropped},
@@ -287,7 +292,8 @@ int run(const Command& command, const Arguments& args) {
   for (const std::string& note : written.notes) {
     if (warn) warn(args.files.out + ": " + note);
   }
-  if (args.files.as_json) print_json(command, args, report, written, timings);
+  if (args.files.as_json)
+    print_json(command, args, report, source->header().metric, written, timings);
   return 0;
 }
 

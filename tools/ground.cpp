@@ -22,6 +22,7 @@
 #include "plugins/pcl_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 using nlohmann::json;
 
@@ -162,6 +163,7 @@ void register_ground(App& root) {
     const LogSink warn = make_warning_sink(command->common);
     warn_about(arguments->cloud, file.report, warn);
     use_metres(arguments->cloud, &file, warn);
+    warn_of_unknown_scale(arguments->cloud, file.cloud.metric, file.report.crs, warn);
     const std::optional<std::vector<int>> judged =
         points_to_judge(file.cloud, arguments->keep_classes);
     load.stop();
@@ -181,8 +183,9 @@ void register_ground(App& root) {
                  std::move(found.labels));
     write.stop();
     if (!arguments->as_json) {
-      fmt::print("{}: {} of {} points are ground, within {:.2f} m of its surface\n", arguments->out,
-                 found.ground, file.cloud.size(), found.tolerance);
+      fmt::print("{}: {} of {} points are ground, within {:.2f} {} of its surface\n",
+                 arguments->out, found.ground, file.cloud.size(), found.tolerance,
+                 file.cloud.metric ? "m" : "units");
       return 0;
     }
     const bool height_known = std::isfinite(options.sensor_height);
@@ -200,6 +203,7 @@ void register_ground(App& root) {
           {"keep_classes", arguments->keep_classes}}},
         {"file", arguments->cloud},
         {"out", arguments->out},
+        {"metric", file.cloud.metric},
         {"points", file.cloud.size()},
         {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
         {"ground", found.ground},

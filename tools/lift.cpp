@@ -1,10 +1,14 @@
 // camber lift: yaw-only boxes of any detector put on the road surface.
 
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
@@ -88,11 +92,18 @@ Lifted lift(const Inputs& in, const Arguments& args) {
     lifted.boxes.push_back(std::move(box));
   }
   if (lifted.on_surface > 0) return lifted;
-  std::string why = "it holds no 3D box";
+  if (lifted.with_box3 == 0) throw NoAnswerError(args.labels + ": it holds no 3D box");
+  std::string why;
   for (const LiftedBox& b : lifted.boxes) {
     if (b.label.has_box3() && !b.label.dont_care()) why = b.reason;
   }
-  throw NoAnswerError(args.labels + ": no box can be put on the surface: " + why);
+  // What the 2D box alone would give is not asked for where the surface adds nothing at all.
+  const std::string_view by_box = "distance by the 2D box: ";
+  if (std::string_view(why).substr(0, by_box.size()) == by_box) why.erase(0, by_box.size());
+  throw NoAnswerError(
+      fmt::format("{}: none of its {} 3D boxes can be put on the surface; of the "
+                  "last one: {}",
+                  args.labels, lifted.with_box3, why));
 }
 
 void write(const std::string& path, KittiLabelForm form, const std::vector<LiftedBox>& lifted) {
@@ -188,7 +199,8 @@ void register_lift(App& root) {
       "its 2D box with its 3D height and the size prior, and from the surface below, each with its "
       "standard deviation; what contradicts the others is left out. Height, pitch and roll come "
       "from the patch below. Rows that the surface does not cover, or whose frame its run does not "
-      "know, are corrected by their 2D box alone, or stay as they were. Pitch, roll, the new "
+      "know, are corrected by their 2D box alone, or stay as they were, beside rows that are put "
+      "on it; a file of which it covers no row is refused (exit code 1). Pitch, roll, the new "
       "distance's standard deviation and what it was made of go to a side file, OUT with the "
       "extension .tilt.csv.",
       "  camber lift detector/0009.txt --surface out/0009 --calib calib/0009.txt --out lifted.txt\n"

@@ -22,6 +22,7 @@
 #include "plugins/pcl_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -114,13 +115,15 @@ json options_json(const Arguments& args, const RoadSurfaceOptions& options) {
 }
 
 void print_table(const RoadSurfaceFit& fit, long on_patches, std::size_t points) {
-  fmt::print("{} patches on {} of {} points, noise {:.1f} mm\n", fit.surface.patches.size(),
-             on_patches, points, 1e3 * fit.noise);
+  const bool metric = fit.surface.metric;
+  fmt::print("{} patches on {} of {} points, noise {}\n", fit.surface.patches.size(), on_patches,
+             points, small_length(fit.noise, metric, 1));
   fmt::print("  id  kind      points    grade     bank   +- height  status\n");
   for (const PlanePatch& patch : fit.surface.patches) {
-    fmt::print("{:4}  {:<8}{:8}{:9.2f}{:9.2f}{:9.1f} mm  {}\n", patch.id,
+    fmt::print("{:4}  {:<8}{:8}{:9.2f}{:9.2f}{:>{}}  {}\n", patch.id,
                std::string(to_string(patch.kind)), patch.inliers, patch.grade / kDegree,
-               patch.bank / kDegree, 1e3 * std::sqrt(patch.plane.covariance(2, 2)),
+               patch.bank / kDegree,
+               small_length(std::sqrt(patch.plane.covariance(2, 2)), metric, 1), metric ? 12 : 15,
                std::string(to_string(patch.status)));
   }
 }

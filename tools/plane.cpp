@@ -18,6 +18,7 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 using nlohmann::json;
 
@@ -63,13 +64,14 @@ void print_text(const RoadSurface& surface, const PlaneFit& fit, std::size_t poi
              patch.reason);
   fmt::print("normal     {:.6f} {:.6f} {:.6f}\n", plane.normal.x(), plane.normal.y(),
              plane.normal.z());
-  fmt::print("offset     {:.4f} m\n", plane.offset);
+  fmt::print("offset     {:.4f} {}\n", plane.offset, surface.metric ? "m" : "units");
   fmt::print("centroid   {:.3f} {:.3f} {:.3f}\n", patch.plane.centroid.x(),
              patch.plane.centroid.y(), patch.plane.centroid.z());
   fmt::print("tilt       {:.3f} deg from up\n", angle_between(plane.normal, surface.up) / kDegree);
-  fmt::print("sigmas     {:.4f} deg, {:.4f} deg, {:.2f} mm\n", std::sqrt(c(0, 0)) / kDegree,
-             std::sqrt(c(1, 1)) / kDegree, 1e3 * std::sqrt(c(2, 2)));
-  fmt::print("inliers    {} of {}, rmse {:.1f} mm\n", fit.num_inliers, points, 1e3 * fit.rmse);
+  fmt::print("sigmas     {:.4f} deg, {:.4f} deg, {}\n", std::sqrt(c(0, 0)) / kDegree,
+             std::sqrt(c(1, 1)) / kDegree, small_length(std::sqrt(c(2, 2)), surface.metric, 2));
+  fmt::print("inliers    {} of {}, rmse {}\n", fit.num_inliers, points,
+             small_length(fit.rmse, surface.metric, 1));
   fmt::print("condition  {:.3g}\n", fit.condition);
 }
 

@@ -20,6 +20,7 @@
 #include "own_inputs.h"
 #include "profile_crg.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -195,6 +196,10 @@ int run(const Command& command, const Arguments& args) {
   }
   ProfileOptions options = args.options;
   options.levelling_sigma = args.levelling_sigma_deg * kDegree;
+  if (!(options.step > 0.0)) {
+    throw UsageError(
+        fmt::format("--step: found {:g}, expected a number of metres above 0", options.step));
+  }
   options.validate();
   check_outputs(args);
   Timings timings;
@@ -203,6 +208,8 @@ int run(const Command& command, const Arguments& args) {
   if (command.app->count("--levelling-sigma-deg") == 0 && in.surface.level_sigma > 0.0) {
     options.levelling_sigma = in.surface.level_sigma;
   }
+  warn_of_unknown_scale(in.surface_file.string(), in.surface.metric, {},
+                        make_warning_sink(command.common));
   load_timer.stop();
   check_line(in, args);
   StageTimer compute(timings, "compute");

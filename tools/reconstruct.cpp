@@ -2,6 +2,8 @@
 
 #include "camber/pipeline/reconstruct.h"
 
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <functional>
 #include <memory>
@@ -47,10 +49,12 @@ void add_scene_options(App& app, Arguments& a) {
   add_confine_option(app, a.confine);
 }
 
+/// What a warning is about, before its text; the text of other codes stands alone.
 const char* warned_of(const std::string& code) {
-  if (code == "road_contradicted") return "road";
-  if (code == "gravity_contradicted") return "level";
-  return code == "focal_length_contradicted" ? "focal length" : "scale";
+  if (code == "road_contradicted") return "the road: ";
+  if (code == "gravity_contradicted") return "the level: ";
+  if (code == "focal_length_contradicted") return "the focal length: ";
+  return code == "scale_contradicted" ? "the scale: " : "";
 }
 
 /// The result of these frames, with what networks find in them.
@@ -203,7 +207,7 @@ void register_reconstruct(App& root) {
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
     for (const RunDocument::Warning& warning : result.run.warnings) {
-      std::fprintf(stderr, "camber: warning: the %s: %s\n", warned_of(warning.code),
+      std::fprintf(stderr, "camber: warning: %s%s\n", warned_of(warning.code),
                    warning.text.c_str());
     }
     if (args.json) return print_json(result);
@@ -256,8 +260,12 @@ void register_triangulate(App& root) {
     }
     if (args.json) return print_json(result);
     if (!command->common.quiet) {
-      std::printf("%s: %zu road points, scale known to %.1f %% (1 sigma)\n", args.out.c_str(),
-                  result.cloud.size(), 100.0 * result.surface.scale_sigma);
+      const std::string scale =
+          result.surface.metric
+              ? fmt::format("scale known to {:.1f} % (1 sigma)", 100.0 * result.surface.scale_sigma)
+              : "up to scale";
+      std::printf("%s: %zu road points, %s\n", args.out.c_str(), result.cloud.size(),
+                  scale.c_str());
     }
     return 0;
   };

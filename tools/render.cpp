@@ -1,6 +1,7 @@
 // camber render: a picture of a result folder or of any cloud, without a display.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -109,6 +110,19 @@ std::vector<int> frames_of(const LoadedResult& result, const std::string& list) 
     throw NoAnswerError("--frames: " + result.path.string() + " holds no frames");
   }
   return select_frames(known, list == "all" ? "" : list);
+}
+
+/// @throws UsageError for a frame that the result does not hold; of a bare cloud none is asked.
+void check_frame(const LoadedResult& result, int frame) {
+  std::vector<int> ids;
+  if (result.vehicles) {
+    for (const VehicleFrame& f : result.vehicles->frames) ids.push_back(f.id);
+  } else if (result.run) {
+    for (const RunDocument::CameraPose& camera : result.run->cameras) ids.push_back(camera.id);
+  }
+  if (ids.empty() || std::find(ids.begin(), ids.end(), frame) != ids.end()) return;
+  throw UsageError(fmt::format("--frame: found {}, expected one of the frames of {}: {}", frame,
+                               result.path.string(), fmt::join(ids, ", ")));
 }
 
 /// A series of pictures: to files of their own, one contact sheet or a film.
@@ -245,7 +259,10 @@ Loaded load(const RenderArguments& a, const LogSink& warn) {
 /// The content of the loaded result, which it points into.
 PictureContent content_of(const RenderArguments& a, const LoadedResult& result) {
   PictureContent content = result.content();
-  if (a.frame) content.frame = *a.frame;
+  if (a.frame) {
+    check_frame(result, *a.frame);
+    content.frame = *a.frame;
+  }
   if (!a.up.empty()) content.up = Eigen::Vector3d(a.up[0], a.up[1], a.up[2]);
   content.title = a.title;
   if (content.title.empty() && result.scene) content.title = result.scene->name;

@@ -6,6 +6,7 @@
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"
 #include "crs.h"
+#include "unknown_scale.h"
 
 namespace camber::tools {
 
@@ -42,6 +43,7 @@ CloudFile RoadCloudArguments::read(const CommonOptions& common) const {
   const LogSink warn = make_warning_sink(common);
   warn_about(cloud, file.report, warn);
   use_metres(cloud, &file, warn);
+  warn_of_unknown_scale(cloud, file.cloud.metric, file.report.crs, warn);
   return file;
 }
 

@@ -348,6 +348,34 @@ TEST_F(CloudTools, CompareMeasuresAlignsAndWritesAFolder) {
                       2, "--pairs needs --align");
 }
 
+TEST_F(CloudTools, LengthsUpToScaleAreNoMetres) {
+  RoadCloud cloud = make_square(0.02);
+  cloud.sigmas.assign(cloud.size(), 0.01f);
+  write_cloud(cloud, path("truth.ply"));
+  cloud.metric = false;
+  write_cloud(cloud, path("cloud.ply"));
+  const std::string warning = "cloud.ply: its lengths are in units of unknown size (up to scale)";
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"ground", path("cloud.ply"), "--out", path("ground.ply"), "--json"},
+           {"filter", path("cloud.ply"), "--voxel", "0.5", "--out", path("thin.ply"), "--json"},
+           {"compare", path("cloud.ply"), path("truth.ply"), "--json"}}) {
+    SCOPED_TRACE(words[0]);
+    const ProgramResult result = run(words);
+    EXPECT_THAT(result.error, HasSubstr(warning));
+    EXPECT_EQ(json::parse(result.out).at("metric"), false);
+  }
+  // The truth gives the metres of an estimate that is scaled to it.
+  const ProgramResult scaled =
+      run({"compare", path("cloud.ply"), path("truth.ply"), "--align", "scale", "--json"});
+  EXPECT_EQ(scaled.error, "");
+  EXPECT_EQ(json::parse(scaled.out).at("metric"), true);
+  EXPECT_THAT(run({"compare", path("cloud.ply"), path("truth.ply")}).out,
+              ::testing::StartsWith("up to scale: "));
+  EXPECT_THAT(run({"ground", path("cloud.ply"), "--out", path("ground.ply")}).out,
+              HasSubstr(" units of its surface"));
+  EXPECT_THAT(run({"info", path("cloud.ply")}).out, HasSubstr("sigma [units]"));
+}
+
 TEST_F(CloudTools, CompareTakesAMeshAsTruth) {
   write_text("mesh.ply",
              "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"

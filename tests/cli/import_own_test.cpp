@@ -153,6 +153,9 @@ TEST_F(ImportOwn, MasksPosesSpeedsAndGravity) {
   EXPECT_THAT(error_, HasSubstr("1 mask, 3 poses, 3 speeds, 2 directions of gravity"));
   expect_refused({"--fov", "90", "--masks", path("masks"), "--class-map", "nothing"},
                  "--class-map nothing: no such file, and none of");
+  write_bytes(path("skyward.csv"), "frame,roll_deg,pitch_deg\n0,0,-80\n");
+  expect_refused({"--fov", "90", "--up", path("skyward.csv")},
+                 "found roll 0.0 and pitch -80.0 degrees for frame 0, by which up points forward");
   expect_refused({"--fov", "90", "--masks", path("masks")}, "expected --class-map");
   expect_refused({"--fov", "90", "--speed", path("speed.csv")},
                  "the frames have none: expected --rate");

@@ -311,6 +311,40 @@ TEST_F(SteepHill, AResultHasItsFilesAndReplacesAnOlderOne) {
   EXPECT_EQ(json::parse(info.out)["files"][0]["kind"], "result");
 }
 
+TEST_F(SteepHill, WhatIsMissingIsNamedForWhatItIs) {
+  fs::copy(scene(), path("scene"), fs::copy_options::recursive);
+  json manifest = json::parse(read_bytes(path("scene/scene.json")));
+  manifest["camera"].erase("height_above_road");
+  manifest["gnss"] = {{"crs", "EPSG:32632"}};
+  for (json& frame : manifest["frames"]) {
+    frame["gnss"] = {{"position", {500000.0, 5500000.0 + frame["id"].get<double>(), 100.0}}};
+    frame["vehicles"][0]["class"] = "unicorn";
+  }
+  write_bytes(path("scene/scene.json"), manifest.dump());
+  const auto result =
+      run_camber({"reconstruct", path("scene"), "--out", path("result"), "--no-pictures"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_THAT(result.error,
+              HasSubstr("camber: warning: class \"unicorn\" of 3 detections is not known: taken as "
+                        "car\n"));
+  EXPECT_THAT(result.error, HasSubstr("camber: warning: no place on the map: "));
+  EXPECT_THAT(result.out, HasSubstr("up to scale: units are taken for metres in what follows\n"
+                                    "against the truth:"));
+  const json run = json::parse(read_bytes(path("result/run.json")));
+  EXPECT_EQ(run["metric"], false);
+  EXPECT_THAT(run["scale_reason"].get<std::string>(),
+              HasSubstr("no source of metres but lane markings: they measure the scale to"));
+  EXPECT_EQ(run["scale_from"]["source"], "not given");
+  EXPECT_TRUE(run["scale_from"]["sigma_camera_height"].is_null());
+  EXPECT_EQ(run["warnings"][0]["code"], "unknown_class");
+  for (const char* view : {"both", "bev"}) {
+    EXPECT_ONE_SENTENCE(run_camber({"render", path("result"), "--frame", "9", "--view", view,
+                                    "--out", path("x.png")}),
+                        2, "--frame: found 9, expected one of the frames of");
+  }
+  EXPECT_FALSE(fs::exists(path("x.png")));
+}
+
 TEST_F(SteepHill, ThePaperIsAPresetThatTakesOneImageToo) {
   const auto result =
       run_camber({"reconstruct", scene(), "--frames", "0,1", "--preset", "paper", "--paper-terms",

@@ -22,6 +22,7 @@ using Eigen::Vector3d;
 using nlohmann::json;
 using test::run_camber;
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace fs = std::filesystem;
 
 constexpr double kDegree = M_PI / 180.0;
@@ -102,6 +103,30 @@ TEST_F(RoadClouds, PlaneAsJson) {
   EXPECT_EQ(text.exit_code, 0);
   EXPECT_THAT(text.out, HasSubstr("status     ok"));
   EXPECT_EQ(text.error, "");
+}
+
+TEST_F(RoadClouds, LengthsUpToScaleAreNoMetres) {
+  RoadCloud cloud = scene_.cloud;
+  cloud.metric = false;
+  write_cloud(cloud, path("unscaled.ply"));
+  const std::string warning = "units of unknown size (up to scale), not metres\n";
+  const auto plane = run_camber({"plane", path("unscaled.ply")});
+  ASSERT_EQ(plane.exit_code, 0) << plane.error;
+  EXPECT_EQ(plane.error,
+            "camber: warning: " + path("unscaled.ply") + ": its lengths are in " + warning);
+  EXPECT_THAT(plane.out, HasSubstr(" units\n"));
+  EXPECT_THAT(plane.out, Not(HasSubstr(" m\n")));
+  EXPECT_THAT(plane.out, Not(HasSubstr(" mm")));
+  const auto patches = run_camber({"patches", path("unscaled.ply"), "--out", path("unscaled")});
+  ASSERT_EQ(patches.exit_code, 0) << patches.error;
+  EXPECT_THAT(patches.error, HasSubstr(warning));
+  EXPECT_THAT(patches.out, Not(HasSubstr(" mm")));
+  write_axis("axis.csv", 0.0);
+  const auto profile =
+      run_camber({"profile", path("unscaled"), "--along", path("axis.csv"), "--json"});
+  ASSERT_EQ(profile.exit_code, 0) << profile.error;
+  EXPECT_THAT(profile.error, HasSubstr("surface.json: its lengths are in " + warning));
+  EXPECT_EQ(json::parse(profile.out)["metric"], false);
 }
 
 TEST_F(RoadClouds, EnginesAgree) {
@@ -390,6 +415,8 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
     return run_camber(more);
   };
   EXPECT_ONE_SENTENCE(with({}), 2, "--plot");
+  EXPECT_ONE_SENTENCE(with({"--step", "0", "--json"}), 2,
+                      "--step: found 0, expected a number of metres above 0");
   EXPECT_ONE_SENTENCE(with({"--plot", path("old.gif")}), 2, "FILE.png or FILE.svg");
   EXPECT_ONE_SENTENCE(with({"--plot", path("missing/plot.png")}), 3, "plot.png");
   std::ofstream(path("elsewhere.csv")) << "x y z\n9000 0 0\n9010 0 0\n";

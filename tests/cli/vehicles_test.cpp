@@ -441,7 +441,9 @@ TEST_F(LiftedLabels, FailuresAreOneSentence) {
   put("other.txt", "9 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n");
   EXPECT_ONE_SENTENCE(run_camber({"lift", path("other.txt"), "--surface", folder_.path().string(),
                                   "--calib", path("calib.txt"), "--out", path("x.txt")}),
-                      1, "no frame 9");
+                      1,
+                      "other.txt: none of its 1 3D boxes can be put on the surface; of the last "
+                      "one: the surface's run has no frame 9\n");
   EXPECT_ONE_SENTENCE(
       run_camber({"lift", path("found.txt"), "--surface", folder_.path().string(), "--calib",
                   path("calib.txt"), "--depth-sigma", "1e300", "--out", path("x.txt")}),

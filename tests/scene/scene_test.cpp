@@ -363,6 +363,12 @@ TEST_F(SceneFile, SaysWhatIsWrong) {
   EXPECT_EQ(error_with("/frames/0/ego_plane/normal", {0, 1, 0}),
             "frames[0].ego_plane.normal: found a normal that points down (y = 1), expected it up, "
             "out of the road: y < 0 in the camera frame");
+  EXPECT_EQ(error_with("/frames/0/up", {0, 1, 0}),
+            "frames[0].up: found 0 1 0, which points down, expected a direction away from the "
+            "ground in the camera frame (x right, y down, z forward), about 0 -1 0 for a level "
+            "camera");
+  EXPECT_THAT(error_with("/frames/1/up", {0, 0, 1}),
+              HasSubstr("frames[1].up: found 0 0 1, which points forward, expected"));
   EXPECT_EQ(error_with("/frames/0/world_from_camera", {1, 2, 3}),
             "frames[0].world_from_camera: found 3 numbers, expected 16 numbers, a rigid transform "
             "row by row");

@@ -1,8 +1,15 @@
 #include "camber/pipeline/run_details.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
@@ -73,14 +80,32 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
   const EgoPlane& ego = ground.ground.ego;
   const ConstraintReport* speed = report_of(scaled, "speed");
   const bool by_speed = !frames.known.camera_height && speed && speed->accepted;
-  return {{"source", by_speed                     ? (marked ? "speed, and markings" : "speed")
-                     : !marked                    ? "camera height over the ego plane"
-                     : frames.known.camera_height ? "camera height over the ego plane, and markings"
-                                                  : "markings"},
+  const std::optional<double>& height = frames.known.camera_height;
+  std::string source = by_speed ? "speed" : height ? "camera height over the ego plane" : "";
+  if (marked) source += source.empty() ? "markings" : ", and markings";
+  return {{"source", source.empty() ? "not given" : source},
           {"sigma_camera_height",
-           noise.camera_height / frames.known.camera_height.value_or(noise.unknown_camera_height)},
+           height ? nlohmann::json(noise.camera_height / *height) : nlohmann::json()},
           {"sigma_road_shape", std::sqrt(ego.plane.covariance(2, 2)) / ego.height},
           {"bend_correction", ego.height / ego.near_plane_height - 1.0}};
+}
+
+/// Classes that the prior does not know, whose vehicles get the sizes and shapes of its first one.
+void warn_of_unknown_classes(const std::vector<SceneFrame>& frames, const VehiclePrior& prior,
+                             std::vector<RunDocument::Warning>* warnings) {
+  std::map<std::string, int> unknown;
+  for (const SceneFrame& frame : frames) {
+    for (const auto& vehicle : frame.vehicles) {
+      const std::string name = lower_case(vehicle.vehicle_class);
+      if (prior.size(name).name != name) ++unknown[vehicle.vehicle_class];
+    }
+  }
+  for (const auto& [name, count] : unknown) {
+    warnings->push_back(
+        {"unknown_class",
+         fmt::format("class \"{}\" of {} detection{} is not known: taken as {}", name, count,
+                     count == 1 ? "" : "s", prior.shapes.front().name)});
+  }
 }
 
 }  // namespace
@@ -96,6 +121,9 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
   out.vehicles.preset = to_string(options.preset);
   out.vehicles.keypoint_set = static_cast<int>(options.vehicles.fit.keypoint_set);
   out.run = std::move(road.run);
+  const VehiclePrior* prior = options.vehicles.fit.prior;
+  warn_of_unknown_classes(frames.frames, prior ? *prior : shipped_vehicle_prior(),
+                          &out.run.warnings);
   out.images = std::move(frames.color);
   return out;
 }

@@ -144,6 +144,9 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
       metrics_json = to_json(metrics);
       write_json(metrics_json, staging / "metrics.json");
       summary = describe(metrics);
+      if (!result.surface.metric) {
+        summary = "up to scale: units are taken for metres in what follows\n" + summary;
+      }
     }
   }
   if (options.pictures) {

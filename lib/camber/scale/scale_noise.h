@@ -21,9 +21,8 @@ struct ScaleNoise {
   double speed_path = 0.005;  ///< relative, of the path's length in baselines (assumed)
 
   /// Standard deviations between one source and the others from which on the scale is widened, by
-  /// ever more of what they differ by up to the source's gate (rendered roads, cameras' heights 20
-  /// % off).
-  double contradiction_start = 1.5;
+  /// ever more of what they differ by up to the source's gate.
+  double contradiction_start = 2.0;
 
   // Painted markings of known size.
   double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)

@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
 #include "camber/image/image_io.h"
+#include "camber/scene/detail/camera_up.h"
 #include "camber/scene/detail/own_data.h"
 #include "camber/scene/detail/samples_in_time.h"
 #include "camber/scene/formats/class_map.h"
@@ -349,7 +350,17 @@ void put_own_up(Scene& scene, const fs::path& file, double sigma, OwnImport& out
   }
   std::size_t count = 0;
   const auto put = [&](SceneFrame& frame, double roll, double pitch) {
-    frame.up = up_in_camera(roll, pitch);
+    const Eigen::Vector3d up = up_in_camera(roll, pitch);
+    if (const char* wrong = why_not_up(up)) {
+      throw InputError(
+          file.string(),
+          fmt::format("found roll {:.1f} and pitch {:.1f} degrees for frame {}, by "
+                      "which up points {} in the camera, expected a camera that "
+                      "stands upright (roll positive with the left side up, pitch with "
+                      "the front down)",
+                      roll * 180.0 / M_PI, pitch * 180.0 / M_PI, frame.id, wrong));
+    }
+    frame.up = up;
     frame.up_sigma = sigma;
     ++count;
   };

@@ -11,6 +11,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/image/video.h"
+#include "camber/scene/detail/camera_up.h"
 #include "camber/scene/detail/map_position.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/marking_presets.h"
@@ -324,6 +325,17 @@ class ManifestReader {
     }
   }
 
+  static Eigen::Vector3d read_up(const JsonCursor& cursor) {
+    const Eigen::Vector3d up = cursor.unit_vector();
+    if (const char* wrong = why_not_up(up)) {
+      cursor.fail_because(fmt::format(
+          "found {:.4g} {:.4g} {:.4g}, which points {}, expected a direction away from the ground "
+          "in the camera frame (x right, y down, z forward), about 0 -1 0 for a level camera",
+          up.x(), up.y(), up.z(), wrong));
+    }
+    return up;
+  }
+
   SceneFrame read_frame(const JsonCursor& cursor) {
     JsonObject object(cursor, "a frame {\"id\", \"image\", ...}");
     SceneFrame out;
@@ -335,7 +347,7 @@ class ManifestReader {
     if (auto v = object.find("road_mask")) out.road_mask = resolve(*v);
     if (auto v = object.find("ego_plane")) out.ego_plane = read_plane(*v, true);
     if (auto v = object.find("world_from_camera")) out.world_from_camera = v->pose();
-    if (auto v = object.find("up")) out.up = v->unit_vector();
+    if (auto v = object.find("up")) out.up = read_up(*v);
     if (auto v = object.find("up_sigma_deg")) {
       out.up_sigma = v->positive("a positive number of degrees") * kRadians;
     }

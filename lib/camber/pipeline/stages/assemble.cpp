@@ -432,6 +432,14 @@ VehicleDocument vehicle_document(const LoadedFrames& frames, const PlacedVehicle
   return out;
 }
 
+/// Why a run has no metres: markings of known sizes may be there and yet not give them.
+std::string without_metres(const LoadedFrames& frames, const ScaledRoad& scaled) {
+  const LaneMarkingSizes& sizes = frames.known.markings;
+  const std::string& why = scaled.markings.reason;
+  if ((!sizes.dashes() && !sizes.stripes()) || why.empty()) return "no source of metres";
+  return "no source of metres but lane markings: " + why;
+}
+
 RunDocument run_document(const LoadedFrames& frames, const PhotometricGround& ground,
                          const ScaledRoad& scaled, const FinalRoad& final_road) {
   RunDocument out;
@@ -445,7 +453,7 @@ RunDocument run_document(const LoadedFrames& frames, const PhotometricGround& gr
   out.scale_sigma = final_road.road.scale_sigma();
   const detail::Judgement judged = detail::scale_status(out.scale_sigma);
   out.scale_status = scaled.metric ? judged.status : Status::kNotObservable;
-  out.scale_reason = scaled.metric ? judged.reason : "no source of metres";
+  out.scale_reason = scaled.metric ? judged.reason : without_metres(frames, scaled);
   out.constraints = scaled.reports;
   out.constraints.insert(out.constraints.end(), final_road.reports.begin(),
                          final_road.reports.end());

@@ -135,7 +135,9 @@ RunDocument run_document(const LoadedFrames& frames, const MotionEstimate& motio
   out.scale_sigma = scale_sigma;
   const detail::Judgement judged = detail::scale_status(scale_sigma);
   out.scale_status = ground.metric ? judged.status : Status::kNotObservable;
-  out.scale_reason = ground.metric ? judged.reason : "no source of metres";
+  out.scale_reason = ground.metric ? judged.reason
+                                   : "no source of metres: those of the paper's preset are the "
+                                     "camera's height and known poses";
   out.points_kept.emplace_back("road", static_cast<long>(seen.points.size()));
   out.points_kept.emplace_back("motion", motion.points);
   for (std::size_t r = 0; r < kNumDropReasons; ++r) {

@@ -381,8 +381,9 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     if (!metric) {
       // Lengths in nominal heights of the camera; only what does not depend on metres is used.
       if (accepted(fused.reports, "lane_markings")) {
-        markings.reason = fmt::format(
-            "they measure the scale to {:.1f} % only: the result stays up to scale", 100.0 * sigma);
+        markings.reason =
+            fmt::format("they measure the scale to {:.1f} % only, so the result stays up to scale",
+                        100.0 * sigma);
       }
       const RoadPosterior nominal = prior_road(ground, start, options);
       const Constraint height = camera_height_constraint(
