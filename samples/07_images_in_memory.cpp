@@ -1,5 +1,6 @@
 // The main job without a scene's folder: the scene is made here, and a callback gives each frame's
-// image, as a camera driver or a decoder of one's own would. Here they are read from the files given.
+// image, as a camera driver or a decoder of one's own would. Here they are read from the files
+// given.
 //   07_images_in_memory samples/steep_hill/image/*.png
 #include <camber/core/errors.h>
 #include <camber/image/image_io.h>
@@ -11,7 +12,8 @@
 int main(int argc, char** argv) try {
   std::vector<camber::Image> images;
   for (int i = 1; i < argc; ++i) images.push_back(camber::read_color_image(argv[i]));
-  if (images.size() < 2) return std::fprintf(stderr, "usage: 07_images_in_memory IMAGE IMAGE...\n"), 2;
+  if (images.size() < 2)
+    return std::fprintf(stderr, "usage: 07_images_in_memory IMAGE IMAGE...\n"), 2;
 
   camber::Scene scene;
   scene.camera = {1242, 375, 721.5377, 721.5377, 609.5593, 172.854};  // size, fx, fy, cx, cy; px
