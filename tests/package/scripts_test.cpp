@@ -217,6 +217,8 @@ TEST_F(Scripts, TestsThatTookLongLeaveTheFuzzersOut) {
   std::ofstream(fuzzer) << "#!/bin/sh\necho stat::number_of_executed_units: 7\n";
   fs::permissions(fuzzer, fs::perms::owner_all);
   stand_in("clang++", "exit 0");
+  ::setenv("CAMBER_FUZZ_SECONDS", "1", 1);
+  ::setenv("CAMBER_FUZZ_LATEST", "40", 1);
   ASSERT_EQ(run("tests/run.sh --no-install", root), 0) << out_ << err_;
   EXPECT_THAT(out_, HasSubstr("fuzz_a: 7 executions, nothing found\n"));
   ::setenv("CAMBER_FUZZ_LATEST", "0", 1);
