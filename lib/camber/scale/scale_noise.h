@@ -69,7 +69,7 @@ struct ScaleNoise {
   // The average of vehicles' sizes.
   double vehicle_population =
       0.02;  ///< relative, of all cars of a street off the size prior (assumed)
-  double vehicle_size_most = 0.3;    ///< relative, of one vehicle's scale that is worth counting
+  double vehicle_size_most = 0.15;   ///< relative, of one vehicle's scale that is worth counting
   double vehicle_sizes_gate = 3.0;   ///< standard deviations
   double vehicle_contradicts = 3.0;  ///< standard deviations, of one vehicle and the road under it
   /// Standard deviations, of another focal length by the vehicles' proportions: with the true one

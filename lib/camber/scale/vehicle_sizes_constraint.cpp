@@ -22,13 +22,12 @@ Constraint vehicle_sizes_constraint(const RoadPosterior& road,
     }
   }
   out.source = fmt::format("{} vehicles", scales.size());
-  constexpr std::size_t kLeast = 2;
+  constexpr std::size_t kLeast = 3;
   if (scales.size() < kLeast) return out;
   // Mean with Cauchy weights, from the median on: one van taken for a car must not decide.
   std::sort(scales.begin(), scales.end(),
             [](const ImpliedLogScale& a, const ImpliedLogScale& b) { return a.mean < b.mean; });
-  double mean = 0.5 * (scales[(scales.size() - 1) / 2].mean + scales[scales.size() / 2].mean);
-  double information = 0.0;
+  double mean = scales[scales.size() / 2].mean, information = 0.0;
   for (int iteration = 0; iteration < 10; ++iteration) {
     double sum = 0.0;
     information = 0.0;

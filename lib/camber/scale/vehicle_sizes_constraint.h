@@ -14,7 +14,7 @@ namespace camber {
 /// are fused one by one.
 /// @param vehicles  constraints by single vehicles, linearised around `road`.
 /// @return one measurement of the logarithm of the scale with its source and gate; empty where
-///         fewer than two vehicles measure it.
+///         fewer than three vehicles measure it.
 Constraint vehicle_sizes_constraint(const RoadPosterior& road,
                                     const std::vector<Constraint>& vehicles,
                                     const ScaleNoise& noise);
