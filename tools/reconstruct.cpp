@@ -3,6 +3,7 @@
 #include "camber/pipeline/reconstruct.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cstdio>
 #include <functional>
@@ -39,11 +40,10 @@ void add_scene_options(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   app.add_option(
       "--frames", a.frames,
-      "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: three, as far "
-      "apart as it takes to see the road move, or neighbours where those give no answer. One "
-      "frame: road and metres by painted markings of "
-      "known size "
-      "(markings_m of the scene)");
+      "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: the reference "
+      "and two on each side (preset paper: one), as far away as it takes to see the road move, or "
+      "fewer where those give no answer. One frame: road and metres by painted markings of known "
+      "size (markings_m of the scene)");
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
   add_confine_option(app, a.confine);
@@ -111,19 +111,25 @@ Reconstruction run(
   keep_freed_memory();
   if (!a.frames.empty()) return with(select_frames(scene, a.frames == "all" ? "" : a.frames));
   if (scene.frames.size() == 1) return with({scene.frames.front().id});
-  const ChosenFrames chosen = choose_frames(scene);
-  if (chosen.spacing == 1) return with(chosen.ids);
+  const ChosenFrames chosen = choose_frames(scene, {}, a.options.preset == Preset::kPaper ? 1 : 2);
   const auto report = [&](const std::string& what) {
     if (!command.common.quiet) std::fprintf(stderr, "camber: %s\n", what.c_str());
   };
-  const std::string apart = "frames " + std::to_string(chosen.spacing) + " apart ";
-  report("slow drive: " + apart + "are used");
-  try {
-    return with(chosen.ids);
-  } catch (const NoAnswerError& error) {
-    report(apart + "give no answer (" + error.what() + "): neighbours are used");
-    return with(neighbouring_frames(scene).ids);
+  if (chosen.spacing > 1) {
+    report("slow drive: frames " + std::to_string(chosen.spacing) +
+           " away from the reference are used");
   }
+  std::vector<int> ids = chosen.ids;
+  for (const std::vector<int>& instead : chosen.instead) {
+    try {
+      return with(ids);
+    } catch (const NoAnswerError& error) {
+      report(fmt::format("frames {} give no answer ({}): {} are used", fmt::join(ids, ","),
+                         error.what(), fmt::join(instead, ",")));
+      ids = instead;
+    }
+  }
+  return with(ids);
 }
 
 /// What is missing or not to be relied on, in words.

@@ -166,9 +166,15 @@ int run(const Command& command, const Arguments& args) {
   Inputs in;
   load(command, args, &in);
   load_timer.stop();
+  std::vector<SceneFrame> frames;
+  for (const int id : in.frames) frames.push_back(*in.scene.find_frame(id));
+  const EstimateVehiclesOptions options = options_of(command, args, in);
+  if (const LogSink warn = make_warning_sink(command.common)) {
+    for (const std::string& text : unknown_classes(frames, options.vehicles.fit.prior)) warn(text);
+  }
   StageTimer compute(timings, "compute");
-  const VehicleDocument document = estimate_vehicles(
-      in.scene, in.frames, options_of(command, args, in), make_progress(command.common));
+  const VehicleDocument document =
+      estimate_vehicles(in.scene, in.frames, options, make_progress(command.common));
   compute.stop();
   const nlohmann::json json = to_json(document);
   StageTimer write_timer(timings, "write");

@@ -62,13 +62,17 @@ PythonReconstruction run(const PythonScene& scene, const std::optional<std::vect
       return out;
     };
     if (frames) return with(*frames);
-    const ChosenFrames chosen = choose_frames(scene.scene, options.load.pixels);
-    if (chosen.spacing == 1) return with(chosen.ids);
-    try {
-      return with(chosen.ids);
-    } catch (const NoAnswerError&) {
-      return with(neighbouring_frames(scene.scene).ids);
+    const ChosenFrames chosen =
+        choose_frames(scene.scene, options.load.pixels, options.preset == Preset::kPaper ? 1 : 2);
+    std::vector<int> ids = chosen.ids;
+    for (const std::vector<int>& instead : chosen.instead) {
+      try {
+        return with(ids);
+      } catch (const NoAnswerError&) {
+        ids = instead;
+      }
     }
+    return with(ids);
   });
 }
 
@@ -129,16 +133,18 @@ void bind_reconstruction(py::module_& module) {
       .CAMBER_FIELD(ChosenFrames, ids)
       .CAMBER_FIELD(ChosenFrames, spacing)
       .CAMBER_FIELD(ChosenFrames, parallax_px)
+      .CAMBER_FIELD(ChosenFrames, instead)
       .def("__repr__", [](const ChosenFrames& c) {
-        return fmt::format("<camber.ChosenFrames {} frames, {} apart, {:.1f} px of parallax>",
-                           c.ids.size(), c.spacing, c.parallax_px);
+        return fmt::format(
+            "<camber.ChosenFrames {} frames, {:.1f} px of parallax {} from the reference>",
+            c.ids.size(), c.parallax_px, c.spacing);
       });
   module.def(
       "choose_frames",
-      [](const PythonScene& scene) {
-        return compute([&] { return choose_frames(scene.scene, scene.source()); });
+      [](const PythonScene& scene, int each_side) {
+        return compute([&] { return choose_frames(scene.scene, scene.source(), each_side); });
       },
-      py::arg("scene"), kDoc_ChosenFrames);
+      py::arg("scene"), py::arg("each_side") = 2, kDoc_ChosenFrames);
   const ReconstructOptions defaults;
   module.def(
       "reconstruct",
@@ -165,7 +171,7 @@ void bind_reconstruction(py::module_& module) {
           (std::string(kDoc_reconstruct) +
            "\n\nThe process keeps freed memory from then on (glibc), for a run goes faster so.")
               .c_str(),
-          {{"frames", "ids; None: those of choose_frames()"},
+          {{"frames", "ids; None: those of choose_frames(), fewer where they give no answer"},
            {"method",
             "plane under the vehicles: 'joint' (local patch), 'coplanar' (ego plane), "
             "'flat' (level plane at the camera's height)"},

@@ -2,6 +2,9 @@
 // where the time goes. Run with no arguments, or the names of parts; --help lists them.
 // The seed is that of reconstruct(). Data: $CAMBER_DATA, else ../shared/data.
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -453,8 +456,9 @@ void crawling(const Bench& bench, const fs::path& folder, const std::string& lis
   if (frames.empty()) {
     // The laser's scan that is compared with belongs to the reference frame.
     frames = choose_frames(read_scene(manifest)).ids;
-    std::printf("frames chosen by default: %d, %d, %d\n", frames[0], frames[1], frames[2]);
-    import.reference_frame = frames[1];
+    std::printf("frames chosen by default: %s\n",
+                fmt::format("{}", fmt::join(frames, ", ")).c_str());
+    import.reference_frame = frames[frames.size() / 2];
     import_kitti_to(import, manifest);
   }
   const Scene scene = read_scene(manifest);

@@ -95,6 +95,18 @@ TEST_F(VehicleScene, PlacesAndEvaluatesThem) {
   EXPECT_TRUE(result["timings_ms"].contains("compute"));
 }
 
+TEST_F(VehicleScene, AClassThatThePriorDoesNotKnowIsWarnedOf) {
+  json manifest = read("scene.json");
+  manifest["frames"][2]["vehicles"][0]["class"] = "unicorn";
+  std::ofstream(path("scene.json")) << manifest;
+  const auto run = [&](const char* frames) {
+    return run_camber(
+        {"vehicles", path("scene.json"), "--frames", frames, "--out", path("out.json")});
+  };
+  EXPECT_THAT(run("2").error, HasSubstr("class \"unicorn\" of 1 detection is not known"));
+  EXPECT_EQ(run("3").error, "");
+}
+
 TEST_F(VehicleScene, ThePaperIsAPresetOfItsOwn) {
   const auto mean_of = [&](const std::vector<std::string>& more) {
     std::vector<std::string> arguments = {"vehicles", path("scene.json"), "--out", path("v.json")};

@@ -323,17 +323,30 @@ TEST_F(BrokenFrames, NothingIsClaimedBehindACrest) {
 }
 
 TEST_F(BrokenFrames, SlowDriveTakesFramesFurtherApart) {
+  using Ids = std::vector<int>;
   const Scene slow = make_scene(flat, {-4, -3, -2, -1, 0, 1, 2, 3, 4}, 0.08);
-  const ChosenFrames chosen = choose_frames(slow);
-  EXPECT_GE(chosen.spacing, 3);
-  ASSERT_EQ(chosen.ids.size(), 3u);
-  EXPECT_EQ(chosen.ids[1], 4);
-  EXPECT_EQ(chosen.ids[2] - chosen.ids[1], chosen.spacing);
-  const Scene usual = make_scene(flat, {-2, -1, 0, 1, 2});
-  const ChosenFrames three = choose_frames(usual);
-  EXPECT_EQ(three.spacing, 1);
-  EXPECT_EQ(three.ids, (std::vector<int>{1, 2, 3}));
-  EXPECT_GT(three.parallax_px, 6.0);
+  const ChosenFrames three = choose_frames(slow, {}, 1);
+  EXPECT_GE(three.spacing, 3);
+  EXPECT_EQ(three.ids, (Ids{4 - three.spacing, 4, 4 + three.spacing}));
+  EXPECT_EQ(three.instead, (std::vector<Ids>{{3, 4, 5}}));
+  const ChosenFrames five = choose_frames(slow);
+  const int half = (five.spacing + 1) / 2;
+  EXPECT_EQ(five.spacing, three.spacing);
+  EXPECT_EQ(five.ids, (Ids{4 - five.spacing, 4 - half, 4, 4 + half, 4 + five.spacing}));
+  EXPECT_EQ(five.instead, (std::vector<Ids>{three.ids, {3, 4, 5}}));
+  const Scene usual = make_scene(flat, {-2, -1, 0, 1, 2, 3});
+  const ChosenFrames near = choose_frames(usual);
+  EXPECT_EQ(near.spacing, 1);
+  EXPECT_EQ(near.ids, (Ids{1, 2, 3, 4, 5}));
+  EXPECT_EQ(near.instead, (std::vector<Ids>{{2, 3, 4}}));
+  EXPECT_GT(near.parallax_px, 6.0);
+}
+
+TEST_F(BrokenFrames, AReferenceAtTheEndHasFramesOnOneSide) {
+  Scene scene = make_scene(flat, {-2, -1, 0, 1, 2});
+  scene.reference_frame = 4;
+  EXPECT_EQ(choose_frames(scene).ids, (std::vector<int>{2, 3, 4}));
+  EXPECT_THROW(choose_frames(scene, {}, 3), std::invalid_argument);
 }
 
 TEST_F(BrokenFrames, WhereThereIsNothingToChooseNoImageIsRead) {
@@ -345,6 +358,13 @@ TEST_F(BrokenFrames, WhereThereIsNothingToChooseNoImageIsRead) {
   EXPECT_EQ(three.ids, (std::vector<int>{0, 1, 2}));
   EXPECT_EQ(three.spacing, 1);
   EXPECT_EQ(three.parallax_px, 0.0);
+  EXPECT_TRUE(three.instead.empty());
+}
+
+TEST_F(BrokenFrames, AnUpThatPointsDownIsRefused) {
+  Scene scene = make_scene(flat, {0, 1});
+  scene.frames[1].up = Eigen::Vector3d(0.0, 0.99, 0.1);
+  EXPECT_THROW(reconstruct(scene, {0, 1}, {}), std::invalid_argument);
 }
 
 TEST_F(BrokenFrames, TwoFramesSuffice) {

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -111,24 +113,44 @@ struct Reference {
   std::size_t behind() const { return at; }
   std::size_t ahead() const { return ids.size() - 1 - at; }
 
-  ChosenFrames with_spacing(std::size_t spacing) const {
+  /// The frame `spacing` away on each side and, for two a side, the one half as far; where there is
+  /// none between, the one twice as far.
+  std::vector<int> ids_with_spacing(std::size_t spacing, int each_side) const {
+    std::vector<std::size_t> away = {spacing};
+    if (each_side == 2) away.push_back(spacing == 1 ? 2 : (spacing + 1) / 2);
+    std::vector<int> out = {ids[at]};
+    for (const std::size_t n : away) {
+      if (n <= behind()) out.push_back(ids[at - n]);
+      if (n <= ahead()) out.push_back(ids[at + n]);
+    }
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+
+  ChosenFrames with_spacing(std::size_t spacing, int each_side) const {
     ChosenFrames out;
     out.spacing = static_cast<int>(spacing);
-    if (spacing <= behind()) out.ids.push_back(ids[at - spacing]);
-    out.ids.push_back(ids[at]);
-    if (spacing <= ahead()) out.ids.push_back(ids[at + spacing]);
+    out.ids = ids_with_spacing(spacing, each_side);
+    for (const std::size_t fewer : {spacing, std::size_t{1}}) {
+      std::vector<int> instead = ids_with_spacing(fewer, 1);
+      if (instead != out.ids && (out.instead.empty() || instead != out.instead.back())) {
+        out.instead.push_back(std::move(instead));
+      }
+    }
     return out;
   }
 };
 
 }  // namespace
 
-ChosenFrames neighbouring_frames(const Scene& scene) { return Reference(scene).with_spacing(1); }
-
-ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels) {
+ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels, int each_side) {
+  if (each_side != 1 && each_side != 2) {
+    throw std::invalid_argument("choose_frames: each_side is " + std::to_string(each_side) +
+                                ", 1 or 2 expected");
+  }
   const Reference reference(scene);
   const std::size_t most = std::max(reference.behind(), reference.ahead());
-  if (most == 1) return reference.with_spacing(1);
+  if (most == 1) return reference.with_spacing(1, each_side);
   const Undistortion lens(scene.camera, scene.distortion);
   FrameImageReader images;  // goes on through a video as the frames do
   const GrayImage here = small_image(scene, reference.at, lens, images, pixels);
@@ -152,7 +174,7 @@ ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels) {
     if (next == spacing) break;
     spacing = next;
   }
-  ChosenFrames out = reference.with_spacing(spacing);
+  ChosenFrames out = reference.with_spacing(spacing, each_side);
   out.parallax_px = parallax_px;
   return out;
 }

@@ -1,8 +1,13 @@
 #include "camber/pipeline/estimate_vehicles.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <stdexcept>
+
+#include "camber/cloud/number_text.h"
 
 namespace camber {
 namespace {
@@ -137,6 +142,24 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
     out.frames.push_back({frame_ids[k], std::move(vehicles)});
   }
   if (progress) progress("vehicles", 1.0);
+  return out;
+}
+
+std::vector<std::string> unknown_classes(const std::vector<SceneFrame>& frames,
+                                         const VehiclePrior* prior) {
+  const VehiclePrior& known = prior ? *prior : shipped_vehicle_prior();
+  std::map<std::string, int> unknown;
+  for (const SceneFrame& frame : frames) {
+    for (const VehicleDetection& vehicle : frame.vehicles) {
+      const std::string name = lower_case(vehicle.vehicle_class);
+      if (known.size(name).name != name) ++unknown[vehicle.vehicle_class];
+    }
+  }
+  std::vector<std::string> out;
+  for (const auto& [name, count] : unknown) {
+    out.push_back(fmt::format("class \"{}\" of {} detection{} is not known: taken as {}", name,
+                              count, count == 1 ? "" : "s", known.shapes.front().name));
+  }
   return out;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "camber/core/progress.h"
@@ -31,5 +32,11 @@ struct EstimateVehiclesOptions {
 VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& frame_ids,
                                   const EstimateVehiclesOptions& options,
                                   const Progress& progress = {});
+
+/// A sentence for each class of the frames' detections that the prior does not know: such vehicles
+/// get the sizes and shapes of its first class.
+/// @param prior  nullptr: the shipped one.
+std::vector<std::string> unknown_classes(const std::vector<SceneFrame>& frames,
+                                         const VehiclePrior* prior);
 
 }  // namespace camber

@@ -74,25 +74,26 @@ struct Reconstruction {
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress = {});
 
-/// Frames for a run that names none: the reference and one on each side (the paper's three), as
-/// many frames apart as it takes to see the near road move (a slow drive has no parallax between
-/// consecutive ones); two where the reference is the first or the last.
+/// Frames for a run that names none: the reference and up to two on each side. One of these is as
+/// many frames away as it takes to see the near road move (a slow drive has no parallax between
+/// consecutive ones), the other half as many; where neighbours are enough, the next ones.
 struct ChosenFrames {
   std::vector<int> ids;  ///< ascending
-  int spacing = 1;       ///< frames from one to the next
-  /// Of the near road between neighbours, rotation taken out; 0 where there was nothing to choose
+  int spacing = 1;       ///< frames from the reference to those that show the near road move
+  /// Of the near road over that spacing, rotation taken out; 0 where there was nothing to choose
   /// and no image was looked at.
   double parallax_px = 0.0;
+  /// Where `ids` give no answer, in turn: one frame on each side, neighbours.
+  std::vector<std::vector<int>> instead;
 };
 
 /// @param pixels  images in memory, as LoadOptions::pixels; asked for the frames that are looked
 /// at.
-/// @throws NoAnswerError for a scene of one frame or without images; InputError as reconstruct.
-ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels = {});
-
-/// The reference and its neighbours, whatever the speed: what remains where frames farther apart
-/// give no answer. @throws NoAnswerError for a scene of one frame.
-ChosenFrames neighbouring_frames(const Scene& scene);
+/// @param each_side  frames on each side of the reference: 2, or 1 for the paper's three views.
+/// @throws NoAnswerError for a scene of one frame or without images; InputError as reconstruct;
+/// std::invalid_argument.
+ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels = {},
+                           int each_side = 2);
 
 struct WriteReconstructionOptions {
   bool pictures = true;

@@ -4,12 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "camber/cloud/number_text.h"
+#include "camber/pipeline/estimate_vehicles.h"
 
 namespace camber {
 namespace {
@@ -90,24 +91,6 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
           {"bend_correction", ego.height / ego.near_plane_height - 1.0}};
 }
 
-/// Classes that the prior does not know, whose vehicles get the sizes and shapes of its first one.
-void warn_of_unknown_classes(const std::vector<SceneFrame>& frames, const VehiclePrior& prior,
-                             std::vector<RunDocument::Warning>* warnings) {
-  std::map<std::string, int> unknown;
-  for (const SceneFrame& frame : frames) {
-    for (const auto& vehicle : frame.vehicles) {
-      const std::string name = lower_case(vehicle.vehicle_class);
-      if (prior.size(name).name != name) ++unknown[vehicle.vehicle_class];
-    }
-  }
-  for (const auto& [name, count] : unknown) {
-    warnings->push_back(
-        {"unknown_class",
-         fmt::format("class \"{}\" of {} detection{} is not known: taken as {}", name, count,
-                     count == 1 ? "" : "s", prior.shapes.front().name)});
-  }
-}
-
 }  // namespace
 
 Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOptions& options,
@@ -121,9 +104,9 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
   out.vehicles.preset = to_string(options.preset);
   out.vehicles.keypoint_set = static_cast<int>(options.vehicles.fit.keypoint_set);
   out.run = std::move(road.run);
-  const VehiclePrior* prior = options.vehicles.fit.prior;
-  warn_of_unknown_classes(frames.frames, prior ? *prior : shipped_vehicle_prior(),
-                          &out.run.warnings);
+  for (std::string& text : unknown_classes(frames.frames, options.vehicles.fit.prior)) {
+    out.run.warnings.push_back({"unknown_class", std::move(text)});
+  }
   out.images = std::move(frames.color);
   return out;
 }

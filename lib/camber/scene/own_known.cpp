@@ -12,7 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
 #include "camber/image/image_io.h"
-#include "camber/scene/detail/camera_up.h"
+#include "camber/scene/camera_up.h"
 #include "camber/scene/detail/own_data.h"
 #include "camber/scene/detail/samples_in_time.h"
 #include "camber/scene/formats/class_map.h"

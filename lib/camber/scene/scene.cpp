@@ -11,7 +11,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/image/video.h"
-#include "camber/scene/detail/camera_up.h"
+#include "camber/scene/camera_up.h"
 #include "camber/scene/detail/map_position.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/marking_presets.h"
