@@ -12,7 +12,7 @@
 #include "camber/pipeline/stages/detail/patch_status.h"
 #include "camber/road/plan_polygon.h"
 #include "camber/scale/fusion.h"
-#include "camber/scale/vehicle_sizes_constraint.h"
+#include "camber/scale/vehicle_sizes.h"
 
 namespace camber::stages {
 namespace {
@@ -41,17 +41,15 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
       final_road->reports.begin(), final_road->reports.end(), [&](const ConstraintReport& r) {
         return !r.accepted && r.residual_sigma > noise.vehicle_contradicts;
       });
-  const Constraint sizes = vehicle_sizes_constraint(scaled.road, vehicles, noise);
-  const double sigmas = sizes.size() > 0 ? std::sqrt(scaled.road.squared_innovation(sizes)) : 0.0;
+  const auto sizes = compare_vehicle_sizes(scaled.road, vehicles, noise);
   constexpr std::size_t kLeast = 3;
   if (vehicles.size() >= kLeast &&
       3 * static_cast<std::size_t>(contradicting) > 2 * vehicles.size()) {
     std::string text = fmt::format("{} of {} vehicles contradict the road under them",
                                    contradicting, vehicles.size());
     // That their sizes fit a scale that is hardly known proves nothing.
-    const bool sizes_fit = sizes.size() > 0 && sigmas < 2.0 &&
-                           std::hypot(scaled.road.scale_sigma(),
-                                      std::sqrt(sizes.covariance(0, 0))) < noise.metric_limit;
+    const bool sizes_fit = sizes && sizes->sigmas_off < 2.0 &&
+                           std::hypot(scaled.road.scale_sigma(), sizes->sigma) < noise.metric_limit;
     if (sizes_fit) {
       final_road->warnings.push_back({"road_contradicted", text + "; their sizes fit the scale"});
     } else {
@@ -60,19 +58,23 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
                           "the camera in view?");
     }
   }
-  if (sizes.size() == 0) return;
-  const bool agrees = sigmas <= sizes.gate;
-  ConstraintReport report{sizes.name, sizes.source, sigmas, agrees, {}};
-  const double change = sizes.residual[0];
-  const double share = contradiction_share(sigmas, noise.contradiction_start, sizes.gate);
-  if (agrees && share > 0.0) {
+  if (!sizes) return;
+  const double sigmas = sizes->sigmas_off, change = sizes->log_scale;
+  ConstraintReport report{"vehicle_sizes",
+                          fmt::format("{} vehicles", sizes->vehicles),
+                          sigmas,
+                          sigmas <= noise.vehicle_sizes_gate,
+                          {}};
+  const double share =
+      contradiction_share(sigmas, noise.vehicle_sizes_start, noise.vehicle_sizes_gate);
+  if (report.accepted && share > 0.0) {
     final_road->road = final_road->road.with_wider_scale(share * change * change);
   }
-  if (!agrees) {
+  if (!report.accepted) {
     report.reason = fmt::format(
         "by their sizes everything is {:.0f} % {}, {:.1f} standard deviations",
         100.0 * std::abs(std::expm1(change)), change > 0.0 ? "larger" : "smaller", sigmas);
-    contradict(sizes.source + ": " + report.reason, change * change);
+    contradict(report.source + ": " + report.reason, change * change);
   }
   final_road->reports.push_back(std::move(report));
 }

@@ -1,0 +1,124 @@
+// The scale by the sizes of several vehicles.
+
+#include "camber/scale/vehicle_sizes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+
+#include "camber/scale/fusion.h"
+#include "camber/scale/known_poses_constraint.h"
+#include "scale/profile_road.h"
+#include "support/made_road.h"
+
+namespace camber {
+namespace {
+
+using namespace test;
+
+/// A road whose scale is known to `sigma`.
+RoadPosterior road_of_scale(double sigma) {
+  GroundObservations observations;
+  for (int v = 160; v < kRoadCamera.height; v += 4) {
+    for (int u = 0; u < kRoadCamera.width; u += 16) {
+      observations.pixels.emplace_back(u, v);
+      observations.inverse_depth.push_back(1.0 / depth_of(v, level));
+      observations.sigma.push_back(0.001);
+    }
+  }
+  const RoadPosterior open = road_posterior(
+      std::make_shared<GroundField>(kRoadCamera, observations, Plane{{0, -1, 0}, kRoadHeight},
+                                    GroundFieldOptions()),
+      {}, kRoadHeight, 1.0, 1.0);
+  return open.conditioned(known_poses_constraint(open, 1.0, sigma));
+}
+
+/// A vehicle whose size makes the distance to the ground at its pixel `log_scale` larger.
+Constraint vehicle_at(const RoadPosterior& road, const Eigen::Vector2d& pixel, double log_scale,
+                      double sigma) {
+  Constraint out;
+  out.name = "vehicle";
+  out.pixels = {pixel};
+  const double rho = road.inverse_depth(pixel);
+  out.by_inverse_depth = Eigen::MatrixXd::Constant(1, 1, -1.0 / rho);  // of the log distance
+  out.residual = Eigen::VectorXd::Constant(1, log_scale);
+  out.covariance = Eigen::MatrixXd::Constant(1, 1, sigma * sigma);
+  return out;
+}
+
+std::vector<Constraint> vehicles_at(const RoadPosterior& road, const std::vector<double>& scales,
+                                    double sigma) {
+  std::vector<Constraint> out;
+  double u = 100.0;
+  for (const double scale : scales) out.push_back(vehicle_at(road, {u += 60.0, 250}, scale, sigma));
+  return out;
+}
+
+TEST(VehicleSizes, AgreeWithARightScale) {
+  const RoadPosterior road = road_of_scale(0.01);
+  const ScaleNoise noise;
+  const auto sizes =
+      compare_vehicle_sizes(road, vehicles_at(road, {0.04, -0.05, 0.01, 0.0}, 0.05), noise);
+  ASSERT_TRUE(sizes);
+  EXPECT_EQ(sizes->vehicles, 4);
+  EXPECT_NEAR(sizes->log_scale, 0.0, 0.01);
+  EXPECT_LT(sizes->sigmas_off, 1.0);
+  // Four are better than one, but never better than cars of a street are alike.
+  EXPECT_LT(sizes->sigma, 0.05);
+  EXPECT_GT(sizes->sigma, noise.vehicle_population);
+}
+
+TEST(VehicleSizes, ContradictAScaleThatIsWrong) {
+  const RoadPosterior road = road_of_scale(0.01);
+  const auto sizes =
+      compare_vehicle_sizes(road, vehicles_at(road, {0.3, 0.34, 0.27, 0.31, 0.29}, 0.05), {});
+  ASSERT_TRUE(sizes);
+  EXPECT_NEAR(sizes->log_scale, 0.30, 0.02);
+  EXPECT_GT(sizes->sigmas_off, ScaleNoise().vehicle_sizes_gate);
+  // The worse the scale is known, the less they contradict it.
+  const auto less = compare_vehicle_sizes(
+      road_of_scale(0.1), vehicles_at(road, {0.3, 0.34, 0.27, 0.31, 0.29}, 0.05), {});
+  ASSERT_TRUE(less);
+  EXPECT_LT(less->sigmas_off, sizes->sigmas_off - 1.0);
+}
+
+TEST(VehicleSizes, OneVanAmongCarsNeitherDecidesNorHidesThem) {
+  const RoadPosterior road = road_of_scale(0.01);
+  const auto right =
+      compare_vehicle_sizes(road, vehicles_at(road, {0.0, 0.02, 0.5, -0.02, 0.01}, 0.05), {});
+  ASSERT_TRUE(right);
+  EXPECT_NEAR(right->log_scale, 0.0, 0.03);
+  EXPECT_LT(right->sigmas_off, 1.0);
+  const auto wrong =
+      compare_vehicle_sizes(road, vehicles_at(road, {-0.18, -0.2, 0.3, -0.16, -0.2}, 0.05), {});
+  ASSERT_TRUE(wrong);
+  EXPECT_NEAR(wrong->log_scale, -0.18, 0.02);
+  EXPECT_GT(wrong->sigmas_off, ScaleNoise().vehicle_sizes_gate);
+}
+
+TEST(VehicleSizes, WithNormalErrorsTheRatioIsThatOfTheMean) {
+  const RoadPosterior road = road_of_scale(0.01);
+  ScaleNoise noise;
+  noise.vehicle_size_freedom = 1e6;
+  noise.vehicle_size_spread = 1.0;
+  const auto sizes = compare_vehicle_sizes(road, vehicles_at(road, {0.2, 0.1, 0.15}, 0.05), noise);
+  ASSERT_TRUE(sizes);
+  // implied_log_scale() adds what the road leaves open of each distance.
+  const auto one = implied_log_scale(road, vehicle_at(road, {220.0, 250}, 0.1, 0.05));
+  ASSERT_TRUE(one);
+  const double variance =
+      one->variance / 3.0 + std::pow(noise.vehicle_population, 2) + std::pow(road.scale_sigma(), 2);
+  EXPECT_NEAR(sizes->log_scale, 0.15, 0.002);
+  EXPECT_NEAR(sizes->sigmas_off, sizes->log_scale / std::sqrt(variance), 0.05);
+}
+
+TEST(VehicleSizes, OfFewOrUncertainVehiclesMeasureNothing) {
+  const RoadPosterior road = road_of_scale(0.01);
+  EXPECT_FALSE(compare_vehicle_sizes(road, vehicles_at(road, {0.3, 0.3}, 0.05), {}));
+  EXPECT_FALSE(compare_vehicle_sizes(road, vehicles_at(road, {0.3, 0.3, 0.3}, 0.4), {}));
+  EXPECT_FALSE(compare_vehicle_sizes(road, {}, {}));
+}
+
+}  // namespace
+}  // namespace camber
