@@ -67,8 +67,8 @@ struct ScaleNoise {
   double rejected_intensities_gate = 3.0;
 
   // Vehicles' sizes together.
-  double vehicle_population =
-      0.02;  ///< relative, of all cars of a street off the size prior (assumed)
+  /// Relative, of all cars of a street off the size prior together (rendered roads: 0 and 5 %).
+  double vehicle_population = 0.04;
   double vehicle_size_most = 0.15;  ///< relative, of one vehicle's scale that is worth counting
   /// Degrees of freedom, and spread in standard deviations as stated, of Student's distribution of
   /// one vehicle's scale over the true one: 313 vehicles of 30 rendered roads.
