@@ -66,7 +66,7 @@ TEST(VehicleSizes, AgreeWithARightScale) {
   EXPECT_LT(sizes->sigmas_off, 1.0);
   // Four are better than one, but never better than cars of a street are alike.
   EXPECT_LT(sizes->sigma, 0.05);
-  EXPECT_GT(sizes->sigma, noise.vehicle_population);
+  EXPECT_GT(sizes->sigma, noise.compared_population);
 }
 
 TEST(VehicleSizes, ContradictAScaleThatIsWrong) {
@@ -107,8 +107,8 @@ TEST(VehicleSizes, WithNormalErrorsTheRatioIsThatOfTheMean) {
   // implied_log_scale() adds what the road leaves open of each distance.
   const auto one = implied_log_scale(road, vehicle_at(road, {220.0, 250}, 0.1, 0.05));
   ASSERT_TRUE(one);
-  const double variance =
-      one->variance / 3.0 + std::pow(noise.vehicle_population, 2) + std::pow(road.scale_sigma(), 2);
+  const double variance = one->variance / 3.0 + std::pow(noise.compared_population, 2) +
+                          std::pow(road.scale_sigma(), 2);
   EXPECT_NEAR(sizes->log_scale, 0.15, 0.002);
   EXPECT_NEAR(sizes->sigmas_off, sizes->log_scale / std::sqrt(variance), 0.05);
 }

@@ -67,8 +67,10 @@ struct ScaleNoise {
   double rejected_intensities_gate = 3.0;
 
   // Vehicles' sizes together.
-  /// Relative, of all cars of a street off the size prior together (rendered roads: 0 and 5 %).
-  double vehicle_population = 0.04;
+  /// Relative, of all cars of a street off the size prior together: where they are fused (assumed),
+  /// and where they are compared with the road (rendered roads: 0 and 5 %).
+  double vehicle_population = 0.02;
+  double compared_population = 0.04;
   double vehicle_size_most = 0.15;  ///< relative, of one vehicle's scale that is worth counting
   /// Degrees of freedom, and spread in standard deviations as stated, of Student's distribution of
   /// one vehicle's scale over the true one: 313 vehicles of 30 rendered roads.

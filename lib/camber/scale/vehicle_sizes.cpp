@@ -85,7 +85,7 @@ std::optional<VehicleSizes> compare_vehicle_sizes(const RoadPosterior& road,
   constexpr std::size_t kLeast = 3;
   if (scales.size() < kLeast) return std::nullopt;
   const StudentLikelihood likelihood(scales, noise);
-  const double common = noise.vehicle_population * noise.vehicle_population;
+  const double common = noise.compared_population * noise.compared_population;
   const Mode best = likelihood.mode(0.0);
   const Mode right = likelihood.mode(1.0 / (common + std::pow(road.scale_sigma(), 2)));
   VehicleSizes out;
