@@ -162,7 +162,9 @@ TEST(KittiRows, OfVehiclesGoThereAndBack) {
   detection.id = 2;
   detection.track = 11;
   detection.score = 0.75;
-  seen.vehicles = {detection};
+  VehicleDetection untracked;
+  untracked.id = 4;
+  seen.vehicles = {detection, untracked};
   scene.frames = {seen};
   VehicleDocument document;
   VehicleEstimate v;
@@ -177,9 +179,13 @@ TEST(KittiRows, OfVehiclesGoThereAndBack) {
   VehicleEstimate none = v;
   none.id = 3;
   none.status = Status::kFailed;
-  document.frames = {{8, {v, none}}};
+  VehicleEstimate joined = v;  // by its estimate alone, over frames
+  joined.id = 4;
+  joined.track = 6;
+  document.frames = {{8, {v, none, joined}}};
   const std::vector<LiftedBox> rows = kitti_from_vehicles(document, scene, kCamera.offset);
-  ASSERT_EQ(rows.size(), 1u);
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[1].label.track, 6);
   EXPECT_EQ(rows[0].label.type, "Van");
   EXPECT_EQ(rows[0].label.track, 11);
   EXPECT_EQ(rows[0].label.score, 0.75);

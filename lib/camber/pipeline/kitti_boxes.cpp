@@ -238,10 +238,11 @@ std::vector<LiftedBox> kitti_from_vehicles(const VehicleDocument& document, cons
       label.alpha = std::remainder(
           label.rotation_y - std::atan2(label.location.x(), label.location.z()), 2.0 * kPi);
       label.score = 1.0;
+      label.track = v.track;
       if (seen) {
         for (const VehicleDetection& d : seen->vehicles) {
           if (d.id != v.id) continue;
-          label.track = d.track;
+          if (label.track < 0) label.track = d.track;
           label.score = d.score;
         }
       }

@@ -65,7 +65,8 @@ VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
 
 /// Vehicles as rows of a label file in the tracking form, and their tilts for the side file:
 /// rows in the order of the document, those without an answer left out.
-/// @param scene   gives the detections' tracks and scores, by frame and id.
+/// @param scene   gives the detections' scores, by frame and id, and the tracks of vehicles that
+///                have none in the document.
 /// @param offset  x_in_camera = x_in_camera0 + offset, m; zero: locations in the scene's camera.
 std::vector<LiftedBox> kitti_from_vehicles(const VehicleDocument& document, const Scene& scene,
                                            const Eigen::Vector3d& offset);
