@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "camber/cloud/point_stream.h"
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"
 #include "crs.h"
@@ -35,6 +36,14 @@ fs::path cloud_beside(const fs::path& surface) {
   return {};
 }
 
+/// The definition of the system that a result's cloud states; empty where it states none.
+std::string system_of_cloud(const fs::path& surface_file) {
+  const fs::path cloud = cloud_beside(surface_file);
+  if (cloud.empty()) return {};
+  const std::optional<CoordinateSystem> crs = open_point_source(cloud)->header().crs;
+  return crs ? definition_of(*crs) : std::string();
+}
+
 /// Steps for the heights of patches: as fine as their points lie, but not finer than planes need.
 double surface_step(const fs::path& surface_file, const PlanFrame& frame) {
   const fs::path cloud = cloud_beside(surface_file);
@@ -51,7 +60,10 @@ void place_on_map(const fs::path& surface_file, const RoadSurface& surface,
     in->frame = PlanFrame(map->map_from_reference);
     in->geo_reference = map->crs;
   }
-  if (args.reading.crs.empty()) return;
+  if (args.reading.crs.empty()) {
+    if (!map && surface.frame != "camera") in->geo_reference = system_of_cloud(surface_file);
+    return;
+  }
   if (map) {
     throw UsageError("--crs: the result lies on the map of " + map->crs.substr(0, 80) +
                      ", which import was given; export keeps it");
@@ -100,7 +112,6 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
   CloudFile file = read_cloud_file(args.input, args.reading.read_options());
   const LogSink warn = make_warning_sink(common);
   warn_about(args.input, file.report, warn);
-  const bool in_metres = !file.report.crs || file.report.crs->metric();
   use_metres(args.input, &file, warn);
   if (!file.cloud.metric) {
     throw NoAnswerError(args.input +
@@ -109,10 +120,8 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
   in.frame = PlanFrame(args.up.up(file.cloud));
   in.ground = cloud_heights(file.cloud, in.frame);
   in.level = file.cloud.frame == CloudFrame::kCamera ? "camera" : "map";
-  if (file.report.crs && in_metres) in.geo_reference = definition_of(*file.report.crs);
-  if (!in_metres && warn) {
-    warn(args.input + ": the coordinate system is left out: its unit is not the metre, in which " +
-         "the output is");
+  if (const std::optional<CoordinateSystem> crs = crs_in_use(args.input, file.report, warn)) {
+    in.geo_reference = definition_of(*crs);
   }
   in.line = read_line(args.line, file.report.crs);
   in.files = {args.input};

@@ -170,6 +170,37 @@ TEST_F(ExportProgram, CloudsTakeALine) {
   EXPECT_NEAR(road.height_at(20.0, 1.0), 0.05 * 20.0 + 0.02 * 1.0, 1e-3);
 }
 
+TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {
+  {
+    std::ofstream cloud(file("cloud.csv")), line(file("line.csv"));
+    cloud << std::fixed << "x,y,z\n";
+    line << std::fixed << "x,y,z\n";
+    for (int i = 0; i <= 100; ++i) {
+      for (int k = -20; k <= 20; ++k) {
+        cloud << 500000 + 0.4 * i << "," << 4000000 + 0.2 * k << "," << 0.02 * i << "\n";
+      }
+    }
+    for (int i = 1; i < 39; ++i) line << 500000 + i << ",4000000,0\n";
+  }
+  const auto geo_reference = [&](const std::string& system) {
+    const std::string folder = file("patches_" + system.substr(5));
+    const auto patches = run_camber({"patches", file("cloud.csv"), "--crs", system, "--up", "0,0,1",
+                                     "--out", folder, "--threads", "1"});
+    EXPECT_EQ(patches.exit_code, 0) << patches.error;
+    const auto info = run_camber({"info", folder + "/labels.ply", "--json"});
+    const json crs = json::parse(info.out).at("files").at(0).at("crs");
+    EXPECT_EQ(crs.is_null() ? 0 : crs.value("epsg", 0), system == "EPSG:32610" ? 32610 : 0);
+    const auto road = run_camber({"export", folder, "--along", file("line.csv"), "--to",
+                                  "opendrive", "--out", file("road.xodr"), "--json"});
+    return road.exit_code == 0 ? json::parse(road.out).at("geo_reference").get<std::string>()
+                               : road.error;
+  };
+  EXPECT_EQ(geo_reference("EPSG:32610"), "EPSG:32610");
+  EXPECT_NE(test::read_text(file("road.xodr")).find("<geoReference>"), std::string::npos);
+  // Coordinates in feet are converted, and the line, which states no unit, is far away from them.
+  EXPECT_THAT(geo_reference("EPSG:2229"), ::testing::HasSubstr("no ground"));
+}
+
 TEST_F(ExportProgram, Refusals) {
   surface_.metric = false;
   write_json(to_json(surface_), file("unscaled.json"));
