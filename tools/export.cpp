@@ -16,6 +16,7 @@
 #include "camber/export/opendrive.h"
 #include "camber/export/road_mesh.h"
 #include "camber/export/trajectory.h"
+#include "camber/render/vehicle_numbers.h"
 #include "camber/scene/georeference.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
@@ -90,7 +91,9 @@ std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const 
   const fs::path folder = args.input;
   const RunDocument run = read_run(folder / "run.json");
   std::vector<RoadsideVehicle> out;
-  for (const VehicleFrame& seen : read_vehicles(folder / "vehicles.json").frames) {
+  const VehicleDocument document = read_vehicles(folder / "vehicles.json");
+  const VehicleNumbers numbers(document);
+  for (const VehicleFrame& seen : document.frames) {
     const bool reference = std::any_of(
         run.cameras.begin(), run.cameras.end(), [&](const RunDocument::CameraPose& camera) {
           return camera.id == seen.id && camera.reference_from_camera.matrix().isIdentity(1e-9);
@@ -100,12 +103,11 @@ std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const 
       if (vehicle.status == Status::kFailed) continue;
       RoadsideVehicle box;
       box.id = vehicle.id;
-      box.name = fmt::format(
-          "{} {}", vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class, vehicle.id);
+      box.name = vehicle_name(vehicle, numbers.of(seen.id, vehicle));
       box.bottom = frame.to_plan(vehicle.pose.bottom_center());
-      const Eigen::Vector3d ahead =
-          frame.turned(vehicle.pose.camera_from_vehicle.matrix().block<3, 1>(0, 0));
-      box.heading = std::atan2(ahead.y(), ahead.x());
+      const Eigen::Matrix3d axes =
+          frame.plan_from_surface * vehicle.pose.camera_from_vehicle.rotation_matrix();
+      box.set_axes(axes.col(0), axes.col(1));
       box.length = vehicle.pose.dimensions.length;
       box.width = vehicle.pose.dimensions.width;
       box.height = vehicle.pose.dimensions.height;

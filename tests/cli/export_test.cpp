@@ -201,6 +201,39 @@ TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {
   EXPECT_THAT(geo_reference("EPSG:2229"), ::testing::HasSubstr("no ground"));
 }
 
+TEST_F(ExportProgram, VehiclesAreNamedByTrackAndTilted) {
+  RunDocument run;
+  run.cameras = {{4, SE3()}};
+  write_json(to_json(run), folder_.path() / "run.json");
+  // Along the road's climb of 5 %, whose right side is the lower one by 2 %.
+  const Eigen::Vector3d front = Eigen::Vector3d(0.0, -0.05, 1.0).normalized();
+  const Eigen::Vector3d up = Eigen::Vector3d(1.0, 0.02, 0.0).cross(front).normalized();
+  Eigen::Matrix3d axes;
+  axes << front, up, front.cross(up);
+  VehicleEstimate car;
+  car.id = 2;
+  car.track = 7;
+  car.vehicle_class = "car";
+  car.status = Status::kOk;
+  car.pose.camera_from_vehicle = SE3(axes, Eigen::Vector3d(1.0, 1.0, 12.0));
+  car.pose.dimensions = {4.2, 1.8, 1.5};
+  VehicleDocument vehicles;
+  vehicles.frames = {{4, {car}}};
+  write_json(to_json(vehicles), folder_.path() / "vehicles.json");
+  const auto result = run_camber({"export", folder_.path().string(), "--to", "opendrive",
+                                  "--vehicles", "--out", file("cars.xodr")});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const std::string text = test::read_text(file("cars.xodr"));
+  EXPECT_THAT(text, ::testing::HasSubstr("name=\"car 7\""));
+  const auto number = [&](const std::string& name) {
+    const std::size_t object = text.find("<object ");
+    return std::stod(text.substr(text.find(" " + name + "=\"", object) + name.size() + 3));
+  };
+  EXPECT_NEAR(number("pitch"), -std::atan(0.05), 1e-4);
+  EXPECT_NEAR(number("roll"), std::atan(0.02), 1e-4);
+  EXPECT_NEAR(number("hdg"), 0.0, 0.01);
+}
+
 TEST_F(ExportProgram, Refusals) {
   surface_.metric = false;
   write_json(to_json(surface_), file("unscaled.json"));
