@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 #include "camber/cloud/point_stream.h"
@@ -93,6 +94,13 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   if (in.line.size() < 2) {
     throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
   }
+  in.line_frame = line_frame(surface);
+  for (const PlanePatch& patch : surface.patches) {
+    in.outlines.emplace_back();
+    for (const Eigen::Vector3d& x : patch.boundary) {
+      in.outlines.back().push_back(in.frame.to_plan(x));
+    }
+  }
   in.files = {file};
   in.level = to_string(surface.level);
   in.described = fmt::format("frame of the result: {}, level: {}",
@@ -102,6 +110,17 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   if (settled->grid.step_u == 0.0) settled->grid.step_u = step;
   if (settled->grid.step_v == 0.0) settled->grid.step_v = step;
   return in;
+}
+
+/// The rectangle around a cloud's finite points, plan frame.
+std::vector<Eigen::Vector3d> extent_of(const RoadCloud& cloud, const PlanFrame& frame) {
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3f& p : cloud.points) {
+    if (p.allFinite()) box.extend(frame.to_plan(cloud.origin + p.cast<double>()));
+  }
+  if (box.isEmpty()) return {};
+  const Eigen::Vector3d a = box.min(), b = box.max();
+  return {a, {b.x(), a.y(), a.z()}, b, {a.x(), b.y(), a.z()}};
 }
 
 ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common) {
@@ -124,6 +143,8 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
     in.geo_reference = definition_of(*crs);
   }
   in.line = read_line(args.line, file.report.crs);
+  in.line_frame = "the cloud's coordinates";
+  in.outlines = {extent_of(file.cloud, in.frame)};
   in.files = {args.input};
   in.described = "heights of a cloud's points";
   return in;

@@ -198,7 +198,7 @@ TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {
   EXPECT_EQ(geo_reference("EPSG:32610"), "EPSG:32610");
   EXPECT_NE(test::read_text(file("road.xodr")).find("<geoReference>"), std::string::npos);
   // Coordinates in feet are converted, and the line, which states no unit, is far away from them.
-  EXPECT_THAT(geo_reference("EPSG:2229"), ::testing::HasSubstr("no ground"));
+  EXPECT_THAT(geo_reference("EPSG:2229"), ::testing::HasSubstr("m from the known ground"));
 }
 
 TEST_F(ExportProgram, VehiclesAreNamedByTrackAndTilted) {
@@ -235,6 +235,15 @@ TEST_F(ExportProgram, VehiclesAreNamedByTrackAndTilted) {
 }
 
 TEST_F(ExportProgram, Refusals) {
+  const auto with = [&](const std::string& option, const std::string& value) {
+    return run_camber(
+        {"export", file("surface.json"), "--to", "opencrg", "--out", file("r.crg"), option, value});
+  };
+  EXPECT_ONE_SENTENCE(with("--step", "-1"), 2, "--step: found -1, expected 0 or 0.001 to 100 m");
+  EXPECT_ONE_SENTENCE(with("--left", "-3"), 2, "--left: found -3, expected 0 to 1000 m");
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "trajectory", "--out",
+                                  file("cameras.tum")}),
+                      2, "expected a result folder");
   surface_.metric = false;
   write_json(to_json(surface_), file("unscaled.json"));
   EXPECT_ONE_SENTENCE(
