@@ -151,6 +151,16 @@ void use_metres(const std::string& path, RoadCloud* cloud, ReadReport* report,
                   same ? "" : ", the heights of " + with_length(crs.vertical)));
 }
 
+std::optional<CoordinateSystem> crs_in_use(const std::string& path, const ReadReport& report,
+                                           const LogSink& warn) {
+  if (!report.crs || report.crs->metric() || report.crs->horizontal.angle) return report.crs;
+  if (warn) {
+    warn(path + ": the coordinate system is left out: its unit is not the metre, in which the " +
+         "output is");
+  }
+  return std::nullopt;
+}
+
 std::string unit_remark(const CoordinateSystem& system) {
   if (system.metric()) return {};
   if (system.horizontal.angle) {

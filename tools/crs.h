@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,11 @@ void use_metres(const std::string& path, CloudFile* file, const LogSink& warn);
 
 /// The same of a cloud and the report of its reading, which leaves a cloud in metres as it is.
 void use_metres(const std::string& path, RoadCloud* cloud, ReadReport* report, const LogSink& warn);
+
+/// The system that a cloud's coordinates are in after use_metres(), with a warning where it was
+/// left out because they were converted.
+std::optional<CoordinateSystem> crs_in_use(const std::string& path, const ReadReport& report,
+                                           const LogSink& warn);
 
 /// Warning for a system that is not in metres when it leaves the coordinates as they
 /// are; empty for metres.

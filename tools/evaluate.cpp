@@ -1,5 +1,8 @@
 // camber evaluate: the paper's tables, from results and the truth of their scenes.
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
@@ -7,10 +10,12 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
+#include "camber/core/read_file.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
 #include "camber/pipeline/kitti_boxes.h"
@@ -171,6 +176,19 @@ Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
   return all;
 }
 
+/// @throws InputError for a name that is that of no scene.
+void check_subset(const std::string& path, const std::vector<SubsetEntry>& subset,
+                  const std::vector<EvaluatedScene>& scenes) {
+  std::set<std::string> names;
+  for (const EvaluatedScene& scene : scenes) names.insert(scene.scene);
+  for (const SubsetEntry& entry : subset) {
+    if (names.count(entry.scene)) continue;
+    throw InputError(path, fmt::format("line {}", entry.line),
+                     fmt::format("found \"{}\", expected the name of a scene of --truth: {}",
+                                 printable(entry.scene), fmt::join(names, ", ")));
+  }
+}
+
 /// @param json  the tables, with the options that made them.
 void write_folder(const Command& command, const Arguments& args, const Evaluation& all,
                   const std::vector<MethodTables>& tables, const nlohmann::json& json,
@@ -205,6 +223,7 @@ int run(const Command& command, const Arguments& args) {
   std::vector<SubsetEntry> subset;
   if (!args.subset.empty()) subset = read_subset(args.subset);
   const Evaluation all = evaluate_all(args, make_warning_sink(command.common));
+  check_subset(args.subset, subset, all.scenes);
   load.stop();
   StageTimer compute(timings, "compute");
   const std::vector<MethodTables> tables = make_tables(all.scenes, subset);

@@ -16,6 +16,7 @@
 #include "camber/export/opendrive.h"
 #include "camber/export/road_mesh.h"
 #include "camber/export/trajectory.h"
+#include "camber/render/vehicle_numbers.h"
 #include "camber/scene/georeference.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
@@ -90,7 +91,9 @@ std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const 
   const fs::path folder = args.input;
   const RunDocument run = read_run(folder / "run.json");
   std::vector<RoadsideVehicle> out;
-  for (const VehicleFrame& seen : read_vehicles(folder / "vehicles.json").frames) {
+  const VehicleDocument document = read_vehicles(folder / "vehicles.json");
+  const VehicleNumbers numbers(document);
+  for (const VehicleFrame& seen : document.frames) {
     const bool reference = std::any_of(
         run.cameras.begin(), run.cameras.end(), [&](const RunDocument::CameraPose& camera) {
           return camera.id == seen.id && camera.reference_from_camera.matrix().isIdentity(1e-9);
@@ -100,12 +103,11 @@ std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const 
       if (vehicle.status == Status::kFailed) continue;
       RoadsideVehicle box;
       box.id = vehicle.id;
-      box.name = fmt::format(
-          "{} {}", vehicle.vehicle_class.empty() ? "vehicle" : vehicle.vehicle_class, vehicle.id);
+      box.name = vehicle_name(vehicle, numbers.of(seen.id, vehicle));
       box.bottom = frame.to_plan(vehicle.pose.bottom_center());
-      const Eigen::Vector3d ahead =
-          frame.turned(vehicle.pose.camera_from_vehicle.matrix().block<3, 1>(0, 0));
-      box.heading = std::atan2(ahead.y(), ahead.x());
+      const Eigen::Matrix3d axes =
+          frame.plan_from_surface * vehicle.pose.camera_from_vehicle.rotation_matrix();
+      box.set_axes(axes.col(0), axes.col(1));
       box.length = vehicle.pose.dimensions.length;
       box.width = vehicle.pose.dimensions.width;
       box.height = vehicle.pose.dimensions.height;
@@ -305,6 +307,24 @@ void check_extension(const ExportArguments& args) {
   }
 }
 
+/// How finely and how widely the road is sampled. @throws UsageError
+void check_grid(const CrgGridOptions& grid) {
+  const auto require = [](bool good, const char* option, double value, const char* bound) {
+    if (good) return;
+    throw UsageError(fmt::format("{}: found {:g}, expected {}", option, value, bound));
+  };
+  const auto is_step = [](double step) { return step == 0.0 || (step >= 0.001 && step <= 100.0); };
+  const auto is_width = [](double width) { return width >= 0.0 && width <= 1000.0; };
+  require(is_step(grid.step_u), "--step", grid.step_u, "0 or 0.001 to 100 m");
+  require(is_step(grid.step_v), "--step-across", grid.step_v, "0 or 0.001 to 100 m");
+  require(is_width(grid.left), "--left", grid.left, "0 to 1000 m");
+  require(is_width(grid.right), "--right", grid.right, "0 to 1000 m");
+  require(is_width(grid.widest) && grid.widest > 0.0, "--widest", grid.widest,
+          "> 0, at most 1000 m");
+  require(grid.smoothing >= 0.0 && std::isfinite(grid.smoothing), "--smoothing", grid.smoothing,
+          ">= 0 m");
+}
+
 /// What a command line asks for that cannot be. @throws UsageError
 void check_arguments(const ExportArguments& args) {
   if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
@@ -316,6 +336,10 @@ void check_arguments(const ExportArguments& args) {
                      "', expected a result folder of reconstruct");
   }
   check_extension(args);
+  if (args.target == "trajectory" && fs::is_regular_file(args.input, ignored)) {
+    throw UsageError("--to trajectory: found the file '" + args.input +
+                     "', expected a result folder, whose run.json has the cameras");
+  }
   if (args.target == "geotiff") gdal();
   const bool opendrive = args.target == "opendrive";
   if (!opendrive && (args.vehicles || !args.crg.empty())) {
@@ -333,26 +357,31 @@ json options_json(const ExportArguments& a) {
           {"reach", a.reach}};
 }
 
+json export_to_target(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
+                      Timings& timings) {
+  try {
+    switch (kTargets.at(args.target)) {
+      case Target::kOpenDrive:
+        return export_opendrive(in, line, args, timings);
+      case Target::kGeoTiff:
+        return export_geotiff(in, line, args, timings);
+      case Target::kMesh:
+        return export_mesh(in, line, args, timings);
+      default:
+        return export_crg(in, line, args, timings);
+    }
+  } catch (const NoAnswerError& error) {
+    throw NoAnswerError(error.what() + remark_on_line(in.line, in.outlines, in.line_frame));
+  }
+}
+
 /// @param args  steps that the data give are filled in
 json export_road(const CommonOptions& common, ExportArguments* args, Timings& timings) {
   StageTimer load_timer(timings, "load");
   const ExportInputs in = load_export(*args, common, args);
   load_timer.stop();
   const SmoothLine line = line_of(in, *args);
-  json result;
-  switch (kTargets.at(args->target)) {
-    case Target::kOpenDrive:
-      result = export_opendrive(in, line, *args, timings);
-      break;
-    case Target::kGeoTiff:
-      result = export_geotiff(in, line, *args, timings);
-      break;
-    case Target::kMesh:
-      result = export_mesh(in, line, *args, timings);
-      break;
-    default:
-      result = export_crg(in, line, *args, timings);
-  }
+  json result = export_to_target(in, line, *args, timings);
   result["length"] = line.length();
   result["plan_from_surface"] = frame_json(in.frame);
   result["shift"] = {in.frame.shift.x(), in.frame.shift.y(), in.frame.shift.z()};
@@ -365,6 +394,7 @@ int run(const Command& command, const ExportArguments& given) {
   args.grid.slope_in_line = args.slope == "line";
   args.grid.banking_in_line = args.banking == "line";
   args.grid.num_threads = command.common.threads;
+  check_grid(args.grid);
   args.grid.validate();
   check_arguments(args);
   refuse_own_inputs({args.out}, {args.input, args.line});
@@ -400,9 +430,12 @@ void add_arguments(App& app, ExportArguments& a) {
          "--out", a.out,
          "the file; a mesh is .glb, .obj or .ply, a trajectory .tum, .txt (KITTI), .csv or .gpx")
       ->required();
-  app.add_option("--along", a.line,
-                 "points of a line in order (any cloud format; CSV: columns x, y, z); default: the "
-                 "driven line of the result");
+  app.add_option(
+      "--along", a.line,
+      "points of a line in order (any cloud format; CSV: columns x, y, z) in the frame of "
+      "the input: of a result of reconstruct its reference camera's (x right, y down, z "
+      "forward, m), of a cloud its coordinates, of a result of patches those of its "
+      "cloud in metres; default: the driven line of the result");
   app.add_option("--encoding", a.encoding, "numbers of OpenCRG: text (LRFI) or binary (KRBI)")
       ->check(is_member(names_of(kEncodings)))
       ->capture_default_str();

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
+#include "camber/cloud/point_stream.h"
 #include "camber/core/errors.h"
 #include "camber/scene/results.h"
 #include "crs.h"
@@ -35,6 +37,14 @@ fs::path cloud_beside(const fs::path& surface) {
   return {};
 }
 
+/// The definition of the system that a result's cloud states; empty where it states none.
+std::string system_of_cloud(const fs::path& surface_file) {
+  const fs::path cloud = cloud_beside(surface_file);
+  if (cloud.empty()) return {};
+  const std::optional<CoordinateSystem> crs = open_point_source(cloud)->header().crs;
+  return crs ? definition_of(*crs) : std::string();
+}
+
 /// Steps for the heights of patches: as fine as their points lie, but not finer than planes need.
 double surface_step(const fs::path& surface_file, const PlanFrame& frame) {
   const fs::path cloud = cloud_beside(surface_file);
@@ -51,7 +61,10 @@ void place_on_map(const fs::path& surface_file, const RoadSurface& surface,
     in->frame = PlanFrame(map->map_from_reference);
     in->geo_reference = map->crs;
   }
-  if (args.reading.crs.empty()) return;
+  if (args.reading.crs.empty()) {
+    if (!map && surface.frame != "camera") in->geo_reference = system_of_cloud(surface_file);
+    return;
+  }
   if (map) {
     throw UsageError("--crs: the result lies on the map of " + map->crs.substr(0, 80) +
                      ", which import was given; export keeps it");
@@ -81,6 +94,13 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   if (in.line.size() < 2) {
     throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
   }
+  in.line_frame = line_frame(surface);
+  for (const PlanePatch& patch : surface.patches) {
+    in.outlines.emplace_back();
+    for (const Eigen::Vector3d& x : patch.boundary) {
+      in.outlines.back().push_back(in.frame.to_plan(x));
+    }
+  }
   in.files = {file};
   in.level = to_string(surface.level);
   in.described = fmt::format("frame of the result: {}, level: {}",
@@ -92,6 +112,17 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   return in;
 }
 
+/// The rectangle around a cloud's finite points, plan frame.
+std::vector<Eigen::Vector3d> extent_of(const RoadCloud& cloud, const PlanFrame& frame) {
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3f& p : cloud.points) {
+    if (p.allFinite()) box.extend(frame.to_plan(cloud.origin + p.cast<double>()));
+  }
+  if (box.isEmpty()) return {};
+  const Eigen::Vector3d a = box.min(), b = box.max();
+  return {a, {b.x(), a.y(), a.z()}, b, {a.x(), b.y(), a.z()}};
+}
+
 ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common) {
   if (args.line.empty()) {
     throw UsageError("found a cloud without --along FILE, expected a line along which to export");
@@ -100,7 +131,6 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
   CloudFile file = read_cloud_file(args.input, args.reading.read_options());
   const LogSink warn = make_warning_sink(common);
   warn_about(args.input, file.report, warn);
-  const bool in_metres = !file.report.crs || file.report.crs->metric();
   use_metres(args.input, &file, warn);
   if (!file.cloud.metric) {
     throw NoAnswerError(args.input +
@@ -109,12 +139,12 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
   in.frame = PlanFrame(args.up.up(file.cloud));
   in.ground = cloud_heights(file.cloud, in.frame);
   in.level = file.cloud.frame == CloudFrame::kCamera ? "camera" : "map";
-  if (file.report.crs && in_metres) in.geo_reference = definition_of(*file.report.crs);
-  if (!in_metres && warn) {
-    warn(args.input + ": the coordinate system is left out: its unit is not the metre, in which " +
-         "the output is");
+  if (const std::optional<CoordinateSystem> crs = crs_in_use(args.input, file.report, warn)) {
+    in.geo_reference = definition_of(*crs);
   }
   in.line = read_line(args.line, file.report.crs);
+  in.line_frame = "the cloud's coordinates";
+  in.outlines = {extent_of(file.cloud, in.frame)};
   in.files = {args.input};
   in.described = "heights of a cloud's points";
   return in;

@@ -32,6 +32,8 @@ struct ExportInputs {
   PlanFrame frame;
   std::unique_ptr<HeightSource> ground;
   std::vector<Eigen::Vector3d> line;
+  std::string line_frame;                              ///< in which the line was given
+  std::vector<std::vector<Eigen::Vector3d>> outlines;  ///< m, plan frame, of the ground
   std::string level;          ///< "gravity" or "camera" of a result; "map" of a cloud that is z-up
   std::string described;      ///< for comments in files
   std::string geo_reference;  ///< code or text of the coordinate system; empty: not known

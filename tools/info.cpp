@@ -72,22 +72,27 @@ Description describe_scene(const fs::path& path, const LogSink& warn) {
   return out;
 }
 
-Description describe_result(const fs::path& folder, const ReadOptions& options) {
-  Description out;
-  json& o = out.object;
-  const RunDocument run = read_run(folder / "run.json");
-  o["file"] = folder.string();
-  o["kind"] = "result";
+void describe_run(const RunDocument& run, const fs::path& path, const std::string& kind,
+                  Description* out) {
+  json& o = out->object;
+  o["file"] = path.string();
+  o["kind"] = kind;
   o["metric"] = run.metric;
   o["cameras"] = run.cameras.size();
-  out.line("format", "Camber result");
-  out.line("scale",
-           run.metric ? fmt::format("metric, +- {:.2g} %", 100.0 * run.scale_sigma) : "unknown");
-  out.line("cameras", std::to_string(run.cameras.size()));
+  out->line("format", kind == "run" ? "run of a Camber result" : "Camber result");
+  out->line("scale",
+            run.metric ? fmt::format("metric, +- {:.2g} %", 100.0 * run.scale_sigma) : "unknown");
+  out->line("cameras", std::to_string(run.cameras.size()));
   double total = 0.0;
   for (const auto& [stage, milliseconds] : run.timings.stages()) total += milliseconds;
   o["run_ms"] = number(total);
-  out.line("run", fmt::format("{:.0f} ms", total));
+  out->line("run", fmt::format("{:.0f} ms", total));
+}
+
+Description describe_result(const fs::path& folder, const ReadOptions& options) {
+  Description out;
+  json& o = out.object;
+  describe_run(read_run(folder / "run.json"), folder, "result", &out);
   if (fs::exists(folder / "surface.json")) {
     const RoadSurface surface = read_surface(folder / "surface.json");
     o["patches"] = surface.patches.size();
@@ -168,6 +173,69 @@ Description describe_crg(const fs::path& path) {
   return out;
 }
 
+std::size_t count_vehicles(const VehicleDocument& document) {
+  std::size_t count = 0;
+  for (const VehicleFrame& frame : document.frames) count += frame.vehicles.size();
+  return count;
+}
+
+Description describe_vehicles(const fs::path& path) {
+  const VehicleDocument document = read_vehicles(path);
+  const std::size_t count = count_vehicles(document);
+  Description out;
+  out.object = {{"file", path.string()},
+                {"kind", "vehicles"},
+                {"metric", document.metric},
+                {"method", document.method},
+                {"preset", document.preset},
+                {"detections_source", document.detections_source},
+                {"frames", document.frames.size()},
+                {"vehicles", count}};
+  out.line("format", "vehicles of a Camber result");
+  out.line("scale", document.metric ? "metric" : "unknown");
+  out.line("vehicles", fmt::format("{} in {} frames, method {}", count, document.frames.size(),
+                                   document.method));
+  if (!document.detections_source.empty()) out.line("detections", document.detections_source);
+  return out;
+}
+
+Description describe_surface(const fs::path& path) {
+  const RoadSurface surface = read_surface(path);
+  Description out;
+  out.object = {{"file", path.string()},
+                {"kind", "surface"},
+                {"metric", surface.metric},
+                {"frame", surface.frame},
+                {"level", to_string(surface.level)},
+                {"patches", surface.patches.size()},
+                {"links", surface.links.size()},
+                {"driven_line", surface.driven_line.size()}};
+  out.line("format", "surface of a Camber result");
+  out.line("scale", surface.metric ? "metric" : "unknown");
+  out.line("frame", fmt::format("{}, level: {}", surface.frame, to_string(surface.level)));
+  out.line("patches", fmt::format("{}, {} links", surface.patches.size(), surface.links.size()));
+  out.line("driven line", fmt::format("{} points", surface.driven_line.size()));
+  return out;
+}
+
+Description describe_run(const fs::path& path) {
+  Description out;
+  describe_run(read_run(path), path, "run", &out);
+  return out;
+}
+
+/// A JSON file of a result by its keys; else a scene, whose reader names what is missing.
+Description describe_json(const fs::path& path, const LogSink& warn) {
+  std::ifstream in(path);
+  const json document = json::parse(in, nullptr, false);
+  const auto has = [&](const char* key) { return document.is_object() && document.contains(key); };
+  if (has("format")) return describe_scene(path, warn);
+  if (has("patches")) return describe_surface(path);
+  if (has("frames") && has("method")) return describe_vehicles(path);
+  if (has("timings_ms") && has("cameras") && has("inputs")) return describe_run(path);
+  return describe_scene(path, warn);
+}
+
 bool looks_like_json(const fs::path& path) {
   if (path.extension() == ".json") return true;
   std::ifstream in(path, std::ios::binary);
@@ -191,7 +259,7 @@ Description describe(const std::string& name, const ReadOptions& options, const 
     }
   }
   if (is_crg(path)) return describe_crg(path);
-  if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_scene(path, warn);
+  if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_json(path, warn);
   CloudSummary summary = summarise(*open_point_source(path, options));
   if (summary.crs) {
     complete_crs(&*summary.crs);
@@ -218,7 +286,8 @@ void register_info(App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   App& app = *command->app;
-  app.add_option("files", arguments->files, "clouds, .crg, scene manifests or result folders")
+  app.add_option("files", arguments->files,
+                 "clouds, .crg, scene manifests, result folders or their .json files")
       ->required();
   add_cloud_arguments(app, arguments->cloud);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");

@@ -19,6 +19,7 @@
 #include "camber/scene/results.h"
 #include "cloud_arguments.h"
 #include "command.h"
+#include "crs.h"
 #include "plugins/pcl_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
@@ -152,7 +153,10 @@ int run(const Command& command, const Arguments& args) {
   const long on_patches =
       std::count_if(fit.labels.begin(), fit.labels.end(), [](int label) { return label >= 0; });
   file.cloud.labels["patch"] = fit.labels;
-  write_cloud(file.cloud, folder.staging() / "labels.ply");
+  const auto labelled =
+      with_crs(make_point_source(file.cloud),
+               crs_in_use(args.input.cloud, file.report, make_warning_sink(command.common)));
+  write_points(*labelled, folder.staging() / "labels.ply");
   if (args.las) {
     write_labelled_copy(args.input.cloud, args.input.reading.read_options(), "patch", fit.labels,
                         folder.staging() / "labels.las");

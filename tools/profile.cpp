@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/export/plan_frame.h"
 #include "camber/render/result_plots.h"
 #include "camber/road/road_profile.h"
 #include "camber/scene/results.h"
@@ -128,6 +129,11 @@ Inputs load(const Arguments& args) {
   refuse_own_inputs({args.out, args.plot}, {in.surface_file, args.line});
   std::error_code ignored;
   if (fs::is_directory(in.surface_file, ignored)) in.surface_file /= "surface.json";
+  if (in.surface_file.extension() != ".json" && fs::exists(in.surface_file, ignored)) {
+    throw InputError(args.surface,
+                     "is no surface, expected a result folder, its surface.json or an OpenCRG "
+                     "file; camber patches makes a result of a cloud");
+  }
   in.surface = read_surface(in.surface_file);
   in.line = args.line.empty() ? in.surface.driven_line : read_line(args.line);
   return in;
@@ -147,6 +153,18 @@ void check_line(const Inputs& in, const Arguments& args) {
     throw NoAnswerError((args.line.empty() ? in.surface_file.string() : args.line) +
                         ": the line does not leave its first point");
   }
+}
+
+std::string remark_on_line(const Inputs& in) {
+  const PlanFrame plan(in.surface.up);
+  std::vector<Eigen::Vector3d> line;
+  for (const Eigen::Vector3d& place : in.line) line.push_back(plan.to_plan(place));
+  std::vector<std::vector<Eigen::Vector3d>> outlines;
+  for (const PlanePatch& patch : in.surface.patches) {
+    outlines.emplace_back();
+    for (const Eigen::Vector3d& x : patch.boundary) outlines.back().push_back(plan.to_plan(x));
+  }
+  return tools::remark_on_line(line, outlines, line_frame(in.surface));
 }
 
 /// The plot of --plot, drawn: an SVG's text or a picture.
@@ -217,8 +235,8 @@ int run(const Command& command, const Arguments& args) {
   compute.stop();
   const std::size_t covered = covered_stations(profile);
   if (covered == 0) {
-    throw NoAnswerError(fmt::format("{}: none of the line's {} stations is covered",
-                                    in.surface_file.string(), profile.size()));
+    throw NoAnswerError(fmt::format("{}: none of the line's {} stations is covered{}",
+                                    in.surface_file.string(), profile.size(), remark_on_line(in)));
   }
   // Drawn before the first file is written: without an answer nothing is.
   const DrawnPlot plot = draw(args, profile, in.surface.metric, timings);
@@ -244,7 +262,9 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option(
       "--along", a.line,
       "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "
-      "z_m); default: the driven line of the result. Of an OpenCRG file: places, columns u, v or "
+      "z_m) in the result's frame: of reconstruct the reference camera's (x right, y down, z "
+      "forward), of patches the cloud's, in metres; default: the driven line of the result. Of an "
+      "OpenCRG file: places, columns u, v or "
       "x, y; default: its reference line");
   app.add_option("--step", a.options.step, "metres between stations")->capture_default_str();
   app.add_option("--length", a.options.length,

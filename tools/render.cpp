@@ -28,6 +28,7 @@
 #include "crs.h"
 #include "own_inputs.h"
 #include "render_arguments.h"
+#include "unknown_scale.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -220,6 +221,23 @@ void read_scene_of(const RenderArguments& a, LoadedResult& result, const LogSink
   }
 }
 
+bool is_metric(const LoadedResult& result) {
+  if (result.run) return result.run->metric;
+  if (result.surface) return result.surface->metric;
+  if (result.cloud) return result.cloud->metric;
+  return !result.vehicles || result.vehicles->metric;
+}
+
+/// A free view in the coordinates of the input, whose unit may not be the metre.
+FreeView in_metres(FreeView view, const ReadReport& report) {
+  if (!report.crs || report.crs->metric() || report.crs->horizontal.angle) return view;
+  const double across = report.crs->horizontal.metres;
+  const Eigen::Vector3d unit(across, across, report.crs->vertical.metres);
+  view.eye = view.eye.cwiseProduct(unit);
+  view.target = view.target.cwiseProduct(unit);
+  return view;
+}
+
 /// What is drawn, in memory.
 struct Loaded {
   LoadedResult result;
@@ -388,11 +406,13 @@ void draw_one(const std::string& out, Painter& painter, Timings& timings) {
 }
 
 int run(const Command& command, const RenderArguments& a) {
-  const RenderPlan plan = make_render_plan(a);
+  RenderPlan plan = make_render_plan(a);
+  const LogSink warn = make_warning_sink(command.common);
   Timings timings;
   StageTimer load_timer(timings, "load");
-  const Loaded loaded = load(a, make_warning_sink(command.common));
+  const Loaded loaded = load(a, warn);
   load_timer.stop();
+  plan.scene.free_view = in_metres(plan.scene.free_view, loaded.result.cloud_report);
   const PictureContent content = content_of(a, loaded.result);
   std::vector<fs::path> written = {a.out};
   Painter painter(plan, loaded, content, a.vehicle);
@@ -402,6 +422,11 @@ int run(const Command& command, const RenderArguments& a) {
     written = draw_series(a, loaded, make_progress(command.common), painter, timings);
   } else {
     draw_one(a.out, painter, timings);
+  }
+  warn_of_unknown_scale(a.input, is_metric(loaded.result), loaded.result.cloud_report.crs, warn);
+  if (painter.record().none_in_view && warn) {
+    warn(a.input + ": the view of --camera holds none of the points; eye and target are in the " +
+         "coordinates that camber info shows");
   }
   report(command, a, plan.scene, written, painter.record(), timings);
   return 0;

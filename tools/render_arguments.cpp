@@ -190,8 +190,8 @@ void add_view_arguments(App& app, RenderArguments& a) {
       ->check(is_member({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
       ->capture_default_str();
   app.add_option("--camera", a.camera,
-                 "free view: eye x,y,z, target x,y,z, up x,y,z in metres of the input's frame, and "
-                 "the vertical field of view in degrees")
+                 "free view: eye x,y,z and target x,y,z in the input's coordinates (as camber info "
+                 "shows them), up x,y,z, and the vertical field of view in degrees")
       ->delimiter(',')
       ->expected(10)
       ->excludes("--view");

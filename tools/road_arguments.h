@@ -48,6 +48,16 @@ void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& t
 std::vector<Eigen::Vector3d> read_line(
     const std::string& path, const std::optional<CoordinateSystem>& system = std::nullopt);
 
+/// Why nothing is known along a line: how far it passes the outlines of the ground, and in which
+/// frame it is expected; empty where it meets one of them.
+/// @param line, outlines  m, x and y level
+std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
+                           const std::vector<std::vector<Eigen::Vector3d>>& outlines,
+                           const std::string& frame);
+
+/// The frame in which a line on a surface is expected.
+std::string line_frame(const RoadSurface& surface);
+
 /// The surface of a result folder of `reconstruct`: in the reference camera's frame.
 /// @throws InputError if it cannot be read or is in another frame.
 RoadSurface read_camera_surface(const std::string& folder);

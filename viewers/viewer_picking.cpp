@@ -100,8 +100,7 @@ QString ViewerWindow::Impl::place_text(const Eigen::Vector3d& x) const {
   QString out = space.map
                     ? text("  x %.2f, y %.2f, height %.2f %s\n", x.x(), x.y(), x.z(), unit)
                     : text("  right %.2f, ahead %.2f, up %.2f %s\n", x.x(), x.y(), x.z(), unit);
-  Eigen::Vector3d file = space.picture_from_reference.inverse() * x;
-  if (space.map && result.cloud) file += result.cloud->origin;
+  const Eigen::Vector3d file = space.picture_from_reference.inverse() * x;
   out += text("  in the file's frame %.3f %.3f %.3f\n", file.x(), file.y(), file.z());
   return out;
 }

@@ -97,8 +97,12 @@ TEST_F(CloudTools, ConvertsDepthImagesToClouds) {
   EXPECT_EQ(cloud.colors[2], (std::array<std::uint8_t, 3>{10, 11, 12}));
 
   // Disparity: z = fx * baseline / (value / 256).
-  run({"convert", path("depth.png"), "--depth", "kitti-disparity", "--camera", "2,4,1,0.5",
-       "--baseline", "0.5", "--out", path("disparity.pcd")});
+  const json converted =
+      run_json({"convert", path("depth.png"), "--depth", "kitti-disparity", "--camera", "2,4,1,0.5",
+                "--baseline", "0.5", "--largest-depth", "1000", "--out", path("disparity.pcd")});
+  EXPECT_EQ(converted["options"]["camera"], "2,4,1,0.5");
+  EXPECT_EQ(converted["options"]["baseline"], 0.5);
+  EXPECT_EQ(converted["options"]["largest_depth"], 1000.0);
   const RoadCloud disparity = read_cloud(path("disparity.pcd"));
   ASSERT_EQ(disparity.size(), 5u);
   EXPECT_FLOAT_EQ(disparity.points[1].z(), 0.5f);

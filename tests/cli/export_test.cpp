@@ -170,7 +170,80 @@ TEST_F(ExportProgram, CloudsTakeALine) {
   EXPECT_NEAR(road.height_at(20.0, 1.0), 0.05 * 20.0 + 0.02 * 1.0, 1e-3);
 }
 
+TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {
+  {
+    std::ofstream cloud(file("cloud.csv")), line(file("line.csv"));
+    cloud << std::fixed << "x,y,z\n";
+    line << std::fixed << "x,y,z\n";
+    for (int i = 0; i <= 100; ++i) {
+      for (int k = -20; k <= 20; ++k) {
+        cloud << 500000 + 0.4 * i << "," << 4000000 + 0.2 * k << "," << 0.02 * i << "\n";
+      }
+    }
+    for (int i = 1; i < 39; ++i) line << 500000 + i << ",4000000,0\n";
+  }
+  const auto geo_reference = [&](const std::string& system) {
+    const std::string folder = file("patches_" + system.substr(5));
+    const auto patches = run_camber({"patches", file("cloud.csv"), "--crs", system, "--up", "0,0,1",
+                                     "--out", folder, "--threads", "1"});
+    EXPECT_EQ(patches.exit_code, 0) << patches.error;
+    const auto info = run_camber({"info", folder + "/labels.ply", "--json"});
+    const json crs = json::parse(info.out).at("files").at(0).at("crs");
+    EXPECT_EQ(crs.is_null() ? 0 : crs.value("epsg", 0), system == "EPSG:32610" ? 32610 : 0);
+    const auto road = run_camber({"export", folder, "--along", file("line.csv"), "--to",
+                                  "opendrive", "--out", file("road.xodr"), "--json"});
+    return road.exit_code == 0 ? json::parse(road.out).at("geo_reference").get<std::string>()
+                               : road.error;
+  };
+  EXPECT_EQ(geo_reference("EPSG:32610"), "EPSG:32610");
+  EXPECT_NE(test::read_text(file("road.xodr")).find("<geoReference>"), std::string::npos);
+  // Coordinates in feet are converted, and the line, which states no unit, is far away from them.
+  EXPECT_THAT(geo_reference("EPSG:2229"), ::testing::HasSubstr("m from the known ground"));
+}
+
+TEST_F(ExportProgram, VehiclesAreNamedByTrackAndTilted) {
+  RunDocument run;
+  run.cameras = {{4, SE3()}};
+  write_json(to_json(run), folder_.path() / "run.json");
+  // Along the road's climb of 5 %, whose right side is the lower one by 2 %.
+  const Eigen::Vector3d front = Eigen::Vector3d(0.0, -0.05, 1.0).normalized();
+  const Eigen::Vector3d up = Eigen::Vector3d(1.0, 0.02, 0.0).cross(front).normalized();
+  Eigen::Matrix3d axes;
+  axes << front, up, front.cross(up);
+  VehicleEstimate car;
+  car.id = 2;
+  car.track = 7;
+  car.vehicle_class = "car";
+  car.status = Status::kOk;
+  car.pose.camera_from_vehicle = SE3(axes, Eigen::Vector3d(1.0, 1.0, 12.0));
+  car.pose.dimensions = {4.2, 1.8, 1.5};
+  VehicleDocument vehicles;
+  vehicles.frames = {{4, {car}}};
+  write_json(to_json(vehicles), folder_.path() / "vehicles.json");
+  const auto result = run_camber({"export", folder_.path().string(), "--to", "opendrive",
+                                  "--vehicles", "--out", file("cars.xodr")});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const std::string text = test::read_text(file("cars.xodr"));
+  EXPECT_THAT(text, ::testing::HasSubstr("name=\"car 7\""));
+  const auto number = [&](const std::string& name) {
+    const std::size_t object = text.find("<object ");
+    return std::stod(text.substr(text.find(" " + name + "=\"", object) + name.size() + 3));
+  };
+  EXPECT_NEAR(number("pitch"), -std::atan(0.05), 1e-4);
+  EXPECT_NEAR(number("roll"), std::atan(0.02), 1e-4);
+  EXPECT_NEAR(number("hdg"), 0.0, 0.01);
+}
+
 TEST_F(ExportProgram, Refusals) {
+  const auto with = [&](const std::string& option, const std::string& value) {
+    return run_camber(
+        {"export", file("surface.json"), "--to", "opencrg", "--out", file("r.crg"), option, value});
+  };
+  EXPECT_ONE_SENTENCE(with("--step", "-1"), 2, "--step: found -1, expected 0 or 0.001 to 100 m");
+  EXPECT_ONE_SENTENCE(with("--left", "-3"), 2, "--left: found -3, expected 0 to 1000 m");
+  EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "trajectory", "--out",
+                                  file("cameras.tum")}),
+                      2, "expected a result folder");
   surface_.metric = false;
   write_json(to_json(surface_), file("unscaled.json"));
   EXPECT_ONE_SENTENCE(

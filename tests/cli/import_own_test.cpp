@@ -95,6 +95,7 @@ TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
       {"id": 8, "file_name": "other.png"}], "categories": [{"id": 3, "name": "Car"}, {"id": 4, "name": "person"}],
       "annotations": [{"image_id": 7, "category_id": 3, "bbox": [10, 20, 30, 20]},
       {"image_id": 7, "category_id": 3, "bbox": [70, 20, 30, 20]}, {"image_id": 7, "category_id": 4, "bbox": [1, 2, 3, 4]},
+      {"image_id": 7, "category_id": 3, "bbox": [5, 5, 70, 50], "iscrowd": 1},
       {"image_id": 7, "category_id": 3, "bbox": [200, 20, 30, 20]}]})");
   const Scene scene = imported({"--fov", "90", "--detections", path("boxes.json")});
   ASSERT_EQ(scene.frames[2].vehicles.size(), 2u);
@@ -104,7 +105,8 @@ TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
   EXPECT_EQ(scene.frames[2].vehicles[1].box.x2, 80);
   EXPECT_EQ(scene.detections_source, "import");
   EXPECT_THAT(error_, HasSubstr("2 boxes from boxes.json (COCO data set), 1 of other classes left "
-                                "out (person), 1 outside "
+                                "out (person), 1 that the file marks to be ignored (crowds, "
+                                "DontCare) left out, 1 outside "
                                 "the image left out, 1 clipped to the image, 1 images of the file "
                                 "are not among the frames"));
   write_bytes(path("out.json"),

@@ -70,6 +70,64 @@ TEST_F(Render, TurntableAndFreeViewAndJson) {
   const auto free = run_camber({"render", path("cloud.xyz"), "--out", path("f.png"),
                                 "--camera=3,-15,8,3,5,0,0,0,1,40", "--size", "160x120"});
   EXPECT_EQ(free.exit_code, 0) << free.error;
+  EXPECT_EQ(free.error, "");
+}
+
+TEST_F(Render, FreeViewsAreInTheInputsCoordinates) {
+  // The same cloud far from the origin, and in feet: the same picture but for its axes' titles.
+  const auto cloud = [&](const std::string& name, double east, double north, double unit) {
+    std::string points = "x y z\n";
+    for (int i = 0; i < 400; ++i) {
+      points += std::to_string((east + 0.3 * (i % 20)) / unit) + " " +
+                std::to_string((north + 0.5 * (i / 20)) / unit) + " " +
+                std::to_string(0.01 * (i / 20) / unit) + "\n";
+    }
+    write_bytes(path(name), points);
+  };
+  cloud("near.xyz", 0.0, 0.0, 1.0);
+  cloud("map.xyz", 2000000.0, 500000.0, 1.0);
+  cloud("feet.xyz", 2000000.0, 500000.0, 0.3048);
+  const auto picture = [&](const std::string& name, const std::string& camera,
+                           const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {
+        "render",   path(name), "--out",  path("f.png"), "--camera=" + camera + ",0,0,1,40",
+        "--size",   "160x120",  "--hide", "grid",        "--title",
+        "the cloud"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto result = run_camber(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_THAT(result.error, ::testing::Not(::testing::HasSubstr("none of the points")));
+    return read_color_image(path("f.png")).data;
+  };
+  const auto expected = picture("near.xyz", "3,-15,8,3,5,0");
+  const auto differing = [&](const std::vector<std::uint8_t>& found) {
+    if (found.size() != expected.size()) return found.size();
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < found.size(); ++i) count += found[i] != expected[i];
+    return count;
+  };
+  // Rounding moves few points over the edge of a pixel: 1 % of 57600 bytes.
+  EXPECT_LT(differing(picture("map.xyz", "2000003,499985,8,2000003,500005,0")), 576u);
+  EXPECT_LT(differing(picture("feet.xyz",
+                              "6561689.632545932,1640370.734908136,26.246719160104987,"
+                              "6561689.632545932,1640436.351706037,0",
+                              {"--crs", "EPSG:2222"})),
+            576u);
+  const auto blank = run_camber({"render", path("map.xyz"), "--out", path("f.png"),
+                                 "--camera=3,-15,8,3,5,0,0,0,1,40", "--size", "160x120"});
+  EXPECT_EQ(blank.exit_code, 0);
+  EXPECT_THAT(blank.error, ::testing::HasSubstr("holds none of the points"));
+}
+
+TEST_F(Render, WarnsOfLengthsUpToScale) {
+  write_bytes(
+      path("up.ply"),
+      "ply\nformat ascii 1.0\ncomment camber metric false\nelement vertex 3\nproperty float "
+      "x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n");
+  const auto drawn =
+      run_camber({"render", path("up.ply"), "--out", path("u.png"), "--size", "160x120"});
+  EXPECT_EQ(drawn.exit_code, 0);
+  EXPECT_THAT(drawn.error, ::testing::HasSubstr("up to scale"));
 }
 
 TEST_F(Render, WritesGltfAndReport) {

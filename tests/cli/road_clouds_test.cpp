@@ -404,6 +404,7 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   };
   EXPECT_ONE_SENTENCE(run("missing", "axis.csv", "old.csv"), 2, "missing");
   EXPECT_ONE_SENTENCE(run("broken", "axis.csv", "old.csv"), 2, "surface.json");
+  EXPECT_ONE_SENTENCE(run("cloud.ply", "axis.csv", "old.csv"), 2, "is no surface");
   EXPECT_ONE_SENTENCE(run("out", "missing.csv", "old.csv"), 2, "missing.csv");
   EXPECT_ONE_SENTENCE(run("out", "point.xyz", "old.csv"), 1, "at least two points");
   EXPECT_ONE_SENTENCE(run("out", "axis.csv", "old.txt"), 2, "FILE.csv or FILE.json");
@@ -423,7 +424,8 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(run_camber({"profile", path("out"), "--along", path("elsewhere.csv"),
                                   "--plot", path("plot.png")}),
                       1, "covered");
-  EXPECT_ONE_SENTENCE(run("out", "elsewhere.csv", "old.csv"), 1, "stations is covered");
+  EXPECT_ONE_SENTENCE(run("out", "elsewhere.csv", "old.csv"), 1,
+                      "m from the known ground, expected a line in the coordinates of the cloud");
   fs::remove(path("elsewhere.csv"));
   std::ofstream(path("still.csv")) << "x y z\n1 0 0\n1 0 0\n1 0 2\n";
   EXPECT_ONE_SENTENCE(run("out", "still.csv", "old.csv"), 1, "does not leave its first point");

@@ -164,6 +164,10 @@ TEST_F(VehicleScene, WritesTables) {
                            "error_histogram.png", "height_histogram.png", "depth_over_time.png"}) {
     EXPECT_TRUE(fs::exists(folder_.path() / "tables" / file)) << file;
   }
+  std::ofstream(path("subset.txt")) << "made 2\n# none\nMade\n";
+  EXPECT_ONE_SENTENCE(run_camber({"evaluate", "--truth", path("scene.json"), "--estimate",
+                                  path("v.json"), "--subset", path("subset.txt")}),
+                      2, "subset.txt: line 3: found \"Made\", expected the name of a scene");
 }
 
 TEST_F(VehicleScene, PlotsOfSeveralScenesHaveTheirNames) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -94,6 +95,12 @@ TEST(OpenDrive, FileHasWhatTheStandardAsks) {
   car.name = "car 3";
   car.bottom = Vector3d(winding(60.0).x(), winding(60.0).y(), 51.0);
   car.length = 4.2;
+  const Eigen::Matrix3d turned =
+      (Eigen::AngleAxisd(0.7, Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.15, Vector3d::UnitY()) *
+       Eigen::AngleAxisd(0.04, Vector3d::UnitX()))
+          .toRotationMatrix();
+  car.set_axes(turned.col(0), turned.col(2));
+  EXPECT_NEAR(car.heading, 0.7, 1e-12);
   options.vehicles = {car};
   pugi::xml_document document;
   ASSERT_TRUE(document.load_string(encode_opendrive(winding_road(options)).c_str()));
@@ -105,6 +112,8 @@ TEST(OpenDrive, FileHasWhatTheStandardAsks) {
   EXPECT_NEAR(object.attribute("t").as_double(), 0.0, 0.02);
   EXPECT_NEAR(object.attribute("s").as_double(), 62.0, 3.0);
   EXPECT_DOUBLE_EQ(object.attribute("length").as_double(), 4.2);
+  EXPECT_NEAR(object.attribute("pitch").as_double(), -0.15, 1e-9);  // uphill
+  EXPECT_NEAR(object.attribute("roll").as_double(), 0.04, 1e-9);
   std::vector<std::string> order;
   for (const pugi::xml_node child : road.children()) order.emplace_back(child.name());
   EXPECT_THAT(order, ::testing::ElementsAre("planView", "elevationProfile", "lateralProfile",

@@ -159,6 +159,7 @@ std::vector<SubsetEntry> read_subset(const std::filesystem::path& path) {
     line = line.substr(0, line.find('#'));
     std::istringstream words(line);
     SubsetEntry entry;
+    entry.line = row;
     if (!(words >> entry.scene)) continue;
     std::string word;
     int* const fields[] = {&entry.frame, &entry.vehicle};

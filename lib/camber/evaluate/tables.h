@@ -23,6 +23,7 @@ struct EvaluatedScene {
 struct SubsetEntry {
   std::string scene;
   int frame = -1, vehicle = -1;
+  int line = 0;  ///< of the file, from 1
 };
 
 /// Reads a subset: one "scene [frame [truth vehicle id]]" a line, '#' starts a comment.

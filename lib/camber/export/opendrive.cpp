@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -244,6 +245,13 @@ void measure_errors(const std::vector<double>& stations,
 }
 
 }  // namespace
+
+void RoadsideVehicle::set_axes(const Vector3d& front, const Vector3d& up) {
+  const Vector3d left = up.cross(front);
+  heading = std::atan2(front.y(), front.x());
+  pitch = std::asin(std::clamp(-front.z(), -1.0, 1.0));
+  roll = std::atan2(left.z(), up.z());
+}
 
 void OpenDriveOptions::validate() const {
   const auto require = [](bool good, const char* field, double value, const char* bound) {

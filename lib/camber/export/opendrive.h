@@ -15,7 +15,13 @@ struct RoadsideVehicle {
   std::string name;                                  ///< "car 3"
   Eigen::Vector3d bottom = Eigen::Vector3d::Zero();  ///< m, middle of the box's bottom face
   double heading = 0.0;                              ///< rad, of its front
+  double pitch = 0.0;                                ///< rad, front below level
+  double roll = 0.0;                                 ///< rad, right side below level
   double length = 0.0, width = 0.0, height = 0.0;    ///< m
+
+  /// Heading, pitch and roll, in this order about z, y and x, of a box with these axes, unit
+  /// vectors of the plan frame.
+  void set_axes(const Eigen::Vector3d& front, const Eigen::Vector3d& up);
 };
 
 struct OpenDriveOptions {

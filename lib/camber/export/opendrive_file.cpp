@@ -117,8 +117,8 @@ void put_vehicles(xml_node road_node, const OpenDriveRoad& road) {
     put(object, "zOffset", vehicle.bottom.z() - elevation_at(road, s, t));
     put(object, "orientation", "none");
     put(object, "hdg", std::remainder(vehicle.heading - heading, 2.0 * M_PI));
-    put(object, "pitch", 0.0);
-    put(object, "roll", 0.0);
+    put(object, "pitch", vehicle.pitch);
+    put(object, "roll", vehicle.roll);
     put(object, "length", vehicle.length);
     put(object, "width", vehicle.width);
     put(object, "height", vehicle.height);

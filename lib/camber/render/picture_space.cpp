@@ -97,7 +97,10 @@ void choose_frame(const PictureContent& content, const Eigen::Matrix3d& axes, bo
   space->height_name = "height above the camera";
   if (space->map) {
     // A map cloud may lie far from its frame's origin: it is drawn about its own, which is named.
-    const Eigen::Vector3d origin = content.cloud ? content.cloud->origin : Eigen::Vector3d::Zero();
+    const Eigen::Vector3d origin = content.cloud         ? content.cloud->origin
+                                   : content.truth_cloud ? content.truth_cloud->origin
+                                                         : Eigen::Vector3d::Zero();
+    shift = -(axes * origin);
     const auto name = [](const char* axis, double from) {
       return from == 0.0 ? std::string(axis) : axis + (" from " + format_number(from, 0));
     };
@@ -119,13 +122,10 @@ void choose_frame(const PictureContent& content, const Eigen::Matrix3d& axes, bo
 }
 
 /// The cloud's finite points.
-void place_points(const RoadCloud& cloud, const Eigen::Matrix3d& axes, bool camera_frame,
-                  PictureSpace* space) {
+void place_points(const RoadCloud& cloud, const Eigen::Matrix3d& axes, PictureSpace* space) {
   const Eigen::Vector3d shift = space->picture_from_reference.translation();
-  const Eigen::Vector3d origin = cloud.origin;
-  const Eigen::Vector3d start = camera_frame ? origin : Eigen::Vector3d::Zero();
   const Eigen::Matrix3f rotation = axes.cast<float>();
-  const Eigen::Vector3f translation = (axes * start + shift).cast<float>();
+  const Eigen::Vector3f translation = (axes * cloud.origin + shift).cast<float>();
   space->points.reserve(cloud.size());
   space->kept.reserve(cloud.size());
   for (const Eigen::Vector3f& p : cloud.points) {
@@ -135,15 +135,11 @@ void place_points(const RoadCloud& cloud, const Eigen::Matrix3d& axes, bool came
   }
 }
 
-void place_truth_cloud(const PictureContent& content, const Eigen::Matrix3d& axes,
-                       PictureSpace* space) {
+void place_truth_cloud(const PictureContent& content, PictureSpace* space) {
   const RoadCloud& truth = *content.truth_cloud;
   const SE3 placed = space->picture_from_reference * content.reference_from_truth_cloud;
   const Eigen::Matrix3f rotation = placed.rotation_matrix().cast<float>();
-  // Of a map, both clouds are drawn about the estimate's origin.
-  Eigen::Vector3d base = Eigen::Vector3d::Zero();
-  if (space->map) base = content.cloud ? content.cloud->origin : truth.origin;
-  const Eigen::Vector3f translation = (placed * truth.origin - axes * base).cast<float>();
+  const Eigen::Vector3f translation = (placed * truth.origin).cast<float>();
   space->truth_points.reserve(truth.size());
   for (const Eigen::Vector3f& p : truth.points) {
     if (p.allFinite()) space->truth_points.emplace_back(rotation * p + translation);
@@ -390,8 +386,8 @@ PictureSpace make_picture_space(const PictureContent& content, bool show_truth,
   const Eigen::Matrix3d axes = picture_axes(up, camera_frame);
 
   choose_frame(content, axes, camera_frame, &space);
-  if (content.cloud) place_points(*content.cloud, axes, camera_frame, &space);
-  if (content.truth_cloud) place_truth_cloud(content, axes, &space);
+  if (content.cloud) place_points(*content.cloud, axes, &space);
+  if (content.truth_cloud) place_truth_cloud(content, &space);
   const SE3 picture_from_current = place_cameras(content, &space);
   place_vehicles(content, show_truth, picture_from_current, &space);
   if (content.surface) place_surface(*content.surface, axes, &space);

@@ -60,7 +60,8 @@ struct RobustRange {
 RobustRange robust_range(std::vector<float>& values, double low_quantile, double high_quantile);
 
 /// The content in the picture's frame: x right, y ahead, z up, m (or units of the result), z = 0 on
-/// the road below the reference camera where that is known.
+/// the road below the reference camera where that is known. Of a map it starts at the cloud's
+/// origin.
 struct PictureSpace {
   SE3 picture_from_reference;
   bool map = false;                     ///< x, y of a map rather than right and ahead of a camera

@@ -48,8 +48,9 @@ struct PointColor {
 
 /// How a picture was made.
 struct RenderRecord {
-  std::string backend;   ///< "egl-surfaceless", "display", "xvfb"
-  std::string renderer;  ///< of the driver, "llvmpipe (LLVM 15.0.6, 256 bits)"
+  std::string backend;        ///< "egl-surfaceless", "display", "xvfb"
+  std::string renderer;       ///< of the driver, "llvmpipe (LLVM 15.0.6, 256 bits)"
+  bool none_in_view = false;  ///< a free view that holds none of the points
 };
 
 enum class SceneView {
@@ -60,7 +61,8 @@ enum class SceneView {
   kFree,            ///< ScenePictureOptions::free_view
 };
 
-/// A camera set by hand, frame of the cloud and the surface.
+/// A camera set by hand, frame of the cloud and the surface: true coordinates, a cloud's origin
+/// included.
 struct FreeView {
   Eigen::Vector3d eye = Eigen::Vector3d::Zero();  ///< m
   Eigen::Vector3d target{0.0, 0.0, 1.0};          ///< m, in the middle of the picture

@@ -272,6 +272,14 @@ std::vector<LegendEntry> scene_legend(const Drawing& drawing, const SceneGrid& g
   return legend;
 }
 
+bool any_in_view(const std::vector<Eigen::Vector3f>& points, const SceneCamera& view) {
+  return std::any_of(points.begin(), points.end(), [&](const Eigen::Vector3f& point) {
+    Eigen::Vector2d p = Eigen::Vector2d::Zero();
+    return view.project(point.cast<double>(), &p) && p.x() >= -0.5 && p.y() >= -0.5 &&
+           p.x() <= view.width - 0.5 && p.y() <= view.height - 0.5;
+  });
+}
+
 /// A view with perspective: the oblique one, fitted to the content, or a given one.
 Image perspective_picture(const Drawing& drawing, int width, int height) {
   const PictureSpace& space = drawing.space;
@@ -285,6 +293,9 @@ Image perspective_picture(const Drawing& drawing, int width, int height) {
       : kind == SceneView::kFree
           ? free_camera(space, drawing.options.free_view, width, height)
           : oblique_camera(drawing.options.azimuth, drawing.options.elevation, width, height);
+  if (drawing.record && kind == SceneView::kFree) {
+    drawing.record->none_in_view = !space.points.empty() && !any_in_view(space.points, view);
+  }
   const bool grid_shown = kind != SceneView::kDriver && drawing.shows(SceneElement::kGrid);
   const bool links_shown = drawing.shows(SceneElement::kLinks) && !space.links.empty();
   const double top = drawing.content.title.empty() ? 2.2 * text : 3.9 * text;

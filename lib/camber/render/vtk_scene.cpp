@@ -114,7 +114,10 @@ Image render_scene_content(const SceneShot& shot, KeptWindow* kept, RenderRecord
   if (pixels->GetNumberOfValues() != static_cast<vtkIdType>(3) * width * height) {
     throw MachineError("the rendering back end " + offscreen.backend() + " returned no picture");
   }
-  if (record) *record = {offscreen.backend(), offscreen.renderer()};
+  if (record) {
+    record->backend = offscreen.backend();
+    record->renderer = offscreen.renderer();
+  }
   const cv::Mat upside_down(height, width, CV_8UC3, pixels->GetPointer(0));
   cv::Mat upright;
   cv::flip(upside_down, upright, 0);

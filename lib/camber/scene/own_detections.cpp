@@ -124,7 +124,8 @@ std::string vehicle_class_of(const std::string& name) {
 
 /// What became of the boxes, for one phrase.
 struct Tally {
-  std::size_t taken = 0, other_class = 0, unscored = 0, outside = 0, clipped = 0, no_frame = 0;
+  std::size_t taken = 0, ignored = 0, other_class = 0, unscored = 0, outside = 0, clipped = 0,
+              no_frame = 0;
   std::set<std::string> other_names;
   bool by_number_without_class = false;
 };
@@ -152,9 +153,13 @@ void put_boxes(const DetectedImage& image, const OwnDetections& options,
       name = options.default_class;
       tally.by_number_without_class = true;
     }
-    if (box.ignored || !classes.count(name)) {
+    if (box.ignored) {
+      ++tally.ignored;
+      continue;
+    }
+    if (!classes.count(name)) {
       ++tally.other_class;
-      if (!box.ignored && tally.other_names.size() < 5) {
+      if (tally.other_names.size() < 5) {
         tally.other_names.insert(!name.empty()      ? name
                                  : box.class_number ? std::to_string(*box.class_number)
                                                     : "no class");
@@ -264,6 +269,7 @@ void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& o
   for (const std::string& name : tally.other_names)
     names += (names.empty() ? "" : ", ") + printable(name);
   add(tally.other_class, "of other classes left out" + (names.empty() ? "" : " (" + names + ")"));
+  add(tally.ignored, "that the file marks to be ignored (crowds, DontCare) left out");
   add(tally.unscored, "below the least score left out");
   add(tally.outside, "outside the image left out");
   add(tally.clipped, "clipped to the image");
