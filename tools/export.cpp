@@ -16,10 +16,10 @@
 #include "camber/export/opendrive.h"
 #include "camber/export/road_mesh.h"
 #include "camber/export/trajectory.h"
-#include "camber/render/vehicle_numbers.h"
 #include "camber/scene/georeference.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
+#include "camber/scene/vehicle_numbers.h"
 #include "command.h"
 #include "crs.h"
 #include "export_inputs.h"
@@ -307,24 +307,6 @@ void check_extension(const ExportArguments& args) {
   }
 }
 
-/// How finely and how widely the road is sampled. @throws UsageError
-void check_grid(const CrgGridOptions& grid) {
-  const auto require = [](bool good, const char* option, double value, const char* bound) {
-    if (good) return;
-    throw UsageError(fmt::format("{}: found {:g}, expected {}", option, value, bound));
-  };
-  const auto is_step = [](double step) { return step == 0.0 || (step >= 0.001 && step <= 100.0); };
-  const auto is_width = [](double width) { return width >= 0.0 && width <= 1000.0; };
-  require(is_step(grid.step_u), "--step", grid.step_u, "0 or 0.001 to 100 m");
-  require(is_step(grid.step_v), "--step-across", grid.step_v, "0 or 0.001 to 100 m");
-  require(is_width(grid.left), "--left", grid.left, "0 to 1000 m");
-  require(is_width(grid.right), "--right", grid.right, "0 to 1000 m");
-  require(is_width(grid.widest) && grid.widest > 0.0, "--widest", grid.widest,
-          "> 0, at most 1000 m");
-  require(grid.smoothing >= 0.0 && std::isfinite(grid.smoothing), "--smoothing", grid.smoothing,
-          ">= 0 m");
-}
-
 /// What a command line asks for that cannot be. @throws UsageError
 void check_arguments(const ExportArguments& args) {
   if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
@@ -394,7 +376,6 @@ int run(const Command& command, const ExportArguments& given) {
   args.grid.slope_in_line = args.slope == "line";
   args.grid.banking_in_line = args.banking == "line";
   args.grid.num_threads = command.common.threads;
-  check_grid(args.grid);
   args.grid.validate();
   check_arguments(args);
   refuse_own_inputs({args.out}, {args.input, args.line});
@@ -441,14 +422,19 @@ void add_arguments(App& app, ExportArguments& a) {
       ->capture_default_str();
   app.add_option("--step", a.grid.step_u,
                  "metres between cross sections, and the cell of GeoTIFF; 0: from the data")
+      ->check(in_range(0.0, 100.0))
       ->capture_default_str();
   app.add_option("--step-across", a.grid.step_v, "metres between long sections; 0: from the data")
+      ->check(in_range(0.0, 100.0))
       ->capture_default_str();
   app.add_option("--left", a.grid.left, "metres left of the line; 0: as far as is seen")
+      ->check(in_range(0.0, 1000.0))
       ->capture_default_str();
   app.add_option("--right", a.grid.right, "metres right of the line; 0: as far as is seen")
+      ->check(in_range(0.0, 1000.0))
       ->capture_default_str();
   app.add_option("--widest", a.grid.widest, "metres to either side, limit of what is seen")
+      ->check(in_range(0.001, 1000.0))
       ->capture_default_str();
   app.add_option("--slope", a.slope, "elevation in the reference line or in the grid")
       ->check(is_member({"line", "grid"}))
@@ -458,6 +444,7 @@ void add_arguments(App& app, ExportArguments& a) {
       ->capture_default_str();
   app.add_option("--smoothing", a.grid.smoothing,
                  "metres of road over which the line's elevation and banking are taken")
+      ->check(non_negative_number())
       ->capture_default_str();
   app.add_option("--ahead", a.ahead,
                  "metres that the line may go on straight beyond its last point while ground is "

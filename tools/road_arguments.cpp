@@ -9,6 +9,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/road/plan_polygon.h"
 #include "camber/scene/results.h"
 #include "crs.h"
 #include "unknown_scale.h"
@@ -79,58 +80,21 @@ std::vector<Eigen::Vector3d> read_line(const std::string& path,
   return line;
 }
 
-namespace {
-
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
-double from_segment(const Eigen::Vector2d& p, const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-  const Eigen::Vector2d ab = b - a;
-  const double length = ab.squaredNorm();
-  const double t = length > 0.0 ? std::clamp((p - a).dot(ab) / length, 0.0, 1.0) : 0.0;
-  return (p - a - t * ab).norm();
-}
-
-double between_segments(const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                        const Eigen::Vector2d& c, const Eigen::Vector2d& d) {
-  const bool crossing = cross(b - a, c - a) * cross(b - a, d - a) < 0.0 &&
-                        cross(d - c, a - c) * cross(d - c, b - c) < 0.0;
-  if (crossing) return 0.0;
-  return std::min(
-      {from_segment(a, c, d), from_segment(b, c, d), from_segment(c, a, b), from_segment(d, a, b)});
-}
-
-bool is_inside(const Eigen::Vector2d& p, const std::vector<Eigen::Vector3d>& outline) {
-  bool inside = false;
-  for (std::size_t i = 0, k = outline.size() - 1; i < outline.size(); k = i++) {
-    const Eigen::Vector2d a = outline[i].head<2>(), b = outline[k].head<2>();
-    if ((a.y() > p.y()) == (b.y() > p.y())) continue;
-    if (p.x() < a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x())) inside = !inside;
-  }
-  return inside;
-}
-
-}  // namespace
-
 std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
                            const std::vector<std::vector<Eigen::Vector3d>>& outlines,
                            const std::string& frame) {
   double least = std::numeric_limits<double>::infinity();
   for (const std::vector<Eigen::Vector3d>& outline : outlines) {
-    if (outline.empty()) continue;
-    if (is_inside(line.front().head<2>(), outline)) return {};
-    for (std::size_t i = 0; i + 1 < line.size(); ++i) {
-      for (std::size_t k = 0; k < outline.size(); ++k) {
-        least = std::min(
-            least, between_segments(line[i].head<2>(), line[i + 1].head<2>(), outline[k].head<2>(),
-                                    outline[(k + 1) % outline.size()].head<2>()));
-      }
+    PlanPolygon polygon;
+    for (const Eigen::Vector3d& x : outline) polygon.push_back(x.head<2>());
+    for (const Eigen::Vector3d& x : line) {
+      least = std::min(least, distance_to_polygon(polygon, x.head<2>()));
     }
   }
   if (!(least > 0.0) || !std::isfinite(least)) return {};
-  return fmt::format("; the line passes {:.{}f} m from the known ground, expected a line in {}",
-                     least, least < 10.0 ? 2 : 0, frame);
+  return fmt::format(
+      "; the nearest point of the line is {:.{}f} m from the known ground, expected a line in {}",
+      least, least < 10.0 ? 2 : 0, frame);
 }
 
 std::string line_frame(const RoadSurface& surface) {

@@ -48,8 +48,8 @@ void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& t
 std::vector<Eigen::Vector3d> read_line(
     const std::string& path, const std::optional<CoordinateSystem>& system = std::nullopt);
 
-/// Why nothing is known along a line: how far it passes the outlines of the ground, and in which
-/// frame it is expected; empty where it meets one of them.
+/// Why nothing is known along a line: how far its points are from the outlines of the ground, and
+/// in which frame it is expected; empty where one of them is inside.
 /// @param line, outlines  m, x and y level
 std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
                            const std::vector<std::vector<Eigen::Vector3d>>& outlines,

@@ -239,8 +239,8 @@ TEST_F(ExportProgram, Refusals) {
     return run_camber(
         {"export", file("surface.json"), "--to", "opencrg", "--out", file("r.crg"), option, value});
   };
-  EXPECT_ONE_SENTENCE(with("--step", "-1"), 2, "--step: found -1, expected 0 or 0.001 to 100 m");
-  EXPECT_ONE_SENTENCE(with("--left", "-3"), 2, "--left: found -3, expected 0 to 1000 m");
+  EXPECT_ONE_SENTENCE(with("--step", "-1"), 2, "--step: Value -1 not in range");
+  EXPECT_ONE_SENTENCE(with("--left", "-3"), 2, "--left: Value -3 not in range");
   EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "trajectory", "--out",
                                   file("cameras.tum")}),
                       2, "expected a result folder");

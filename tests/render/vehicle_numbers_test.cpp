@@ -1,4 +1,4 @@
-#include "camber/render/vehicle_numbers.h"
+#include "camber/scene/vehicle_numbers.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -120,5 +120,14 @@ TEST(VehicleSizes, OfFewOrUncertainVehiclesMeasureNothing) {
   EXPECT_FALSE(compare_vehicle_sizes(road, {}, {}));
 }
 
+TEST(RoadPosterior, AWiderScaleWidensWhatDependsOnIt) {
+  const RoadPosterior road = road_of_scale(0.01), wide = road.with_wider_scale(0.3 * 0.3);
+  EXPECT_NEAR(wide.scale_sigma(), std::hypot(0.01, 0.3), 1e-6);
+  EXPECT_EQ(wide.metres_per_baseline(), road.metres_per_baseline());
+  const double before = road.ego().covariance(2, 2), after = wide.ego().covariance(2, 2);
+  EXPECT_NEAR(after - before, std::pow(0.3 * kRoadHeight, 2), 1e-3 * after);
+  EXPECT_NEAR(wide.ego().covariance(0, 0), road.ego().covariance(0, 0), 1e-12);
+}
+
 }  // namespace
 }  // namespace camber

@@ -2,9 +2,9 @@
 
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/image/image_io.h"
-#include "camber/render/vehicle_numbers.h"
 #include "camber/road/road_surface.h"
 #include "camber/scene/results.h"
+#include "camber/scene/vehicle_numbers.h"
 
 namespace camber {
 

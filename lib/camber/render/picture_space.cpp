@@ -9,8 +9,8 @@
 #include "camber/core/errors.h"
 #include "camber/render/color_map.h"
 #include "camber/render/detail/point_colors.h"
-#include "camber/render/vehicle_numbers.h"
 #include "camber/render/wireframe.h"
+#include "camber/scene/vehicle_numbers.h"
 
 namespace camber {
 namespace {

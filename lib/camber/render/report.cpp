@@ -28,10 +28,10 @@
 #include "camber/render/plot.h"
 #include "camber/render/report_viewer.h"
 #include "camber/render/result_plots.h"
-#include "camber/render/vehicle_numbers.h"
 #include "camber/render/wireframe.h"
 #include "camber/road/road_profile.h"
 #include "camber/scene/findings.h"
+#include "camber/scene/vehicle_numbers.h"
 
 namespace camber {
 namespace {

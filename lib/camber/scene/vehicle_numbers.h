@@ -8,9 +8,9 @@
 
 namespace camber {
 
-/// What pictures, reports and the viewer call a vehicle, and colour it by: the same over the frames
-/// of a result. An id in vehicles.json names a detection within its frame only, so that one car may
-/// have another id in each.
+/// What pictures, reports, exports and the viewer call a vehicle, and colour it by: the same over
+/// the frames of a result. An id in vehicles.json names a detection within its frame only, so that
+/// one car may have another id in each.
 ///
 /// The number is the vehicle's track. Where some vehicles of a result have tracks and others have
 /// none, the others get the numbers after the last track, in the order of frames and rows; where
