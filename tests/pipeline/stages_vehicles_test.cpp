@@ -173,7 +173,7 @@ TEST_F(ParkedCar, StandsWhereItIsOnItsOwnPatch) {
   ASSERT_EQ(placed.constraints.size(), 1u);
   const VehicleConstraint& found = placed.constraints[0];
   EXPECT_EQ(found.constraint.name, "vehicle");
-  EXPECT_THAT(found.constraint.source, HasSubstr("car 4 in 3 images"));
+  EXPECT_THAT(found.constraint.source, HasSubstr("car 4 of frame 12 in 3 images"));
   EXPECT_EQ(found.views.size(), 3u);
   EXPECT_NO_THROW(found.constraint.validate());
   // It agrees with a road that is right.

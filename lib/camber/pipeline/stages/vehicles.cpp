@@ -143,9 +143,10 @@ GroundUnderVehicles ground_under_vehicles(const LoadedFrames& frames, const Moti
 constexpr double kVehicleGate = 2.0;
 
 /// A track's message as measurements along the principal directions of its information.
+/// @param lead  the view of the track that the message is about, and the number of its frame
 std::optional<VehicleConstraint> constraint_of(const TrackMessage& message, const LocalPlane& plane,
                                                const LocalPlaneOptions& local,
-                                               const std::vector<TrackFrame>& views,
+                                               const VehicleDetection& lead, int frame,
                                                const SharedGround& ground) {
   const Eigen::Matrix4d& information = message.message.information;
   const Eigen::Vector4d& vector = message.message.information_vector;
@@ -170,9 +171,9 @@ std::optional<VehicleConstraint> constraint_of(const TrackMessage& message, cons
   out.views = message.views;
   out.constraint.name = "vehicle";
   out.constraint.gate = kVehicleGate;
-  const VehicleDetection& lead = views[message.lead.frame].detections[message.lead.detection];
-  out.constraint.source = fmt::format("{} {} in {} image{}", lead.vehicle_class, lead.id,
-                                      message.views.size(), message.views.size() == 1 ? "" : "s");
+  out.constraint.source =
+      fmt::format("{} {} of frame {} in {} image{}", lead.vehicle_class, lead.id, frame,
+                  message.views.size(), message.views.size() == 1 ? "" : "s");
   out.constraint.pixels = plane.pixels;
   out.constraint.by_inverse_depth = directions.leftCols<3>() * plane.by_inverse_depth;
   out.constraint.by_log_scale = directions.col(3);
@@ -276,9 +277,10 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
       return at.frame == message.lead.frame && at.detection == message.lead.detection;
     });
     if (plane == ground.at.end()) continue;
-    auto constraint =
-        constraint_of(message, ground.planes[static_cast<std::size_t>(plane - ground.at.begin())],
-                      ground.local, out.views, out.ground.under_detections);
+    auto constraint = constraint_of(
+        message, ground.planes[static_cast<std::size_t>(plane - ground.at.begin())], ground.local,
+        out.views[message.lead.frame].detections[message.lead.detection],
+        frames.frames[message.lead.frame].id, out.ground.under_detections);
     if (constraint) out.constraints.push_back(std::move(*constraint));
   }
   const TrackFrame& reference = out.views[frames.reference];
