@@ -3,7 +3,9 @@
 tests ran; and what the seeds of each fuzzer reach of the reader that it is for.
 
     tests/coverage.py build/coverage [--floor 90] [--json FILE] [--found build/fuzz/findings]
+    tests/coverage.py --check-fuzzers NAME...
 
+The second form compares the fuzzers that there are with the lists here, and these with the files.
 Branches that only an exception takes do not count. Exit code: 0, 1 where the readers of a module have
 less than the floor of their lines, 2 for bad input.
 """
@@ -24,11 +26,14 @@ READERS = {
     "image": ["image_io.cpp", "raw_pixels.cpp", "video_frame_name.cpp", "video_reader.cpp"],
     "cloud": ["cloud_io.cpp", "colmap.cpp", "coordinate_system.cpp", "detail/pcd_header.cpp",
               "detail/ply_header.cpp", "detail/las_format.cpp", "detail/text_columns.cpp",
-              "file_reader.cpp", "kitti_bin.cpp", "las.cpp", "las_file.cpp", "number_text.cpp",
-              "pcd.cpp", "ply.cpp", "ptx.cpp", "text.cpp"],
+              "file_reader.cpp", "kitti_bin.cpp", "las.cpp", "las_file.cpp", "lzf.cpp",
+              "number_text.cpp", "pcd.cpp", "ply.cpp", "ptx.cpp", "text.cpp"],
+    "detect": ["detail/npy_reader.cpp", "detail/onnx_weights.cpp", "keypoint_crops_folder.cpp",
+               "network_description.cpp"],
     "vehicle": ["annotated_shapes.cpp", "shape_prior.cpp"],
-    "scene": ["formats/*.cpp", "formats/detail/*.cpp", "json_reader.cpp", "kitti_keypoints.cpp",
-              "kitti_labels.cpp", "results.cpp", "scene.cpp", "text_rows.cpp"],
+    "scene": ["formats/*.cpp", "formats/detail/*.cpp", "import_kitti.cpp", "json_reader.cpp",
+              "kitti_keypoints.cpp", "kitti_labels.cpp", "results.cpp", "scene.cpp",
+              "text_rows.cpp"],
     "export": ["opencrg_reader.cpp"],
     "pipeline": ["kitti_boxes.cpp", "network_file.cpp"],
     "tools": ["config_file.cpp", "plugins/bag_check.cpp", "plugins/bag_reader.cpp"],
@@ -45,12 +50,13 @@ TARGETS = {
     "las": ["cloud/las.cpp", "cloud/las_file.cpp", "cloud/las_copy.cpp",
             "cloud/coordinate_system.cpp"],
     "network_file": ["pipeline/network_file.cpp"],
+    "onnx_weights": ["detect/detail/onnx_weights.cpp"],
     "opencrg": ["export/opencrg_reader.cpp"],
     "own_calibration": ["scene/formats/calibration*.cpp"],
     "own_detections": ["scene/formats/detections*.cpp"],
     "own_lists": ["scene/formats/class_map.cpp", "scene/formats/frame_files.cpp"],
     "own_trajectory": ["scene/formats/poses.cpp", "scene/formats/geo_log.cpp"],
-    "pcd": ["cloud/pcd.cpp", "cloud/detail/pcd_header.cpp"],
+    "pcd": ["cloud/pcd.cpp", "cloud/detail/pcd_header.cpp", "cloud/lzf.cpp"],
     "ply": ["cloud/ply.cpp", "cloud/detail/ply_header.cpp"],
     "prior": ["vehicle/shape_prior.cpp"],
     "ros_messages": ["scene/formats/ros_messages.cpp", "image/raw_pixels.cpp"],
@@ -170,31 +176,51 @@ def replayed(program, build, inputs):
         return read(pathlib.Path(name))
 
 
+def read_by(target):
+    """The files that a fuzzer is for."""
+    if target not in TARGETS:
+        raise BadInput(f"{__file__}: fuzz_{target} is not in the list of fuzzers")
+    files = []
+    for path in TARGETS[target]:
+        module, _, pattern = path.partition("/")
+        files += files_of(module, [pattern])
+    return files
+
+
 def fuzzers(build, found):
     rows = []
     for program in sorted((build / "bin").glob("replay_*")):
         target = program.name.removeprefix("replay_")
-        if target not in TARGETS:
-            raise BadInput(f"{__file__}: {program.name} is not in the list of fuzzers")
         inputs = [SOURCE / "tests/fuzz/corpus" / target]
         if found and (found / f"fuzz_{target}/corpus").is_dir():
             inputs.append(found / f"fuzz_{target}/corpus")
-        files = []
-        for path in TARGETS[target]:
-            module, _, pattern = path.partition("/")
-            files += files_of(module, [pattern])
+        files = read_by(target)
         rows.append(row(target, replayed(program, build, inputs).shares(files)))
     return rows
+
+
+def check_lists(names):
+    """@raise BadInput: for a fuzzer that is not in the lists, and for files of theirs that are gone."""
+    for name in names:
+        read_by(name)
+    for module, patterns in READERS.items():
+        files_of(module, patterns)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("build", type=pathlib.Path)
+    parser.add_argument("build", type=pathlib.Path, nargs="?")
+    parser.add_argument("--check-fuzzers", nargs="+", metavar="NAME", help="the lists alone")
     parser.add_argument("--floor", type=float, default=90.0, help="per cent of a reader's lines")
     parser.add_argument("--json", type=pathlib.Path, help="write the tables there, too")
     parser.add_argument("--found", type=pathlib.Path, help="inputs that fuzzers found, a folder each")
     args = parser.parse_args()
+    if args.check_fuzzers:
+        check_lists(args.check_fuzzers)
+        return 0
+    if not args.build:
+        parser.error("expected the folder of a build")
     coverage = read(args.build.resolve())
     if not coverage.lines:
         raise BadInput(f"{args.build}: no coverage data: build the preset coverage and run its tests")

@@ -81,7 +81,7 @@ int run(const Command& command, const Arguments& a) {
   refuse_own_inputs({manifest}, inputs);
   StageTimer compute(timings, "compute");
   const Progress progress = make_progress(command.common);
-  const std::vector<int> frames = select_frames(scene, a.frames == "all" ? "" : a.frames);
+  const std::vector<int> frames = select_frames(scene, a.frames);
   NetworkView view;
   if (!options.networks.empty()) view = detect_frames(scene, frames, options, progress, warn);
   put_network_view(view, &scene);
@@ -126,7 +126,7 @@ void register_detect(App& root) {
   app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
   add_network_options(app, a.networks);
   app.add_option("--frames", a.frames,
-                 "frame ids to look at: 48,49,50 or 48:52 or 0:10:5; default: all");
+                 "frame ids to look at: 48,49,50, 48:52, 0:10:5 or all; default: all");
   app.add_flag("--json", a.json, "print what was done as JSON to stdout");
   command->run = [command, arguments] { return run(*command, *arguments); };
 }

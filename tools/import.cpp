@@ -66,7 +66,8 @@ void register_kitti(App& import) {
   app.add_option("--sequence", a.sequence,
                  "sequence of the images, for --keypoints; default: their folder's number")
       ->check(non_negative_number());
-  app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5");
+  app.add_option("--frames", a.options.frames,
+                 "frame ids: 48,49,50, 48:52, 0:10:5 or all; default: all");
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
@@ -159,7 +160,8 @@ void register_synthia_sf(App& import) {
   App& app = *command->app;
   app.add_option("--sequence", a.sequence, "folder of the sequence, with RGBLeft in it")
       ->required();
-  app.add_option("--frames", a.options.frames, "frame ids: 67,68,69 or 67:69 or 0:100:5");
+  app.add_option("--frames", a.options.frames,
+                 "frame ids: 67,68,69, 67:69, 0:100:5 or all; default: all");
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());

@@ -242,7 +242,8 @@ void register_import_images(App& import) {
                "file names are times: seconds, ms, us or ns by their digits, or dates");
   add_detection_options(app, a);
   add_known_options(app, a);
-  app.add_option("--frames", a.options.frames, "frame ids to keep: 48,49,50 or 48:52 or 0:100:5");
+  app.add_option("--frames", a.options.frames,
+                 "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all");
   add_output_options(app, a);
   command->run = [arguments, command]() {
     const OwnDataOptions& options = take(*arguments);
@@ -280,7 +281,8 @@ void register_import_video(App& import) {
   add_camera_options(app, a);
   add_detection_options(app, a);
   add_known_options(app, a);
-  app.add_option("--frames", a.options.frames, "frames to keep of those taken: 48,49,50 or 48:52");
+  app.add_option("--frames", a.options.frames,
+                 "frames to keep of those taken: 48,49,50, 48:52 or all; default: all");
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
@@ -326,7 +328,8 @@ void register_import_colmap(App& import) {
       ->check(positive_number())
       ->needs("--height");
   add_detection_options(app, a);
-  app.add_option("--frames", a.options.frames, "frame ids to keep: 48,49,50 or 48:52 or 0:100:5");
+  app.add_option("--frames", a.options.frames,
+                 "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all");
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
@@ -370,7 +373,8 @@ void register_import_rosbag(App& import) {
   add_camera_options(app, a, true);
   add_detection_options(app, a);
   add_known_options(app, a);
-  app.add_option("--frames", a.options.frames, "frames to keep of those taken: 48,49,50 or 48:52");
+  app.add_option("--frames", a.options.frames,
+                 "frames to keep of those taken: 48,49,50, 48:52 or all; default: all");
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;

@@ -62,6 +62,7 @@ Reconstruction with_frames(const Command& command, Arguments& a,
                            const DetectFramesOptions& networks,
                            const FindKeypointsOptions& keypoints, const Progress& progress,
                            const LogSink& warn, const std::vector<int>& frames, Scene* scene) {
+  stages::check_frame_count(frames.size());
   NetworkView view;
   Timings network_time;
   if (!networks.networks.empty()) {
@@ -109,7 +110,7 @@ Reconstruction run(
     return with_frames(command, a, networks, keypoints, progress, warn, frames, &scene);
   };
   keep_freed_memory();
-  if (!a.frames.empty()) return with(select_frames(scene, a.frames == "all" ? "" : a.frames));
+  if (!a.frames.empty()) return with(select_frames(scene, a.frames));
   if (scene.frames.size() == 1) return with({scene.frames.front().id});
   const ChosenFrames chosen = choose_frames(scene, {}, a.options.preset == Preset::kPaper ? 1 : 2);
   const auto report = [&](const std::string& what) {

@@ -110,7 +110,7 @@ std::vector<int> frames_of(const LoadedResult& result, const std::string& list) 
   if (known.frames.empty()) {
     throw NoAnswerError("--frames: " + result.path.string() + " holds no frames");
   }
-  return select_frames(known, list == "all" ? "" : list);
+  return select_frames(known, list);
 }
 
 /// @throws UsageError for a frame that the result does not hold; of a bare cloud none is asked.

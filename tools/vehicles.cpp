@@ -208,7 +208,7 @@ void add_input_arguments(App& app, Arguments& a) {
          "boxes and the prior alone)")
       ->check(is_member({"joint", "coplanar", "flat", "reprojection"}))
       ->capture_default_str();
-  app.add_option("--frames", a.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5; default: all");
+  app.add_option("--frames", a.frames, "frame ids: 48,49,50, 48:52, 0:10:5 or all; default: all");
   app.add_option("--keypoint-set", a.keypoint_set, "keypoints to use: 36 or 14")
       ->check(is_member({"36", "14"}))
       ->capture_default_str();

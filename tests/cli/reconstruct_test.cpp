@@ -191,6 +191,18 @@ TEST_F(BrokenScene, FramesThatAreNotThere) {
   expect_failure(2, "found 'every'", {"--frames", "every"});
 }
 
+TEST_F(BrokenScene, MoreFramesThanARunTakesAreRefusedBeforeTheNetworksLook) {
+  json changed = manifest_;
+  changed["frames"] = json::array();
+  for (int id = 0; id < 65; ++id) {
+    // No such image: a network that looked would fail at it.
+    changed["frames"].push_back(
+        {{"id", id}, {"image", "no.png"}, {"vehicles", {{{"id", 0}, {"box", {10, 90, 90, 150}}}}}});
+  }
+  put(changed.dump());
+  expect_failure(2, "65 frames, expected at most 64", {"--frames", "all"});
+}
+
 TEST_F(BrokenScene, SceneThatCannotAnswer) {
   expect_failure(1, "one frame alone", {"--frames", "1"});
   expect_failure(1, "");  // three times the same picture

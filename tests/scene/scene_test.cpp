@@ -579,6 +579,7 @@ TEST(SelectFrames, Lists) {
   const Scene scene = scene_with_ids({48, 49, 50, 51, 52, 60});
   using ::testing::ElementsAre;
   EXPECT_THAT(select_frames(scene, ""), ElementsAre(48, 49, 50, 51, 52, 60));
+  EXPECT_THAT(select_frames(scene, "all"), ElementsAre(48, 49, 50, 51, 52, 60));
   EXPECT_THAT(select_frames(scene, "50,48,49"), ElementsAre(48, 49, 50));
   EXPECT_THAT(select_frames(scene, "48:52"), ElementsAre(48, 49, 50, 51, 52));
   EXPECT_THAT(select_frames(scene, "48:52:2"), ElementsAre(48, 50, 52));

@@ -651,7 +651,7 @@ void write_scene(const Scene& scene, const fs::path& path) {
 
 std::vector<int> select_frames(const Scene& scene, const std::string& list) {
   std::set<int> ids;
-  if (list.empty()) {
+  if (list.empty() || list == "all") {
     for (const SceneFrame& frame : scene.frames) ids.insert(frame.id);
     return {ids.begin(), ids.end()};
   }

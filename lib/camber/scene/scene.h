@@ -129,7 +129,7 @@ Scene read_scene(const std::filesystem::path& path, const LogSink& warn = {},
 void write_scene(const Scene& scene, const std::filesystem::path& path);
 
 /// Resolves a --frames list ("48,49,50", "48:52", "0:10:5"; both ends included) to frame ids of
-/// the scene, ascending; an empty list means all frames.
+/// the scene, ascending; an empty list and "all" mean all frames.
 /// @throws UsageError for bad syntax or an id that is not in the scene.
 std::vector<int> select_frames(const Scene& scene, const std::string& list);
 

@@ -206,17 +206,20 @@ void require_different_images(const LoadedFrames& frames) {
 
 }  // namespace
 
+void check_frame_count(std::size_t count) {
+  if (count <= kMostFrames) return;
+  throw std::invalid_argument(
+      fmt::format("{} frames, expected at most {} at once: choose fewer, for example 0:100:10",
+                  count, kMostFrames));
+}
+
 LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
                   const LoadOptions& options) {
   if (frame_ids.size() < (options.single_image ? 1U : 2U)) {
     throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
                         std::to_string(frame_ids.size()) + " given");
   }
-  if (frame_ids.size() > kMostFrames) {
-    throw std::invalid_argument(
-        fmt::format("{} frames, expected at most {} at once: choose fewer, for example 0:100:10",
-                    frame_ids.size(), kMostFrames));
-  }
+  check_frame_count(frame_ids.size());
   LoadedFrames out;
   out.camera = scene.camera;
   out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, 0.0};

@@ -58,6 +58,10 @@ namespace stages {
 /// grow with their number.
 constexpr std::size_t kMostFrames = 64;
 
+/// For work that comes before load().
+/// @throws std::invalid_argument for more than kMostFrames.
+void check_frame_count(std::size_t count);
+
 struct LoadOptions {
   bool use_masks = true;      ///< false: segmentations and road masks are not read
   bool single_image = false;  ///< one frame is accepted
