@@ -60,7 +60,8 @@ Scene read_truth(const Arguments& args, const std::string& truth, const LogSink&
                           args.image_size[1], frame_of(truth), fs::path(truth).stem().string());
 }
 
-VehicleDocument read_estimate(const Arguments& args, const std::string& estimate) {
+VehicleDocument read_estimate(const Arguments& args, const std::string& estimate,
+                              const SceneTruth& truth) {
   if (!is_kitti(estimate)) {
     return read_vehicles(fs::is_directory(estimate) ? fs::path(estimate) / "vehicles.json"
                                                     : fs::path(estimate));
@@ -70,8 +71,11 @@ VehicleDocument read_estimate(const Arguments& args, const std::string& estimate
   if (fs::exists(tilt_file(estimate))) {
     tilts = read_tilts(tilt_file(estimate), labels.labels.size());
   }
-  return vehicles_from_kitti(labels, kitti_camera(args, estimate), frame_of(estimate), tilts,
-                             tilts.empty() ? "kitti boxes" : "kitti boxes, tilted");
+  const int frame = frame_of(estimate);
+  VehicleDocument out = vehicles_from_kitti(labels, kitti_camera(args, estimate), frame, tilts,
+                                            tilts.empty() ? "kitti boxes" : "kitti boxes, tilted");
+  add_empty_frames(labels, frame, truth, &out);
+  return out;
 }
 
 /// @param times  seconds by frame id, where the scene gives them for every frame.
@@ -86,13 +90,14 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
   if (times->size() < scene.frames.size()) times->clear();
   if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
   const bool folder = fs::is_directory(estimate);
-  const VehicleDocument vehicles = read_estimate(args, estimate);
+  const VehicleDocument vehicles = read_estimate(args, estimate, *scene.truth);
   EvaluatedScene out;
   out.scene = scene.name;
   out.method = vehicles.method;
   out.preset = vehicles.preset;
   out.paper_terms = vehicles.paper_terms;
   out.detections_source = vehicles.detections_source;
+  out.metric = vehicles.metric;
   if (folder && fs::exists(fs::path(estimate) / "surface.json") &&
       fs::exists(fs::path(estimate) / "run.json")) {
     out.metrics = evaluate_scene(scene, read_camera_surface(estimate), vehicles,
@@ -100,7 +105,6 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
   } else {
     out.metrics = evaluate_vehicles(scene, vehicles);
   }
-  if (!vehicles.metric && warn) warn(estimate + ": the result is up to scale");
   return out;
 }
 
@@ -166,12 +170,24 @@ struct Evaluation {
 Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
   Evaluation all;
   all.times.resize(args.estimate.size());
+  std::map<std::pair<std::string, std::string>, std::string> by_label;  // of a truth and a method
   for (std::size_t i = 0; i < args.estimate.size(); ++i) {
     throw_if_interrupted();
-    all.truths.push_back(args.truth[i % args.truth.size()]);
+    const std::string& truth = args.truth[i % args.truth.size()];
+    all.truths.push_back(truth);
     // The same truth is read for every method; unknown keys need one warning.
-    all.scenes.push_back(evaluate_one(args, all.truths.back(), args.estimate[i],
+    all.scenes.push_back(evaluate_one(args, truth, args.estimate[i],
                                       i < args.truth.size() ? warn : LogSink{}, &all.times[i]));
+    if (!warn) continue;
+    const EvaluatedScene& scene = all.scenes.back();
+    const std::string& estimate = args.estimate[i];
+    if (!scene.metric) warn(estimate + ": the result is up to scale");
+    const std::string label = method_label(scene.method, scene.preset, scene.paper_terms);
+    const auto [first, fresh] = by_label.emplace(std::make_pair(truth, label), estimate);
+    if (!fresh) {
+      warn(fmt::format("{}: is of the method {} as {} is, for the same truth: one table joins them",
+                       estimate, label, first->second));
+    }
   }
   return all;
 }
@@ -231,11 +247,18 @@ int run(const Command& command, const Arguments& args) {
   int counted = 0;
   for (const MethodTables& table : tables) counted += table.counted;
   if (counted == 0) throw NoAnswerError("no true vehicle counts in the frames of the results");
-  nlohmann::json json = {
-      {"version", kVersion},
-      {"seed", command.common.seed},
-      {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
-      {"tables", tables_json(tables)}};
+  std::vector<std::string> calibration;
+  for (const fs::path& file : args.calibration) calibration.push_back(file.string());
+  nlohmann::json json = {{"version", kVersion},
+                         {"seed", command.common.seed},
+                         {"options",
+                          {{"truth", args.truth},
+                           {"estimate", args.estimate},
+                           {"subset", args.subset},
+                           {"calib", std::move(calibration)},
+                           {"camera", args.camera},
+                           {"image_size", args.image_size}}},
+                         {"tables", tables_json(tables)}};
   if (!args.out.empty()) {
     const StageTimer write(timings, "write");
     write_folder(command, args, all, tables, json, timings);

@@ -175,7 +175,7 @@ void register_synthia_sf(App& import) {
       ->check(positive_number());
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number());
-  app.add_option("--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
+  app.add_option("--rate,--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
       ->delimiter(',')
       ->capture_default_str();

@@ -61,6 +61,10 @@ struct Inputs {
 Inputs load(const Arguments& args) {
   Inputs in;
   in.labels = read_kitti_labels(args.labels);
+  if (args.frame && in.labels.form == KittiLabelForm::kTracking && !in.labels.labels.empty()) {
+    throw UsageError(fmt::format("--frame {}: {} is of the tracking form, whose rows have frames",
+                                 *args.frame, args.labels));
+  }
   in.surface = surface_without_vehicles(read_camera_surface(args.surface));
   const RunDocument run = read_run(fs::path(args.surface) / "run.json");
   for (const RunDocument::CameraPose& c : run.cameras) {

@@ -12,9 +12,11 @@ namespace {
 
 /// What is read of a folder that is given as an input.
 constexpr const char* kFolderFiles[] = {
-    "scene.json",   "surface.json", "vehicles.json", "run.json",    "metrics.json",
-    "road.ply",     "labels.ply",   "points3D.bin",  "cameras.bin", "images.bin",
-    "points3D.txt", "cameras.txt",  "images.txt"};
+    "scene.json",     "surface.json", "vehicles.json",  "run.json",    "metrics.json",
+    "road.ply",       "labels.ply",   "points3D.bin",   "cameras.bin", "images.bin",
+    "points3D.txt",   "cameras.txt",  "images.txt",     "images.npy",  "keypoints.npy",
+    "visibility.npy", "boxes.npy",    "true_boxes.npy", "heading.npy", "car.npy",
+    "crops.json"};
 
 void refuse_one(const fs::path& output, const fs::path& input) {
   std::error_code error;

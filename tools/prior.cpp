@@ -52,6 +52,26 @@ Residuals residuals_of(const ShapePrior& prior, const std::vector<AnnotatedShape
   return out;
 }
 
+/// @throws InputError where most shapes are gross errors: their axes are others, not their cars.
+AnnotatedPrior learn(const std::string& name, const std::vector<AnnotatedShape>& shapes,
+                     const ShapePrior& reference, int coefficients, const std::string& file) {
+  std::size_t reversed = 0;
+  for (const AnnotatedShape& shape : shapes) {
+    reversed += explain_shape(reference, shape, 0).scale.minCoeff() <= 0.0 ? 1 : 0;
+  }
+  const auto check = [&](std::size_t wrong) {
+    if (2 * wrong <= shapes.size()) return;
+    throw InputError(file, fmt::format("found {} of {} shapes that are no {}, expected axes to the "
+                                       "front, up and right, and keypoints in the order of "
+                                       "docs/keypoints.md",
+                                       wrong, shapes.size(), reference.name));
+  };
+  check(reversed);
+  AnnotatedPrior out = learn_annotated_prior(name, shapes, reference, nullptr, {coefficients});
+  check(out.outliers.size());
+  return out;
+}
+
 void add_timings(const Timings& timings, nlohmann::json* json) {
   for (const auto& [stage, milliseconds] : timings.stages()) {
     (*json)["timings_ms"][stage] = milliseconds;
@@ -110,8 +130,7 @@ int learn(const Command& command, const LearnArguments& args) {
     }
     prior = shipped_vehicle_prior();
     const ShapePrior& reference = shipped_vehicle_prior().shape(args.name);
-    AnnotatedPrior learnt =
-        learn_annotated_prior(args.name, shapes, reference, nullptr, {args.coefficients});
+    AnnotatedPrior learnt = learn(args.name, shapes, reference, args.coefficients, args.shapes);
     json["outliers"] = nlohmann::json::array();
     for (const int i : learnt.outliers) json["outliers"].push_back(shapes[i].name);
     prior.source = "annotated shapes, " + std::filesystem::path(args.shapes).filename().string();
@@ -181,8 +200,7 @@ int info(const Command& command, const InfoArguments& args) {
       (i % 2 ? half : others).push_back(shapes[i]);
     }
     const ShapePrior& car = prior.shapes.front();
-    const ShapePrior own =
-        learn_annotated_prior("half", half, car, nullptr, {car.num_coefficients()}).prior;
+    const ShapePrior own = learn("half", half, car, car.num_coefficients(), args.against).prior;
     json["against"] = {{"shapes", shapes.size()}, {"rows", nlohmann::json::array()}};
     for (const int count : {0, 5, 10, 20}) {
       if (count > car.num_coefficients() || count > own.num_coefficients()) continue;

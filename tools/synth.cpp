@@ -1,5 +1,7 @@
 // camber synth: a scene of a drive with complete truth.
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cstdio>
 #include <functional>
@@ -290,6 +292,23 @@ void add_surroundings(App& app, Settings* settings) {
                      [](SynthOptions* o) { o->features.weather.lights_on = true; });
 }
 
+/// @throws UsageError for an option of what the scene does not have, which would change nothing.
+void check_used(const App& app, const SynthOptions& options) {
+  const auto expect = [&](bool used, const char* option, const char* of) {
+    if (app.count(option) > 0 && !used) {
+      throw UsageError(fmt::format("{}: expected {} beside it", option, of));
+    }
+  };
+  const bool corner = options.features.corner.enabled;
+  for (const char* option : {"--corner-radius", "--corner-yaw-rate-deg", "--corner-phase",
+                             "--corner-angle-deg", "--corner-grade"}) {
+    expect(corner, option, "--corner");
+  }
+  expect(corner || options.features.bend.radius > 0.0, "--turn", "--corner or --bend-radius");
+  expect(options.layout.layout != SceneLayout::kCamber, "--sequence", "--layout of a data set");
+  expect(options.layout.layout == SceneLayout::kSynthiaSf, "--classes-only", "--layout synthia-sf");
+}
+
 nlohmann::json summary_json(const SynthOptions& options, const SynthSummary& summary,
                             const std::string& folder) {
   nlohmann::json timings = nlohmann::json::object();
@@ -350,6 +369,7 @@ void register_synth(App& root) {
     options.num_threads = command->common.threads;
     options.command = command->common.command_line;
     arguments->settings.apply(&options);
+    check_used(app, options);
     follow_layout(app, &options);
     const SynthSummary summary = synthesise_scene(options, arguments->out, arguments->overwrite,
                                                   make_progress(command->common));

@@ -22,6 +22,8 @@ using test::run_camber;
 using test::snapshot;
 using test::write_bytes;
 using test::write_png;
+using testing::ElementsAre;
+using testing::EndsWith;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -258,6 +260,140 @@ TEST_F(ImportOwn, BoxesOfAVideoAreFoundByTheNumbersInTheirImagesNames) {
   EXPECT_THAT(error_, HasSubstr("by the numbers in the names of images, from 1 on"));
   const Scene some = boxes_of(1, 2);  // of a part: their numbers hold
   EXPECT_EQ(some.frames[2].vehicles.size(), 1u);
+}
+
+/// Boxes by the video's frames, of which an import may take a part.
+TEST_F(ImportOwn, RowsOfAVideosBoxesStayWithTheirFrames) {
+  FilmWriter film(path("drive.avi"), 10.0);
+  for (int i = 0; i < 8; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});
+  film.finish();
+  std::string mot;
+  for (int i = 1; i <= 8; ++i)
+    mot += std::to_string(i) + ",1," + std::to_string(5 * i) + ",20,30,20,0.9,-1,-1,-1\n";
+  write_bytes(path("mot.txt"), mot);
+  for (const std::vector<std::string>& part :
+       {std::vector<std::string>{"--every", "3"}, {"--from", "0.35"}, {"--frames", "6"}}) {
+    std::vector<std::string> arguments = {"import",        "video", path("drive.avi"),
+                                          "--fov",         "90",    "--detections",
+                                          path("mot.txt"), "--out", path("out")};
+    arguments.insert(arguments.end(), part.begin(), part.end());
+    const auto result = run_camber(arguments);
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    for (const SceneFrame& frame : read_scene(path("out")).frames) {
+      ASSERT_EQ(frame.vehicles.size(), 1u);
+      EXPECT_EQ(frame.vehicles[0].box.x1, 5.0 * (frame.id + 1)) << part[0];
+    }
+  }
+}
+
+TEST_F(ImportOwn, ARateCountsTheFramesThatAreMissing) {
+  fs::create_directories(path("gaps"));
+  for (const char* name : {"000010", "000020", "000030", "000050", "000060"}) {
+    fs::copy_file(path("images/drive 1.png"), path(std::string("gaps/") + name + ".png"));
+  }
+  const auto times = [&](const std::string& folder) {
+    const auto result = run_camber(
+        {"import", "images", path(folder), "--fov", "90", "--rate", "10", "--out", path("out")});
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    error_ = result.error;
+    std::vector<double> out;
+    for (const SceneFrame& frame : read_scene(path("out")).frames) out.push_back(*frame.time_s);
+    return out;
+  };
+  EXPECT_THAT(times("gaps"), ElementsAre(0.0, 0.1, 0.2, 0.4, 0.5));
+  EXPECT_THAT(error_, HasSubstr("times by the numbers of the files, which leave out 1 of 6"));
+  // Numbers that count something else than frames.
+  fs::create_directories(path("milliseconds"));
+  for (const char* name : {"1000", "1033", "1067", "1100"}) {
+    fs::copy_file(path("images/drive 1.png"), path(std::string("milliseconds/") + name + ".png"));
+  }
+  EXPECT_THAT(times("milliseconds"), ElementsAre(0.0, 0.1, 0.2, 0.3));
+  EXPECT_THAT(error_, Not(HasSubstr("leave out")));
+}
+
+TEST_F(ImportOwn, MasksAreOfOneKind) {
+  fs::create_directories(path("masks"));
+  const std::vector<std::uint8_t> labels(80 * 60, 7), colors(80 * 60 * 3, 128);
+  for (const char* name : {"drive 1", "drive 2", "drive 10"}) {
+    const std::string mask = path("masks/" + std::string(name));
+    write_png(mask + "_gtFine_color.png", 80, 60, 2, 8, colors);
+    write_png(mask + "_gtFine_labelIds.png", 80, 60, 0, 8, labels);
+    write_png(mask + "_gtFine_labelTrainIds.png", 80, 60, 0, 8,
+              std::vector<std::uint8_t>(80 * 60, 0));
+  }
+  const std::vector<std::string> options = {"--fov", "90", "--masks", path("masks"), "--class-map"};
+  const auto with = [&](const char* map) {
+    std::vector<std::string> out = options;
+    out.emplace_back(map);
+    return out;
+  };
+  for (const SceneFrame& frame : imported(with("cityscapes")).frames) {
+    EXPECT_THAT(frame.segmentation.string(), EndsWith("_gtFine_labelIds.png"));
+  }
+  for (const SceneFrame& frame : imported(with("cityscapes-train")).frames) {
+    EXPECT_THAT(frame.segmentation.string(), EndsWith("_gtFine_labelTrainIds.png"));
+  }
+  EXPECT_EQ(read_scene(path("out")).segmentation_classes.at("road"), std::vector<int>{0});
+  fs::remove(path("masks/drive 2_gtFine_labelIds.png"));
+  fs::remove(path("masks/drive 2_gtFine_labelTrainIds.png"));
+  expect_refused(with("cityscapes"),
+                 "drive 2_gtFine_color.png: found a mask in colours beside others of numbers");
+  write_png(path("masks/drive 2_mask.png"), 80, 60, 0, 8, labels);
+  fs::create_directories(path("train"));
+  write_png(path("train/drive 1_gtFine_labelTrainIds.png"), 80, 60, 0, 8, labels);
+  expect_refused({"--fov", "90", "--masks", path("train"), "--class-map", "cityscapes"},
+                 "found a mask of train ids, expected those of the class map cityscapes");
+  expect_refused(with("cityscapes"), "found both drive 2_gtFine_color.png and drive 2_mask.png");
+}
+
+TEST_F(ImportOwn, APrincipalPointOfAnotherSizeIsWarnedOf) {
+  imported({"--fx", "100", "--cx", "61"});
+  EXPECT_THAT(error_,
+              HasSubstr("missing: a principal point near the middle: cx 61 in images of 80"));
+  imported({"--fx", "100", "--cx", "50"});
+  EXPECT_THAT(error_, Not(HasSubstr("principal point")));
+}
+
+TEST_F(ImportOwn, PosesWithCommasAreEuroCs) {
+  write_bytes(path("tum.csv"), "0.0,0,0,0,0,0,0,1\n0.5,0,0,1,0,0,0,1\n");
+  expect_refused({"--fov", "90", "--rate", "2", "--poses", path("tum.csv")},
+                 "tum.csv: line 1, field 1: found '0.0', expected whole nanoseconds");
+  write_bytes(path("euroc.csv"), "0,0,0,0,1,0,0,0\n1000000000,0,0,4,1,0,0,0\n");
+  const Scene scene = imported({"--fov", "90", "--rate", "2", "--poses", path("euroc.csv")});
+  EXPECT_NEAR(scene.frames[1].world_from_camera.value().translation().z(), 2.0, 1e-9);
+}
+
+TEST_F(ImportOwn, BoxesOfSeveralImagesOfOneNameAreNotJoined) {
+  const auto write_boxes = [&](const std::string& a, const std::string& b) {
+    const json file = {{"images", {{{"id", 1}, {"file_name", a}}, {{"id", 2}, {"file_name", b}}}},
+                       {"categories", {{{"id", 3}, {"name", "car"}}}},
+                       {"annotations",
+                        {{{"image_id", 1}, {"category_id", 3}, {"bbox", {10, 20, 30, 20}}},
+                         {{"image_id", 2}, {"category_id", 3}, {"bbox", {15, 20, 30, 20}}}}}};
+    write_bytes(path("boxes.json"), file.dump());
+  };
+  write_boxes("front/drive 1.png", "rear/drive 1.png");
+  expect_refused(
+      {"--fov", "90", "--detections", path("boxes.json")},
+      "found boxes of both front/drive 1.png and rear/drive 1.png for the image drive 1.png");
+  write_boxes("rear/drive 1.png", "images/drive 1.png");
+  const Scene scene = imported({"--fov", "90", "--detections", path("boxes.json")});
+  ASSERT_EQ(scene.frames[0].vehicles.size(), 1u);
+  EXPECT_EQ(scene.frames[0].vehicles[0].box.x1, 15.0);
+}
+
+TEST_F(ImportOwn, RowsOfMotCountFromOneAndMayHaveNegativeScores) {
+  write_bytes(path("mot.txt"), "1,-1,10,20,30,20,-0.7,-1,-1,-1\n1,-1,50,20,30,20,-1,-1,-1,-1\n");
+  const Scene scene = imported({"--fov", "90", "--detections", path("mot.txt")});
+  ASSERT_EQ(scene.frames[0].vehicles.size(), 2u);
+  EXPECT_EQ(scene.frames[0].vehicles[0].score, -0.7);
+  EXPECT_EQ(scene.frames[0].vehicles[1].score, 1.0);
+  const Scene better =
+      imported({"--fov", "90", "--detections", path("mot.txt"), "--least-score", "0.1"});
+  EXPECT_EQ(better.frames[0].vehicles.size(), 1u);  // of which no score is known
+  write_bytes(path("mot.txt"), "0,-1,10,20,30,20,0.7,-1,-1,-1\n");
+  expect_refused({"--fov", "90", "--detections", path("mot.txt")},
+                 "mot.txt: line 1, field 1: found '0', expected a frame number from 1");
 }
 
 TEST_F(ImportOwn, AColmapModel) {

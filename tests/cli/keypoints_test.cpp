@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "camber/image/image_io.h"
+#include "camber/synth/car_family.h"
 #include "cli/run_program.h"
 #include "scene/write_image.h"
 #include "support/test_data.h"
@@ -83,6 +85,46 @@ TEST_F(Keypoints, SynthesiseMakesPiecesSplitsAndASheet) {
   const ImageInfo sheet = read_image_info(path("sheet.png"));
   EXPECT_EQ(sheet.format, "PNG");
   EXPECT_GT(sheet.width, 6 * 2 * 160);
+}
+
+TEST_F(Keypoints, RunDoesNotReplaceTheCropsThatItReads) {
+  ASSERT_EQ(synthesise({"--count", "1", "--out", path("a"), "--quiet"}).exit_code, 0);
+  const auto before = test::snapshot(path("a"));
+  for (const char* file : {"images.npy", "crops.json"}) {
+    EXPECT_ONE_SENTENCE(
+        run_camber({"keypoints", "run", path("a"), "--out", path("a") + "/" + file}), 2,
+        "is the input");
+  }
+  EXPECT_EQ(test::snapshot(path("a")), before);
+}
+
+/// A person's annotations with other axes would make a prior of nonsense.
+TEST_F(Keypoints, APriorIsLearntFromShapesInItsAxesAlone) {
+  const auto write_shapes = [&](bool header, double right) {
+    std::ofstream csv(path("shapes.csv"));
+    if (header) csv << "model,x00\n";
+    for (int i = 0; i < 4; ++i) {
+      const CarModel car = sample_car(CarClass::kSaloon, CounterRandom(8), i);
+      csv << "car" << i;
+      for (const Eigen::Vector3d& k : car.keypoints) {
+        csv << ',' << k.x() << ',' << k.y() << ',' << right * k.z();
+      }
+      csv << '\n';
+    }
+  };
+  const std::vector<std::string> learn = {
+      "prior", "learn", path("shapes.csv"), "--out", path("prior.json"), "--json"};
+  for (const bool header : {true, false}) {
+    write_shapes(header, 1.0);
+    const auto learnt = run_camber(learn);
+    ASSERT_EQ(learnt.exit_code, 0) << learnt.error;
+    EXPECT_EQ(json::parse(learnt.out)["shapes"][0]["samples"], 4) << header;
+  }
+  std::filesystem::remove(path("prior.json"));
+  write_shapes(true, -1.0);
+  EXPECT_ONE_SENTENCE(run_camber(learn), 2,
+                      "shapes.csv: found 4 of 4 shapes that are no car, expected axes");
+  EXPECT_FALSE(std::filesystem::exists(path("prior.json")));
 }
 
 TEST_F(Keypoints, BadOptionsAndForeignFoldersAreRefused) {

@@ -127,6 +127,12 @@ TEST_F(Synth, RefusesWhatItCannotMake) {
   EXPECT_ONE_SENTENCE(synth({"--distortion", "brown,-2,0,0,0"}, "a"), 2, "lens's model reaches");
   EXPECT_EQ(synth({"--random", "-1"}, "a").exit_code, 2);
   EXPECT_EQ(synth({"--random", "x"}, "a").exit_code, 2);
+  // Options of what the scene does not have.
+  EXPECT_ONE_SENTENCE(synth({"--turn", "left"}, "a"), 2, "--turn: expected --corner or");
+  EXPECT_ONE_SENTENCE(synth({"--corner-grade", "0.1"}, "a"), 2, "expected --corner beside it");
+  EXPECT_ONE_SENTENCE(synth({"--sequence", "3"}, "a"), 2, "expected --layout of a data set");
+  EXPECT_ONE_SENTENCE(synth({"--layout", "kitti-tracking", "--classes-only"}, "a"), 2,
+                      "expected --layout synthia-sf");
   EXPECT_FALSE(std::filesystem::exists(path("a")));
 }
 

@@ -170,6 +170,19 @@ TEST_F(VehicleScene, WritesTables) {
                       2, "subset.txt: line 3: found \"Made\", expected the name of a scene");
 }
 
+TEST_F(VehicleScene, TablesWarnOfWhatTheyCannotTellApart) {
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
+  json scaled = read("v.json");
+  scaled["metric"] = false;
+  std::ofstream(path("scaled.json")) << scaled.dump();
+  const auto run = run_camber({"evaluate", "--truth", path("scene.json"), "--estimate",
+                               path("v.json"), path("scaled.json")});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_THAT(run.error, HasSubstr("scaled.json: the result is up to scale"));
+  EXPECT_THAT(run.error, HasSubstr("for the same truth: one table joins them"));
+  EXPECT_THAT(run.out, HasSubstr("MARKED: 1 of 2 results are up to scale"));
+}
+
 TEST_F(VehicleScene, PlotsOfSeveralScenesHaveTheirNames) {
   ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
   fs::copy_file(path("scene.json"), path("again.json"));  // of the same name
@@ -426,6 +439,28 @@ TEST_F(LiftedLabels, GoThroughLiftAndEvaluate) {
   EXPECT_LT(mean("lifted.txt"), 0.7);  // surface and 2D box against 2 m of the detector's 1.76
 }
 
+/// A detector writes no row for a frame in which it finds nothing.
+TEST_F(LiftedLabels, FramesWithoutARowAreMisses) {
+  const std::string car = " 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.65 20.0 -1.5\n";
+  put("four.txt", "5" + car + "6" + car + "7" + car + "8" + car);
+  put("two.txt", "5" + car + "6 1 Pedestrian 0 0 0 1 1 9 60 1.7 0.6 0.6 0 1.6 20 0\n7" + car);
+  put("none.txt", "");
+  const auto table = [&](const std::string& file) {
+    const auto r = run_camber({"evaluate", "--truth", path("four.txt"), "--estimate", path(file),
+                               "--calib", path("calib.txt"), "--json"});
+    EXPECT_EQ(r.exit_code, 0) << r.error;
+    return json::parse(r.out)["tables"][0];
+  };
+  const json two = table("two.txt");
+  EXPECT_EQ(two["counted"], 3);
+  EXPECT_EQ(two["missed"], 1);
+  EXPECT_EQ(two["unjudged"], 1);  // it may have stopped at frame 7
+  put("two.txt", "5" + car + "7" + car);
+  EXPECT_EQ(table("two.txt")["missed"], 1);
+  EXPECT_EQ(table("none.txt")["counted"], 4);
+  EXPECT_EQ(table("none.txt")["recall"], 0.0);
+}
+
 TEST_F(LiftedLabels, EachRowStatesItsSigmaAndItsSources) {
   const auto lifted =
       run_camber({"lift", path("two.txt"), "--surface", folder_.path().string(), "--calib",
@@ -454,6 +489,10 @@ TEST_F(LiftedLabels, FailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(run_camber({"lift", path("none.txt"), "--surface", folder_.path().string(),
                                   "--calib", path("calib.txt"), "--out", path("x.txt")}),
                       2, "none.txt");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"lift", path("found.txt"), "--surface", folder_.path().string(), "--calib",
+                  path("calib.txt"), "--frame", "5", "--out", path("x.txt")}),
+      2, "found.txt is of the tracking form");
   put("other.txt", "9 0 Car 0 0 0 571 178 643 239 1.5 1.7 4.2 0.0 1.74 22.0 -1.5\n");
   EXPECT_ONE_SENTENCE(run_camber({"lift", path("other.txt"), "--surface", folder_.path().string(),
                                   "--calib", path("calib.txt"), "--out", path("x.txt")}),

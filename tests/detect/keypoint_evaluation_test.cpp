@@ -49,6 +49,15 @@ TEST(EvaluateKeypoints, CountsErrorsByTheirLimits) {
   EXPECT_TRUE(std::isnan(e.by_keypoint[3].all.pck_2px));
 }
 
+TEST(EvaluateKeypoints, TheMedianOfTwoIsTheirMean) {
+  Made made(2);
+  made.found[0][0].at = {21.0, 30.0};
+  made.found[1][0].at = {23.0, 30.0};
+  const KeypointEvaluation e = evaluate_keypoints(made.crops, made.found);
+  EXPECT_NEAR(e.by_keypoint[0].all.median, 2.0, 1e-12);
+  EXPECT_EQ(e.by_keypoint[0].all.offset, Eigen::Vector2d(2.0, 0.0));
+}
+
 TEST(EvaluateKeypoints, RanksKeypointsForTheirPrecision) {
   Made made(4);
   // Keypoint 0 of four crops by falling probability: right, hidden (a false one), right, too far.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
@@ -223,6 +224,54 @@ TEST(EvaluateVehicles, CountsMissesAndUnanswered) {
   EXPECT_THROW(evaluate_vehicles(Scene{}, {}), std::invalid_argument);
 }
 
+TEST(EvaluateVehicles, FramesWithoutResultsAreStated) {
+  Scene scene = make_scene({make_truth(1, kNear, {0.0, 1.6, 12.0})});
+  TruthFrame second = scene.truth->frames[0];
+  second.id = 5;
+  second.vehicles.push_back(make_truth(2, kFar, {-9.0, 1.6, 33.0}));
+  scene.truth->frames.push_back(second);
+  const SceneMetrics m =
+      evaluate_vehicles(scene, make_document({make_estimate(1, second.vehicles[0], {0, 0, 0.1})}));
+  EXPECT_EQ(m.counted, 1);
+  EXPECT_EQ(m.unjudged, 2);
+  EXPECT_EQ(to_json(m)["unjudged"], 2);
+  const std::vector<MethodTables> tables = make_tables({{"made", "joint", "network", m}});
+  EXPECT_NE(tables_text(tables).find("; 2 more in frames without results are not counted"),
+            std::string::npos)
+      << tables_text(tables);
+  EXPECT_EQ(tables_json(tables)[0]["unjudged"], 2);
+}
+
+TEST(EvaluateVehicles, HeightsAreThoseOfStatedPlanesAndSigmas) {
+  const Scene scene =
+      make_scene({make_truth(1, kNear, {0.0, 1.6, 12.0}), make_truth(2, kFar, {-9.0, 1.6, 33.0})});
+  const auto& truth = scene.truth->frames[0].vehicles;
+  VehicleEstimate without_sigma = make_estimate(1, truth[0], {0, 0, 0.1});
+  without_sigma.plane_sigma_height = std::numeric_limits<double>::quiet_NaN();
+  nlohmann::json document =
+      to_json(make_document({without_sigma, make_estimate(2, truth[1], {0, 0, 0.1})}));
+  test::TemporaryFolder folder;
+  const auto file = folder.path() / "vehicles.json";
+  write_json(document, file);
+  // The one that states a sigma is inside.
+  EXPECT_EQ(to_json(evaluate_vehicles(
+                scene, read_vehicles(file)))["by_distance"]["all"]["height_within_95"],
+            1.0);
+  document["frames"][0]["vehicles"][1].erase("plane");
+  write_json(document, file);
+  const VehicleDocument read = read_vehicles(file);
+  const SceneMetrics m = evaluate_vehicles(scene, read);
+  ASSERT_EQ(m.vehicles.size(), 2u);
+  const nlohmann::json all = to_json(m)["by_distance"]["all"];
+  EXPECT_EQ(all["height_error"]["count"], 1);
+  EXPECT_EQ(all["normal_error_deg"]["count"], 1);
+  EXPECT_EQ(all["center_error"]["count"], 2);
+  EXPECT_TRUE(all["height_within_95"].is_null());
+  // What is written again can be read.
+  write_json(to_json(read), file);
+  EXPECT_TRUE(std::isnan(read_vehicles(file).frames[0].vehicles[1].plane.offset));
+}
+
 TEST(EvaluateScene, CountsCoverageAndMotion) {
   Scene scene =
       make_scene({make_truth(1, kNear, {0.0, 1.6, 12.0}), make_truth(2, kFar, {-9.0, 1.6, 33.0}),
@@ -315,6 +364,28 @@ TEST(Tables, TextMarkdownAndCsvSayWhatCounts) {
   const nlohmann::json json = tables_json(tables);
   EXPECT_EQ(json[1]["marked"], true);
   EXPECT_TRUE(json[1]["rows"][4]["center_error"]["mean"].is_null());
+}
+
+TEST(Tables, FieldsWithCommasAreQuoted) {
+  std::vector<EvaluatedScene> scenes = two_methods();
+  scenes[0].scene = "a \"steep\" road, wet";
+  scenes[0].detections_source = "truth_boxes, keypoints shipped:12";
+  const std::string csv = vehicles_csv(scenes);
+  EXPECT_NE(csv.find("\n\"a \"\"steep\"\" road, wet\",joint,"
+                     "\"truth_boxes, keypoints shipped:12\",4,1,1,ok,"),
+            std::string::npos)
+      << csv;
+}
+
+TEST(Tables, ResultsUpToScaleAreMarked) {
+  std::vector<EvaluatedScene> scenes = two_methods();
+  scenes[0].metric = false;
+  const std::vector<MethodTables> tables = make_tables(scenes);
+  EXPECT_NE(tables_text(tables).find("MARKED: 1 of 1 results are up to scale"), std::string::npos);
+  const nlohmann::json json = tables_json(tables);
+  EXPECT_EQ(json[0]["up_to_scale"], 1);
+  EXPECT_EQ(json[0]["marked"], true);
+  EXPECT_EQ(json[1]["up_to_scale"], 0);
 }
 
 TEST(ReadSubset, LinesAndErrors) {

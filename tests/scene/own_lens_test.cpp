@@ -61,5 +61,34 @@ TEST(OwnLens, WithoutALensNothingChanges) {
   EXPECT_EQ(scene.frames[0].vehicles[0].box.x1, 500.0);
 }
 
+/// A fisheye that sees 90 degrees to the side: the pinhole image ends before, and what lies beyond
+/// has no place in it.
+TEST(OwnLens, BoxesBeyondThePinholeImageAreCutOrLeftOut) {
+  Scene scene;
+  scene.camera = {128, 64, 41.0, 41.0, 63.5, 31.5};
+  scene.distortion.model = LensModel::kFisheye;
+  scene.distortion.coefficients = {0.0, 0.0, 0.0, 0.0};
+  scene.distortion.raw = scene.camera;
+  scene.frames.emplace_back();
+  for (const Box2& box :
+       {Box2{50.0, 20.0, 60.0, 40.0}, Box2{0.0, 20.0, 25.0, 40.0}, Box2{0.0, 20.0, 4.0, 40.0}}) {
+    VehicleDetection car;
+    car.id = static_cast<int>(scene.frames[0].vehicles.size());
+    car.box = box;
+    scene.frames[0].vehicles.push_back(car);
+  }
+  OwnImport out;
+  take_out_lens(scene, out);
+  const std::vector<VehicleDetection>& cars = scene.frames[0].vehicles;
+  ASSERT_EQ(cars.size(), 2u);
+  EXPECT_EQ(cars[0].id, 0);
+  EXPECT_EQ(cars[1].id, 1);
+  const LensMap map(scene.camera, scene.distortion);
+  EXPECT_FALSE(map.pinhole_from_raw({-1.0, 30.0}));
+  EXPECT_NEAR(cars[1].box.x2, map.pinhole_from_raw({25.0, 30.0})->x(), 1.0);
+  EXPECT_LE(cars[1].box.x1, 0.0);
+  EXPECT_THAT(out.found[0], ::testing::HasSubstr("1 boxes left out"));
+}
+
 }  // namespace
 }  // namespace camber

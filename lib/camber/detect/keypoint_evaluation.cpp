@@ -51,12 +51,13 @@ std::vector<Judged> judge(const std::vector<KeypointCropTruth>& crops,
   return out;
 }
 
-/// The value at half of the order; reorders.
+/// The value in the middle, or the mean of the two there; reorders.
 double median(std::vector<double>* values) {
   if (values->empty()) return kNaN;
   const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
   std::nth_element(values->begin(), middle, values->end());
-  return *middle;
+  if (values->size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(values->begin(), middle));
 }
 
 using Choice = std::function<bool(const Judged&)>;

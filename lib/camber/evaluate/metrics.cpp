@@ -166,7 +166,9 @@ VehicleError compare_vehicle(const TruthVehicle& t, const VehicleEstimate& e) {
         squared_mahalanobis(difference, covariance, &error.singular_covariance);
   }
   // n . f + d > 0: the true contact point is above the plane, the estimate too low.
-  if (t.plane) {
+  if (!std::isfinite(e.plane.offset)) {
+    error.height_sigma = kNaN;  // no plane is stated
+  } else if (t.plane) {
     const Eigen::Vector3d contact = t.plane->foot(t.pose.bottom_center());
     error.height_error = -e.plane.signed_distance(contact);
     error.normal_error = angle_between(e.plane.normal, t.plane->normal);
@@ -215,6 +217,14 @@ SceneMetrics evaluate_vehicles(const Scene& scene, const VehicleDocument& vehicl
     }
     out.counted += counted;
     out.missed += counted - static_cast<int>(matches.size());
+  }
+  for (const TruthFrame& truth : scene.truth->frames) {
+    const bool judged =
+        std::any_of(vehicles.frames.begin(), vehicles.frames.end(),
+                    [&](const VehicleFrame& estimate) { return estimate.id == truth.id; });
+    if (judged) continue;
+    for (const TruthVehicle& v : truth.vehicles)
+      out.unjudged += is_counted(v, scene.camera) ? 1 : 0;
   }
   return out;
 }
@@ -279,6 +289,7 @@ SceneMetrics evaluate_scene(const Scene& scene, const RoadSurface& surface,
 nlohmann::json to_json(const SceneMetrics& metrics) {
   nlohmann::json out;
   out["counted"] = metrics.counted;
+  out["unjudged"] = metrics.unjudged;
   out["uncertain"] = metrics.uncertain;
   out["matched"] = metrics.vehicles.size();
   out["missed"] = metrics.missed;
@@ -303,20 +314,17 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
     entry["yaw_error_deg"] = statistics(collect(
         metrics, bin, [](const VehicleError& e) { return std::abs(e.yaw_error) * 180.0 / kPi; }));
     const std::vector<double> inside = collect(metrics, bin, [](const VehicleError& e) {
+      if (!std::isfinite(e.height_error) || !std::isfinite(e.height_sigma)) return kNaN;
       return std::abs(e.height_error) <= 1.959964 * e.height_sigma ? 1.0 : 0.0;
     });
-    double sum = 0.0;
-    for (const double v : inside) sum += v;
-    entry["height_within_95"] = inside.empty()
-                                    ? nlohmann::json(nullptr)
-                                    : nlohmann::json(sum / static_cast<double>(inside.size()));
+    entry["height_within_95"] = number(mean_of(inside));
   }
   {
     const std::vector<double> inside = collect(metrics, kBins[0], [](const VehicleError& e) {
       if (std::isnan(e.center_mahalanobis)) return kNaN;
       return e.center_mahalanobis <= kEllipsoid95 ? 1.0 : 0.0;
     });
-    out["center_within_95"] = inside.empty() ? nlohmann::json(nullptr) : number(mean_of(inside));
+    out["center_within_95"] = number(mean_of(inside));
   }
   out["vehicles"] = nlohmann::json::array();
   for (const VehicleError& e : metrics.vehicles) {

@@ -16,7 +16,7 @@ struct VehicleError {
   double distance = 0.0;      ///< m, true bottom centre from the camera
   double center_error = 0.0;  ///< m, between true and estimated box centres
   /// m, signed: estimated minus true ground under the vehicle; against labels without a plane the
-  /// difference along the camera's y at the label's bottom centre.
+  /// difference along the camera's y at the label's bottom centre. NaN where no plane is stated.
   double height_error = 0.0;
   double height_sigma = 0.0;  ///< m, stated
   double normal_error = 0.0;  ///< rad, NaN without a true plane
@@ -39,6 +39,7 @@ struct VehicleError {
 struct SceneMetrics {
   std::vector<VehicleError> vehicles;
   int counted = 0;              ///< true vehicles that count
+  int unjudged = 0;             ///< true vehicles that would, in frames that the results lack
   int uncertain = 0;            ///< true vehicles that do not, since their truth is uncertain
   int unanswered = 0;           ///< matched detections with status kFailed
   int missed = 0;               ///< counted vehicles with no matching detection

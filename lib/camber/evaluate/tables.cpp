@@ -1,6 +1,7 @@
 #include "camber/evaluate/tables.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -110,6 +111,9 @@ std::string heading(const MethodTables& t) {
                   100.0 * t.recall, t.unanswered);
   const std::string sources = joined(t.detections_sources);
   if (!sources.empty()) out += "; detections: " + sources;
+  if (t.unjudged > 0) {
+    out += fmt::format("; {} more in frames without results are not counted", t.unjudged);
+  }
   if (t.without_covariance > 0) {
     out += fmt::format("; {} without a covariance", t.without_covariance);
   }
@@ -120,9 +124,16 @@ std::string heading(const MethodTables& t) {
 }
 
 std::string marking(const MethodTables& t) {
-  if (!(t.unanswered_share > kMarkedUnansweredShare)) return "";
-  return fmt::format("MARKED: {:.1f} % of the detections are unanswered (more than {:.0f} %)",
-                     100.0 * t.unanswered_share, 100.0 * kMarkedUnansweredShare);
+  std::vector<std::string> marks;
+  if (t.unanswered_share > kMarkedUnansweredShare) {
+    marks.push_back(fmt::format("{:.1f} % of the detections are unanswered (more than {:.0f} %)",
+                                100.0 * t.unanswered_share, 100.0 * kMarkedUnansweredShare));
+  }
+  if (t.up_to_scale > 0) {
+    marks.push_back(fmt::format("{} of {} results are up to scale, their errors are no metres",
+                                t.up_to_scale, t.scenes));
+  }
+  return marks.empty() ? "" : fmt::format("MARKED: {}", fmt::join(marks, "; "));
 }
 
 const std::vector<std::string>& column_names() {
@@ -231,6 +242,8 @@ std::vector<MethodTables> make_tables(const std::vector<EvaluatedScene>& scenes,
     found->unanswered += scene.metrics.unanswered;
     found->without_covariance += scene.metrics.without_covariance;
     found->singular_covariance += scene.metrics.singular_covariance;
+    found->unjudged += scene.metrics.unjudged;
+    found->up_to_scale += scene.metric ? 0 : 1;
     std::vector<std::string>& sources = found->detections_sources;
     if (!scene.detections_source.empty() &&
         std::find(sources.begin(), sources.end(), scene.detections_source) == sources.end()) {
@@ -345,11 +358,13 @@ nlohmann::json tables_json(const std::vector<MethodTables>& tables) {
                    {"counted", table.counted},
                    {"matched", table.matched},
                    {"missed", table.missed},
+                   {"unjudged", table.unjudged},
                    {"unanswered", table.unanswered},
                    {"without_covariance", table.without_covariance},
                    {"singular_covariance", table.singular_covariance},
                    {"recall", number(table.recall)},
-                   {"marked", table.unanswered_share > kMarkedUnansweredShare},
+                   {"up_to_scale", table.up_to_scale},
+                   {"marked", !marking(table).empty()},
                    {"rows", rows}});
   }
   return out;
@@ -361,16 +376,23 @@ std::string vehicles_csv(const std::vector<EvaluatedScene>& scenes) {
       "along_error,center_mahalanobis,height_error,height_sigma,normal_error_deg,yaw_error_deg,"
       "keypoint_error,dimension_error,overlap\n";
   auto value = [](double x) { return std::isnan(x) ? std::string() : fmt::format("{:.6g}", x); };
+  // As RFC 4180: names, and sources that list several networks, may hold commas.
+  auto text = [](const std::string& field) {
+    if (field.find_first_of(",\"\r\n") == std::string::npos) return field;
+    std::string quoted = "\"";
+    for (const char c : field) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+    return quoted + '"';
+  };
   for (const EvaluatedScene& scene : scenes) {
     for (const VehicleError& e : scene.metrics.vehicles) {
-      out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", scene.scene,
-                         method_label(scene.method, scene.preset, scene.paper_terms),
-                         scene.detections_source, e.frame, e.truth_id, e.estimate_id,
-                         to_string(e.status), value(e.distance), value(e.center_error),
-                         value(e.along_error), value(e.center_mahalanobis), value(e.height_error),
-                         value(e.height_sigma), value(e.normal_error * kDegrees),
-                         value(e.yaw_error * kDegrees), value(e.keypoint_error),
-                         value(e.dimension_error), value(e.overlap));
+      out += fmt::format(
+          "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", text(scene.scene),
+          text(method_label(scene.method, scene.preset, scene.paper_terms)),
+          text(scene.detections_source), e.frame, e.truth_id, e.estimate_id, to_string(e.status),
+          value(e.distance), value(e.center_error), value(e.along_error),
+          value(e.center_mahalanobis), value(e.height_error), value(e.height_sigma),
+          value(e.normal_error * kDegrees), value(e.yaw_error * kDegrees), value(e.keypoint_error),
+          value(e.dimension_error), value(e.overlap));
     }
   }
   return out;

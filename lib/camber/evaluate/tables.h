@@ -17,6 +17,7 @@ struct EvaluatedScene {
   SceneMetrics metrics;
   std::string preset{};       ///< "default", "paper", or empty
   std::string paper_terms{};  ///< of preset "paper": "meant", "printed"; otherwise empty
+  bool metric = true;         ///< false: lengths are up to scale, so its errors are no metres
 };
 
 /// A subset of vehicles by scene, frame and id; -1 stands for all.
@@ -61,7 +62,9 @@ struct MethodTables {
   std::string method, preset, paper_terms;
   std::vector<std::string> detections_sources;  ///< each once, in order of appearance
   int scenes = 0, counted = 0, matched = 0, missed = 0, unanswered = 0;
-  int without_covariance = 0, singular_covariance = 0;  ///< as in SceneMetrics
+  int unjudged = 0;                                     ///< as in SceneMetrics
+  int without_covariance = 0, singular_covariance = 0;  ///< likewise
+  int up_to_scale = 0;                                  ///< scenes whose errors are no metres
   double recall = 0.0;                                  ///< answered matches / counted
   double unanswered_share = 0.0;                        ///< of the matched
   std::vector<LocalisationRow> rows;

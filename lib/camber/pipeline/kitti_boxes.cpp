@@ -6,7 +6,9 @@
 #include <cctype>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -28,6 +30,9 @@ bool is_vehicle(const KittiLabel& label) {
   const std::string type = lower_case(label.type);
   return type == "car" || type == "van" || type == "truck" || type == "bus";
 }
+
+/// @param frame  of the object form's rows.
+int frame_of(const KittiLabel& label, int frame) { return label.frame >= 0 ? label.frame : frame; }
 
 /// Share of the projected box outside the image; 1 if it reaches behind the camera.
 double truncation_of(const OrientedBox& box, const PinholeCamera& camera) {
@@ -163,7 +168,7 @@ Scene truth_from_kitti(const KittiLabelFile& labels, const KittiCalibration::Cam
     v.truncation = label.frame >= 0 && label.truncated == 1.0
                        ? truncation_of(v.pose, scene.camera)
                        : std::clamp(label.truncated, 0.0, 1.0);
-    const int id = label.frame >= 0 ? label.frame : frame;
+    const int id = frame_of(label, frame);
     frames[id].id = id;
     frames[id].vehicles.push_back(std::move(v));
   }
@@ -189,6 +194,8 @@ VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
   std::map<int, VehicleFrame> frames;
   for (std::size_t i = 0; i < labels.labels.size(); ++i) {
     const KittiLabel& label = labels.labels[i];
+    const int id = frame_of(label, frame);
+    frames[id].id = id;
     if (!is_vehicle(label) || !label.has_box3()) continue;
     VehicleEstimate e;
     e.id = static_cast<int>(i);
@@ -204,8 +211,6 @@ VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
     e.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
     e.keypoints.fill(Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
     e.status = Status::kOk;
-    const int id = label.frame >= 0 ? label.frame : frame;
-    frames[id].id = id;
     frames[id].vehicles.push_back(std::move(e));
   }
   for (auto& [id, f] : frames) {
@@ -213,6 +218,21 @@ VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
     out.frames.push_back(std::move(f));
   }
   return out;
+}
+
+void add_empty_frames(const KittiLabelFile& labels, int frame, const SceneTruth& truth,
+                      VehicleDocument* document) {
+  int first = std::numeric_limits<int>::max(), last = std::numeric_limits<int>::min();
+  for (const KittiLabel& label : labels.labels) {
+    first = std::min(first, frame_of(label, frame));
+    last = std::max(last, frame_of(label, frame));
+  }
+  std::set<int> there;
+  for (const VehicleFrame& one : document->frames) there.insert(one.id);
+  for (const TruthFrame& one : truth.frames) {
+    const bool covered = labels.labels.empty() || (one.id >= first && one.id <= last);
+    if (covered && there.insert(one.id).second) document->frames.push_back({one.id, {}});
+  }
 }
 
 std::vector<LiftedBox> kitti_from_vehicles(const VehicleDocument& document, const Scene& scene,

@@ -58,10 +58,16 @@ std::vector<BoxTilt> read_tilts(const std::filesystem::path& path, std::size_t r
 Scene truth_from_kitti(const KittiLabelFile& labels, const KittiCalibration::Camera& camera,
                        int width, int height, int frame, const std::string& name);
 
-/// A label file as a result: upright boxes, or tilted ones where tilts are given (one a row).
+/// A label file as a result: upright boxes, or tilted ones where tilts are given (one a row). Every
+/// frame with a row is in it, also one whose rows are no vehicles.
 VehicleDocument vehicles_from_kitti(const KittiLabelFile& labels,
                                     const KittiCalibration::Camera& camera, int frame,
                                     const std::vector<BoxTilt>& tilts, const std::string& method);
+
+/// Adds the truth's frames in which a label file has no row, from its first frame to its last (all
+/// of them, if it has no row at all): a detector that found nothing there writes none.
+void add_empty_frames(const KittiLabelFile& labels, int frame, const SceneTruth& truth,
+                      VehicleDocument* document);
 
 /// Vehicles as rows of a label file in the tracking form, and their tilts for the side file:
 /// rows in the order of the document, those without an answer left out.

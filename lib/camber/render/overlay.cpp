@@ -382,6 +382,7 @@ void draw_ellipse(Canvas& canvas, const PinholeCamera& camera, const Occluders& 
   const Eigen::Vector2d radii = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
   if (!(radii.maxCoeff() < drawn.range)) return;
   const Eigen::Vector3d center = v.plane.foot(v.pose.bottom_center());
+  if (!center.allFinite()) return;
   constexpr int kSteps = 72;
   SplitLines rim;
   const auto at = [&](int step) {

@@ -96,11 +96,7 @@ OwnImport import_colmap(const fs::path& model, const fs::path& images,
   fs::path folder = fs::absolute(model).lexically_normal();
   if (!folder.has_filename()) folder = folder.parent_path();
   scene.name = options.name.empty() ? folder.filename().string() : options.name;
-  if (options.times.rate) {
-    scene.frame_rate = options.times.rate;
-    for (std::size_t i = 0; i < scene.frames.size(); ++i)
-      scene.frames[i].time_s = static_cast<double>(i) / *options.times.rate;
-  }
+  if (options.times.rate) put_rate(scene, *options.times.rate, out);
   measure_images(scene);
   camera.calibration = part_of(model, "cameras");
   put_camera(scene, camera, out);

@@ -370,6 +370,9 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
   }
   const std::vector<int> selected = keep_frames(scene, options.frames);
   measure_images(scene);
+  if (const std::string off_centre = off_centre_camera(scene.camera); warn && !off_centre.empty()) {
+    warn(calibration.file + ": found no " + off_centre.substr(2));
+  }
   if (options.reference_frame) {
     if (!scene.find_frame(*options.reference_frame)) {
       throw UsageError(fmt::format("reference frame {} is not among the frames {} to {}",

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 #include <stdexcept>
 
@@ -168,6 +169,14 @@ void put_calibration(Scene& scene, const CameraCalibration& camera, const std::s
       model == LensModel::kNone ? std::string("no distortion") : to_string(model) + " distortion"));
 }
 
+std::string off_centre_camera(const PinholeCamera& camera) {
+  if (std::abs(camera.cx - 0.5 * (camera.width - 1)) <= 0.25 * camera.width) return "";
+  return fmt::format(
+      "a principal point near the middle: cx {:.6g} in images of {} pixels is that of images of "
+      "another size, or of a part of them",
+      camera.cx, camera.width);
+}
+
 void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out) {
   const int width = scene.camera.width, height = scene.camera.height;
   if (!camera.calibration.empty()) {
@@ -199,6 +208,8 @@ void finish_import(const OwnDataOptions& options, OwnImport& out) {
     out.found.push_back(
         fmt::format("camera {} +- {} m above the road", *options.height, scene.height_sigma));
   }
+  const std::string off_centre = off_centre_camera(file_camera(scene));
+  if (!off_centre.empty()) out.missing.push_back(off_centre);
   if (!options.detections.file.empty()) put_own_detections(scene, options.detections, out);
   if (!options.masks.empty()) {
     if (options.class_map.empty()) {
@@ -244,6 +255,30 @@ void number_frames(Scene& scene, OwnImport& out) {
                                         printable(scene.frames.back().image.filename().string())));
 }
 
+void put_rate(Scene& scene, double rate, OwnImport& out) {
+  scene.frame_rate = rate;
+  std::vector<SceneFrame>& frames = scene.frames;
+  int step = 0;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    step = std::gcd(step, frames[i].id - frames[i - 1].id);
+  }
+  std::size_t next = 0;  // frames one step after the one before
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    next += frames[i].id - frames[i - 1].id == step ? 1 : 0;
+  }
+  const bool numbers = frames.size() > 1 && 2 * next > frames.size() - 1;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const double steps =
+        numbers ? (frames[i].id - frames.front().id) / step : static_cast<double>(i);
+    frames[i].time_s = steps / rate;
+  }
+  if (numbers && next < frames.size() - 1) {
+    const int span = (frames.back().id - frames.front().id) / step + 1;
+    out.found.push_back(fmt::format("times by the numbers of the files, which leave out {} of {}",
+                                    span - static_cast<int>(frames.size()), span));
+  }
+}
+
 OwnImport import_images(const std::vector<std::string>& places, const OwnDataOptions& options,
                         const LogSink&) {
   options.validate();
@@ -258,10 +293,7 @@ OwnImport import_images(const std::vector<std::string>& places, const OwnDataOpt
   fs::path folder = fs::absolute(scene.frames.front().image).lexically_normal().parent_path();
   scene.name = options.name.empty() ? folder.filename().string() : options.name;
   if (options.times.rate) {
-    scene.frame_rate = options.times.rate;
-    for (std::size_t i = 0; i < scene.frames.size(); ++i) {
-      scene.frames[i].time_s = static_cast<double>(i) / *options.times.rate;
-    }
+    put_rate(scene, *options.times.rate, out);
   } else if (!options.times.list.empty()) {
     put_times(scene, listed_times(scene, options.times.list), options.times.list.string(), out);
   } else if (options.times.from_names) {

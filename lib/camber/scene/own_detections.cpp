@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -74,14 +76,18 @@ class FrameIndex {
     return least == 1 && greatest == ids_.rbegin()->first + 1 ? 1 : 0;
   }
 
+  std::optional<std::size_t> by_id(std::int64_t id) const {
+    const auto at = ids_.find(id);
+    return at == ids_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+  }
+
   /// By the last number in the file name, where all frames have different ones; else by id.
   std::optional<std::size_t> by_number(std::int64_t number) const {
     if (unique_numbers_) {
       const auto at = numbers_.find(number);
       return at == numbers_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
     }
-    const auto at = ids_.find(number);
-    return at == ids_.end() ? std::nullopt : std::optional<std::size_t>(at->second);
+    return by_id(number);
   }
 
  private:
@@ -121,6 +127,8 @@ std::string vehicle_class_of(const std::string& name) {
   const auto at = others.find(lower);
   return at == others.end() ? lower : at->second;
 }
+
+constexpr double kNoScore = -1.0;  // as MOT and other programs write it
 
 /// What became of the boxes, for one phrase.
 struct Tally {
@@ -166,7 +174,8 @@ void put_boxes(const DetectedImage& image, const OwnDetections& options,
       }
       continue;
     }
-    if (!std::isnan(box.score) && box.score >= 0.0 && box.score < options.least_score) {
+    const bool scored = !std::isnan(box.score) && box.score != kNoScore;
+    if (scored && options.least_score > 0.0 && box.score < options.least_score) {
       ++tally.unscored;
       continue;
     }
@@ -181,11 +190,58 @@ void put_boxes(const DetectedImage& image, const OwnDetections& options,
     out.id = next++;
     out.vehicle_class = name;
     out.box = *inside;
-    if (!std::isnan(box.score) && box.score >= 0.0) out.score = box.score;
+    if (scored) out.score = box.score;
     if (box.track >= 0 && box.track <= 2000000000) out.track = static_cast<int>(box.track);
     frame.vehicles.push_back(std::move(out));
     ++tally.taken;
   }
+}
+
+/// Whether a boxes' image may be meant by the frame of its name: "a/0.png" is "x/a/0.png", not
+/// "x/b/0.png".
+bool ends_with(const fs::path& image, const std::string& name) {
+  const fs::path whole = fs::absolute(image).lexically_normal();
+  const fs::path part = fs::path(name).lexically_normal();
+  auto a = whole.end();
+  auto b = part.end();
+  while (b != part.begin()) {
+    if (a == whole.begin() || *--a != *--b) return false;
+  }
+  return true;
+}
+
+/// The frame of each of the boxes' images, if any. Of images of one name, as of several cameras,
+/// the frame's is the one whose path is the end of the frame's own.
+/// @throws InputError where that leaves several for a frame.
+std::vector<std::optional<std::size_t>> frames_of(
+    const DetectionFile& file, const Scene& scene, const fs::path& path,
+    const std::function<std::optional<std::size_t>(const DetectedImage&)>& frame_of_image) {
+  std::vector<std::optional<std::size_t>> out;
+  std::map<std::size_t, std::set<std::string>> names;  // by frame
+  for (const DetectedImage& image : file.images) {
+    out.push_back(frame_of_image(image));
+    if (out.back() && !image.file_name.empty()) names[*out.back()].insert(image.file_name);
+  }
+  for (auto& [frame, of_frame] : names) {
+    if (of_frame.size() < 2) continue;
+    const fs::path& image = scene.frames[frame].image;
+    std::vector<std::string> own;
+    std::copy_if(of_frame.begin(), of_frame.end(), std::back_inserter(own),
+                 [&image = image](const std::string& name) { return ends_with(image, name); });
+    if (own.size() != 1) {
+      throw InputError(
+          path.string(),
+          fmt::format("found boxes of both {} and {} for the image {}, expected those of one",
+                      printable(*of_frame.begin()), printable(*std::next(of_frame.begin())),
+                      printable(image.filename().string())));
+    }
+    of_frame = {own.front()};
+  }
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const std::string& name = file.images[i].file_name;
+    if (out[i] && !name.empty() && !names[*out[i]].count(name)) out[i].reset();
+  }
+  return out;
 }
 
 /// MOT counts frames from 1, the others from 0 or by the file's number.
@@ -201,6 +257,7 @@ std::optional<std::size_t> frame_of(const DetectedImage& image, DetectionForm fo
   const bool by_place = form == DetectionForm::kMot || form == DetectionForm::kCvatVideo;
   if (by_place) {
     const std::int64_t at = *image.number - (form == DetectionForm::kMot ? 1 : 0);
+    if (index.of_video()) return index.by_id(at);  // of the whole video, whatever was taken of it
     if (at < 0 || at >= static_cast<std::int64_t>(frames)) return std::nullopt;
     return static_cast<std::size_t>(at);
   }
@@ -223,8 +280,12 @@ void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& o
   const std::int64_t counted_from = index.of_video() ? index.first_video_number(file.images) : 0;
   std::size_t images = 0;
   bool by_video_names = false;
-  for (const DetectedImage& image : file.images) {
-    const auto at = frame_of(image, file.form, index, scene.frames.size(), counted_from);
+  const auto frames = frames_of(file, scene, options.file, [&](const DetectedImage& image) {
+    return frame_of(image, file.form, index, scene.frames.size(), counted_from);
+  });
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const DetectedImage& image = file.images[i];
+    const auto& at = frames[i];
     if (!at) {
       tally.no_frame += 1;
       continue;

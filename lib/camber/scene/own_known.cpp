@@ -25,17 +25,25 @@ namespace fs = std::filesystem;
 namespace camber {
 namespace {
 
-/// The share of a file's name that an image and its mask have in common.
-std::string shared_stem(const fs::path& file) {
-  std::string stem = file.stem().string();
+/// The ending of a mask's or image's name that states what it is; empty: none.
+std::string ending_of(const std::string& stem) {
   for (const char* suffix :
        {"_gtFine_labelIds", "_gtFine_labelTrainIds", "_gtFine_color", "_leftImg8bit", "_train_id",
         "_drivable_id", "_drivable_color", "_train_color", "_labelIds", "_label", "_mask", "_seg",
         "_road", "_color"}) {
     const std::string end = suffix;
     if (stem.size() > end.size() && stem.compare(stem.size() - end.size(), end.size(), end) == 0) {
-      return stem.substr(0, stem.size() - end.size());
+      return end;
     }
+  }
+  return "";
+}
+
+/// The share of a file's name that an image and its mask have in common.
+std::string shared_stem(const fs::path& file) {
+  std::string stem = file.stem().string();
+  if (const std::string ending = ending_of(stem); !ending.empty()) {
+    return stem.substr(0, stem.size() - ending.size());
   }
   // KITTI road: um_000000 and um_road_000000.
   const std::size_t road = stem.find("_road_");
@@ -43,18 +51,35 @@ std::string shared_stem(const fs::path& file) {
   return stem;
 }
 
-std::map<std::string, fs::path> masks_in(const fs::path& folder) {
-  std::map<std::string, fs::path> out;
+/// Masks by what their names share with images. Where a folder has several kinds for an image, as
+/// Cityscapes has, the numbers that the class map is of.
+std::map<std::string, fs::path> masks_in(const fs::path& folder, const std::string& class_map) {
+  std::map<std::string, std::map<std::string, fs::path>> found;  // by ending
   std::error_code error;
   if (!fs::is_directory(folder, error))
     throw InputError(folder.string(), "is not a folder, expected a folder of masks");
   for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    if (lower_case(at->path().extension().string()) == ".png")
-      out.emplace(shared_stem(at->path()), at->path());
+    if (lower_case(at->path().extension().string()) != ".png") continue;
+    const std::string ending = ending_of(at->path().stem().string());
+    found[shared_stem(at->path())].emplace(ending, at->path());
   }
-  if (out.empty())
+  if (found.empty())
     throw InputError(folder.string(),
                      "found no PNG image, expected one mask a frame, named as its image");
+  const bool train_ids = class_map == "cityscapes-train";
+  std::map<std::string, fs::path> out;
+  for (const auto& [stem, kinds] : found) {
+    auto chosen = kinds.find(train_ids ? "_gtFine_labelTrainIds" : "_gtFine_labelIds");
+    if (kinds.size() == 1) chosen = kinds.begin();
+    if (chosen == kinds.end()) {
+      throw InputError(
+          folder.string(),
+          fmt::format("found both {} and {}, expected one mask an image",
+                      printable(kinds.begin()->second.filename().string()),
+                      printable(std::next(kinds.begin())->second.filename().string())));
+    }
+    out.emplace(stem, chosen->second);
+  }
   return out;
 }
 
@@ -101,6 +126,22 @@ std::map<std::string, std::vector<int>> values_by_role(const ClassMap& classes, 
   for (auto at = out.begin(); at != out.end();)
     at = at->second.empty() ? out.erase(at) : std::next(at);
   return out;
+}
+
+/// Whether the masks' numbers are the training ids of classes that have others, too.
+/// @throws InputError where a named class map is of other numbers than the mask's name states.
+bool numbers_of_training(const fs::path& mask, const std::string& class_map,
+                         const ClassMap& classes) {
+  const std::string stem = mask.stem().string();
+  const bool training = stem.find("rainId") != std::string::npos;
+  if ((class_map == "cityscapes" && training) ||
+      (class_map == "cityscapes-train" && stem.find("labelIds") != std::string::npos)) {
+    throw InputError(mask.string(),
+                     fmt::format("found a mask of {} ids, expected those of the class map {}",
+                                 training ? "train" : "label", class_map));
+  }
+  return training && std::any_of(classes.classes.begin(), classes.classes.end(),
+                                 [](const MaskClass& one) { return one.train_id.has_value(); });
 }
 
 }  // namespace
@@ -161,7 +202,7 @@ void put_oxts_speeds(Scene& scene, const std::vector<OxtsRecord>& records, std::
 
 void put_own_masks(Scene& scene, const fs::path& folder, const std::string& class_map,
                    OwnImport& out) {
-  const auto masks = masks_in(folder);
+  const auto masks = masks_in(folder, class_map);
   const bool binary = class_map == "binary";
   const ClassMap classes = binary ? ClassMap() : class_map_of(class_map);
   std::size_t count = 0;
@@ -176,9 +217,16 @@ void put_own_masks(Scene& scene, const fs::path& folder, const std::string& clas
           fmt::format("found an image of {} x {} pixels, expected the camera's {} x {}", info.width,
                       info.height, scene.camera.width, scene.camera.height));
     }
+    const bool colored = info.channels >= 3 || info.palette;
+    if (count > 0 && !binary && classes.has_ids() && colored != colors) {
+      throw InputError(at->second.string(),
+                       fmt::format("found a mask {}, expected all masks of one kind",
+                                   colored ? "in colours beside others of numbers"
+                                           : "of numbers beside others in colours"));
+    }
     if (count++ == 0) {
-      colors = !binary && (info.channels >= 3 || info.palette || !classes.has_ids());
-      train_ids = at->second.stem().string().find("rainId") != std::string::npos;
+      colors = !binary && (colored || !classes.has_ids());
+      train_ids = numbers_of_training(at->second, class_map, classes);
     }
     if (binary) {
       frame.road_mask = at->second;

@@ -82,6 +82,8 @@ json vehicle_json(const VehicleEstimate& vehicle) {
               {"covariance", std::move(covariance)},
               {"reprojection_rmse_px", number_json(vehicle.reprojection_rmse_px)}};
   if (vehicle.track >= 0) out["track"] = vehicle.track;
+  // A document without the plane of an answered vehicle stays one; an unknown offset is refused.
+  if (std::isnan(vehicle.plane.offset) && vehicle.plane_source.empty()) out.erase("plane");
   return out;
 }
 
@@ -309,6 +311,8 @@ VehicleEstimate read_vehicle(const JsonCursor& cursor, std::set<int>* ids) {
     out.plane.offset = offset ? offset->number() : kNaN;
     out.plane_sigma_height = find_number(plane, "sigma_height", kNaN);
     out.plane_source = find_text(plane, "source");
+  } else {
+    out.plane.offset = kNaN;
   }
   if (const auto v = object.find("shape")) {
     for (const JsonCursor& item : v->items("an array of numbers")) {

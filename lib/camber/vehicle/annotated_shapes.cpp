@@ -27,6 +27,15 @@ Eigen::Vector3d box_sides(const ShapePrior& prior) {  // along x, y, z
   return {prior.parameters_mean[0], prior.parameters_mean[2], prior.parameters_mean[1]};
 }
 
+/// Whether a row has a name where the first number would be.
+bool is_header(const std::string& line) {
+  const std::size_t comma = line.find(',');
+  double value = 0.0;
+  return comma == std::string::npos ||
+         std::from_chars(line.data() + comma + 1, line.data() + line.size(), value).ec !=
+             std::errc();
+}
+
 }  // namespace
 
 std::vector<AnnotatedShape> read_annotated_shapes(const std::filesystem::path& path) {
@@ -36,10 +45,9 @@ std::vector<AnnotatedShape> read_annotated_shapes(const std::filesystem::path& p
   }
   std::vector<AnnotatedShape> out;
   std::string line;
-  std::getline(in, line);  // header
-  for (int number = 2; std::getline(in, line); ++number) {
+  for (int number = 1; std::getline(in, line); ++number) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.empty()) continue;
+    if (line.empty() || (number == 1 && is_header(line))) continue;
     const std::string position = fmt::format("line {}", number);
     std::vector<std::string> fields;
     std::size_t start = 0;

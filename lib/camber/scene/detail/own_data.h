@@ -12,6 +12,11 @@ namespace camber {
 /// frames' order; the frames sorted by them.
 void number_frames(Scene& scene, OwnImport& out);
 
+/// Times from a rate, over the frames that the numbers of the files leave out: 1, 2, 4 are 0, 1 and
+/// 3 steps after the first, 10, 20, 40 too. Where most numbers differ by more than the least step,
+/// they count something else, and frames are one step apart.
+void put_rate(Scene& scene, double rate, OwnImport& out);
+
 /// The scene's camera from what is given; its size must be set. @throws InputError, UsageError.
 void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out);
 
@@ -19,6 +24,10 @@ void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out);
 /// @throws InputError as lens_of().
 void put_calibration(Scene& scene, const CameraCalibration& camera, const std::string& form,
                      bool rectified, const std::filesystem::path& path, OwnImport& out);
+
+/// What a principal point far beside the middle of the images hints at: they were made smaller or
+/// larger after the calibration. Empty: it is near enough.
+std::string off_centre_camera(const PinholeCamera& camera);
 
 /// Boxes into the frames, clipped to the image. @throws InputError where no box belongs to a frame,
 /// or all lie outside.

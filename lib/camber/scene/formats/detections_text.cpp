@@ -45,7 +45,7 @@ DetectionFile mot(const fs::path& path) {
           fmt::format("found {} columns, expected frame, id, left, top, width, height, score, ...",
                       line.fields.size()));
     }
-    const int frame = lines.integer(line, 0, 0, 2000000000, "a frame number");
+    const int frame = lines.integer(line, 0, 1, 2000000000, "a frame number from 1 (MOT)");
     DetectedBox box;
     box.track = track_id(lines, line);
     double side[4];

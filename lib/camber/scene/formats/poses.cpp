@@ -127,7 +127,13 @@ PoseFile euroc(const DelimitedLines& lines) {
                                    line.fields.size()));
     const std::string stamp(line.fields[0]);
     TimedPose pose;
-    pose.time_s = lines.number(line, 0, "a time in nanoseconds");
+    if (stamp.find_first_not_of("0123456789") != std::string::npos) {
+      lines.fail(line, 0,
+                 fmt::format("found '{}', expected whole nanoseconds of EuRoC's rows with commas "
+                             "(time, p x y z, q w x y z); in TUM's (q x y z w) blanks separate",
+                             printable(stamp)));
+    }
+    pose.time_s = 1e-9 * lines.number(line, 0, "a time in nanoseconds");
     if (const auto time = stamp.size() >= 16 ? time_from_name(stamp) : std::nullopt)
       pose.time_s = *time;
     std::vector<double> v;
