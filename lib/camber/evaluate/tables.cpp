@@ -110,6 +110,7 @@ std::string heading(const MethodTables& t) {
                   100.0 * t.recall, t.unanswered);
   const std::string sources = joined(t.detections_sources);
   if (!sources.empty()) out += "; detections: " + sources;
+  if (!t.metric) out += "; up to scale: errors are not in metres";
   if (t.without_covariance > 0) {
     out += fmt::format("; {} without a covariance", t.without_covariance);
   }
@@ -225,6 +226,7 @@ std::vector<MethodTables> make_tables(const std::vector<EvaluatedScene>& scenes,
       found->paper_terms = scene.paper_terms;
     }
     ++found->scenes;
+    found->metric = found->metric && scene.metric;
     found->counted += scene.metrics.counted;
     found->matched += static_cast<int>(scene.metrics.vehicles.size());
     found->missed += scene.metrics.missed;
@@ -341,6 +343,7 @@ nlohmann::json tables_json(const std::vector<MethodTables>& tables) {
                    {"preset", table.preset},
                    {"paper_terms", table.paper_terms},
                    {"detections_sources", table.detections_sources},
+                   {"metric", table.metric},
                    {"scenes", table.scenes},
                    {"counted", table.counted},
                    {"matched", table.matched},

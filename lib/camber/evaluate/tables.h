@@ -17,6 +17,7 @@ struct EvaluatedScene {
   SceneMetrics metrics;
   std::string preset{};       ///< "default", "paper", or empty
   std::string paper_terms{};  ///< of preset "paper": "meant", "printed"; otherwise empty
+  bool metric = true;         ///< false: the result is up to scale, its errors are no metres
 };
 
 /// A subset of vehicles by scene, frame and id; -1 stands for all.
@@ -60,6 +61,7 @@ std::string method_label(const std::string& method, const std::string& preset,
 struct MethodTables {
   std::string method, preset, paper_terms;
   std::vector<std::string> detections_sources;  ///< each once, in order of appearance
+  bool metric = true;                           ///< false: a result among them is up to scale
   int scenes = 0, counted = 0, matched = 0, missed = 0, unanswered = 0;
   int without_covariance = 0, singular_covariance = 0;  ///< as in SceneMetrics
   double recall = 0.0;                                  ///< answered matches / counted
