@@ -259,7 +259,6 @@ json options_json(const Arguments& a, const CompareOptions& o) {
 /// Two shapes, and what is known of how the estimate was made.
 struct Inputs {
   Shape estimate, truth;
-  bool metric = true;  ///< distances are in metres: both are, or the truth that scales the estimate
   std::optional<RunDocument> run;  ///< of the estimate, where that is a result folder
   std::string camera;              ///< the scene whose camera saw the estimate; empty: unknown
 };
@@ -359,23 +358,17 @@ Inputs load(const Arguments& args, const LogSink& warn, CompareOptions* options)
         Eigen::Vector3d(args.truth_viewpoint[0], args.truth_viewpoint[1], args.truth_viewpoint[2]);
   }
   set_directions(args, in.estimate.cloud, options);
-  in.metric = in.truth.cloud.metric && (scales(*options) || in.estimate.cloud.metric);
   return in;
 }
 
-std::string table_of(const CloudComparison& comparison, bool metric) {
-  const std::string table = describe(comparison);
-  return metric ? table : "up to scale: read units of unknown size for metres (m) below\n" + table;
-}
-
 /// Tables, coloured clouds and pictures.
-void write_comparison(const CloudComparison& comparison, const CompareOptions& options, bool metric,
+void write_comparison(const CloudComparison& comparison, const CompareOptions& options,
                       const json& result, const fs::path& at) {
   double largest = 0.0;
   for (const double t : options.thresholds) largest = std::max(largest, 2.0 * t);
   write_json(result, at / "compare.json");
   write_file_atomically(at / "scores.csv", scores_csv(comparison));
-  write_file_atomically(at / "compare.txt", table_of(comparison, metric));
+  write_file_atomically(at / "compare.txt", describe(comparison));
   write_cloud(color_by_distance(comparison.accuracy, largest), at / "accuracy.ply");
   write_cloud(color_by_distance(comparison.completeness, largest), at / "completeness.ply");
   write_png(draw_histogram(comparison), at / "histogram.png");
@@ -422,15 +415,14 @@ int run(const Command& command, const Arguments& args) {
   json result = to_json(comparison);
   result["estimate"] = args.estimate;
   result["truth"] = args.truth;
-  result["metric"] = in.metric;
-  if (folder) write_comparison(comparison, options, in.metric, result, folder->staging());
+  if (folder) write_comparison(comparison, options, result, folder->staging());
   write.stop();
   if (folder) {
-    write_run(args, options, in.metric, timings, folder->staging());
+    write_run(args, options, comparison.metric, timings, folder->staging());
     folder->commit();
   }
   if (!args.as_json) {
-    fmt::print("{}", table_of(comparison, in.metric));
+    fmt::print("{}", describe(comparison));
     return 0;
   }
   result["version"] = kVersion;

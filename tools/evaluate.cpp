@@ -78,17 +78,26 @@ VehicleDocument read_estimate(const Arguments& args, const std::string& estimate
   return out;
 }
 
-/// @param times  seconds by frame id, where the scene gives them for every frame.
+/// What a truth holds beside its errors.
+struct TruthContents {
+  std::map<int, double> times;            ///< s by frame id, where the scene gives all of them
+  std::map<int, std::set<int>> vehicles;  ///< ids of the true vehicles by frame id
+};
+
 EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
                             const std::string& estimate, const LogSink& warn,
-                            std::map<int, double>* times) {
+                            TruthContents* contents) {
   const Scene scene = read_truth(args, truth, warn);
-  times->clear();
+  std::map<int, double>& times = contents->times;
   for (const SceneFrame& frame : scene.frames) {
-    if (frame.time_s) (*times)[frame.id] = *frame.time_s;
+    if (frame.time_s) times[frame.id] = *frame.time_s;
   }
-  if (times->size() < scene.frames.size()) times->clear();
+  if (times.size() < scene.frames.size()) times.clear();
   if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
+  for (const TruthFrame& frame : scene.truth->frames) {
+    std::set<int>& ids = contents->vehicles[frame.id];
+    for (const TruthVehicle& vehicle : frame.vehicles) ids.insert(vehicle.id);
+  }
   const bool folder = fs::is_directory(estimate);
   const VehicleDocument vehicles = read_estimate(args, estimate, *scene.truth);
   EvaluatedScene out;
@@ -122,7 +131,7 @@ std::string file_stem(const std::string& name) {
 /// @param truths  the truth of each of the scenes, as given.
 std::map<std::string, Image> draw_all_plots(const std::vector<EvaluatedScene>& scenes,
                                             const std::vector<std::string>& truths,
-                                            const std::vector<std::map<int, double>>& times) {
+                                            const std::vector<TruthContents>& contents) {
   std::map<std::string, Image> plots;
   const auto draw = [&](const std::string& name, const auto& make) {
     PlotSheet sheet;
@@ -146,7 +155,7 @@ std::map<std::string, Image> draw_all_plots(const std::vector<EvaluatedScene>& s
     for (std::size_t i = 0; i < scenes.size(); ++i) {
       if (truths[i] != truth) continue;
       methods.push_back(scenes[i]);
-      seconds = times[i];
+      seconds = contents[i].times;
     }
     std::string name = "depth_over_time";
     if (done.size() > 1) {
@@ -163,13 +172,13 @@ std::map<std::string, Image> draw_all_plots(const std::vector<EvaluatedScene>& s
 /// All estimates beside their truths; a row of each list belongs together.
 struct Evaluation {
   std::vector<EvaluatedScene> scenes;
-  std::vector<std::string> truths;           ///< as given
-  std::vector<std::map<int, double>> times;  ///< as draw_all_plots() takes them
+  std::vector<std::string> truths;      ///< as given
+  std::vector<TruthContents> contents;  ///< of the truths
 };
 
 Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
   Evaluation all;
-  all.times.resize(args.estimate.size());
+  all.contents.resize(args.estimate.size());
   std::map<std::pair<std::string, std::string>, std::string> by_label;  // of a truth and a method
   for (std::size_t i = 0; i < args.estimate.size(); ++i) {
     throw_if_interrupted();
@@ -177,7 +186,7 @@ Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
     all.truths.push_back(truth);
     // The same truth is read for every method; unknown keys need one warning.
     all.scenes.push_back(evaluate_one(args, truth, args.estimate[i],
-                                      i < args.truth.size() ? warn : LogSink{}, &all.times[i]));
+                                      i < args.truth.size() ? warn : LogSink{}, &all.contents[i]));
     if (!warn) continue;
     const EvaluatedScene& scene = all.scenes.back();
     const std::string& estimate = args.estimate[i];
@@ -192,16 +201,43 @@ Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
   return all;
 }
 
-/// @throws InputError for a name that is that of no scene.
+std::string ids_of(const std::set<int>& ids) {
+  return ids.empty() ? "none" : fmt::format("{}", fmt::join(ids, ", "));
+}
+
+/// @throws InputError for an entry that is in no truth.
 void check_subset(const std::string& path, const std::vector<SubsetEntry>& subset,
-                  const std::vector<EvaluatedScene>& scenes) {
-  std::set<std::string> names;
-  for (const EvaluatedScene& scene : scenes) names.insert(scene.scene);
+                  const Evaluation& all) {
+  std::map<std::string, std::map<int, std::set<int>>> truths;
+  for (std::size_t i = 0; i < all.scenes.size(); ++i) {
+    auto& frames = truths[all.scenes[i].scene];
+    for (const auto& [id, vehicles] : all.contents[i].vehicles) {
+      frames[id].insert(vehicles.begin(), vehicles.end());
+    }
+  }
   for (const SubsetEntry& entry : subset) {
-    if (names.count(entry.scene)) continue;
-    throw InputError(path, fmt::format("line {}", entry.line),
-                     fmt::format("found \"{}\", expected the name of a scene of --truth: {}",
-                                 printable(entry.scene), fmt::join(names, ", ")));
+    const auto refuse = [&](const std::string& reason) {
+      throw InputError(path, fmt::format("line {}", entry.line), reason);
+    };
+    const auto scene = truths.find(entry.scene);
+    if (scene == truths.end()) {
+      std::set<std::string> names;
+      for (const auto& [name, frames] : truths) names.insert(name);
+      refuse(fmt::format("found \"{}\", expected the name of a scene of --truth: {}",
+                         printable(entry.scene), fmt::join(names, ", ")));
+    }
+    if (entry.frame < 0) continue;
+    const auto frame = scene->second.find(entry.frame);
+    if (frame == scene->second.end()) {
+      std::set<int> ids;
+      for (const auto& [id, vehicles] : scene->second) ids.insert(id);
+      refuse(fmt::format("found frame {}, expected a frame of the truth of {}: {}", entry.frame,
+                         printable(entry.scene), ids_of(ids)));
+    }
+    if (entry.vehicle >= 0 && frame->second.count(entry.vehicle) == 0) {
+      refuse(fmt::format("found vehicle {}, expected a true vehicle of frame {}: {}", entry.vehicle,
+                         entry.frame, ids_of(frame->second)));
+    }
   }
 }
 
@@ -214,7 +250,7 @@ void write_folder(const Command& command, const Arguments& args, const Evaluatio
   inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
   inputs.emplace_back(args.subset);
   // Before the folder is there: where VTK's text has no memory, it may end the program.
-  const std::map<std::string, Image> plots = draw_all_plots(all.scenes, all.truths, all.times);
+  const std::map<std::string, Image> plots = draw_all_plots(all.scenes, all.truths, all.contents);
   AtomicFolder folder(args.out, args.overwrite, inputs);
   write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
   write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
@@ -239,7 +275,7 @@ int run(const Command& command, const Arguments& args) {
   std::vector<SubsetEntry> subset;
   if (!args.subset.empty()) subset = read_subset(args.subset);
   const Evaluation all = evaluate_all(args, make_warning_sink(command.common));
-  check_subset(args.subset, subset, all.scenes);
+  check_subset(args.subset, subset, all);
   load.stop();
   StageTimer compute(timings, "compute");
   const std::vector<MethodTables> tables = make_tables(all.scenes, subset);

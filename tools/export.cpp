@@ -312,6 +312,13 @@ void check_arguments(const ExportArguments& args) {
   if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
     throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
   }
+  const std::pair<const char*, double> steps[] = {{"--step", args.grid.step_u},
+                                                  {"--step-across", args.grid.step_v}};
+  for (const auto& [option, step] : steps) {
+    if (step == 0.0 || step >= 0.001) continue;
+    throw UsageError(
+        fmt::format("{}: found {:g}, expected 0 or 0.001 to 100 metres", option, step));
+  }
   std::error_code ignored;
   if (args.vehicles && !fs::exists(fs::path(args.input) / "vehicles.json", ignored)) {
     throw UsageError("--vehicles: found no vehicles.json in '" + args.input +
@@ -376,8 +383,8 @@ int run(const Command& command, const ExportArguments& given) {
   args.grid.slope_in_line = args.slope == "line";
   args.grid.banking_in_line = args.banking == "line";
   args.grid.num_threads = command.common.threads;
-  args.grid.validate();
   check_arguments(args);
+  args.grid.validate();
   refuse_own_inputs({args.out}, {args.input, args.line});
   Timings timings;
   json result = args.target == "trajectory" ? export_trajectory(command.common, args, timings)

@@ -221,7 +221,16 @@ void print_config(const Line& line, const DefaultNumbers& numbers) {
 }  // namespace
 
 Check in_range(int low, int high) { return adopt(CLI::Range(low, high)); }
-Check in_range(double low, double high) { return adopt(CLI::Range(low, high)); }
+Check in_range(double low, double high) {
+  // CLI11's range lets through what is neither below nor above it: NaN.
+  Check range = adopt(CLI::Range(low, high));
+  range.problem = [inside = range.problem,
+                   number = finite_number().problem](const std::string& text) {
+    const std::string wrong = number(text);
+    return wrong.empty() ? inside(text) : wrong;
+  };
+  return range;
+}
 Check is_member(const std::vector<std::string>& values) { return adopt(CLI::IsMember(values)); }
 Check finite_number() {
   return number_check([](double) { return true; }, "a number", "");

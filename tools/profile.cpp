@@ -86,10 +86,12 @@ json profile_json(const Command& command, const RoadSurface& surface,
           {"stations", std::move(stations)}};
 }
 
-std::string profile_csv(const std::vector<ProfilePoint>& profile) {
-  std::string text =
-      "station_m,x,y,z,height_m,grade_percent,cross_slope_percent,vertical_radius_m,"
-      "sigma_height_m,sigma_grade_percent,sigma_cross_slope_percent,patch,status\n";
+/// @param metric  false: no column's name has the unit of a length
+std::string profile_csv(const std::vector<ProfilePoint>& profile, bool metric) {
+  std::string text = fmt::format(
+      "station{0},x,y,z,height{0},grade_percent,cross_slope_percent,vertical_radius{0},"
+      "sigma_height{0},sigma_grade_percent,sigma_cross_slope_percent,patch,status\n",
+      metric ? "_m" : "");
   for (const ProfilePoint& p : profile) {
     text += fmt::format(
         "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
@@ -188,8 +190,8 @@ DrawnPlot draw(const Arguments& args, const std::vector<ProfilePoint>& profile, 
 }
 
 /// @param result  profile_json(): the timings so far are added.
-void write(const Arguments& args, const std::vector<ProfilePoint>& profile, const DrawnPlot& plot,
-           json result, Timings& timings) {
+void write(const Arguments& args, const std::vector<ProfilePoint>& profile, bool metric,
+           const DrawnPlot& plot, json result, Timings& timings) {
   const StageTimer timer(timings, "write");
   const std::string kind = fs::path(args.out).extension().string();
   AtomicFiles files;
@@ -199,7 +201,7 @@ void write(const Arguments& args, const std::vector<ProfilePoint>& profile, cons
     write_png(plot.picture, files.stage(args.plot));
   }
   if (kind == ".csv") {
-    write_file_atomically(files.stage(args.out), profile_csv(profile));
+    write_file_atomically(files.stage(args.out), profile_csv(profile, metric));
   } else if (kind == ".json") {
     result["timings_ms"] = cloud_timings(timings);
     write_json(result, files.stage(args.out));
@@ -241,7 +243,7 @@ int run(const Command& command, const Arguments& args) {
   // Drawn before the first file is written: without an answer nothing is.
   const DrawnPlot plot = draw(args, profile, in.surface.metric, timings);
   json result = profile_json(command, in.surface, profile, options);
-  write(args, profile, plot, result, timings);
+  write(args, profile, in.surface.metric, plot, result, timings);
   if (args.json) {
     result["timings_ms"] = cloud_timings(timings);
     fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));

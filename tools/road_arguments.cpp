@@ -98,9 +98,9 @@ std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
 }
 
 std::string line_frame(const RoadSurface& surface) {
-  return surface.frame == "camera"
-             ? "the result's frame: its reference camera's, x right, y down, z forward, m"
-             : "the coordinates of the cloud that the result is made of, m";
+  return surface.frame == "camera" ? "the result's frame: its reference camera's, x right, y down, "
+                                     "z forward, m, not the map's"
+                                   : "the coordinates of the cloud that the result is made of, m";
 }
 
 RoadSurface read_camera_surface(const std::string& folder) {

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "../tools/crs.h"
 #include "../tools/standard_streams.h"
@@ -54,6 +55,26 @@ LoadedResult load(const ViewArguments& a, const LogSink& warn) {
     result.truth_cloud = std::move(truth.cloud);
   }
   return result;
+}
+
+/// @throws UsageError for a name that is no PNG's, and for a frame that the result does not hold;
+/// of a bare cloud none is asked.
+void check_arguments(const ViewArguments& a, const LoadedResult& result) {
+  if (!a.picture.empty() && fs::path(a.picture).extension() != ".png") {
+    throw UsageError("--picture: found '" + a.picture + "', expected FILE.png");
+  }
+  std::set<int> ids;
+  if (result.run) {
+    for (const RunDocument::CameraPose& camera : result.run->cameras) ids.insert(camera.id);
+  }
+  if (result.vehicles) {
+    for (const VehicleFrame& frame : result.vehicles->frames) ids.insert(frame.id);
+  }
+  if (!a.frame || ids.empty() || ids.count(*a.frame) > 0) return;
+  std::string list;
+  for (const int id : ids) list += (list.empty() ? "" : ", ") + std::to_string(id);
+  throw UsageError("--frame: found " + std::to_string(*a.frame) +
+                   ", expected one of the frames of " + a.input + ": " + list);
 }
 
 /// @throws MachineError where no window can be opened.
@@ -130,6 +151,7 @@ int run(const Arguments& a, int argc, char** argv) {
   StageTimer load_timer(timings, "load");
   LoadedResult result = load(view, warn);
   load_timer.stop();
+  check_arguments(view, result);
   std::string scene = view.scene;
   if (scene.empty() && result.scene) scene = result.run->scene;
   require_display(view, result);
@@ -145,6 +167,11 @@ int run(const Arguments& a, int argc, char** argv) {
     exit_code = QApplication::exec();
   } else {
     wait_until_shown(window);
+    if (!window.draws()) {
+      throw MachineError("the window system gives no OpenGL to draw the scene with: " +
+                         QApplication::platformName().toStdString() +
+                         "; camber render draws pictures without a window");
+    }
     compute.stop();
     const StageTimer write(timings, "write");
     window.save(view.picture);

@@ -211,7 +211,9 @@ QString ViewerWindow::Impl::point_facts(int i) const {
 QString ViewerWindow::Impl::overview() const {
   QString out = "Click a point, a patch or a vehicle; h shows the keys.\n\n";
   out += from(content_summary(content, space)) + "\n";
-  if (result.run && result.run->scale_sigma > 0.0) {
+  if (result.run && !result.run->metric && !result.run->cameras.empty()) {
+    out += "the result is up to scale\n";
+  } else if (result.run && result.run->scale_sigma > 0.0) {
     out += text("scale known to %.1f %%\n", 100.0 * result.run->scale_sigma);
   }
   for (const PlacedVehicle& vehicle : space.vehicles) {

@@ -338,6 +338,8 @@ bool ViewerWindow::eventFilter(QObject* object, QEvent* event) {
 
 void ViewerWindow::save(const std::filesystem::path& path) { impl_->save(path, true); }
 
+bool ViewerWindow::draws() const { return impl_->view->isValid(); }
+
 QWidget* ViewerWindow::scene_widget() { return impl_->view; }
 bool ViewerWindow::shows(SceneElement element) const {
   return impl_->has(element) && impl_->switch_of(element);

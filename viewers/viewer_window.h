@@ -31,6 +31,8 @@ class ViewerWindow : public QMainWindow {
   ViewerWindow(LoadedResult result, const ViewerOptions& options);
   ~ViewerWindow() override;
 
+  /// Whether the scene's widget has OpenGL to draw with; once it is shown.
+  bool draws() const;
   /// Writes a picture of the whole window as PNG. @throws OutputError.
   void save(const std::filesystem::path& path);
 

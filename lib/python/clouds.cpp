@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <stdexcept>
 #include <type_traits>
 
@@ -46,6 +47,17 @@ void take_rows(const py::handle& value, std::size_t points, const char* name,
       PyErr_Clear();
       throw std::invalid_argument(
           fmt::format("{}: expected {}", name, sizeof(Scalar) == 1 ? "uint8" : "whole numbers"));
+    }
+    // numpy would take the remainder of what does not fit.
+    using Limits = std::numeric_limits<Scalar>;
+    if (given.size() > 0 && given.itemsize() >= static_cast<py::ssize_t>(sizeof(Scalar))) {
+      const py::int_ least(given.attr("min")()), most(given.attr("max")());
+      const auto text = [](const py::object& number) { return std::string(py::str(number)); };
+      if (least < py::int_(Limits::min()) || most > py::int_(Limits::max())) {
+        throw std::invalid_argument(
+            fmt::format("{}: found numbers from {} to {}, expected {} to {}", name, text(least),
+                        text(most), Limits::min(), Limits::max()));
+      }
     }
   }
   const Array rows = given ? Array::ensure(given) : Array();
@@ -111,6 +123,33 @@ std::string describe(const RoadCloud& cloud) {
   return fmt::format("<camber.RoadCloud {} points{}{}, frame {}{}>", cloud.size(),
                      with.empty() ? "" : " with ", with, name_of(cloud.frame),
                      cloud.metric ? "" : ", up to scale");
+}
+
+RoadCloud select(const RoadCloud& cloud, const py::object& indices) {
+  const py::array given = py::array::ensure(indices);
+  PyErr_Clear();
+  const char kind = given ? given.dtype().kind() : '?';
+  const bool nothing = given && given.size() == 0;
+  const bool mask = kind == 'b';
+  if (!given || given.ndim() != 1 || !(nothing || mask || kind == 'i' || kind == 'u') ||
+      (mask && static_cast<std::size_t>(given.size()) != cloud.size())) {
+    throw std::invalid_argument(
+        fmt::format("indices: expected whole numbers, or a mask of {} bools", cloud.size()));
+  }
+  if (nothing) return cloud.select({});
+  using Indices = py::array_t<std::int64_t, py::array::forcecast>;
+  const Indices numbers(mask ? py::object(py::tuple(given.attr("nonzero")())[0])
+                             : py::object(given));
+  std::vector<int> chosen;
+  for (py::ssize_t i = 0; i < numbers.size(); ++i) {
+    const std::int64_t index = numbers.at(i);
+    if (index < 0 || static_cast<std::uint64_t>(index) >= cloud.size()) {
+      throw std::invalid_argument(
+          fmt::format("point index {}, expected one in [0, {})", index, cloud.size()));
+    }
+    chosen.push_back(static_cast<int>(index));
+  }
+  return cloud.select(chosen);
 }
 
 /// An attribute's array as numpy sees it, and one of equal length written into it.
@@ -187,7 +226,10 @@ void bind_clouds(py::module_& module) {
           },
           py::arg("name"), py::arg("values"), "Adds or overwrites a scalar.")
       .def("true_points", &true_points, "origin + points in double, N x 3: a new array")
-      .def("select", &RoadCloud::select, py::arg("indices"), kDoc_RoadCloud_select)
+      .def("select", &select, py::arg("indices"),
+           (std::string(kDoc_RoadCloud_select) +
+            " A mask of bools, one for each point, selects those that are True.")
+               .c_str())
       .def_property_readonly("default_up", &RoadCloud::default_up, kDoc_RoadCloud_default_up)
       .def("__repr__", &describe);
 

@@ -156,6 +156,7 @@ void bind_parts(py::module_& module) {
 void bind_comparison(py::module_& module) {
   bind_parts(module);
   py::class_<CloudComparison>(module, "CloudComparison", "An estimate measured against the truth.")
+      .CAMBER_FIELD(CloudComparison, metric)
       .CAMBER_FIELD(CloudComparison, accuracy)
       .CAMBER_FIELD(CloudComparison, completeness)
       .CAMBER_FIELD(CloudComparison, scores)
@@ -168,9 +169,9 @@ void bind_comparison(py::module_& module) {
       .def("__str__", [](const CloudComparison& c) { return describe(c); })
       .def("__repr__", [](const CloudComparison& c) {
         return fmt::format(
-            "<camber.CloudComparison accuracy {:.4f} m, completeness {:.4f} m "
-            "(medians)>",
-            c.accuracy.summary.median, c.completeness.summary.median);
+            "<camber.CloudComparison accuracy {:.4f}{unit}, completeness {:.4f}{unit} (medians{})>",
+            c.accuracy.summary.median, c.completeness.summary.median,
+            c.metric ? "" : ", up to scale", fmt::arg("unit", c.metric ? " m" : ""));
       });
   const CompareOptions defaults;
   module.def(
@@ -178,7 +179,7 @@ void bind_comparison(py::module_& module) {
       [](const py::object& estimate, const py::object& truth, const py::object& estimate_triangles,
          const py::object& truth_triangles, const std::vector<double>& thresholds,
          const std::string& align, const std::optional<Eigen::Matrix4d>& estimate_from_truth,
-         const std::optional<Eigen::Vector3d>& up, const Eigen::Vector3d& along,
+         const std::optional<Eigen::Vector3d>& up, const std::optional<Eigen::Vector3d>& along,
          const std::optional<Eigen::Vector3d>& viewpoint,
          const std::optional<Eigen::Vector3d>& truth_viewpoint, bool road_frame, double map_cell,
          double mesh_density, std::uint64_t seed, int threads) {
@@ -189,8 +190,12 @@ void bind_comparison(py::module_& module) {
         options.alignment = alignment_of(align);
         if (estimate_from_truth) options.estimate_from_truth = *estimate_from_truth;
         options.up = up.value_or(from.cloud.default_up());
-        options.along = along;
+        // As camber compare has them.
+        const bool camera_frame = from.cloud.frame == CloudFrame::kCamera;
+        if (camera_frame) options.along = Eigen::Vector3d::UnitZ();
+        if (along) options.along = *along;
         options.viewpoint = viewpoint;
+        if (!viewpoint && camera_frame) options.viewpoint = Eigen::Vector3d::Zero();
         options.truth_viewpoint = truth_viewpoint;
         options.road_frame = road_frame;
         options.map_cell = map_cell;
@@ -203,7 +208,7 @@ void bind_comparison(py::module_& module) {
       py::arg("estimate_triangles") = py::none(), py::arg("truth_triangles") = py::none(),
       py::arg("thresholds") = defaults.thresholds, py::arg("align") = "none",
       py::arg("estimate_from_truth") = py::none(), py::arg("up") = py::none(),
-      py::arg("along") = defaults.along, py::arg("viewpoint") = py::none(),
+      py::arg("along") = py::none(), py::arg("viewpoint") = py::none(),
       py::arg("truth_viewpoint") = py::none(), py::arg("road_frame") = defaults.road_frame,
       py::arg("map_cell") = defaults.map_cell, py::arg("mesh_density") = defaults.mesh_density,
       py::arg("seed") = defaults.seed, py::arg("threads") = defaults.num_threads,
@@ -214,8 +219,12 @@ void bind_comparison(py::module_& module) {
                      {"align", "'none', 'scale', 'rigid' or 'similarity', of the estimate"},
                      {"estimate_from_truth", CAMBER_DOC(CompareOptions, estimate_from_truth)},
                      {"up", "in the frame of the estimate; None: its default_up"},
-                     {"along", CAMBER_DOC(CompareOptions, along)},
-                     {"viewpoint", CAMBER_DOC(CompareOptions, viewpoint)},
+                     {"along",
+                      "the road's direction, level part taken; None: the camera's axis of an "
+                      "estimate in a camera's frame, else x"},
+                     {"viewpoint",
+                      "of the estimate, for bins by distance; None: the camera of an estimate in "
+                      "a camera's frame, else unknown"},
                      {"truth_viewpoint", CAMBER_DOC(CompareOptions, truth_viewpoint)},
                      {"road_frame", CAMBER_DOC(CompareOptions, road_frame)},
                      {"map_cell", CAMBER_DOC(CompareOptions, map_cell)},

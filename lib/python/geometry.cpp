@@ -19,6 +19,9 @@ void bind_planes(py::module_& module) {
              if (!(length > 0.0) || !std::isfinite(length)) {
                throw std::invalid_argument("normal: expected three finite numbers, not all 0");
              }
+             if (!std::isfinite(offset)) {
+               throw std::invalid_argument("offset: expected a finite number");
+             }
              return Plane{normal / length, offset / length};
            }),
            py::arg("normal"), py::arg("offset"), "n . x + d = 0; scaled to a unit normal.")

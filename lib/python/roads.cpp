@@ -138,22 +138,32 @@ void bind_profile(py::module_& module) {
   module.def(
       "road_profile",
       [](const RoadSurface& surface, const py::object& line, double step, double length,
-         double reach) {
+         double reach, std::optional<double> levelling_sigma, double drift_sigma) {
         ProfileOptions options;
         options.step = step;
         options.length = length;
         options.reach = reach;
+        if (surface.level_sigma > 0.0) options.levelling_sigma = surface.level_sigma;
+        if (levelling_sigma) options.levelling_sigma = *levelling_sigma;
+        options.drift_sigma = drift_sigma;
         const std::vector<Eigen::Vector3d> places =
             line.is_none() ? surface.driven_line : to_points(line, "line");
         return compute([&] { return road_profile(surface, places, options); });
       },
       py::arg("surface"), py::arg("line") = py::none(), py::kw_only(),
       py::arg("step") = defaults.step, py::arg("length") = defaults.length,
-      py::arg("reach") = defaults.reach,
+      py::arg("reach") = defaults.reach, py::arg("levelling_sigma") = py::none(),
+      py::arg("drift_sigma") = defaults.drift_sigma,
       with_keywords(kDoc_road_profile, {{"line", "N x 3; None: the surface's driven line"},
                                         {"step", CAMBER_DOC(ProfileOptions, step)},
                                         {"length", CAMBER_DOC(ProfileOptions, length)},
-                                        {"reach", CAMBER_DOC(ProfileOptions, reach)}})
+                                        {"reach", CAMBER_DOC(ProfileOptions, reach)},
+                                        {"levelling_sigma",
+                                         "rad, how well up is known: part of the sigmas; None: as "
+                                         "the surface states it"},
+                                        {"drift_sigma",
+                                         "m, how far heights drift along the road: part of the "
+                                         "sigmas; of a surface up to scale not used"}})
           .c_str());
 }
 

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <set>
 #include <stdexcept>
 
+#include "camber/scene/validate_scene.h"
 #include "running.h"
 
 namespace camber::python {
@@ -29,9 +31,11 @@ SE3 to_pose(const py::handle& value, const std::string& what) {
     for (int c = 0; c < 4; ++c) matrix(r, c) = rows.at(r, c);
   }
   const Eigen::Matrix3d turn = matrix.topLeftCorner<3, 3>();
-  if (!matrix.allFinite() ||
-      (turn * turn.transpose() - Eigen::Matrix3d::Identity()).norm() > 1e-3) {
-    throw std::invalid_argument(what + ": expected a rotation and a translation");
+  const bool rotation = (turn * turn.transpose() - Eigen::Matrix3d::Identity()).norm() <= 1e-3 &&
+                        turn.determinant() > 0.0;
+  const bool rigid = (matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() <= 1e-9;
+  if (!matrix.allFinite() || !rotation || !rigid) {
+    throw std::invalid_argument(what + ": expected a rotation and a translation, last row 0 0 0 1");
   }
   return SE3::from_matrix(matrix);
 }
@@ -40,8 +44,11 @@ VehicleDetection make_detection(const py::object& box, std::optional<int> id,
                                 const std::string& vehicle_class, double score,
                                 const py::object& keypoints, int track,
                                 const std::optional<Plane>& plane) {
+  if (id && *id < 0) {
+    throw std::invalid_argument(fmt::format("id: found {}, expected at least 0", *id));
+  }
   VehicleDetection out;
-  out.id = id.value_or(-1);
+  out.id = id.value_or(-1);  // add_frame() gives it one
   out.vehicle_class = vehicle_class;
   out.score = score;
   out.track = track;
@@ -93,10 +100,6 @@ PythonScene make_scene(const PinholeCamera& camera, const py::list& images,
   Scene& scene = out.scene;
   scene.name = name;
   scene.camera = camera;
-  if (height_above_road) require_positive(*height_above_road, "height_above_road");
-  require_positive(height_sigma, "height_sigma");
-  if (frame_rate) require_positive(*frame_rate, "frame_rate");
-  if (box_sigma_px) require_positive(*box_sigma_px, "box_sigma_px");
   scene.height_above_road = height_above_road;
   scene.height_sigma = height_sigma;
   scene.frame_rate = frame_rate;
@@ -105,15 +108,19 @@ PythonScene make_scene(const PinholeCamera& camera, const py::list& images,
   scene.box_sigma_px = box_sigma_px;
   scene.segmentation_classes = std::move(segmentation_classes);
   scene.markings_m = std::move(markings_m);
+  if (lens != "none" && lens != "brown" && lens != "fisheye") {
+    throw std::invalid_argument("lens: found '" + lens +
+                                "', expected 'none', 'brown' or 'fisheye'");
+  }
+  if (lens == "none" && (!distortion.empty() || raw_camera)) {
+    throw std::invalid_argument(
+        "lens: found 'none' beside distortion or raw_camera, expected 'brown' or 'fisheye'");
+  }
   if (lens != "none") {
-    if (lens != "brown" && lens != "fisheye") {
-      throw std::invalid_argument("lens: found '" + lens +
-                                  "', expected 'none', 'brown' or 'fisheye'");
-    }
     scene.distortion = {lens == "brown" ? LensModel::kBrown : LensModel::kFisheye, distortion,
                         raw_camera.value_or(camera)};
-    scene.distortion.validate();
   }
+  validate(scene);  // the reference frame may be one that add_frame() adds
   for (const auto& image : images) {
     SceneFrame frame;
     frame.id = static_cast<int>(scene.frames.size());
@@ -130,6 +137,26 @@ void take_pixels(const py::object& value, std::filesystem::path* file, py::objec
   *held = is_path ? py::none() : value;
 }
 
+/// Gives those without an id the least ones that no other vehicle of the frame has.
+void number_vehicles(std::vector<VehicleDetection>* vehicles) {
+  std::set<int> taken;
+  for (const VehicleDetection& vehicle : *vehicles) taken.insert(vehicle.id);
+  int next = 0;
+  for (VehicleDetection& vehicle : *vehicles) {
+    if (vehicle.id >= 0) continue;
+    while (taken.count(next) > 0) ++next;
+    vehicle.id = next++;
+  }
+}
+
+/// @throws py::error_already_set where warnings are errors.
+void warn_of_unread_segmentation(const Scene& scene, const py::object& segmentation) {
+  if (segmentation.is_none() || scene.segmentation_classes.count("road") > 0) return;
+  const char* const text =
+      "segmentation_classes: no 'road' is named, so segmentations cannot show the road";
+  if (PyErr_WarnEx(PyExc_UserWarning, text, 1) != 0) throw py::error_already_set();
+}
+
 void add_frame(PythonScene& self, const py::object& image, std::optional<int> id,
                const py::object& segmentation, const py::object& road_mask,
                std::optional<double> time_s, std::vector<VehicleDetection> vehicles,
@@ -144,13 +171,15 @@ void add_frame(PythonScene& self, const py::object& image, std::optional<int> id
                                             frame.id, before.back().id));
   }
   frame.time_s = time_s;
-  for (std::size_t i = 0; i < vehicles.size(); ++i) {
-    if (vehicles[i].id < 0) vehicles[i].id = static_cast<int>(i);
-  }
+  number_vehicles(&vehicles);
   frame.vehicles = std::move(vehicles);
   frame.ego_plane = ego_plane;
   if (!world_from_camera.is_none()) {
     frame.world_from_camera = to_pose(world_from_camera, "world_from_camera");
+  }
+  if ((up_sigma && !up) || (speed_sigma && !speed)) {
+    const char* const of = up_sigma && !up ? "up" : "speed";
+    throw std::invalid_argument(fmt::format("{0}_sigma: found without {0}, expected both", of));
   }
   if (up) {
     require_positive(up->norm(), "the length of up");
@@ -158,11 +187,11 @@ void add_frame(PythonScene& self, const py::object& image, std::optional<int> id
   }
   if (up_sigma) frame.up_sigma = *up_sigma;
   if (speed) {
-    if (!(*speed >= 0.0)) throw std::invalid_argument("speed: expected >= 0 m/s");
     frame.speed = speed;
     frame.speed_sigma = speed_sigma.value_or(default_speed_sigma(*speed));
-    require_positive(frame.speed_sigma, "speed_sigma");
   }
+  validate(frame);
+  warn_of_unread_segmentation(self.scene, segmentation);
   PythonScene::Pixels pixels;
   take_pixels(image, &frame.image, &pixels.image);
   take_pixels(segmentation, &frame.segmentation, &pixels.segmentation);

@@ -241,6 +241,11 @@ TEST_F(ExportProgram, Refusals) {
   };
   EXPECT_ONE_SENTENCE(with("--step", "-1"), 2, "--step: Value -1 not in range");
   EXPECT_ONE_SENTENCE(with("--left", "-3"), 2, "--left: Value -3 not in range");
+  EXPECT_ONE_SENTENCE(with("--step", "0.0005"), 2,
+                      "--step: found 0.0005, expected 0 or 0.001 to 100 metres");
+  EXPECT_ONE_SENTENCE(with("--step-across", "1e-9"), 2,
+                      "--step-across: found 1e-09, expected 0 or 0.001 to 100 metres");
+  EXPECT_ONE_SENTENCE(with("--widest", "nan"), 2, "--widest: found 'nan', expected a number");
   EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "trajectory", "--out",
                                   file("cameras.tum")}),
                       2, "expected a result folder");

@@ -374,6 +374,23 @@ TEST_F(RoadClouds, ProfileAlongALine) {
   EXPECT_THAT(last, HasSubstr("not covered"));
 }
 
+TEST_F(RoadClouds, ProfileUpToScaleNamesNoMetres) {
+  make_surface("out");
+  write_axis("axis.csv", 30.0);
+  json surface = json::parse(test::read_bytes(folder_.path() / "out/surface.json"));
+  surface["metric"] = false;
+  std::ofstream(path("unscaled.json")) << surface;
+  const auto run = run_camber({"profile", path("unscaled.json"), "--along", path("axis.csv"),
+                               "--out", path("profile.csv"), "--quiet"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  std::ifstream csv(path("profile.csv"));
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_EQ(line,
+            "station,x,y,z,height,grade_percent,cross_slope_percent,vertical_radius,sigma_height,"
+            "sigma_grade_percent,sigma_cross_slope_percent,patch,status");
+}
+
 TEST_F(RoadClouds, ProfileAsAPlot) {
   make_surface("out");
   write_axis("axis.csv", 0.0);

@@ -183,6 +183,38 @@ TEST_F(VehicleScene, TablesWarnOfWhatTheyCannotTellApart) {
   EXPECT_THAT(run.out, HasSubstr("MARKED: 1 of 2 results are up to scale"));
 }
 
+TEST_F(VehicleScene, ASubsetNamesFramesAndVehiclesOfTheTruth) {
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
+  const auto evaluated = [&](const std::string& entry) {
+    std::ofstream(path("subset.txt")) << "made\n" << entry << '\n';
+    return run_camber({"evaluate", "--truth", path("scene.json"), "--estimate", path("v.json"),
+                       "--subset", path("subset.txt")});
+  };
+  const json truth = json::parse(read("scene.json"))["truth"]["frames"][0];
+  const std::string frame = truth["id"].dump(), vehicle = truth["vehicles"][0]["id"].dump();
+  EXPECT_EQ(evaluated("made " + frame + " " + vehicle).exit_code, 0);
+  EXPECT_ONE_SENTENCE(evaluated("made 999"), 2,
+                      "subset.txt: line 2: found frame 999, expected a frame of the truth of made");
+  EXPECT_ONE_SENTENCE(evaluated("made " + frame + " 999"), 2,
+                      "line 2: found vehicle 999, expected a true vehicle of frame " + frame);
+}
+
+TEST_F(VehicleScene, TablesOfAResultUpToScaleAreNotInMetres) {
+  ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
+  json vehicles = json::parse(read("v.json"));
+  for (const bool metric : {true, false}) {
+    vehicles["metric"] = metric;
+    std::ofstream(path("v.json")) << vehicles;
+    const auto run = run_camber(
+        {"evaluate", "--truth", path("scene.json"), "--estimate", path("v.json"), "--json"});
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+    EXPECT_EQ(json::parse(run.out)["tables"][0]["up_to_scale"], metric ? 0 : 1);
+    const auto text =
+        run_camber({"evaluate", "--truth", path("scene.json"), "--estimate", path("v.json")});
+    EXPECT_EQ(text.out.find("up to scale") == std::string::npos, metric) << text.out;
+  }
+}
+
 TEST_F(VehicleScene, PlotsOfSeveralScenesHaveTheirNames) {
   ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
   fs::copy_file(path("scene.json"), path("again.json"));  // of the same name

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "camber/core/errors.h"
 #include "camber/core/random.h"
@@ -390,6 +391,45 @@ TEST(CompareShapes, ColumnsStandApartHoweverFarTheShapes) {
   const std::string text = describe(c);
   EXPECT_THAT(text, ::testing::HasSubstr("6000 5423092.1105 5423092.1105 5423092.1105 "));
   EXPECT_THAT(text, ::testing::HasSubstr("+5423092.1105 5423092.1105 5423092.1105 5423092.1105"));
+}
+
+TEST(CompareShapes, UpToScaleNothingIsInMetres) {
+  const Shape truth{make_road(2000, 9, 0.0, 0.2), {}};
+  Shape estimate{make_road(2000, 9, 0.05, 0.2), {}};
+  estimate.cloud.metric = false;
+  CloudComparison c = compare_shapes(estimate, truth, {});
+  EXPECT_FALSE(c.metric);
+  EXPECT_FALSE(c.accuracy.points.metric);
+  EXPECT_EQ(to_json(c).at("metric"), false);
+  const std::string text = describe(c);
+  EXPECT_THAT(text, ::testing::HasSubstr("up to scale"));
+  EXPECT_THAT(text, ::testing::HasSubstr("\nunits  "));
+  EXPECT_THAT(text, ::testing::HasSubstr("0.050 units"));
+  EXPECT_THAT(text, ::testing::Not(::testing::ContainsRegex("metres| m( |\n)")));
+  // Scaled to a truth in metres the distances are in metres.
+  CompareOptions options;
+  options.alignment = Alignment::kScale;
+  c = compare_shapes(estimate, truth, options);
+  EXPECT_TRUE(c.metric);
+  EXPECT_TRUE(c.accuracy.points.metric);
+  EXPECT_THAT(describe(c), ::testing::HasSubstr("metres  "));
+}
+
+TEST(CompareShapes, ThePrintedMatrixMovesMapCoordinatesToTheMillimetre) {
+  CloudComparison c;
+  c.alignment.alignment = Alignment::kRigid;
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(0.1234567890123, Eigen::Vector3d(0.3, 0.5, 0.8).normalized())
+          .toRotationMatrix();
+  c.alignment.transform.topLeftCorner<3, 3>() = turn;
+  c.alignment.transform.topRightCorner<3, 1>() = Eigen::Vector3d(450000.25, -5420000.5, 113.125);
+  std::istringstream text(describe(c));
+  std::string line;
+  std::getline(text, line);
+  Eigen::Matrix4d read;
+  for (int i = 0; i < 16; ++i) text >> read(i / 4, i % 4);
+  const Eigen::Vector4d place(450000.0, 5420000.0, 113.0, 1.0);
+  EXPECT_LT((read * place - c.alignment.transform * place).norm(), 1e-3);
 }
 
 TEST(CompareShapes, AnyNumberOfThreadsTheSameNumbers) {

@@ -169,6 +169,16 @@ TEST(FitPlane, AllNaNFails) {
   EXPECT_EQ(fit_plane(cloud, {}).status, Status::kFailed);
 }
 
+TEST(FitPlane, PointsWithoutAUsableSigmaAreNamed) {
+  RoadCloud cloud = sheet(500, 0.02);
+  for (const float sigma : {0.0f, -1.0f, std::numeric_limits<float>::quiet_NaN()}) {
+    cloud.sigmas.assign(cloud.size(), sigma);
+    const PlaneFit fit = fit_plane(cloud, {});
+    EXPECT_EQ(fit.status, Status::kFailed);
+    EXPECT_EQ(fit.reason, "no point has a sigma above 0");
+  }
+}
+
 TEST(FitPlane, NaNAndAPointABillionMetresAwayAreIgnored) {
   RoadCloud cloud = sheet(5000, 0.02);
   const PlaneFit clean = fit_plane(cloud, {});
@@ -335,6 +345,9 @@ TEST(FitPlane, OptionsAreChecked) {
   EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
   options = {};
   options.inlier_threshold = -1.0;
+  EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.viewpoint = Vector3d(0.0, std::numeric_limits<double>::quiet_NaN(), 0.0);
   EXPECT_THROW(fit_plane(RoadCloud{}, options), std::invalid_argument);
 }
 

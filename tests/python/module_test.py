@@ -247,6 +247,55 @@ class Errors(unittest.TestCase):
         self.refused("id: found 1, expected more than 2", scene.add_frame, id=1)
         self.refused("world_from_camera", scene.add_frame, world_from_camera=numpy.zeros((4, 4)))
 
+    def test_scenes_hold_what_a_manifest_may(self):
+        camera = camber.PinholeCamera(160, 90, fx=120.0, fy=120.0, cx=80.0, cy=40.0)
+        for pattern, keywords in [
+            ("markings_m: found \"dash_lenght\", expected dash_length", {"markings_m": {"dash_lenght": 3.0}}),
+            ("dash_length: found -3, expected a positive", {"markings_m": {"dash_length": -3.0}}),
+            ("segmentation_classes: found 300", {"segmentation_classes": {"road": [300]}}),
+            ("segmentation_classes: found 1 under", {"segmentation_classes": {"road": [1], "vehicle": [1]}}),
+            ("lens: found 'none' beside distortion", {"distortion": [-0.3, 0.1, 0, 0]}),
+            ("lens: found 'none' beside", {"raw_camera": camera}),
+            ("height_above_road", {"height_above_road": -1.0}),
+        ]:
+            self.refused(pattern, camber.Scene, camera, **keywords)
+        self.refused("reference_frame: found 7", camber.reconstruct, small_scene(reference_frame=7),
+                     [0, 1])
+
+        def box(**keywords):
+            return camber.VehicleDetection([0, 0, 9, 9], **keywords)
+
+        mirror = numpy.diag([1.0, 1.0, -1.0, 1.0])
+        stretched = numpy.eye(4)
+        stretched[3, 0] = 1.0
+        for pattern, keywords in [
+            ("up points down", {"up": [0, 1, 0]}),
+            ("up points forward", {"up": [0, -0.1, 1]}),
+            ("up_sigma: found -1", {"up": [0, -1, 0], "up_sigma": -1.0}),
+            ("up_sigma: found nan", {"up": [0, -1, 0], "up_sigma": numpy.nan}),
+            ("up_sigma: found without up", {"up_sigma": 0.1}),
+            ("speed_sigma: found without speed", {"speed_sigma": 0.1}),
+            ("speed: found inf", {"speed": numpy.inf}),
+            ("time_s", {"time_s": numpy.nan}),
+            ("world_from_camera", {"world_from_camera": mirror}),
+            ("world_from_camera", {"world_from_camera": stretched}),
+            ("ego_plane", {"ego_plane": camber.Plane([0, 1, 0], 1.5)}),
+            ("id: found 4 a second time", {"vehicles": [box(id=4), box(id=4)]}),
+            ("vehicle 0: score", {"vehicles": [box(score=numpy.nan)]}),
+            ("vehicle 0: keypoints", {"vehicles": [box(keypoints=numpy.full((36, 3), numpy.inf))]}),
+        ]:
+            scene = small_scene()
+            self.refused(pattern, scene.add_frame, **keywords)
+            self.assertEqual(len(scene), 3)
+        self.refused("id: found -3", box, id=-3)
+        self.refused("id: found -5", camber.Scene(camera).add_frame, id=-5)
+        self.refused("offset", camber.Plane, [0, -1, 0], numpy.nan)
+        # Those without an id get one that is free.
+        scene.add_frame(vehicles=[box(id=1), box(), box(id=0), box()])
+        self.assertEqual([v.id for v in scene.frames[-1].vehicles], [1, 2, 0, 3])
+        with self.assertWarnsRegex(UserWarning, "no 'road' is named"):
+            scene.add_frame(segmentation=numpy.zeros((90, 160), numpy.uint8))
+
 
 class Clouds(unittest.TestCase):
     def setUp(self):
@@ -278,6 +327,53 @@ class Clouds(unittest.TestCase):
         cloud.points *= 2
         numpy.testing.assert_array_equal(cloud.points[7], [2, 4, 6])
 
+    def test_labels_that_do_not_fit_are_refused(self):
+        cloud = camber.RoadCloud(numpy.zeros((2, 3)))
+        for value in (2**40, -2**31 - 1):
+            with self.assertRaisesRegex(ValueError, "patch: found numbers from"):
+                cloud.set_label("patch", numpy.array([0, value]))
+        with self.assertRaisesRegex(ValueError, "4294967295, expected -2147483648 to 2147483647"):
+            camber.RoadCloud(numpy.zeros((2, 3)),
+                             labels={"patch": numpy.array([0, 2**32 - 1], numpy.uint32)})
+        cloud.set_label("patch", numpy.array([-2**31, 2**31 - 1]))
+        self.assertEqual(cloud.labels["patch"].tolist(), [-2**31, 2**31 - 1])
+
+    def test_points_are_selected_by_index_or_mask(self):
+        cloud = camber.RoadCloud(self.road)
+        mask = self.road[:, 0] < 3
+        chosen = cloud.select(mask)
+        self.assertEqual(len(chosen), mask.sum())
+        numpy.testing.assert_array_equal(chosen.points, cloud.points[mask])
+        numpy.testing.assert_array_equal(cloud.select(numpy.flatnonzero(mask)).points,
+                                         chosen.points)
+        numpy.testing.assert_array_equal(cloud.select([5, 3]).points, cloud.points[[5, 3]])
+        self.assertEqual(len(cloud.select([])), 0)
+        for wrong in (mask[1:], [0.5], [[0, 1]], "all", None):
+            with self.assertRaisesRegex(ValueError, "indices: expected whole numbers, or a mask"):
+                cloud.select(wrong)
+        for outside in ([-1], [len(cloud)], [2**40]):
+            with self.assertRaisesRegex(ValueError, "point index"):
+                cloud.select(outside)
+
+    def test_a_profile_knows_how_well_the_surface_is_levelled(self):
+        fit = camber.fit_road_surface(self.road, driven_line=[[0, 0, 0], [40, 0, 0]])
+        surface = fit.surface.to_dict()
+        surface["level_sigma_deg"] = 1.0
+        path = pathlib.Path(os.environ["CAMBER_TEST_FOLDER"]) / "levelled.json"
+        path.write_text(json.dumps(surface))
+        levelled = camber.read_surface(path)
+        self.assertAlmostEqual(levelled.level_sigma, numpy.radians(1.0))
+
+        def sigmas(surface, **keywords):
+            return [p.sigma_grade for p in camber.road_profile(surface, **keywords)]
+
+        # Left out: what the surface states; else what is given.
+        numpy.testing.assert_array_equal(
+            sigmas(levelled), sigmas(fit.surface, levelling_sigma=levelled.level_sigma))
+        numpy.testing.assert_array_equal(
+            sigmas(levelled, levelling_sigma=1.7453292519943296e-4), sigmas(fit.surface))
+        self.assertGreater(numpy.nanmin(sigmas(levelled)), numpy.radians(0.9))
+
     def test_map_coordinates_keep_their_digits(self):
         place = [691000.123, 5336000.456, 520.789]
         cloud = camber.RoadCloud(self.road + place)
@@ -304,6 +400,28 @@ class Clouds(unittest.TestCase):
         self.assertGreater(ground.labels[:20000].mean(), 0.95)
         self.assertLess(ground.labels[20000:].mean(), 0.05)
         self.assertEqual(camber.fit_plane(numpy.zeros((2, 3))).status, "failed")
+
+    def test_a_comparison_in_a_cameras_frame_looks_along_its_axis(self):
+        # The estimate lies 0.05 m ahead of a ramp's truth: an error of height, not across the road.
+        ahead = numpy.array([0.0, 0.0, 0.05])
+        places = self.random.uniform([-4, 0, 5], [4, 0, 45], (20000, 3))
+        places[:, 1] = 1.65 - 0.1 * places[:, 2]
+        truth = camber.RoadCloud(places, frame="camera")
+        estimate = camber.RoadCloud(places + ahead, frame="camera")
+        plain = camber.compare(estimate, truth)
+        stated = camber.compare(estimate, truth, along=[0, 0, 1], viewpoint=[0, 0, 0])
+        self.assertEqual(plain.to_dict(), stated.to_dict())
+        self.assertIn("distance", [errors.by for errors in plain.road])
+
+    def test_a_comparison_up_to_scale_is_not_in_metres(self):
+        metric, unscaled = camber.RoadCloud(self.road), camber.RoadCloud(self.road, metric=False)
+        comparison = camber.compare(unscaled, metric)
+        self.assertFalse(comparison.metric)
+        self.assertIs(comparison.to_dict()["metric"], False)
+        self.assertIn("up to scale", str(comparison))
+        self.assertNotIn("metres", str(comparison))
+        self.assertIn("up to scale", repr(comparison))
+        self.assertTrue(camber.compare(unscaled, metric, align="scale").metric)
 
     def test_comparison(self):
         moved = self.road + [0, 0, 0.05]

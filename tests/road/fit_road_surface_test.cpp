@@ -319,6 +319,14 @@ RoadCloud sheet(std::size_t n, double height, double noise, std::uint64_t seed) 
   return cloud;
 }
 
+TEST(FitRoadSurface, PointsWithoutAUsableSigmaAreNamed) {
+  RoadCloud cloud = sheet(2000, 1.0, 0.01, 1);
+  cloud.sigmas.assign(cloud.size(), 0.0f);
+  const RoadSurfaceFit fit = fit_road_surface(cloud, {});
+  EXPECT_EQ(fit.status, Status::kFailed);
+  EXPECT_EQ(fit.reason, "no point has a sigma above 0");
+}
+
 TEST(FitRoadSurface, FlatAndFreeOfNoiseIsOnePatch) {
   const RoadSurfaceFit fit = fit_road_surface(sheet(5000, 1.0, 0.0, 1), {});
   ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
@@ -393,6 +401,9 @@ TEST(FitRoadSurface, OptionsAreChecked) {
   EXPECT_THROW(fit_road_surface(RoadCloud{}, options), std::invalid_argument);
   options = {};
   options.tolerance = -0.1;
+  EXPECT_THROW(fit_road_surface(RoadCloud{}, options), std::invalid_argument);
+  options = {};
+  options.viewpoint = Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   EXPECT_THROW(fit_road_surface(RoadCloud{}, options), std::invalid_argument);
 }
 

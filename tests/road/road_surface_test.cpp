@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace camber {
 namespace {
 
@@ -58,6 +60,9 @@ TEST(RoadSurface, SaysNotCoveredBeyondTheReach) {
   EXPECT_EQ(answer.status, Status::kFailed);
   EXPECT_EQ(answer.reason, "not covered");
   EXPECT_EQ(two_squares().query({5, 12.5, 0}, 3.0).patch, 3);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(two_squares().query({5, 12.5, 0}, nan).status, Status::kFailed);
+  EXPECT_EQ(two_squares().query_ray({5, 500, 9}, {0, 0, -1}, nan).status, Status::kFailed);
 }
 
 TEST(RoadSurface, GapBelongsToTheNearerPatch) {

@@ -285,6 +285,17 @@ TEST_F(SceneFile, WarnsWhereSegmentationCannotShowTheRoad) {
   EXPECT_THAT(warnings[0], HasSubstr("no \"road\" is named"));
 }
 
+TEST_F(SceneFile, SizesOfUnknownMarkingsAreNamedAndLeftOut) {
+  json manifest = minimal_manifest();
+  manifest["markings_m"] = {{"dash_lenght", 3.0}, {"dash_gap", 6.0}};
+  std::vector<std::string> warnings;
+  const Scene scene =
+      read_scene(put(manifest), [&](const std::string& s) { warnings.push_back(s); });
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("markings_m.dash_lenght"));
+  EXPECT_EQ(scene.markings_m, (std::map<std::string, double>{{"dash_gap", 6.0}}));
+}
+
 TEST_F(SceneFile, SaysWhatIsMissing) {
   EXPECT_EQ(error_without("", "format"), "format: missing, expected \"camber-scene\"");
   EXPECT_EQ(error_without("", "version"), "version: missing, expected 1");

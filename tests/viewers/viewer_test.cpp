@@ -279,6 +279,20 @@ TEST_F(Viewer, SaysWhereAPictureCannotBeWritten) {
   EXPECT_THAT(other.message(), HasSubstr("cannot be written"));
 }
 
+TEST_F(Viewer, AResultUpToScaleHasNoKnownScale) {
+  const test::PictureScene made;
+  for (const bool metric : {true, false}) {
+    LoadedResult result;
+    result.cloud = made.cloud;
+    result.run = made.run;
+    result.run->metric = metric;
+    result.run->scale_sigma = 0.016;
+    const ViewerWindow other(std::move(result), ViewerOptions());
+    EXPECT_EQ(other.facts().find("scale known to 1.6 %") != std::string::npos, metric);
+    EXPECT_EQ(other.facts().find("up to scale") == std::string::npos, metric);
+  }
+}
+
 class ViewCommand : public testing::Test {
  protected:
   ViewCommand() {
@@ -305,6 +319,25 @@ TEST_F(ViewCommand, SaysWhatCannotBeOpened) {
   test::write_bytes(path("broken.ply"), "ply\nformat ascii 1.0\nelement vertex 3\n");
   EXPECT_ONE_SENTENCE(test::run_camber({"view", path("broken.ply")}), 2, "broken.ply");
   EXPECT_ONE_SENTENCE(test::run_camber({"view", path("nan.xyz")}), 1, "finite coordinates");
+  EXPECT_ONE_SENTENCE(test::run_camber({"view", cloud(), "--picture", path("window.jpg")}), 2,
+                      "expected FILE.png");
+  std::filesystem::create_directories(path("result"));
+  write_cloud(test::PictureScene().cloud, path("result/road.ply"));
+  RunDocument document = test::PictureScene().run;
+  document.scene.clear();
+  write_json(to_json(document), path("result/run.json"));
+  EXPECT_ONE_SENTENCE(test::run_camber({"view", path("result"), "--frame", "77"}), 2,
+                      "--frame: found 77, expected one of the frames of");
+}
+
+TEST_F(ViewCommand, WithoutOpenGLThereIsNoPicture) {
+  ::unsetenv("DISPLAY");
+  ::setenv("QT_QPA_PLATFORM", "offscreen", 1);
+  const auto run = test::run_camber({"view", cloud(), "--picture", path("window.png")});
+  ::unsetenv("QT_QPA_PLATFORM");
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_THAT(run.error, HasSubstr("no OpenGL"));
+  EXPECT_FALSE(std::filesystem::exists(path("window.png")));
 }
 
 TEST_F(ViewCommand, WritesAPictureOfItsWindow) {

@@ -258,6 +258,9 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
   truth_in.cloud.validate();
   constexpr std::size_t kMostSamples = 2000000;
   CloudComparison out;
+  const bool scales =
+      options.alignment == Alignment::kScale || options.alignment == Alignment::kSimilarity;
+  out.metric = truth_in.cloud.metric && (scales || estimate_in.cloud.metric);
   Shape truth = detail::transformed(truth_in, options.estimate_from_truth);
 
   // What is measured of a mesh are points spread over it.
@@ -309,6 +312,7 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
   if (options.road_frame) detail::add_road_errors(truth, estimated, options, &out);
   out.accuracy.points = std::move(estimated);
   out.completeness.points = std::move(true_cloud);
+  out.accuracy.points.metric = out.completeness.points.metric = out.metric;
   return out;
 }
 

@@ -151,6 +151,9 @@ struct AlignmentResult {
 };
 
 struct CloudComparison {
+  /// False: lengths are up to scale. True where both shapes are metric, or the truth alone and the
+  /// alignment scales the estimate to it.
+  bool metric = true;
   DirectedDistances accuracy;      ///< estimate to truth
   DirectedDistances completeness;  ///< truth to estimate
   std::vector<ThresholdScore> scores;

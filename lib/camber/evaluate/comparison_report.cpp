@@ -38,20 +38,24 @@ nlohmann::json to_json(const DirectedDistances& distances) {
 }  // namespace
 
 std::string describe(const CloudComparison& c) {
-  std::string out;
+  const char* const unit = c.metric ? "m" : "units";
+  std::string out = c.metric ? "" : "up to scale: lengths are in units of unknown size\n";
   if (c.alignment.alignment != Alignment::kNone) {
     out += fmt::format(
-        "aligned ({}): scale {:.6f}, residual {:.4f} -> {:.4f} m over {} pairs; estimate moved "
+        "aligned ({}): scale {:.6f}, residual {:.4f} -> {:.4f} {} over {} pairs; estimate moved "
         "by\n",
         to_string(c.alignment.alignment), c.alignment.scale, c.alignment.residual_before,
-        c.alignment.residual_after, c.alignment.pairs);
+        c.alignment.residual_after, unit, c.alignment.pairs);
+    // Map coordinates are thousands of kilometres: 1e-12 of them is less than 0.01 mm.
     for (int r = 0; r < 4; ++r) {
-      out += fmt::format("  {:12.6f} {:12.6f} {:12.6f} {:12.6f}\n", c.alignment.transform(r, 0),
+      out += fmt::format("  {:15.12f} {:15.12f} {:15.12f} {:14.6f}\n", c.alignment.transform(r, 0),
                          c.alignment.transform(r, 1), c.alignment.transform(r, 2),
                          c.alignment.transform(r, 3));
     }
   }
-  out += "metres                   points     mean   median      rms      90%      95%      max\n";
+  out += fmt::format(
+      "{:<6}                   points     mean   median      rms      90%      95%      max\n",
+      c.metric ? "metres" : "units");
   const auto row = [&](const char* name, const DistanceSummary& s) {
     out += fmt::format("{:<20} {:>10} {:8.4f} {:8.4f} {:8.4f} {:8.4f} {:8.4f} {:8.3f}\n", name,
                        s.count, s.mean, s.median, s.rms, s.quantile_90, s.quantile_95, s.largest);
@@ -70,8 +74,8 @@ std::string describe(const CloudComparison& c) {
   left_out("truth", c.completeness);
   out += "threshold   precision   recall   F-score\n";
   for (const ThresholdScore& s : c.scores) {
-    out += fmt::format("{:7.3f} m{:11.2f} %{:7.2f} %{:8.2f} %\n", s.threshold, 100.0 * s.precision,
-                       100.0 * s.recall, 100.0 * s.f_score);
+    out += fmt::format("{:7.3f} {}{:{}.2f} %{:7.2f} %{:8.2f} %\n", s.threshold, unit,
+                       100.0 * s.precision, c.metric ? 11 : 7, 100.0 * s.recall, 100.0 * s.f_score);
   }
   if (!c.road.empty()) {
     out += "road frame            points  height mean  |median|      rms   along rms  across rms\n";
@@ -79,9 +83,9 @@ std::string describe(const CloudComparison& c) {
       if (r.count == 0) continue;
       std::string name = "all";
       if (r.by != "all") {
-        const char* unit = r.by == "distance" ? "m" : "deg";
-        name = std::isfinite(r.to) ? fmt::format("{} {:g}-{:g} {}", r.by, r.from, r.to, unit)
-                                   : fmt::format("{} > {:g} {}", r.by, r.from, unit);
+        const char* const bound = r.by != "distance" ? " deg" : c.metric ? " m" : "";
+        name = std::isfinite(r.to) ? fmt::format("{} {:g}-{:g}{}", r.by, r.from, r.to, bound)
+                                   : fmt::format("{} > {:g}{}", r.by, r.from, bound);
       }
       out +=
           fmt::format("{:<17} {:>10} {:+12.4f} {:9.4f} {:8.4f} {:11.4f} {:11.4f}\n", name, r.count,
@@ -92,7 +96,7 @@ std::string describe(const CloudComparison& c) {
 }
 
 nlohmann::json to_json(const CloudComparison& c) {
-  nlohmann::json out;
+  nlohmann::json out = {{"metric", c.metric}};
   nlohmann::json alignment = {{"kind", to_string(c.alignment.alignment)}};
   if (c.alignment.alignment != Alignment::kNone) {
     std::vector<double> rows;

@@ -10,6 +10,7 @@
 #include "camber/plane/detail/local_noise.h"
 #include "camber/plane/detail/plane_coverage.h"
 #include "camber/plane/detail/plane_hypotheses.h"
+#include "camber/plane/noise_model.h"
 #include "camber/plane/plane_covariance.h"
 
 namespace camber {
@@ -305,6 +306,8 @@ void PlaneFitOptions::validate() const {
           inlier_threshold, ">= 0 m");
   require(max_hypotheses > 0, "max_hypotheses", max_hypotheses, "> 0");
   require(confidence > 0.0 && confidence < 1.0, "confidence", confidence, "(0, 1)");
+  require(!viewpoint || viewpoint->allFinite(), "viewpoint (its length)",
+          viewpoint ? viewpoint->norm() : 0.0, "finite numbers");
 }
 
 PlaneFit fit_plane(const RoadCloud& cloud, const PlaneFitOptions& options) {
@@ -332,7 +335,12 @@ PlaneFit fit_plane(const RoadCloud& cloud, const PlaneFitOptions& options) {
   }
   PlaneFitOptions local = options;
   if (!local.viewpoint && cloud.frame == CloudFrame::kCamera) local.viewpoint = Vector3d::Zero();
-  return run_fit(source, local);
+  PlaneFit fit = run_fit(source, local);
+  if (fit.status == Status::kFailed && source.sigma && cloud.size() >= 3 &&
+      !any_usable_sigma(cloud.sigmas)) {
+    fit.reason = "no point has a sigma above 0";
+  }
+  return fit;
 }
 
 PlaneFit fit_plane(const float* x, const float* y, const float* z, const float* sigma,

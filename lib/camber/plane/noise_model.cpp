@@ -17,6 +17,10 @@ bool usable(float sigma) { return sigma > 1e-12f && sigma < 1e12f; }
 
 }  // namespace
 
+bool any_usable_sigma(const std::vector<float>& sigmas) {
+  return std::any_of(sigmas.begin(), sigmas.end(), usable);
+}
+
 void NoiseModel::tabulate(double low, double high) {
   first = leading_bits(static_cast<float>(std::clamp(low, 1e-12, 1e12)));
   const std::uint32_t last = leading_bits(static_cast<float>(std::clamp(high, 1e-12, 1e12)));

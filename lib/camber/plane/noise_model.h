@@ -21,6 +21,9 @@ enum class NoiseKind {
 /// the ray and the plane's own roughness do not vanish with the angle.
 inline constexpr double kGrazingFloor = 0.02;
 
+/// Whether a point has a sigma that weighs it: above 0 and finite.
+bool any_usable_sigma(const std::vector<float>& sigmas);
+
 /// Turns what is known about each point into the variance along a plane's normal. Coordinates and
 /// planes are relative to a pivot of the caller's.
 struct NoiseModel {

@@ -35,6 +35,8 @@ double shown_range(const CloudComparison& comparison) {
 const PlotStyle kStyle{1000, 560, 18.0};
 const char* const kNames[] = {"accuracy: estimate to truth", "completeness: truth to estimate"};
 
+const char* unit_of(const CloudComparison& comparison) { return comparison.metric ? "m" : "units"; }
+
 }  // namespace
 
 Image draw_histogram(const CloudComparison& comparison) {
@@ -43,7 +45,7 @@ Image draw_histogram(const CloudComparison& comparison) {
   const DirectedDistances* const directions[] = {&comparison.accuracy, &comparison.completeness};
   Plot plot;
   plot.title = "Distances";
-  plot.x.title = "distance, m (last bar: all beyond)";
+  plot.x.title = std::string("distance, ") + unit_of(comparison) + " (last bar: all beyond)";
   plot.y.title = "share of points, %";
   plot.x.low = plot.y.low = 0.0;
   plot.x.high = range;
@@ -71,7 +73,7 @@ Image draw_histogram(const CloudComparison& comparison) {
 Image draw_cumulative(const CloudComparison& comparison) {
   Plot plot;
   plot.title = "Points within a distance";
-  plot.x.title = "distance, m";
+  plot.x.title = std::string("distance, ") + unit_of(comparison);
   plot.y.title = "share of points, %";
   plot.x.low = plot.y.low = 0.0;
   plot.x.high = shown_range(comparison);
@@ -133,9 +135,10 @@ Image draw_height_map(const CloudComparison& comparison) {
     }
   }
   Plot plot;
-  plot.title = "Height error, cells of " + format_number(cell, 2) + " m";
-  plot.x.title = "along the road, m";
-  plot.y.title = "to the left, m";
+  const std::string unit = unit_of(comparison);
+  plot.title = "Height error, cells of " + format_number(cell, 2) + " " + unit;
+  plot.x.title = "along the road, " + unit;
+  plot.y.title = "to the left, " + unit;
   plot.x.low = cells.x[0];
   plot.x.high = cells.x[1];
   plot.y.low = cells.y[0];
@@ -157,7 +160,7 @@ Image draw_height_map(const CloudComparison& comparison) {
   Canvas canvas(image);
   const double bottom = std::min(panel.height - 60.0, 400.0);
   draw_color_bar(canvas, {panel.width + 10.0, 84.0, panel.width + 32.0, bottom}, -limit, limit,
-                 {"estimate above (+)", "the truth, m"}, kStyle.text_size, kInk, diverging);
+                 {"estimate above (+)", "the truth, " + unit}, kStyle.text_size, kInk, diverging);
   return image;
 }
 

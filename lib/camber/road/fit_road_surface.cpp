@@ -9,6 +9,7 @@
 
 #include "camber/core/threads.h"
 #include "camber/plane/detail/plane_coverage.h"
+#include "camber/plane/noise_model.h"
 #include "camber/road/detail/patch_kinds.h"
 #include "camber/road/detail/patch_labels.h"
 #include "camber/road/ground_tree.h"
@@ -251,7 +252,9 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
   report(0.6);
   if (segmentation.regions.empty()) {
-    layer.reason = "no planar ground was found";
+    const bool by_sigma = cloud.covariances.empty() && !cloud.sigmas.empty();
+    layer.reason = by_sigma && !any_usable_sigma(cloud.sigmas) ? "no point has a sigma above 0"
+                                                               : "no planar ground was found";
     return layer;
   }
 
@@ -320,6 +323,8 @@ void RoadSurfaceOptions::validate() const {
   require(min_patch_points >= 3, "min_patch_points", min_patch_points, ">= 3");
   require(tolerance_sigmas > 0.0, "tolerance_sigmas", tolerance_sigmas, "> 0");
   require(tolerance >= 0.0, "tolerance", tolerance, ">= 0 m");
+  require(!viewpoint || viewpoint->allFinite(), "viewpoint (its length)",
+          viewpoint ? viewpoint->norm() : 0.0, "finite numbers");
   consistency.validate();
 }
 

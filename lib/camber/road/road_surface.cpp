@@ -84,7 +84,7 @@ SurfaceQuery RoadSurface::query(const Eigen::Vector3d& place, double reach) cons
   const GroundAxes axes(unit_up);
   const Eigen::Vector2d flat = axes(place);
   const PlanePatch* best = nullptr;
-  double best_distance = std::max(reach, 0.0), best_climb = 0.0;
+  double best_distance = std::max(0.0, reach), best_climb = 0.0;
   for (const PlanePatch& patch : patches) {
     if (!is_ground(patch)) continue;
     const double slant = patch.plane.plane.normal.dot(unit_up);
@@ -107,7 +107,7 @@ SurfaceQuery RoadSurface::query_ray(const Eigen::Vector3d& origin, const Eigen::
   const GroundAxes axes(unit_up);
   const PlanePatch* best = nullptr;
   Eigen::Vector3d place = origin;
-  double best_distance = std::max(reach, 0.0), best_along = 0.0;
+  double best_distance = std::max(0.0, reach), best_along = 0.0;
   for (const PlanePatch& patch : patches) {
     if (!is_ground(patch) || !(std::abs(patch.plane.plane.normal.dot(unit_up)) > 1e-3)) continue;
     const double along =

@@ -32,6 +32,13 @@ const std::vector<Preset>& presets() {
 
 }  // namespace
 
+const std::vector<std::string>& marking_size_names() {
+  static const std::vector<std::string> kNames = {
+      "dash_length",         "dash_gap",  "line_width", "zebra_stripe_width", "zebra_gap",
+      "zebra_stripe_length", "lane_width"};
+  return kNames;
+}
+
 std::optional<std::map<std::string, double>> marking_preset(const std::string& name) {
   for (const Preset& preset : presets()) {
     if (name == preset.name) return preset.sizes;

@@ -7,6 +7,8 @@
 
 namespace camber {
 
+/// The keys of Scene::markings_m: "dash_length", ..., in the order of the documentation.
+const std::vector<std::string>& marking_size_names();
 /// Published sizes of painted markings, m, keys as Scene::markings_m; nothing for another name.
 /// Sources: docs/formats.md, "Presets of markings_m".
 std::optional<std::map<std::string, double>> marking_preset(const std::string& name);

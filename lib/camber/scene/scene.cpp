@@ -222,9 +222,12 @@ std::map<std::string, double> read_markings(const JsonCursor& cursor) {
   }
   JsonObject markings(cursor, "an object of lengths in metres, or the name of a preset");
   std::map<std::string, double> out;
-  for (const auto& [key, value] : markings.entries()) {
-    out[key] = value.positive("a positive number of metres");
+  for (const std::string& name : marking_size_names()) {
+    if (auto v = markings.find(name.c_str())) {
+      out[name] = v->positive("a positive number of metres");
+    }
   }
+  markings.note_unknown_keys();
   return out;
 }
 

@@ -15,7 +15,7 @@
 #include "camber/image/image_io.h"
 #include "camber/image/video.h"
 #include "camber/scale/speed_noise.h"
-#include "camber/scene/camera_up.h"
+#include "camber/scene/validate_scene.h"
 
 namespace camber {
 
@@ -220,6 +220,7 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
                         std::to_string(frame_ids.size()) + " given");
   }
   check_frame_count(frame_ids.size());
+  validate(scene);
   LoadedFrames out;
   out.camera = scene.camera;
   out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, 0.0};
@@ -237,11 +238,6 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);
     if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(id));
-    if (const char* wrong = frame->up ? why_not_up(frame->up->normalized()) : nullptr) {
-      throw std::invalid_argument(fmt::format(
-          "frame {}: up points {}, expected a direction away from the ground in the camera frame",
-          id, wrong));
-    }
     if (id == reference) out.reference = out.frames.size();
     out.frames.push_back(*frame);
   }

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "camber/scene/scene.h"
+
+namespace camber {
+
+/// Holds a scene that a program makes to what read_scene() holds a manifest to. The truth is not
+/// looked at, and there may be no frames yet.
+/// @throws std::invalid_argument naming the frame and the first field that cannot be.
+void validate(const Scene& scene);
+void validate(const SceneFrame& frame);
+
+}  // namespace camber
