@@ -7,6 +7,7 @@
 #include "camber/cloud/file_reader.h"
 #include "camber/cloud/number_text.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 
 namespace camber::tools {
 namespace {

@@ -6,6 +6,7 @@
 #include "camber/cloud/formats.h"
 #include "camber/cloud/number_text.h"
 #include "camber/core/atomic_file.h"
+#include "camber/core/lower_case.h"
 
 namespace camber {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "camber/cloud/formats.h"
 #include "camber/cloud/number_text.h"
+#include "camber/core/lower_case.h"
 
 namespace camber {
 namespace {

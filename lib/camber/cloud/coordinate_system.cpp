@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "camber/cloud/number_text.h"
+#include "camber/core/lower_case.h"
 
 namespace camber {
 namespace {

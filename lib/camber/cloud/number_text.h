@@ -34,7 +34,4 @@ inline bool is_blank(char c) {
 /// Takes the next word from the front of `line`, blanks skipped; empty at the end.
 std::string_view next_word(std::string_view& line);
 
-/// ASCII letters in lower case.
-std::string lower_case(std::string_view text);
-
 }  // namespace camber

@@ -8,6 +8,7 @@
 #include <unordered_map>
 
 #include "camber/cloud/number_text.h"
+#include "camber/core/lower_case.h"
 
 namespace camber {
 

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "camber/core/errors.h"
+#include "camber/core/median.h"
 #include "camber/evaluate/detail/compare_steps.h"
 
 namespace camber::detail {
@@ -51,10 +52,10 @@ double spread_of(const std::vector<Vector3d>& points) {
   std::vector<double> values(points.size());
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     for (std::size_t i = 0; i < points.size(); ++i) values[i] = points[i][axis];
-    middle[axis] = median_of(values);
+    middle[axis] = upper_median(values);
   }
   for (std::size_t i = 0; i < points.size(); ++i) values[i] = (points[i] - middle).norm();
-  return median_of(values);
+  return upper_median(values);
 }
 
 /// The box of all but the outermost fiftieth at either end of each axis.
@@ -100,7 +101,7 @@ bool lies_apart(const std::vector<Vector3d>& sample, const std::vector<Vector3d>
     distances.push_back(box.exteriorDistance(p));
     squares += distances.back() * distances.back();
   }
-  if (!(median_of(distances) > std::max(spread_of(sample), spread_of(truth)))) return false;
+  if (!(upper_median(distances) > std::max(spread_of(sample), spread_of(truth)))) return false;
   *rms = std::sqrt(squares / static_cast<double>(distances.size()));
   return true;
 }
@@ -135,7 +136,7 @@ Candidate iterate_from(const Start& start, const std::vector<Vector3d>& sample,
     for (const double d : near.distance) {
       if (std::isfinite(d)) distances.push_back(d);
     }
-    const double limit = 3.0 * median_of(distances) + 1e-9;
+    const double limit = 3.0 * upper_median(distances) + 1e-9;
     Eigen::Matrix<double, 7, 7> hessian = Eigen::Matrix<double, 7, 7>::Zero();
     Eigen::Matrix<double, 7, 1> gradient = Eigen::Matrix<double, 7, 1>::Zero();
     double squares = 0.0;

@@ -150,13 +150,6 @@ ShapeDistances ShapeSearch::distances_of(const ShapeSearch& other, const RoadClo
       num_threads_);
 }
 
-double median_of(std::vector<double> values) {
-  if (values.empty()) return kNaN;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 Shape transformed(const Shape& shape, const Matrix4d& m) {
   if (m.isIdentity(0.0)) return shape;
   Shape out = shape;

@@ -13,6 +13,7 @@
 #include "camber/cloud/file_reader.h"
 #include "camber/cloud/number_text.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/export/detail/crg_format.h"
 #include "camber/export/opencrg.h"

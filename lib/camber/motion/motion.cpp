@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/core/random.h"
 #include "camber/core/threads.h"
 #include "camber/motion/detail/spread_points.h"
@@ -19,13 +20,6 @@ namespace camber {
 namespace {
 
 using detail::spread_points;
-
-double median(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -181,7 +175,7 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
   // The depths absorb one of the 2 (n - 1) coordinates of each track.
   const double freedom =
       std::sqrt(2.0 * static_cast<double>(others) / (2.0 * static_cast<double>(others) - 1.0));
-  out.pixel_sigma = std::max(0.02, 1.4826 * median(residuals) * freedom);
+  out.pixel_sigma = std::max(0.02, 1.4826 * upper_median(residuals) * freedom);
   Eigen::MatrixXd information = reduce_bundle(problem, views, depths, out.pixel_sigma).information;
   const Eigen::Vector3d axis =
       out.frame_from_reference[static_cast<std::size_t>(matches.matches[longest].frame)]
@@ -214,7 +208,7 @@ std::optional<std::size_t> widest_image(const Correspondences& matches,
                     " matched points between two images, expected at least 40");
       return std::nullopt;
     }
-    const double motion = median(lengths);
+    const double motion = upper_median(lengths);
     if (motion > widest_motion) {
       widest_motion = motion;
       widest = k;

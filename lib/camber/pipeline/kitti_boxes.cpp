@@ -14,17 +14,13 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 
 namespace camber {
 
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 
 bool is_vehicle(const KittiLabel& label) {
   const std::string type = lower_case(label.type);

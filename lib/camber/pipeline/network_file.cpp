@@ -4,10 +4,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/formats/class_map.h"
 #include "camber/scene/formats/detections.h"
@@ -113,11 +113,6 @@ int class_number(const JsonCursor& cursor, const std::string& name,
         fmt::format("found the class \"{}\", expected one of `classes`", printable(name)));
   }
   return static_cast<int>(at - classes.begin());
-}
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
 }
 
 /// Those of `names` by numbers that Camber has a prior for under the same name.

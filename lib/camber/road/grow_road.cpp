@@ -7,6 +7,7 @@
 #include <queue>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/core/random.h"
 
 namespace camber {
@@ -20,12 +21,6 @@ struct Cell {
   double sigma = 0.0;
   Eigen::Vector3d plane = Eigen::Vector3d::Zero();  // rho = plane . ray
 };
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Ground grown over cells of an inverse depth grid, from the plane under the camera outwards.
 class RoadGrower {
@@ -102,8 +97,8 @@ void RoadGrower::make_cells() {
           static_cast<std::size_t>(options_.cell_columns * options_.cell_rows)) {
         continue;
       }
-      cell.rho = median_of(values);
-      cell.sigma = median_of(sigmas);
+      cell.rho = upper_median(&values);
+      cell.sigma = upper_median(&sigmas);
       cell.known = cell.rho > 0;
     }
   }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/core/threads.h"
 
 namespace camber {
@@ -13,12 +14,6 @@ namespace {
 
 constexpr double kLeastContrast = 8.0;  // intensities, of paint
 constexpr double kThinnest = 1.5;       // px
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// A bar in one row.
 struct Bar {
@@ -103,7 +98,7 @@ class RowBars {
     }
     std::vector<Edge> out;
     if (sizes.size() < 8) return out;
-    const double least = std::max(kLeastContrast, 3.5 * 1.48 * median_of(std::move(sizes)));
+    const double least = std::max(kLeastContrast, 3.5 * 1.48 * upper_median(std::move(sizes)));
     for (std::size_t x = 3; x + 4 < steps.size(); ++x) {
       const double size = std::abs(steps[x]), sign = steps[x] < 0 ? -1.0 : 1.0;
       if (size < least || size < sign * steps[x - 1] || size <= sign * steps[x + 1]) continue;
@@ -268,7 +263,7 @@ std::optional<PaintedStroke> measure(const RowBars& bars, const Trace& trace) {
     out.rows.push_back({trace.rows[i], trace.bars[i].left, trace.bars[i].right});
     contrasts.push_back(trace.bars[i].contrast);
   }
-  out.contrast = median_of(std::move(contrasts));
+  out.contrast = upper_median(std::move(contrasts));
   out.fit_row = 0.5 * (trace.rows.front() + trace.rows.back());
   out.left_fit = fit_edge(out.rows, &StrokeRow::left, out.fit_row);
   out.right_fit = fit_edge(out.rows, &StrokeRow::right, out.fit_row);

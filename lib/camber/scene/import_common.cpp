@@ -8,17 +8,13 @@
 #include <cmath>
 
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/json_reader.h"
 
 namespace fs = std::filesystem;
 
 namespace camber {
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 
 std::optional<int> frame_number(const fs::path& file) {
   const std::string stem = file.stem().string();

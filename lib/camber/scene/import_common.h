@@ -15,9 +15,6 @@ namespace camber {
 
 // What the importers share.
 
-/// ASCII letters in lower case.
-std::string lower_case(std::string text);
-
 /// The frame number that a file is named by ("000048.png" is 48); nothing for other names.
 std::optional<int> frame_number(const std::filesystem::path& file);
 

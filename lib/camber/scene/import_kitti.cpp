@@ -12,6 +12,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/scene/detail/own_data.h"
 #include "camber/scene/import_common.h"
 #include "camber/scene/json_reader.h"

@@ -10,6 +10,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/import_common.h"

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/image/video.h"
 #include "camber/scene/detail/own_data.h"

@@ -10,18 +10,13 @@
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/core/median.h"
 
 namespace camber {
 
 namespace {
 
 using SideMatrix = Eigen::Matrix<double, 3, kNumSideKeypoints>;
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::Vector3d box_sides(const ShapePrior& prior) {  // along x, y, z
   return {prior.parameters_mean[0], prior.parameters_mean[2], prior.parameters_mean[1]};
@@ -137,10 +132,10 @@ AnnotatedPrior learn_annotated_prior(const std::string& name,
   AnnotatedPrior out;
   std::vector<ShapeSample> samples;
   if (!shapes.empty()) {
-    const double median = median_of(residuals);
+    const double median = upper_median(residuals);
     std::vector<double> deviations;
     for (double r : residuals) deviations.push_back(std::abs(r - median));
-    const double limit = std::max(median + 3.5 * 1.4826 * median_of(deviations), 2.0 * median);
+    const double limit = std::max(median + 3.5 * 1.4826 * upper_median(deviations), 2.0 * median);
     for (std::size_t i = 0; i < shapes.size(); ++i) {
       if (residuals[i] > limit || aligned[i].scale.minCoeff() <= 0.0) {
         out.outliers.push_back(static_cast<int>(i));

@@ -4,7 +4,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -13,6 +12,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/vehicle/detail/shipped_prior.h"
 
 namespace camber {
@@ -21,11 +21,6 @@ namespace {
 
 using SideMatrix = Eigen::Matrix<double, 3, kNumSideKeypoints>;
 constexpr int kSideNumbers = 3 * kNumSideKeypoints;
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 
 SizePrior make_size(const char* name, const Eigen::Vector3d& mean, const Eigen::Vector3d& sigma,
                     double length_width, double length_height, double width_height) {

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "camber/cloud/number_text.h"
+#include "camber/core/lower_case.h"
 
 namespace camber::detail {
 namespace {

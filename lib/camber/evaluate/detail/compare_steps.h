@@ -59,9 +59,6 @@ void fetch_contact(const Shape& shape, int nearest);
 std::vector<Eigen::Vector3f> tangent_normals(const RoadCloud& cloud, const PointTree& own,
                                              const Eigen::Vector3d& up, int num_threads);
 
-/// NaN without values.
-double median_of(std::vector<double> values);
-
 /// Iterated closest points of a sample of the estimate: along the truth's normals, with a little of
 /// the whole distance where those leave a direction open (Chen and Medioni, "Object modelling by
 /// registration of multiple range images", IVC 1992). Far pairs are left out by the median. Shapes

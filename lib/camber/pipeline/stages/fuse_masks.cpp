@@ -7,6 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include "camber/core/median.h"
+
 namespace camber::stages {
 namespace {
 
@@ -15,12 +17,6 @@ struct GroundHeight {
   std::size_t grid;
   double along, across, height, sigma;
 };
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::vector<GroundHeight> heights_of(const TriangulatedPoints& points, const Plane& ego,
                                      const Eigen::Vector3d& travel, double metres) {
@@ -56,8 +52,8 @@ class CentralSurface {
     }
     for (auto& [number, bin] : bins) {
       if (bin.along.size() < kLeastOfBin) continue;
-      along_.push_back(median(std::move(bin.along)));
-      height_.push_back(median(std::move(bin.height)));
+      along_.push_back(upper_median(std::move(bin.along)));
+      height_.push_back(upper_median(std::move(bin.height)));
     }
     fit_cross_slope(points, options);
   }
@@ -203,10 +199,10 @@ std::vector<std::uint8_t> off_road_surface(const Correspondences& matches, const
   std::vector<double> middle(grid.size(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t c = 0; c < grid.size(); ++c) {
     if (heights[c].size() < static_cast<std::size_t>(options.least_points)) continue;
-    middle[c] = median(across[c]);
+    middle[c] = upper_median(across[c]);
     if (std::abs(middle[c]) <= options.slope_width) continue;  // the road itself
-    cell_off[c] =
-        std::abs(median(heights[c])) > options.most_height + options.sigmas * median(sigmas[c]);
+    cell_off[c] = std::abs(upper_median(heights[c])) >
+                  options.most_height + options.sigmas * upper_median(sigmas[c]);
   }
   grid.drop_with_road_beyond(middle, options.most_road_beyond, &cell_off);
   grid.drop_small(options.least_cells, &cell_off);

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/plane/dominant_plane_pcl.h"
 
 namespace camber {
@@ -24,12 +25,6 @@ namespace stages {
 namespace {
 
 const Eigen::Vector3d kUp(0.0, -1.0, 0.0);
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Dominant plane of chosen points, in metres of a given scale.
 RansacPlane dominant_plane(const TriangulatedPoints& points, const std::vector<int>& chosen,
@@ -53,7 +48,8 @@ RansacPlane dominant_plane(const TriangulatedPoints& points, const std::vector<i
   constexpr double kNoise = 1.5, kWidest = 0.5;  // sigmas; m
   DominantPlaneOptions ransac;
   ransac.max_tilt = options.max_tilt;
-  ransac.inlier_threshold = std::clamp(kNoise * median(noise), options.inlier_threshold, kWidest);
+  ransac.inlier_threshold =
+      std::clamp(kNoise * upper_median(noise), options.inlier_threshold, kWidest);
   const DominantPlane found = dominant_plane_pcl(metric, ransac);
   if (found.status == Status::kFailed) {
     out.reason = found.reason;
@@ -83,7 +79,7 @@ double median_y(const TriangulatedPoints& points, const RansacPlane& plane) {
   for (const int i : plane.inliers) {
     y.push_back(plane.metres_per_baseline * points.point(static_cast<std::size_t>(i)).y());
   }
-  return median(std::move(y));
+  return upper_median(std::move(y));
 }
 
 void rescale(double factor, RansacPlane* plane) {

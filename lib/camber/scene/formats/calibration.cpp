@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/formats/detail/calibration_forms.h"
 #include "camber/scene/import_common.h"

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/formats/detail/delimited_lines.h"
 #include "camber/scene/formats/detail/document.h"

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camber/core/median.h"
 #include "camber/vehicle/detail/convex_hull.h"
 #include "camber/vehicle/detail/pixel_bounds.h"
 #include "camber/vehicle/detail/projection.h"
@@ -17,13 +18,6 @@ constexpr int kMostPixels = 2500;  // that enter
 constexpr int kFewestPixels = 40;
 constexpr std::size_t kMostHiding = 16;  // behind more others' boxes a vehicle is not looked for
 constexpr double kLeastDepth = 0.05;     // over the anchor's
-
-/// Median by selection; reorders.
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Depths of a vehicle's hull on a grid of pixels; 0: not the vehicle, negative: another one hides
 /// it.
@@ -206,7 +200,7 @@ bool VehicleTemplate::improve(double blur, Alignment* alignment) const {
   std::vector<double>& absolute = alignment->absolute;
   absolute.clear();
   for (const auto& s : samples) absolute.push_back(std::abs(s.now - mb - gain * (s.here - ma)));
-  const double scale = std::max(1.4826 * median(absolute), 0.5);
+  const double scale = std::max(1.4826 * upper_median(&absolute), 0.5);
   Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   double squares = 0.0, weights = 0.0;
