@@ -145,9 +145,10 @@ class ParkedCar : public ::testing::Test {
   }
 
   static AssembledRoad assembled(const MadeDrive& drive, const ScaledRoad& scaled,
-                                 const SurfacePlan& plan, const PlacedVehicles& placed) {
+                                 const SurfacePlan& plan, const PlacedVehicles& placed,
+                                 const stages::AssembleOptions& options = {}) {
     return stages::assemble(drive.frames, drive.matches, exact_photometric(drive), scaled, plan,
-                            placed, VehicleMethod::kJoint, {});
+                            placed, VehicleMethod::kJoint, options);
   }
 };
 
@@ -347,6 +348,10 @@ TEST_F(ParkedCar, AssembleNamesAFocalLengthThatProportionsContradict) {
   EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("0.50 times the focal length"));
   EXPECT_NEAR(wrong.run.scale_sigma, std::hypot(sound.run.scale_sigma, std::log(2.0)), 1e-9);
   EXPECT_EQ(wrong.run.scale_status, Status::kWeak);
+
+  stages::AssembleOptions later;
+  later.noise.focal_length_gate = 100.0;
+  EXPECT_TRUE(assembled(drive, scaled, plan, placed, later).run.warnings.empty());
 }
 
 TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {

@@ -136,7 +136,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   });
   AssembledRoad road = run("surface", 0.98, [&] {
     return stages::assemble(frames, seen.matches, refined, scaled, plan, vehicles,
-                            o.vehicles.method, {o.num_threads});
+                            o.vehicles.method, {o.num_threads, o.scale.noise});
   });
   stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);

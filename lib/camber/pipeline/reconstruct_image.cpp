@@ -108,7 +108,7 @@ Reconstruction reconstruct_image(const Scene& scene, const std::vector<int>& fra
   });
   AssembledRoad road = run("surface", 0.98, [&] {
     return stages::assemble(frames, marked.pixels, marked.ground, scaled, plan, vehicles,
-                            o.vehicles.method, {o.num_threads});
+                            o.vehicles.method, {o.num_threads, o.scale.noise});
   });
   // The scale of one image is that of the camera's height: the paint's own size is the least of it.
   const UncertainPlane& ego = road.surface.patches.front().plane;

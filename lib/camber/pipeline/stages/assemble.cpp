@@ -30,13 +30,12 @@ struct FinalRoad {
 /// and how many of them contradict it one by one.
 /// @throws NoAnswerError where nearly all do, and their sizes do not fit either.
 void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& vehicles,
-                       FinalRoad* final_road) {
+                       const ScaleNoise& noise, FinalRoad* final_road) {
   if (!scaled.metric) return;
   const auto contradict = [&](std::string text, double log_scale_variance) {
     final_road->warnings.push_back({"scale_contradicted", std::move(text)});
     final_road->road = final_road->road.with_wider_scale(log_scale_variance);
   };
-  const ScaleNoise noise;
   const auto contradicting = std::count_if(
       final_road->reports.begin(), final_road->reports.end(), [&](const ConstraintReport& r) {
         return !r.accepted && r.residual_sigma > noise.vehicle_contradicts;
@@ -82,13 +81,13 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
 /// The focal length against the vehicles' proportions: a wrong one stretches the road along the
 /// optical axis, and the scale with it.
 void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& evidence,
-                        FinalRoad* final_road) {
+                        const ScaleNoise& noise, FinalRoad* final_road) {
   if (evidence.vehicles == 0) return;
   const double sigmas = std::sqrt(2.0 * evidence.gain);
   ConstraintReport report{"focal_length",
                           fmt::format("proportions of {} vehicles", evidence.vehicles),
                           sigmas,
-                          sigmas <= ScaleNoise().focal_length_gate,
+                          sigmas <= noise.focal_length_gate,
                           {}};
   if (!report.accepted) {
     report.reason =
@@ -104,18 +103,17 @@ void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& evi
 }
 
 FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles,
-                                const GroundGraph& graph) {
+                                const GroundGraph& graph, const ScaleNoise& noise) {
   std::vector<Constraint> constraints;
   for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
-  const double population = ScaleNoise().vehicle_population;
-  FusedRoad fused = fuse(scaled.road, constraints, population);
+  FusedRoad fused = fuse(scaled.road, constraints, noise.vehicle_population);
   FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, {}, graph.planes.covariance};
   if (scaled.contradiction_variance > 0.0) {
     out.road = out.road.with_wider_scale(scaled.contradiction_variance);
   }
   out.warnings = scaled.contradictions;
-  check_by_vehicles(scaled, constraints, &out);
-  check_focal_length(scaled, vehicles.focal_length, &out);
+  check_by_vehicles(scaled, constraints, noise, &out);
+  check_focal_length(scaled, vehicles.focal_length, noise, &out);
   const Eigen::Index rows = out.plane_covariance.rows();
   if (rows == 0) return out;
   // The planes themselves: functions of the road and of the unevenness under each vehicle.
@@ -135,7 +133,8 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
     by_ground.block(at, rows - v.by_ground.cols(), size, v.by_ground.cols()) = v.by_ground;
     residual.segment(at, size) = v.constraint.residual;
     variance.segment(at, size) = v.variance;
-    by_scale.segment(at, size) = population * by_whole_scale(scaled.road, v.constraint);
+    by_scale.segment(at, size) =
+        noise.vehicle_population * by_whole_scale(scaled.road, v.constraint);
     at += size;
   }
   const Eigen::MatrixXd side = out.plane_covariance * by_ground.transpose();
@@ -479,7 +478,7 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   const GroundGraph graph = placed.ground.planes.covariance.size() > 0
                                 ? placed.ground
                                 : detail::ground_graph(scaled.road, plan, {});
-  const FinalRoad final_road = condition_on_vehicles(scaled, placed, graph);
+  const FinalRoad final_road = condition_on_vehicles(scaled, placed, graph, options.noise);
   const RoadPosterior& road = final_road.road;
   AssembledRoad out;
   RoadSurface& surface = out.surface;

@@ -24,6 +24,7 @@ namespace stages {
 
 struct AssembleOptions {
   int num_threads = 0;  ///< <= 0: see resolve_num_threads
+  ScaleNoise noise;     ///< as that of ScaleOptions
 };
 
 /// Conditions the road on what the vehicles measure of it and writes all results.

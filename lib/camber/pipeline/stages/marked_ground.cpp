@@ -242,7 +242,7 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
   ConstraintReport by_height = fused.reports.front();
   by_markings.residual_sigma = by_height.residual_sigma;
   const double share =
-      contradiction_share(by_height.residual_sigma, ScaleNoise().contradiction_start, height.gate);
+      contradiction_share(by_height.residual_sigma, options.noise.contradiction_start, height.gate);
   out.contradiction_variance = share * off * off;
   if (by_height.accepted) {
     out.road = std::move(fused.road);
