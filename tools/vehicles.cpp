@@ -14,6 +14,7 @@
 #include "command.h"
 #include "own_inputs.h"
 #include "road_arguments.h"
+#include "unknown_scale.h"
 
 namespace camber::tools {
 namespace {
@@ -169,13 +170,17 @@ int run(const Command& command, const Arguments& args) {
   std::vector<SceneFrame> frames;
   for (const int id : in.frames) frames.push_back(*in.scene.find_frame(id));
   const EstimateVehiclesOptions options = options_of(command, args, in);
-  if (const LogSink warn = make_warning_sink(command.common)) {
+  const LogSink warn = make_warning_sink(command.common);
+  if (warn) {
     for (const std::string& text : unknown_classes(frames, options.vehicles.fit.prior)) warn(text);
   }
   StageTimer compute(timings, "compute");
   const VehicleDocument document =
       estimate_vehicles(in.scene, in.frames, options, make_progress(command.common));
   compute.stop();
+  if (!args.kitti_labels.empty()) {
+    warn_of_unknown_scale(args.kitti_labels, document.metric, {}, warn);
+  }
   const nlohmann::json json = to_json(document);
   StageTimer write_timer(timings, "write");
   write(args, in, document, json);

@@ -170,6 +170,21 @@ TEST_F(VehicleScene, WritesTables) {
                       2, "subset.txt: line 3: found \"Made\", expected the name of a scene");
 }
 
+TEST_F(VehicleScene, LabelsUpToScaleAreWarnedOf) {
+  const auto labels_of = [&](const std::string& scene) {
+    return run_camber(
+        {"vehicles", scene, "--out", path("v.json"), "--kitti-labels", path("labels.txt")});
+  };
+  EXPECT_EQ(labels_of(path("scene.json")).error, "");
+  scene_.height_above_road.reset();
+  for (SceneFrame& frame : scene_.frames) frame.vehicles[0].has_plane = false;
+  write_scene(scene_, path("without.json"));
+  const auto run = labels_of(path("without.json"));
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_EQ(read("v.json")["metric"], false);
+  EXPECT_THAT(run.error, HasSubstr("labels.txt: its lengths are in units of unknown size"));
+}
+
 TEST_F(VehicleScene, TablesWarnOfWhatTheyCannotTellApart) {
   ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
   json scaled = read("v.json");
@@ -190,7 +205,7 @@ TEST_F(VehicleScene, ASubsetNamesFramesAndVehiclesOfTheTruth) {
     return run_camber({"evaluate", "--truth", path("scene.json"), "--estimate", path("v.json"),
                        "--subset", path("subset.txt")});
   };
-  const json truth = json::parse(read("scene.json"))["truth"]["frames"][0];
+  const json truth = read("scene.json")["truth"]["frames"][0];
   const std::string frame = truth["id"].dump(), vehicle = truth["vehicles"][0]["id"].dump();
   EXPECT_EQ(evaluated("made " + frame + " " + vehicle).exit_code, 0);
   EXPECT_ONE_SENTENCE(evaluated("made 999"), 2,
@@ -201,7 +216,7 @@ TEST_F(VehicleScene, ASubsetNamesFramesAndVehiclesOfTheTruth) {
 
 TEST_F(VehicleScene, TablesOfAResultUpToScaleAreNotInMetres) {
   ASSERT_EQ(run_camber({"vehicles", path("scene.json"), "--out", path("v.json")}).exit_code, 0);
-  json vehicles = json::parse(read("v.json"));
+  json vehicles = read("v.json");
   for (const bool metric : {true, false}) {
     vehicles["metric"] = metric;
     std::ofstream(path("v.json")) << vehicles;
