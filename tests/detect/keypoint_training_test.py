@@ -1,6 +1,7 @@
 """Trains a tiny keypoint network on drawn crops: its loss falls, a stopped training goes on to the
 same weights, the program gives what PyTorch gives for the exported file, a larger network starts from
-it as the same function, Muon trains one as well, and --bf16 is used where the processor has it.
+it as the same function, Muon trains one as well, --bf16 is used where the processor has it, and one
+command goes from nothing to a file.
 
 Usage: keypoint_training_test.py CAMBER TRAINING_FOLDER SCRATCH
 """
@@ -207,6 +208,25 @@ def check_precision() -> None:
     assert ("single precision" in ran.stderr) != has_bfloat16(), ran.stderr
 
 
+def check_one_command() -> None:
+    """Twice: the second passes over what is there."""
+    out = SCRATCH / "one_command"
+    command = [
+        sys.executable, "-B", str(TRAINING / "make_network.py"), "--out", str(out), "--camber", CAMBER,
+        "--steps", "4", "--crops", "48", "--validation-crops", "24", "--threads", "1", "--widths", WIDTHS,
+    ]  # fmt: skip
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    evaluation = json.loads((out / "evaluation.json").read_text())
+    assert evaluation["evaluation"]["crops"] == 24, evaluation["evaluation"]["crops"]
+    whole = {f: f.stat().st_mtime_ns for f in out.glob("*/*.npy")}
+    weights = weights_of(out / "run")
+    ran = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert "is trained" in ran.stderr + ran.stdout, ran
+    assert whole == {f: f.stat().st_mtime_ns for f in out.glob("*/*.npy")} and len(whole) > 4
+    for name, value in weights_of(out / "run").items():
+        assert (value == weights[name]).all(), name
+
+
 def has(module: str) -> bool:
     try:
         __import__(module)
@@ -229,6 +249,7 @@ def main() -> None:
     check_start()
     check_muon()
     check_precision()
+    check_one_command()
 
 
 main()

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/evaluate/detail/compare_steps.h"
 
@@ -67,7 +68,7 @@ RoadErrors make_row(const Sums& sums, std::vector<double> heights, const std::st
   if (sums.count == 0) return row;
   const double n = static_cast<double>(sums.count);
   row.height_mean = sums.height / n;
-  row.height_median = median_of(std::move(heights));
+  row.height_median = upper_median(std::move(heights));
   row.height_rms = std::sqrt(sums.squares / n);
   row.along_rms = std::sqrt(sums.along / n);
   row.across_rms = std::sqrt(sums.across / n);
