@@ -96,7 +96,7 @@ RoadCloud read_on_map(const Arguments& a, const LogSink& warn, CoordinateSystem*
     throw NoAnswerError(a.files.input +
                         ": no run.json with a georeference beside it; give import --gnss");
   }
-  *system = crs_from_option(map->crs);
+  *system = crs_from_definition(map->crs, a.files.input + ": the georeference beside it");
   take_to_map(*map, &file.cloud);
   return std::move(file.cloud);
 }
