@@ -16,6 +16,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
 #include "camber/core/interruption.h"
+#include "camber/core/referred_file.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/depth_truth.h"
@@ -28,6 +29,7 @@
 #include "command.h"
 #include "crg_road.h"
 #include "crs.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 #include "unknown_scale.h"
 
@@ -50,7 +52,7 @@ struct Arguments {
   std::string alignment = "none";
   std::string transform, pairs, camera;
   std::vector<double> along, region, truth_viewpoint;
-  bool no_road_frame = false, overwrite = false, as_json = false;
+  bool no_road_frame = false, overwrite = false, as_json = false, confine = false;
 };
 
 /// Numbers of a text file, blanks or commas between them, # to the end of a line ignored.
@@ -117,14 +119,20 @@ bool is_result(const fs::path& path) {
          fs::exists(path / "road.ply", error);
 }
 
+fs::path folder_of_manifest(const fs::path& scene) {
+  std::error_code error;
+  if (fs::is_directory(scene, error)) return scene;
+  return scene.has_parent_path() ? scene.parent_path() : fs::path(".");
+}
+
 /// The cloud of a result folder, else the file.
 fs::path cloud_of(const std::string& path) {
   return is_result(path) ? fs::path(path) / "road.ply" : fs::path(path);
 }
 
 /// The known cells of an OpenCRG road as a mesh.
-Shape crg_mesh(const fs::path& path, const LogSink& warn) {
-  const CrgData data = read_crg(path);
+Shape crg_mesh(const fs::path& path, const fs::path& folder, const LogSink& warn) {
+  const CrgData data = read_crg(path, folder);
   for (const std::string& remark : data.remarks) {
     if (warn) warn(path.string() + ": " + remark);
   }
@@ -165,10 +173,11 @@ bool scales(const CompareOptions& options) {
 }
 
 /// @param own_size  false: the shape is scaled to another one, its units do not matter
+/// @param folder    in which the files that an OpenCRG road names must lie; empty: anywhere
 Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
-                 bool own_size = true) {
+                 bool own_size = true, const fs::path& folder = {}) {
   if (is_crg(path)) {
-    Shape shape = crg_mesh(path, warn);
+    Shape shape = crg_mesh(path, folder, warn);
     if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": no cell has four known corners");
     return shape;
   }
@@ -222,7 +231,7 @@ Shape read_depth_truth(const std::string& path, const Scene& scene, int frame) {
 
 /// The truth cloud of a scene, and the transform that takes it to the reference camera.
 Shape read_scene_truth(const std::string& path, const Scene& scene, int reference,
-                       const ReadOptions& options, const LogSink& warn,
+                       const ReadOptions& options, ScenePaths paths, const LogSink& warn,
                        Eigen::Matrix4d* reference_from_truth) {
   if (!scene.truth) throw NoAnswerError(path + ": the scene has no truth");
   if (scene.truth->cloud.empty()) return read_depth_truth(path, scene, reference);
@@ -237,7 +246,11 @@ Shape read_scene_truth(const std::string& path, const Scene& scene, int referenc
     if (scene.truth->cloud_frame) world_from_cloud = pose(*scene.truth->cloud_frame);
     *reference_from_truth = (pose(reference).inverse() * world_from_cloud).matrix();
   }
-  return read_shape(scene.truth->cloud, options, warn);
+  const fs::path& cloud = scene.truth->cloud;
+  const fs::path folder = paths == ScenePaths::kConfined ? folder_of_manifest(path) : fs::path();
+  return read_referred_file(
+      cloud, "a point cloud, a mesh or an OpenCRG road", warn,
+      [&](const LogSink& sink) { return read_shape(cloud, options, sink, true, folder); });
 }
 
 json options_json(const Arguments& a, const CompareOptions& o) {
@@ -271,9 +284,9 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
   in.estimate = read_shape(cloud_of(args.estimate), reading, warn, !scales(*options));
   if (is_result(args.estimate)) in.run = read_run(fs::path(args.estimate) / "run.json");
   if (!is_result(args.truth) && is_scene(args.truth)) {
-    const Scene scene = read_scene(args.truth, warn);
-    in.truth = read_scene_truth(args.truth, scene, reference_frame(in.run, scene), reading, warn,
-                                &options->estimate_from_truth);
+    const Scene scene = read_scene(args.truth, warn, scene_paths(args.confine));
+    in.truth = read_scene_truth(args.truth, scene, reference_frame(in.run, scene), reading,
+                                scene_paths(args.confine), warn, &options->estimate_from_truth);
     if (in.camera.empty()) in.camera = args.truth;
     // Depth shows what its camera sees, and nothing of what lies behind a crest.
     const bool depth = scene.truth->cloud.empty() && args.transform.empty();
@@ -295,9 +308,10 @@ void read_pairs(const std::string& path, CompareOptions* options) {
 }
 
 /// The views of a scene's camera: at the poses of the run, else at the coordinates' zero.
-void add_views(const std::string& scene_path, const std::optional<RunDocument>& run,
-               const LogSink& warn, CompareOptions* options) {
-  const Scene scene = read_scene(scene_path, warn);
+void add_views(const std::string& scene_path, ScenePaths paths,
+               const std::optional<RunDocument>& run, const LogSink& warn,
+               CompareOptions* options) {
+  const Scene scene = read_scene(scene_path, warn, paths);
   if (!run || run->cameras.empty()) {
     options->views.push_back({scene.camera, SE3()});
     return;
@@ -351,7 +365,7 @@ CompareOptions checked_options(const Command& command, const Arguments& args) {
 Inputs load(const Arguments& args, const LogSink& warn, CompareOptions* options) {
   Inputs in = read_inputs(args, warn, options);
   if (!args.pairs.empty()) read_pairs(args.pairs, options);
-  if (!in.camera.empty()) add_views(in.camera, in.run, warn, options);
+  if (!in.camera.empty()) add_views(in.camera, scene_paths(args.confine), in.run, warn, options);
   if (!args.region.empty()) options->region = region_of(args.region);
   if (!args.truth_viewpoint.empty()) {
     options->truth_viewpoint =
@@ -497,6 +511,7 @@ void add_arguments(App& app, Arguments& a) {
   add_alignment_arguments(app, a);
   add_visibility_arguments(app, a);
   add_road_frame_arguments(app, a);
+  add_confine_option(app, a.confine);
   add_cloud_arguments(app, a.reading);
   app.add_flag("--json", a.as_json, "one JSON object on stdout");
 }

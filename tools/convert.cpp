@@ -30,13 +30,15 @@ namespace {
 struct Arguments {
   RewriteArguments files;
   std::string depth_encoding, camera, image, labels;
+  bool confine = false;
   double baseline = 0.0;
   bool to_map = false;
   double largest_depth = std::numeric_limits<double>::infinity();
 };
 
 /// "fx,fy,cx,cy" in pixels, or a scene manifest.
-PinholeCamera read_camera(const std::string& text, const fs::path& image, const LogSink& warn) {
+PinholeCamera read_camera(const std::string& text, ScenePaths paths, const fs::path& image,
+                          const LogSink& warn) {
   double values[4];
   std::size_t count = 0;
   std::string_view rest = text;
@@ -61,14 +63,14 @@ PinholeCamera read_camera(const std::string& text, const fs::path& image, const 
   }
   if (count > 1)
     throw UsageError("--camera: found '" + text + "', expected fx,fy,cx,cy or a scene");
-  return read_scene(text, warn).camera;
+  return read_scene(text, warn, paths).camera;
 }
 
 RoadCloud read_depth(const Arguments& a, const LogSink& warn) {
   if (a.camera.empty()) {
     throw UsageError("--depth needs --camera: fx,fy,cx,cy in pixels, or a scene manifest");
   }
-  const PinholeCamera camera = read_camera(a.camera, a.files.input, warn);
+  const PinholeCamera camera = read_camera(a.camera, scene_paths(a.confine), a.files.input, warn);
   DepthImage depth;
   if (a.depth_encoding == "kitti-disparity") {
     if (!(a.baseline > 0.0)) throw UsageError("--depth kitti-disparity needs --baseline, m");
@@ -96,7 +98,7 @@ RoadCloud read_on_map(const Arguments& a, const LogSink& warn, CoordinateSystem*
     throw NoAnswerError(a.files.input +
                         ": no run.json with a georeference beside it; give import --gnss");
   }
-  *system = crs_from_option(map->crs);
+  *system = crs_from_definition(map->crs, a.files.input + ": the georeference beside it");
   take_to_map(*map, &file.cloud);
   return std::move(file.cloud);
 }
@@ -126,6 +128,7 @@ void register_convert(App& root) {
          "(24 bits)")
       ->check(is_member({"kitti", "kitti-disparity", "synthia"}));
   app.add_option("--camera", a.camera, "of a depth image: fx,fy,cx,cy in px, or a scene manifest");
+  add_confine_option(app, a.confine);
   app.add_option("--baseline", a.baseline, "of a disparity image's stereo pair, m");
   app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m");
   app.add_option("--image", a.image, "colours for a depth image, same size");

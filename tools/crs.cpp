@@ -9,6 +9,7 @@
 
 #include "camber/cloud/units.h"
 #include "camber/core/errors.h"
+#include "camber/core/read_file.h"
 #include "options.h"
 #include "plugins/crs_plugin.h"
 #include "plugins/plugin.h"
@@ -25,6 +26,15 @@ bool project(const std::string& crs, bool inverse, std::vector<Eigen::Vector2d>*
              std::string* reason) {
   static const auto call = reinterpret_cast<Project>(plugin_symbol("crs", "camber_project"));
   return call(crs.c_str(), inverse, places, reason);
+}
+
+bool find_system(const std::string& text, CoordinateSystem* system, std::string* reason) {
+  *system = coordinate_system_from_wkt(text);
+  if (system->kind == CoordinateSystem::Kind::kUnknown && !look_up(text, system, reason)) {
+    return false;
+  }
+  system->given = true;
+  return true;
 }
 
 /// "US survey foot (0.30480061 m)"
@@ -45,17 +55,25 @@ CoordinateSystem crs_from_option(const std::string& definition) {
     text.resize(static_cast<std::size_t>(in.gcount()));
     while (!text.empty() && static_cast<unsigned char>(text.back()) <= ' ') text.pop_back();
   }
-  CoordinateSystem system = coordinate_system_from_wkt(text);
-  if (system.kind == CoordinateSystem::Kind::kUnknown) {
-    std::string reason;
-    if (!look_up(text, &system, &reason)) {
-      throw UsageError(fmt::format(
-          "--crs: found '{}', expected EPSG:n, well-known text, a PROJ string or a file with one "
-          "of them: {}",
-          definition.substr(0, 80), reason));
-    }
+  CoordinateSystem system;
+  std::string reason;
+  if (!find_system(text, &system, &reason)) {
+    throw UsageError(fmt::format(
+        "--crs: found '{}', expected EPSG:n, well-known text, a PROJ string or a file with one "
+        "of them: {}",
+        definition.substr(0, 80), reason));
   }
-  system.given = true;
+  return system;
+}
+
+CoordinateSystem crs_from_definition(const std::string& definition, const std::string& where) {
+  CoordinateSystem system;
+  std::string reason;
+  if (!find_system(definition, &system, &reason)) {
+    throw UsageError(
+        fmt::format("{}: found '{}', expected EPSG:n, well-known text or a PROJ string: {}", where,
+                    printable(definition, 80), reason));
+  }
   return system;
 }
 

@@ -15,6 +15,9 @@ namespace camber::tools {
 /// holds one of them. Text is read without PROJ. @throws UsageError for what is none.
 CoordinateSystem crs_from_option(const std::string& definition);
 
+/// The same of a definition alone, which names no file. @param where  begins the message.
+CoordinateSystem crs_from_definition(const std::string& definition, const std::string& where);
+
 /// Code or text that PROJ reads.
 std::string definition_of(const CoordinateSystem& system);
 

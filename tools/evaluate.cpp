@@ -21,6 +21,7 @@
 #include "camber/pipeline/kitti_boxes.h"
 #include "camber/render/result_plots.h"
 #include "command.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 
 namespace camber::tools {
@@ -34,7 +35,7 @@ struct Arguments {
   std::vector<fs::path> calibration;
   int camera = 2;
   std::vector<int> image_size{1242, 375};
-  bool json = false, markdown = false, overwrite = false;
+  bool json = false, markdown = false, overwrite = false, confine = false;
 };
 
 bool is_kitti(const fs::path& path) { return path.extension() == ".txt"; }
@@ -55,7 +56,7 @@ int frame_of(const fs::path& path) {
 }
 
 Scene read_truth(const Arguments& args, const std::string& truth, const LogSink& warn) {
-  if (!is_kitti(truth)) return read_scene(truth, warn);
+  if (!is_kitti(truth)) return read_scene(truth, warn, scene_paths(args.confine));
   return truth_from_kitti(read_kitti_labels(truth), kitti_camera(args, truth), args.image_size[0],
                           args.image_size[1], frame_of(truth), fs::path(truth).stem().string());
 }
@@ -329,6 +330,7 @@ void add_arguments(App& app, Arguments& a) {
       ->expected(2)
       ->check(positive_number())
       ->capture_default_str();
+  add_confine_option(app, a.confine);
   app.add_option("--subset", a.subset,
                  "file that names a subset for a row of its own, a line each: scene [frame "
                  "[truth id]]");

@@ -18,7 +18,7 @@
 #include "camber/export/trajectory.h"
 #include "camber/scene/georeference.h"
 #include "camber/scene/results.h"
-#include "camber/scene/scene.h"
+#include "camber/scene/scene_of_run.h"
 #include "camber/scene/vehicle_numbers.h"
 #include "command.h"
 #include "crs.h"
@@ -216,16 +216,19 @@ json export_geotiff(const ExportInputs& in, const SmoothLine& line, const Export
 
 /// The cameras of a run with their times: those of its scene where that can be read and has them,
 /// else the frames' numbers.
-std::vector<StampedPose> run_poses(const RunDocument& run, std::string* clock) {
+std::vector<StampedPose> run_poses(const RunDocument& run, const ExportArguments& args,
+                                   const LogSink& warn, std::string* clock) {
   std::map<int, double> times;
-  std::error_code ignored;
-  if (!run.scene.empty() && fs::exists(run.scene, ignored)) {
-    const Scene scene = read_scene(run.scene, {});
-    for (const SceneFrame& frame : scene.frames) {
+  std::string missing;
+  const std::optional<Scene> scene =
+      read_scene_of_run(run, args.input, {}, scene_paths(args.confine), &missing);
+  if (args.confine && !missing.empty() && warn) warn(args.input + ": " + missing);
+  if (scene) {
+    for (const SceneFrame& frame : scene->frames) {
       if (frame.time_s) {
         times[frame.id] = *frame.time_s;
-      } else if (scene.frame_rate) {
-        times[frame.id] = frame.id / *scene.frame_rate;
+      } else if (scene->frame_rate) {
+        times[frame.id] = frame.id / *scene->frame_rate;
       }
     }
   }
@@ -263,12 +266,11 @@ json export_trajectory(const CommonOptions& common, const ExportArguments& args,
   std::string clock;
   const RunDocument run = read_run(file);
   if (run.cameras.empty()) throw NoAnswerError(file.string() + ": the run has no camera poses");
-  if (!run.metric) {
-    if (const LogSink warn = make_warning_sink(common)) {
-      warn(file.string() + ": the run is up to an unknown scale, and so are the positions");
-    }
+  const LogSink warn = make_warning_sink(common);
+  if (!run.metric && warn) {
+    warn(file.string() + ": the run is up to an unknown scale, and so are the positions");
   }
-  std::vector<StampedPose> poses = run_poses(run, &clock);
+  std::vector<StampedPose> poses = run_poses(run, args, warn, &clock);
   const std::optional<GeoReference> map = georeference_of(run, file);
   if (map) {
     for (StampedPose& pose : poses) {
@@ -471,6 +473,7 @@ void add_arguments(App& app, ExportArguments& a) {
                  "name of an OpenCRG file of the same input that the OpenDRIVE road refers to");
   app.add_flag("--vehicles", a.vehicles,
                "the vehicles of a result's reference frame as objects of the OpenDRIVE road");
+  add_confine_option(app, a.confine);
   add_cloud_arguments(app, a.reading);
   app.add_flag("--json", a.as_json, "what was written, as JSON on stdout");
 }

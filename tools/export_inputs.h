@@ -24,6 +24,7 @@ struct ExportArguments {
   double reach = 0.5;       ///< m
   std::string crg;          ///< of OpenDRIVE: name of an OpenCRG file
   bool vehicles = false;
+  bool confine = false;
   bool as_json = false;
 };
 

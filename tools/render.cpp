@@ -202,9 +202,9 @@ Image draw_timings(const LoadedResult& result, const std::string& title,
 void read_scene_of(const RenderArguments& a, LoadedResult& result, const LogSink& warn) {
   std::string missing;
   if (!a.scene.empty()) {
-    result.scene = read_scene(a.scene, warn);
+    result.scene = read_scene(a.scene, warn, scene_paths(a.confine));
   } else {
-    missing = result.load_scene_of_run(warn);
+    missing = result.load_scene_of_run(warn, scene_paths(a.confine));
   }
   if (result.scene) return;
   const auto refuse = [&](const std::string& what) {

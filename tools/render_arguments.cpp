@@ -8,6 +8,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/render/film.h"
+#include "own_inputs.h"
 
 namespace camber::tools {
 namespace {
@@ -262,6 +263,7 @@ void add_content_arguments(App& app, RenderArguments& a) {
   app.add_option("--scene", a.scene,
                  "manifest of the run: adds the camera and the truth, in red; default: the one "
                  "that the run read, if it is still there");
+  add_confine_option(app, a.confine);
   app.add_option("--truth", a.truth,
                  "dense ground truth to draw, in grey: a cloud in the input's frame, or the word "
                  "scene for that of --scene");

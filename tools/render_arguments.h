@@ -28,7 +28,7 @@ struct RenderArguments {
   std::optional<int> vehicle;
   double rate = 0.0;
   bool sheet = false;
-  bool no_truth = false, links = false, json = false;
+  bool no_truth = false, links = false, json = false, confine = false;
   CloudArguments cloud;
 };
 

@@ -40,11 +40,13 @@ struct Arguments {
 };
 
 LoadedResult load(const ViewArguments& a, const LogSink& warn) {
+  const ScenePaths paths = tools::scene_paths(a.confine);
   LoadedResult result = load_result(a.input);
   if (result.cloud) tools::use_metres(a.input, &*result.cloud, &result.cloud_report, warn);
   if (!a.scene.empty()) {
-    result.scene = read_scene(a.scene, warn);
-  } else if (const std::string missing = result.load_scene_of_run(warn); !missing.empty() && warn) {
+    result.scene = read_scene(a.scene, warn, paths);
+  } else if (const std::string missing = result.load_scene_of_run(warn, paths);
+             !missing.empty() && warn) {
     warn(a.input + ": " + missing + "; --scene names it");
   }
   if (a.truth == "scene") {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "../tools/options.h"
+#include "../tools/own_inputs.h"
 
 namespace camber {
 
@@ -13,13 +14,14 @@ struct ViewArguments {
   std::string input, scene, truth, color = "height", snapshots = "camber-view", picture;
   std::optional<int> frame;
   std::vector<double> up;
-  bool json = false;
+  bool json = false, confine = false;
 
   void add_to(tools::App& app) {
     app.add_option("input", input, "result folder, or a cloud of any format")->required();
     app.add_option("--scene", scene,
                    "manifest of the run: adds images, the camera and the truth; default: the one "
                    "that the run read, if it is still there");
+    tools::add_confine_option(app, confine);
     app.add_option("--truth", truth,
                    "dense ground truth: a cloud in the input's frame, or the word scene for that "
                    "of the scene");
@@ -47,6 +49,7 @@ struct ViewArguments {
     add("--truth", truth);
     add("--picture", picture);
     if (json) out.emplace_back("--json");
+    if (confine) out.emplace_back("--confine");
     if (frame) add("--frame", std::to_string(*frame));
     if (up.size() == 3) {
       out.push_back("--up=" + tools::to_text(up[0]) + "," + tools::to_text(up[1]) + "," +

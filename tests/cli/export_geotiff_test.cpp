@@ -175,6 +175,19 @@ TEST_F(GeoTiff, CloudsOfMapsKeepTheirSystem) {
   EXPECT_FALSE(std::filesystem::exists(file("map.tif")));
 }
 
+TEST_F(GeoTiff, ASystemOfAResultNamesNoFile) {
+  std::ofstream(file("system.txt")) << "EPSG:32632";
+  RunDocument run;
+  run.extra["georeference"] = {
+      {"status", "ok"},
+      {"crs", file("system.txt")},
+      {"map_from_reference", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}}};
+  write_json(to_json(run), folder_.path() / "run.json");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", file("surface.json"), "--to", "geotiff", "--out", file("road.tif")}), 1,
+      "does not know the coordinate system");
+}
+
 TEST_F(GeoTiff, SameBytesForAnyNumberOfThreads) {
   std::string first;
   for (const char* const threads : {"1", "8"}) {

@@ -256,6 +256,55 @@ TEST(OpenCrg, NamedFiles) {
   ::unsetenv("CAMBER_CRG_TEST");
 }
 
+TEST(OpenCrg, WhatANamedFileHoldsIsNotQuoted) {
+  const test::TemporaryFolder folder;
+  const auto put = [&](const char* name, const std::string& text) {
+    std::ofstream(folder.path() / name, std::ios::binary) << text;
+    return folder.path() / name;
+  };
+  const std::string road = written(small_road());
+  const auto refusal_of = [&](const std::string& secret) {
+    put("secret.txt", secret);
+    try {
+      read_crg(put("road.crg", "$ROAD_CRG_FILE\nsecret.txt\n$\n"));
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string("read");
+  };
+  const std::vector<std::string> secrets = {"MARKER",
+                                            "$CT\n$\n$ROAD_CRG\nMARKER\n",
+                                            "$CT\n$\n$ROAD_CRG\nX = MARKER\n",
+                                            "$KD_DEFINITION\n#:MARKER\n",
+                                            "$KD_DEFINITION\nMARKER\n",
+                                            "$KD_DEFINITION\nD:MARKER,m\n",
+                                            "$ROAD_CRG_FILE\nMARKER\n$\n",
+                                            "$ROAD_CRG_FILE\n  $MARKER/x\n$\n",
+                                            replaced(road, "D:long section at v", "D:MARKER at v"),
+                                            road + "MARKER\n"};
+  for (const std::string& secret : secrets) {
+    const std::string message = refusal_of(secret);
+    EXPECT_THAT(message, ::testing::HasSubstr("secret.txt")) << secret;
+    EXPECT_THAT(message, ::testing::HasSubstr("expected an OpenCRG file")) << secret;
+    EXPECT_THAT(message, ::testing::Not(::testing::HasSubstr("MARKER"))) << secret;
+  }
+  put("secret.txt", "$MARKER\n$\n" + road);
+  const CrgData data = read_crg(put("road.crg", "$ROAD_CRG_FILE\nsecret.txt\n$\n"));
+  ASSERT_EQ(data.remarks.size(), 1u);
+  EXPECT_THAT(data.remarks[0], ::testing::HasSubstr("secret.txt: 1 remark"));
+  EXPECT_THAT(data.remarks[0], ::testing::Not(::testing::HasSubstr("MARKER")));
+
+  ::setenv("CAMBER_CRG_TEST", "MARKER", 1);
+  try {
+    read_crg(put("variable.crg", "$ROAD_CRG_FILE\n  $CAMBER_CRG_TEST/x\n$\n"));
+    ADD_FAILURE();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("'$CAMBER_CRG_TEST/x'"));
+    EXPECT_THAT(error.what(), ::testing::Not(::testing::HasSubstr("MARKER")));
+  }
+  ::unsetenv("CAMBER_CRG_TEST");
+}
+
 TEST(OpenCrg, SectionsByNumber) {
   const std::string header =
       "$ROAD_CRG\nREFERENCE_LINE_INCREMENT = 1\nLONG_SECTION_V_INCREMENT = 0.5\n$\n"

@@ -122,6 +122,14 @@ TEST_F(Videos, ThatCannotBeReadAreRefused) {
     EXPECT_THROW(open_video(path), InputError) << path;
   }
   const std::string bytes = read_text(write("a.mp4", "avc1"));
+  const fs::path list = folder_.path() / "list.txt";
+  put(list, "ffconcat version 1.0\nfile a.mp4\n");
+  try {
+    open_video(list);
+    ADD_FAILURE() << "the frames of a file that a list names were read";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("it names other files"));
+  }
   for (std::size_t length = 16; length < bytes.size(); length += bytes.size() / 40) {
     put(text, bytes.substr(0, length));
     try {

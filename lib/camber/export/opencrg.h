@@ -82,9 +82,11 @@ struct CrgData {
 };
 
 /// Reads a file and those that it names ($ROAD_CRG_FILE: counted from the file's own folder, then
-/// from the current one; $NAME is a variable of the environment).
+/// from the current one; $NAME is a variable of the environment). What those hold enters no
+/// message.
+/// @param folder  in which the files that it names must lie, links followed; empty: anywhere.
 /// @throws InputError: what was found and expected, where.
-CrgData read_crg(const std::filesystem::path& path);
+CrgData read_crg(const std::filesystem::path& path, const std::filesystem::path& folder = {});
 
 /// Writes the data in its encoding (kText or kBinary); values are rounded to what the file holds.
 /// @throws std::invalid_argument where the arrays do not fit, OutputError.

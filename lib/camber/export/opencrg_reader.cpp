@@ -15,6 +15,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
+#include "camber/core/referred_file.h"
 #include "camber/export/detail/crg_format.h"
 #include "camber/export/opencrg.h"
 
@@ -50,8 +51,8 @@ struct Channel {
 /// Reads one file; those that it names are read by further ones into the same data.
 class Reader {
  public:
-  Reader(const fs::path& path, CrgData* data, int depth)
-      : path_(path), file_(path), lines_(file_), data_(*data), depth_(depth) {}
+  Reader(const fs::path& path, const fs::path& folder, CrgData* data, int depth)
+      : path_(path), folder_(folder), file_(path), lines_(file_), data_(*data), depth_(depth) {}
 
   void read();
   bool has_options() const { return has_options_; }
@@ -77,6 +78,7 @@ class Reader {
   double entry_value(std::string_view line, std::string_view what);
 
   fs::path path_;
+  fs::path folder_;  // in which named files must lie; empty: anywhere
   FileReader file_;
   LineReader lines_;
   CrgData& data_;
@@ -382,16 +384,31 @@ void Reader::read_named_file() {
   std::error_code error;
   fs::path found = path_.parent_path() / name;
   if (!fs::exists(found, error)) found = name;
+  if (!folder_.empty() && !lies_below(found, folder_)) throw OutsideFolderError(path_.string());
   if (!fs::is_regular_file(found, error)) {
-    lines_.fail(fmt::format("the file {} that it names is not there", shown(name.string())));
+    // Not `name`, in which variables of the environment have their values.
+    lines_.fail(fmt::format("the file {} that it names is not there", shown(named_)));
+  }
+  if (std::any_of(data_.files.begin(), data_.files.end(),
+                  [&](const fs::path& read) { return fs::equivalent(read, found, error); })) {
+    lines_.fail("found files that name each other");
   }
   const std::optional<CrgModifiers> modifiers = data_.modifiers;
   const CrgOptions options = data_.options;
-  Reader reader(found, &data_, depth_ + 1);
-  reader.read();
+  const bool named_options = read_referred_file(
+      found, "an OpenCRG file", [&](const std::string& remark) { data_.remarks.push_back(remark); },
+      [&](const LogSink& count_remark) {
+        Reader reader(found, folder_, &data_, depth_ + 1);
+        const std::vector<std::string> own_remarks = data_.remarks;
+        reader.read();
+        std::for_each(data_.remarks.begin() + static_cast<std::ptrdiff_t>(own_remarks.size()),
+                      data_.remarks.end(), count_remark);
+        data_.remarks = own_remarks;
+        return reader.has_options();
+      });
   if (has_options_) data_.options = options;
   if (modifiers) data_.modifiers = modifiers;
-  has_options_ = has_options_ || reader.has_options();
+  has_options_ = has_options_ || named_options;
 }
 
 void Reader::place_sections() {
@@ -610,9 +627,9 @@ void Reader::read() {
 
 }  // namespace
 
-CrgData read_crg(const fs::path& path) {
+CrgData read_crg(const fs::path& path, const fs::path& folder) {
   CrgData data;
-  Reader(path, &data, 0).read();
+  Reader(path, folder, &data, 0).read();
   return data;
 }
 

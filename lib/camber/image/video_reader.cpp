@@ -38,6 +38,14 @@ std::string reason(int error) {
   return text;
 }
 
+/// Whether a format takes its pictures from other files, which it names.
+bool names_other_files(const std::string& format) {
+  for (const char* list : {"concat", "dash", "hls", "image2", "imf"}) {
+    if (format == list) return true;
+  }
+  return false;
+}
+
 /// Clockwise quarter turns that make the picture upright, in degrees.
 int rotation_of(const AVStream* stream) {
   const std::uint8_t* matrix = av_stream_get_side_data(stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
@@ -155,6 +163,7 @@ class LibavReader : public VideoReader {
     av_dict_free(&options);
     if (status < 0) refuse(reason(status));
     format_.reset(format);
+    if (names_other_files(format->iformat->name)) refuse("it names other files");
     const int found = avformat_find_stream_info(format, nullptr);
     if (found < 0) refuse(reason(found));
     const AVCodec* decoder = nullptr;

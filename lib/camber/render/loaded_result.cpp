@@ -3,6 +3,8 @@
 #include <system_error>
 
 #include "camber/core/errors.h"
+#include "camber/core/referred_file.h"
+#include "camber/scene/scene_of_run.h"
 
 namespace camber {
 
@@ -39,17 +41,17 @@ void LoadedResult::load_scene_truth_cloud(const ReadOptions& options) {
     const SE3 world_from_cloud = truth.cloud_frame ? pose(*truth.cloud_frame) : SE3();
     reference_from_truth_cloud = pose(reference).inverse() * world_from_cloud;
   }
-  truth_cloud = read_cloud_file(truth.cloud, options).cloud;
+  const auto read = [&](const LogSink&) { return read_cloud_file(truth.cloud, options).cloud; };
+  truth_cloud = read_referred_file(truth.cloud, "a point cloud", {}, read);
 }
 
-std::string LoadedResult::load_scene_of_run(const LogSink& warn) {
-  if (!run || run->scene.empty()) return {};
-  std::error_code error;
-  if (!std::filesystem::exists(run->scene, error)) {
-    return "the scene of this run is no longer at " + run->scene;
+std::string LoadedResult::load_scene_of_run(const LogSink& warn, ScenePaths paths) {
+  if (!run) return {};
+  std::string missing;
+  if (std::optional<Scene> read = read_scene_of_run(*run, path, warn, paths, &missing)) {
+    scene = std::move(*read);
   }
-  scene = read_scene(run->scene, warn);
-  return {};
+  return missing;
 }
 
 PictureContent LoadedResult::content() const {

@@ -31,9 +31,10 @@ struct LoadedResult {
   void load_scene_truth_cloud(const ReadOptions& options = {});
 
   /// Reads the scene that the run names (`scene` of run.json), where it names one.
-  /// @return  empty, or why there is none: the path that is no longer there.
+  /// @param paths  kConfined: the manifest must lie in the result's folder, too.
+  /// @return  empty, or why there is none: the path that is no longer there or not allowed.
   /// @throws InputError where it is there and is no manifest.
-  std::string load_scene_of_run(const LogSink& warn = {});
+  std::string load_scene_of_run(const LogSink& warn = {}, ScenePaths paths = ScenePaths::kAnywhere);
 
   /// Pointers into this object, which must outlive them; the reference frame is shown.
   PictureContent content() const;

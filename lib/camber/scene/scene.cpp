@@ -10,6 +10,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/referred_file.h"
 #include "camber/image/video.h"
 #include "camber/scene/camera_up.h"
 #include "camber/scene/detail/map_position.h"
@@ -231,16 +232,6 @@ std::map<std::string, double> read_markings(const JsonCursor& cursor) {
   return out;
 }
 
-/// Whether a file lies in a folder or below it once links are followed.
-bool lies_below(const fs::path& file, const fs::path& folder) {
-  std::error_code error;
-  const fs::path top = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
-  if (error) return false;
-  const fs::path whole = fs::weakly_canonical(file, error);
-  if (error) return false;
-  return std::mismatch(top.begin(), top.end(), whole.begin(), whole.end()).first == top.end();
-}
-
 class ManifestReader {
  public:
   ManifestReader(const fs::path& path, const json& document, const LogSink& warn, ScenePaths paths)
@@ -303,10 +294,20 @@ class ManifestReader {
  private:
   fs::path resolve(const JsonCursor& cursor) const {
     fs::path path = folder_ / cursor.file_path();
-    if (paths_ == ScenePaths::kConfined && !lies_below(image_file_of(path), folder_)) {
+    if (paths_ == ScenePaths::kConfined && !stays_below(image_file_of(path))) {
       cursor.fail("a path that stays in the manifest's folder (--confine)");
     }
     return path;
+  }
+
+  /// Of a folder, such as a COLMAP model, also the files in it.
+  bool stays_below(const fs::path& path) const {
+    if (!lies_below(path, folder_)) return false;
+    std::error_code error;
+    for (fs::directory_iterator at(path, error), end; !error && at != end; at.increment(error)) {
+      if (!lies_below(at->path(), folder_)) return false;
+    }
+    return true;
   }
 
   void read_classes(const JsonCursor& cursor, Scene& scene) {

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 #include <gdal.h>
 #include <gdal_frmts.h>
-#include <ogr_srs_api.h>
+#include <ogr_spatialref.h>
 
 #include <array>
 #include <atomic>
@@ -96,7 +96,11 @@ Dataset owned(GDALDatasetH file) {
 bool set_system(GDALDatasetH file, const std::string& crs) {
   const std::unique_ptr<void, void (*)(OGRSpatialReferenceH)> system(
       OSRNewSpatialReference(nullptr), OSRDestroySpatialReference);
-  if (OSRSetFromUserInput(system.get(), crs.c_str()) != OGRERR_NONE) {
+  // The definition may come from a result: as a file's name or an address GDAL would open it.
+  if (OGRSpatialReference::FromHandle(system.get())
+          ->SetFromUserInput(crs.c_str(),
+                             OGRSpatialReference::SET_FROM_USER_INPUT_LIMITATIONS_get()) !=
+      OGRERR_NONE) {
     const std::string_view reason = CPLGetLastErrorMsg();  // PROJ's, which has no code for it
     for (const char* memory : {"out of memory", "bad_alloc"}) {
       if (reason.find(memory) != std::string_view::npos) return false;
