@@ -24,6 +24,7 @@ struct CommonOptions {
 struct Command {
   App* app = nullptr;
   CommonOptions common;
+  bool foreign_folders = false;  ///< that it reads: no scenes, results or COLMAP models
   std::function<int()> run;
 };
 

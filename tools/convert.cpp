@@ -9,6 +9,7 @@
 
 #include "camber/cloud/number_text.h"
 #include "camber/cloud/stream_filters.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
@@ -18,7 +19,6 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
-#include "own_inputs.h"
 #include "result_map.h"
 
 namespace fs = std::filesystem;
@@ -139,7 +139,7 @@ void register_convert(App& root) {
     const LogSink warn = make_warning_sink(command->common);
     const WriteOptions write = args.files.output.write_options();
     require_known_output(args.files.out, write);
-    refuse_own_inputs({args.files.out}, {args.files.input, args.camera, args.image, args.labels});
+    check_output_file(args.files.out);
     Timings timings;
     StageTimer load(timings, "load");
     RoadCloud cloud;

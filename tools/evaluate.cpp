@@ -15,12 +15,14 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/read_file.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
 #include "camber/pipeline/kitti_boxes.h"
 #include "camber/render/result_plots.h"
 #include "command.h"
+#include "own_inputs.h"
 #include "road_arguments.h"
 
 namespace camber::tools {
@@ -79,6 +81,7 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
                             const std::string& estimate, const LogSink& warn,
                             std::map<int, double>* times) {
   const Scene scene = read_truth(args, truth, warn);
+  protect_inputs(files_of(scene));
   times->clear();
   for (const SceneFrame& frame : scene.frames) {
     if (frame.time_s) (*times)[frame.id] = *frame.time_s;
@@ -193,13 +196,9 @@ void check_subset(const std::string& path, const std::vector<SubsetEntry>& subse
 void write_folder(const Command& command, const Arguments& args, const Evaluation& all,
                   const std::vector<MethodTables>& tables, const nlohmann::json& json,
                   const Timings& timings) {
-  std::vector<fs::path> inputs(args.truth.begin(), args.truth.end());
-  inputs.insert(inputs.end(), args.estimate.begin(), args.estimate.end());
-  inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
-  inputs.emplace_back(args.subset);
   // Before the folder is there: where VTK's text has no memory, it may end the program.
   const std::map<std::string, Image> plots = draw_all_plots(all.scenes, all.truths, all.times);
-  AtomicFolder folder(args.out, args.overwrite, inputs);
+  AtomicFolder folder(args.out, args.overwrite);
   write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
   write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
   write_json(json, folder.staging() / "tables.json");
@@ -275,7 +274,8 @@ void add_arguments(App& app, Arguments& a) {
                  "[truth id]]");
   app.add_option("--out", a.out,
                  "folder for tables.md, tables.json, vehicles.csv and plots: error_histogram.png, "
-                 "height_histogram.png, depth_over_time.png (one a scene)");
+                 "height_histogram.png, depth_over_time.png (one a scene)")
+      ->output_folder();
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--markdown", a.markdown, "print Markdown tables instead of plain text");
   app.add_flag("--json", a.json, "print the tables as JSON");

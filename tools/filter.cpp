@@ -14,6 +14,7 @@
 #include "camber/cloud/normals.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/cloud/voxel_grid.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
@@ -21,7 +22,6 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
-#include "own_inputs.h"
 #include "unknown_scale.h"
 
 using nlohmann::json;
@@ -246,7 +246,7 @@ int run(const Command& command, const Arguments& args) {
   const LogSink warn = make_warning_sink(command.common);
   const WriteOptions write = args.files.output.write_options();
   require_known_output(args.files.out, write);
-  refuse_own_inputs({args.files.out}, {args.files.input});
+  check_output_file(args.files.out);
   Timings timings;
   Written written;
 

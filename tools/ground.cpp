@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "camber/cloud/stream_filters.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
@@ -18,7 +19,6 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
-#include "own_inputs.h"
 #include "plugins/pcl_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
@@ -113,6 +113,7 @@ void register_ground(App& root) {
   App& app = *command->app;
   app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
   app.add_option("--out", arguments->out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+      ->output_file()
       ->required();
   app.add_option("--sensor-height", bound.sensor_height,
                  "metres of the coordinates' zero above the ground below it; default: unknown")
@@ -155,7 +156,7 @@ void register_ground(App& root) {
     options.validate();
     const WriteOptions write_options = arguments->output.write_options();
     require_known_output(arguments->out, write_options);
-    refuse_own_inputs({arguments->out}, {arguments->cloud});
+    check_output_file(arguments->out);
     const ReadOptions read_options = arguments->reading.read_options();
     Timings timings;
     StageTimer load(timings, "load");

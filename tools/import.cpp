@@ -3,6 +3,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/made_folder.h"
 #include "camber/core/stopwatch.h"
 #include "camber/scene/import_kitti.h"
 #include "camber/scene/import_own.h"
@@ -46,6 +47,7 @@ void register_kitti(App& import) {
   auto arguments = std::make_shared<KittiArguments>();
   KittiArguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("--images", a.images, "folder of images named by frame number")->required();
   app.add_option("--calib", a.calibration,
                  "calibration files; default: calib.txt beside the folder of images");
@@ -66,7 +68,7 @@ void register_kitti(App& import) {
   app.add_option("--sequence", a.sequence,
                  "sequence of the images, for --keypoints; default: their folder's number")
       ->check(non_negative_number());
-  app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5");
+  app.add_option("--frames", a.options.frames, "frame ids: 48,49,50 or 48:52 or 0:10:5")->no_name();
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
@@ -85,10 +87,14 @@ void register_kitti(App& import) {
       ->capture_default_str();
   add_gnss_options(app, a.gnss);
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
+      ->no_name()
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--name", a.options.name, "name of the scene; default: the clip's folder");
-  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_option("--name", a.options.name, "name of the scene; default: the clip's folder")
+      ->no_name();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")
+      ->output_manifest()
+      ->required();
   app.add_flag("--json", a.json, "print what was found as JSON to stdout");
   command->run = [arguments, command]() {
     KittiArguments& given = *arguments;
@@ -157,9 +163,11 @@ void register_synthia_sf(App& import) {
   auto arguments = std::make_shared<SynthiaSfArguments>();
   SynthiaSfArguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("--sequence", a.sequence, "folder of the sequence, with RGBLeft in it")
       ->required();
-  app.add_option("--frames", a.options.frames, "frame ids: 67,68,69 or 67:69 or 0:100:5");
+  app.add_option("--frames", a.options.frames, "frame ids: 67,68,69 or 67:69 or 0:100:5")
+      ->no_name();
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
@@ -175,10 +183,14 @@ void register_synthia_sf(App& import) {
       ->check(positive_number());
   app.add_option("--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
+      ->no_name()
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder");
-  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder")
+      ->no_name();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")
+      ->output_manifest()
+      ->required();
   app.add_flag("--json", a.json, "print what was found as JSON to stdout");
   command->run = [arguments, command]() {
     SynthiaSfArguments& given = *arguments;

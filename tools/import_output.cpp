@@ -75,11 +75,6 @@ std::string describe(const Scene& scene, const Counts& counts) {
 
 }  // namespace
 
-fs::path manifest_of(const std::string& out) {
-  const fs::path path = out;
-  return path.extension() == ".json" ? path : path / "scene.json";
-}
-
 fs::path folder_of(const fs::path& manifest) {
   return manifest.has_parent_path() ? manifest.parent_path() : fs::path(".");
 }

@@ -11,9 +11,6 @@
 
 namespace camber::tools {
 
-/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
-std::filesystem::path manifest_of(const std::string& out);
-
 /// The folder that a manifest stands in.
 std::filesystem::path folder_of(const std::filesystem::path& manifest);
 

@@ -255,7 +255,12 @@ Option* Option::type_name(const std::string& name) { return raw(option_)->type_n
 Option* Option::capture_default_str() { return raw(option_)->capture_default_str(), this; }
 Option* Option::needs(const std::string& name) { return raw(option_)->needs(name), this; }
 Option* Option::excludes(const std::string& name) { return raw(option_)->excludes(name), this; }
+Option* Option::no_name() { return names_ = Names::kNothing, this; }
+Option* Option::output_file() { return names_ = Names::kOutputFile, this; }
+Option* Option::output_folder() { return names_ = Names::kOutputFolder, this; }
+Option* Option::output_manifest() { return names_ = Names::kOutputManifest, this; }
 Option* Option::check(const Check& check) {
+  names_ = Names::kNothing;
   const auto test = check.problem;
   raw(option_)->check(CLI::Validator([test](std::string& text) { return test(text); }, check.name));
   return this;
@@ -291,6 +296,10 @@ Option* App::add_option(const std::string& name, T& value, const std::string& he
   Option& option = impl_->options.emplace_back();
   CLI::Option* added = impl_->app->add_option(name, value, help);
   option.option_ = added;
+  constexpr bool text = std::is_same_v<T, std::string> ||
+                        std::is_same_v<T, std::vector<std::string>> ||
+                        std::is_same_v<T, std::vector<std::filesystem::path>>;
+  if constexpr (text) option.names_ = Option::Names::kInput;
   if constexpr (std::is_same_v<T, double>) impl_->numbers[added] = {to_text(value)};
   if constexpr (std::is_same_v<T, std::vector<double>>) {
     for (const double number : value) impl_->numbers[added].push_back(to_text(number));
@@ -330,6 +339,22 @@ void App::set_version(const std::string& text) { impl_->app->set_version_flag("-
 bool App::parsed() const { return impl_->app->parsed(); }
 std::size_t App::count(const std::string& name) const { return impl_->app->count(name); }
 
+NamedFiles App::named_files() const {
+  using Names = Option::Names;
+  NamedFiles named;
+  for (const Option& option : impl_->options) {
+    if (option.names_ == Names::kNothing) continue;
+    for (const std::string& value : raw(option.option_)->results()) {
+      if (value.empty()) continue;
+      if (option.names_ == Names::kInput) named.inputs.emplace_back(value);
+      if (option.names_ == Names::kOutputFile) named.outputs.emplace_back(value);
+      if (option.names_ == Names::kOutputManifest) named.outputs.push_back(manifest_of(value));
+      if (option.names_ == Names::kOutputFolder) named.folders.emplace_back(value);
+    }
+  }
+  return named;
+}
+
 int App::parse(int argc, char** argv) {
   CLI::App& app = *impl_->app;
   Line line(app, argc, argv);
@@ -357,6 +382,11 @@ int App::parse(int argc, char** argv) {
     std::cerr << "camber: " << one_line(*file + ": " + place + error.what()) << "\n";
   }
   return 2;
+}
+
+std::filesystem::path manifest_of(const std::string& out) {
+  const std::filesystem::path path = out;
+  return path.extension() == ".json" ? path : path / "scene.json";
 }
 
 std::string to_text(double value) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -35,10 +36,28 @@ class Option {
   Option* excludes(const std::string& name);
   Option* check(const Check& check);
 
+  // What a text names. Nothing where it has a check(); without any of these, what is read.
+  Option* no_name();
+  Option* output_file();
+  Option* output_folder();    ///< that is replaced whole
+  Option* output_manifest();  ///< a file in .json, else scene.json in that folder
+
  private:
   friend class App;
+  enum class Names { kNothing, kInput, kOutputFile, kOutputFolder, kOutputManifest };
   void* option_ = nullptr;  // CLI::Option
+  Names names_ = Names::kNothing;
 };
+
+/// The files and folders that a command line names.
+struct NamedFiles {
+  std::vector<std::filesystem::path> inputs;   ///< some may name nothing
+  std::vector<std::filesystem::path> outputs;  ///< files
+  std::vector<std::filesystem::path> folders;  ///< of results, replaced whole
+};
+
+/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
+std::filesystem::path manifest_of(const std::string& out);
 
 /// A command line: options, positional arguments, and commands with their own. The parser is CLI11,
 /// whose headers take seconds to compile: options.cpp alone includes them.
@@ -62,6 +81,7 @@ class App {
 
   bool parsed() const;                               ///< whether the line names this command
   std::size_t count(const std::string& name) const;  ///< how often an option was given
+  NamedFiles named_files() const;                    ///< of this command, as parsed
 
   /// Of a command with the options --config and --print-config: what the line leaves open is taken
   /// from the file, and what is in force is printed, with nothing else to be given.

@@ -53,6 +53,7 @@ void add_arguments(App& app, Arguments& a) {
   add_road_cloud_arguments(app, a.input, bound.inlier_threshold);
   app.add_option("--out", a.out,
                  "folder for surface.json, labels.ply (the cloud with an int patch) and run.json")
+      ->output_folder()
       ->required();
   app.add_flag("--las", a.las,
                "write labels.las, too: the input as it is, with patch as an extra attribute; of a "
@@ -131,7 +132,7 @@ void print_table(const RoadSurfaceFit& fit, long on_patches, std::size_t points)
 
 int run(const Command& command, const Arguments& args) {
   RoadSurfaceOptions options = surface_options(command, args);
-  AtomicFolder folder(args.out, args.overwrite, {args.input.cloud, args.line});
+  AtomicFolder folder(args.out, args.overwrite);
   Timings timings;
   StageTimer load(timings, "load");
   CloudFile file = args.input.read(command.common);
