@@ -77,7 +77,7 @@ int run(const Command& command, const Arguments& a) {
   std::vector<fs::path> inputs = files_of(scene);
   for (const fs::path& file : files_of(options.networks)) inputs.push_back(file);
   for (const fs::path& file : files_of(keypoints)) inputs.push_back(file);
-  NewFolder folder(folder_of(manifest));
+  MadeFolder folder(folder_of(manifest));
   refuse_own_inputs({manifest}, inputs);
   StageTimer compute(timings, "compute");
   const Progress progress = make_progress(command.common);

@@ -115,7 +115,7 @@ void register_kitti(App& import) {
     options.gnss = given.gnss.take(options.up_sigma);
     options.validate();
     const fs::path manifest = manifest_of(given.out);
-    NewFolder folder(folder_of(manifest));
+    MadeFolder folder(folder_of(manifest));
     Timings timings;
     StageTimer timer(timings, "import");
     const Scene scene = import_kitti_to(options, manifest, make_warning_sink(command->common));
@@ -204,7 +204,7 @@ void register_synthia_sf(App& import) {
     options.num_threads = command->common.threads;
     options.validate();
     const fs::path manifest = manifest_of(given.out);
-    NewFolder folder(folder_of(manifest));
+    MadeFolder folder(folder_of(manifest));
     Timings timings;
     StageTimer timer(timings, "import");
     const Scene scene = import_synthia_sf_to(options, manifest, make_warning_sink(command->common));

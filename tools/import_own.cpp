@@ -213,7 +213,7 @@ std::vector<fs::path> files_in_folders(const OwnArguments& a, const OwnImport& i
 template <typename Import>
 int write_import(const Command& command, OwnArguments& a, json options, const Import& import) {
   const fs::path manifest = manifest_of(a.out);
-  NewFolder folder(folder_of(manifest));
+  MadeFolder folder(folder_of(manifest));
   Timings timings;
   StageTimer timer(timings, "import");
   OwnImport made = import(manifest);
