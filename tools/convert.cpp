@@ -174,28 +174,28 @@ void register_convert(App& root) {
       json dropped = json::object();
       for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
       const double farthest = args.largest_depth;
-      fmt::print("{}\n",
-                 json{{"version", kVersion},
-                      {"seed", command->common.seed},
-                      {"options",
-                       {{"lenient", args.files.cloud.lenient},
-                        {"encoding", args.files.output.encoding},
-                        {"format", args.files.output.format},
-                        {"depth", args.depth_encoding},
-                        {"camera", args.camera},
-                        {"baseline", args.baseline},
-                        {"largest_depth", std::isfinite(farthest) ? json(farthest) : json()},
-                        {"image", args.image},
-                        {"labels", args.labels},
-                        {"to_map", args.to_map}}},
-                      {"timings_ms", cloud_timings(timings)},
-                      {"input", args.files.input},
-                      {"out", args.files.out},
-                      {"points", points},
-                      {"dropped", dropped},
-                      {"notes", report.notes},
-                      {"output_notes", notes}}
-                     .dump(2, ' ', false, json::error_handler_t::replace));
+      json out = {{"version", kVersion},
+                  {"seed", command->common.seed},
+                  {"options",
+                   {{"lenient", args.files.cloud.lenient},
+                    {"encoding", args.files.output.encoding},
+                    {"format", args.files.output.format},
+                    {"depth", args.depth_encoding},
+                    {"camera", args.camera},
+                    {"baseline", args.baseline},
+                    {"largest_depth", std::isfinite(farthest) ? json(farthest) : json()},
+                    {"image", args.image},
+                    {"labels", args.labels},
+                    {"to_map", args.to_map}}},
+                  {"timings_ms", cloud_timings(timings)},
+                  {"input", args.files.input},
+                  {"out", args.files.out},
+                  {"points", points},
+                  {"dropped", dropped},
+                  {"notes", report.notes},
+                  {"output_notes", notes}};
+      add_other_options(*command, &out["options"]);
+      fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
     }
     return 0;
   };

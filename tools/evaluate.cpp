@@ -235,6 +235,7 @@ int run(const Command& command, const Arguments& args) {
       {"seed", command.common.seed},
       {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
       {"tables", tables_json(tables)}};
+  add_other_options(command, &json["options"]);
   if (!args.out.empty()) {
     const StageTimer write(timings, "write");
     write_folder(command, args, all, tables, json, timings);

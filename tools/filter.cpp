@@ -217,16 +217,17 @@ void print_json(const Command& command, const Arguments& args, const ReadReport&
                 bool metric, const Written& written, const Timings& timings) {
   json dropped = json::object();
   for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
-  const json options = {{"box", args.box},
-                        {"outside", args.outside},
-                        {"range", args.range},
-                        {"drop_non_finite", args.drop_non_finite},
-                        {"voxel", args.voxel},
-                        {"radius", args.radius},
-                        {"statistical", args.statistical},
-                        {"normals", args.normals},
-                        {"morton", args.morton},
-                        {"lenient", args.files.cloud.lenient}};
+  json options = {{"box", args.box},
+                  {"outside", args.outside},
+                  {"range", args.range},
+                  {"drop_non_finite", args.drop_non_finite},
+                  {"voxel", args.voxel},
+                  {"radius", args.radius},
+                  {"statistical", args.statistical},
+                  {"normals", args.normals},
+                  {"morton", args.morton},
+                  {"lenient", args.files.cloud.lenient}};
+  add_other_options(command, &options);
   fmt::print("{}\n", json{{"version", kVersion},
                           {"seed", command.common.seed},
                           {"options", options},

@@ -190,31 +190,31 @@ void register_ground(App& root) {
       return 0;
     }
     const bool height_known = std::isfinite(options.sensor_height);
-    const json out = {
-        {"version", kVersion},
-        {"seed", command->common.seed},
-        {"options",
-         {{"up", {options.up.x(), options.up.y(), options.up.z()}},
-          {"sensor_height", height_known ? json(options.sensor_height) : json(nullptr)},
-          {"cell", options.cell},
-          {"largest_object", options.largest_object},
-          {"slope", options.slope},
-          {"tolerance", options.tolerance},
-          {"engine", arguments->engine},
-          {"keep_classes", arguments->keep_classes}}},
-        {"file", arguments->cloud},
-        {"out", arguments->out},
-        {"metric", file.cloud.metric},
-        {"points", file.cloud.size()},
-        {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
-        {"ground", found.ground},
-        {"from_air", found.from_air},
-        {"used",
-         {{"cell", found.cell},
-          {"largest_object", found.largest_object},
-          {"slope", found.slope},
-          {"tolerance", found.tolerance}}},
-        {"timings_ms", cloud_timings(timings)}};
+    json out = {{"version", kVersion},
+                {"seed", command->common.seed},
+                {"options",
+                 {{"up", {options.up.x(), options.up.y(), options.up.z()}},
+                  {"sensor_height", height_known ? json(options.sensor_height) : json(nullptr)},
+                  {"cell", options.cell},
+                  {"largest_object", options.largest_object},
+                  {"slope", options.slope},
+                  {"tolerance", options.tolerance},
+                  {"engine", arguments->engine},
+                  {"keep_classes", arguments->keep_classes}}},
+                {"file", arguments->cloud},
+                {"out", arguments->out},
+                {"metric", file.cloud.metric},
+                {"points", file.cloud.size()},
+                {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
+                {"ground", found.ground},
+                {"from_air", found.from_air},
+                {"used",
+                 {{"cell", found.cell},
+                  {"largest_object", found.largest_object},
+                  {"slope", found.slope},
+                  {"tolerance", found.tolerance}}},
+                {"timings_ms", cloud_timings(timings)}};
+    add_other_options(*command, &out["options"]);
     fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
     return 0;
   };

@@ -131,6 +131,7 @@ void print_json(const Command& command, const Arguments& args, const Lifted& lif
                          {"lifted", lifted.on_surface},
                          {"by_box", lifted.by_box},
                          {"rows", rows_json(lifted.boxes)}};
+  add_other_options(command, &json["options"]);
   for (const auto& [stage, milliseconds] : timings.stages()) {
     json["timings_ms"][stage] = milliseconds;
   }

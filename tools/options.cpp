@@ -291,9 +291,25 @@ App::App(const std::string& description, const std::string& name)
 App::App(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 App::~App() = default;
 
+namespace {
+
+template <typename T>
+OptionValue value_of(const T& value) {
+  if constexpr (std::is_same_v<T, int>) {
+    return std::int64_t{value};
+  } else if constexpr (std::is_same_v<T, std::vector<std::filesystem::path>>) {
+    return std::vector<std::string>(value.begin(), value.end());
+  } else {
+    return value;
+  }
+}
+
+}  // namespace
+
 template <typename T>
 Option* App::add_option(const std::string& name, T& value, const std::string& help) {
   Option& option = impl_->options.emplace_back();
+  option.value_ = [&value] { return value_of(value); };
   CLI::Option* added = impl_->app->add_option(name, value, help);
   option.option_ = added;
   constexpr bool text = std::is_same_v<T, std::string> ||
@@ -324,6 +340,7 @@ CAMBER_OPTION_OF(std::vector<double>);
 Option* App::add_flag(const std::string& name, bool& value, const std::string& help) {
   Option& option = impl_->options.emplace_back();
   option.option_ = impl_->app->add_flag(name, value, help);
+  option.value_ = [&value] { return OptionValue(value); };
   return &option;
 }
 
@@ -331,6 +348,15 @@ App* App::add_subcommand(const std::string& name, const std::string& description
   auto impl = std::make_unique<Impl>();
   impl->app = impl_->app->add_subcommand(name, description);
   return impl_->below.emplace_back(new App(std::move(impl))).get();
+}
+
+std::map<std::string, OptionValue> App::values() const {
+  std::map<std::string, OptionValue> values;
+  for (const Option& option : impl_->options) {
+    const std::vector<std::string>& names = raw(option.option_)->get_lnames();
+    if (!names.empty()) values.emplace(names.front(), option.value_());
+  }
+  return values;
 }
 
 void App::footer(const std::string& text) { impl_->app->footer(text); }

@@ -1,10 +1,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace camber::tools {
@@ -23,6 +27,11 @@ Check positive_number();
 Check non_negative_number();
 /// Digits alone: a whole number from 0 to 2^64 - 1.
 Check whole_number();
+
+/// What is in force of an option: what was given, else what was bound.
+using OptionValue =
+    std::variant<bool, std::int64_t, std::uint64_t, double, std::optional<int>, std::string,
+                 std::vector<std::string>, std::vector<int>, std::vector<double>>;
 
 /// What the parser knows of one option; each function returns the option itself.
 class Option {
@@ -44,6 +53,7 @@ class Option {
 
  private:
   friend class App;
+  std::function<OptionValue()> value_;
   enum class Names { kNothing, kInput, kOutputFile, kOutputFolder, kOutputManifest };
   void* option_ = nullptr;  // CLI::Option
   Names names_ = Names::kNothing;
@@ -79,6 +89,8 @@ class App {
   void require_subcommand();
   void set_version(const std::string& text);  ///< --version prints it
 
+  /// What is in force of all options with a name, by that without dashes.
+  std::map<std::string, OptionValue> values() const;
   bool parsed() const;                               ///< whether the line names this command
   std::size_t count(const std::string& name) const;  ///< how often an option was given
   NamedFiles named_files() const;                    ///< of this command, as parsed

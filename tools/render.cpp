@@ -84,6 +84,7 @@ void report(const Command& command, const RenderArguments& a, const ScenePicture
                       {"height", picture.height},
                       {"supersampling", picture.supersampling},
                       {"truth", picture.show_truth}};
+    add_other_options(command, &out["options"]);
     out["files"] = json::array();
     for (const fs::path& path : written) out["files"].push_back(path.string());
     out["gl_backend"] = record.backend;
