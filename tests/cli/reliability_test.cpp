@@ -62,6 +62,15 @@ class Reliability : public ::testing::Test {
 
 TEST_F(Reliability, ResultsThatStandardOutputDoesNotTakeAreAFailure) {
   const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
+  const std::string road = path("road"), labels = path("labels.txt"),
+                    calibration = path("calib.txt");
+  const std::string images = (fs::path(sample()).parent_path() / "image").string();
+  ASSERT_EQ(run_camber({"reconstruct", sample(), "--no-pictures", "--out", road}).exit_code, 0);
+  ASSERT_EQ(run_camber({"vehicles", sample(), "--surface", road, "--out", path("vehicles.json"),
+                        "--kitti-labels", labels})
+                .exit_code,
+            0);
+  std::ofstream(calibration) << "P2: 720 0 620 0 0 720 170 0 0 0 1 0\n";
   Surroundings full, closed;
   full.standard_output = "/dev/full";
   closed.shell = "exec >&-";
@@ -84,6 +93,20 @@ TEST_F(Reliability, ResultsThatStandardOutputDoesNotTakeAreAFailure) {
       {"prior", "info", "--json"},
       {"synth", "--frames", "1", "--size", "160x64", "--out", path("scene"), "--json"},
       {"vehicles", sample(), "--frames", "0", "--out", path("vehicles.json"), "--json"},
+      {"reconstruct", sample(), "--no-pictures", "--out", road, "--json", "--quiet"},
+      {"triangulate", sample(), "--out", path("road.ply"), "--json", "--quiet"},
+      {"evaluate", "--truth", sample(), "--estimate", road},
+      {"evaluate", "--truth", sample(), "--estimate", road, "--json"},
+      {"render", result, "--out", path("picture.png")},
+      {"render", result, "--out", path("picture.png"), "--json"},
+      {"lift", labels, "--surface", road, "--calib", calibration, "--out", path("l.txt"), "--json"},
+      {"export", road, "--to", "trajectory", "--out", path("road.tum"), "--json"},
+      {"detect", sample(), "--frames", "0", "--keypoints", "shipped", "--out", path("detected"),
+       "--json", "--quiet"},
+      {"import", "images", images, "--fov", "80", "--out", path("imported"), "--json", "--quiet"},
+      {"keypoints", "synthesise", "--count", "2", "--out", path("crops"), "--json", "--quiet"},
+      {"keypoints", "run", path("crops"), "--json"},
+      {"keypoints", "evaluate", path("crops")},
   };
   for (const auto& command : commands) {
     SCOPED_TRACE(::testing::PrintToString(command));
