@@ -33,9 +33,11 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
   app.add_flag("--lenient", arguments.lenient,
                "keep what can be read of a damaged file and say what was dropped");
   app.add_option("--input-format", arguments.format,
-                 "pcd, ply, bin, las or text; default: by content, then by extension");
+                 "pcd, ply, bin, las or text; default: by content, then by extension")
+      ->no_name();
   app.add_option("--columns", arguments.columns,
                  "columns of a text file without a header line: x,y,z,intensity (_ skips one)")
+      ->no_name()
       ->delimiter(',');
   app.add_option("--crs", arguments.crs,
                  "coordinate system of the input, in place of the one that it states: EPSG:n, "
@@ -55,7 +57,8 @@ WriteOptions OutputArguments::write_options() const {
 
 void add_output_arguments(App& app, OutputArguments& arguments) {
   app.add_option("--format", arguments.format,
-                 "of the output: pcd, ply, bin, las, text or csv; default: by its extension");
+                 "of the output: pcd, ply, bin, las, text or csv; default: by its extension")
+      ->no_name();
   app.add_option("--encoding", arguments.encoding,
                  "binary (default), ascii, big-endian (PLY), compressed (PCD) or commas (text)")
       ->check(is_member({"binary", "ascii", "big-endian", "compressed", "commas"}));
@@ -64,6 +67,7 @@ void add_output_arguments(App& app, OutputArguments& arguments) {
 void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* input_help) {
   app.add_option("input", arguments.input, input_help)->required();
   app.add_option("--out", arguments.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+      ->output_file()
       ->required();
   add_cloud_arguments(app, arguments.cloud);
   add_output_arguments(app, arguments.output);

@@ -3,9 +3,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <list>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
 
 #include "camber/core/interruption.h"
 #include "standard_streams.h"
@@ -17,6 +20,17 @@ namespace {
 std::list<Command>& commands() {
   static std::list<Command> all;
   return all;
+}
+
+template <typename T>
+nlohmann::json to_json(const T& value) {
+  return value;
+}
+nlohmann::json to_json(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json();
+}
+nlohmann::json to_json(const std::optional<int>& value) {
+  return value ? nlohmann::json(*value) : nlohmann::json();
 }
 
 }  // namespace
@@ -46,6 +60,18 @@ Command* add_command(App& root, const std::string& name, const std::string& desc
   command.app->add_flag("--print-config", command.common.print_config,
                         "print the options in force as such a file, and do nothing else");
   return &command;
+}
+
+void add_other_options(const Command& command, nlohmann::json* options) {
+  static const std::set<std::string> others = {"seed",         "threads", "quiet", "config",
+                                               "print-config", "json",    "out",   "overwrite"};
+  for (const auto& [name, value] : command.app->values()) {
+    if (others.count(name) > 0) continue;
+    std::string key = name;
+    std::replace(key.begin(), key.end(), '-', '_');
+    if (options->contains(key)) continue;
+    (*options)[key] = std::visit([](const auto& in_force) { return to_json(in_force); }, value);
+  }
 }
 
 Progress make_progress(const CommonOptions& options) {

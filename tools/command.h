@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "camber/core/progress.h"
@@ -24,6 +25,7 @@ struct CommonOptions {
 struct Command {
   App* app = nullptr;
   CommonOptions common;
+  bool foreign_folders = false;  ///< that it reads: no scenes, results or COLMAP models
   std::function<int()> run;
 };
 
@@ -34,6 +36,10 @@ Command* add_command(App& root, const std::string& name, const std::string& desc
 
 /// The command that the line names, once it is parsed, or nullptr.
 Command* parsed_command();
+
+/// Adds the command's own options that `options` lacks, "max-tilt-deg" as "max_tilt_deg", with what
+/// is in force; not what is written and where.
+void add_other_options(const Command& command, nlohmann::json* options);
 
 /// A progress bar on stderr if that is a terminal and --quiet is not given, else silent. Throws
 /// InterruptedError once a signal to stop has arrived.

@@ -16,6 +16,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
 #include "camber/core/interruption.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/referred_file.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
@@ -133,6 +134,7 @@ fs::path cloud_of(const std::string& path) {
 /// The known cells of an OpenCRG road as a mesh.
 Shape crg_mesh(const fs::path& path, const fs::path& folder, const LogSink& warn) {
   const CrgData data = read_crg(path, folder);
+  protect_inputs(data.files);
   for (const std::string& remark : data.remarks) {
     if (warn) warn(path.string() + ": " + remark);
   }
@@ -285,6 +287,7 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
   if (is_result(args.estimate)) in.run = read_run(fs::path(args.estimate) / "run.json");
   if (!is_result(args.truth) && is_scene(args.truth)) {
     const Scene scene = read_scene(args.truth, warn, scene_paths(args.confine));
+    protect_inputs(files_of(scene));
     in.truth = read_scene_truth(args.truth, scene, reference_frame(in.run, scene), reading,
                                 scene_paths(args.confine), warn, &options->estimate_from_truth);
     if (in.camera.empty()) in.camera = args.truth;
@@ -412,9 +415,8 @@ void write_run(const Arguments& args, const CompareOptions& options, bool metric
 
 int run(const Command& command, const Arguments& args) {
   CompareOptions options = checked_options(command, args);
-  const std::vector<fs::path> inputs = {args.estimate, args.truth, args.transform, args.pairs};
   std::optional<AtomicFolder> folder;
-  if (!args.out.empty()) folder.emplace(args.out, args.overwrite, inputs);
+  if (!args.out.empty()) folder.emplace(args.out, args.overwrite);
   Timings timings;
   StageTimer load_timer(timings, "load");
   const Inputs in = load(args, make_warning_sink(command.common), &options);
@@ -503,7 +505,8 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
   app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
   app.add_option("--out", a.out,
-                 "folder for tables (JSON, CSV), coloured clouds (PLY) and pictures (PNG)");
+                 "folder for tables (JSON, CSV), coloured clouds (PLY) and pictures (PNG)")
+      ->output_folder();
   app.add_flag("--overwrite", a.overwrite, "replace a foreign folder that is not empty");
   app.add_option("--thresholds", a.options.thresholds, "metres, for precision, recall and F-score")
       ->delimiter(',')

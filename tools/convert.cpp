@@ -9,6 +9,7 @@
 
 #include "camber/cloud/number_text.h"
 #include "camber/cloud/stream_filters.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
@@ -18,7 +19,6 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
-#include "own_inputs.h"
 #include "result_map.h"
 
 namespace fs = std::filesystem;
@@ -142,7 +142,7 @@ void register_convert(App& root) {
     const LogSink warn = make_warning_sink(command->common);
     const WriteOptions write = args.files.output.write_options();
     require_known_output(args.files.out, write);
-    refuse_own_inputs({args.files.out}, {args.files.input, args.camera, args.image, args.labels});
+    check_output_file(args.files.out);
     Timings timings;
     StageTimer load(timings, "load");
     RoadCloud cloud;
@@ -177,28 +177,28 @@ void register_convert(App& root) {
       json dropped = json::object();
       for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
       const double farthest = args.largest_depth;
-      fmt::print("{}\n",
-                 json{{"version", kVersion},
-                      {"seed", command->common.seed},
-                      {"options",
-                       {{"lenient", args.files.cloud.lenient},
-                        {"encoding", args.files.output.encoding},
-                        {"format", args.files.output.format},
-                        {"depth", args.depth_encoding},
-                        {"camera", args.camera},
-                        {"baseline", args.baseline},
-                        {"largest_depth", std::isfinite(farthest) ? json(farthest) : json()},
-                        {"image", args.image},
-                        {"labels", args.labels},
-                        {"to_map", args.to_map}}},
-                      {"timings_ms", cloud_timings(timings)},
-                      {"input", args.files.input},
-                      {"out", args.files.out},
-                      {"points", points},
-                      {"dropped", dropped},
-                      {"notes", report.notes},
-                      {"output_notes", notes}}
-                     .dump(2, ' ', false, json::error_handler_t::replace));
+      json out = {{"version", kVersion},
+                  {"seed", command->common.seed},
+                  {"options",
+                   {{"lenient", args.files.cloud.lenient},
+                    {"encoding", args.files.output.encoding},
+                    {"format", args.files.output.format},
+                    {"depth", args.depth_encoding},
+                    {"camera", args.camera},
+                    {"baseline", args.baseline},
+                    {"largest_depth", std::isfinite(farthest) ? json(farthest) : json()},
+                    {"image", args.image},
+                    {"labels", args.labels},
+                    {"to_map", args.to_map}}},
+                  {"timings_ms", cloud_timings(timings)},
+                  {"input", args.files.input},
+                  {"out", args.files.out},
+                  {"points", points},
+                  {"dropped", dropped},
+                  {"notes", report.notes},
+                  {"output_notes", notes}};
+      add_other_options(*command, &out["options"]);
+      fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
     }
     return 0;
   };

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/core/made_folder.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/pipeline/write_detected_scene.h"
@@ -74,10 +75,9 @@ int run(const Command& command, const Arguments& a) {
   }
   const fs::path manifest = manifest_of(a.out);
   std::vector<fs::path> inputs = files_of(scene);
-  inputs.emplace_back(a.scene);
   for (const fs::path& file : files_of(options.networks)) inputs.push_back(file);
   for (const fs::path& file : files_of(keypoints)) inputs.push_back(file);
-  NewFolder folder(folder_of(manifest));
+  MadeFolder folder(folder_of(manifest));
   refuse_own_inputs({manifest}, inputs);
   StageTimer compute(timings, "compute");
   const Progress progress = make_progress(command.common);
@@ -123,10 +123,13 @@ void register_detect(App& root) {
   App& app = *command->app;
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   add_confine_option(app, a.confine);
-  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")
+      ->output_manifest()
+      ->required();
   add_network_options(app, a.networks);
   app.add_option("--frames", a.frames,
-                 "frame ids to look at: 48,49,50, 48:52, 0:10:5 or all; default: all");
+                 "frame ids to look at: 48,49,50, 48:52, 0:10:5 or all; default: all")
+      ->no_name();
   app.add_flag("--json", a.json, "print what was done as JSON to stdout");
   command->run = [command, arguments] { return run(*command, *arguments); };
 }

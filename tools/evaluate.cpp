@@ -15,6 +15,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/read_file.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
@@ -89,6 +90,7 @@ EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
                             const std::string& estimate, const LogSink& warn,
                             TruthContents* contents) {
   const Scene scene = read_truth(args, truth, warn);
+  protect_inputs(files_of(scene));
   std::map<int, double>& times = contents->times;
   for (const SceneFrame& frame : scene.frames) {
     if (frame.time_s) times[frame.id] = *frame.time_s;
@@ -246,13 +248,9 @@ void check_subset(const std::string& path, const std::vector<SubsetEntry>& subse
 void write_folder(const Command& command, const Arguments& args, const Evaluation& all,
                   const std::vector<MethodTables>& tables, const nlohmann::json& json,
                   const Timings& timings) {
-  std::vector<fs::path> inputs(args.truth.begin(), args.truth.end());
-  inputs.insert(inputs.end(), args.estimate.begin(), args.estimate.end());
-  inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
-  inputs.emplace_back(args.subset);
   // Before the folder is there: where VTK's text has no memory, it may end the program.
   const std::map<std::string, Image> plots = draw_all_plots(all.scenes, all.truths, all.contents);
-  AtomicFolder folder(args.out, args.overwrite, inputs);
+  AtomicFolder folder(args.out, args.overwrite);
   write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
   write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
   write_json(json, folder.staging() / "tables.json");
@@ -284,18 +282,12 @@ int run(const Command& command, const Arguments& args) {
   int counted = 0;
   for (const MethodTables& table : tables) counted += table.counted;
   if (counted == 0) throw NoAnswerError("no true vehicle counts in the frames of the results");
-  std::vector<std::string> calibration;
-  for (const fs::path& file : args.calibration) calibration.push_back(file.string());
-  nlohmann::json json = {{"version", kVersion},
-                         {"seed", command.common.seed},
-                         {"options",
-                          {{"truth", args.truth},
-                           {"estimate", args.estimate},
-                           {"subset", args.subset},
-                           {"calib", std::move(calibration)},
-                           {"camera", args.camera},
-                           {"image_size", args.image_size}}},
-                         {"tables", tables_json(tables)}};
+  nlohmann::json json = {
+      {"version", kVersion},
+      {"seed", command.common.seed},
+      {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
+      {"tables", tables_json(tables)}};
+  add_other_options(command, &json["options"]);
   if (!args.out.empty()) {
     const StageTimer write(timings, "write");
     write_folder(command, args, all, tables, json, timings);
@@ -336,7 +328,8 @@ void add_arguments(App& app, Arguments& a) {
                  "[truth id]]");
   app.add_option("--out", a.out,
                  "folder for tables.md, tables.json, vehicles.csv and plots: error_histogram.png, "
-                 "height_histogram.png, depth_over_time.png (one a scene)");
+                 "height_histogram.png, depth_over_time.png (one a scene)")
+      ->output_folder();
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--markdown", a.markdown, "print Markdown tables instead of plain text");
   app.add_flag("--json", a.json, "print the tables as JSON");

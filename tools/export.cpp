@@ -387,7 +387,7 @@ int run(const Command& command, const ExportArguments& given) {
   args.grid.num_threads = command.common.threads;
   check_arguments(args);
   args.grid.validate();
-  refuse_own_inputs({args.out}, {args.input, args.line});
+  check_output_file(args.out);
   Timings timings;
   json result = args.target == "trajectory" ? export_trajectory(command.common, args, timings)
                                             : export_road(command.common, &args, timings);
@@ -419,6 +419,7 @@ void add_arguments(App& app, ExportArguments& a) {
   app.add_option(
          "--out", a.out,
          "the file; a mesh is .glb, .obj or .ply, a trajectory .tum, .txt (KITTI), .csv or .gpx")
+      ->output_file()
       ->required();
   app.add_option(
       "--along", a.line,

@@ -7,6 +7,7 @@
 
 #include "camber/cloud/point_stream.h"
 #include "camber/core/errors.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/scene/results.h"
 #include "crs.h"
 #include "result_map.h"
@@ -32,7 +33,9 @@ fs::path cloud_beside(const fs::path& surface) {
   std::error_code error;
   for (const char* const name : {"road.ply", "labels.ply"}) {
     const fs::path path = surface.parent_path() / name;
-    if (fs::exists(path, error)) return path;
+    if (!fs::exists(path, error)) continue;
+    protect_inputs({path});
+    return path;
   }
   return {};
 }

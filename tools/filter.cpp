@@ -14,6 +14,7 @@
 #include "camber/cloud/normals.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/cloud/voxel_grid.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
@@ -21,7 +22,6 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
-#include "own_inputs.h"
 #include "unknown_scale.h"
 
 using nlohmann::json;
@@ -217,16 +217,17 @@ void print_json(const Command& command, const Arguments& args, const ReadReport&
                 bool metric, const Written& written, const Timings& timings) {
   json dropped = json::object();
   for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
-  const json options = {{"box", args.box},
-                        {"outside", args.outside},
-                        {"range", args.range},
-                        {"drop_non_finite", args.drop_non_finite},
-                        {"voxel", args.voxel},
-                        {"radius", args.radius},
-                        {"statistical", args.statistical},
-                        {"normals", args.normals},
-                        {"morton", args.morton},
-                        {"lenient", args.files.cloud.lenient}};
+  json options = {{"box", args.box},
+                  {"outside", args.outside},
+                  {"range", args.range},
+                  {"drop_non_finite", args.drop_non_finite},
+                  {"voxel", args.voxel},
+                  {"radius", args.radius},
+                  {"statistical", args.statistical},
+                  {"normals", args.normals},
+                  {"morton", args.morton},
+                  {"lenient", args.files.cloud.lenient}};
+  add_other_options(command, &options);
   fmt::print("{}\n", json{{"version", kVersion},
                           {"seed", command.common.seed},
                           {"options", options},
@@ -246,7 +247,7 @@ int run(const Command& command, const Arguments& args) {
   const LogSink warn = make_warning_sink(command.common);
   const WriteOptions write = args.files.output.write_options();
   require_known_output(args.files.out, write);
-  refuse_own_inputs({args.files.out}, {args.files.input});
+  check_output_file(args.files.out);
   Timings timings;
   Written written;
 

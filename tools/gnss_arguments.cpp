@@ -23,6 +23,7 @@ void add_gnss_options(App& app, GnssArguments& a) {
   app.add_option("--gnss-offset", a.options.offset,
                  "seconds to add to the times of --gnss; first: the log starts with the first "
                  "frame")
+      ->no_name()
       ->needs("--gnss");
   app.add_option("--gnss-sigma", a.options.sigma,
                  "standard deviation of a position east and north, m, where the file states none")

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "camber/cloud/stream_filters.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
@@ -18,7 +19,6 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
-#include "own_inputs.h"
 #include "plugins/pcl_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
@@ -113,6 +113,7 @@ void register_ground(App& root) {
   App& app = *command->app;
   app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
   app.add_option("--out", arguments->out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+      ->output_file()
       ->required();
   app.add_option("--sensor-height", bound.sensor_height,
                  "metres of the coordinates' zero above the ground below it; default: unknown")
@@ -155,7 +156,7 @@ void register_ground(App& root) {
     options.validate();
     const WriteOptions write_options = arguments->output.write_options();
     require_known_output(arguments->out, write_options);
-    refuse_own_inputs({arguments->out}, {arguments->cloud});
+    check_output_file(arguments->out);
     const ReadOptions read_options = arguments->reading.read_options();
     Timings timings;
     StageTimer load(timings, "load");
@@ -189,31 +190,31 @@ void register_ground(App& root) {
       return 0;
     }
     const bool height_known = std::isfinite(options.sensor_height);
-    const json out = {
-        {"version", kVersion},
-        {"seed", command->common.seed},
-        {"options",
-         {{"up", {options.up.x(), options.up.y(), options.up.z()}},
-          {"sensor_height", height_known ? json(options.sensor_height) : json(nullptr)},
-          {"cell", options.cell},
-          {"largest_object", options.largest_object},
-          {"slope", options.slope},
-          {"tolerance", options.tolerance},
-          {"engine", arguments->engine},
-          {"keep_classes", arguments->keep_classes}}},
-        {"file", arguments->cloud},
-        {"out", arguments->out},
-        {"metric", file.cloud.metric},
-        {"points", file.cloud.size()},
-        {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
-        {"ground", found.ground},
-        {"from_air", found.from_air},
-        {"used",
-         {{"cell", found.cell},
-          {"largest_object", found.largest_object},
-          {"slope", found.slope},
-          {"tolerance", found.tolerance}}},
-        {"timings_ms", cloud_timings(timings)}};
+    json out = {{"version", kVersion},
+                {"seed", command->common.seed},
+                {"options",
+                 {{"up", {options.up.x(), options.up.y(), options.up.z()}},
+                  {"sensor_height", height_known ? json(options.sensor_height) : json(nullptr)},
+                  {"cell", options.cell},
+                  {"largest_object", options.largest_object},
+                  {"slope", options.slope},
+                  {"tolerance", options.tolerance},
+                  {"engine", arguments->engine},
+                  {"keep_classes", arguments->keep_classes}}},
+                {"file", arguments->cloud},
+                {"out", arguments->out},
+                {"metric", file.cloud.metric},
+                {"points", file.cloud.size()},
+                {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
+                {"ground", found.ground},
+                {"from_air", found.from_air},
+                {"used",
+                 {{"cell", found.cell},
+                  {"largest_object", found.largest_object},
+                  {"slope", found.slope},
+                  {"tolerance", found.tolerance}}},
+                {"timings_ms", cloud_timings(timings)}};
+    add_other_options(*command, &out["options"]);
     fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
     return 0;
   };

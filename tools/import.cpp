@@ -3,6 +3,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/made_folder.h"
 #include "camber/core/stopwatch.h"
 #include "camber/scene/import_kitti.h"
 #include "camber/scene/import_own.h"
@@ -46,6 +47,7 @@ void register_kitti(App& import) {
   auto arguments = std::make_shared<KittiArguments>();
   KittiArguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("--images", a.images, "folder of images named by frame number")->required();
   app.add_option("--calib", a.calibration,
                  "calibration files; default: calib.txt beside the folder of images");
@@ -67,7 +69,8 @@ void register_kitti(App& import) {
                  "sequence of the images, for --keypoints; default: their folder's number")
       ->check(non_negative_number());
   app.add_option("--frames", a.options.frames,
-                 "frame ids: 48,49,50, 48:52, 0:10:5 or all; default: all");
+                 "frame ids: 48,49,50, 48:52, 0:10:5 or all; default: all")
+      ->no_name();
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
@@ -86,10 +89,14 @@ void register_kitti(App& import) {
       ->capture_default_str();
   add_gnss_options(app, a.gnss);
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
+      ->no_name()
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--name", a.options.name, "name of the scene; default: the clip's folder");
-  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_option("--name", a.options.name, "name of the scene; default: the clip's folder")
+      ->no_name();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")
+      ->output_manifest()
+      ->required();
   app.add_flag("--json", a.json, "print what was found as JSON to stdout");
   command->run = [arguments, command]() {
     KittiArguments& given = *arguments;
@@ -110,7 +117,7 @@ void register_kitti(App& import) {
     options.gnss = given.gnss.take(options.up_sigma);
     options.validate();
     const fs::path manifest = manifest_of(given.out);
-    NewFolder folder(folder_of(manifest));
+    MadeFolder folder(folder_of(manifest));
     Timings timings;
     StageTimer timer(timings, "import");
     const Scene scene = import_kitti_to(options, manifest, make_warning_sink(command->common));
@@ -158,10 +165,12 @@ void register_synthia_sf(App& import) {
   auto arguments = std::make_shared<SynthiaSfArguments>();
   SynthiaSfArguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("--sequence", a.sequence, "folder of the sequence, with RGBLeft in it")
       ->required();
   app.add_option("--frames", a.options.frames,
-                 "frame ids: 67,68,69, 67:69, 0:100:5 or all; default: all");
+                 "frame ids: 67,68,69, 67:69, 0:100:5 or all; default: all")
+      ->no_name();
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
@@ -177,10 +186,14 @@ void register_synthia_sf(App& import) {
       ->check(positive_number());
   app.add_option("--rate,--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
+      ->no_name()
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder");
-  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder")
+      ->no_name();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")
+      ->output_manifest()
+      ->required();
   app.add_flag("--json", a.json, "print what was found as JSON to stdout");
   command->run = [arguments, command]() {
     SynthiaSfArguments& given = *arguments;
@@ -194,7 +207,7 @@ void register_synthia_sf(App& import) {
     options.num_threads = command->common.threads;
     options.validate();
     const fs::path manifest = manifest_of(given.out);
-    NewFolder folder(folder_of(manifest));
+    MadeFolder folder(folder_of(manifest));
     Timings timings;
     StageTimer timer(timings, "import");
     const Scene scene = import_synthia_sf_to(options, manifest, make_warning_sink(command->common));

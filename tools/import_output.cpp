@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "camber/core/errors.h"
 #include "camber/core/version.h"
 
 namespace fs = std::filesystem;
@@ -75,32 +74,8 @@ std::string describe(const Scene& scene, const Counts& counts) {
 
 }  // namespace
 
-fs::path manifest_of(const std::string& out) {
-  const fs::path path = out;
-  return path.extension() == ".json" ? path : path / "scene.json";
-}
-
 fs::path folder_of(const fs::path& manifest) {
   return manifest.has_parent_path() ? manifest.parent_path() : fs::path(".");
-}
-
-NewFolder::NewFolder(const fs::path& folder) {
-  std::error_code error;
-  for (fs::path at = fs::absolute(folder).lexically_normal(); !at.empty() && !fs::exists(at, error);
-       at = at.parent_path()) {
-    first_ = at;
-    if (at == at.parent_path()) break;
-  }
-  fs::create_directories(folder, error);
-  if (!fs::is_directory(folder)) {
-    throw OutputError(folder.string(),
-                      "cannot be created" + (error ? ": " + error.message() : std::string()));
-  }
-}
-
-NewFolder::~NewFolder() {
-  std::error_code ignored;
-  if (!kept_ && !first_.empty()) fs::remove_all(first_, ignored);
 }
 
 void report_import(const Command& command, const Scene& scene, const fs::path& manifest,

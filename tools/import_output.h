@@ -11,25 +11,8 @@
 
 namespace camber::tools {
 
-/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
-std::filesystem::path manifest_of(const std::string& out);
-
 /// The folder that a manifest stands in.
 std::filesystem::path folder_of(const std::filesystem::path& manifest);
-
-/// Creates a folder with all above it and removes what it created unless kept.
-class NewFolder {
- public:
-  explicit NewFolder(const std::filesystem::path& folder);
-  ~NewFolder();
-  NewFolder(const NewFolder&) = delete;
-  NewFolder& operator=(const NewFolder&) = delete;
-  void keep() { kept_ = true; }
-
- private:
-  std::filesystem::path first_;  // the topmost folder that was not there before
-  bool kept_ = false;
-};
 
 /// What an import has to report beside what stands in the scene; a phrase each.
 struct ImportNotes {

@@ -4,6 +4,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/made_folder.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/scene/import_own.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
@@ -39,7 +41,8 @@ void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
       "calibration file: OpenCV, ROS, Kalibr, EuRoC, camodocal, ORB-SLAM, COLMAP, kapture, "
       "KITTI, nuScenes, OpenSfM, ...");
   app.add_option("--camera", a.options.camera.name,
-                 "name or index of the camera in that file, where it has several");
+                 "name or index of the camera in that file, where it has several")
+      ->no_name();
   auto* rectified =
       app.add_flag("--rectified", a.options.camera.rectified,
                    bag ? "the images were rectified with the calibration's projection matrix"
@@ -71,10 +74,12 @@ void add_detection_options(App& app, OwnArguments& a) {
                  "names of the class numbers in --detections: a list, a .data or a YAML file")
       ->needs("--detections");
   app.add_option("--classes", a.options.detections.classes, "classes that count as vehicles")
+      ->no_name()
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--default-class", a.options.detections.default_class,
                  "class of boxes in files without classes")
+      ->no_name()
       ->capture_default_str();
   app.add_option("--least-score", a.options.detections.least_score,
                  "boxes with a lower score are left out")
@@ -82,6 +87,7 @@ void add_detection_options(App& app, OwnArguments& a) {
       ->capture_default_str();
   app.add_option("--detections-source", a.options.detections.source,
                  "what the manifest states as their source")
+      ->no_name()
       ->capture_default_str();
 }
 
@@ -101,6 +107,7 @@ void add_known_options(App& app, OwnArguments& a) {
   app.add_option(
          "--speed-offset", a.options.speed_offset,
          "seconds to add to the times of --speed; first: the log starts with the first frame")
+      ->no_name()
       ->needs("--speed");
   app.add_option(
       "--up", a.up,
@@ -116,8 +123,10 @@ void add_output_options(App& app, OwnArguments& a) {
   app.add_option("--reference", a.reference_frame,
                  "reference frame; default: left to the run (the middle one)")
       ->check(non_negative_number());
-  app.add_option("--name", a.options.name, "name of the scene; default: the folder's");
-  app.add_option("--out", a.out, "manifest to write (.json), or its folder")->required();
+  app.add_option("--name", a.options.name, "name of the scene; default: the folder's")->no_name();
+  app.add_option("--out", a.out, "manifest to write (.json), or its folder")
+      ->output_manifest()
+      ->required();
   app.add_flag("--json", a.json, "print what was found as JSON to stdout");
 }
 
@@ -184,14 +193,31 @@ json options_json(const OwnArguments& a) {
   return out;
 }
 
+/// What is read of folders: boxes, which the manifest could replace, and masks, which the images of
+/// a video and the converted masks could.
+std::vector<fs::path> files_in_folders(const OwnArguments& a, const OwnImport& import) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (fs::directory_iterator at(a.detections, error), end; !error && at != end;
+       at.increment(error)) {
+    files.push_back(at->path());
+  }
+  for (const auto& [frame, mask] : import.conversions) files.push_back(mask);
+  for (const SceneFrame& frame : import.scene.frames) {
+    files.insert(files.end(), {frame.segmentation, frame.road_mask});
+  }
+  return files;
+}
+
 /// Writes the manifest that `import` makes, and reports it.
 template <typename Import>
 int write_import(const Command& command, OwnArguments& a, json options, const Import& import) {
   const fs::path manifest = manifest_of(a.out);
-  NewFolder folder(folder_of(manifest));
+  MadeFolder folder(folder_of(manifest));
   Timings timings;
   StageTimer timer(timings, "import");
   OwnImport made = import(manifest);
+  protect_inputs(files_in_folders(a, made));
   write_own_import(made, manifest);
   timer.stop();
   folder.keep();
@@ -233,6 +259,7 @@ void register_import_images(App& import) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("images", a.places, "folders, patterns in quotes, or files")->required();
   add_camera_options(app, a);
   app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
@@ -243,7 +270,8 @@ void register_import_images(App& import) {
   add_detection_options(app, a);
   add_known_options(app, a);
   app.add_option("--frames", a.options.frames,
-                 "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all");
+                 "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all")
+      ->no_name();
   add_output_options(app, a);
   command->run = [arguments, command]() {
     const OwnDataOptions& options = take(*arguments);
@@ -272,6 +300,7 @@ void register_import_video(App& import) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("video", a.video, "file of the video")->required();
   app.add_option("--every", a.choice.every, "take each n-th frame")
       ->check(in_range(1, 1000000))
@@ -282,7 +311,8 @@ void register_import_video(App& import) {
   add_detection_options(app, a);
   add_known_options(app, a);
   app.add_option("--frames", a.options.frames,
-                 "frames to keep of those taken: 48,49,50, 48:52 or all; default: all");
+                 "frames to keep of those taken: 48,49,50, 48:52 or all; default: all")
+      ->no_name();
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
@@ -313,12 +343,14 @@ void register_import_colmap(App& import) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("model", a.model, "folder with cameras, images and points3D, .bin or .txt")
       ->required();
   app.add_option("--images", a.images, "folder that the images' names are relative to")->required();
   app.add_option("--scale", a.scale, "metres per unit of the model: takes its poses")
       ->check(positive_number());
-  app.add_option("--camera", a.options.camera.name, "id of the camera, where images have several");
+  app.add_option("--camera", a.options.camera.name, "id of the camera, where images have several")
+      ->no_name();
   app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
   app.add_option(
          "--height,--camera-height", a.height,
@@ -329,7 +361,8 @@ void register_import_colmap(App& import) {
       ->needs("--height");
   add_detection_options(app, a);
   app.add_option("--frames", a.options.frames,
-                 "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all");
+                 "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all")
+      ->no_name();
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
@@ -362,10 +395,13 @@ void register_import_rosbag(App& import) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
+  command->foreign_folders = true;
   app.add_option("bag", a.bag, "file of the bag")->required();
-  app.add_option("--topic", a.choice.topic, "topic of the images, where the bag has several");
+  app.add_option("--topic", a.choice.topic, "topic of the images, where the bag has several")
+      ->no_name();
   app.add_option("--info-topic", a.choice.info_topic,
-                 "topic of their CameraInfo; default: camera_info beside them");
+                 "topic of their CameraInfo; default: camera_info beside them")
+      ->no_name();
   app.add_option("--every", a.choice.frames.every, "take each n-th image")
       ->check(in_range(1, 1000000))
       ->capture_default_str();
@@ -374,7 +410,8 @@ void register_import_rosbag(App& import) {
   add_detection_options(app, a);
   add_known_options(app, a);
   app.add_option("--frames", a.options.frames,
-                 "frames to keep of those taken: 48,49,50, 48:52 or all; default: all");
+                 "frames to keep of those taken: 48,49,50, 48:52 or all; default: all")
+      ->no_name();
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;

@@ -10,11 +10,13 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/image/image_io.h"
 #include "camber/pipeline/find_keypoints.h"
 #include "camber/pipeline/keypoint_truth.h"
+#include "camber/pipeline/network_file.h"
 #include "camber/render/plot.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/results.h"
@@ -89,6 +91,7 @@ json found_in_scene(const Command& command, const Arguments& a, const fs::path& 
   StageTimer load(*timings, "load");
   const LogSink warn = make_warning_sink(command.common);
   Scene scene = read_scene(path, warn, scene_paths(a.confine));
+  protect_inputs(files_of(scene));
   load.stop();
   const StageTimer compute(*timings, "compute");
   FindKeypointsOptions options;
@@ -136,10 +139,9 @@ void give(const Arguments& a, const json& out) {
 }
 
 void refuse_inputs(const Arguments& a) {
-  std::vector<fs::path> inputs(a.inputs.begin(), a.inputs.end());
-  inputs.emplace_back(a.config);
-  if (a.network != kShippedNetwork) inputs.emplace_back(a.network);
-  refuse_own_inputs({a.out, a.plot}, inputs);
+  std::vector<fs::path> description;
+  if (a.network != kShippedNetwork) description.push_back(side_file_of(a.network, a.config));
+  refuse_own_inputs({a.out, a.plot}, description);
 }
 
 int run(const Command& command, const Arguments& a) {
@@ -251,6 +253,7 @@ int evaluate(const Command& command, const Arguments& a) {
       more = read_keypoint_crops(input, most_of(a));
     } else {
       const Scene scene = read_scene(input, warn, scene_paths(a.confine));
+      protect_inputs(files_of(scene));
       KeypointTruthOptions options = a.truth;
       options.num_threads = command.common.threads;
       const fs::path folder =
@@ -302,7 +305,7 @@ void add_keypoint_network_commands(App& keypoints) {
   run_command->app->add_option("input", ran->inputs, "folder of crops, or scene manifest or folder")
       ->required()
       ->expected(1);
-  run_command->app->add_option("--out", ran->out, "file to write (.json)");
+  run_command->app->add_option("--out", ran->out, "file to write (.json)")->output_file();
   add_arguments(*run_command->app, *ran);
   run_command->run = [run_command, ran] { return run(*run_command, *ran); };
 
@@ -322,8 +325,8 @@ void add_keypoint_network_commands(App& keypoints) {
       ->capture_default_str();
   app.add_option("--most-truncation", judged->truth.most_truncation, "likewise")
       ->capture_default_str();
-  app.add_option("--out", judged->out, "file for the result (.json)");
-  app.add_option("--plot", judged->plot, "file for a plot (.png)");
+  app.add_option("--out", judged->out, "file for the result (.json)")->output_file();
+  app.add_option("--plot", judged->plot, "file for a plot (.png)")->output_file();
   add_arguments(app, *judged);
   evaluate_command->run = [evaluate_command, judged] {
     return evaluate(*evaluate_command, *judged);

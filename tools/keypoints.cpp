@@ -101,7 +101,7 @@ void register_keypoints(App& root) {
       "  camber keypoints synthesise --count 60 --sheet sheet.png");
   const auto a = std::make_shared<SynthesiseArguments>();
   App& app = *command->app;
-  app.add_option("--out", a->out, "folder of the crops (arrays, docs/formats.md)");
+  app.add_option("--out", a->out, "folder of the crops (arrays, docs/formats.md)")->output_folder();
   app.add_option("--count", a->count, "number of crops")
       ->check(in_range(1, 10000000))
       ->capture_default_str();
@@ -118,7 +118,8 @@ void register_keypoints(App& root) {
   app.add_option("--sheet", a->sheet,
                  "FILE.png: in place of --out a picture of the crops, each also with its keypoints "
                  "(left red, right green, "
-                 "hidden ones as rings) and boxes (as detected white, whole car yellow)");
+                 "hidden ones as rings) and boxes (as detected white, whole car yellow)")
+      ->output_file();
   app.add_flag("--overwrite", a->overwrite, "replace a foreign folder that is not empty");
   app.add_flag("--json", a->json, "print what was made as JSON");
   command->run = [command, a] { return synthesise(*command, *a); };

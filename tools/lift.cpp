@@ -135,6 +135,7 @@ void print_json(const Command& command, const Arguments& args, const Lifted& lif
                          {"lifted", lifted.on_surface},
                          {"by_box", lifted.by_box},
                          {"rows", rows_json(lifted.boxes)}};
+  add_other_options(command, &json["options"]);
   for (const auto& [stage, milliseconds] : timings.stages()) {
     json["timings_ms"][stage] = milliseconds;
   }
@@ -142,9 +143,7 @@ void print_json(const Command& command, const Arguments& args, const Lifted& lif
 }
 
 int run(const Command& command, const Arguments& args) {
-  std::vector<fs::path> inputs = args.calibration;
-  inputs.insert(inputs.end(), {args.labels, args.surface});
-  refuse_own_inputs({args.out, tilt_file(args.out)}, inputs);
+  refuse_own_inputs({args.out, tilt_file(args.out)}, {});
   Timings timings;
   StageTimer load_timer(timings, "load");
   const Inputs in = load(args);
@@ -171,7 +170,7 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("labels", a.labels, "KITTI label file, tracking or object form")->required();
   app.add_option("--surface", a.surface, "result folder of reconstruct")->required();
   app.add_option("--calib", a.calibration, "KITTI calibration file(s)")->required();
-  app.add_option("--out", a.out, "label file to write")->required();
+  app.add_option("--out", a.out, "label file to write")->output_file()->required();
   app.add_option("--camera", a.camera, "camera of the surface's images")
       ->check(in_range(0, 3))
       ->capture_default_str();

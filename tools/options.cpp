@@ -264,7 +264,12 @@ Option* Option::type_name(const std::string& name) { return raw(option_)->type_n
 Option* Option::capture_default_str() { return raw(option_)->capture_default_str(), this; }
 Option* Option::needs(const std::string& name) { return raw(option_)->needs(name), this; }
 Option* Option::excludes(const std::string& name) { return raw(option_)->excludes(name), this; }
+Option* Option::no_name() { return names_ = Names::kNothing, this; }
+Option* Option::output_file() { return names_ = Names::kOutputFile, this; }
+Option* Option::output_folder() { return names_ = Names::kOutputFolder, this; }
+Option* Option::output_manifest() { return names_ = Names::kOutputManifest, this; }
 Option* Option::check(const Check& check) {
+  names_ = Names::kNothing;
   const auto test = check.problem;
   raw(option_)->check(CLI::Validator([test](std::string& text) { return test(text); }, check.name));
   return this;
@@ -295,11 +300,31 @@ App::App(const std::string& description, const std::string& name)
 App::App(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 App::~App() = default;
 
+namespace {
+
+template <typename T>
+OptionValue value_of(const T& value) {
+  if constexpr (std::is_same_v<T, int>) {
+    return std::int64_t{value};
+  } else if constexpr (std::is_same_v<T, std::vector<std::filesystem::path>>) {
+    return std::vector<std::string>(value.begin(), value.end());
+  } else {
+    return value;
+  }
+}
+
+}  // namespace
+
 template <typename T>
 Option* App::add_option(const std::string& name, T& value, const std::string& help) {
   Option& option = impl_->options.emplace_back();
+  option.value_ = [&value] { return value_of(value); };
   CLI::Option* added = impl_->app->add_option(name, value, help);
   option.option_ = added;
+  constexpr bool text = std::is_same_v<T, std::string> ||
+                        std::is_same_v<T, std::vector<std::string>> ||
+                        std::is_same_v<T, std::vector<std::filesystem::path>>;
+  if constexpr (text) option.names_ = Option::Names::kInput;
   if constexpr (std::is_same_v<T, double>) impl_->numbers[added] = {to_text(value)};
   if constexpr (std::is_same_v<T, std::vector<double>>) {
     for (const double number : value) impl_->numbers[added].push_back(to_text(number));
@@ -324,6 +349,7 @@ CAMBER_OPTION_OF(std::vector<double>);
 Option* App::add_flag(const std::string& name, bool& value, const std::string& help) {
   Option& option = impl_->options.emplace_back();
   option.option_ = impl_->app->add_flag(name, value, help);
+  option.value_ = [&value] { return OptionValue(value); };
   return &option;
 }
 
@@ -333,11 +359,36 @@ App* App::add_subcommand(const std::string& name, const std::string& description
   return impl_->below.emplace_back(new App(std::move(impl))).get();
 }
 
+std::map<std::string, OptionValue> App::values() const {
+  std::map<std::string, OptionValue> values;
+  for (const Option& option : impl_->options) {
+    const std::vector<std::string>& names = raw(option.option_)->get_lnames();
+    if (!names.empty()) values.emplace(names.front(), option.value_());
+  }
+  return values;
+}
+
 void App::footer(const std::string& text) { impl_->app->footer(text); }
 void App::require_subcommand() { impl_->app->require_subcommand(1); }
 void App::set_version(const std::string& text) { impl_->app->set_version_flag("--version", text); }
 bool App::parsed() const { return impl_->app->parsed(); }
 std::size_t App::count(const std::string& name) const { return impl_->app->count(name); }
+
+NamedFiles App::named_files() const {
+  using Names = Option::Names;
+  NamedFiles named;
+  for (const Option& option : impl_->options) {
+    if (option.names_ == Names::kNothing) continue;
+    for (const std::string& value : raw(option.option_)->results()) {
+      if (value.empty()) continue;
+      if (option.names_ == Names::kInput) named.inputs.emplace_back(value);
+      if (option.names_ == Names::kOutputFile) named.outputs.emplace_back(value);
+      if (option.names_ == Names::kOutputManifest) named.outputs.push_back(manifest_of(value));
+      if (option.names_ == Names::kOutputFolder) named.folders.emplace_back(value);
+    }
+  }
+  return named;
+}
 
 int App::parse(int argc, char** argv) {
   CLI::App& app = *impl_->app;
@@ -366,6 +417,11 @@ int App::parse(int argc, char** argv) {
     std::cerr << "camber: " << one_line(*file + ": " + place + error.what()) << "\n";
   }
   return 2;
+}
+
+std::filesystem::path manifest_of(const std::string& out) {
+  const std::filesystem::path path = out;
+  return path.extension() == ".json" ? path : path / "scene.json";
 }
 
 std::string to_text(double value) {

@@ -1,9 +1,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace camber::tools {
@@ -23,6 +28,11 @@ Check non_negative_number();
 /// Digits alone: a whole number from 0 to 2^64 - 1.
 Check whole_number();
 
+/// What is in force of an option: what was given, else what was bound.
+using OptionValue =
+    std::variant<bool, std::int64_t, std::uint64_t, double, std::optional<int>, std::string,
+                 std::vector<std::string>, std::vector<int>, std::vector<double>>;
+
 /// What the parser knows of one option; each function returns the option itself.
 class Option {
  public:
@@ -35,10 +45,29 @@ class Option {
   Option* excludes(const std::string& name);
   Option* check(const Check& check);
 
+  // What a text names. Nothing where it has a check(); without any of these, what is read.
+  Option* no_name();
+  Option* output_file();
+  Option* output_folder();    ///< that is replaced whole
+  Option* output_manifest();  ///< a file in .json, else scene.json in that folder
+
  private:
   friend class App;
+  std::function<OptionValue()> value_;
+  enum class Names { kNothing, kInput, kOutputFile, kOutputFolder, kOutputManifest };
   void* option_ = nullptr;  // CLI::Option
+  Names names_ = Names::kNothing;
 };
+
+/// The files and folders that a command line names.
+struct NamedFiles {
+  std::vector<std::filesystem::path> inputs;   ///< some may name nothing
+  std::vector<std::filesystem::path> outputs;  ///< files
+  std::vector<std::filesystem::path> folders;  ///< of results, replaced whole
+};
+
+/// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
+std::filesystem::path manifest_of(const std::string& out);
 
 /// A command line: options, positional arguments, and commands with their own. The parser is CLI11,
 /// whose headers take seconds to compile: options.cpp alone includes them.
@@ -60,8 +89,11 @@ class App {
   void require_subcommand();
   void set_version(const std::string& text);  ///< --version prints it
 
+  /// What is in force of all options with a name, by that without dashes.
+  std::map<std::string, OptionValue> values() const;
   bool parsed() const;                               ///< whether the line names this command
   std::size_t count(const std::string& name) const;  ///< how often an option was given
+  NamedFiles named_files() const;                    ///< of this command, as parsed
 
   /// Of a command with the options --config and --print-config: what the line leaves open is taken
   /// from the file, and what is in force is printed, with nothing else to be given.

@@ -1,9 +1,12 @@
 #include "own_inputs.h"
 
+#include <map>
 #include <system_error>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/protected_inputs.h"
+#include "camber/image/video.h"
 
 namespace fs = std::filesystem;
 
@@ -18,12 +21,32 @@ constexpr const char* kFolderFiles[] = {
     "visibility.npy", "boxes.npy",    "true_boxes.npy", "heading.npy", "car.npy",
     "crops.json"};
 
-void refuse_one(const fs::path& output, const fs::path& input) {
-  std::error_code error;
-  if (!fs::is_regular_file(input, error) || !fs::equivalent(output, input, error)) return;
-  throw UsageError(output.string() + ": is the input " + input.string() +
-                   (output == input ? "" : " under another name") +
-                   ", and would be replaced; expected another name");
+void protect_with_folders(const std::vector<fs::path>& inputs) {
+  protect_inputs(inputs);
+  for (const fs::path& input : inputs) {
+    std::error_code error;
+    if (!fs::is_directory(input, error)) continue;
+    std::vector<fs::path> files;
+    for (const char* file : kFolderFiles) files.push_back(input / file);
+    protect_inputs(files);
+  }
+}
+
+/// Devices and pipes can take several results.
+void refuse_same_outputs(const std::vector<fs::path>& outputs) {
+  std::map<fs::path, fs::path> names;
+  for (const fs::path& output : outputs) {
+    std::error_code error;
+    if (output.empty() || (fs::exists(output, error) && !fs::is_regular_file(output, error))) {
+      continue;
+    }
+    const auto [same, first] = names.emplace(fs::weakly_canonical(output, error), output);
+    if (first) continue;
+    throw UsageError(output == same->second
+                         ? output.string() + ": is given for two outputs, expected two names"
+                         : output.string() + ": is the output " + same->second.string() +
+                               " under another name, expected two files");
+  }
 }
 
 }  // namespace
@@ -31,7 +54,7 @@ void refuse_one(const fs::path& output, const fs::path& input) {
 std::vector<fs::path> files_of(const Scene& scene) {
   std::vector<fs::path> files;
   for (const SceneFrame& frame : scene.frames) {
-    files.insert(files.end(), {frame.image, frame.segmentation, frame.road_mask});
+    files.insert(files.end(), {image_file_of(frame.image), frame.segmentation, frame.road_mask});
   }
   if (scene.truth) {
     files.push_back(scene.truth->cloud);
@@ -51,18 +74,18 @@ ScenePaths scene_paths(bool confine) {
   return confine ? ScenePaths::kConfined : ScenePaths::kAnywhere;
 }
 
+void refuse_own_inputs(const Command& command) {
+  const NamedFiles named = command.app->named_files();
+  command.foreign_folders ? protect_inputs(named.inputs) : protect_with_folders(named.inputs);
+  for (const fs::path& output : named.outputs) refuse_protected_file(output);
+  for (const fs::path& folder : named.folders) refuse_protected_folder(folder);
+  refuse_same_outputs(named.outputs);
+}
+
 void refuse_own_inputs(const std::vector<fs::path>& outputs, const std::vector<fs::path>& inputs) {
-  for (const fs::path& output : outputs) {
-    check_output_file(output);
-    std::error_code error;
-    if (output.empty() || !fs::is_regular_file(output, error)) continue;
-    for (const fs::path& input : inputs) {
-      if (input.empty()) continue;
-      refuse_one(output, input);
-      if (!fs::is_directory(input, error)) continue;
-      for (const char* file : kFolderFiles) refuse_one(output, input / file);
-    }
-  }
+  protect_with_folders(inputs);
+  for (const fs::path& output : outputs) check_output_file(output);
+  refuse_same_outputs(outputs);
 }
 
 }  // namespace camber::tools

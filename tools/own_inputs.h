@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "camber/scene/scene.h"
-#include "options.h"
+#include "command.h"
 
 namespace camber::tools {
 
@@ -15,9 +15,14 @@ ScenePaths scene_paths(bool confine);
 /// The files that a scene names: images, segmentations, masks, truth.
 std::vector<std::filesystem::path> files_of(const Scene& scene);
 
-/// Before the work: throws a UsageError if an output is one of the inputs, under this name or any
-/// other (links). Of a folder among the inputs that is a scene, a result or a COLMAP model, its
-/// files; an OutputError if an output cannot be written. Empty names are skipped.
+/// Before the work: throws a UsageError if an output of the command line is one of its inputs,
+/// under this name or any other (links), or is a folder that holds one and would be replaced, or if
+/// two outputs are one file. From then on none of the inputs is replaced. Of a folder among them
+/// that is a scene, a result or a COLMAP model, that goes for its files.
+void refuse_own_inputs(const Command& command);
+
+/// The same of files that are known only once the command looks at its inputs; an OutputError if an
+/// output cannot be written. Empty names are skipped.
 void refuse_own_inputs(const std::vector<std::filesystem::path>& outputs,
                        const std::vector<std::filesystem::path>& inputs);
 

@@ -53,6 +53,7 @@ void add_arguments(App& app, Arguments& a) {
   add_road_cloud_arguments(app, a.input, bound.inlier_threshold);
   app.add_option("--out", a.out,
                  "folder for surface.json, labels.ply (the cloud with an int patch) and run.json")
+      ->output_folder()
       ->required();
   app.add_flag("--las", a.las,
                "write labels.las, too: the input as it is, with patch as an extra attribute; of a "
@@ -102,17 +103,19 @@ RoadSurfaceOptions surface_options(const Command& command, const Arguments& args
   return options;
 }
 
-json options_json(const Arguments& args, const RoadSurfaceOptions& options) {
-  return {{"command", "patches"},
-          {"up", {options.up->x(), options.up->y(), options.up->z()}},
-          {"max_slope_deg", args.max_slope_deg},
-          {"threshold", options.inlier_threshold},
-          {"min_points", options.min_patch_points},
-          {"tolerance", options.tolerance},
-          {"tolerance_sigmas", options.tolerance_sigmas},
-          {"consistency", args.engine == "pcl" ? "none" : args.consistency},
-          {"engine", args.engine},
-          {"link_distance", options.consistency.link_distance}};
+json options_json(const Command& command, const Arguments& args,
+                  const RoadSurfaceOptions& options) {
+  json out = {{"up", {options.up->x(), options.up->y(), options.up->z()}},
+              {"max_slope_deg", args.max_slope_deg},
+              {"threshold", options.inlier_threshold},
+              {"min_points", options.min_patch_points},
+              {"tolerance", options.tolerance},
+              {"tolerance_sigmas", options.tolerance_sigmas},
+              {"consistency", args.engine == "pcl" ? "none" : args.consistency},
+              {"engine", args.engine},
+              {"link_distance", options.consistency.link_distance}};
+  add_other_options(command, &out);
+  return out;
 }
 
 void print_table(const RoadSurfaceFit& fit, long on_patches, std::size_t points) {
@@ -131,7 +134,7 @@ void print_table(const RoadSurfaceFit& fit, long on_patches, std::size_t points)
 
 int run(const Command& command, const Arguments& args) {
   RoadSurfaceOptions options = surface_options(command, args);
-  AtomicFolder folder(args.out, args.overwrite, {args.input.cloud, args.line});
+  AtomicFolder folder(args.out, args.overwrite);
   Timings timings;
   StageTimer load(timings, "load");
   CloudFile file = args.input.read(command.common);
@@ -163,7 +166,7 @@ int run(const Command& command, const Arguments& args) {
   }
   RunDocument document;
   document.seed = options.seed;
-  *document.options = options_json(args, options);
+  *document.options = options_json(command, args, options);
   document.metric = file.cloud.metric;
   document.points_kept = {{"on_patches", on_patches}};
   document.points_dropped = {{"on_no_patch", static_cast<long>(fit.labels.size()) - on_patches}};

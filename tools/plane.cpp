@@ -75,8 +75,9 @@ void print_text(const RoadSurface& surface, const PlaneFit& fit, std::size_t poi
   fmt::print("condition  {:.3g}\n", fit.condition);
 }
 
-void print_json(const Arguments& args, const PlaneFitOptions& options, const RoadSurface& surface,
-                const PlaneFit& fit, std::size_t points, Timings& timings) {
+void print_json(const Command& command, const Arguments& args, const PlaneFitOptions& options,
+                const RoadSurface& surface, const PlaneFit& fit, std::size_t points,
+                Timings& timings) {
   StageTimer write(timings, "write");
   json plane = to_json(surface.patches[0]);
   plane["condition"] = number(fit.condition);
@@ -98,6 +99,7 @@ void print_json(const Arguments& args, const PlaneFitOptions& options, const Roa
               {"level", to_string(surface.level)},
               {"metric", surface.metric},
               {"plane", std::move(plane)}};
+  add_other_options(command, &out["options"]);
   write.stop();
   out["timings_ms"] = cloud_timings(timings);
   fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
@@ -126,7 +128,7 @@ int run(const Command& command, const Arguments& args) {
   }
   const RoadSurface surface = surface_of(fit, file.cloud, options.up);
   if (args.input.as_json) {
-    print_json(args, options, surface, fit, file.cloud.size(), timings);
+    print_json(command, args, options, surface, fit, file.cloud.size(), timings);
   } else {
     print_text(surface, fit, file.cloud.size());
   }

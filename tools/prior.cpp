@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
@@ -17,7 +18,6 @@
 #include "camber/synth/family_prior.h"
 #include "camber/vehicle/annotated_shapes.h"
 #include "command.h"
-#include "own_inputs.h"
 
 namespace camber::tools {
 namespace {
@@ -105,7 +105,7 @@ int learn(const Command& command, const LearnArguments& args) {
   if (args.family == !args.shapes.empty()) {
     throw UsageError("prior learn: expected either a CSV file or --family");
   }
-  refuse_own_inputs({args.out}, {args.shapes});
+  check_output_file(args.out);
   Timings timings;
   VehiclePrior prior;
   nlohmann::json json = {{"version", kVersion}, {"seed", command.common.seed}};
@@ -163,7 +163,7 @@ int learn(const Command& command, const LearnArguments& args) {
 }
 
 int info(const Command& command, const InfoArguments& args) {
-  refuse_own_inputs({args.picture}, {args.prior, args.against});
+  check_output_file(args.picture);
   Timings timings;
   VehiclePrior prior;
   std::vector<AnnotatedShape> shapes;
@@ -272,7 +272,7 @@ void register_prior(App& root) {
   auto l = std::make_shared<LearnArguments>();
   learn_command->app->add_option("shapes", l->shapes, "annotated shapes, CSV");
   learn_command->app->add_flag("--family", l->family, "learn from the parametric car family");
-  learn_command->app->add_option("--out", l->out, "prior file (JSON)")->required();
+  learn_command->app->add_option("--out", l->out, "prior file (JSON)")->output_file()->required();
   learn_command->app->add_option("--name", l->name, "class of the annotated shapes: car or van")
       ->check(is_member({"car", "van"}))
       ->capture_default_str();
@@ -291,8 +291,9 @@ void register_prior(App& root) {
   auto i = std::make_shared<InfoArguments>();
   info_command->app->add_option("prior", i->prior, "prior file; default: the shipped one");
   info_command->app->add_option("--against", i->against, "annotated shapes, CSV");
-  info_command->app->add_option("--picture", i->picture,
-                                "FILE.png: the first shape with its numbered keypoints");
+  info_command->app
+      ->add_option("--picture", i->picture, "FILE.png: the first shape with its numbered keypoints")
+      ->output_file();
   info_command->app->add_flag("--json", i->json, "print as JSON");
   info_command->run = [info_command, i] { return info(*info_command, *i); };
 }

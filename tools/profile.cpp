@@ -18,7 +18,6 @@
 #include "camber/scene/results.h"
 #include "command.h"
 #include "crg_road.h"
-#include "own_inputs.h"
 #include "profile_crg.h"
 #include "road_arguments.h"
 #include "unknown_scale.h"
@@ -128,7 +127,8 @@ struct Inputs {
 Inputs load(const Arguments& args) {
   Inputs in;
   in.surface_file = args.surface;
-  refuse_own_inputs({args.out, args.plot}, {in.surface_file, args.line});
+  check_output_file(args.out);
+  check_output_file(args.plot);
   std::error_code ignored;
   if (fs::is_directory(in.surface_file, ignored)) in.surface_file /= "surface.json";
   if (in.surface_file.extension() != ".json" && fs::exists(in.surface_file, ignored)) {
@@ -258,9 +258,10 @@ int run(const Command& command, const Arguments& args) {
 void add_arguments(App& app, Arguments& a) {
   app.add_option("surface", a.surface, "result folder, its surface.json, or an OpenCRG file (.crg)")
       ->required();
-  app.add_option("--out", a.out, "FILE.csv or FILE.json");
+  app.add_option("--out", a.out, "FILE.csv or FILE.json")->output_file();
   app.add_option("--plot", a.plot,
-                 "FILE.png or FILE.svg: height, grade and cross slope (deg) with bands of 1 sigma");
+                 "FILE.png or FILE.svg: height, grade and cross slope (deg) with bands of 1 sigma")
+      ->output_file();
   app.add_option(
       "--along", a.line,
       "points of a line in order (any cloud format; CSV: columns x, y, z or x_m, y_m, "

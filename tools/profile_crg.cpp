@@ -72,7 +72,6 @@ int profile_crg(const Command& command, const CrgProfileArguments& args) {
   if (!args.out.empty() && kind != ".csv" && kind != ".json") {
     throw UsageError("--out: found '" + args.out + "', expected FILE.csv or FILE.json");
   }
-  refuse_own_inputs({args.out}, {args.file, args.line});
   Timings timings;
   StageTimer load(timings, "load");
   const CrgData data = read_crg(args.file);

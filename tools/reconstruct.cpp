@@ -14,6 +14,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/version.h"
 #include "camber/scene/findings.h"
 #include "command.h"
@@ -38,12 +39,12 @@ struct Arguments {
 
 void add_scene_options(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
-  app.add_option(
-      "--frames", a.frames,
-      "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: the reference "
-      "and two on each side (preset paper: one), as far away as it takes to see the road move, or "
-      "fewer where those give no answer. One frame: road and metres by painted markings of known "
-      "size (markings_m of the scene)");
+  app.add_option("--frames", a.frames,
+                 "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: "
+                 "the reference and two on each side (preset paper: one), as far away as it takes "
+                 "to see the road move, or fewer where those give no answer. One frame: road and "
+                 "metres by painted markings of known size (markings_m of the scene)")
+      ->no_name();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
   add_confine_option(app, a.confine);
@@ -89,19 +90,18 @@ Reconstruction with_frames(const Command& command, Arguments& a,
   return result;
 }
 
-/// @param check_output  throws if the result cannot be written, given the files that are read.
-Reconstruction run(
-    const Command& command, Arguments& a, Scene& scene,
-    const std::function<void(const std::vector<std::filesystem::path>&)>& check_output) {
+/// @param check_output  throws if the result cannot be written, once all that is read is protected.
+Reconstruction run(const Command& command, Arguments& a, Scene& scene,
+                   const std::function<void()>& check_output) {
   const Progress progress = make_progress(command.common);
   scene = read_scene(a.scene, make_warning_sink(command.common), scene_paths(a.confine));
   std::vector<std::filesystem::path> inputs = files_of(scene);
-  inputs.emplace_back(a.scene);
   const DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
   const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
   for (const std::filesystem::path& file : files_of(networks.networks)) inputs.push_back(file);
   for (const std::filesystem::path& file : files_of(keypoints)) inputs.push_back(file);
-  check_output(inputs);
+  protect_inputs(inputs);
+  check_output();
   a.options.seed = command.common.seed;
   a.options.num_threads = command.common.threads;
   a.options.load.use_masks = !a.no_masks;
@@ -164,7 +164,9 @@ void register_reconstruct(App& root) {
   App& app = *command->app;
   add_scene_options(app, a);
   add_network_options(app, a.networks);
-  app.add_option("--out", a.out, "result folder; an earlier result there is replaced")->required();
+  app.add_option("--out", a.out, "result folder; an earlier result there is replaced")
+      ->output_folder()
+      ->required();
   app.add_option(
          "--method", a.method,
          "plane under the vehicles: joint (local patch), coplanar (ego plane), flat (level "
@@ -201,10 +203,7 @@ void register_reconstruct(App& root) {
     args.options.paper.ground.scale = paper_scale_from_string(args.scale);
     Scene scene;
     Reconstruction result =
-        run(*command, args, scene, [&](const std::vector<std::filesystem::path>& inputs) {
-          if (std::filesystem::is_regular_file(args.out)) refuse_own_inputs({args.out}, inputs);
-          check_output_folder(args.out, args.overwrite, inputs);
-        });
+        run(*command, args, scene, [&] { check_output_folder(args.out, args.overwrite); });
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;
@@ -247,6 +246,7 @@ void register_triangulate(App& root) {
   Arguments& a = *arguments;
   add_scene_options(*command->app, a);
   command->app->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv or .las")
+      ->output_file()
       ->required();
   command->app->add_flag("--json", a.json, "print what was done as JSON to stdout");
   command->run = [command, arguments] {
@@ -257,10 +257,7 @@ void register_triangulate(App& root) {
                        ".xyz, .csv or .las");
     }
     Scene scene;
-    Reconstruction result =
-        run(*command, args, scene, [&](const std::vector<std::filesystem::path>& inputs) {
-          refuse_own_inputs({args.out}, inputs);
-        });
+    Reconstruction result = run(*command, args, scene, [&] { check_output_file(args.out); });
     {
       const StageTimer timer(result.run.timings, "write");
       write_cloud(result.cloud, args.out);

@@ -13,6 +13,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/render/contact_sheet.h"
@@ -83,6 +84,7 @@ void report(const Command& command, const RenderArguments& a, const ScenePicture
                       {"height", picture.height},
                       {"supersampling", picture.supersampling},
                       {"truth", picture.show_truth}};
+    add_other_options(command, &out["options"]);
     out["files"] = json::array();
     for (const fs::path& path : written) out["files"].push_back(path.string());
     out["gl_backend"] = record.backend;
@@ -136,8 +138,7 @@ struct Series {
 
 /// Draws all, then writes: a picture that fails leaves nothing behind.
 std::vector<fs::path> write_series(const Series& series, const RenderArguments& a, double rate,
-                                   const std::vector<fs::path>& inputs, const Progress& progress,
-                                   Timings& timings) {
+                                   const Progress& progress, Timings& timings) {
   const fs::path out = a.out;
   std::optional<FilmWriter> film;
   std::optional<ContactSheet> sheet;
@@ -151,7 +152,7 @@ std::vector<fs::path> write_series(const Series& series, const RenderArguments& 
     const StageTimer compute(timings, "compute");
     for (int i = 0; i < series.count; ++i) {
       progress("render", static_cast<double>(i) / series.count);
-      if (!film && !sheet) refuse_own_inputs({numbered(out, series.number(i))}, inputs);
+      if (!film && !sheet) check_output_file(numbered(out, series.number(i)));
       Image picture = series.picture(i);
       if (film) {
         film->add(picture);
@@ -242,7 +243,6 @@ FreeView in_metres(FreeView view, const ReadReport& report) {
 struct Loaded {
   LoadedResult result;
   std::vector<LoadedResult> others;  ///< of --beside
-  std::vector<fs::path> inputs;      ///< all files that were named, none of which may be replaced
 };
 
 Loaded load(const RenderArguments& a, const LogSink& warn) {
@@ -252,13 +252,8 @@ Loaded load(const RenderArguments& a, const LogSink& warn) {
   warn_about(a.input, result.cloud_report, warn);
   if (result.cloud) use_metres(a.input, &*result.cloud, &result.cloud_report, warn);
   read_scene_of(a, result, warn);
-  loaded.inputs = {a.input, a.scene, a.truth};
-  loaded.inputs.insert(loaded.inputs.end(), a.beside.begin(), a.beside.end());
-  if (result.scene) {
-    const std::vector<fs::path> named = files_of(*result.scene);
-    loaded.inputs.insert(loaded.inputs.end(), named.begin(), named.end());
-  }
-  refuse_own_inputs({a.out}, loaded.inputs);
+  if (result.scene) protect_inputs(files_of(*result.scene));
+  check_output_file(a.out);
   if (a.truth == "scene") {
     result.load_scene_truth_cloud(a.cloud.read_options());
   } else if (!a.truth.empty()) {
@@ -376,14 +371,14 @@ std::vector<fs::path> draw_series(const RenderArguments& a, const Loaded& loaded
   const LoadedResult& result = loaded.result;
   if (a.frames.empty()) {
     const double rate = a.rate > 0.0 ? a.rate : 10.0;
-    return write_series(turntable(a.turntable, painter), a, rate, loaded.inputs, progress, timings);
+    return write_series(turntable(a.turntable, painter), a, rate, progress, timings);
   }
   const Series series = pictures_of_frames(frames_of(result, a.frames), result.scene, painter);
   double rate = a.rate;
   if (!(rate > 0.0)) {
     rate = result.scene && result.scene->frame_rate ? *result.scene->frame_rate : 10.0;
   }
-  return write_series(series, a, rate, loaded.inputs, progress, timings);
+  return write_series(series, a, rate, progress, timings);
 }
 
 /// One file, glTF or a report.

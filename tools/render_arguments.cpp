@@ -184,6 +184,7 @@ void add_view_arguments(App& app, RenderArguments& a) {
          "--out", a.out,
          "file to write: .png a picture, .mp4 or .avi a film of --frames or --turntable, .glb the "
          "scene as glTF, .html a report of a result folder")
+      ->output_file()
       ->required();
   app.add_option("--view", a.view,
                  "both (oblique over side), oblique, side, driver (needs a scene), bev, overlay "
@@ -216,7 +217,8 @@ void add_series_arguments(App& app, RenderArguments& a) {
                  "--beside: id of the true vehicle; default: where the results differ most");
   app.add_option("--frames", a.frames,
                  "a picture of each of these frames: ids as 48,49,50, 48:52, 0:10:5 or all; "
-                 "OUT_048.png, ...");
+                 "OUT_048.png, ...")
+      ->no_name();
   app.add_flag("--sheet", a.sheet,
                "all pictures of --frames or --turntable on one contact sheet, --out itself");
   app.add_option("--sheet-columns", a.sheet_columns, "of a contact sheet; 0: from the shapes")
@@ -232,8 +234,10 @@ void add_look_arguments(App& app, RenderArguments& a) {
   app.add_option("--color", a.color,
                  "of the points: height, sigma, patch, image, error (above or below the "
                  "cloud of --truth), or the name of an attribute")
+      ->no_name()
       ->capture_default_str();
   app.add_option("--size", a.size, "WIDTHxHEIGHT in pixels, up to 8192 each")
+      ->no_name()
       ->capture_default_str();
   app.add_option("--supersampling", a.picture.supersampling,
                  "the 3D scene is drawn so many times larger and averaged, 1 to 4")
@@ -244,9 +248,11 @@ void add_look_arguments(App& app, RenderArguments& a) {
                  "parts to draw besides the usual ones. 3D: " + names_of(scene_switches()) +
                      "; bev: " + names_of(kBevSwitches) +
                      "; overlay: " + names_of(kOverlaySwitches))
+      ->no_name()
       ->delimiter(',')
       ->type_name("LIST");
   app.add_option("--hide", a.hide, "parts to leave out, as --show")
+      ->no_name()
       ->delimiter(',')
       ->type_name("LIST");
   app.add_flag("--links", a.links,
@@ -270,7 +276,8 @@ void add_content_arguments(App& app, RenderArguments& a) {
   app.add_flag("--no-truth", a.no_truth, "leave out the truth of --scene");
   app.add_option("--frame", a.frame, "frame id whose vehicles are shown; default: the reference");
   app.add_option("--up", a.up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
-  app.add_option("--title", a.title, "heading; default: the scene's or the input's name");
+  app.add_option("--title", a.title, "heading; default: the scene's or the input's name")
+      ->no_name();
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "camber/core/protected_inputs.h"
 #include "camber/scene/results.h"
 
 namespace fs = std::filesystem;
@@ -12,6 +13,7 @@ std::optional<GeoReference> georeference_beside(const fs::path& file) {
   const fs::path run = file.parent_path() / "run.json";
   std::error_code ignored;
   if (!fs::exists(run, ignored)) return std::nullopt;
+  protect_inputs({run});
   return georeference_of(read_run(run), run);
 }
 

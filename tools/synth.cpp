@@ -92,8 +92,10 @@ void add_drive(App& app, Settings* settings) {
       app, "--profile", "shape of the road (default steep_hill)", all_road_profile_kinds(),
       road_profile_kind_from_string,
       [](RoadProfileKind kind, SynthOptions* o) { o->profile = kind; });
-  settings->bind(app, "--name", &SynthOptions::name,
-                 "name of the scene; default: profile and seed, or random_NUMBER");
+  settings
+      ->bind(app, "--name", &SynthOptions::name,
+             "name of the scene; default: profile and seed, or random_NUMBER")
+      ->no_name();
   settings->bind(app, "--frames", &SynthOptions::num_frames, "number of frames");
   settings->bind(app, "--hz", &SynthOptions::frame_rate, "frames a second");
   settings->bind(app, "--speed", &SynthOptions::speed,
@@ -153,11 +155,13 @@ void add_camera(App& app, Settings* settings) {
           })
       ->delimiter(',')
       ->expected(4);
-  settings->add<std::string>(
-      app, "--distortion",
-      "MODEL,COEFFICIENTS of the lens: brown,k1,k2,p1,p2[,k3[,k4,k5,k6]] or fisheye,k1,k2,k3,k4; "
-      "size and intrinsics are then those of the image files",
-      "", set_lens);
+  settings
+      ->add<std::string>(app, "--distortion",
+                         "MODEL,COEFFICIENTS of the lens: brown,k1,k2,p1,p2[,k3[,k4,k5,k6]] or "
+                         "fisheye,k1,k2,k3,k4; "
+                         "size and intrinsics are then those of the image files",
+                         "", set_lens)
+      ->no_name();
   const auto angle = [&](const char* name, const char* help,
                          std::optional<double> MountingOptions::*field) {
     settings->add<double>(app, name, help, 0.0, [field](const double& degrees, SynthOptions* o) {
@@ -345,7 +349,7 @@ void register_synth(App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   App& app = *command->app;
-  app.add_option("--out", arguments->out, "folder of the scene")->required();
+  app.add_option("--out", arguments->out, "folder of the scene")->output_folder()->required();
   app.add_flag("--overwrite", arguments->overwrite, "replace a foreign folder that is not empty");
   app.add_flag("--json", arguments->json, "print what was made as JSON");
   app.add_option("--random", arguments->number,

@@ -57,13 +57,6 @@ std::vector<std::filesystem::path> outputs_of(const Arguments& args) {
   return outputs;
 }
 
-std::vector<std::filesystem::path> inputs_of(const Arguments& args, const Scene& scene) {
-  std::vector<std::filesystem::path> inputs = files_of(scene);
-  inputs.insert(inputs.end(), {args.scene, args.surface, args.prior});
-  inputs.insert(inputs.end(), args.calibration.begin(), args.calibration.end());
-  return inputs;
-}
-
 /// What the estimate is made from. The options point into it.
 struct Inputs {
   Scene scene;
@@ -77,7 +70,7 @@ struct Inputs {
 void load(const Command& command, const Arguments& args, Inputs* in) {
   const LogSink warn = make_warning_sink(command.common);
   in->scene = read_scene(args.scene, warn, scene_paths(args.confine));
-  refuse_own_inputs(outputs_of(args), inputs_of(args, in->scene));
+  refuse_own_inputs(outputs_of(args), files_of(in->scene));
   in->frames = select_frames(in->scene, args.frames);
   if (!args.surface.empty()) {
     in->surface = read_camera_surface(args.surface);
@@ -197,11 +190,12 @@ int run(const Command& command, const Arguments& args) {
 void add_input_arguments(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   add_confine_option(app, a.confine);
-  app.add_option("--out", a.out, "result file (vehicles.json form)")->required();
+  app.add_option("--out", a.out, "result file (vehicles.json form)")->output_file()->required();
   app.add_option("--kitti-labels", a.kitti_labels,
                  "also write a KITTI label file (tracking form), pitch and roll in a side file "
                  "with the extension .tilt.csv; in the frame of the scene's camera, or of "
-                 "camera 0 with --calib");
+                 "camera 0 with --calib")
+      ->output_file();
   app.add_option("--calib", a.calibration, "KITTI calibration file(s), for --kitti-labels");
   app.add_option("--camera", a.camera, "the scene's camera in that calibration")
       ->check(in_range(0, 3))
@@ -213,7 +207,8 @@ void add_input_arguments(App& app, Arguments& a) {
          "boxes and the prior alone)")
       ->check(is_member({"joint", "coplanar", "flat", "reprojection"}))
       ->capture_default_str();
-  app.add_option("--frames", a.frames, "frame ids: 48,49,50, 48:52, 0:10:5 or all; default: all");
+  app.add_option("--frames", a.frames, "frame ids: 48,49,50, 48:52, 0:10:5 or all; default: all")
+      ->no_name();
   app.add_option("--keypoint-set", a.keypoint_set, "keypoints to use: 36 or 14")
       ->check(is_member({"36", "14"}))
       ->capture_default_str();

@@ -13,8 +13,10 @@
 #include <set>
 
 #include "../tools/crs.h"
+#include "../tools/own_inputs.h"
 #include "../tools/standard_streams.h"
 #include "camber/core/errors.h"
+#include "camber/core/protected_inputs.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/render/gl_context.h"
@@ -49,6 +51,8 @@ LoadedResult load(const ViewArguments& a, const LogSink& warn) {
              !missing.empty() && warn) {
     warn(a.input + ": " + missing + "; --scene names it");
   }
+  protect_inputs({a.input, a.scene, a.truth});
+  if (result.scene) protect_inputs(tools::files_of(*result.scene));
   if (a.truth == "scene") {
     result.load_scene_truth_cloud();
   } else if (!a.truth.empty()) {

@@ -28,13 +28,16 @@ struct ViewArguments {
     app.add_option("--frame", frame, "frame id to begin with; default: the reference");
     app.add_option("--color", color,
                    "of the points: height, sigma, patch, image, error, or the name of an attribute")
+        ->no_name()
         ->capture_default_str();
     app.add_option("--up", up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
     app.add_option("--snapshots", snapshots, "the key s writes NAME-1.png, NAME-2.png, ...")
+        ->no_name()
         ->capture_default_str();
     app.add_option(
-        "--picture", picture,
-        "write a picture of the window, as it is at the beginning, into this PNG and end");
+           "--picture", picture,
+           "write a picture of the window, as it is at the beginning, into this PNG and end")
+        ->output_file();
     app.add_flag("--json", json,
                  "print what was shown and written as JSON to stdout once the window is closed");
   }

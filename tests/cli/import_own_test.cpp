@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -184,6 +185,23 @@ TEST_F(ImportOwn, WhatCannotBeIsRefusedInOneSentence) {
   expect_refused({"--fov", "90", "--times", path("times.txt")}, "found the same time 1");
   write_png(path("images/drive 3.png"), 40, 30, 2, 8, picture(40, 30, 3));
   expect_refused({"--fov", "90"}, "found an image of 40 x 30 pixels, expected 80 x 60");
+}
+
+TEST_F(ImportOwn, ASignalLeavesNoFolderOfFramesBehind) {
+  FilmWriter film(path("drive.avi"), 10.0);
+  for (int i = 0; i < 3; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});
+  film.finish();
+  // A pipe that nobody writes: opening it never ends by itself.
+  ASSERT_EQ(::mkfifo(path("up.csv").c_str(), 0600), 0);
+  test::Surroundings stopped;
+  stopped.signal = SIGTERM;
+  stopped.signal_after_ms = 3000;  // a loaded machine takes long to load the libraries
+  const auto result = test::run_camber_in(
+      stopped, {"import", "video", path("drive.avi"), "--fov", "90", "--extract", "--up",
+                path("up.csv"), "--out", path("new/scene")});
+  EXPECT_ONE_SENTENCE(result, 130, "interrupted");
+  EXPECT_GT(result.seconds_after_signal, 0.5) << "it was not waiting";
+  EXPECT_FALSE(fs::exists(path("new")));
 }
 
 TEST_F(ImportOwn, AVideoIsReferredToOrExtracted) {

@@ -9,6 +9,7 @@
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/random.h"
+#include "camber/image/image_io.h"
 #include "cli/run_program.h"
 #include "scene/write_image.h"
 #include "support/test_data.h"
@@ -61,6 +62,15 @@ class Reliability : public ::testing::Test {
 
 TEST_F(Reliability, ResultsThatStandardOutputDoesNotTakeAreAFailure) {
   const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
+  const std::string road = path("road"), labels = path("labels.txt"),
+                    calibration = path("calib.txt");
+  const std::string images = (fs::path(sample()).parent_path() / "image").string();
+  ASSERT_EQ(run_camber({"reconstruct", sample(), "--no-pictures", "--out", road}).exit_code, 0);
+  ASSERT_EQ(run_camber({"vehicles", sample(), "--surface", road, "--out", path("vehicles.json"),
+                        "--kitti-labels", labels})
+                .exit_code,
+            0);
+  std::ofstream(calibration) << "P2: 720 0 620 0 0 720 170 0 0 0 1 0\n";
   Surroundings full, closed;
   full.standard_output = "/dev/full";
   closed.shell = "exec >&-";
@@ -83,6 +93,20 @@ TEST_F(Reliability, ResultsThatStandardOutputDoesNotTakeAreAFailure) {
       {"prior", "info", "--json"},
       {"synth", "--frames", "1", "--size", "160x64", "--out", path("scene"), "--json"},
       {"vehicles", sample(), "--frames", "0", "--out", path("vehicles.json"), "--json"},
+      {"reconstruct", sample(), "--no-pictures", "--out", road, "--json", "--quiet"},
+      {"triangulate", sample(), "--out", path("road.ply"), "--json", "--quiet"},
+      {"evaluate", "--truth", sample(), "--estimate", road},
+      {"evaluate", "--truth", sample(), "--estimate", road, "--json"},
+      {"render", result, "--out", path("picture.png")},
+      {"render", result, "--out", path("picture.png"), "--json"},
+      {"lift", labels, "--surface", road, "--calib", calibration, "--out", path("l.txt"), "--json"},
+      {"export", road, "--to", "trajectory", "--out", path("road.tum"), "--json"},
+      {"detect", sample(), "--frames", "0", "--keypoints", "shipped", "--out", path("detected"),
+       "--json", "--quiet"},
+      {"import", "images", images, "--fov", "80", "--out", path("imported"), "--json", "--quiet"},
+      {"keypoints", "synthesise", "--count", "2", "--out", path("crops"), "--json", "--quiet"},
+      {"keypoints", "run", path("crops"), "--json"},
+      {"keypoints", "evaluate", path("crops")},
   };
   for (const auto& command : commands) {
     SCOPED_TRACE(::testing::PrintToString(command));
@@ -242,6 +266,129 @@ TEST_F(Reliability, NoOutputReplacesAnInput) {
   // Beside them there is room.
   EXPECT_EQ(run_camber({"profile", result, "--out", result + "/profile.csv"}).exit_code, 0);
   EXPECT_EQ(run_camber({"profile", result, "--out", result + "/profile.csv"}).exit_code, 0);
+}
+
+TEST_F(Reliability, NoOutputReplacesAFileThatAnOptionNames) {
+  const std::string cloud = write_square("cloud.ply", 3000), result = make_result("result");
+  fs::copy(fs::path(sample()).parent_path(), path("scene"), fs::copy_options::recursive);
+  fs::create_directory(path("boxes"));
+  for (const char* file : {"c.ply", "c.json", "c.csv", "c.png", "c.txt", "c.crg",
+                           "boxes/scene.json", "result/c.toml", "result/crs.txt", "scene/c.toml"}) {
+    std::ofstream(path(file)) << "quiet = true\n";
+  }
+  fs::create_symlink(cloud, path("result/link.ply"));
+  fs::create_symlink(path("c.json"), path("link.json"));
+  const auto before = test::snapshot(folder_.path());
+  const std::string scene = path("scene"), images = path("scene/image"), json = path("c.json");
+  const std::string coordinates = path("c.csv"), boxes = path("boxes/scene.json");
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"filter", cloud, "--voxel", "1", "--config", path("c.ply"), "--out", path("c.ply")},
+           {"convert", cloud, "--crs", coordinates, "--out", coordinates},
+           {"convert", cloud, "--config", coordinates, "--out", coordinates},
+           {"ground", cloud, "--config", path("c.ply"), "--out", path("c.ply")},
+           {"profile", result, "--config", coordinates, "--out", coordinates},
+           {"profile", result, "--config", path("c.png"), "--plot", path("c.png")},
+           {"export", result, "--to", "opencrg", "--config", path("c.crg"), "--out", path("c.crg")},
+           {"render", result, "--config", path("c.png"), "--out", path("c.png")},
+           {"view", result, "--config", path("c.png"), "--picture", path("c.png")},
+           {"lift", path("c.txt"), "--surface", result, "--calib", path("c.txt"), "--out",
+            path("c.txt")},
+           {"vehicles", scene, "--config", json, "--out", json},
+           {"vehicles", scene, "--config", path("link.json"), "--out", json},
+           {"vehicles", scene, "--config", json, "--out", path("link.json")},
+           {"triangulate", scene, "--config", path("c.ply"), "--out", path("c.ply")},
+           {"detect", scene, "--config", json, "--out", json},
+           {"prior", "learn", "--family", "--config", json, "--out", json},
+           {"prior", "info", "--config", path("c.png"), "--picture", path("c.png")},
+           {"keypoints", "run", scene, "--config", json, "--out", json},
+           {"keypoints", "evaluate", scene, "--config", path("c.png"), "--plot", path("c.png")},
+           {"keypoints", "synthesise", "--config", path("c.png"), "--sheet", path("c.png")},
+           {"import", "images", images, "--fov", "80", "--config", json, "--out", json},
+           {"import", "images", images, "--fov", "80", "--detections", json, "--out", json},
+           {"import", "images", images, "--fov", "80", "--detections", boxes, "--out",
+            path("boxes")},
+           {"import", "video", path("c.txt"), "--calib", json, "--out", json},
+           {"import", "colmap", scene, "--images", images, "--detections", json, "--out", json},
+           {"import", "rosbag", path("c.txt"), "--poses", json, "--out", json},
+           {"import", "kitti", "--images", images, "--keypoints", json, "--out", json},
+           {"import", "synthia-sf", "--sequence", scene, "--config", json, "--out", json},
+       }) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    EXPECT_ONE_SENTENCE(run_camber(command), 2, "is the input");
+    EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
+  }
+  const std::string config = path("result/c.toml");
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"patches", cloud, "--config", config, "--out", result},
+           {"patches", cloud, "--crs", path("result/crs.txt"), "--out", result},
+           {"patches", path("result/link.ply"), "--out", result},
+           {"compare", cloud, cloud, "--config", config, "--out", result},
+           {"evaluate", "--truth", scene, "--estimate", json, "--subset", config, "--out", result},
+           {"reconstruct", scene, "--config", config, "--out", result},
+           {"synth", "--config", path("scene/c.toml"), "--overwrite", "--out", scene},
+           {"keypoints", "synthesise", "--config", config, "--out", result},
+       }) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    EXPECT_ONE_SENTENCE(run_camber(command), 2, "holds the input");
+    EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
+  }
+}
+
+TEST_F(Reliability, AnImportMayBeRepeated) {
+  const std::string drive = path("drive");
+  fs::copy(fs::path(sample()).parent_path() / "image", drive);
+  for (int i = 0; i < 2; ++i) {
+    const ProgramResult result =
+        run_camber({"import", "images", drive, "--fov", "80", "--out", drive});
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+  }
+}
+
+TEST_F(Reliability, ConvertedMasksDoNotReplaceThoseThatTheyAreMadeOf) {
+  const std::string masks = path("scene/segmentation");
+  fs::create_directories(masks);
+  const fs::path image = fs::path(sample()).parent_path() / "image";
+  const Image color = read_color_image(image / "000000.png");
+  for (const char* name : {"000000.png", "000001.png", "000002.png"}) {
+    Image mask{color.width, color.height, 3,
+               std::vector<std::uint8_t>(3 * static_cast<std::size_t>(color.width) *
+                                         static_cast<std::size_t>(color.height))};
+    for (std::size_t i = 0; i < mask.data.size(); i += 3) {  // KITTI's road
+      mask.data[i] = mask.data[i + 2] = 255;
+    }
+    write_png(mask, fs::path(masks) / name);
+  }
+  const auto before = test::snapshot(folder_.path());
+  const std::vector<std::string> command = {"import",     "images",  image.string(), "--fov",
+                                            "80",         "--masks", masks,          "--class-map",
+                                            "kitti-road", "--out"};
+  std::vector<std::string> onto = command, beside = command;
+  onto.push_back(path("scene"));
+  EXPECT_ONE_SENTENCE(run_camber(onto), 2, "is the input");
+  EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
+  beside.push_back(path("beside"));
+  const ProgramResult result = run_camber(beside);
+  EXPECT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_TRUE(fs::exists(path("beside/segmentation/000001.png")));
+}
+
+TEST_F(Reliability, TwoOutputsAreTwoFiles) {
+  fs::create_symlink(path("q.json"), path("link.json"));
+  std::ofstream(path("q.json")) << "{}";
+  const auto before = test::snapshot(folder_.path());
+  const std::string q = path("q.json"), crops = path("crops");
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"vehicles", sample(), "--out", q, "--kitti-labels", q},
+           {"vehicles", sample(), "--out", q, "--kitti-labels", path("link.json")},
+           {"vehicles", sample(), "--out", path("l.tilt.csv"), "--kitti-labels", path("l.txt")},
+           {"vehicles", sample(), "--out", path("new.json"), "--kitti-labels", path("./new.json")},
+           {"keypoints", "evaluate", crops, "--out", q, "--plot", q},
+           {"profile", crops, "--out", path("link.json"), "--plot", q},
+       }) {
+    SCOPED_TRACE(::testing::PrintToString(command));
+    EXPECT_ONE_SENTENCE(run_camber(command), 2, "expected two");
+    EXPECT_TRUE(test::snapshot(folder_.path()) == before) << "a file is another, or more are there";
+  }
 }
 
 TEST_F(Reliability, SignalsEndLongLoopsWithinASecond) {

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "../own_inputs.h"
 #include "../signals.h"
 #include "../standard_streams.h"
 #include "camber/core/errors.h"
@@ -41,6 +42,7 @@ int run_verb(int argc, char** argv,
     for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
     Command* command = parsed_command();
     command->common.command_line = command_line;
+    refuse_own_inputs(*command);
     const int exit_code = command->run();
     ends_interrupted();  // done: a signal from now on changes nothing
     return exit_code;

@@ -4,27 +4,22 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 
+#include "camber/core/detail/paths.h"
 #include "camber/core/detail/staging.h"
 #include "camber/core/errors.h"
+#include "camber/core/protected_inputs.h"
 
 namespace fs = std::filesystem;
 
 namespace camber {
 namespace {
 
-/// Absolute, without links, "." and "..", and without a slash at the end, as far as it exists.
-fs::path resolved(const fs::path& path) {
-  std::error_code error;
-  fs::path out = fs::weakly_canonical(fs::absolute(path, error), error);
-  if (error) out = path;
-  return out.has_filename() ? out : out.parent_path();
-}
+using paths::resolved;
 
 /// Where a link leads; other paths themselves.
 fs::path link_target(const fs::path& path) {
@@ -39,12 +34,6 @@ bool is_special(const fs::path& path) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
-}
-
-/// Whether `path` is `folder` or lies in it; both resolved.
-bool lies_in(const fs::path& path, const fs::path& folder) {
-  const auto at = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
-  return at.first == folder.end();
 }
 
 std::string last_error() { return std::strerror(errno); }
@@ -110,6 +99,7 @@ void write_stream(const fs::path& path, const std::string& name,
 void check_replaceable(const fs::path& path, const std::string& name, bool overwrite,
                        const std::vector<fs::path>& inputs) {
   std::error_code error;
+  refuse_protected_folder(name);
   if (!fs::is_directory(path, error)) throw OutputError(name, "a file of that name is there");
   const bool empty = fs::is_empty(path, error);
   if (!empty && !fs::exists(path / "run.json", error) && !overwrite) {
@@ -117,11 +107,11 @@ void check_replaceable(const fs::path& path, const std::string& name, bool overw
                       "the folder is not empty and not a Camber result (no run.json); "
                       "--overwrite replaces it");
   }
-  if (lies_in(resolved(fs::current_path(error)), path)) {
+  if (paths::lies_in(resolved(fs::current_path(error)), path)) {
     throw OutputError(name, "is, or holds, the current folder; a result replaces its folder");
   }
   for (const fs::path& input : inputs) {
-    if (!input.empty() && lies_in(resolved(input), path)) {
+    if (paths::holds_name(path, input)) {
       throw UsageError(name + ": holds the input " + input.string() +
                        ", and a result replaces its folder");
     }
@@ -168,6 +158,7 @@ void AtomicFiles::discard() noexcept {
 void check_output_file(const fs::path& path) {
   std::error_code error;
   if (path.empty() || is_special(path)) return;
+  refuse_protected_file(path);
   if (fs::is_directory(path, error)) {
     throw OutputError(path.string(), "a folder of that name is there");
   }
@@ -188,6 +179,7 @@ void check_output_folder(const fs::path& path, bool overwrite,
 fs::path AtomicFiles::stage(const fs::path& path) {
   std::error_code error;
   if (path.empty() || is_special(path)) return path;  // written directly, or refused then
+  refuse_protected_file(path);
   if (fs::is_directory(path, error)) {
     throw OutputError(path.string(), "a folder of that name is there");
   }
@@ -291,6 +283,7 @@ void AtomicFolder::take_name() {
 void AtomicFolder::fail(const char* what) const { throw OutputError(name_, what + last_error()); }
 
 void AtomicFolder::commit() {
+  refuse_protected_folder(name_);
   sync_tree(staging_, name_);
   {
     const staging::Renaming at_once;

@@ -11,8 +11,10 @@
 #include <set>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/lower_case.h"
+#include "camber/core/made_folder.h"
 #include "camber/scene/detail/own_data.h"
 #include "camber/scene/import_common.h"
 #include "camber/scene/json_reader.h"
@@ -473,17 +475,12 @@ Scene import_kitti_to(const KittiImportOptions& options, const fs::path& manifes
   const fs::path folder =
       (manifest.has_parent_path() ? manifest.parent_path() : fs::path(".")) / "truth";
   scene.truth->cloud = folder / fmt::format("scan_{:06}.ply", reference);
-  std::error_code error;
-  const bool new_folder = fs::create_directory(folder, error);
-  const bool new_file = !fs::exists(scene.truth->cloud, error);
-  try {
-    write_cloud(cloud, scene.truth->cloud);
-    write_scene(scene, manifest);
-  } catch (...) {
-    if (new_file) fs::remove(scene.truth->cloud, error);
-    if (new_folder) fs::remove(folder, error);
-    throw;
-  }
+  MadeFolder made(folder);
+  AtomicFiles files;
+  write_cloud(cloud, files.stage(scene.truth->cloud));
+  write_scene(scene, files.stage(manifest));
+  files.commit();
+  made.keep();
   return scene;
 }
 

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/lower_case.h"
+#include "camber/core/made_folder.h"
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/import_common.h"
@@ -103,31 +105,11 @@ std::vector<TruthVehicle> fitted_vehicles(const DepthImage& depth, const Labels&
   return out;
 }
 
-/// A folder that is removed again, where it was made here and is empty, unless kept.
-class MadeFolder {
- public:
-  MadeFolder() = default;
-  ~MadeFolder() {
-    std::error_code ignored;
-    if (!kept_ && !folder_.empty()) fs::remove(folder_, ignored);
-  }
-  MadeFolder(const MadeFolder&) = delete;
-  MadeFolder& operator=(const MadeFolder&) = delete;
-  void make(const fs::path& folder) {
-    std::error_code error;
-    if (fs::create_directory(folder, error)) folder_ = folder;
-  }
-  void keep() { kept_ = true; }
-
- private:
-  fs::path folder_;
-  bool kept_ = false;
-};
-
 /// Truth of the scene's frames, their vehicles side by side; the label images are staged.
 SceneTruth read_truth(const SynthiaSfImportOptions& options, const Scene& scene,
                       const std::map<int, fs::path>& depths, const std::map<int, fs::path>& labels,
-                      const fs::path& manifest, MadeFolder* made, AtomicFiles* files) {
+                      const fs::path& manifest, std::optional<MadeFolder>* made,
+                      AtomicFiles* files) {
   const bool instances = have_instances(labels, scene.frames, scene.camera);
   const fs::path label_folder =
       (manifest.has_parent_path() ? manifest.parent_path() : fs::path(".")) / "label";
@@ -141,7 +123,7 @@ SceneTruth read_truth(const SynthiaSfImportOptions& options, const Scene& scene,
     }
     if (!labels.count(frames[i].id)) continue;
     frames[i].label = label_folder / fmt::format("{:06}.png", frames[i].id);
-    made->make(label_folder);
+    if (!*made) made->emplace(label_folder);
     staged[i] = files->stage(frames[i].label);
   }
   parallel_for(frames.size(), options.num_threads, [&](std::size_t i) {
@@ -239,7 +221,7 @@ Scene import_synthia_sf_to(const SynthiaSfImportOptions& options, const fs::path
                                   {"vehicle", {kSynthiaCar, kSynthiaTruck, kSynthiaBus}}};
   }
 
-  MadeFolder made;
+  std::optional<MadeFolder> made;
   AtomicFiles files;
   SceneTruth truth = read_truth(options, scene, depths, labels, manifest, &made, &files);
   if (options.segmentation_from_labels) {
@@ -259,7 +241,7 @@ Scene import_synthia_sf_to(const SynthiaSfImportOptions& options, const fs::path
   const fs::path staged = files.stage(manifest);
   write_scene(scene, staged);
   files.commit();
-  made.keep();
+  if (made) made->keep();
   return scene;
 }
 

@@ -34,8 +34,8 @@ void write_own_import(OwnImport& import, const fs::path& manifest) {
     write_file_atomically(files.stage(path), content);
   };
   if (import.write_images) import.write_images(write);
+  write_scene(scene, files.stage(manifest));
   files.commit();
-  write_scene(scene, manifest);
   if (masks) masks->keep();
   if (images) images->keep();
 }

@@ -35,7 +35,8 @@ struct Registry {
   bool closed = false;  // by discard_all()
   unsigned counter = 0;
   std::map<fs::path, Temporary> temporaries;
-  std::set<fs::path> swept;  // folders
+  std::set<fs::path> folders;  // made under their own names, absolute
+  std::set<fs::path> swept;    // folders
 };
 
 /// Never destroyed: other threads may use it while the process ends.
@@ -173,12 +174,40 @@ fs::path final_name(const fs::path& path) {
   return at->second.target / path.lexically_relative(at->first);
 }
 
+fs::path make_folders(const fs::path& folder) {
+  const auto lock = lock_registry();
+  std::error_code error;
+  fs::path first;
+  for (fs::path at = fs::absolute(folder, error).lexically_normal();
+       !at.empty() && !fs::exists(at, error); at = at.parent_path()) {
+    if (at.has_filename()) first = at;
+    if (at == at.parent_path()) break;
+  }
+  if (!first.empty()) registry().folders.insert(first);  // first what may find no memory
+  fs::create_directories(folder, error);
+  if (fs::is_directory(folder)) return first;
+  discard_folders(first);
+  throw OutputError(folder.string(),
+                    "cannot be created" + (error ? ": " + error.message() : std::string()));
+}
+
+void discard_folders(const fs::path& topmost) noexcept {
+  const auto lock = lock_registry();
+  if (registry().folders.erase(topmost) > 0) remove_tree(topmost);
+}
+
+void keep_folders(const fs::path& topmost) noexcept {
+  const auto lock = lock_registry();
+  registry().folders.erase(topmost);
+}
+
 Renaming::Renaming() : lock_(lock_registry()) {}
 
 void discard_all() noexcept {
   const std::lock_guard<std::recursive_mutex> lock(registry().mutex);
   registry().closed = true;
   for (const auto& [path, temporary] : registry().temporaries) remove_tree(path);
+  for (const fs::path& folder : registry().folders) remove_tree(folder);
 }
 
 }  // namespace camber::staging

@@ -25,6 +25,14 @@ bool holds(const std::filesystem::path& path);
 /// The name that `path` has once it is committed; other paths themselves.
 std::filesystem::path final_name(const std::filesystem::path& path);
 
+/// Makes a folder under its own name, with those above it that are missing.
+/// @return the topmost that was made, empty where all were there: discard_all() removes it, with
+/// all
+///         in it, until it is kept. @throws OutputError
+std::filesystem::path make_folders(const std::filesystem::path& folder);
+void discard_folders(const std::filesystem::path& topmost) noexcept;
+void keep_folders(const std::filesystem::path& topmost) noexcept;
+
 /// While it lives, discard_all() waits: renames that belong together happen all or none. Blocks for
 /// good once discard_all() has begun.
 class Renaming {
@@ -35,8 +43,9 @@ class Renaming {
   std::unique_lock<std::recursive_mutex> lock_;
 };
 
-/// Removes all temporaries; from then on no more can be made nor given their final names, whoever
-/// tries waits for good. For a process that is about to end while it still computes.
+/// Removes all temporaries and the folders that are not kept; from then on no more can be made nor
+/// given their final names, whoever tries waits for good. For a process that is about to end while
+/// it still computes.
 void discard_all() noexcept;
 
 }  // namespace camber::staging

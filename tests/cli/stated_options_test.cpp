@@ -1,0 +1,95 @@
+// The options that results on standard output state: all that a command has.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "cli/run_program.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+using test::ProgramResult;
+using test::run_camber;
+
+/// The options that --print-config lists, as keys of JSON; without those of the program and of
+/// where it writes.
+std::vector<std::string> options_of(std::vector<std::string> command) {
+  static const std::set<std::string> others = {"seed", "threads", "quiet",
+                                               "json", "out",     "overwrite"};
+  command.emplace_back("--print-config");
+  const ProgramResult printed = run_camber(command);
+  EXPECT_EQ(printed.exit_code, 0) << printed.error;
+  std::vector<std::string> keys;
+  std::istringstream lines(printed.out);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line[0] == '[') continue;
+    std::string key = line.substr(line.rfind("# ", 0) == 0 ? 2 : 0);
+    key = key.substr(0, key.find(' '));
+    if (others.count(key) > 0) continue;
+    std::replace(key.begin(), key.end(), '-', '_');
+    keys.push_back(key);
+  }
+  EXPECT_GT(keys.size(), 4u);
+  return keys;
+}
+
+TEST(StatedOptions, AreAllThatACommandHas) {
+  const test::TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  const std::string scene = (test::source_dir() / "samples/steep_hill/scene.json").string();
+  const std::string result = path("result"), cloud = path("result/road.ply");
+  const std::string labels = path("labels.txt"), calibration = path("calib.txt");
+  ASSERT_EQ(run_camber({"reconstruct", scene, "--no-pictures", "--out", result}).exit_code, 0);
+  ASSERT_EQ(run_camber({"vehicles", scene, "--surface", result, "--out", path("vehicles.json"),
+                        "--kitti-labels", labels})
+                .exit_code,
+            0);
+  std::ofstream(calibration) << "P2: 720 0 620 0 0 720 170 0 0 0 1 0\n";
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"plane", cloud},
+           {"patches", cloud, "--out", path("patches")},
+           {"ground", cloud, "--out", path("ground.ply")},
+           {"convert", cloud, "--out", path("convert.ply")},
+           {"filter", cloud, "--normals", "10", "--up", "0,-1,0", "--out", path("filter.ply")},
+           {"render", result, "--hide", "points,vehicles", "--out", path("picture.png")},
+           {"lift", labels, "--surface", result, "--calib", calibration, "--frame", "1", "--out",
+            path("l.txt")},
+           {"evaluate", "--truth", scene, "--estimate", result},
+       }) {
+    SCOPED_TRACE(command[0]);
+    std::vector<std::string> stating = command;
+    stating.emplace_back("--json");
+    const ProgramResult run = run_camber(stating);
+    ASSERT_EQ(run.exit_code, 0) << run.error;
+    const nlohmann::json options = nlohmann::json::parse(run.out).at("options");
+    for (const std::string& key : options_of(command)) {
+      EXPECT_TRUE(options.contains(key)) << key;
+    }
+    EXPECT_FALSE(options.contains("command"));
+    if (command[0] == "filter") {
+      EXPECT_EQ(options["up"], nlohmann::json({0.0, -1.0, 0.0}));
+      EXPECT_EQ(options["format"], "");
+    }
+    if (command[0] == "render") {
+      EXPECT_EQ(options["hide"], nlohmann::json({"points", "vehicles"}));
+      EXPECT_EQ(options["upscale"], 1.0);
+    }
+    if (command[0] == "lift") {
+      EXPECT_EQ(options["frame"], 1);
+      EXPECT_EQ(options["calib"], nlohmann::json({calibration}));
+    }
+    if (command[0] == "evaluate") {
+      EXPECT_EQ(options["image_size"], nlohmann::json({1242, 375}));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace camber
