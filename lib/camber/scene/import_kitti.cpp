@@ -475,6 +475,7 @@ Scene import_kitti_to(const KittiImportOptions& options, const fs::path& manifes
   const fs::path folder =
       (manifest.has_parent_path() ? manifest.parent_path() : fs::path(".")) / "truth";
   scene.truth->cloud = folder / fmt::format("scan_{:06}.ply", reference);
+  check_output_file(manifest);  // its folder is the caller's
   MadeFolder made(folder);
   AtomicFiles files;
   write_cloud(cloud, files.stage(scene.truth->cloud));
