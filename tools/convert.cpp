@@ -19,6 +19,7 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
+#include "own_inputs.h"
 #include "result_map.h"
 
 namespace fs = std::filesystem;

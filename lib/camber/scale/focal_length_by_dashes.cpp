@@ -16,7 +16,8 @@ struct Stroke {
   Eigen::Vector3d middle, along;
 };
 
-/// Strokes that lie a period from another, along it, with the length that belongs to that period.
+/// Strokes that lie one period from another or two, along it, with the length that belongs to that
+/// period.
 struct BrokenLines {
   std::vector<char> in_line;   // one a stroke
   std::vector<double> ratios;  // of the periods over the known one
@@ -25,12 +26,14 @@ struct BrokenLines {
       : in_line(strokes.size(), 0) {
     // Of logarithms; focal lengths are tried in steps of 0.35.
     constexpr double kMostOff = 0.2, kMostUnlike = 0.15;
-    constexpr double kMostTurn = 0.1;
+    constexpr double kMostTurn = 0.1;  // rad a period
     const double period = sizes.dash_length + sizes.dash_gap;
     for (std::size_t i = 0; i < strokes.size(); ++i) {
       for (std::size_t j = i + 1; j < strokes.size(); ++j) {
         const Eigen::Vector3d step = strokes[j].middle - strokes[i].middle;
-        const double ratio = step.norm() / period;
+        // The stroke between them may be hidden.
+        const int periods = step.norm() > M_SQRT2 * period ? 2 : 1;
+        const double ratio = step.norm() / (periods * period);
         const double length = 0.5 * (strokes[i].along.norm() + strokes[j].along.norm());
         if (!(std::abs(std::log(ratio)) < kMostOff) ||
             !(std::abs(std::log(length / (ratio * sizes.dash_length))) < kMostUnlike)) {
@@ -39,7 +42,7 @@ struct BrokenLines {
         const auto turn = [&](const Stroke& stroke) {
           return std::atan2(step.cross(stroke.along).norm(), step.dot(stroke.along));
         };
-        if (std::max(turn(strokes[i]), turn(strokes[j])) > kMostTurn) continue;
+        if (std::max(turn(strokes[i]), turn(strokes[j])) > periods * kMostTurn) continue;
         in_line[i] = in_line[j] = 1;
         ratios.push_back(ratio);
       }
