@@ -237,6 +237,19 @@ TEST(DashFocalLength, BrokenLinesGiveOneThatIsFarOff) {
   }
 }
 
+TEST(DashFocalLength, AStrokeBetweenTwoMayBeHidden) {
+  // Of those from 7 m on the second, and all from the fourth on.
+  const GrayImage image = draw([](double x, double z) {
+    return dashed(x, z, -1.2, 7.0) && (z < 12.0 || z > 24.0) && z < 30.0;
+  });
+  for (const double wrong_by : {0.52, 2.0}) {
+    const DashFocalLength found = find_focal_length(image, wrong_by);
+    EXPECT_EQ(found.strokes, 2) << wrong_by;
+    EXPECT_NEAR(found.factor * wrong_by, 1.0, 0.1) << wrong_by;
+  }
+  EXPECT_EQ(find_focal_length(image, 1.0).strokes, 0);
+}
+
 TEST(DashFocalLength, NothingSpeaksAgainstTheTrueOne) {
   EXPECT_EQ(find_focal_length(draw([](double x, double z) { return dashed(x, z, -1.2, 7.0); }), 1.0)
                 .strokes,
