@@ -59,8 +59,7 @@ TEST(StatedOptions, AreAllThatACommandHas) {
            {"convert", cloud, "--out", path("convert.ply")},
            {"filter", cloud, "--normals", "10", "--up", "0,-1,0", "--out", path("filter.ply")},
            {"render", result, "--hide", "points,vehicles", "--out", path("picture.png")},
-           {"lift", labels, "--surface", result, "--calib", calibration, "--frame", "1", "--out",
-            path("l.txt")},
+           {"lift", labels, "--surface", result, "--calib", calibration, "--out", path("l.txt")},
            {"evaluate", "--truth", scene, "--estimate", result},
        }) {
     SCOPED_TRACE(command[0]);
@@ -82,7 +81,6 @@ TEST(StatedOptions, AreAllThatACommandHas) {
       EXPECT_EQ(options["upscale"], 1.0);
     }
     if (command[0] == "lift") {
-      EXPECT_EQ(options["frame"], 1);
       EXPECT_EQ(options["calib"], nlohmann::json({calibration}));
     }
     if (command[0] == "evaluate") {

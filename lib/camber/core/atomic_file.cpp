@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <system_error>
 
 #include "camber/core/detail/paths.h"
 #include "camber/core/detail/staging.h"
@@ -170,7 +171,10 @@ void check_output_folder(const fs::path& path, bool overwrite,
   if (path.empty()) throw UsageError("found an empty name, expected a folder for the result");
   const fs::path to = resolved(path);
   std::error_code error;
-  if (fs::exists(to, error)) check_replaceable(to, path.string(), overwrite, inputs);
+  const bool there = fs::exists(to, error);
+  // A mistake of the caller's, not the machine's.
+  if (error == std::errc::filename_too_long) throw fs::filesystem_error("output", path, error);
+  if (there) check_replaceable(to, path.string(), overwrite, inputs);
   fs::path parent = to.parent_path();  // missing ones will be made
   while (!fs::exists(parent, error) && parent.has_relative_path()) parent = parent.parent_path();
   check_folder(parent, path.string());
