@@ -2,11 +2,12 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <set>
 #include <sstream>
+
+#include "camber/core/detail/paths.h"
 
 namespace fs = std::filesystem;
 
@@ -44,7 +45,7 @@ bool lies_below(const fs::path& file, const fs::path& folder) {
   if (error) return false;
   const fs::path whole = fs::weakly_canonical(file, error);
   if (error) return false;
-  return std::mismatch(top.begin(), top.end(), whole.begin(), whole.end()).first == top.end();
+  return paths::lies_in(whole, top);
 }
 
 InputError error_without_content(const InputError& error, const std::string& expected) {

@@ -5,7 +5,7 @@
 namespace camber {
 
 /// Holds a scene that a program makes to what read_scene() holds a manifest to. The truth is not
-/// looked at, and there may be no frames yet.
+/// looked at, there may be no frames yet, and keypoints that are not seen may have pixels of NaN.
 /// @throws std::invalid_argument naming the frame and the first field that cannot be.
 void validate(const Scene& scene);
 void validate(const SceneFrame& frame);

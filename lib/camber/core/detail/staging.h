@@ -27,8 +27,8 @@ std::filesystem::path final_name(const std::filesystem::path& path);
 
 /// Makes a folder under its own name, with those above it that are missing.
 /// @return the topmost that was made, empty where all were there: discard_all() removes it, with
-/// all
-///         in it, until it is kept. @throws OutputError
+///         all in it, until it is kept.
+/// @throws OutputError.
 std::filesystem::path make_folders(const std::filesystem::path& folder);
 void discard_folders(const std::filesystem::path& topmost) noexcept;
 void keep_folders(const std::filesystem::path& topmost) noexcept;
