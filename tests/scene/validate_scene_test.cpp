@@ -112,6 +112,11 @@ TEST(ValidateScene, NamesFrameFieldAndValue) {
               v.keypoints[5].pixel.x() = kNan;
             }),
             "");
+  EXPECT_THAT(vehicle([](auto& v) {
+                v.keypoints.resize(kNumKeypoints);
+                v.keypoints[5].pixel.y() = std::numeric_limits<double>::infinity();
+              }),
+              StartsWith("frame 3: vehicle 7: keypoints: found 0, inf"));
   EXPECT_EQ(
       problem([](Scene& s) { s.frames[0].vehicles.push_back(s.frames[0].vehicles[0]); }),
       "frame 3: vehicle id: found 7 a second time, expected ids that differ within the frame");

@@ -54,6 +54,10 @@ void check_detection(const VehicleDetection& vehicle) {
   const std::size_t rows = vehicle.keypoints.size();
   if (rows != 0 && rows != kNumKeypoints) refuse(of + "keypoints", rows, "36 rows or none");
   for (const KeypointObservation& k : vehicle.keypoints) {
+    // NaN is one that is not seen.
+    if (k.pixel.array().isInf().any()) {
+      refuse(of + "keypoints", fmt::format("{}, {}", k.pixel.x(), k.pixel.y()), "pixels");
+    }
     if (k.sigma <= 0.0) refuse(of + "keypoints (sigma)", k.sigma, "a positive number of pixels");
   }
   if (vehicle.has_plane) check_plane(vehicle.given_plane, of + "plane");
