@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "camber/core/errors.h"
 #include "camber/image/image_io.h"
 #include "scene/write_image.h"
@@ -136,6 +138,24 @@ TEST_F(ImportRosbag, PartOfTheFrames) {
   choice_.frames.from = 5.0;
   choice_.frames.to.reset();
   EXPECT_THAT(refusal(), HasSubstr("found images from 0 to 0.900 s, expected some in the part"));
+}
+
+TEST_F(ImportRosbag, RowsOfMotAreOfTheWholeRecording) {
+  for (int i = 0; i < 10; ++i) add_image(100.0 + 0.1 * i);
+  add_info();
+  choice_.frames.from = 0.25;
+  choice_.frames.every = 2;
+  options_.detections.file = folder_.path() / "boxes.txt";
+  // Frames from 1: 4 and 6 are messages 3 and 5; the second and the fifth are not taken.
+  std::ofstream(options_.detections.file) << "4,1,10,20,30,20,1,3,1\n6,1,12,20,30,20,1,3,1\n"
+                                          << "2,1,14,20,30,20,1,3,1\n5,1,16,20,30,20,1,3,1\n";
+  const Scene scene = written().scene;
+  ASSERT_EQ(scene.frames.size(), 4u);
+  std::vector<int> with_boxes;
+  for (const SceneFrame& frame : scene.frames) {
+    if (!frame.vehicles.empty()) with_boxes.push_back(frame.id);
+  }
+  EXPECT_THAT(with_boxes, ElementsAre(3, 5));
 }
 
 TEST_F(ImportRosbag, CompressedImagesStayAsTheyAre) {

@@ -90,6 +90,8 @@ using ImageSink = std::function<void(const std::filesystem::path&, const std::st
 /// A scene as imported, and what a person should know of it.
 struct OwnImport {
   Scene scene;
+  /// Ids of frames are places in a whole recording, of which the frames may be a part.
+  bool ids_of_recording = false;
   std::vector<std::string> found;    ///< a phrase each: order, calibration, boxes, ...
   std::vector<std::string> missing;  ///< a phrase each: what is not there, and what that costs
   /// Masks in colours, by frame id: written as labels beside the manifest.

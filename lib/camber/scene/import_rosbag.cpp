@@ -302,6 +302,7 @@ OwnImport import_rosbag(const std::shared_ptr<BagReader>& reader, const fs::path
   const Bag bag(reader, file);
   const Topic topic = bag.image_topic(choice.topic);
   OwnImport out;
+  out.ids_of_recording = true;
   Scene& scene = out.scene;
   const Entries entries = list_images(bag, topic, out);
   describe(entries, topic, out);

@@ -79,6 +79,7 @@ OwnImport import_video(const fs::path& video, const VideoChoice& choice,
   choice.validate();
   const VideoScan scan = scan_video(video);
   OwnImport out;
+  out.ids_of_recording = true;
   Scene& scene = out.scene;
   describe(scan, out);
   scene.name = options.name.empty() ? video.stem().string() : options.name;

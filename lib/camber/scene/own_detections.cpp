@@ -246,10 +246,11 @@ std::vector<std::optional<std::size_t>> frames_of(
 }
 
 /// MOT counts frames from 1, the others from 0 or by the file's number.
+/// @param ids_of_recording    see OwnImport
 /// @param first_video_number  what the names of a video's frames count from
 std::optional<std::size_t> frame_of(const DetectedImage& image, DetectionForm form,
                                     const FrameIndex& index, std::size_t frames,
-                                    std::int64_t first_video_number) {
+                                    bool ids_of_recording, std::int64_t first_video_number) {
   if (!image.file_name.empty()) {
     if (index.of_video()) return index.by_video_name(image.file_name, first_video_number);
     if (const auto at = index.by_name(image.file_name)) return at;
@@ -258,7 +259,7 @@ std::optional<std::size_t> frame_of(const DetectedImage& image, DetectionForm fo
   const bool by_place = form == DetectionForm::kMot || form == DetectionForm::kCvatVideo;
   if (by_place) {
     const std::int64_t at = *image.number - (form == DetectionForm::kMot ? 1 : 0);
-    if (index.of_video()) return index.by_id(at);  // of the whole video, whatever was taken of it
+    if (ids_of_recording) return index.by_id(at);
     if (at < 0 || at >= static_cast<std::int64_t>(frames)) return std::nullopt;
     return static_cast<std::size_t>(at);
   }
@@ -282,7 +283,8 @@ void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& o
   std::size_t images = 0;
   bool by_video_names = false;
   const auto frames = frames_of(file, scene, options.file, [&](const DetectedImage& image) {
-    return frame_of(image, file.form, index, scene.frames.size(), counted_from);
+    return frame_of(image, file.form, index, scene.frames.size(), out.ids_of_recording,
+                    counted_from);
   });
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const DetectedImage& image = file.images[i];
