@@ -199,6 +199,11 @@ void register_reconstruct(App& root) {
     args.options.vehicles.method = vehicle_method_from_string(args.method);
     args.options.vehicles.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
     args.options.preset = preset_from_string(args.preset);
+    if (args.options.preset != Preset::kPaper) {
+      if (args.terms != "meant")
+        throw UsageError("--paper-terms: expected --preset paper beside it");
+      if (args.scale != "ego") throw UsageError("--paper-scale: expected --preset paper beside it");
+    }
     args.options.paper.vehicles.terms = paper::terms_from_string(args.terms);
     args.options.paper.ground.scale = paper_scale_from_string(args.scale);
     Scene scene;

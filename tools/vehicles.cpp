@@ -97,6 +97,9 @@ EstimateVehiclesOptions options_of(const Command& command, const Arguments& args
   options.vehicles.fit.keypoint_set = static_cast<KeypointSet>(args.keypoint_set);
   options.vehicles.tracks = !args.no_tracks;
   options.preset = preset_from_string(args.preset);
+  if (options.preset != Preset::kPaper && args.terms != "meant") {
+    throw UsageError("--paper-terms: expected --preset paper beside it");
+  }
   options.paper.terms = paper::terms_from_string(args.terms);
   return options;
 }

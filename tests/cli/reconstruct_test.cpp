@@ -373,6 +373,12 @@ TEST_F(SteepHill, ThePaperIsAPresetThatTakesOneImageToo) {
   EXPECT_EQ(options["paper_terms"], "printed");
   EXPECT_EQ(options["paper_scale"], "patch");
   EXPECT_EQ(options["keypoint_set"], 14);
+  for (const std::vector<std::string>& alone :
+       {std::vector<std::string>{"--paper-terms", "printed"}, {"--paper-scale", "patch"}}) {
+    EXPECT_ONE_SENTENCE(
+        run_camber({"reconstruct", scene(), alone[0], alone[1], "--out", path("alone")}), 2,
+        alone[0] + ": expected --preset paper beside it");
+  }
   const auto single = run_camber(
       {"reconstruct", scene(), "--preset", "paper", "--frames", "1", "--out", path("single")});
   ASSERT_EQ(single.exit_code, 0) << single.error;

@@ -121,6 +121,9 @@ TEST_F(VehicleScene, ThePaperIsAPresetOfItsOwn) {
   const double single = mean_of({}), paper = mean_of({"--preset", "paper"});
   EXPECT_LT(single, 0.8);
   const double printed = mean_of({"--preset", "paper", "--paper-terms", "printed"});
+  EXPECT_ONE_SENTENCE(run_camber({"vehicles", path("scene.json"), "--paper-terms", "printed",
+                                  "--out", path("alone.json")}),
+                      2, "--paper-terms: expected --preset paper beside it");
   EXPECT_LT(paper, 1.5);
   EXPECT_NE(single, paper);
   EXPECT_NE(printed, paper);
