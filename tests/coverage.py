@@ -41,6 +41,7 @@ READERS = {
 
 # Which of them a fuzzer is for.
 TARGETS = {
+    "annotated_shapes": ["vehicle/annotated_shapes.cpp"],
     "colmap": ["cloud/colmap.cpp"],
     "config": ["tools/config_file.cpp"],
     "image": ["image/image_io.cpp"],
@@ -50,6 +51,7 @@ TARGETS = {
     "las": ["cloud/las.cpp", "cloud/las_file.cpp", "cloud/las_copy.cpp",
             "cloud/coordinate_system.cpp"],
     "network_file": ["pipeline/network_file.cpp"],
+    "npy": ["detect/detail/npy_reader.cpp"],
     "onnx_weights": ["detect/detail/onnx_weights.cpp"],
     "opencrg": ["export/opencrg_reader.cpp"],
     "own_calibration": ["scene/formats/calibration*.cpp"],
