@@ -263,7 +263,9 @@ Loaded load(const RenderArguments& a, const LogSink& warn) {
   }
   for (const std::string& other : a.beside) loaded.others.push_back(load_result(other));
   const bool beside = !a.beside.empty();
-  if (beside && result.scene->truth && !result.scene->truth->cloud.empty() && !result.truth_cloud) {
+  const bool metric = !result.run || result.run->metric;
+  if (beside && metric && result.scene->truth && !result.scene->truth->cloud.empty() &&
+      !result.truth_cloud) {
     result.load_scene_truth_cloud(a.cloud.read_options());
   }
   return loaded;

@@ -86,6 +86,16 @@ TEST(ScenePicture, TruthIsRedAndOnlyWhereAskedFor) {
   EXPECT_EQ(without, 0);
 }
 
+TEST(ScenePicture, TrueBoxesInMetresAreNotDrawnIntoAResultUpToScale) {
+  const PictureScene scene;
+  PictureContent content = scene.content();
+  RunDocument run = *content.run;
+  run.metric = false;
+  content.run = &run;
+  const Image image = render_scene_picture(content, small_scene(SceneView::kOblique));
+  EXPECT_EQ(count_pixels(image, 500, is_red), 0);
+}
+
 TEST(ScenePicture, StrayPointsDoNotShrinkTheContent) {
   const PictureScene scene;
   PictureScene strayed;

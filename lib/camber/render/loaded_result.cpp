@@ -27,6 +27,10 @@ void LoadedResult::load_scene_truth_cloud(const ReadOptions& options) {
   if (!scene || !scene->truth || scene->truth->cloud.empty()) {
     throw NoAnswerError("there is no dense ground truth: the scene has no truth cloud");
   }
+  if (run && !run->metric) {
+    throw NoAnswerError(
+        "the truth cannot be placed: the result is up to scale, the truth in metres");
+  }
   const SceneTruth& truth = *scene->truth;
   const int reference = reference_frame();
   const auto pose = [&](int id) {

@@ -43,8 +43,15 @@ void widen(RobustRange* range, double value) {
   range->high = std::max(range->high, value);
 }
 
+bool is_metric(const PictureContent& content) {
+  if (content.run) return content.run->metric;
+  if (content.surface) return content.surface->metric;
+  return content.cloud == nullptr || content.cloud->metric;
+}
+
+/// Nothing where lengths are up to scale: the truth is in metres.
 const SceneTruth* truth_of(const PictureContent& content, bool show_truth) {
-  return show_truth ? content.truth : nullptr;
+  return show_truth && is_metric(content) ? content.truth : nullptr;
 }
 
 /// The plane's rectangle under a box, half a metre larger; empty without a sound plane.
@@ -81,14 +88,7 @@ std::string plural(std::size_t count, const char* one, const char* many) {
 /// @param axes  rows right, ahead, up in the reference frame
 void choose_frame(const PictureContent& content, const Eigen::Matrix3d& axes, bool camera_frame,
                   PictureSpace* space) {
-  bool metric = true;
-  if (content.run)
-    metric = content.run->metric;
-  else if (content.surface)
-    metric = content.surface->metric;
-  else if (content.cloud)
-    metric = content.cloud->metric;
-  space->unit = metric ? "m" : "units";
+  space->unit = is_metric(content) ? "m" : "units";
 
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   space->map = !camera_frame;

@@ -21,7 +21,7 @@ struct PictureContent {
   const VehicleDocument* vehicles = nullptr;  ///< each frame's in its own camera
   const RunDocument* run = nullptr;           ///< cameras and whether the result is metric
   const PinholeCamera* camera = nullptr;      ///< for the field of view; needs run
-  const SceneTruth* truth = nullptr;          ///< true boxes, drawn in red, with a legend
+  const SceneTruth* truth = nullptr;          ///< true boxes in red, where the result is metric
   const RoadCloud* truth_cloud = nullptr;     ///< dense ground truth, drawn in grey
   SE3 reference_from_truth_cloud;             ///< takes it to the frame of cloud and surface
   int frame = 0;                              ///< id of the frame whose vehicles are shown
