@@ -467,6 +467,95 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit,
   }
 }
 
+void require_fitting(const Image& photo, const PinholeCamera& camera, const OverlayRoad& road) {
+  if (photo.width != camera.width || photo.height != camera.height) {
+    throw std::invalid_argument("overlay: found an image of " + std::to_string(photo.width) +
+                                " x " + std::to_string(photo.height) +
+                                " pixels, expected the camera's " + std::to_string(camera.width) +
+                                " x " + std::to_string(camera.height));
+  }
+  if (road.mask && (road.mask->width != photo.width || road.mask->height != photo.height ||
+                    road.mask->channels != 1)) {
+    throw std::invalid_argument(
+        "overlay: found a road mask of " + std::to_string(road.mask->width) + " x " +
+        std::to_string(road.mask->height) + " pixels and " + std::to_string(road.mask->channels) +
+        " channels, expected one channel of the image's size");
+  }
+}
+
+Image resized(const Image& photo, double factor) {
+  Image out = make_picture(std::max(1, static_cast<int>(std::lround(photo.width * factor))),
+                           std::max(1, static_cast<int>(std::lround(photo.height * factor))), 0);
+  const cv::Mat from(photo.height, photo.width, CV_8UC3,
+                     const_cast<std::uint8_t*>(photo.data.data()));
+  cv::Mat to(out.height, out.width, CV_8UC3, out.data.data());
+  cv::resize(from, to, to.size(), 0, 0, factor > 1.0 ? cv::INTER_CUBIC : cv::INTER_AREA);
+  return out;
+}
+
+/// From pixels of the photo to those of the picture.
+struct PixelScale {
+  double x = 1.0, y = 1.0;
+
+  Box2 of(const Box2& b) const {
+    return {(b.x1 + 0.5) * x - 0.5, (b.y1 + 0.5) * y - 0.5, (b.x2 + 0.5) * x - 0.5,
+            (b.y2 + 0.5) * y - 0.5};
+  }
+  PinholeCamera of(const PinholeCamera& camera, const Image& picture) const {
+    return {picture.width,
+            picture.height,
+            camera.fx * x,
+            camera.fy * y,
+            (camera.cx + 0.5) * x - 0.5,
+            (camera.cy + 0.5) * y - 0.5};
+  }
+};
+
+/// The vehicles that have a place in the picture, farthest first.
+std::vector<Drawn> drawn_vehicles(const VehicleFrame& frame, const PinholeCamera& camera,
+                                  const PixelScale& scale, const VehicleNumbers& numbers) {
+  std::vector<Drawn> all;
+  for (const VehicleEstimate& vehicle : frame.vehicles) {
+    Drawn drawn;
+    drawn.vehicle = &vehicle;
+    drawn.number = numbers.of(frame.id, vehicle);
+    const auto corners = vehicle.pose.corners();
+    drawn.box = has_box(vehicle) && corners.row(2).minCoeff() > kNear;
+    drawn.wireframe = drawn.box && has_wireframe(vehicle);
+    drawn.range = drawn.box ? vehicle.pose.bottom_center().norm() : 1e9;
+    drawn.color = drawn.box && vehicle.status != Status::kNotObservable
+                      ? brighter(categorical(drawn.number))
+                      : kUntrusted;
+    drawn.reach = scale.of(vehicle.box);
+    if (drawn.box) {
+      Box2 reach{1e30, 1e30, -1e30, -1e30};
+      for (int i = 0; i < 8; ++i) reach = united(reach, *camera.project(corners.col(i)));
+      drawn.reach = reach;
+    }
+    const Eigen::Vector4d sides(drawn.reach.x1, drawn.reach.y1, drawn.reach.x2, drawn.reach.y2);
+    if (!sides.allFinite()) continue;
+    drawn.reach = drawn.reach.clipped(camera.width, camera.height);
+    drawn.pixel_height = drawn.reach.height();
+    all.push_back(drawn);
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Drawn& a, const Drawn& b) { return a.range > b.range; });
+  return all;
+}
+
+/// The detection's box, dashed for a vehicle without an answer.
+void draw_box_2d(Canvas& canvas, const PinholeCamera& camera, const PixelScale& scale,
+                 const Drawn& drawn, double unit) {
+  const Box2 b = scale.of(drawn.vehicle->box).clipped(camera.width, camera.height);
+  const Eigen::Vector2d c[4] = {{b.x1, b.y1}, {b.x2, b.y1}, {b.x2, b.y2}, {b.x1, b.y2}};
+  const std::vector<Segment2> rim = {{c[0], c[1]}, {c[1], c[2]}, {c[2], c[3]}, {c[3], c[0]}};
+  if (drawn.box) {
+    canvas.segments(rim, 1.0 * unit, drawn.color.with_alpha(0.6));
+  } else {
+    canvas.dashed(rim, 5.0 * unit, 4.0 * unit, 1.5 * unit, drawn.color);
+  }
+}
+
 }  // namespace
 
 void OverlayOptions::validate() const {
@@ -480,77 +569,21 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
   options.validate();
   require_picture(photo, "overlay: image");
   original_camera.validate();
-  if (photo.width != original_camera.width || photo.height != original_camera.height) {
-    throw std::invalid_argument(
-        "overlay: found an image of " + std::to_string(photo.width) + " x " +
-        std::to_string(photo.height) + " pixels, expected the camera's " +
-        std::to_string(original_camera.width) + " x " + std::to_string(original_camera.height));
-  }
+  require_fitting(photo, original_camera, road);
 
-  if (road.mask && (road.mask->width != photo.width || road.mask->height != photo.height ||
-                    road.mask->channels != 1)) {
-    throw std::invalid_argument(
-        "overlay: found a road mask of " + std::to_string(road.mask->width) + " x " +
-        std::to_string(road.mask->height) + " pixels and " + std::to_string(road.mask->channels) +
-        " channels, expected one channel of the image's size");
-  }
-
-  Image image = photo;
-  PinholeCamera camera = original_camera;
-  if (options.upscale != 1.0) {
-    const double s = options.upscale;
-    image = make_picture(std::max(1, static_cast<int>(std::lround(photo.width * s))),
-                         std::max(1, static_cast<int>(std::lround(photo.height * s))), 0);
-    const cv::Mat from(photo.height, photo.width, CV_8UC3,
-                       const_cast<std::uint8_t*>(photo.data.data()));
-    cv::Mat to(image.height, image.width, CV_8UC3, image.data.data());
-    cv::resize(from, to, to.size(), 0, 0, s > 1.0 ? cv::INTER_CUBIC : cv::INTER_AREA);
-    const double sx = static_cast<double>(image.width) / photo.width;
-    const double sy = static_cast<double>(image.height) / photo.height;
-    camera = {image.width,
-              image.height,
-              original_camera.fx * sx,
-              original_camera.fy * sy,
-              (original_camera.cx + 0.5) * sx - 0.5,
-              (original_camera.cy + 0.5) * sy - 0.5};
-  }
-  const double sx = static_cast<double>(image.width) / photo.width;
-  const double sy = static_cast<double>(image.height) / photo.height;
-  const auto scaled = [&](const Box2& b) {
-    return Box2{(b.x1 + 0.5) * sx - 0.5, (b.y1 + 0.5) * sy - 0.5, (b.x2 + 0.5) * sx - 0.5,
-                (b.y2 + 0.5) * sy - 0.5};
-  };
+  Image image = options.upscale == 1.0 ? photo : resized(photo, options.upscale);
+  const PixelScale scale{static_cast<double>(image.width) / photo.width,
+                         static_cast<double>(image.height) / photo.height};
+  const PinholeCamera camera =
+      options.upscale == 1.0 ? original_camera : scale.of(original_camera, image);
   const double unit = options.line_scale * std::max(0.6, image.width / 1242.0);
 
   Canvas canvas(image);
+  const std::vector<Drawn> all = drawn_vehicles(frame, camera, scale, options.numbers);
   Occluders occluders;
-  std::vector<Drawn> all;
-  for (const VehicleEstimate& vehicle : frame.vehicles) {
-    Drawn drawn;
-    drawn.vehicle = &vehicle;
-    drawn.number = options.numbers.of(frame.id, vehicle);
-    const auto corners = vehicle.pose.corners();
-    drawn.box = has_box(vehicle) && corners.row(2).minCoeff() > kNear;
-    drawn.wireframe = drawn.box && has_wireframe(vehicle);
-    drawn.range = drawn.box ? vehicle.pose.bottom_center().norm() : 1e9;
-    drawn.color = drawn.box && vehicle.status != Status::kNotObservable
-                      ? brighter(categorical(drawn.number))
-                      : kUntrusted;
-    drawn.reach = scaled(vehicle.box);
-    if (drawn.box) {
-      Box2 reach{1e30, 1e30, -1e30, -1e30};
-      for (int i = 0; i < 8; ++i) reach = united(reach, *camera.project(corners.col(i)));
-      drawn.reach = reach;
-    }
-    const Eigen::Vector4d sides(drawn.reach.x1, drawn.reach.y1, drawn.reach.x2, drawn.reach.y2);
-    if (!sides.allFinite()) continue;
-    drawn.reach = drawn.reach.clipped(image.width, image.height);
-    drawn.pixel_height = drawn.reach.height();
-    if (drawn.wireframe) occluders.add(vehicle.keypoints);
-    all.push_back(drawn);
+  for (const Drawn& drawn : all) {
+    if (drawn.wireframe) occluders.add(drawn.vehicle->keypoints);
   }
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Drawn& a, const Drawn& b) { return a.range > b.range; });
 
   const std::vector<Box2> taken =
       draw_road(canvas, image, camera, occluders, all, road, options, unit);
@@ -560,16 +593,7 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
     }
   }
   if (options.show_boxes_2d) {
-    for (const Drawn& drawn : all) {
-      const Box2 b = scaled(drawn.vehicle->box).clipped(image.width, image.height);
-      const Eigen::Vector2d c[4] = {{b.x1, b.y1}, {b.x2, b.y1}, {b.x2, b.y2}, {b.x1, b.y2}};
-      const std::vector<Segment2> rim = {{c[0], c[1]}, {c[1], c[2]}, {c[2], c[3]}, {c[3], c[0]}};
-      if (drawn.box) {
-        canvas.segments(rim, 1.0 * unit, drawn.color.with_alpha(0.6));
-      } else {
-        canvas.dashed(rim, 5.0 * unit, 4.0 * unit, 1.5 * unit, drawn.color);
-      }
-    }
+    for (const Drawn& drawn : all) draw_box_2d(canvas, camera, scale, drawn, unit);
   }
   for (const Drawn& drawn : all) {
     if (drawn.box && options.show_boxes_3d) {
