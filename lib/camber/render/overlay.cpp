@@ -267,6 +267,93 @@ void draw_grid(Canvas& canvas, const PinholeCamera& camera, const Occluders& occ
   }
 }
 
+/// Tints the pixels that a mask, enlarged to the image, marks.
+void tint_mask(cv::Mat& pixels, const Image& mask) {
+  const cv::Mat small(mask.height, mask.width, CV_8U, const_cast<std::uint8_t*>(mask.data.data()));
+  cv::Mat large;
+  cv::resize(small, large, pixels.size(), 0, 0, cv::INTER_NEAREST);
+  cv::Mat tinted;
+  cv::addWeighted(pixels, 0.65, cv::Mat(pixels.size(), CV_8UC3, cv::Scalar(40, 120, 255)), 0.35,
+                  0.0, tinted);
+  tinted.copyTo(pixels, large != 0);
+}
+
+/// A patch in the camera's frame.
+struct DrawnPatch {
+  const PlanePatch* patch;
+  std::vector<Eigen::Vector3d> rim;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+};
+
+/// The patches that lie before the camera, farthest first.
+std::vector<DrawnPatch> drawn_patches(const RoadSurface& surface, const PinholeCamera& camera,
+                                      const SE3& camera_from_reference) {
+  std::vector<DrawnPatch> out;
+  for (const PlanePatch& patch : surface.patches) {
+    DrawnPatch p{&patch, {}};
+    for (const Eigen::Vector3d& corner : patch.boundary) {
+      p.rim.push_back(camera_from_reference * corner);
+      p.middle += p.rim.back() / static_cast<double>(patch.boundary.size());
+    }
+    if (p.rim.size() < 3 || !p.middle.allFinite()) continue;
+    if (project_polygon(camera, p.rim).empty()) continue;
+    out.push_back(std::move(p));
+  }
+  std::stable_sort(out.begin(), out.end(), [](const DrawnPatch& a, const DrawnPatch& b) {
+    return a.middle.squaredNorm() > b.middle.squaredNorm();
+  });
+  return out;
+}
+
+struct GradeRange {
+  double low = 1e9, high = -1e9;  // degrees
+};
+
+GradeRange grade_range(const std::vector<DrawnPatch>& patches) {
+  GradeRange out;
+  for (const DrawnPatch& p : patches) {
+    out.low = std::min(out.low, p.patch->grade * 180.0 / M_PI);
+    out.high = std::max(out.high, p.patch->grade * 180.0 / M_PI);
+  }
+  if (!(out.high - out.low > 0.2)) {
+    out.low -= 0.5;
+    out.high += 0.5;
+  }
+  return out;
+}
+
+void draw_outline(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                  const DrawnPatch& p, const Color& ink, double unit) {
+  SplitLines rim;
+  for (std::size_t i = 0; i < p.rim.size(); ++i) {
+    const Eigen::Vector3d& a = p.rim[i];
+    const Eigen::Vector3d& b = p.rim[(i + 1) % p.rim.size()];
+    rim.add(camera, occluders, a, b, std::clamp(static_cast<int>((b - a).norm() * 2.0), 2, 64),
+            0.02);
+  }
+  canvas.segments(rim.visible, 3.0 * unit, kDark.with_alpha(0.5));
+  canvas.segments(rim.visible, 1.6 * unit, ink);
+}
+
+/// An arrow of one metre along a normal, camera frame.
+void draw_normal(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                 const Eigen::Vector3d& from, const Eigen::Vector3d& normal, const Color& ink,
+                 double unit) {
+  Segment2 arrow;
+  if (!project_segment(camera, from, from + normal, &arrow)) return;
+  const Eigen::Vector2d way = arrow.second - arrow.first;
+  if (way.norm() < 4.0 * unit || occluders.hides(from, 0.02)) return;
+  const double barb = std::min(0.3 * way.norm(), 7.0 * unit);
+  const Eigen::Vector2d back = -way.normalized() * barb;
+  const Eigen::Vector2d side = Eigen::Vector2d(-back.y(), back.x()) * 0.5;
+  const std::vector<Segment2> lines = {arrow,
+                                       {arrow.second, arrow.second + back + side},
+                                       {arrow.second, arrow.second + back - side}};
+  canvas.segments(lines, 3.4 * unit, kDark.with_alpha(0.6));
+  canvas.segments(lines, 1.8 * unit, ink);
+  canvas.disc(arrow.first, 2.4 * unit, ink);
+}
+
 /// Patches of the road, farthest first, under the vehicles. Returns what may not be covered.
 std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& camera,
                             const Occluders& occluders, const std::vector<Drawn>& all,
@@ -278,47 +365,15 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
   if (!tint && !(patches && road.surface)) return taken;
   cv::Mat pixels(image.height, image.width, CV_8UC3, image.data.data());
   const cv::Mat before = pixels.clone();
-  if (tint) {
-    const cv::Mat mask(road.mask->height, road.mask->width, CV_8U,
-                       const_cast<std::uint8_t*>(road.mask->data.data()));
-    cv::Mat large;
-    cv::resize(mask, large, pixels.size(), 0, 0, cv::INTER_NEAREST);
-    cv::Mat tinted;
-    cv::addWeighted(pixels, 0.65, cv::Mat(pixels.size(), CV_8UC3, cv::Scalar(40, 120, 255)), 0.35,
-                    0.0, tinted);
-    tinted.copyTo(pixels, large != 0);
-  }
+  if (tint) tint_mask(pixels, *road.mask);
   if (!(patches && road.surface)) return taken;
   const SE3 camera_from_reference = road.reference_from_camera.inverse();
-  struct Placed {
-    const PlanePatch* patch;
-    std::vector<Eigen::Vector3d> rim;
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  };
-  std::vector<Placed> placed;
-  double low = 1e9, high = -1e9;
-  for (const PlanePatch& patch : road.surface->patches) {
-    Placed p{&patch, {}};
-    for (const Eigen::Vector3d& corner : patch.boundary) {
-      p.rim.push_back(camera_from_reference * corner);
-      p.middle += p.rim.back() / static_cast<double>(patch.boundary.size());
-    }
-    if (p.rim.size() < 3 || !p.middle.allFinite()) continue;
-    if (project_polygon(camera, p.rim).empty()) continue;
-    low = std::min(low, patch.grade * 180.0 / M_PI);
-    high = std::max(high, patch.grade * 180.0 / M_PI);
-    placed.push_back(std::move(p));
-  }
+  const std::vector<DrawnPatch> placed =
+      drawn_patches(*road.surface, camera, camera_from_reference);
   if (placed.empty()) return taken;
-  if (!(high - low > 0.2)) {
-    low -= 0.5;
-    high += 0.5;
-  }
-  std::stable_sort(placed.begin(), placed.end(), [](const Placed& a, const Placed& b) {
-    return a.middle.squaredNorm() > b.middle.squaredNorm();
-  });
   if (options.show_grade) {
-    for (const Placed& p : placed) {
+    const auto [low, high] = grade_range(placed);
+    for (const DrawnPatch& p : placed) {
       const double share = (p.patch->grade * 180.0 / M_PI - low) / (high - low);
       canvas.polygon(project_polygon(camera, p.rim), viridis(share).with_alpha(0.5));
     }
@@ -329,37 +384,15 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
     const RoadGrid grid = road_grid(*road.surface, camera_from_reference);
     draw_grid(canvas, camera, occluders, grid, options.metric, unit, &taken);
   }
-  for (const Placed& p : placed) {
+  for (const DrawnPatch& p : placed) {
     const Color ink = p.patch->kind == PatchKind::kRoad       ? Color{90, 170, 255, 1.0}
                       : p.patch->kind == PatchKind::kPavement ? Color{240, 170, 90, 1.0}
                                                               : Color{200, 200, 200, 1.0};
-    if (options.show_patches) {
-      SplitLines rim;
-      for (std::size_t i = 0; i < p.rim.size(); ++i) {
-        const Eigen::Vector3d& a = p.rim[i];
-        const Eigen::Vector3d& b = p.rim[(i + 1) % p.rim.size()];
-        rim.add(camera, occluders, a, b, std::clamp(static_cast<int>((b - a).norm() * 2.0), 2, 64),
-                0.02);
-      }
-      canvas.segments(rim.visible, 3.0 * unit, kDark.with_alpha(0.5));
-      canvas.segments(rim.visible, 1.6 * unit, ink);
-    }
-    if (options.show_normals && p.patch->plane.plane.normal.allFinite()) {
-      const Eigen::Vector3d n =
-          camera_from_reference.rotation_matrix() * p.patch->plane.plane.normal;
-      Segment2 arrow;
-      if (!project_segment(camera, p.middle, p.middle + n, &arrow)) continue;
-      const Eigen::Vector2d way = arrow.second - arrow.first;
-      if (way.norm() < 4.0 * unit || occluders.hides(p.middle, 0.02)) continue;
-      const double barb = std::min(0.3 * way.norm(), 7.0 * unit);
-      const Eigen::Vector2d back = -way.normalized() * barb;
-      const Eigen::Vector2d side = Eigen::Vector2d(-back.y(), back.x()) * 0.5;
-      const std::vector<Segment2> lines = {arrow,
-                                           {arrow.second, arrow.second + back + side},
-                                           {arrow.second, arrow.second + back - side}};
-      canvas.segments(lines, 3.4 * unit, kDark.with_alpha(0.6));
-      canvas.segments(lines, 1.8 * unit, ink);
-      canvas.disc(arrow.first, 2.4 * unit, ink);
+    if (options.show_patches) draw_outline(canvas, camera, occluders, p, ink, unit);
+    const Eigen::Vector3d& normal = p.patch->plane.plane.normal;
+    if (options.show_normals && normal.allFinite()) {
+      draw_normal(canvas, camera, occluders, p.middle,
+                  camera_from_reference.rotation_matrix() * normal, ink, unit);
     }
   }
   return taken;
