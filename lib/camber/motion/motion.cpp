@@ -188,7 +188,7 @@ double coordinate_noise(const BundleProblem& problem, const std::vector<SE3>& vi
   // The depths absorb one of the 2 (n - 1) coordinates of each track.
   const auto others = static_cast<double>(views.size());
   const double freedom = std::sqrt(2.0 * others / (2.0 * others - 1.0));
-  return std::max(0.02, 1.4826 * upper_median(residuals) * freedom);
+  return std::max(0.02, kSigmaFromMad * upper_median(residuals) * freedom);
 }
 
 /// Covariance of the views from the reduced system, in which the baseline of `longest` is the unit.

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/image/detail/cubic_sampling.h"
 #include "camber/photometric/detail/direct_kernels.h"
@@ -230,7 +231,7 @@ std::optional<double> residual_noise(const Plane32& residual, const Plane32& val
   if (sizes.size() < 100) return std::nullopt;
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
-  return 1.4826 * *middle + 1e-3;
+  return kSigmaFromMad * *middle + 1e-3;
 }
 
 /// The other image as it is seen in the region's spans.
