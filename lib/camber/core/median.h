@@ -7,6 +7,9 @@
 
 namespace camber {
 
+/// Standard deviation of a normal distribution over its median absolute deviation.
+inline constexpr double kSigmaFromMad = 1.4826;
+
 /// The upper median: of an even number of values the larger of the two in the middle. Reorders.
 /// @return NaN for no values.
 inline double upper_median(std::vector<double>* values) {

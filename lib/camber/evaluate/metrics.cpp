@@ -49,8 +49,8 @@ nlohmann::json number(double value) {
 // An error of a centre's place below this is rounding, m.
 constexpr double kNoError = 1e-9;
 
-// Quantile 0.95 of chi-square with three degrees of freedom.
-constexpr double kEllipsoid95 = 7.814728;
+// 95 %: of chi-square with three degrees of freedom, and either side of a normal distribution.
+constexpr double kEllipsoid95 = 7.814728, kInterval95 = 1.959964;
 
 double mean_of(const std::vector<double>& values) {
   double sum = 0.0;
@@ -315,7 +315,7 @@ nlohmann::json to_json(const SceneMetrics& metrics) {
         metrics, bin, [](const VehicleError& e) { return std::abs(e.yaw_error) * 180.0 / kPi; }));
     const std::vector<double> inside = collect(metrics, bin, [](const VehicleError& e) {
       if (!std::isfinite(e.height_error) || !std::isfinite(e.height_sigma)) return kNaN;
-      return std::abs(e.height_error) <= 1.959964 * e.height_sigma ? 1.0 : 0.0;
+      return std::abs(e.height_error) <= kInterval95 * e.height_sigma ? 1.0 : 0.0;
     });
     entry["height_within_95"] = number(mean_of(inside));
   }

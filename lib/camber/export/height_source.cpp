@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "camber/core/median.h"
+
 namespace camber {
 
 using Eigen::Vector2d;
@@ -185,7 +187,7 @@ class CloudHeights : public HeightSource {
       std::vector<double> sorted = off;
       std::nth_element(sorted.begin(), sorted.begin() + static_cast<long>(sorted.size() / 2),
                        sorted.end());
-      scale = std::max(1.4826 * sorted[sorted.size() / 2], kLeastScale);
+      scale = std::max(kSigmaFromMad * sorted[sorted.size() / 2], kLeastScale);
       for (std::size_t i = 0; i < near.size(); ++i) {
         const double t = off[i] / (4.685 * scale);
         weights[i] = t < 1.0 ? (1.0 - t * t) * (1.0 - t * t) : 0.0;

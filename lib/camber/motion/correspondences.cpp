@@ -234,10 +234,10 @@ struct CarriedImage {
   cv::Mat intensity;  // float
 
   /// Whether a pixel is seen there, and nothing stands on it.
-  bool usable(int x, int y, int image_height) const {
+  bool usable(int x, int y) const {
     const cv::Point2f p = map.at<cv::Point2f>(y, x);
     return p.x >= 0 && p.y >= 0 && p.x <= static_cast<float>(map.cols - 1) &&
-           p.y <= static_cast<float>(image_height - 1) &&
+           p.y <= static_cast<float>(map.rows + first - 1) &&
            !prediction
                 .ignored[static_cast<std::size_t>(y + first) * static_cast<std::size_t>(map.cols) +
                          static_cast<std::size_t>(x)];
@@ -264,7 +264,7 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
       bool whole = true;
       for (int dy = -above; dy <= above && whole; dy += above / 2) {
         for (const int dx : {-side, -side / 2, 0, side / 2, side - 1}) {
-          whole = whole && other.usable(x + dx, y + dy, height + other.first);
+          whole = whole && other.usable(x + dx, y + dy);
         }
       }
       if (!whole) continue;
@@ -278,7 +278,7 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
                              static_cast<std::size_t>(grid.columns) +
                          static_cast<std::size_t>(u / step);
           const float tx = static_cast<float>(u) + f->x, ty = static_cast<float>(v) + f->y;
-          if (!other.usable(static_cast<int>(tx), static_cast<int>(ty), height + other.first)) {
+          if (!other.usable(static_cast<int>(tx), static_cast<int>(ty))) {
             continue;
           }
           const cv::Point2f p = sample_flow(other.map, tx, ty);
@@ -286,6 +286,124 @@ void match_windows(const cv::Mat& reference, const CarriedImage& other, const Co
           match.pixels[i] = {p.x, p.y};
           match.round_trip_px[i] = kWindowNoise;
           found[i] = 1;
+        }
+      }
+    }
+  }
+}
+
+void require_fitting(const PredictedImage& prediction, std::size_t k, int frame,
+                     std::size_t pixels) {
+  if (prediction.frame != frame || prediction.pixels.size() != pixels ||
+      prediction.ignored.size() != pixels ||
+      (!prediction.searched.empty() && prediction.searched.size() != pixels)) {
+    throw std::invalid_argument("prediction " + std::to_string(k) +
+                                " does not fit the images it is for");
+  }
+}
+
+/// Carries an image onto the reference from a row on.
+/// @param reference  float, from row `first` on
+/// @param whole      float, all rows of the image
+CarriedImage carry(const PredictedImage& prediction, const cv::Mat& reference, int first,
+                   const cv::Mat& whole) {
+  static_assert(sizeof(Eigen::Vector2f) == sizeof(cv::Point2f));
+  const int height = reference.rows;
+  const auto width = static_cast<std::size_t>(reference.cols);
+  CarriedImage out{prediction, first,
+                   cv::Mat(height, reference.cols, CV_32FC2,
+                           const_cast<Eigen::Vector2f*>(prediction.pixels.data() +
+                                                        static_cast<std::size_t>(first) * width)),
+                   cv::Mat(height, reference.cols, CV_32FC1)};
+  const detail::FloatImage seen{whole.ptr<float>(), static_cast<std::ptrdiff_t>(whole.step1()),
+                                whole.cols, whole.rows};
+  std::vector<float> at_x(width), at_y(width);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < reference.cols; ++x) {
+      // What is not seen there, or of no interest, is as in the reference.
+      const bool shown = out.usable(x, y);
+      const cv::Point2f p = out.map.at<cv::Point2f>(y, x);
+      at_x[static_cast<std::size_t>(x)] = shown ? p.x : -1.0F;
+      at_y[static_cast<std::size_t>(x)] = shown ? p.y : -1.0F;
+    }
+    detail::sample_cubic(seen, kSharpness, reference.cols, at_x.data(), at_y.data(),
+                         reference.ptr<float>(y), out.intensity.ptr<float>(y));
+  }
+  return out;
+}
+
+// A match looks at the flow around it, too: where that varies quickly it crosses an edge of depth
+// or has failed.
+constexpr int kAround = 4;  // px
+
+/// One byte a pixel: non-zero where the grid's matches look at the flow.
+std::vector<std::uint8_t> wanted_flow(const Correspondences& grid, const CarriedImage& other) {
+  const int wide = other.map.cols, height = other.map.rows;
+  const auto width = static_cast<std::size_t>(wide);
+  std::vector<std::uint8_t> wanted(width * static_cast<std::size_t>(height), 0);
+  for (const Eigen::Vector2f& pixel : grid.pixels) {
+    const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y()) - other.first;
+    if (y < 0 || !other.usable(x, y)) continue;
+    for (const auto& [u, v] : {std::pair{x, y},
+                               {x - kAround, y},
+                               {x + kAround, y},
+                               {x, y - kAround},
+                               {x, y + kAround}}) {
+      wanted[static_cast<std::size_t>(std::clamp(v, 0, height - 1)) * width +
+             static_cast<std::size_t>(std::clamp(u, 0, wide - 1))] = 1;
+    }
+  }
+  return wanted;
+}
+
+/// Matches the grid points by the flow from the reference to a carried image.
+void match_flow(const DenseFlow& flow, const CarriedImage& other, const Correspondences& grid,
+                const CorrespondenceOptions& options, MatchedImage& match) {
+  const int width = other.map.cols, height = other.map.rows;
+  const auto flow_at = [&](int x, int y) {
+    return flow.at(static_cast<float>(x), static_cast<float>(y));
+  };
+  for (std::size_t i = 0; i < grid.pixels.size(); ++i) {
+    const int x = static_cast<int>(grid.pixels[i].x());
+    const int y = static_cast<int>(grid.pixels[i].y()) - other.first;
+    if (y < 0 || std::isnan(other.map.at<cv::Point2f>(y, x).x)) continue;
+    const float before_px = match.round_trip_px[i];
+    match.round_trip_px[i] = std::numeric_limits<float>::infinity();
+    if (!other.usable(x, y)) continue;
+    if (options.keep_lost) match.round_trip_px[i] = before_px;
+    const cv::Point2f f = flow_at(x, y);
+    const float tx = static_cast<float>(x) + f.x, ty = static_cast<float>(y) + f.y;
+    if (!(tx >= 0 && ty >= 0 && tx < static_cast<float>(width - 1) &&
+          ty < static_cast<float>(height - 1)) ||
+        !other.usable(static_cast<int>(tx), static_cast<int>(ty))) {
+      continue;
+    }
+    const cv::Point2f p = sample_flow(other.map, tx, ty);
+    if (std::isnan(p.x)) continue;
+    const float moved_x = p.x - static_cast<float>(x);
+    const float moved_y = p.y - static_cast<float>(y + other.first);
+    const cv::Point2f fx = flow_at(x + kAround, y) - flow_at(x - kAround, y);
+    const cv::Point2f fy = flow_at(x, y + kAround) - flow_at(x, y - kAround);
+    const float variation = 0.5f * std::sqrt(fx.x * fx.x + fx.y * fx.y + fy.x * fy.x + fy.y * fy.y);
+    if (variation <= static_cast<float>(options.forward_backward_px) &&
+        std::hypot(f.x, f.y) <
+            std::max(kCorrection, kCorrectionShare * std::hypot(moved_x, moved_y))) {
+      match.pixels[i] = {p.x, p.y};
+      match.round_trip_px[i] = variation;
+    }
+  }
+}
+
+/// Where one image shows by a window that the flow was wrong the others' is dropped too.
+/// @param found  an image, one byte a grid point; empty: no windows were compared.
+void drop_contradicted(const std::vector<std::vector<std::uint8_t>>& found,
+                       std::vector<MatchedImage>& matches) {
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    for (std::size_t i = 0; i < found[k].size(); ++i) {
+      if (!found[k][i]) continue;
+      for (std::size_t other = 0; other < found.size(); ++other) {
+        if (!found[other].empty() && !found[other][i]) {
+          matches[other].round_trip_px[i] = std::numeric_limits<float>::infinity();
         }
       }
     }
@@ -419,8 +537,6 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   Correspondences out = before;
   const GrayImage& base = images.at(static_cast<std::size_t>(before.reference));
   const int first = std::clamp(top, 0, std::max(0, base.height - 16));
-  const int height = base.height - first;
-  const auto width = static_cast<std::size_t>(base.width);
   std::vector<cv::Mat> intensities(images.size());
   parallel_for(images.size(), options.num_threads,
                [&](std::size_t k) { view(images[k]).convertTo(intensities[k], CV_32F); });
@@ -432,105 +548,19 @@ Correspondences refine_matches(const std::vector<GrayImage>& images, const Corre
   parallel_for(out.matches.size(), options.num_threads, [&](std::size_t k) {
     MatchedImage& match = out.matches[k];
     const PredictedImage& prediction = predictions[k];
-    if (prediction.frame != match.frame || prediction.pixels.size() != base.pixels.size() ||
-        prediction.ignored.size() != base.pixels.size() ||
-        (!prediction.searched.empty() && prediction.searched.size() != base.pixels.size())) {
-      throw std::invalid_argument("prediction " + std::to_string(k) +
-                                  " does not fit the images it is for");
-    }
-    static_assert(sizeof(Eigen::Vector2f) == sizeof(cv::Point2f));
-    CarriedImage other{
-        prediction,
-        first,
-        cv::Mat(height, base.width, CV_32FC2,
-                const_cast<Eigen::Vector2f*>(prediction.pixels.data() +
-                                             static_cast<std::size_t>(first) * width)),
-        {}};
-    const cv::Mat& map = other.map;
-    const cv::Mat& whole = intensities[static_cast<std::size_t>(match.frame)];
-    const detail::FloatImage seen{whole.ptr<float>(), static_cast<std::ptrdiff_t>(whole.step1()),
-                                  whole.cols, whole.rows};
-    const auto usable = [&](int x, int y) { return other.usable(x, y, base.height); };
-    other.intensity.create(height, base.width, CV_32FC1);
-    std::vector<float> at_x(width), at_y(width);
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < base.width; ++x) {
-        // What is not seen there, or of no interest, is as in the reference.
-        const bool shown = usable(x, y);
-        const cv::Point2f p = map.at<cv::Point2f>(y, x);
-        at_x[static_cast<std::size_t>(x)] = shown ? p.x : -1.0F;
-        at_y[static_cast<std::size_t>(x)] = shown ? p.y : -1.0F;
-      }
-      detail::sample_cubic(seen, kSharpness, base.width, at_x.data(), at_y.data(),
-                           reference.ptr<float>(y), other.intensity.ptr<float>(y));
-    }
-    // A match looks at the flow around it, too: where that varies quickly it crosses an edge of
-    // depth or has failed.
-    constexpr int kAround = 4;
-    std::vector<std::uint8_t> wanted(width * static_cast<std::size_t>(height), 0);
-    for (const Eigen::Vector2f& pixel : out.pixels) {
-      const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y()) - first;
-      if (y < 0 || !usable(x, y)) continue;
-      for (const auto& [u, v] : {std::pair{x, y},
-                                 {x - kAround, y},
-                                 {x + kAround, y},
-                                 {x, y - kAround},
-                                 {x, y + kAround}}) {
-        wanted[static_cast<std::size_t>(std::clamp(v, 0, height - 1)) * width +
-               static_cast<std::size_t>(std::clamp(u, 0, base.width - 1))] = 1;
-      }
-    }
+    require_fitting(prediction, k, match.frame, base.pixels.size());
+    const CarriedImage other =
+        carry(prediction, reference, first, intensities[static_cast<std::size_t>(match.frame)]);
+    const std::vector<std::uint8_t> wanted = wanted_flow(out, other);
     const DenseFlow flow =
         dense_flow(here, FlowImage(other.intensity, options, false), options, {}, wanted.data());
-    const auto flow_at = [&](int x, int y) {
-      return flow.at(static_cast<float>(x), static_cast<float>(y));
-    };
-    for (std::size_t i = 0; i < out.pixels.size(); ++i) {
-      const int x = static_cast<int>(out.pixels[i].x());
-      const int y = static_cast<int>(out.pixels[i].y()) - first;
-      if (y < 0 || std::isnan(map.at<cv::Point2f>(y, x).x)) continue;
-      const float before_px = match.round_trip_px[i];
-      match.round_trip_px[i] = std::numeric_limits<float>::infinity();
-      if (!usable(x, y)) continue;
-      if (options.keep_lost) match.round_trip_px[i] = before_px;
-      const cv::Point2f f = flow_at(x, y);
-      const float tx = static_cast<float>(x) + f.x, ty = static_cast<float>(y) + f.y;
-      if (!(tx >= 0 && ty >= 0 && tx < static_cast<float>(base.width - 1) &&
-            ty < static_cast<float>(height - 1)) ||
-          !usable(static_cast<int>(tx), static_cast<int>(ty))) {
-        continue;
-      }
-      const cv::Point2f p = sample_flow(map, tx, ty);
-      if (std::isnan(p.x)) continue;
-      const float moved_x = p.x - static_cast<float>(x);
-      const float moved_y = p.y - static_cast<float>(y + first);
-      const cv::Point2f fx = flow_at(x + kAround, y) - flow_at(x - kAround, y);
-      const cv::Point2f fy = flow_at(x, y + kAround) - flow_at(x, y - kAround);
-      const float variation =
-          0.5f * std::sqrt(fx.x * fx.x + fx.y * fx.y + fy.x * fy.x + fy.y * fy.y);
-      if (variation <= static_cast<float>(options.forward_backward_px) &&
-          std::hypot(f.x, f.y) <
-              std::max(kCorrection, kCorrectionShare * std::hypot(moved_x, moved_y))) {
-        match.pixels[i] = {p.x, p.y};
-        match.round_trip_px[i] = variation;
-      }
-    }
+    match_flow(flow, other, out, options, match);
     if (!prediction.searched.empty()) {
       found[k].assign(out.pixels.size(), 0);
       match_windows(reference, other, out, match, found[k]);
     }
   });
-  // Where one image shows that the flow was wrong the others' is dropped too.
-  for (std::size_t k = 0; k < found.size(); ++k) {
-    for (std::size_t i = 0; i < found[k].size(); ++i) {
-      if (!found[k][i]) continue;
-      for (std::size_t other = 0; other < found.size(); ++other) {
-        if (!found[other].empty() && !found[other][i]) {
-          out.matches[other].round_trip_px[i] = std::numeric_limits<float>::infinity();
-        }
-      }
-    }
-  }
+  drop_contradicted(found, out.matches);
   return out;
 }
 

@@ -21,6 +21,9 @@ namespace {
 
 using detail::spread_points;
 
+constexpr double kLeastInverseDepth = 1e-5, kMostInverseDepth = 10.0;  // 1/baseline, of a point
+constexpr double kRoughPoses = 2.0;  // times inlier_px, before the bundle adjustment
+
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
   const auto at =
@@ -82,109 +85,161 @@ void fail(MotionEstimate& out, const std::string& reason) {
   out.reason = reason;
 }
 
-/// Bundle adjustment from the poses in `out`: poses and inverse depths of a spread choice of
-/// points; fills status, poses, covariance, pixel_sigma and points.
-void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
-                   const std::vector<std::uint8_t>& usable, std::size_t widest,
-                   const MotionOptions& options, MotionEstimate& out) {
-  const std::size_t others = matches.matches.size();
-  const SE3 widest_from_reference =
-      out.frame_from_reference[static_cast<std::size_t>(matches.matches[widest].frame)];
-  std::vector<std::uint8_t> candidate(usable.size(), 0);
-  std::vector<double> start(usable.size(), 0.0);
-  const auto consider = [&](std::size_t i) {
-    if (!usable[i] || !std::isfinite(matches.matches[widest].round_trip_px[i])) return;
-    const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
-    const Eigen::Vector2d z = matches.matches[widest].pixels[i].cast<double>();
-    const double rho = inverse_depth_from(camera, widest_from_reference, ray, z);
-    if (!std::isfinite(rho)) return;
-    // Near the focus of expansion the depth is unknown, yet the point constrains the rotation.
-    const double used = std::clamp(rho, 1e-5, 10.0);
-    const auto p = camera.project(widest_from_reference.rotation() * ray +
-                                  used * widest_from_reference.translation());
-    if (!p || (*p - z).norm() > 2.0 * options.inlier_px) return;
-    // A wrong match may lie behind a camera that is farther ahead.
-    const bool in_front =
-        std::all_of(matches.matches.begin(), matches.matches.end(), [&](const MatchedImage& match) {
-          const SE3& view = out.frame_from_reference[static_cast<std::size_t>(match.frame)];
-          return !std::isfinite(match.round_trip_px[i]) ||
-                 (view.rotation() * ray + used * view.translation()).z() > 1e-3;
-        });
-    if (!in_front) return;
-    candidate[i] = 1;
-    start[i] = used;
-  };
-  parallel_for(static_cast<std::size_t>(matches.rows), options.num_threads, [&](std::size_t row) {
-    const auto columns = static_cast<std::size_t>(matches.columns);
-    for (std::size_t i = row * columns; i < (row + 1) * columns; ++i) consider(i);
-  });
-  const std::vector<int> chosen = spread_points(matches, candidate, options.max_bundle_points);
-  if (chosen.size() < 30) {
-    return fail(out, "too little texture: " + std::to_string(chosen.size()) +
-                         " static points agree with the motion, expected at least 30");
-  }
-  constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
-  BundleProblem problem;
-  problem.camera = camera;
-  problem.num_threads = options.num_threads;
-  std::vector<double> depths;
-  for (const int grid : chosen) {
-    const auto at = static_cast<std::size_t>(grid);
-    for (std::size_t m = 0; m < others; ++m) {
-      const MatchedImage& match = matches.matches[m];
-      if (!std::isfinite(match.round_trip_px[at])) continue;
-      problem.observations.push_back(
-          {static_cast<int>(depths.size()), static_cast<int>(m), match.pixels[at].cast<double>()});
-    }
-    problem.rays.push_back(camera.ray(matches.pixels[at].cast<double>()));
-    depths.push_back(start[at]);
-  }
+/// Poses of the matched images, in the order of the matches.
+std::vector<SE3> matched_poses(const Correspondences& matches, const MotionEstimate& motion) {
   std::vector<SE3> views;
   for (const MatchedImage& match : matches.matches) {
-    views.push_back(out.frame_from_reference[static_cast<std::size_t>(match.frame)]);
+    views.push_back(motion.frame_from_reference[static_cast<std::size_t>(match.frame)]);
   }
-  if (!solve_bundle(problem, widest, kStartSigma, views, depths)) {
-    return fail(out, "the bundle adjustment did not converge");
-  }
+  return views;
+}
 
-  // Unit: the longest baseline.
+/// The view that is farthest from the reference.
+std::size_t longest_baseline(const std::vector<SE3>& views) {
   std::size_t longest = 0;
   double length = 0.0;
-  for (std::size_t m = 0; m < others; ++m) {
+  for (std::size_t m = 0; m < views.size(); ++m) {
     const double baseline = views[m].translation().norm();
     if (baseline > length) {
       length = baseline;
       longest = m;
     }
   }
-  if (!(length > 0)) return fail(out, "the bundle adjustment found no baseline");
-  for (std::size_t m = 0; m < others; ++m) {
-    views[m].set_translation(views[m].translation() / length);
-    out.frame_from_reference[static_cast<std::size_t>(matches.matches[m].frame)] = views[m];
-  }
-  for (double& rho : depths) rho *= length;
+  return longest;
+}
 
-  // Noise of a coordinate from the residuals (median absolute deviation), then the reduced system
-  // for the covariance.
-  const auto n = static_cast<Eigen::Index>(6 * others);
+/// Inverse depth of a grid point by the widest image; none where it does not agree with the motion.
+std::optional<double> initial_inverse_depth(const PinholeCamera& camera,
+                                            const Correspondences& matches,
+                                            const std::vector<SE3>& views, std::size_t widest,
+                                            double inlier_px, std::size_t i) {
+  if (!std::isfinite(matches.matches[widest].round_trip_px[i])) return std::nullopt;
+  const Eigen::Vector3d ray = camera.ray(matches.pixels[i].cast<double>());
+  const Eigen::Vector2d z = matches.matches[widest].pixels[i].cast<double>();
+  const double rho = inverse_depth_from(camera, views[widest], ray, z);
+  if (!std::isfinite(rho)) return std::nullopt;
+  // Near the focus of expansion the depth is unknown, yet the point constrains the rotation.
+  const double used = std::clamp(rho, kLeastInverseDepth, kMostInverseDepth);
+  const auto p =
+      camera.project(views[widest].rotation() * ray + used * views[widest].translation());
+  if (!p || (*p - z).norm() > kRoughPoses * inlier_px) return std::nullopt;
+  // A wrong match may lie behind a camera that is farther ahead.
+  for (std::size_t m = 0; m < views.size(); ++m) {
+    if (std::isfinite(matches.matches[m].round_trip_px[i]) &&
+        !((views[m].rotation() * ray + used * views[m].translation()).z() > 1e-3)) {
+      return std::nullopt;
+    }
+  }
+  return used;
+}
+
+/// Grid points whose matches agree with the motion.
+struct AgreeingPoints {
+  std::vector<std::uint8_t> agrees;   // one a grid point
+  std::vector<double> inverse_depth;  // one a grid point, of those that agree
+};
+
+AgreeingPoints agreeing_points(const PinholeCamera& camera, const Correspondences& matches,
+                               const std::vector<std::uint8_t>& usable,
+                               const std::vector<SE3>& views, std::size_t widest,
+                               const MotionOptions& options) {
+  AgreeingPoints out{std::vector<std::uint8_t>(usable.size(), 0),
+                     std::vector<double>(usable.size(), 0.0)};
+  parallel_for(static_cast<std::size_t>(matches.rows), options.num_threads, [&](std::size_t row) {
+    const auto columns = static_cast<std::size_t>(matches.columns);
+    for (std::size_t i = row * columns; i < (row + 1) * columns; ++i) {
+      if (!usable[i]) continue;
+      const auto rho = initial_inverse_depth(camera, matches, views, widest, options.inlier_px, i);
+      if (!rho) continue;
+      out.agrees[i] = 1;
+      out.inverse_depth[i] = *rho;
+    }
+  });
+  return out;
+}
+
+/// The problem of the chosen grid points in all images that show them.
+BundleProblem make_bundle(const PinholeCamera& camera, const Correspondences& matches,
+                          const std::vector<int>& chosen, int num_threads) {
+  BundleProblem problem;
+  problem.camera = camera;
+  problem.num_threads = num_threads;
+  for (const int grid : chosen) {
+    const auto at = static_cast<std::size_t>(grid);
+    for (std::size_t m = 0; m < matches.matches.size(); ++m) {
+      const MatchedImage& match = matches.matches[m];
+      if (!std::isfinite(match.round_trip_px[at])) continue;
+      problem.observations.push_back({static_cast<int>(problem.rays.size()), static_cast<int>(m),
+                                      match.pixels[at].cast<double>()});
+    }
+    problem.rays.push_back(camera.ray(matches.pixels[at].cast<double>()));
+  }
+  return problem;
+}
+
+/// Noise of a coordinate from the residuals (median absolute deviation), px.
+double coordinate_noise(const BundleProblem& problem, const std::vector<SE3>& views,
+                        const std::vector<double>& depths) {
   const Eigen::Matrix2Xd errors = bundle_residuals(problem, views, depths);
   std::vector<double> residuals;
   for (Eigen::Index k = 0; k < errors.size(); ++k) {
     if (std::isfinite(errors(k))) residuals.push_back(std::abs(errors(k)));
   }
   // The depths absorb one of the 2 (n - 1) coordinates of each track.
-  const double freedom =
-      std::sqrt(2.0 * static_cast<double>(others) / (2.0 * static_cast<double>(others) - 1.0));
-  out.pixel_sigma = std::max(0.02, 1.4826 * upper_median(residuals) * freedom);
-  Eigen::MatrixXd information = reduce_bundle(problem, views, depths, out.pixel_sigma).information;
-  const Eigen::Vector3d axis =
-      out.frame_from_reference[static_cast<std::size_t>(matches.matches[longest].frame)]
-          .translation();
+  const auto others = static_cast<double>(views.size());
+  const double freedom = std::sqrt(2.0 * others / (2.0 * others - 1.0));
+  return std::max(0.02, kSigmaFromMad * upper_median(residuals) * freedom);
+}
+
+/// Covariance of the views from the reduced system, in which the baseline of `longest` is the unit.
+Eigen::MatrixXd motion_covariance(const BundleProblem& problem, const std::vector<SE3>& views,
+                                  const std::vector<double>& depths, std::size_t longest,
+                                  double pixel_sigma, double correlation) {
+  constexpr double kUnitInformation = 1e12, kRegularisation = 1e-6;
+  Eigen::MatrixXd information = reduce_bundle(problem, views, depths, pixel_sigma).information;
+  const Eigen::Vector3d axis = views[longest].translation();
   const auto at_longest = static_cast<Eigen::Index>(6 * longest + 3);
-  information.block<3, 3>(at_longest, at_longest) += 1e12 * axis * axis.transpose();
-  information.diagonal().array() += 1e-6;
-  out.covariance =
-      options.noise.correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  information.block<3, 3>(at_longest, at_longest) += kUnitInformation * axis * axis.transpose();
+  information.diagonal().array() += kRegularisation;
+  const Eigen::Index n = information.rows();
+  return correlation * information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+}
+
+/// Bundle adjustment from the poses in `out`: poses and inverse depths of a spread choice of
+/// points; fills status, poses, covariance, pixel_sigma and points.
+void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
+                   const std::vector<std::uint8_t>& usable, std::size_t widest,
+                   const MotionOptions& options, MotionEstimate& out) {
+  std::vector<SE3> views = matched_poses(matches, out);
+  const AgreeingPoints points = agreeing_points(camera, matches, usable, views, widest, options);
+  const std::vector<int> chosen = spread_points(matches, points.agrees, options.max_bundle_points);
+  if (chosen.size() < 30) {
+    return fail(out, "too little texture: " + std::to_string(chosen.size()) +
+                         " static points agree with the motion, expected at least 30");
+  }
+  constexpr double kStartSigma = 0.3;  // px, typical of the flow; re-estimated below
+  const BundleProblem problem = make_bundle(camera, matches, chosen, options.num_threads);
+  std::vector<double> depths;
+  for (const int grid : chosen) {
+    depths.push_back(points.inverse_depth[static_cast<std::size_t>(grid)]);
+  }
+  if (!solve_bundle(problem, widest, kStartSigma, views, depths)) {
+    return fail(out, "the bundle adjustment did not converge");
+  }
+
+  // Unit: the longest baseline.
+  const std::size_t longest = longest_baseline(views);
+  const double length = views[longest].translation().norm();
+  if (!(length > 0)) return fail(out, "the bundle adjustment found no baseline");
+  for (std::size_t m = 0; m < views.size(); ++m) {
+    views[m].set_translation(views[m].translation() / length);
+    out.frame_from_reference[static_cast<std::size_t>(matches.matches[m].frame)] = views[m];
+  }
+  for (double& rho : depths) rho *= length;
+
+  out.pixel_sigma = coordinate_noise(problem, views, depths);
+  out.covariance = motion_covariance(problem, views, depths, longest, out.pixel_sigma,
+                                     options.noise.correlation);
   out.points = static_cast<int>(chosen.size());
   out.status = Status::kOk;
 }
@@ -336,7 +391,7 @@ std::optional<std::vector<double>> two_view_depths(const PinholeCamera& camera,
     if (!inlier[i]) continue;
     const double rho =
         inverse_depth_from(camera, other_from_reference, camera.ray(sample.from[i]), sample.to[i]);
-    if (!(rho > 1e-5)) continue;
+    if (!(rho > kLeastInverseDepth)) continue;
     inverse_depths[i] = rho;
     ++in_front;
   }
@@ -368,7 +423,7 @@ bool resect(const PinholeCamera& camera, const MatchedImage& match, const PairSa
     return false;
   }
   cv::UsacParams usac = usac_parameters(options);
-  usac.threshold = 2.0 * options.inlier_px;
+  usac.threshold = kRoughPoses * options.inlier_px;
   usac.maxIterations = 500;
   cv::Mat k(calibration_matrix(camera));
   cv::Mat rvec, tvec, mask;
@@ -518,18 +573,7 @@ MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences&
   }
   MotionEstimate out = start;
   out.status = Status::kNotRun;
-  std::size_t widest = 0;
-  double length = 0.0;
-  for (std::size_t k = 0; k < matches.matches.size(); ++k) {
-    const double baseline =
-        start.frame_from_reference[static_cast<std::size_t>(matches.matches[k].frame)]
-            .translation()
-            .norm();
-    if (baseline > length) {
-      length = baseline;
-      widest = k;
-    }
-  }
+  const std::size_t widest = longest_baseline(matched_poses(matches, start));
   bundle_adjust(camera, matches, usable, widest, options, out);
   return out;
 }

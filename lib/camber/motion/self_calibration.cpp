@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/motion/detail/spread_points.h"
 
 namespace camber {
@@ -241,7 +242,7 @@ FocalLengthEstimate estimate_focal_length(const PinholeCamera& camera,
   }
   std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2),
                    sizes.end());
-  const double pixel_sigma = std::max(0.02, 1.4826 * sizes[sizes.size() / 2]);
+  const double pixel_sigma = std::max(0.02, kSigmaFromMad * sizes[sizes.size() / 2]);
   const EpipolarProblem::Normal normal = problem.linearise(best, errors, width);
   const Eigen::LDLT<Eigen::MatrixXd> solver(normal.information);
   if (solver.info() != Eigen::Success || !solver.isPositive()) return out;

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/image/detail/cubic_sampling.h"
 #include "camber/photometric/detail/direct_kernels.h"
@@ -25,10 +26,18 @@ bool is_held_out(int u, int v, double share) {
   return (h & 0xFFFFu) < static_cast<std::uint32_t>(share * 65536.0);
 }
 
-double robust_cost(double r) { return std::min(r * r, 9.0); }
+constexpr double kMostCost = 9.0;  // of a pixel: one off by more than 3 sigma costs no more
 
-constexpr int kWindowWide = 21, kWindowHigh = 13;      // px, of the local mean and contrast
-constexpr int kPatchWide = 9, kPatchHigh = 5;          // px, of what disagrees as a whole
+double robust_cost(double r) { return std::min(r * r, kMostCost); }
+
+constexpr int kWindowWide = 21, kWindowHigh = 13;  // px, of the local mean and contrast
+constexpr int kPatchWide = 9, kPatchHigh = 5;      // px, of what disagrees as a whole
+constexpr float kPatchPixels = kPatchWide * kPatchHigh;
+constexpr float kMostExcess = 3.0F;  // mean over a patch, in variances: more contradicts the ground
+constexpr float kJudgedPatch = 0.3F;  // valid share of a patch that may contradict it
+constexpr float kWholePatch = 0.98F;  // valid share of a patch away from the rim and other things
+constexpr double kLeastArea = 0.2, kMostArea = 5.0;    // of a pixel seen in the other image, px^2
+constexpr double kLeastSignal = 0.03;                  // inverse depth over its standard deviation
 constexpr float kSharpness = -0.5F;                    // of cubic sampling: planes stay planes
 constexpr double kMiddle = 128.0;                      // taken off so that sums stay exact
 constexpr double kFinalBlur = 0.7, kCoarseBlur = 1.5;  // px
@@ -104,6 +113,24 @@ struct ImageRows {
     inverse_depth.reserve(count);
     sigma.reserve(count);
     by_pose.reserve(count);
+  }
+
+  /// A pixel's residual, to first order, as an observation of its inverse depth and of the pose.
+  /// @param by_point  derivative of the residual by ray + rho * translation
+  void observe(const Eigen::Vector2d& pixel, double rho, double residual, double residual_sigma,
+               const Eigen::RowVector3d& by_point, const Eigen::Vector3d& ray,
+               const Eigen::Vector3d& translation) {
+    const double by_depth = by_point.dot(translation);
+    // One pixel alone that knows less than a factor of 30 adds nothing but time.
+    if (!(std::abs(by_depth) * rho > kLeastSignal * residual_sigma)) return;
+    pixels.push_back(pixel);
+    inverse_depth.push_back(rho - residual / by_depth);
+    sigma.push_back(residual_sigma / std::abs(by_depth));
+    Eigen::Matrix<float, 6, 1> pose_row;
+    const Eigen::RowVector3d turned = by_point.cross(ray.transpose()) * -1.0;  // * -skew(ray)
+    pose_row.head<3>() = (-turned / by_depth).transpose().cast<float>();
+    pose_row.tail<3>() = (-by_point * rho / by_depth).transpose().cast<float>();
+    by_pose.push_back(pose_row);
   }
 };
 
@@ -204,99 +231,126 @@ std::optional<double> residual_noise(const Plane32& residual, const Plane32& val
   if (sizes.size() < 100) return std::nullopt;
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
-  return 1.4826 * *middle + 1e-3;
+  return kSigmaFromMad * *middle + 1e-3;
 }
 
-/// @param near  inverse depth beyond which one pixel in four is enough
-ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane32& here,
-                    const std::vector<float>& inverse_depth, double near, const cv::Mat& other,
-                    const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
-                    const DirectOptions& options, bool only_judge) {
-  const int width = camera.width, rows = ref.rows;
-  const IntensityNoise& noise = options.noise;
-  const Eigen::Matrix3d rotation = pose.rotation_matrix();
-  const Eigen::Vector3d t = pose.translation();
-  const auto [map_x, map_y, valid] = warped(camera, ref, inverse_depth, ignored, pose);
-  Plane32 carried(width, rows);
+/// The other image as it is seen in the region's spans.
+Plane32 warped_image(const Region& ref, const WarpedRegion& map, const cv::Mat& other) {
+  Plane32 out(map.x.width(), ref.rows);
   const detail::FloatImage seen{other.ptr<float>(), static_cast<std::ptrdiff_t>(other.step1()),
                                 other.cols, other.rows};
-  for (int y = 0; y < rows; ++y) {
+  for (int y = 0; y < ref.rows; ++y) {
     const auto [from, to] = ref.blurred[static_cast<std::size_t>(y)];
     // Beyond the other image its rim goes on, for the blur beside it.
     const float* outside = ref.intensity.ptr<float>(y);
     if (y > 0 && to > from) {
       const ColumnSpan above = ref.blurred[static_cast<std::size_t>(y - 1)];
-      float* row = carried.row(y - 1);
+      float* row = out.row(y - 1);
       for (int x = from; x < to; ++x) {
         if (x < above.from || x >= above.to) row[x] = outside[x];
       }
       outside = row;
     }
-    detail::sample_cubic(seen, kSharpness, to - from, map_x.row(y) + from, map_y.row(y) + from,
-                         outside + from, carried.row(y) + from);
+    detail::sample_cubic(seen, kSharpness, to - from, map.x.row(y) + from, map.y.row(y) + from,
+                         outside + from, out.row(y) + from);
   }
-  const Spans& spans = ref.compared;
-  Plane32 weight(width, rows);
-  window_sums(width, spans, valid.row(0), kWindowWide, kWindowHigh, weight.row(0), nullptr);
-  const Plane32 a = normalised(here, valid, weight, spans, noise.least_contrast);
-  const Plane32 b = normalised(blurred(width, spans, carried.row(0), blur), valid, weight, spans,
-                               noise.least_contrast);
-  Plane32 residual(width, rows), gx(width, rows), gy(width, rows);
+  return out;
+}
+
+/// Residuals, the other image less the reference, and the gradient of the two images' mean.
+struct Residuals {
+  Plane32 value, by_x, by_y;
+};
+
+Residuals residuals(const Plane32& reference, const Plane32& other, const Spans& spans) {
+  const int width = reference.width(), rows = reference.rows();
+  Residuals out{{width, rows}, {width, rows}, {width, rows}};
   for (int y = 0; y < rows; ++y) {
     const auto [from, to] = spans[static_cast<std::size_t>(y)];
     if (to <= from) continue;
-    float* e = residual.row(y);
-    for (int x = from; x < to; ++x) e[x] = b.row(y)[x] - a.row(y)[x];
+    float* e = out.value.row(y);
+    for (int x = from; x < to; ++x) e[x] = other.row(y)[x] - reference.row(y)[x];
     const int above = std::max(0, y - 1), below = std::min(rows - 1, y + 1);
-    const float* of_a[3] = {a.row(above) + from, a.row(y) + from, a.row(below) + from};
-    const float* of_b[3] = {b.row(above) + from, b.row(y) + from, b.row(below) + from};
-    for (const int x : {from, to - 1}) gx.row(y)[x] = gy.row(y)[x] = 0.0F;  // not looked at
-    gradient_row(to - from, of_a, of_b, gx.row(y) + from, gy.row(y) + from);
+    const float* of_a[3] = {reference.row(above) + from, reference.row(y) + from,
+                            reference.row(below) + from};
+    const float* of_b[3] = {other.row(above) + from, other.row(y) + from, other.row(below) + from};
+    for (const int x : {from, to - 1}) {
+      out.by_x.row(y)[x] = out.by_y.row(y)[x] = 0.0F;  // not looked at
+    }
+    gradient_row(to - from, of_a, of_b, out.by_x.row(y) + from, out.by_y.row(y) + from);
   }
+  return out;
+}
 
-  // Noise of the residual, then what disagrees with it over a whole neighbourhood; what is
-  // still to be mended is no reason to leave a pixel out.
-  ImageRows out;
-  const auto measured = residual_noise(residual, valid, spans);
-  if (!measured) return out;
-  out.noise = *measured;
-  const double n2 = out.noise * out.noise;
-  const double d2 = noise.misregistration_px * noise.misregistration_px;
-  Plane32 excess(width, rows, 0.0F), local(width, rows), share(width, rows);
+/// Sums over the patch around every pixel.
+struct PatchSums {
+  Plane32 excess;  // see excess_row()
+  Plane32 pixels;  // valid ones
+};
+
+/// What disagrees with the noise over a whole neighbourhood; what is still to be mended is no
+/// reason to leave a pixel out.
+PatchSums patch_sums(const Residuals& residual, const Plane32& valid, const Spans& spans,
+                     double noise_variance, double mended_px) {
+  const int width = valid.width(), rows = valid.rows();
+  Plane32 excess(width, rows, 0.0F);
   for (int y = 0; y < rows; ++y) {
     const auto [from, to] = spans[static_cast<std::size_t>(y)];
-    excess_row(to - from, residual.row(y) + from, gx.row(y) + from, gy.row(y) + from,
-               valid.row(y) + from, static_cast<float>(n2), static_cast<float>(noise.mended_px),
-               excess.row(y) + from);
+    excess_row(to - from, residual.value.row(y) + from, residual.by_x.row(y) + from,
+               residual.by_y.row(y) + from, valid.row(y) + from, static_cast<float>(noise_variance),
+               static_cast<float>(mended_px), excess.row(y) + from);
   }
-  window_sums(width, spans, excess.row(0), kPatchWide, kPatchHigh, local.row(0), nullptr);
-  window_sums(width, spans, valid.row(0), kPatchWide, kPatchHigh, share.row(0), nullptr);
+  PatchSums out{{width, rows}, {width, rows}};
+  window_sums(width, spans, excess.row(0), kPatchWide, kPatchHigh, out.excess.row(0), nullptr);
+  window_sums(width, spans, valid.row(0), kPatchWide, kPatchHigh, out.pixels.row(0), nullptr);
+  return out;
+}
 
-  out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
-  constexpr int kReserved = 1 << 18;  // pixels; large images grow beyond
-  if (!only_judge) {
-    out.reserve(static_cast<std::size_t>(std::min(kReserved, cv::countNonZero(ref.ground))));
-  }
-  constexpr float kPatchPixels = kPatchWide * kPatchHigh;
+/// Derivative of where a pixel is seen in the other image.
+/// @param u, v  three rows of the map, from above.
+Eigen::Matrix2d map_jacobian(const float* const u[3], const float* const v[3], int x) {
+  Eigen::Matrix2d out;
+  out << 0.5 * (u[1][x + 1] - u[1][x - 1]), 0.5 * (u[2][x] - u[0][x]),
+      0.5 * (v[1][x + 1] - v[1][x - 1]), 0.5 * (v[2][x] - v[0][x]);
+  return out;
+}
+
+Eigen::Matrix<double, 2, 3> projection_jacobian(const PinholeCamera& camera,
+                                                const Eigen::Vector3d& p) {
+  Eigen::Matrix<double, 2, 3> out;
+  out << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0, camera.fy / p.z(),
+      -camera.fy * p.y() / (p.z() * p.z());
+  return out;
+}
+
+/// Each pixel's residual as an observation of its inverse depth, or as a judgement; marks pixels
+/// that contradict the ground.
+/// @param near  inverse depth beyond which one pixel in four is enough
+void observe_pixels(const PinholeCamera& camera, const Region& ref, const WarpedRegion& map,
+                    const Residuals& residual, const PatchSums& patch,
+                    const std::vector<float>& inverse_depth, double near, const SE3& pose,
+                    const IntensityNoise& noise, bool only_judge, ImageRows* out) {
+  const int width = camera.width, rows = ref.rows;
+  const Eigen::Matrix3d rotation = pose.rotation_matrix();
+  const Eigen::Vector3d t = pose.translation();
+  const double n2 = out->noise * out->noise;
+  const double d2 = noise.misregistration_px * noise.misregistration_px;
   for (int y = 2; y + 2 < rows; ++y) {
-    const float* e = residual.row(y);
-    const float* dx = gx.row(y);
-    const float* dy = gy.row(y);
-    const float* l = local.row(y);
-    const float* s = share.row(y);
-    const float* u = map_x.row(y);
-    const float* v = map_y.row(y);
-    const float* u_up = map_x.row(y - 1);
-    const float* v_up = map_y.row(y - 1);
-    const float* u_down = map_x.row(y + 1);
-    const float* v_down = map_y.row(y + 1);
-    std::uint8_t* contradicted = out.contradicted.ptr<std::uint8_t>(y);
+    const float* e = residual.value.row(y);
+    const float* dx = residual.by_x.row(y);
+    const float* dy = residual.by_y.row(y);
+    const float* excess = patch.excess.row(y);
+    const float* valid = patch.pixels.row(y);
+    const float* const u[3] = {map.x.row(y - 1), map.x.row(y), map.x.row(y + 1)};
+    const float* const v[3] = {map.y.row(y - 1), map.y.row(y), map.y.row(y + 1)};
+    std::uint8_t* contradicted = out->contradicted.ptr<std::uint8_t>(y);
     const auto* held_out = ref.held_out.ptr<std::uint8_t>(y);
-    const ColumnSpan span = spans[static_cast<std::size_t>(y)];
+    const ColumnSpan span = ref.compared[static_cast<std::size_t>(y)];
     for (int x = std::max(2, span.from); x < std::min(width - 2, span.to); ++x) {
-      if (s[x] > 0.3f * kPatchPixels && l[x] > 3.0f * s[x]) contradicted[x] = 1;
+      const bool contradicts = excess[x] > kMostExcess * valid[x];
+      if (valid[x] > kJudgedPatch * kPatchPixels && contradicts) contradicted[x] = 1;
       // Near something else or the rim, or contradicted.
-      if (s[x] < 0.98f * kPatchPixels || l[x] > 3.0f * s[x]) continue;
+      if (valid[x] < kWholePatch * kPatchPixels || contradicts) continue;
       const bool judge = held_out[x] != 0;
       if (only_judge && !judge) continue;
       const double rho =
@@ -306,36 +360,49 @@ ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane3
       const double g2 = dx[x] * dx[x] + dy[x] * dy[x];
       const double sigma = std::sqrt(n2 + d2 * g2);
       if (judge) {
-        out.judged.push_back({static_cast<float>(x), static_cast<float>(y + ref.first),
-                              static_cast<float>(robust_cost(e[x] / sigma))});
+        out->judged.push_back({static_cast<float>(x), static_cast<float>(y + ref.first),
+                               static_cast<float>(robust_cost(e[x] / sigma))});
         continue;
       }
       // A shift in the other image, seen in the reference: the inverse of the map's derivative.
-      Eigen::Matrix2d by_pixel;
-      by_pixel << 0.5 * (u[x + 1] - u[x - 1]), 0.5 * (u_down[x] - u_up[x]),
-          0.5 * (v[x + 1] - v[x - 1]), 0.5 * (v_down[x] - v_up[x]);
+      const Eigen::Matrix2d by_pixel = map_jacobian(u, v, x);
       const double determinant = by_pixel.determinant();
-      if (!(determinant > 0.2 && determinant < 5.0)) continue;
+      if (!(determinant > kLeastArea && determinant < kMostArea)) continue;
       const Eigen::RowVector2d g = Eigen::RowVector2d(dx[x], dy[x]) * by_pixel.inverse();
       const Eigen::Vector3d ray = rotation * camera.ray(Eigen::Vector2d(x, y + ref.first));
-      const Eigen::Vector3d p = ray + rho * t;
-      Eigen::Matrix<double, 2, 3> projection;
-      projection << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0,
-          camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
-      const Eigen::RowVector3d row = g * projection;
-      const double by_depth = row.dot(t);
-      // One pixel alone that knows less than a factor of 30 adds nothing but time.
-      if (!(std::abs(by_depth) * rho > 0.03 * sigma)) continue;
-      out.pixels.emplace_back(x, y + ref.first);
-      out.inverse_depth.push_back(rho - e[x] / by_depth);
-      out.sigma.push_back(sigma / std::abs(by_depth));
-      Eigen::Matrix<float, 6, 1> pose_row;
-      const Eigen::RowVector3d turned = row.cross(ray.transpose()) * -1.0;  // row * -skew(ray)
-      pose_row.head<3>() = (-turned / by_depth).transpose().cast<float>();
-      pose_row.tail<3>() = (-row * rho / by_depth).transpose().cast<float>();
-      out.by_pose.push_back(pose_row);
+      const Eigen::RowVector3d by_point = g * projection_jacobian(camera, ray + rho * t);
+      out->observe({x, y + ref.first}, rho, e[x], sigma, by_point, ray, t);
     }
   }
+}
+
+/// @param near  inverse depth beyond which one pixel in four is enough
+ImageRows linearise(const PinholeCamera& camera, const Region& ref, const Plane32& here,
+                    const std::vector<float>& inverse_depth, double near, const cv::Mat& other,
+                    const std::vector<std::uint8_t>* ignored, const SE3& pose, double blur,
+                    const IntensityNoise& noise, bool only_judge) {
+  const int width = camera.width, rows = ref.rows;
+  const Spans& spans = ref.compared;
+  const WarpedRegion map = warped(camera, ref, inverse_depth, ignored, pose);
+  const Plane32 there = blurred(width, spans, warped_image(ref, map, other).row(0), blur);
+  Plane32 weight(width, rows);
+  window_sums(width, spans, map.valid.row(0), kWindowWide, kWindowHigh, weight.row(0), nullptr);
+  const Residuals residual =
+      residuals(normalised(here, map.valid, weight, spans, noise.least_contrast),
+                normalised(there, map.valid, weight, spans, noise.least_contrast), spans);
+  ImageRows out;
+  const auto measured = residual_noise(residual.value, map.valid, spans);
+  if (!measured) return out;
+  out.noise = *measured;
+  const PatchSums patch =
+      patch_sums(residual, map.valid, spans, out.noise * out.noise, noise.mended_px);
+  out.contradicted = cv::Mat::zeros(rows, width, CV_8UC1);
+  constexpr int kReserved = 1 << 18;  // pixels; large images grow beyond
+  if (!only_judge) {
+    out.reserve(static_cast<std::size_t>(std::min(kReserved, cv::countNonZero(ref.ground))));
+  }
+  observe_pixels(camera, ref, map, residual, patch, inverse_depth, near, pose, noise, only_judge,
+                 &out);
   return out;
 }
 
@@ -409,7 +476,7 @@ struct DirectGround::Impl {
     parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
       rows[k] =
           linearise(camera, region, here, depth, near, intensity[k], images[others[k]].ignored,
-                    frame_from_reference[others[k]], blur, options, only_judge);
+                    frame_from_reference[others[k]], blur, options.noise, only_judge);
     });
     return rows;
   }

@@ -267,6 +267,93 @@ void draw_grid(Canvas& canvas, const PinholeCamera& camera, const Occluders& occ
   }
 }
 
+/// Tints the pixels that a mask, enlarged to the image, marks.
+void tint_mask(cv::Mat& pixels, const Image& mask) {
+  const cv::Mat small(mask.height, mask.width, CV_8U, const_cast<std::uint8_t*>(mask.data.data()));
+  cv::Mat large;
+  cv::resize(small, large, pixels.size(), 0, 0, cv::INTER_NEAREST);
+  cv::Mat tinted;
+  cv::addWeighted(pixels, 0.65, cv::Mat(pixels.size(), CV_8UC3, cv::Scalar(40, 120, 255)), 0.35,
+                  0.0, tinted);
+  tinted.copyTo(pixels, large != 0);
+}
+
+/// A patch in the camera's frame.
+struct DrawnPatch {
+  const PlanePatch* patch;
+  std::vector<Eigen::Vector3d> rim;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+};
+
+/// The patches that lie before the camera, farthest first.
+std::vector<DrawnPatch> drawn_patches(const RoadSurface& surface, const PinholeCamera& camera,
+                                      const SE3& camera_from_reference) {
+  std::vector<DrawnPatch> out;
+  for (const PlanePatch& patch : surface.patches) {
+    DrawnPatch p{&patch, {}};
+    for (const Eigen::Vector3d& corner : patch.boundary) {
+      p.rim.push_back(camera_from_reference * corner);
+      p.middle += p.rim.back() / static_cast<double>(patch.boundary.size());
+    }
+    if (p.rim.size() < 3 || !p.middle.allFinite()) continue;
+    if (project_polygon(camera, p.rim).empty()) continue;
+    out.push_back(std::move(p));
+  }
+  std::stable_sort(out.begin(), out.end(), [](const DrawnPatch& a, const DrawnPatch& b) {
+    return a.middle.squaredNorm() > b.middle.squaredNorm();
+  });
+  return out;
+}
+
+struct GradeRange {
+  double low = 1e9, high = -1e9;  // degrees
+};
+
+GradeRange grade_range(const std::vector<DrawnPatch>& patches) {
+  GradeRange out;
+  for (const DrawnPatch& p : patches) {
+    out.low = std::min(out.low, p.patch->grade * 180.0 / M_PI);
+    out.high = std::max(out.high, p.patch->grade * 180.0 / M_PI);
+  }
+  if (!(out.high - out.low > 0.2)) {
+    out.low -= 0.5;
+    out.high += 0.5;
+  }
+  return out;
+}
+
+void draw_outline(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                  const DrawnPatch& p, const Color& ink, double unit) {
+  SplitLines rim;
+  for (std::size_t i = 0; i < p.rim.size(); ++i) {
+    const Eigen::Vector3d& a = p.rim[i];
+    const Eigen::Vector3d& b = p.rim[(i + 1) % p.rim.size()];
+    rim.add(camera, occluders, a, b, std::clamp(static_cast<int>((b - a).norm() * 2.0), 2, 64),
+            0.02);
+  }
+  canvas.segments(rim.visible, 3.0 * unit, kDark.with_alpha(0.5));
+  canvas.segments(rim.visible, 1.6 * unit, ink);
+}
+
+/// An arrow of one metre along a normal, camera frame.
+void draw_normal(Canvas& canvas, const PinholeCamera& camera, const Occluders& occluders,
+                 const Eigen::Vector3d& from, const Eigen::Vector3d& normal, const Color& ink,
+                 double unit) {
+  Segment2 arrow;
+  if (!project_segment(camera, from, from + normal, &arrow)) return;
+  const Eigen::Vector2d way = arrow.second - arrow.first;
+  if (way.norm() < 4.0 * unit || occluders.hides(from, 0.02)) return;
+  const double barb = std::min(0.3 * way.norm(), 7.0 * unit);
+  const Eigen::Vector2d back = -way.normalized() * barb;
+  const Eigen::Vector2d side = Eigen::Vector2d(-back.y(), back.x()) * 0.5;
+  const std::vector<Segment2> lines = {arrow,
+                                       {arrow.second, arrow.second + back + side},
+                                       {arrow.second, arrow.second + back - side}};
+  canvas.segments(lines, 3.4 * unit, kDark.with_alpha(0.6));
+  canvas.segments(lines, 1.8 * unit, ink);
+  canvas.disc(arrow.first, 2.4 * unit, ink);
+}
+
 /// Patches of the road, farthest first, under the vehicles. Returns what may not be covered.
 std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& camera,
                             const Occluders& occluders, const std::vector<Drawn>& all,
@@ -278,47 +365,15 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
   if (!tint && !(patches && road.surface)) return taken;
   cv::Mat pixels(image.height, image.width, CV_8UC3, image.data.data());
   const cv::Mat before = pixels.clone();
-  if (tint) {
-    const cv::Mat mask(road.mask->height, road.mask->width, CV_8U,
-                       const_cast<std::uint8_t*>(road.mask->data.data()));
-    cv::Mat large;
-    cv::resize(mask, large, pixels.size(), 0, 0, cv::INTER_NEAREST);
-    cv::Mat tinted;
-    cv::addWeighted(pixels, 0.65, cv::Mat(pixels.size(), CV_8UC3, cv::Scalar(40, 120, 255)), 0.35,
-                    0.0, tinted);
-    tinted.copyTo(pixels, large != 0);
-  }
+  if (tint) tint_mask(pixels, *road.mask);
   if (!(patches && road.surface)) return taken;
   const SE3 camera_from_reference = road.reference_from_camera.inverse();
-  struct Placed {
-    const PlanePatch* patch;
-    std::vector<Eigen::Vector3d> rim;
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  };
-  std::vector<Placed> placed;
-  double low = 1e9, high = -1e9;
-  for (const PlanePatch& patch : road.surface->patches) {
-    Placed p{&patch, {}};
-    for (const Eigen::Vector3d& corner : patch.boundary) {
-      p.rim.push_back(camera_from_reference * corner);
-      p.middle += p.rim.back() / static_cast<double>(patch.boundary.size());
-    }
-    if (p.rim.size() < 3 || !p.middle.allFinite()) continue;
-    if (project_polygon(camera, p.rim).empty()) continue;
-    low = std::min(low, patch.grade * 180.0 / M_PI);
-    high = std::max(high, patch.grade * 180.0 / M_PI);
-    placed.push_back(std::move(p));
-  }
+  const std::vector<DrawnPatch> placed =
+      drawn_patches(*road.surface, camera, camera_from_reference);
   if (placed.empty()) return taken;
-  if (!(high - low > 0.2)) {
-    low -= 0.5;
-    high += 0.5;
-  }
-  std::stable_sort(placed.begin(), placed.end(), [](const Placed& a, const Placed& b) {
-    return a.middle.squaredNorm() > b.middle.squaredNorm();
-  });
   if (options.show_grade) {
-    for (const Placed& p : placed) {
+    const auto [low, high] = grade_range(placed);
+    for (const DrawnPatch& p : placed) {
       const double share = (p.patch->grade * 180.0 / M_PI - low) / (high - low);
       canvas.polygon(project_polygon(camera, p.rim), viridis(share).with_alpha(0.5));
     }
@@ -329,37 +384,15 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
     const RoadGrid grid = road_grid(*road.surface, camera_from_reference);
     draw_grid(canvas, camera, occluders, grid, options.metric, unit, &taken);
   }
-  for (const Placed& p : placed) {
+  for (const DrawnPatch& p : placed) {
     const Color ink = p.patch->kind == PatchKind::kRoad       ? Color{90, 170, 255, 1.0}
                       : p.patch->kind == PatchKind::kPavement ? Color{240, 170, 90, 1.0}
                                                               : Color{200, 200, 200, 1.0};
-    if (options.show_patches) {
-      SplitLines rim;
-      for (std::size_t i = 0; i < p.rim.size(); ++i) {
-        const Eigen::Vector3d& a = p.rim[i];
-        const Eigen::Vector3d& b = p.rim[(i + 1) % p.rim.size()];
-        rim.add(camera, occluders, a, b, std::clamp(static_cast<int>((b - a).norm() * 2.0), 2, 64),
-                0.02);
-      }
-      canvas.segments(rim.visible, 3.0 * unit, kDark.with_alpha(0.5));
-      canvas.segments(rim.visible, 1.6 * unit, ink);
-    }
-    if (options.show_normals && p.patch->plane.plane.normal.allFinite()) {
-      const Eigen::Vector3d n =
-          camera_from_reference.rotation_matrix() * p.patch->plane.plane.normal;
-      Segment2 arrow;
-      if (!project_segment(camera, p.middle, p.middle + n, &arrow)) continue;
-      const Eigen::Vector2d way = arrow.second - arrow.first;
-      if (way.norm() < 4.0 * unit || occluders.hides(p.middle, 0.02)) continue;
-      const double barb = std::min(0.3 * way.norm(), 7.0 * unit);
-      const Eigen::Vector2d back = -way.normalized() * barb;
-      const Eigen::Vector2d side = Eigen::Vector2d(-back.y(), back.x()) * 0.5;
-      const std::vector<Segment2> lines = {arrow,
-                                           {arrow.second, arrow.second + back + side},
-                                           {arrow.second, arrow.second + back - side}};
-      canvas.segments(lines, 3.4 * unit, kDark.with_alpha(0.6));
-      canvas.segments(lines, 1.8 * unit, ink);
-      canvas.disc(arrow.first, 2.4 * unit, ink);
+    if (options.show_patches) draw_outline(canvas, camera, occluders, p, ink, unit);
+    const Eigen::Vector3d& normal = p.patch->plane.plane.normal;
+    if (options.show_normals && normal.allFinite()) {
+      draw_normal(canvas, camera, occluders, p.middle,
+                  camera_from_reference.rotation_matrix() * normal, ink, unit);
     }
   }
   return taken;
@@ -467,6 +500,95 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit,
   }
 }
 
+void require_fitting(const Image& photo, const PinholeCamera& camera, const OverlayRoad& road) {
+  if (photo.width != camera.width || photo.height != camera.height) {
+    throw std::invalid_argument("overlay: found an image of " + std::to_string(photo.width) +
+                                " x " + std::to_string(photo.height) +
+                                " pixels, expected the camera's " + std::to_string(camera.width) +
+                                " x " + std::to_string(camera.height));
+  }
+  if (road.mask && (road.mask->width != photo.width || road.mask->height != photo.height ||
+                    road.mask->channels != 1)) {
+    throw std::invalid_argument(
+        "overlay: found a road mask of " + std::to_string(road.mask->width) + " x " +
+        std::to_string(road.mask->height) + " pixels and " + std::to_string(road.mask->channels) +
+        " channels, expected one channel of the image's size");
+  }
+}
+
+Image resized(const Image& photo, double factor) {
+  Image out = make_picture(std::max(1, static_cast<int>(std::lround(photo.width * factor))),
+                           std::max(1, static_cast<int>(std::lround(photo.height * factor))), 0);
+  const cv::Mat from(photo.height, photo.width, CV_8UC3,
+                     const_cast<std::uint8_t*>(photo.data.data()));
+  cv::Mat to(out.height, out.width, CV_8UC3, out.data.data());
+  cv::resize(from, to, to.size(), 0, 0, factor > 1.0 ? cv::INTER_CUBIC : cv::INTER_AREA);
+  return out;
+}
+
+/// From pixels of the photo to those of the picture.
+struct PixelScale {
+  double x = 1.0, y = 1.0;
+
+  Box2 of(const Box2& b) const {
+    return {(b.x1 + 0.5) * x - 0.5, (b.y1 + 0.5) * y - 0.5, (b.x2 + 0.5) * x - 0.5,
+            (b.y2 + 0.5) * y - 0.5};
+  }
+  PinholeCamera of(const PinholeCamera& camera, const Image& picture) const {
+    return {picture.width,
+            picture.height,
+            camera.fx * x,
+            camera.fy * y,
+            (camera.cx + 0.5) * x - 0.5,
+            (camera.cy + 0.5) * y - 0.5};
+  }
+};
+
+/// The vehicles that have a place in the picture, farthest first.
+std::vector<Drawn> drawn_vehicles(const VehicleFrame& frame, const PinholeCamera& camera,
+                                  const PixelScale& scale, const VehicleNumbers& numbers) {
+  std::vector<Drawn> all;
+  for (const VehicleEstimate& vehicle : frame.vehicles) {
+    Drawn drawn;
+    drawn.vehicle = &vehicle;
+    drawn.number = numbers.of(frame.id, vehicle);
+    const auto corners = vehicle.pose.corners();
+    drawn.box = has_box(vehicle) && corners.row(2).minCoeff() > kNear;
+    drawn.wireframe = drawn.box && has_wireframe(vehicle);
+    drawn.range = drawn.box ? vehicle.pose.bottom_center().norm() : 1e9;
+    drawn.color = drawn.box && vehicle.status != Status::kNotObservable
+                      ? brighter(categorical(drawn.number))
+                      : kUntrusted;
+    drawn.reach = scale.of(vehicle.box);
+    if (drawn.box) {
+      Box2 reach{1e30, 1e30, -1e30, -1e30};
+      for (int i = 0; i < 8; ++i) reach = united(reach, *camera.project(corners.col(i)));
+      drawn.reach = reach;
+    }
+    const Eigen::Vector4d sides(drawn.reach.x1, drawn.reach.y1, drawn.reach.x2, drawn.reach.y2);
+    if (!sides.allFinite()) continue;
+    drawn.reach = drawn.reach.clipped(camera.width, camera.height);
+    drawn.pixel_height = drawn.reach.height();
+    all.push_back(drawn);
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Drawn& a, const Drawn& b) { return a.range > b.range; });
+  return all;
+}
+
+/// The detection's box, dashed for a vehicle without an answer.
+void draw_box_2d(Canvas& canvas, const PinholeCamera& camera, const PixelScale& scale,
+                 const Drawn& drawn, double unit) {
+  const Box2 b = scale.of(drawn.vehicle->box).clipped(camera.width, camera.height);
+  const Eigen::Vector2d c[4] = {{b.x1, b.y1}, {b.x2, b.y1}, {b.x2, b.y2}, {b.x1, b.y2}};
+  const std::vector<Segment2> rim = {{c[0], c[1]}, {c[1], c[2]}, {c[2], c[3]}, {c[3], c[0]}};
+  if (drawn.box) {
+    canvas.segments(rim, 1.0 * unit, drawn.color.with_alpha(0.6));
+  } else {
+    canvas.dashed(rim, 5.0 * unit, 4.0 * unit, 1.5 * unit, drawn.color);
+  }
+}
+
 }  // namespace
 
 void OverlayOptions::validate() const {
@@ -480,77 +602,21 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
   options.validate();
   require_picture(photo, "overlay: image");
   original_camera.validate();
-  if (photo.width != original_camera.width || photo.height != original_camera.height) {
-    throw std::invalid_argument(
-        "overlay: found an image of " + std::to_string(photo.width) + " x " +
-        std::to_string(photo.height) + " pixels, expected the camera's " +
-        std::to_string(original_camera.width) + " x " + std::to_string(original_camera.height));
-  }
+  require_fitting(photo, original_camera, road);
 
-  if (road.mask && (road.mask->width != photo.width || road.mask->height != photo.height ||
-                    road.mask->channels != 1)) {
-    throw std::invalid_argument(
-        "overlay: found a road mask of " + std::to_string(road.mask->width) + " x " +
-        std::to_string(road.mask->height) + " pixels and " + std::to_string(road.mask->channels) +
-        " channels, expected one channel of the image's size");
-  }
-
-  Image image = photo;
-  PinholeCamera camera = original_camera;
-  if (options.upscale != 1.0) {
-    const double s = options.upscale;
-    image = make_picture(std::max(1, static_cast<int>(std::lround(photo.width * s))),
-                         std::max(1, static_cast<int>(std::lround(photo.height * s))), 0);
-    const cv::Mat from(photo.height, photo.width, CV_8UC3,
-                       const_cast<std::uint8_t*>(photo.data.data()));
-    cv::Mat to(image.height, image.width, CV_8UC3, image.data.data());
-    cv::resize(from, to, to.size(), 0, 0, s > 1.0 ? cv::INTER_CUBIC : cv::INTER_AREA);
-    const double sx = static_cast<double>(image.width) / photo.width;
-    const double sy = static_cast<double>(image.height) / photo.height;
-    camera = {image.width,
-              image.height,
-              original_camera.fx * sx,
-              original_camera.fy * sy,
-              (original_camera.cx + 0.5) * sx - 0.5,
-              (original_camera.cy + 0.5) * sy - 0.5};
-  }
-  const double sx = static_cast<double>(image.width) / photo.width;
-  const double sy = static_cast<double>(image.height) / photo.height;
-  const auto scaled = [&](const Box2& b) {
-    return Box2{(b.x1 + 0.5) * sx - 0.5, (b.y1 + 0.5) * sy - 0.5, (b.x2 + 0.5) * sx - 0.5,
-                (b.y2 + 0.5) * sy - 0.5};
-  };
+  Image image = options.upscale == 1.0 ? photo : resized(photo, options.upscale);
+  const PixelScale scale{static_cast<double>(image.width) / photo.width,
+                         static_cast<double>(image.height) / photo.height};
+  const PinholeCamera camera =
+      options.upscale == 1.0 ? original_camera : scale.of(original_camera, image);
   const double unit = options.line_scale * std::max(0.6, image.width / 1242.0);
 
   Canvas canvas(image);
+  const std::vector<Drawn> all = drawn_vehicles(frame, camera, scale, options.numbers);
   Occluders occluders;
-  std::vector<Drawn> all;
-  for (const VehicleEstimate& vehicle : frame.vehicles) {
-    Drawn drawn;
-    drawn.vehicle = &vehicle;
-    drawn.number = options.numbers.of(frame.id, vehicle);
-    const auto corners = vehicle.pose.corners();
-    drawn.box = has_box(vehicle) && corners.row(2).minCoeff() > kNear;
-    drawn.wireframe = drawn.box && has_wireframe(vehicle);
-    drawn.range = drawn.box ? vehicle.pose.bottom_center().norm() : 1e9;
-    drawn.color = drawn.box && vehicle.status != Status::kNotObservable
-                      ? brighter(categorical(drawn.number))
-                      : kUntrusted;
-    drawn.reach = scaled(vehicle.box);
-    if (drawn.box) {
-      Box2 reach{1e30, 1e30, -1e30, -1e30};
-      for (int i = 0; i < 8; ++i) reach = united(reach, *camera.project(corners.col(i)));
-      drawn.reach = reach;
-    }
-    const Eigen::Vector4d sides(drawn.reach.x1, drawn.reach.y1, drawn.reach.x2, drawn.reach.y2);
-    if (!sides.allFinite()) continue;
-    drawn.reach = drawn.reach.clipped(image.width, image.height);
-    drawn.pixel_height = drawn.reach.height();
-    if (drawn.wireframe) occluders.add(vehicle.keypoints);
-    all.push_back(drawn);
+  for (const Drawn& drawn : all) {
+    if (drawn.wireframe) occluders.add(drawn.vehicle->keypoints);
   }
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Drawn& a, const Drawn& b) { return a.range > b.range; });
 
   const std::vector<Box2> taken =
       draw_road(canvas, image, camera, occluders, all, road, options, unit);
@@ -560,16 +626,7 @@ Image draw_overlay(const Image& photo, const PinholeCamera& original_camera,
     }
   }
   if (options.show_boxes_2d) {
-    for (const Drawn& drawn : all) {
-      const Box2 b = scaled(drawn.vehicle->box).clipped(image.width, image.height);
-      const Eigen::Vector2d c[4] = {{b.x1, b.y1}, {b.x2, b.y1}, {b.x2, b.y2}, {b.x1, b.y2}};
-      const std::vector<Segment2> rim = {{c[0], c[1]}, {c[1], c[2]}, {c[2], c[3]}, {c[3], c[0]}};
-      if (drawn.box) {
-        canvas.segments(rim, 1.0 * unit, drawn.color.with_alpha(0.6));
-      } else {
-        canvas.dashed(rim, 5.0 * unit, 4.0 * unit, 1.5 * unit, drawn.color);
-      }
-    }
+    for (const Drawn& drawn : all) draw_box_2d(canvas, camera, scale, drawn, unit);
   }
   for (const Drawn& drawn : all) {
     if (drawn.box && options.show_boxes_3d) {

@@ -444,6 +444,121 @@ details{margin:.6rem 0}summary{cursor:pointer}
 @media print{body{max-width:none;padding:0;font-size:11pt}#view,#viewbar,#viewnote{display:none!important}figure,tr,svg{break-inside:avoid}h2,h3{break-after:avoid}.wide{break-inside:avoid}details::details-content{content-visibility:visible!important;height:auto!important}table{font-size:8pt}th,td{padding:.15em .45em}.t{overflow:visible}}
 )";
 
+bool is_metric(const PictureContent& picture) {
+  if (picture.run) return picture.run->metric;
+  return !picture.surface || picture.surface->metric;
+}
+
+std::string page_head(const std::string& title) {
+  return "<!DOCTYPE html>\n<html lang=en><head><meta charset=utf-8>"
+         "<meta name=viewport content=\"width=device-width,initial-scale=1\"><title>" +
+         escape(title) + " - Camber</title><style>" + kStyle + "</style></head><body>\n<h1>" +
+         escape(title) + "</h1>\n";
+}
+
+/// What the run found, in sentences.
+std::string finding_section(const PictureContent& picture) {
+  std::string text;
+  for (const Finding& finding : findings(*picture.run, picture.surface, picture.vehicles)) {
+    text += (text.empty() ? "" : " ") + finding.text;
+  }
+  return "<p>" + escape(text) + "</p>\n";
+}
+
+/// What the result holds, and what units and margins mean.
+std::string summary_section(std::string summary, bool metric) {
+  if (!metric) summary += "; up to scale";
+  summary += ". ± is one standard deviation (1 sigma) on all of this page; lengths are in " +
+             std::string(metric ? "metres" : "units of the result") + ", angles in degrees.";
+  return "<p class=n>" + escape(summary) + "</p>\n";
+}
+
+/// The overlays of a folder by name; none where it cannot be read.
+std::vector<fs::path> overlay_files(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> overlays;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("overlay_", 0) == 0 && entry.path().extension() == ".png") {
+      overlays.push_back(entry.path());
+    }
+  }
+  std::sort(overlays.begin(), overlays.end());
+  return overlays;
+}
+
+/// Overlays of the frames that are not shown, on demand; of many an even choice.
+std::string other_overlays(const ReportContent& content, const std::vector<fs::path>& overlays,
+                           const std::string& unit) {
+  if (overlays.empty()) return {};
+  std::string figures;
+  const std::size_t step = (overlays.size() + kOtherOverlays - 1) / kOtherOverlays;
+  std::size_t drawn = 0;
+  for (std::size_t i = 0; i < overlays.size(); i += step, ++drawn) {
+    const std::string frame = frame_number(overlays[i].stem().string());
+    figures += figure(overlays[i], "Frame " + frame, &content.overlay_jpegs,
+                      vehicle_places(content.picture, std::atoi(frame.c_str()), unit));
+  }
+  const std::string of = drawn < overlays.size()
+                             ? std::to_string(drawn) + " of the " + std::to_string(overlays.size())
+                             : std::string("the");
+  return "<details><summary>Overlays of " + of + " other frames</summary>\n" + figures +
+         "</details>\n";
+}
+
+/// The pictures of the folder: the shown frame, the scene, the view from above, other frames.
+std::string picture_section(const ReportContent& content, bool has_truth, const std::string& unit) {
+  const PictureContent& picture = content.picture;
+  const fs::path& folder = content.picture_folder;
+  std::vector<fs::path> overlays = overlay_files(folder);
+  char wanted[48];
+  std::snprintf(wanted, sizeof(wanted), "overlay_%06d.png", picture.frame);
+  const auto shown = std::find_if(overlays.begin(), overlays.end(),
+                                  [&](const fs::path& path) { return path.filename() == wanted; });
+  std::string out;
+  if (shown != overlays.end()) {
+    out += figure(*shown, "Frame " + std::to_string(picture.frame) + overlay_caption(picture, unit),
+                  &content.overlay_jpegs, vehicle_places(picture, picture.frame, unit));
+    overlays.erase(shown);
+  }
+  std::error_code error;
+  if (fs::exists(folder / "scene.png", error)) {
+    out += figure(folder / "scene.png",
+                  has_truth ? "The reconstruction in 3D and from the side; true boxes in red"
+                            : "The reconstruction in 3D and from the side",
+                  nullptr);
+  }
+  if (fs::exists(folder / "bev.png", error)) {
+    out += figure(folder / "bev.png", "From above", nullptr);
+  }
+  return out + other_overlays(content, overlays, unit);
+}
+
+/// The 3D view, with its data.
+std::string view_section(const PictureContent& picture, std::size_t max_points) {
+  GltfOptions gltf;
+  gltf.max_points = max_points;
+  gltf.point_facts = true;
+  return "<div id=viewbar></div><canvas id=view></canvas><output id=viewsaid></output>"
+         "<p class=n id=viewnote hidden>Click a vehicle, a patch, a point or a camera to read what "
+         "is known of it. Drag to turn, with the right button or two fingers to move, wheel or "
+         "pinch to come nearer, double click to start over.</p>\n"
+         "<script type=\"application/octet-stream\" id=glb>" +
+         base64(encode_glb(picture, gltf)) + "</script>\n<script>" + kReportViewer + "</script>\n";
+}
+
+/// What made the page, and the frame of its coordinates.
+std::string origin_section(const PictureContent& picture) {
+  const bool of_camera = picture.surface ? picture.surface->frame == "camera"
+                         : picture.cloud ? picture.cloud->frame == CloudFrame::kCamera
+                                         : true;
+  return "<p class=n>Made by Camber " + std::string(kVersion) + ". Coordinates: " +
+         (of_camera ? "camera of the reference frame, x right, y down, z ahead, except for "
+                      "vehicles, which are in the camera of their own frame."
+                    : "those of the input.") +
+         "</p>\n";
+}
+
 }  // namespace
 
 json library_versions() {
@@ -464,20 +579,8 @@ void ReportOptions::validate() const {
 std::string make_report(const ReportContent& content, const ReportOptions& options) {
   options.validate();
   const PictureContent& picture = content.picture;
-  const std::string title = picture.title.empty() ? "Reconstruction" : picture.title;
-  bool metric = true;
-  if (picture.run) {
-    metric = picture.run->metric;
-  } else if (picture.surface) {
-    metric = picture.surface->metric;
-  }
+  const bool metric = is_metric(picture);
   const std::string unit = metric ? "m" : "units";
-
-  std::string out =
-      "<!DOCTYPE html>\n<html lang=en><head><meta charset=utf-8>"
-      "<meta name=viewport content=\"width=device-width,initial-scale=1\"><title>" +
-      escape(title) + " - Camber</title><style>" + kStyle + "</style></head><body>\n";
-  out += "<h1>" + escape(title) + "</h1>\n";
   std::optional<PictureSpace> space;  // none: there is nothing to draw, and the page has the reason
   std::string summary;
   try {
@@ -486,93 +589,21 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   } catch (const NoAnswerError& nothing) {
     summary = nothing.what();
   }
-  if (!metric) summary += "; up to scale";
-  summary += ". ± is one standard deviation (1 sigma) on all of this page; lengths are in " +
-             std::string(metric ? "metres" : "units of the result") + ", angles in degrees.";
-  if (picture.run) {
-    std::string text;
-    for (const Finding& finding : findings(*picture.run, picture.surface, picture.vehicles)) {
-      text += (text.empty() ? "" : " ") + finding.text;
-    }
-    out += "<p>" + escape(text) + "</p>\n";
-  }
-  out += "<p class=n>" + escape(summary) + "</p>\n";
-  out += shortcoming_section(picture);
 
+  std::string out = page_head(picture.title.empty() ? "Reconstruction" : picture.title);
+  if (picture.run) out += finding_section(picture);
+  out += summary_section(summary, metric);
+  out += shortcoming_section(picture);
   if (!content.picture_folder.empty()) {
-    std::error_code error;
-    std::vector<fs::path> overlays;
-    for (const auto& entry : fs::directory_iterator(content.picture_folder, error)) {
-      const std::string name = entry.path().filename().string();
-      if (name.rfind("overlay_", 0) == 0 && entry.path().extension() == ".png") {
-        overlays.push_back(entry.path());
-      }
-    }
-    std::sort(overlays.begin(), overlays.end());
-    char wanted[48];
-    std::snprintf(wanted, sizeof(wanted), "overlay_%06d.png", picture.frame);
-    const auto shown = std::find_if(overlays.begin(), overlays.end(), [&](const fs::path& path) {
-      return path.filename() == wanted;
-    });
-    if (shown != overlays.end()) {
-      out +=
-          figure(*shown, "Frame " + std::to_string(picture.frame) + overlay_caption(picture, unit),
-                 &content.overlay_jpegs, vehicle_places(picture, picture.frame, unit));
-    }
-    if (fs::exists(content.picture_folder / "scene.png", error)) {
-      out += figure(content.picture_folder / "scene.png",
-                    !space || space->truth.empty()
-                        ? "The reconstruction in 3D and from the side"
-                        : "The reconstruction in 3D and from the side; true boxes "
-                          "in red",
-                    nullptr);
-    }
-    if (fs::exists(content.picture_folder / "bev.png", error)) {
-      out += figure(content.picture_folder / "bev.png", "From above", nullptr);
-    }
-    if (shown != overlays.end()) overlays.erase(shown);
-    std::string others;
-    const std::size_t step = (overlays.size() + kOtherOverlays - 1) / kOtherOverlays;
-    std::size_t drawn = 0;
-    for (std::size_t i = 0; i < overlays.size(); i += step, ++drawn) {
-      const std::string name = overlays[i].stem().string();
-      const std::string frame = frame_number(name);
-      others += figure(overlays[i], "Frame " + frame, &content.overlay_jpegs,
-                       vehicle_places(picture, std::atoi(frame.c_str()), unit));
-    }
-    if (!others.empty()) {
-      out += "<details><summary>Overlays of " +
-             (drawn < overlays.size()
-                  ? std::to_string(drawn) + " of the " + std::to_string(overlays.size())
-                  : std::string("the")) +
-             " other frames</summary>\n" + others + "</details>\n";
-    }
+    out += picture_section(content, space && !space->truth.empty(), unit);
   }
-  if (options.embed_3d && space) {
-    GltfOptions gltf;
-    gltf.max_points = options.max_points;
-    gltf.point_facts = true;
-    out +=
-        "<div id=viewbar></div><canvas id=view></canvas><output id=viewsaid></output>"
-        "<p class=n id=viewnote hidden>Click a vehicle, a patch, a point or a camera to read what "
-        "is known of it. Drag to turn, with the right button or two fingers to move, wheel or "
-        "pinch to come nearer, double click to start over.</p>\n"
-        "<script type=\"application/octet-stream\" id=glb>" +
-        base64(encode_glb(picture, gltf)) + "</script>\n<script>" + kReportViewer + "</script>\n";
-  }
+  if (options.embed_3d && space) out += view_section(picture, options.max_points);
   if (picture.surface) out += profile_section(*picture.surface);
   if (picture.vehicles) out += vehicle_section(*picture.vehicles, picture.frame, unit);
   out += metrics_section(*content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
   if (picture.run) out += run_section(*picture.run);
-  const bool of_camera = picture.surface ? picture.surface->frame == "camera"
-                         : picture.cloud ? picture.cloud->frame == CloudFrame::kCamera
-                                         : true;
-  out += "<p class=n>Made by Camber " + std::string(kVersion) + ". Coordinates: " +
-         (of_camera ? "camera of the reference frame, x right, y down, z ahead, except for "
-                      "vehicles, which are in the camera of their own frame."
-                    : "those of the input.") +
-         "</p>\n";
+  out += origin_section(picture);
   if (options.embed_3d) out += std::string("<script>") + kReportAnswers + "</script>\n";
   return out + "</body></html>\n";
 }

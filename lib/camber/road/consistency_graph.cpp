@@ -27,6 +27,10 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
+constexpr double kStepGate = 3.0;                // standard deviations of a height step
+constexpr double kCauchy = 2.0;                  // standard deviations, scale of the loss of a link
+constexpr double kStacked = 1.0;                 // m, a patch above another
+constexpr double kStackedShare = 0.2;            // of the smaller one's area that overlaps
 constexpr double kBorderError = 0.3;             // m, how well the boundaries of patches are known
 constexpr double kUnseenCurvature = 1.0 / 60.0;  // 1/m, that ground may have where none is seen
 // A patch may be off the ground by so many standard deviations of a point, and at most so far, m.
@@ -93,7 +97,7 @@ void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOp
   link->valid = true;
   link->reason.clear();
   const double smaller = std::min(polygon_area(view.polygons[ia]), polygon_area(view.polygons[ib]));
-  if (gap.overlap_area > 0.2 * smaller && std::abs(link->height_step) > 1.0) {
+  if (gap.overlap_area > kStackedShare * smaller && std::abs(link->height_step) > kStacked) {
     link->valid = false;
     link->reason = fmt::format("one lies {:.2f} m above the other", std::abs(link->height_step));
   } else if (link->angle > options.max_angle) {
@@ -108,7 +112,7 @@ void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOp
             (0.5 * gap.distance + (crosses_between(view, a, b) ? kBorderError : 0.0)) +
         0.5 * kUnseenCurvature * gap.distance * gap.distance +
         std::min(kHiddenBend * a.noise, kMostHidden) + std::min(kHiddenBend * b.noise, kMostHidden);
-    if (std::abs(link->height_step) > options.max_step + 3.0 * sigma + bend) {
+    if (std::abs(link->height_step) > options.max_step + kStepGate * sigma + bend) {
       link->valid = false;
       link->reason = fmt::format("a step of {:.2f} m", link->height_step);
     }
@@ -225,7 +229,7 @@ void add_link(const PlanView& view, const RoadSurface& surface, const Consistenc
     graph.problem.AddResidualBlock(
         PlaneConsistency::create(a.plane, b.plane, origin, options.normal_sigma * (1.0 / slack),
                                  options.offset_sigma * (1.0 / slack)),
-        new ceres::CauchyLoss(2.0), change_a, change_b);
+        new ceres::CauchyLoss(kCauchy), change_a, change_b);
     return;
   }
   for (const Vector2d& place : border_places(view, a, b, view.polygons[ia], view.polygons[ib])) {
@@ -236,7 +240,7 @@ void add_link(const PlanView& view, const RoadSurface& surface, const Consistenc
         HeightContinuity::create(
             view.height(b.plane.plane, place) - view.height(a.plane.plane, place),
             view.jacobian(a.plane, place), view.jacobian(b.plane, place), sigma),
-        new ceres::CauchyLoss(2.0), change_a, change_b);
+        new ceres::CauchyLoss(kCauchy), change_a, change_b);
   }
 }
 

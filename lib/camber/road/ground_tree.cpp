@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <optional>
 #include <tuple>
 
 #include "camber/core/target_clones.h"
@@ -58,75 +59,108 @@ bool usable(const Eigen::Vector3f& p) {
   return std::abs(p.x()) < 1e15f && std::abs(p.y()) < 1e15f && std::abs(p.z()) < 1e15f;
 }
 
-}  // namespace
+std::size_t number_of_pieces(const RoadCloud& cloud) {
+  return (cloud.size() + kPiece - 1) / kPiece;
+}
 
-/// Frame by the cloud itself: origin at the mean, x along the longer principal direction in plan,
-/// towards the longer tail. A cloud that was moved, turned about up or put in another order gets
-/// the same rows but for rounding.
-bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z, int num_threads) {
-  const std::size_t n = cloud.size(), pieces = (n + kPiece - 1) / kPiece;
-  // A rough middle and size, from points drawn by their coordinates.
-  const std::uint64_t share = n <= 4096 ? 1 : n / 2048;
-  Eigen::Vector3f middle = Eigen::Vector3f::Zero();
-  std::vector<Eigen::Vector3f> drawn;
-  for (std::uint64_t every = share;; every = 1) {
-    drawn.clear();
-    std::vector<std::vector<Eigen::Vector3f>> lists(pieces);
-    parallel_for(pieces, num_threads, [&](std::size_t piece) {
-      for (std::size_t i = piece * kPiece; i < std::min(n, (piece + 1) * kPiece); ++i) {
-        const Eigen::Vector3f& p = cloud.points[i];
-        if (every > 1 && hash_of(bits_of(p.x()), bits_of(p.y()), bits_of(p.z())) % every != 0) {
-          continue;
-        }
-        if (usable(p)) lists[piece].push_back(p);
+/// About one in so many points, drawn by their coordinates.
+std::vector<Eigen::Vector3f> draw_points(const RoadCloud& cloud, std::uint64_t every,
+                                         int num_threads) {
+  const std::size_t n = cloud.size();
+  std::vector<std::vector<Eigen::Vector3f>> lists(number_of_pieces(cloud));
+  parallel_for(lists.size(), num_threads, [&](std::size_t piece) {
+    for (std::size_t i = piece * kPiece; i < std::min(n, (piece + 1) * kPiece); ++i) {
+      const Eigen::Vector3f& p = cloud.points[i];
+      if (every > 1 && hash_of(bits_of(p.x()), bits_of(p.y()), bits_of(p.z())) % every != 0) {
+        continue;
       }
-    });
-    for (const auto& list : lists) drawn.insert(drawn.end(), list.begin(), list.end());
-    if (drawn.size() >= 256 || every == 1) break;
-  }
-  if (drawn.empty()) return false;
-  std::vector<float> distances(drawn.size());
+      if (usable(p)) lists[piece].push_back(p);
+    }
+  });
+  std::vector<Eigen::Vector3f> drawn;
+  for (const auto& list : lists) drawn.insert(drawn.end(), list.begin(), list.end());
+  return drawn;
+}
+
+/// A rough middle and size of a cloud: medians, and the distance within which 90 % lie.
+struct RoughExtent {
+  Eigen::Vector3f middle = Eigen::Vector3f::Zero();
+  double spread = 0.0;
+};
+
+/// None where no point is usable.
+std::optional<RoughExtent> rough_extent(const RoadCloud& cloud, int num_threads) {
+  constexpr std::size_t kFew = 4096, kWanted = 2048, kEnough = 256;  // points
+  const std::size_t n = cloud.size();
+  const std::uint64_t share = n <= kFew ? 1 : n / kWanted;
+  std::vector<Eigen::Vector3f> drawn = draw_points(cloud, share, num_threads);
+  if (drawn.size() < kEnough && share > 1) drawn = draw_points(cloud, 1, num_threads);
+  if (drawn.empty()) return std::nullopt;
+  RoughExtent out;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<float> values(drawn.size());
     for (std::size_t k = 0; k < drawn.size(); ++k) values[k] = drawn[k][axis];
-    middle[axis] = static_cast<float>(quantile(values, 0.5));
+    out.middle[axis] = static_cast<float>(quantile(values, 0.5));
   }
-  for (std::size_t k = 0; k < drawn.size(); ++k) distances[k] = (drawn[k] - middle).norm();
-  spread_ = quantile(distances, 0.9);
-  if (!(spread_ > 0.0)) {
+  std::vector<float> distances(drawn.size());
+  for (std::size_t k = 0; k < drawn.size(); ++k) distances[k] = (drawn[k] - out.middle).norm();
+  out.spread = quantile(distances, 0.9);
+  if (!(out.spread > 0.0)) {
     for (const Eigen::Vector3f& p : cloud.points) {
-      if (usable(p)) spread_ = std::max(spread_, static_cast<double>((p - middle).norm()));
+      if (usable(p))
+        out.spread = std::max(out.spread, static_cast<double>((p - out.middle).norm()));
     }
+  }
+  return out;
+}
+
+/// Sums of powers of the coordinates about a place: u and v in plan, w along up.
+struct Moments {
+  double count = 0, su = 0, sv = 0, sw = 0, uu = 0, uv = 0, vv = 0, ww = 0;
+  double uuu = 0, uuv = 0, uvv = 0, vvv = 0;
+
+  void add(const Moments& other) {
+    count += other.count;
+    su += other.su;
+    sv += other.sv;
+    sw += other.sw;
+    uu += other.uu;
+    uv += other.uv;
+    vv += other.vv;
+    ww += other.ww;
+    uuu += other.uuu;
+    uuv += other.uuv;
+    uvv += other.uvv;
+    vvv += other.vvv;
   }
 
-  Vector3d e1, e2;
-  UncertainPlane::make_axes(z, std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY(), &e1,
-                            &e2);
-  const Eigen::Vector3f f1 = e1.cast<float>(), f2 = e2.cast<float>(), f3 = z.cast<float>();
-  const float most2 = static_cast<float>(kStray * kStray * spread_ * spread_);
-  struct Sums {
-    double count = 0, su = 0, sv = 0, sw = 0, uu = 0, uv = 0, vv = 0, ww = 0;
-    double uuu = 0, uuv = 0, uvv = 0, vvv = 0;
-    void add(const Sums& other) {
-      count += other.count;
-      su += other.su;
-      sv += other.sv;
-      sw += other.sw;
-      uu += other.uu;
-      uv += other.uv;
-      vv += other.vv;
-      ww += other.ww;
-      uuu += other.uuu;
-      uuv += other.uuv;
-      uvv += other.uvv;
-      vvv += other.vvv;
-    }
-  };
-  std::vector<Sums> parts(pieces);
-  parallel_for(pieces, num_threads, [&](std::size_t piece) {
-    Sums sums;
+  double mean_u() const { return su / count; }
+  double mean_v() const { return sv / count; }
+  double mean_w() const { return sw / count; }
+  double variance_u() const { return uu / count - mean_u() * mean_u(); }
+  double variance_v() const { return vv / count - mean_v() * mean_v(); }
+  double variance_w() const { return ww / count - mean_w() * mean_w(); }
+  double covariance_uv() const { return uv / count - mean_u() * mean_v(); }
+
+  /// Third moment about the mean along the direction (c, s) in plan.
+  double third_along(double c, double s) const {
+    const double m = c * mean_u() + s * mean_v();
+    return (c * c * c * uuu + 3 * c * c * s * uuv + 3 * c * s * s * uvv + s * s * s * vvv) / count -
+           3.0 * m * (c * c * uu + 2.0 * c * s * uv + s * s * vv) / count + 2.0 * m * m * m;
+  }
+};
+
+/// Of the points that are no strays, about the rough middle.
+Moments moments_of(const RoadCloud& cloud, const RoughExtent& rough, const Vector3d& e1,
+                   const Vector3d& e2, const Vector3d& up, int num_threads) {
+  const std::size_t n = cloud.size();
+  const Eigen::Vector3f f1 = e1.cast<float>(), f2 = e2.cast<float>(), f3 = up.cast<float>();
+  const float most2 = static_cast<float>(kStray * kStray * rough.spread * rough.spread);
+  std::vector<Moments> parts(number_of_pieces(cloud));
+  parallel_for(parts.size(), num_threads, [&](std::size_t piece) {
+    Moments sums;
     for (std::size_t i = piece * kPiece; i < std::min(n, (piece + 1) * kPiece); ++i) {
-      const Eigen::Vector3f q = cloud.points[i] - middle;
+      const Eigen::Vector3f q = cloud.points[i] - rough.middle;
       if (!(q.squaredNorm() <= most2)) continue;
       const double u = static_cast<double>(f1.dot(q)), v = static_cast<double>(f2.dot(q)),
                    w = static_cast<double>(f3.dot(q));
@@ -135,19 +169,27 @@ bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z, int num
     }
     parts[piece] = sums;
   });
-  Sums total;
-  for (const Sums& part : parts) total.add(part);
-  const auto [count, su, sv, sw, uu, uv, vv, ww, uuu, uuv, uvv, vvv] = total;
-  const double mu = su / count, mv = sv / count;
-  const double cuu = uu / count - mu * mu, cuv = uv / count - mu * mv, cvv = vv / count - mv * mv;
-  const double angle = 0.5 * std::atan2(2.0 * cuv, cuu - cvv);
+  Moments total;
+  for (const Moments& part : parts) total.add(part);
+  return total;
+}
+
+}  // namespace
+
+/// Frame by the cloud itself: origin at the mean, x along the longer principal direction in plan,
+/// towards the longer tail. A cloud that was moved, turned about up or put in another order gets
+/// the same rows but for rounding.
+bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z, int num_threads) {
+  const auto rough = rough_extent(cloud, num_threads);
+  if (!rough) return false;
+  Vector3d e1, e2;
+  UncertainPlane::make_axes(z, std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY(), &e1,
+                            &e2);
+  const Moments moments = moments_of(cloud, *rough, e1, e2, z, num_threads);
+  const double uu = moments.variance_u(), uv = moments.covariance_uv(), vv = moments.variance_v();
+  const double angle = 0.5 * std::atan2(2.0 * uv, uu - vv);
   double c = std::cos(angle), s = std::sin(angle);
-  // The third moment about the mean along x decides which end is ahead.
-  const double m = c * mu + s * mv;
-  const double third =
-      (c * c * c * uuu + 3 * c * c * s * uuv + 3 * c * s * s * uvv + s * s * s * vvv) / count -
-      3.0 * m * (c * c * uu + 2.0 * c * s * uv + s * s * vv) / count + 2.0 * m * m * m;
-  if (third < 0.0) {
+  if (moments.third_along(c, s) < 0.0) {
     c = -c;
     s = -s;
   }
@@ -155,21 +197,22 @@ bool GroundTree::choose_frame(const RoadCloud& cloud, const Vector3d& z, int num
   frame_.level_from_cloud.row(0) = x;
   frame_.level_from_cloud.row(1) = z.cross(x);
   frame_.level_from_cloud.row(2) = z;
-  pivot_ = (middle.cast<double>() + mu * e1 + mv * e2 + sw / count * z).cast<float>();
+  pivot_ = (rough->middle.cast<double>() + moments.mean_u() * e1 + moments.mean_v() * e2 +
+            moments.mean_w() * z)
+               .cast<float>();
   frame_.pivot = cloud.origin + pivot_.cast<double>();
-  const double mean = 0.5 * (cuu + cvv), half = std::hypot(0.5 * (cuu - cvv), cuv);
+  const double mean = 0.5 * (uu + vv), half = std::hypot(0.5 * (uu - vv), uv);
   deviation_ = {static_cast<float>(std::sqrt(std::max(mean + half, 0.0))),
                 static_cast<float>(std::sqrt(std::max(mean - half, 0.0)))};
   // Of what is spread evenly over a length, 90 % lie within 1.56 standard deviations.
-  const double cww = ww / count - sw / count * (sw / count);
-  spread_ = 1.56 * std::sqrt(std::max(cuu + cvv + cww, 0.0));
+  spread_ = 1.56 * std::sqrt(std::max(uu + vv + moments.variance_w(), 0.0));
   return true;
 }
 
 /// The rows, not yet in order: of a large cloud those in a random part of small cells.
 void GroundTree::take_rows(const RoadCloud& cloud, std::uint64_t seed, std::size_t most_points,
                            int num_threads) {
-  const std::size_t n = cloud.size(), pieces = (n + kPiece - 1) / kPiece;
+  const std::size_t n = cloud.size(), pieces = number_of_pieces(cloud);
   const Eigen::Matrix3f turn = frame_.level_from_cloud.cast<float>();
   const double share =
       static_cast<double>(most_points) / static_cast<double>(std::max<std::size_t>(n, 1));

@@ -13,6 +13,18 @@
 namespace camber {
 namespace {
 
+constexpr double kLeastFall = 0.08;    // of a ray under the direction of travel: ground is near
+constexpr double kMostBank = 0.25;     // slope of the ego plane across the direction of travel
+constexpr double kCellNoise = 0.01;    // share of an inverse depth, beside its sigma
+constexpr int kLeastOnEgoPlane = 12;   // cells
+constexpr double kInlierShare = 0.03;  // of the camera's height, off the ego plane
+constexpr double kInlierSigmas = 1.5;  // off the ego plane, beside the share
+constexpr double kGrowSigmas = 1.0;    // off the neighbour's plane, beside the step height
+constexpr double kGrowBend = 0.015;    // m off the neighbour's plane for a metre between the cells
+constexpr double kMostApart = 5.0;     // m between cells for which the ground may bend
+// Off the cell's plane, a point of the ground: step heights and standard deviations.
+constexpr double kLabelSteps = 1.5, kLabelSigmas = 3.0;
+
 struct Cell {
   bool known = false;
   bool road = false;
@@ -60,7 +72,7 @@ class RoadGrower {
   }
   static bool inlier(const Cell& cell, const Eigen::Vector3d& m) {
     const double off = std::abs(cell.rho / m.dot(cell.ray) - 1.0);
-    return off < 0.03 + 1.5 * cell.sigma / cell.rho;  // of the camera's height
+    return off < kInlierShare + kInlierSigmas * cell.sigma / cell.rho;
   }
 
   const PinholeCamera& camera_;
@@ -110,7 +122,7 @@ std::vector<const Cell*> RoadGrower::cells_below() const {
   for (int r = rows_ / 2; r < rows_; ++r) {
     for (int c = columns_ / 8; c < columns_ - columns_ / 8; ++c) {
       const Cell& cell = cell_at(r, c);
-      if (cell.known && down_.dot(cell.ray) > 0.08) near.push_back(&cell);
+      if (cell.known && down_.dot(cell.ray) > kLeastFall) near.push_back(&cell);
     }
   }
   return near;
@@ -129,7 +141,7 @@ Eigen::Vector3d RoadGrower::search_ego_plane(const std::vector<const Cell*>& nea
     a << down_.dot(p.ray), right_.dot(p.ray), down_.dot(q.ray), right_.dot(q.ray);
     if (std::abs(a.determinant()) < 1e-3) continue;
     const Eigen::Vector2d ab = a.inverse() * Eigen::Vector2d(p.rho, q.rho);
-    if (!(ab.x() > 0) || std::abs(ab.y()) > 0.25 * ab.x()) continue;
+    if (!(ab.x() > 0) || std::abs(ab.y()) > kMostBank * ab.x()) continue;
     const Eigen::Vector3d m = ab.x() * down_ + ab.y() * right_;
     double score = 0.0;
     for (const Cell* cell : near) {
@@ -144,7 +156,8 @@ Eigen::Vector3d RoadGrower::search_ego_plane(const std::vector<const Cell*>& nea
   return best;
 }
 
-/// Refits the plane, slope free, to the cells on it. @return their number; below 12 there is none.
+/// Refits the plane, slope free, to the cells on it. @return their number; below kLeastOnEgoPlane
+/// there is none.
 int RoadGrower::refit_ego_plane(const std::vector<const Cell*>& near,
                                 Eigen::Vector3d* plane) const {
   int used = 0;
@@ -154,12 +167,12 @@ int RoadGrower::refit_ego_plane(const std::vector<const Cell*>& near,
     used = 0;
     for (const Cell* cell : near) {
       if (!inlier(*cell, *plane)) continue;
-      const double w = 1.0 / (cell->sigma * cell->sigma + std::pow(0.01 * cell->rho, 2));
+      const double w = 1.0 / (cell->sigma * cell->sigma + std::pow(kCellNoise * cell->rho, 2));
       normal += w * cell->ray * cell->ray.transpose();
       right_side += w * cell->rho * cell->ray;
       ++used;
     }
-    if (used < 12) {
+    if (used < kLeastOnEgoPlane) {
       return used;
     }
     // Weakly held along the direction of travel: the slope within 3 degrees.
@@ -177,7 +190,7 @@ void RoadGrower::seed(const Eigen::Vector3d& plane) {
   for (int r = rows_ / 2; r < rows_; ++r) {
     for (int c = columns_ / 8; c < columns_ - columns_ / 8; ++c) {
       const Cell& cell = cell_at(r, c);
-      if (!cell.known || down_.dot(cell.ray) < 0.08 || !inlier(cell, plane)) continue;
+      if (!cell.known || down_.dot(cell.ray) < kLeastFall || !inlier(cell, plane)) continue;
       on_ego_plane.push_back(r * columns_ + c);
       nearest = std::min(nearest, metres_ / cell.rho);
     }
@@ -201,7 +214,7 @@ Eigen::Vector3d RoadGrower::local_plane(int r0, int c0, const Eigen::Vector3d& p
     for (int c = std::max(0, c0 - 5); c <= std::min(columns_ - 1, c0 + 5); ++c) {
       const Cell& cell = cell_at(r, c);
       if (!cell.road) continue;
-      const double s = cell.sigma + 0.01 * cell.rho;
+      const double s = cell.sigma + kCellNoise * cell.rho;
       const double w = 1.0 / (s * s);
       normal += w * cell.ray * cell.ray.transpose();
       right_side += w * cell.rho * cell.ray;
@@ -244,8 +257,8 @@ void RoadGrower::grow(const Eigen::Vector3d& ego_normal) {
       const double sigma = next.sigma * per_rho;
       if (sigma > options_.max_sigma) continue;
       const double apart =
-          std::min(5.0, (next.ray / expected - cell.ray / cell.rho).norm() * metres_);
-      if (std::abs(off) > options_.step_height + 1.0 * sigma + 0.015 * apart) continue;
+          std::min(kMostApart, (next.ray / expected - cell.ray / cell.rho).norm() * metres_);
+      if (std::abs(off) > options_.step_height + kGrowSigmas * sigma + kGrowBend * apart) continue;
       next.road = true;
       next.plane = cell.plane;
       queue_.push({next.rho, nr * columns_ + nc});
@@ -270,7 +283,8 @@ void RoadGrower::label(std::vector<std::uint8_t>* ground) const {
               {static_cast<double>(gx * grid_.step), static_cast<double>(gy * grid_.step)});
           const double per_rho = metres_ / (grid_.inverse_depth[i] * cell.plane.norm());
           const double off = (grid_.inverse_depth[i] - cell.plane.dot(ray)) * per_rho;
-          if (std::abs(off) < 1.5 * options_.step_height + 3.0 * grid_.sigma[i] * per_rho) {
+          if (std::abs(off) <
+              kLabelSteps * options_.step_height + kLabelSigmas * grid_.sigma[i] * per_rho) {
             (*ground)[i] = 1;
           }
         }
@@ -299,9 +313,9 @@ GrownRoad RoadGrower::run() {
     return fail("no plane along the direction of travel lies below the camera");
   }
   const int used = refit_ego_plane(near, &plane);
-  if (used < 12) {
+  if (used < kLeastOnEgoPlane) {
     return fail("the plane below the camera is carried by " + std::to_string(used) +
-                " cells, at least 12 are needed");
+                " cells, at least " + std::to_string(kLeastOnEgoPlane) + " are needed");
   }
   const double height = 1.0 / plane.norm();
   out.ego = {-plane * height, height};

@@ -54,8 +54,14 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
 
   // Rows of the image from the contact upwards (and a little below) that see the footprint.
   std::vector<Eigen::Vector2d> pixels;
-  std::vector<double> weights;
   std::vector<Eigen::Vector3d> points;
+  const auto add = [&](const Eigen::Vector2d& pixel) {
+    const double rho = road.inverse_depth(pixel);
+    if (!(rho > 0)) return;
+    pixels.push_back(pixel);
+    points.push_back(camera.ray(pixel) / rho);
+    out.support += road.support(pixel);
+  };
   double last_depth = 0.0;
   const double step = std::clamp((contact.y() - road.top()) / 60.0, 0.5, 4.0);
   for (double v = contact.y() + 2.0 * step; v > road.top(); v -= step) {
@@ -68,30 +74,17 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
     if (depth < near - 0.1 * options.length) continue;
     const double half_px = options.half_width * camera.fx * rho_mid;
     for (const double side : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
-      const Eigen::Vector2d pixel(contact.x() + side * half_px, v);
-      const double rho = road.inverse_depth(pixel);
-      if (!(rho > 0)) continue;
-      pixels.push_back(pixel);
-      points.push_back(camera.ray(pixel) / rho);
-      weights.push_back(1.0);
-      out.support += road.support(pixel);
+      add({contact.x() + side * half_px, v});
     }
   }
   if (points.size() < 15) {
     // A far footprint lies within a row or two: take the field's tangent around the contact.
     pixels.clear();
     points.clear();
-    weights.clear();
     const double half_px = std::max(2.0, options.half_width * camera.fx * rho0);
     for (const double dv : {1.5, 0.5, -0.5, -1.5}) {
       for (const double side : {-1.0, 0.0, 1.0}) {
-        const Eigen::Vector2d pixel(contact.x() + side * half_px, contact.y() + dv);
-        const double rho = road.inverse_depth(pixel);
-        if (!(rho > 0)) continue;
-        pixels.push_back(pixel);
-        points.push_back(camera.ray(pixel) / rho);
-        weights.push_back(1.0);
-        out.support += road.support(pixel);
+        add({contact.x() + side * half_px, contact.y() + dv});
       }
     }
   }
@@ -107,7 +100,7 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
   Eigen::VectorXd rho(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double z = points[i].z();
-    const double w = weights[i] * z * z * z * z;
+    const double w = z * z * z * z;
     const Eigen::Vector3d ray = points[i] / z;
     normal += w * ray * ray.transpose();
     left.col(static_cast<Eigen::Index>(i)) = w * ray;

@@ -15,6 +15,7 @@ namespace camber {
 namespace {
 
 constexpr double kUnlinked = -1.0;  // mutual information of nodes that may not be joined
+constexpr double kStepGate = 3.0;   // standard deviations of a height step
 
 Eigen::Index row_of(std::size_t node) { return 3 * static_cast<Eigen::Index>(node); }
 
@@ -84,7 +85,7 @@ class GraphMaker {
     both << joint_.block<3, 3>(row_of(a), row_of(a)), joint_.block<3, 3>(row_of(a), row_of(b)),
         joint_.block<3, 3>(row_of(b), row_of(a)), joint_.block<3, 3>(row_of(b), row_of(b));
     out.step_sigma = std::sqrt(std::max(0.0, (by_both * both * by_both.transpose()).value()));
-    if (std::abs(out.height_step) > options_.max_step + 3.0 * out.step_sigma) {
+    if (std::abs(out.height_step) > options_.max_step + kStepGate * out.step_sigma) {
       out.valid = false;
       out.reason = fmt::format("height step of {:.2f} m", std::abs(out.height_step));
     }

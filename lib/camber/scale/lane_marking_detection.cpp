@@ -18,7 +18,9 @@ using detail::BarFinder;
 using detail::find_bars;
 using detail::kLeastContrast;
 
-constexpr double kFarthest = 75.0;  // m
+constexpr double kFarthest = 75.0;              // m
+constexpr double kLengthTolerance = 1.0 / 6.0;  // share of a stroke's length
+constexpr double kGate = 3.0;                   // standard deviations of the scale, beside it
 
 /// A bar followed over rows, from below.
 struct Trace {
@@ -63,7 +65,7 @@ class DashFinder {
         ground_(ground),
         right_(Eigen::Vector3d(0, 1, 0).cross(ahead).normalized()),
         sizes_(sizes),
-        tolerance_(1.0 / 6.0 + 3.0 * scale_sigma),
+        tolerance_(kLengthTolerance + kGate * scale_sigma),
         finder_(image, camera, ground, sizes.line_width) {}
 
   std::vector<PaintedDash> find(int num_threads) const {

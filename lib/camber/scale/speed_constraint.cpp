@@ -7,6 +7,8 @@
 
 namespace camber {
 
+constexpr double kLeastDistance = 3.0;  // standard deviations
+
 std::optional<Constraint> speed_constraint(const RoadPosterior& road,
                                            const TravelledDistance& distance, double baselines,
                                            int stretches, double path_sigma) {
@@ -16,7 +18,9 @@ std::optional<Constraint> speed_constraint(const RoadPosterior& road,
         "speed: {} m +- {} over {} baselines +- {}, expected none below 0 and a positive sigma",
         distance.metres, distance.sigma, baselines, path_sigma));
   }
-  if (!(baselines > 0.0) || !(distance.metres > 3.0 * distance.sigma)) return std::nullopt;
+  if (!(baselines > 0.0) || !(distance.metres > kLeastDistance * distance.sigma)) {
+    return std::nullopt;
+  }
   const double relative = std::hypot(distance.sigma / distance.metres, path_sigma);
   Constraint out;
   out.name = "speed";

@@ -135,7 +135,8 @@ AnnotatedPrior learn_annotated_prior(const std::string& name,
     const double median = upper_median(residuals);
     std::vector<double> deviations;
     for (double r : residuals) deviations.push_back(std::abs(r - median));
-    const double limit = std::max(median + 3.5 * 1.4826 * upper_median(deviations), 2.0 * median);
+    const double limit =
+        std::max(median + 3.5 * kSigmaFromMad * upper_median(deviations), 2.0 * median);
     for (std::size_t i = 0; i < shapes.size(); ++i) {
       if (residuals[i] > limit || aligned[i].scale.minCoeff() <= 0.0) {
         out.outliers.push_back(static_cast<int>(i));

@@ -10,6 +10,9 @@
 namespace camber::detail {
 namespace {
 
+constexpr double kPeriodTolerance = 0.15;  // share of the period
+constexpr double kGate = 3.0;              // standard deviations of the scale, beside it
+
 class CrossingFinder {
  public:
   CrossingFinder(const GrayImage& image, const PinholeCamera& camera, const GroundRaster& ground,
@@ -18,7 +21,7 @@ class CrossingFinder {
         camera_(camera),
         ground_(ground),
         period_(sizes.stripe_width + sizes.stripe_gap),
-        tolerance_(0.15 + 3.0 * scale_sigma),
+        tolerance_(kPeriodTolerance + kGate * scale_sigma),
         finder_(image, camera, ground, sizes.stripe_width) {}
 
   std::vector<PaintedCrossing> find(int num_threads) const {

@@ -11,6 +11,8 @@ namespace camber::detail {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kLossScale = 3.0;      // standard deviations, of the loss of Geman and McClure
+constexpr double kInlierWeight = 0.25;  // of a point at that scale
 
 using Terms = std::vector<std::pair<int, double>>;
 
@@ -108,8 +110,10 @@ class ProfileFit {
       const double sigma =
           std::hypot(lever * measured_.road->relative_sigma[i], options_.surface_sigma);
       const double residual = p.z() - predicted;
-      // Geman and McClure.
-      if (robust) weight_[i] = 1.0 / std::pow(1.0 + residual * residual / (9 * sigma * sigma), 2);
+      if (robust) {
+        const double scale2 = kLossScale * kLossScale * sigma * sigma;
+        weight_[i] = 1.0 / std::pow(1.0 + residual * residual / scale2, 2);
+      }
       const double w = weight_[i] / (options_.correlation * sigma * sigma);
       for (int m = 0; m < 4; ++m) {
         for (int k = 0; k < 4; ++k) normal_(index[m], index[k]) += w * row[m] * row[k];
@@ -120,7 +124,7 @@ class ProfileFit {
               measured_.road->shared_jacobian.row(static_cast<Eigen::Index>(i)).cast<double>();
         }
       }
-      if (weight_[i] > 0.25) {
+      if (weight_[i] > kInlierWeight) {
         ++profile_.points;
         seen.push_back(p.y());
       }

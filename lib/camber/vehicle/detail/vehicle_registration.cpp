@@ -200,7 +200,7 @@ bool VehicleTemplate::improve(double blur, Alignment* alignment) const {
   std::vector<double>& absolute = alignment->absolute;
   absolute.clear();
   for (const auto& s : samples) absolute.push_back(std::abs(s.now - mb - gain * (s.here - ma)));
-  const double scale = std::max(1.4826 * upper_median(&absolute), 0.5);
+  const double scale = std::max(kSigmaFromMad * upper_median(&absolute), 0.5);
   Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   double squares = 0.0, weights = 0.0;
