@@ -46,8 +46,8 @@ std::string unfused_note(const std::optional<NetworkUse>& use) {
 
 void add_network_options(App& app, NetworkArguments& a) {
   app.add_option("--detector", a.detector,
-                 "ONNX file of a network that finds vehicles: YOLOX, YOLOv5, YOLOv8 or FastestDet, "
-                 "described by a .json of the same name (docs/formats.md)");
+                 "the network that finds vehicles: shipped, or an ONNX file (YOLOX, YOLOv5, YOLOv8 "
+                 "or FastestDet) described by a .json of the same name (docs/formats.md)");
   app.add_option("--detector-config", a.detector_config,
                  "the description, where it is another file");
   app.add_option("--segmenter", a.segmenter,
@@ -104,7 +104,7 @@ std::vector<fs::path> files_of(const FindKeypointsOptions& keypoints) {
 
 std::vector<fs::path> files_of(const NetworkFiles& networks) {
   std::vector<fs::path> out;
-  if (!networks.detector.empty()) {
+  if (!networks.detector.empty() && !networks.detector_ships()) {
     out.push_back(networks.detector);
     out.push_back(side_file_of(networks.detector, networks.detector_config));
   }

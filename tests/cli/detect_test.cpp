@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "camber/core/hash.h"
@@ -78,6 +79,39 @@ class Detect : public ::testing::Test {
   }
   test::TemporaryFolder folder_;
 };
+
+TEST_F(Detect, TheShippedNetworkFindsTheSamplesCars) {
+  const fs::path sample = test::source_dir() / "samples/steep_hill";
+  const std::vector<std::string> arguments = {"detect",  sample,        "--detector",
+                                              "shipped", "--keypoints", "none",
+                                              "--out",   path("out"),   "--json"};
+  const auto result = run(arguments);
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(nlohmann::json::parse(result.out)["networks"]["detector"]["file"], "shipped");
+  const Scene truth = read_scene(sample), found = read_scene(path("out"));
+  EXPECT_THAT(found.detections_source, StartsWith("shipped:"));
+  int cars = 0, matched = 0, boxes = 0;
+  for (const SceneFrame& frame : found.frames) {
+    boxes += static_cast<int>(frame.vehicles.size());
+    for (const TruthFrame& of : truth.truth->frames) {
+      if (of.id != frame.id) continue;
+      for (const TruthVehicle& car : of.vehicles) {
+        if (car.box.height() < 30.0 || car.occlusion > 0.5) continue;
+        ++cars;
+        matched += std::any_of(frame.vehicles.begin(), frame.vehicles.end(), [&](const auto& v) {
+          return intersection_over_union(v.box, car.box) > 0.5;
+        });
+      }
+    }
+  }
+  EXPECT_GE(cars, 9);
+  EXPECT_GE(matched, cars - 1);
+  EXPECT_LE(boxes, cars + 6);  // farther and hidden ones, too
+  EXPECT_EQ(run({"detect", sample, "--detector", "shipped", "--detector-config", path("none.json"),
+                 "--out", path("other")})
+                .exit_code,
+            2);
+}
 
 TEST_F(Detect, FillsASceneWithBoxesAndMasks) {
   const auto result =

@@ -71,9 +71,12 @@ std::vector<DetectedVehicle> merge_detections(std::vector<DetectedVehicle> boxes
 }
 
 Detector::Detector(const std::filesystem::path& path, const DetectorDescription& description)
-    : file_(path.string()), description_(description) {
+    : Detector((description.validate(), read_onnx_file(path)), description) {}
+
+Detector::Detector(OnnxFile file, const DetectorDescription& description)
+    : file_(file.name), description_(description) {
   description.validate();
-  network_ = open_network(read_onnx_file(path), description.input, description.check);
+  network_ = open_network(std::move(file), description.input, description.check);
   const SingleThreadedOpenCv one_thread;
   const Image picture = check_image(description.input);
   look_at(picture, {0, 0, picture.width, picture.height});

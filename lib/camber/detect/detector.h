@@ -34,6 +34,7 @@ class Detector {
   /// Loads the network and checks that its output has the form of its head.
   /// @throws InputError; std::invalid_argument for a description that is not valid.
   Detector(const std::filesystem::path& path, const DetectorDescription& description);
+  Detector(OnnxFile file, const DetectorDescription& description);
 
   /// The vehicles in an image of 3 channels, descending scores. The same image gives the same
   /// vehicles for any number of threads (<= 0: see resolve_num_threads).

@@ -123,9 +123,12 @@ Image labels_by_pairs(const SegmenterDescription& d, const std::vector<Tensor>& 
 }  // namespace
 
 Segmenter::Segmenter(const std::filesystem::path& path, const SegmenterDescription& description)
-    : file_(path.string()), description_(description) {
+    : Segmenter((description.validate(), read_onnx_file(path)), description) {}
+
+Segmenter::Segmenter(OnnxFile file, const SegmenterDescription& description)
+    : file_(file.name), description_(description) {
   description.validate();
-  network_ = open_network(read_onnx_file(path), description.input, description.check);
+  network_ = open_network(std::move(file), description.input, description.check);
   const SingleThreadedOpenCv one_thread;
   segment(check_image(description.input));
 }

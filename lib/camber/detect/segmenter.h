@@ -21,6 +21,7 @@ class Segmenter {
  public:
   /// As Detector's.
   Segmenter(const std::filesystem::path& path, const SegmenterDescription& description);
+  Segmenter(OnnxFile file, const SegmenterDescription& description);
 
   /// The label of every pixel of an image of 3 channels (one channel, SegmentationLabel). The
   /// network's values are interpolated to the image's pixels, then compared. Uses one thread:

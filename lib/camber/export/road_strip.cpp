@@ -62,6 +62,9 @@ void lay_line(const SmoothLine& line, std::size_t sections, CrgData* data) {
   }
   data->start_phi = data->phi[1];
   data->end_phi = data->phi.back();
+  // Some readers take an end that is not stated for the origin.
+  data->end_x = at.x();
+  data->end_y = at.y();
 }
 
 /// Elevation and banking of the line at its sections, unknown where the ground is.

@@ -11,6 +11,7 @@
 #include "camber/core/read_file.h"
 #include "camber/core/threads.h"
 #include "camber/core/version.h"
+#include "camber/detect/shipped_networks.h"
 #include "camber/image/detail/single_threaded_opencv.h"
 #include "camber/image/video.h"
 #include "camber/pipeline/network_file.h"
@@ -24,20 +25,32 @@ namespace {
 /// Change it with anything that alters what is made of a network's outputs.
 constexpr int kResultVersion = 1;
 
-std::string source_of(const NetworkUse& use) { return "network:" + use.hash; }
+std::string source_of(const NetworkUse& use) {
+  return (use.file == kShippedNetwork ? "shipped:" : "network:") + use.hash;
+}
+
+/// Where a network and its description are.
+struct NetworkPlace {
+  std::string name, hash, side_hash;  ///< as given; of both files' content
+  std::function<OnnxFile()> read;
+};
+
+NetworkPlace place_of(const fs::path& file, const fs::path& side_file) {
+  return {file.string(), hash_file(file), hash_file(side_file),
+          [file] { return read_onnx_file(file); }};
+}
 
 /// A network with its description, loaded when an image is not in the cache.
 template <typename Net, typename Description>
 class LazyNetwork {
  public:
-  LazyNetwork(fs::path file, const fs::path& side_file, Description description,
-              const DetectionCache& cache)
-      : file_(std::move(file)), description_(std::move(description)), cache_(cache) {
-    use.file = file_.string();
-    use.hash = hash_file(file_);
+  LazyNetwork(const NetworkPlace& place, Description description, const DetectionCache& cache)
+      : read_(place.read), description_(std::move(description)), cache_(cache) {
+    use.file = place.name;
+    use.hash = place.hash;
     use.name = description_.name;
     key_ = hash_bytes(fmt::format("{} {} {} {} {}", kResultVersion, kVersion, CV_VERSION, use.hash,
-                                  hash_file(side_file)));
+                                  place.side_hash));
     const auto layers = cache.find_word(key_);
     if (layers) use.layers = *layers;
   }
@@ -46,7 +59,7 @@ class LazyNetwork {
 
   const Net& get() {
     if (!network_) {
-      network_ = std::make_unique<Net>(file_, description_);
+      network_ = std::make_unique<Net>(read_(), description_);
       use.layers = network_->network().layers();
       cache_.put_word(key_, use.layers);
     }
@@ -65,7 +78,7 @@ class LazyNetwork {
   NetworkUse use;
 
  private:
-  fs::path file_;
+  std::function<OnnxFile()> read_;
   Description description_;
   const DetectionCache& cache_;
   std::string key_;
@@ -97,13 +110,20 @@ class FrameRunner {
         cache_(options.cache),
         lens_(scene.camera, scene.distortion) {
     const NetworkFiles& files = options.networks;
-    if (!files.detector.empty()) {
+    if (files.detector_ships()) {
+      const std::string text = shipped_detector_description();
+      const NetworkPlace place = {kShippedNetwork, hash_bytes(shipped_detector().bytes),
+                                  hash_bytes(text), shipped_detector};
+      detector_.emplace(place, parse_detector_description(text, kShippedNetwork), cache_);
+    } else if (!files.detector.empty()) {
       const fs::path side = side_file_of(files.detector, files.detector_config);
-      detector_.emplace(files.detector, side, read_detector_description(side, warn), cache_);
+      detector_.emplace(place_of(files.detector, side), read_detector_description(side, warn),
+                        cache_);
     }
     if (!files.segmenter.empty()) {
       const fs::path side = side_file_of(files.segmenter, files.segmenter_config);
-      segmenter_.emplace(files.segmenter, side, read_segmenter_description(side, warn), cache_);
+      segmenter_.emplace(place_of(files.segmenter, side), read_segmenter_description(side, warn),
+                         cache_);
     }
   }
 
@@ -192,6 +212,10 @@ std::vector<VehicleDetection> detections_of(const std::vector<DetectedVehicle>& 
 }
 
 }  // namespace
+
+bool NetworkFiles::detector_ships() const {
+  return detector == kShippedNetwork && detector_config.empty();
+}
 
 NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
                           const DetectFramesOptions& options, const Progress& progress,

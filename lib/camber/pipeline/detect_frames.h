@@ -15,11 +15,13 @@
 
 namespace camber {
 
-/// The files of the networks that a person brings; empty: none.
+/// The files of the networks that a person brings; empty: none. The detector may be
+/// kShippedNetwork: the one that ships.
 struct NetworkFiles {
   std::filesystem::path detector, segmenter;                ///< ONNX
   std::filesystem::path detector_config, segmenter_config;  ///< empty: beside the network, .json
   bool empty() const { return detector.empty() && segmenter.empty(); }
+  bool detector_ships() const;  ///< and no description of another file is given
 };
 
 struct DetectFramesOptions {

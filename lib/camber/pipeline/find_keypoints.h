@@ -7,7 +7,7 @@
 
 #include "camber/core/progress.h"
 #include "camber/detect/keypoint_network.h"
-#include "camber/detect/shipped_keypoints.h"
+#include "camber/detect/shipped_networks.h"
 #include "camber/pipeline/detect_frames.h"
 #include "camber/scene/scene.h"
 

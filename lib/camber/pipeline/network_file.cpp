@@ -215,6 +215,41 @@ class SideFile {
   JsonObject root_;
 };
 
+DetectorDescription read_detector(SideFile& file, const LogSink& warn) {
+  JsonObject& root = file.root();
+  DetectorDescription out;
+  if (auto v = root.find("name")) out.name = v->text();
+  out.input = read_input(root.require("input", "an object"));
+  if (auto v = root.find("check")) out.check = read_check(*v);
+  const std::vector<std::string> heads = {"yolox", "yolov5", "yolov8", "fastestdet"};
+  const JsonCursor head = root.require("head", "yolox, yolov5, yolov8 or fastestdet");
+  out.head = *detector_head_from_string(heads[word_at(head, heads)]);
+  if (auto v = root.find("strides")) {
+    out.strides.clear();
+    for (const JsonCursor& stride : v->items("an array of whole numbers")) {
+      out.strides.push_back(stride.integer(1, 1024, "a whole number from 1 to 1024"));
+    }
+  }
+  const JsonCursor classes = root.require("classes", "\"coco\" or an array of names");
+  out.classes = read_classes(classes);
+  if (auto v = root.find("vehicles")) {
+    out.vehicles = read_vehicles(*v, out.classes);
+  } else {
+    out.vehicles = vehicles_by_name(out.classes);
+    if (out.vehicles.empty()) {
+      classes.fail_because(
+          "found none of car, van, truck and bus, expected `vehicles` to say which classes are "
+          "vehicles");
+    }
+  }
+  if (auto v = root.find("score")) out.least_score = read_share(*v);
+  if (auto v = root.find("overlap")) out.most_overlap = read_share(*v);
+  if (auto v = root.find("tiles")) out.tiles = read_tiles(*v);
+  if (auto v = root.find("box_sigma_px")) out.box_sigma_px = v->positive();
+  file.finish(out, warn);
+  return out;
+}
+
 KeypointsDescription read_keypoints(SideFile& file, const LogSink& warn) {
   JsonObject& root = file.root();
   KeypointsDescription out;
@@ -252,38 +287,12 @@ std::filesystem::path side_file_of(const std::filesystem::path& network,
 DetectorDescription read_detector_description(const std::filesystem::path& path,
                                               const LogSink& warn) {
   SideFile file(path, "detector");
-  JsonObject& root = file.root();
-  DetectorDescription out;
-  if (auto v = root.find("name")) out.name = v->text();
-  out.input = read_input(root.require("input", "an object"));
-  if (auto v = root.find("check")) out.check = read_check(*v);
-  const std::vector<std::string> heads = {"yolox", "yolov5", "yolov8", "fastestdet"};
-  const JsonCursor head = root.require("head", "yolox, yolov5, yolov8 or fastestdet");
-  out.head = *detector_head_from_string(heads[word_at(head, heads)]);
-  if (auto v = root.find("strides")) {
-    out.strides.clear();
-    for (const JsonCursor& stride : v->items("an array of whole numbers")) {
-      out.strides.push_back(stride.integer(1, 1024, "a whole number from 1 to 1024"));
-    }
-  }
-  const JsonCursor classes = root.require("classes", "\"coco\" or an array of names");
-  out.classes = read_classes(classes);
-  if (auto v = root.find("vehicles")) {
-    out.vehicles = read_vehicles(*v, out.classes);
-  } else {
-    out.vehicles = vehicles_by_name(out.classes);
-    if (out.vehicles.empty()) {
-      classes.fail_because(
-          "found none of car, van, truck and bus, expected `vehicles` to say which classes are "
-          "vehicles");
-    }
-  }
-  if (auto v = root.find("score")) out.least_score = read_share(*v);
-  if (auto v = root.find("overlap")) out.most_overlap = read_share(*v);
-  if (auto v = root.find("tiles")) out.tiles = read_tiles(*v);
-  if (auto v = root.find("box_sigma_px")) out.box_sigma_px = v->positive();
-  file.finish(out, warn);
-  return out;
+  return read_detector(file, warn);
+}
+
+DetectorDescription parse_detector_description(const std::string& text, const std::string& name) {
+  SideFile file(text, name, "detector");
+  return read_detector(file, {});
 }
 
 SegmenterDescription read_segmenter_description(const std::filesystem::path& path,

@@ -24,6 +24,7 @@ SegmenterDescription read_segmenter_description(const std::filesystem::path& pat
 KeypointsDescription read_keypoints_description(const std::filesystem::path& path,
                                                 const LogSink& warn = {});
 /// The same of a text. @param name  for messages.
+DetectorDescription parse_detector_description(const std::string& text, const std::string& name);
 KeypointsDescription parse_keypoints_description(const std::string& text, const std::string& name);
 
 }  // namespace camber

@@ -1,6 +1,6 @@
-#include "camber/detect/shipped_keypoints.h"
+#include "camber/detect/shipped_networks.h"
 
-// The bytes of both files: an array of numbers in C++ would take the compiler minutes.
+// The bytes of the files: an array of numbers in C++ would take the compiler minutes.
 #define CAMBER_EMBED(symbol, file)                                              \
   __asm__(                                                                      \
       ".pushsection .rodata\n"                                                  \
@@ -15,8 +15,10 @@
   extern "C" __attribute__((visibility("hidden"))) const char symbol##_begin[]; \
   extern "C" __attribute__((visibility("hidden"))) const char symbol##_end[]
 
-CAMBER_EMBED(camber_keypoints_onnx, CAMBER_KEYPOINTS_FILE ".onnx");
-CAMBER_EMBED(camber_keypoints_json, CAMBER_KEYPOINTS_FILE ".json");
+CAMBER_EMBED(camber_keypoints_onnx, CAMBER_MODELS "/keypoints.onnx");
+CAMBER_EMBED(camber_keypoints_json, CAMBER_MODELS "/keypoints.json");
+CAMBER_EMBED(camber_vehicles_onnx, CAMBER_MODELS "/vehicles.onnx");
+CAMBER_EMBED(camber_vehicles_json, CAMBER_MODELS "/vehicles.json");
 
 namespace camber {
 
@@ -27,6 +29,15 @@ OnnxFile shipped_keypoint_network() {
 
 std::string shipped_keypoint_description() {
   return std::string(camber_keypoints_json_begin, camber_keypoints_json_end);
+}
+
+OnnxFile shipped_detector() {
+  return {"the detector that ships",
+          std::string(camber_vehicles_onnx_begin, camber_vehicles_onnx_end)};
+}
+
+std::string shipped_detector_description() {
+  return std::string(camber_vehicles_json_begin, camber_vehicles_json_end);
 }
 
 }  // namespace camber
