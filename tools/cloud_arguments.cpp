@@ -107,7 +107,14 @@ void warn_about_losses(const std::string& path, const PointStreamHeader& header,
       warn(fmt::format("{}: {} are not kept", path, what));
     }
   }
-  if (format != CloudFormat::kKittiBin || !header.crs) return;
+  if (format != CloudFormat::kKittiBin) return;
+  if (header.frame == CloudFrame::kCamera) {
+    warn(path + ": the frame (a camera's: x right, y down) has no place in the output");
+  }
+  if (!header.metric) {
+    warn(path + ": that its lengths are up to scale has no place in the output");
+  }
+  if (!header.crs) return;
   if (header.crs->stated() || header.crs->epsg > 0) {
     warn(fmt::format("{}: the coordinate system ({}) has no place in the output", path,
                      describe(*header.crs)));

@@ -174,10 +174,36 @@ bool scales(const CompareOptions& options) {
   return options.alignment == Alignment::kScale || options.alignment == Alignment::kSimilarity;
 }
 
+/// What a cloud's file states of where its coordinates are.
+struct StatedPlace {
+  CloudFrame frame = CloudFrame::kUnknown;
+  std::optional<CoordinateSystem> crs;
+};
+
+/// Of two clouds that are compared as they are.
+void warn_of_other_place(const StatedPlace& estimate, const StatedPlace& truth,
+                         const LogSink& warn) {
+  if (!warn) return;
+  const auto known = [](CloudFrame frame) { return frame != CloudFrame::kUnknown; };
+  if (known(estimate.frame) && known(truth.frame) && estimate.frame != truth.frame) {
+    warn(
+        "one cloud is in a camera's frame (y down), the other has z up: they are compared as they "
+        "are");
+  }
+  if (!estimate.crs || !truth.crs || !estimate.crs->stated() || !truth.crs->stated()) return;
+  const std::string own = describe(*estimate.crs), other = describe(*truth.crs);
+  if (own != other) {
+    warn(
+        fmt::format("the estimate's coordinate system is {}, the truth's {}: they are compared as "
+                    "they are",
+                    own, other));
+  }
+}
+
 /// @param own_size  false: the shape is scaled to another one, its units do not matter
 /// @param folder    in which the files that an OpenCRG road names must lie; empty: anywhere
 Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
-                 bool own_size = true, const fs::path& folder = {}) {
+                 bool own_size = true, const fs::path& folder = {}, StatedPlace* place = nullptr) {
   if (is_crg(path)) {
     Shape shape = crg_mesh(path, folder, warn);
     if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": no cell has four known corners");
@@ -190,6 +216,7 @@ Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
   if (own_size) {
     warn_of_unknown_scale(path.string(), file.cloud.metric, file.report.crs, warn);
   }
+  if (place != nullptr) *place = {file.cloud.frame, file.report.crs};
   Shape shape;
   shape.cloud = std::move(file.cloud);
   shape.triangles = std::move(file.triangles);
@@ -283,7 +310,9 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
   const ReadOptions reading = args.reading.read_options();
   Inputs in;
   in.camera = args.camera;
-  in.estimate = read_shape(cloud_of(args.estimate), reading, warn, !scales(*options));
+  StatedPlace estimate, truth;
+  in.estimate =
+      read_shape(cloud_of(args.estimate), reading, warn, !scales(*options), {}, &estimate);
   if (is_result(args.estimate)) in.run = read_run(fs::path(args.estimate) / "run.json");
   if (!is_result(args.truth) && is_scene(args.truth)) {
     const Scene scene = read_scene(args.truth, warn, scene_paths(args.confine));
@@ -295,7 +324,10 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
     const bool depth = scene.truth->cloud.empty() && args.transform.empty();
     if (depth) options->truth_viewpoint = Eigen::Vector3d::Zero();
   } else {
-    in.truth = read_shape(cloud_of(args.truth), reading, warn);
+    in.truth = read_shape(cloud_of(args.truth), reading, warn, true, {}, &truth);
+    if (args.transform.empty() && options->alignment == Alignment::kNone) {
+      warn_of_other_place(estimate, truth, warn);
+    }
   }
   if (!args.transform.empty()) options->estimate_from_truth = read_matrix(args.transform);
   return in;

@@ -325,7 +325,8 @@ void add_arguments(App& app, Arguments& a) {
       ->delimiter(',')
       ->expected(3)
       ->needs("--normals");
-  app.add_option("--viewpoint", a.viewpoint, "normals point to this place instead, m")
+  app.add_option("--viewpoint", a.viewpoint,
+                 "normals point to this place instead, in the file's units")
       ->delimiter(',')
       ->expected(3)
       ->needs("--normals");

@@ -394,6 +394,17 @@ TEST_F(CloudTools, CompareTakesAMeshAsTruth) {
   EXPECT_NEAR(out.at("road").at(0).at("height_mean").get<double>(), -0.03, 1e-6);
 }
 
+TEST_F(CloudTools, WhatKittiFilesHaveNoPlaceForIsNamed) {
+  RoadCloud cloud = make_square(0.1);
+  cloud.frame = CloudFrame::kCamera;
+  cloud.metric = false;
+  write_cloud(cloud, path("in.ply"));
+  const std::string warnings = run({"convert", path("in.ply"), "--out", path("out.bin")}).error;
+  EXPECT_THAT(warnings, HasSubstr("the frame (a camera's: x right, y down) has no place"));
+  EXPECT_THAT(warnings, HasSubstr("up to scale has no place in the output"));
+  EXPECT_EQ(run({"convert", path("in.ply"), "--out", path("out.ply")}).error, "");
+}
+
 TEST_F(CloudTools, InfoTellsCloudsScenesAndResultsApart) {
   RoadCloud cloud = make_square(0.1);
   write_cloud(cloud, path("in.ply"));

@@ -162,7 +162,7 @@ TEST_F(OnTheMap, ImportsTakePositions) {
   ASSERT_EQ(run_camber(other).exit_code, 0);
   EXPECT_EQ(read_scene(file("scene.json")).map_crs, "EPSG:25833");
   EXPECT_LT(read_scene(file("scene.json")).frames[0].map_position->position.x(), 100000.0);
-  for (const char* const crs : {"EPSG:4326", "EPSG:2230", "no such thing"}) {
+  for (const char* const crs : {"EPSG:4326", "EPSG:2230", "EPSG:5783", "no such thing", "hill"}) {
     auto wrong = command;
     wrong.insert(wrong.end(), {"--crs", crs});
     EXPECT_ONE_SENTENCE(run_camber(wrong), 2, "--crs");

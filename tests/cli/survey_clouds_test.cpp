@@ -315,6 +315,19 @@ class SurveyTools : public ::testing::Test {
   test::TemporaryFolder folder_;
 };
 
+TEST_F(SurveyTools, CloudsOfOtherSystemsAreNotComparedInSilence) {
+  write_text("street.csv", street(1.0));
+  run({"convert", path("street.csv"), "--crs", "EPSG:32632", "--out", path("a.las")});
+  run({"convert", path("street.csv"), "--crs", "EPSG:32633", "--out", path("b.las")});
+  const auto warning = [&](const std::string& truth) {
+    const auto result = run_camber({"compare", path("a.las"), path(truth), "--no-road-frame"});
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return result.error;
+  };
+  EXPECT_THAT(warning("b.las"), testing::HasSubstr("EPSG:32633, metre: they are compared as they"));
+  EXPECT_EQ(warning("a.las"), "");
+}
+
 TEST_F(SurveyTools, LasThroughConvertAndFilterKeepsItsRecords) {
   write_text("street.csv", street(1.0));
   write_text("system.wkt", "PROJCS[\"mine\",UNIT[\"metre\",1]]");

@@ -8,6 +8,7 @@
 
 #include "camber/cloud/coordinate_system.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "crs_plugin.h"
 #include "plugin.h"
 
@@ -49,6 +50,21 @@ Object checked(const Make& make) {
   return Object(make());
 }
 
+/// Why a system that PROJ has made of a text is not taken; empty: it is. PROJ also takes the first
+/// one whose name is like the text.
+std::string why_not(const PJ* system, const std::string& text) {
+  if (proj_is_crs(system) == 0) return "it is no coordinate reference system";
+  const char* const name = proj_get_name(system);
+  const bool by_name = text.find_first_of(":[={") == std::string::npos;
+  if (by_name && (name == nullptr || camber::lower_case(name) != camber::lower_case(text))) {
+    return "PROJ knows no system of that name";
+  }
+  if (proj_get_type(system) == PJ_TYPE_VERTICAL_CRS) {
+    return "it states heights alone, expected a horizontal or a compound system";
+  }
+  return {};
+}
+
 }  // namespace
 
 CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSystem* found,
@@ -58,8 +74,8 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
   const std::string text = stated(definition);
   const Context context = quiet_context();
   const Object system = checked([&] { return proj_create(context.get(), text.c_str()); });
-  const bool good = system != nullptr && proj_is_crs(system.get()) != 0;
-  if (good) {
+  *reason = system != nullptr ? why_not(system.get(), text) : "PROJ does not know it";
+  if (reason->empty()) {
     // The version of the text that LAS asks for; systems that it cannot express get the newer one.
     const char* const options[] = {"MULTILINE=NO", nullptr};
     const char* wkt = proj_as_wkt(context.get(), system.get(), PJ_WKT1_GDAL, options);
@@ -68,8 +84,6 @@ CAMBER_EXPORT bool camber_find_crs(const char* definition, camber::CoordinateSys
       *found = camber::coordinate_system_from_wkt(wkt);
     else
       *reason = "PROJ has no text for it";
-  } else {
-    *reason = system != nullptr ? "it is no coordinate reference system" : "PROJ does not know it";
   }
   return reason->empty();
 }
