@@ -21,7 +21,7 @@ test_packages=(
 # format, format_check and tidy.
 clang_packages=(clang clang-format clang-tidy libclang-rt-dev)
 # Besides, to train the keypoint network (lib/camber/detect/training).
-training_packages=(python3-matplotlib python3-numpy python3-onnx python3-torch)
+training_packages=(python3-matplotlib python3-numpy python3-onnx python3-opencv python3-torch)
 
 usage() {
   cat <<END
