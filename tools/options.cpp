@@ -1,6 +1,7 @@
 #include "options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -194,8 +195,17 @@ std::vector<std::string> default_values(const CLI::Option& option, const Default
   return text.empty() ? std::vector<std::string>{} : CLI::detail::split(text, ',');
 }
 
+/// Whether another option that is given excludes it.
+bool is_excluded(const CLI::Option& option) {
+  const auto& excluding = option.get_excludes();
+  return std::any_of(excluding.begin(), excluding.end(),
+                     [](const CLI::Option* other) { return other->count() > 0; });
+}
+
 /// All options of a command as a table of a configuration file.
-void print_config(const Line& line, const DefaultNumbers& numbers) {
+/// @param varying  whose defaults are no choice that the file could make
+void print_config(const Line& line, const DefaultNumbers& numbers,
+                  const std::set<const CLI::Option*>& varying) {
   std::string table;
   for (const std::string& name : line.names) table += (table.empty() ? "" : ".") + name;
   std::cout << "[" << table << "]\n";
@@ -203,6 +213,8 @@ void print_config(const Line& line, const DefaultNumbers& numbers) {
     if (option->get_lnames().empty()) continue;
     const std::string& name = option->get_lnames().front();
     if (name == "help" || name == "config" || name == "print-config") continue;
+    const bool open = option->count() == 0 && (varying.count(option) > 0 || is_excluded(*option));
+    if (open) std::cout << "# ";
     if (is_flag(*option)) {
       std::cout << name << " = " << (option->count() > 0 ? "true" : "false") << "\n";
       continue;
@@ -211,7 +223,7 @@ void print_config(const Line& line, const DefaultNumbers& numbers) {
         option->count() > 0 ? option->results() : default_values(*option, numbers);
     const bool list = option->get_items_expected_max() > 1 || values.size() > 1;
     if (values.empty()) {
-      std::cout << "# " << name << " =\n";
+      std::cout << (open ? "" : "# ") << name << " =\n";
     } else {
       std::cout << name << " = " << to_toml(values, list) << "\n";
     }
@@ -264,6 +276,7 @@ Option* Option::type_name(const std::string& name) { return raw(option_)->type_n
 Option* Option::capture_default_str() { return raw(option_)->capture_default_str(), this; }
 Option* Option::needs(const std::string& name) { return raw(option_)->needs(name), this; }
 Option* Option::excludes(const std::string& name) { return raw(option_)->excludes(name), this; }
+Option* Option::default_varies() { return default_varies_ = true, this; }
 Option* Option::no_name() { return names_ = Names::kNothing, this; }
 Option* Option::output_file() { return names_ = Names::kOutputFile, this; }
 Option* Option::output_folder() { return names_ = Names::kOutputFolder, this; }
@@ -285,6 +298,14 @@ struct App::Impl {
   DefaultNumbers numbers_of_all() const {
     DefaultNumbers all = numbers;
     for (const std::unique_ptr<App>& command : below) all.merge(command->impl_->numbers_of_all());
+    return all;
+  }
+  std::set<const CLI::Option*> varying_of_all() const {
+    std::set<const CLI::Option*> all;
+    for (const Option& option : options) {
+      if (option.default_varies_) all.insert(static_cast<const CLI::Option*>(option.option_));
+    }
+    for (const std::unique_ptr<App>& command : below) all.merge(command->impl_->varying_of_all());
     return all;
   }
 };
@@ -405,7 +426,7 @@ int App::parse(int argc, char** argv) {
     std::vector<std::string> words(line.words.rbegin(), line.words.rend());
     app.parse(std::move(words));
     if (!printing) return -1;
-    print_config(line, impl_->numbers_of_all());
+    print_config(line, impl_->numbers_of_all(), impl_->varying_of_all());
     return 0;
   } catch (const CLI::RequiredError& error) {
     std::cerr << "camber: " << one_line(error.what() + advice(app)) << "\n";

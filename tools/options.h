@@ -44,6 +44,8 @@ class Option {
   Option* needs(const std::string& name);
   Option* excludes(const std::string& name);
   Option* check(const Check& check);
+  /// Its default hangs on other options or on the input: --print-config has it as a comment.
+  Option* default_varies();
 
   // What a text names. Nothing where it has a check(); without any of these, what is read.
   Option* no_name();
@@ -57,6 +59,7 @@ class Option {
   enum class Names { kNothing, kInput, kOutputFile, kOutputFolder, kOutputManifest };
   void* option_ = nullptr;  // CLI::Option
   Names names_ = Names::kNothing;
+  bool default_varies_ = false;
 };
 
 /// The files and folders that a command line names.

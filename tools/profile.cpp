@@ -279,7 +279,8 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--levelling-sigma-deg", a.levelling_sigma_deg,
                  "how well the cloud's up is known, degrees: part of the bands; default: as the "
                  "surface states it")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--drift-sigma", a.options.drift_sigma,
                  "metres by which the cloud's heights may drift along the road: part of the bands")
       ->capture_default_str();

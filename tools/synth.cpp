@@ -32,13 +32,13 @@ class Settings {
               const Value& default_value, std::function<void(const Value&, SynthOptions*)> apply) {
     const auto value = std::make_shared<Value>(default_value);
     given_.push_back({&app, name, [value, apply](SynthOptions* o) { apply(*value, o); }});
-    return app.add_option(name, *value, help);
+    return app.add_option(name, *value, help)->default_varies();
   }
   Option* add_flag(App& app, const std::string& name, const std::string& help,
                    std::function<void(SynthOptions*)> apply) {
     const auto value = std::make_shared<bool>(false);
     given_.push_back({&app, name, [value, apply](SynthOptions* o) { apply(o); }});
-    return app.add_flag(name, *value, help);
+    return app.add_flag(name, *value, help)->default_varies();
   }
   /// Directly bound to a field, with its default shown.
   template <typename Value>

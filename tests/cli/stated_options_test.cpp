@@ -40,6 +40,33 @@ std::vector<std::string> options_of(std::vector<std::string> command) {
   return keys;
 }
 
+TEST(PrintedConfiguration, GivenBackIsTheSameLine) {
+  const test::TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  const auto again = [&](const std::vector<std::string>& command) {
+    std::vector<std::string> print = command;
+    print.emplace_back("--print-config");
+    const ProgramResult first = run_camber(print);
+    EXPECT_EQ(first.exit_code, 0) << first.error;
+    std::ofstream(path("c.toml")) << first.out;
+    const ProgramResult second =
+        run_camber({command[0], "--config", path("c.toml"), "--print-config"});
+    EXPECT_EQ(second.exit_code, 0) << second.error;
+    EXPECT_EQ(second.out, first.out);
+    return first.out;
+  };
+  const std::string made = again({"synth", "--random", "7", "--frames", "1", "--size", "160x60",
+                                  "--cloud-points", "1000", "--out", path("scene")});
+  EXPECT_THAT(made, testing::HasSubstr("\nframes = 1\n"));
+  EXPECT_THAT(made, testing::HasSubstr("\n# corner-radius = 9\n"));
+  const ProgramResult scene = run_camber({"synth", "--config", path("c.toml")});
+  EXPECT_EQ(scene.exit_code, 0) << scene.error;
+  EXPECT_THAT(again({"render", "cloud.ply", "--camera", "0,0,9,0,0,0,0,1,0,60", "--out", "p.png"}),
+              testing::HasSubstr("\n# view = "));
+  EXPECT_THAT(again({"profile", "result", "--out", "p.csv"}),
+              testing::HasSubstr("\n# levelling-sigma-deg = "));
+}
+
 TEST(StatedOptions, AreAllThatACommandHas) {
   const test::TemporaryFolder folder;
   const auto path = [&](const char* name) { return (folder.path() / name).string(); };
