@@ -15,6 +15,7 @@
 #include "benchmarks/report.h"
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/memory.h"
+#include "camber/detect/shipped_networks.h"
 #include "camber/evaluate/metrics.h"
 #include "camber/image/image_io.h"
 #include "camber/pipeline/detect_frames.h"
@@ -173,15 +174,23 @@ void detectors(bench::Report& report, const Networks& networks, const fs::path& 
        bench::lower("false share", "%"), bench::lower("lower side, rms", "px"),
        bench::timing("a frame, two threads"), bench::timing("processor time of a frame")});
   struct Row {
-    const char *name, *file, *text;
+    const char *name, *file, *text;  // no file: the one that ships
     bool tiles;
   };
-  for (const Row& row : {Row{"YOLOX-Nano", kYoloxFile, kYoloxNano, true},
-                         Row{"YOLOX-Nano", kYoloxFile, kYoloxNano, false},
-                         Row{"FastestDet", "FastestDet.onnx", kFastestDet, true}}) {
-    const Detector detector(networks.network(row.file),
-                            read_detector_description(networks.side_file(
-                                "detector.json", row.text, row.tiles ? "" : ", \"tiles\": false")));
+  const auto open = [&](const Row& row) {
+    if (row.file == nullptr) {
+      return Detector(shipped_detector(),
+                      parse_detector_description(shipped_detector_description(), row.name));
+    }
+    return Detector(networks.network(row.file),
+                    read_detector_description(networks.side_file(
+                        "detector.json", row.text, row.tiles ? "" : ", \"tiles\": false")));
+  };
+  for (const Row& row :
+       {Row{"shipped", nullptr, nullptr, true}, Row{"YOLOX-Nano", kYoloxFile, kYoloxNano, true},
+        Row{"YOLOX-Nano", kYoloxFile, kYoloxNano, false},
+        Row{"FastestDet", "FastestDet.onnx", kFastestDet, true}}) {
+    const Detector detector = open(row);
     ObjectFigures f;
     std::vector<fs::path> images;
     for (const auto& entry : fs::directory_iterator(folder / "image_2")) {

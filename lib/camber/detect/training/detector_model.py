@@ -11,6 +11,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from model import convolution, residuals
+
 SIDE = 320  # px
 STRIDES = (8, 16, 32)  # px
 # Square roots of areas of boxes that cells of each stride answer for, px.
@@ -19,30 +21,8 @@ SIZES = ((0.0, 40.0), (32.0, 96.0), (80.0, 1e9))
 NEAR, AROUND = 1.5, 2.5
 
 
-def convolution(inputs: int, outputs: int, stride: int = 1, size: int = 3) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, size, stride, size // 2, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(inplace=True),
-    )
-
-
-class Residual(nn.Module):
-    def __init__(self, channels: int) -> None:
-        super().__init__()
-        self.first = convolution(channels, channels)
-        self.second = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels)
-        )
-
-    def forward(self, x: Tensor) -> Tensor:
-        return F.relu(x + self.second(self.first(x)))
-
-
 def stage(inputs: int, outputs: int, blocks: int) -> nn.Sequential:
-    return nn.Sequential(
-        convolution(inputs, outputs, 2), nn.Sequential(*[Residual(outputs) for _ in range(blocks)])
-    )
+    return nn.Sequential(convolution(inputs, outputs, 2), residuals(outputs, blocks))
 
 
 class VehicleDetector(nn.Module):

@@ -31,6 +31,7 @@ from train import has_bfloat16, keep_freed_memory
 
 WARM_UP = 0.05
 CHECKED_VALUES, TOLERANCE = 16, 1e-3
+BOX_SIGMA = 5.0  # px, of the sides of boxes on photographs (../models/README.md)
 Batch = tuple[Tensor, list[tuple[Tensor, Tensor]]]
 
 
@@ -151,6 +152,7 @@ def export(network: VehicleDetector, file: Path) -> None:
         "input": {"width": SIDE, "height": SIDE, "fit": "letterbox", "align": "top_left",
                   "padding": 114, "colors": "rgb", "range": [-0.5, 0.5]},
         "head": "yolox", "strides": list(STRIDES), "classes": ["car"], "score": 0.5,
+        "box_sigma_px": BOX_SIGMA,
         "check": {"values": values, "tolerance": TOLERANCE * float(output.abs().max())},
     }  # fmt: skip
     temporary = file.with_suffix(".part")
