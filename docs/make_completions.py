@@ -19,7 +19,7 @@ class Option:
         names, _, rest = what.partition(" ")
         self.names = names.split(",")
         self.long = [name for name in self.names if name.startswith("--")][0]
-        self.takes_value = re.match(r"(TEXT|INT|UINT|FLOAT|NUMBER)\b", rest) is not None
+        self.takes_value = re.match(r"(TEXT|INT|UINT|FLOAT|NUMBER|LIST)\b", rest) is not None
         choices = re.search(r"\{([^}]*)\}", rest)
         self.choices = choices.group(1).split(",") if choices else []
         self.text = textwrap.shorten(text, 70, placeholder=" ...")
@@ -91,7 +91,7 @@ def zsh(commands):
             out += ["    '*:file:_files'", "}"]
             continue
         listed = " ".join(f"{name}\\:{quoted(escape(text))}" for name, text in command.commands)
-        out += [f'    "1:command:(({listed}))" \\', "    '*::argument:->rest'",
+        out += [f"    {quoted(f'1:command:(({listed}))')} \\", "    '*::argument:->rest'",
                 "  case $state in", "    rest)", "      case $line[1] in"]
         for below in commands:
             if below.words[:-1] == command.words:

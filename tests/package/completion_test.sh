@@ -24,6 +24,17 @@ expect camber reconstruct scene --method co = coplanar
 expect camber plane --out "" = ""
 expect camber plane --no-such = ""
 complete -p camber | grep -q -- "-o default" # files, where there are no words
+# What describes commands is no command line: zsh's functions as far as bash reads them, asked for
+# what they hand to _arguments.
+described=$(
+  _arguments() { printf '%s\n' "$@"; }
+  set +eu
+  source "$3/_camber" >/dev/null
+  _camber_keypoints
+  _camber_render
+)
+grep -q "\`keypoints synthesise\`" <<<"$described"
+grep -q -- "^--show\[.*\]:value:_files" <<<"$described" # a list is a value
 if command -v zsh >/dev/null; then zsh -n "$3/_camber"; fi
 if command -v fish >/dev/null; then
   fish --no-execute "$3/camber.fish"
