@@ -105,8 +105,12 @@ def fish(commands):
     for command in commands:
         below = " ".join(name for name, _ in command.commands)
         seen = [f"__fish_seen_subcommand_from {word}" for word in command.words[1:]]
-        none_below = f"not __fish_seen_subcommand_from {below}" if below else ""
-        condition = "; and ".join(seen + ([none_below] if below else [])) or "true"
+        # Not one of its own commands, nor the command of another of the same name (prior info).
+        others = [c.words[1] for c in commands
+                  if len(command.words) == 2 and c.words[2:] == command.words[1:]]
+        seen += [f"not __fish_seen_subcommand_from {names}"
+                 for names in (below, " ".join(others)) if names]
+        condition = "; and ".join(seen) or "true"
         for name, text in command.commands:
             out.append(f"complete -c camber -f -n {quoted(condition)} -a {name} -d {quoted(text)}")
         for option in command.options:

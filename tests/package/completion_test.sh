@@ -35,6 +35,8 @@ described=$(
 )
 grep -q "\`keypoints synthesise\`" <<<"$described"
 grep -q -- "^--show\[.*\]:value:_files" <<<"$described" # a list is a value
+# What 'camber info' takes is not for 'camber prior info'.
+grep -- "-l lenient " "$3/camber.fish" | grep "_from info;" | grep -q "not __fish_seen_subcommand_from prior"
 if command -v zsh >/dev/null; then zsh -n "$3/_camber"; fi
 if command -v fish >/dev/null; then
   fish --no-execute "$3/camber.fish"
@@ -42,4 +44,6 @@ if command -v fish >/dev/null; then
   grep -q "^coplanar" <<<"$answer"
   answer=$(fish -c "source $3/camber.fish; complete --do-complete 'camber rec'")
   grep -q "^reconstruct" <<<"$answer"
+  answer=$(fish -c "source $3/camber.fish; complete --do-complete 'camber prior info --l'")
+  [ -z "$answer" ]
 fi
