@@ -164,10 +164,12 @@ ExportInputs load_export(const ExportArguments& args, const CommonOptions& commo
 
 /// Colours of the cloud that an input is or holds, if it has any.
 std::unique_ptr<ColorSource> colors_of(const ExportArguments& args, const ExportInputs& in) {
-  const fs::path cloud =
-      is_surface(args.input) ? cloud_beside(in.files.front()) : fs::path(args.input);
+  const bool of_result = is_surface(args.input);
+  const fs::path cloud = of_result ? cloud_beside(in.files.front()) : fs::path(args.input);
   if (cloud.empty()) return nullptr;
-  const CloudFile file = read_cloud_file(cloud);
+  // As the heights were read: the same columns, in metres.
+  CloudFile file = read_cloud_file(cloud, of_result ? ReadOptions() : args.reading.read_options());
+  use_metres(cloud.string(), &file, {});
   if (file.cloud.colors.empty()) return nullptr;
   return std::make_unique<ColorSource>(file.cloud, in.frame);
 }

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -165,6 +166,14 @@ TEST_F(GeoTiff, CloudsOfMapsKeepTheirSystem) {
   const Raster in_metres(file("map.tif"));
   EXPECT_EQ(in_metres.system, "");
   EXPECT_LT(in_metres.corners[0], 0.31 * 456000.0);
+  ASSERT_EQ(in_metres.names.size(), 6u);
+  int colored = 0;
+  for (std::size_t i = 0; i < in_metres.bands[0].size(); ++i) {
+    if (in_metres.bands[0][i] == kNoData) continue;
+    ++colored;
+    ASSERT_EQ(in_metres.bands[3][i], 200.0f);
+  }
+  EXPECT_GT(colored, 300);
   // GeoTIFF has no keys for this projection: not a file that names none.
   auto unnamed = command;
   unnamed.push_back("+proj=airy +lat_0=50");
@@ -173,6 +182,27 @@ TEST_F(GeoTiff, CloudsOfMapsKeepTheirSystem) {
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_THAT(refused.error, ::testing::HasSubstr("cannot name the coordinate system"));
   EXPECT_FALSE(std::filesystem::exists(file("map.tif")));
+}
+
+TEST_F(GeoTiff, ColorsAreReadAsTheHeightsAre) {
+  {
+    std::ofstream cloud(file("cloud.txt")), line(file("line.csv"));
+    line << "x,y,z\n";
+    for (int i = 0; i <= 100; ++i) {
+      for (int k = -20; k <= 20; ++k) {
+        cloud << 0.2 * i << " " << 0.2 * k << " " << 0.02 * i << " 7 200 100 50\n";
+      }
+    }
+    for (int i = 1; i < 20; ++i) line << i << ",0," << 0.1 * i << "\n";
+  }
+  const auto result =
+      run_camber({"export", file("cloud.txt"), "--columns", "x,y,z,_,red,green,blue", "--along",
+                  file("line.csv"), "--to", "geotiff", "--out", file("map.tif")});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const Raster raster(file("map.tif"));
+  ASSERT_EQ(raster.names.size(), 6u);
+  const std::vector<float>& red = raster.bands[3];
+  EXPECT_GT(std::count(red.begin(), red.end(), 200.0f), 1000);
 }
 
 TEST_F(GeoTiff, ASystemOfAResultNamesNoFile) {
