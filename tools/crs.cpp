@@ -42,6 +42,20 @@ std::string with_length(const CoordinateUnit& unit) {
   return fmt::format("{} ({:.8g} m)", unit.name, unit.metres);
 }
 
+/// A run keeps its metres, which those of a map such as the web's Mercator are not.
+/// @param degree  what a degree of latitude is on the map, m. @throws UsageError
+void require_true_lengths(const std::string& crs, double latitude, double degree) {
+  constexpr double kMost = 0.02;
+  // Of the meridian of WGS 84.
+  const double twice = 2.0 * latitude * M_PI / 180.0;
+  const double scale = degree / (111132.954 - 559.822 * std::cos(twice));
+  if (std::abs(scale - 1.0) <= kMost) return;
+  throw UsageError(
+      fmt::format("--crs: a metre of ground is {:.3g} m on the map of '{}', expected a system with "
+                  "true lengths there, as UTM's zone has",
+                  scale, crs.substr(0, 80)));
+}
+
 }  // namespace
 
 CoordinateSystem crs_from_option(const std::string& definition) {
@@ -101,6 +115,9 @@ std::vector<MapPlace> project_to_map(const std::string& crs, const std::vector<G
   std::string reason;
   if (!project(crs, false, &places, &reason)) {
     throw UsageError(fmt::format("--crs: positions cannot be taken to '{}': {}", crs, reason));
+  }
+  if (!points.empty()) {
+    require_true_lengths(crs, points[0].latitude, (places[0] - places[1]).norm() / kStep);
   }
   std::vector<MapPlace> out;
   for (std::size_t i = 0; i < points.size(); ++i) {

@@ -167,6 +167,10 @@ TEST_F(OnTheMap, ImportsTakePositions) {
     wrong.insert(wrong.end(), {"--crs", crs});
     EXPECT_ONE_SENTENCE(run_camber(wrong), 2, "--crs");
   }
+  // On the web's map a metre in 49 degrees north is one and a half.
+  auto stretched = command;
+  stretched.insert(stretched.end(), {"--crs", "EPSG:3857"});
+  EXPECT_ONE_SENTENCE(run_camber(stretched), 2, "a metre of ground is 1.53 m on the map");
 }
 
 }  // namespace
