@@ -109,7 +109,7 @@ TEST(RoadMesh, ObjCountsFromOne) {
 
 TEST(RoadMesh, GlbHoldsTogether) {
   RoadMesh mesh = plane_mesh();
-  mesh.colors.assign(mesh.points.size(), {1, 2, 3});
+  mesh.colors.assign(mesh.points.size(), {0, 128, 255});
   const std::string glb = encode_glb(mesh);
   const auto word = [&](std::size_t at) {
     std::uint32_t value = 0;
@@ -134,6 +134,19 @@ TEST(RoadMesh, GlbHoldsTogether) {
   EXPECT_NEAR(p[0], -d.y(), 1e-6);
   EXPECT_NEAR(p[1], d.z(), 1e-6);
   EXPECT_NEAR(p[2], -d.x(), 1e-6);
+  // Colours of vertices are linear: sRGB's middle grey is a fifth of white.
+  const auto& attributes = document["meshes"][0]["primitives"][0]["attributes"];
+  const auto& colors = document["accessors"][attributes["COLOR_0"].get<std::size_t>()];
+  EXPECT_EQ(colors["componentType"], 5123);  // unsigned short
+  EXPECT_TRUE(colors["normalized"].get<bool>());
+  const auto& view = document["bufferViews"][colors["bufferView"].get<std::size_t>()];
+  EXPECT_EQ(view["byteLength"].get<std::size_t>(), 8 * mesh.points.size());
+  std::uint16_t c[4];
+  std::memcpy(c, glb.data() + data + view["byteOffset"].get<std::size_t>(), sizeof c);
+  EXPECT_EQ(c[0], 0);
+  EXPECT_NEAR(c[1] / 65535.0, 0.2158605, 1e-4);  // ((128 / 255 + 0.055) / 1.055)^2.4
+  EXPECT_EQ(c[2], 65535);
+  EXPECT_EQ(c[3], 65535);
 }
 
 /// Points 0.1 m apart on the plane of HoledGround, white lines across it every metre.

@@ -90,6 +90,23 @@ TEST(Gltf, HoldsTheSceneInMetresWithYUp) {
   EXPECT_LT((points[0] - Eigen::Vector3f(-5.0f, 0.32f, -4.0f)).norm(), 1e-5f);
 }
 
+TEST(Gltf, NamesItsOriginInTheInputsCoordinates) {
+  const auto origin = [](const PictureContent& content) {
+    const std::vector<double> values =
+        Glb(encode_glb(content)).document["asset"]["extras"]["origin"];
+    return Eigen::Vector3d(values[0], values[1], values[2]);
+  };
+  const PictureScene scene;  // the road under the camera
+  EXPECT_LT((origin(scene.content()) - Eigen::Vector3d(0, 1.65, 0)).norm(), 1e-6);
+  RoadCloud map;
+  map.frame = CloudFrame::kZUp;
+  map.origin = {456000.0, 5428000.0, 100.0};
+  map.points = {{1, 2, 3}, {4, 5, 6}};
+  PictureContent content;
+  content.cloud = &map;
+  EXPECT_LT((origin(content) - map.origin).norm(), 1e-6);
+}
+
 /// What the glTF 2.0 specification asks of every file, as far as ours use it: section 3.6.2 of
 /// accessors, 3.6.1 of buffer views, 3.7.2 of meshes, 4.4 of chunks.
 void expect_valid(const std::string& bytes) {

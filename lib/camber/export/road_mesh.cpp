@@ -15,6 +15,7 @@
 #include "camber/export/detail/series.h"
 #include "camber/export/road_strip.h"
 #include "camber/image/image_io.h"
+#include "camber/image/srgb.h"
 
 namespace camber {
 
@@ -254,8 +255,10 @@ std::string encode_glb(const RoadMesh& mesh) {
       append(&data, static_cast<float>((row * mesh.texels + 0.5) / texture.height));
     }
   } else {
-    for (const auto& c : mesh.colors) {
-      for (const std::uint8_t value : {c[0], c[1], c[2], std::uint8_t{255}}) append(&data, value);
+    for (const auto& c : mesh.colors) {  // of files sRGB, of glTF's vertices linear
+      for (const std::uint8_t value : {c[0], c[1], c[2], std::uint8_t{255}}) {
+        append(&data, static_cast<std::uint16_t>(std::lround(65535.0 * linear_from_srgb(value))));
+      }
     }
   }
   const std::size_t indices_at = data.size();
@@ -270,7 +273,7 @@ std::string encode_glb(const RoadMesh& mesh) {
     accessors.push_back(std::move(accessor));
     return accessors.size() - 1;
   };
-  constexpr int kArray = 34962, kIndices = 34963, kFloat = 5126, kByte = 5121, kWord = 5125;
+  constexpr int kArray = 34962, kIndices = 34963, kFloat = 5126, kHalfWord = 5123, kWord = 5125;
   attributes["POSITION"] = add(0, normals_at, kArray,
                                {{"componentType", kFloat},
                                 {"count", n},
@@ -285,7 +288,7 @@ std::string encode_glb(const RoadMesh& mesh) {
   } else if (!mesh.colors.empty()) {
     attributes["COLOR_0"] =
         add(colors_at, indices_at - colors_at, kArray,
-            {{"componentType", kByte}, {"normalized", true}, {"count", n}, {"type", "VEC4"}});
+            {{"componentType", kHalfWord}, {"normalized", true}, {"count", n}, {"type", "VEC4"}});
   }
   const std::size_t indices =
       add(indices_at, data.size() - indices_at, kIndices,

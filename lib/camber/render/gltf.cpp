@@ -12,6 +12,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/version.h"
+#include "camber/image/srgb.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/wireframe.h"
@@ -31,16 +32,13 @@ Eigen::Vector3f to_gltf(const Eigen::Vector3d& x) {
   return {static_cast<float>(x.x()), static_cast<float>(x.z()), static_cast<float>(-x.y())};
 }
 
-/// Colours of files and screens are sRGB, those of glTF's factors and vertices are linear.
-double to_linear(std::uint8_t value) {
-  const double c = value / 255.0;
-  return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
-}
-
 class Document {
  public:
-  Document() {
-    root_["asset"] = {{"version", "2.0"}, {"generator", std::string("Camber ") + kVersion}};
+  /// @param origin  of the file, in the input's coordinates.
+  explicit Document(const Eigen::Vector3d& origin) {
+    root_["asset"] = {{"version", "2.0"},
+                      {"generator", std::string("Camber ") + kVersion},
+                      {"extras", {{"origin", {origin.x(), origin.y(), origin.z()}}}}};
     root_["extensionsUsed"] = json::array({"KHR_materials_unlit"});
     root_["scene"] = 0;
     for (const char* list : {"nodes", "meshes", "materials", "accessors", "bufferViews"}) {
@@ -48,16 +46,17 @@ class Document {
     }
   }
 
+  /// Colours of files and screens are sRGB, those of glTF's factors and vertices are linear.
   int material(const Color& color, const std::string& name) {
-    json m = {
-        {"name", name},
-        {"pbrMetallicRoughness",
-         {{"baseColorFactor",
-           {to_linear(color.red), to_linear(color.green), to_linear(color.blue), color.alpha}},
-          {"metallicFactor", 0.0},
-          {"roughnessFactor", 1.0}}},
-        {"doubleSided", true},
-        {"extensions", {{"KHR_materials_unlit", json::object()}}}};
+    json m = {{"name", name},
+              {"pbrMetallicRoughness",
+               {{"baseColorFactor",
+                 {linear_from_srgb(color.red), linear_from_srgb(color.green),
+                  linear_from_srgb(color.blue), color.alpha}},
+                {"metallicFactor", 0.0},
+                {"roughnessFactor", 1.0}}},
+              {"doubleSided", true},
+              {"extensions", {{"KHR_materials_unlit", json::object()}}}};
     if (color.alpha < 1.0) m["alphaMode"] = "BLEND";
     return add("materials", std::move(m));
   }
@@ -86,7 +85,7 @@ class Document {
     std::array<std::uint16_t, 256> linear;
     for (int i = 0; i < 256; ++i) {
       linear[static_cast<std::size_t>(i)] = static_cast<std::uint16_t>(
-          std::lround(65535.0 * to_linear(static_cast<std::uint8_t>(i))));
+          std::lround(65535.0 * linear_from_srgb(static_cast<std::uint8_t>(i))));
     }
     std::vector<std::uint16_t> values;
     values.reserve(4 * inks.size());
@@ -433,7 +432,7 @@ void GltfOptions::validate() const {
 std::string encode_glb(const PictureContent& content, const GltfOptions& options) {
   options.validate();
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
-  Document document;
+  Document document(space.picture_from_reference.inverse().translation());
   std::vector<int> top;
   if (!space.points.empty()) top.push_back(points_node(document, content, space, options));
   if (!space.patches.empty()) top.push_back(patches_node(document, content.surface, space));

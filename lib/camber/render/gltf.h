@@ -21,8 +21,9 @@ struct GltfOptions {
 
 /// A reconstruction as binary glTF 2.0: metres, y up, -z ahead, origin as in the pictures. Named
 /// nodes: "road points", "patches" / "patch N", "vehicles" / "car N" (body, wireframe and box;
-/// facts in `extras`), "truth" / "true car N", "cameras" / "camera N" and "path". Stray points are
-/// left out as in the pictures. Same input, same bytes.
+/// facts in `extras`), "truth" / "true car N", "cameras" / "camera N" and "path". Where the origin
+/// is in the input's coordinates is in `asset.extras.origin`. Stray points are left out as in the
+/// pictures. Same input, same bytes.
 /// @throws NoAnswerError if there is nothing finite to show.
 std::string encode_glb(const PictureContent& content, const GltfOptions& options = {});
 
