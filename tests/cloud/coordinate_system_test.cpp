@@ -167,6 +167,39 @@ TEST(CoordinateSystem, OtherFormatsCarryItInComments) {
   EXPECT_EQ(test::read_error("# camber unit 0 1\n1 2 3\n", "a.xyz").substr(0, 13), "a.xyz: line 1");
 }
 
+TEST(CoordinateSystem, LongTextGoesOnInFurtherComments) {
+  RoadCloud cloud;
+  cloud.points = {{1, 2, 3}, {4, 5, 6}};
+  for (const char* const filling : {"grid  of 1990 ", "\u00df", "x", " "}) {
+    std::string name;
+    while (name.size() < 2500) name += filling;
+    CoordinateSystem system = coordinate_system_from_wkt("COMPD_CS[\"" + name + "\"," + kUtm +
+                                                         ",VERT_CS[\"h\",UNIT[\"metre\",1]]]");
+    ASSERT_EQ(system.kind, Kind::kProjected);
+    for (const CloudFormat format : {CloudFormat::kPly, CloudFormat::kPcd, CloudFormat::kText}) {
+      const auto source = make_point_source(cloud);
+      PointStreamHeader header = source->header();
+      header.crs = system;
+      std::ostringstream out;
+      const auto sink = make_point_sink(out, header, format, CloudEncoding::kAscii);
+      PointBatch batch;
+      while (source->next(batch)) sink->write(batch);
+      sink->finish();
+      // Readers of PLY that others use (RPly) hold a line in 1,024 bytes.
+      std::istringstream lines(out.str());
+      for (std::string line; std::getline(lines, line);) EXPECT_LT(line.size(), 1000u);
+      const CloudFile back =
+          test::read_from_memory(out.str(), format == CloudFormat::kText ? "a.xyz" : "a.ply");
+      ASSERT_TRUE(back.report.crs.has_value());
+      if (*filling != ' ') {
+        EXPECT_TRUE(back.report.crs->wkt == system.wkt) << back.report.crs->wkt.size();
+      }
+      EXPECT_EQ(back.report.crs->kind, Kind::kProjected);
+      EXPECT_EQ(back.cloud.size(), 2u);
+    }
+  }
+}
+
 TEST(CoordinateSystem, LasKeepsAUnitThatBelongsToNoNamedSystem) {
   RoadCloud cloud;
   cloud.points = {{1, 2, 3}, {4, 5, 6}};

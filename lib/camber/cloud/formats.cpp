@@ -8,6 +8,10 @@
 
 namespace camber {
 
+namespace {
+constexpr std::size_t kLongestWkt = 1 << 14;  // bytes; longer ones are neither written nor read
+}
+
 // --- FormatSource ------------------------------------------------------------------------------
 
 void FormatSource::read_comment(std::string_view comment) {
@@ -36,11 +40,16 @@ void FormatSource::read_comment(std::string_view comment) {
 }
 
 void FormatSource::read_crs_comment(std::string_view key, std::string_view rest) {
-  if (key == "crs") {
-    CoordinateSystem crs = coordinate_system_from_wkt(rest);
+  if (key == "crs" || key == "crs+") {
+    if (key == "crs") crs_text_.clear();
+    rest.remove_prefix(std::min(rest.find_first_not_of(" \t"), rest.size()));
+    if (key == "crs+" && (rest.empty() || crs_text_.size() + rest.size() > kLongestWkt)) return;
+    crs_text_ += rest;
+    CoordinateSystem crs = coordinate_system_from_wkt(crs_text_);
     std::string_view word = next_word(rest);
     std::uint64_t code = 0;
-    if (word.substr(0, 5) == "EPSG:" && parse_unsigned(word.substr(5), code) && code < 1000000) {
+    if (key == "crs" && word.substr(0, 5) == "EPSG:" && parse_unsigned(word.substr(5), code) &&
+        code < 1000000) {
       crs = CoordinateSystem();
       crs.epsg = static_cast<int>(code);
     }
@@ -325,6 +334,34 @@ std::string parse_row(std::string_view line, const std::vector<ColumnRule>& rule
 
 // --- writing -----------------------------------------------------------------------------------
 
+namespace {
+
+/// Readers of PLY hold a line in 1,024 bytes; some of them end the program at a longer one.
+constexpr std::size_t kLongestComment = 900;
+
+/// "camber crs TEXT"; what does not fit on a line follows on lines "camber crs+ TEXT".
+void add_crs_comments(std::string text, std::vector<std::string>* comments) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+  }
+  const char* key = "camber crs ";
+  while (!text.empty()) {
+    std::size_t length = std::min(text.size(), kLongestComment);
+    // Not beside a blank, which a reader may strip, nor within a character, where there is such a
+    // place.
+    for (std::size_t at = length; length < text.size() && at > length / 2; --at) {
+      if (text[at - 1] == ' ' || text[at] == ' ' || (text[at] & 0xc0) == 0x80) continue;
+      length = at;
+      break;
+    }
+    comments->push_back(key + text.substr(0, length));
+    text.erase(0, length);
+    key = "camber crs+ ";
+  }
+}
+
+}  // namespace
+
 std::vector<std::string> camber_comments(const PointStreamHeader& header) {
   std::vector<std::string> comments;
   if (header.frame == CloudFrame::kCamera) comments.emplace_back("camber frame camera");
@@ -340,13 +377,8 @@ std::vector<std::string> camber_comments(const PointStreamHeader& header) {
   }
   if (!header.crs) return comments;
   const CoordinateSystem& crs = *header.crs;
-  constexpr std::size_t kLongestWkt = 1 << 14;  // bytes
   if (!crs.wkt.empty() && crs.wkt.size() <= kLongestWkt) {
-    std::string line = "camber crs " + crs.wkt;
-    for (char& c : line) {
-      if (static_cast<unsigned char>(c) < 0x20) c = ' ';
-    }
-    comments.push_back(line);
+    add_crs_comments(crs.wkt, &comments);
   } else if (crs.epsg > 0) {
     comments.push_back("camber crs EPSG:" + std::to_string(crs.epsg));
   }

@@ -45,7 +45,8 @@ class FormatSource : public PointSource {
       : file_(std::move(file)), options_(options), lines_(*file_) {}
 
   /// Takes "camber frame camera", "camber metric false", "camber origin X Y Z", "camber crs EPSG:n"
-  /// (or well-known text) or "camber unit H V" (metres) from a comment.
+  /// (or well-known text, which "camber crs+" continues) or "camber unit H V" (metres) from a
+  /// comment.
   void read_comment(std::string_view comment);
 
   /// Takes the coordinate system that the file states, or the one of the options instead. Units
@@ -66,6 +67,8 @@ class FormatSource : public PointSource {
 
  private:
   void read_crs_comment(std::string_view key, std::string_view rest);
+
+  std::string crs_text_;  // of the lines so far
 };
 
 /// Binary records of one size: hands out views into the file's window.
