@@ -294,6 +294,10 @@ TEST(Files, AreWrittenAtomicallyAndReadBack) {
   RoadCloud bad = cloud;
   bad.sigmas.pop_back();
   EXPECT_THROW(write_cloud(bad, folder.path() / "c.ply"), std::invalid_argument);
+  RoadCloud nameless;  // a reader would find a property without a name
+  nameless.points = {{1, 2, 3}};
+  nameless.scalars[""] = {0.5f};
+  EXPECT_THROW(write_cloud(nameless, folder.path() / "d.ply"), std::invalid_argument);
 }
 
 TEST(RoadPly, HasThePropertiesOfAReconstruction) {
@@ -326,6 +330,23 @@ TEST(Streams, WithAnUnknownCountFillItInAtTheEnd) {
       while (source->next(batch)) sink->write(batch);
       sink->finish();
       expect_equal(cloud, read_from_memory(out.str(), "a").cloud);
+    }
+  }
+}
+
+TEST(Pcd, SaysWherePointTypesOfPclWouldStayEmpty) {
+  RoadCloud cloud;
+  cloud.points = {{1, 2, 3}};
+  for (const double east : {0.0, 456000.0}) {
+    cloud.origin.x() = east;
+    for (const CloudEncoding encoding : {CloudEncoding::kBinary, CloudEncoding::kCompressed}) {
+      const auto source = make_point_source(cloud);
+      std::ostringstream out;
+      const auto sink = make_point_sink(out, source->header(), CloudFormat::kPcd, encoding);
+      PointBatch batch;
+      while (source->next(batch)) sink->write(batch);
+      sink->finish();
+      EXPECT_EQ(sink->notes().size(), east > 0.0 ? 1u : 0u);
     }
   }
 }

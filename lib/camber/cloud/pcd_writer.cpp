@@ -107,6 +107,16 @@ class PcdSink : public PointSink {
     }
   }
 
+  std::vector<std::string> notes() const override {
+    const int x = roles_.position[0];
+    if (x < 0 || header_.fields[static_cast<std::size_t>(x)].type != ScalarType::kFloat64) {
+      return {};
+    }
+    return {
+        "the coordinates are 8-byte floats, which hold those of maps; PCL's own point types have "
+        "4-byte ones and are filled with 0 from them"};
+  }
+
  private:
   struct Column {
     int source = -1;

@@ -513,6 +513,9 @@ class CloudSource : public PointSource {
       add(name, ScalarType::kFloat32, values.data(), 4);
     }
     for (std::size_t i = 0; i < header_.fields.size(); ++i) {
+      if (header_.fields[i].name.empty()) {
+        throw std::invalid_argument("cloud attribute '' has no name, expected one");
+      }
       for (std::size_t k = 0; k < i; ++k) {
         if (header_.fields[i].name == header_.fields[k].name) {
           throw std::invalid_argument("cloud attribute '" + header_.fields[i].name +
