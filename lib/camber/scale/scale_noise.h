@@ -23,6 +23,9 @@ struct ScaleNoise {
   /// Standard deviations between one source and the others from which on the scale is widened, by
   /// ever more of what they differ by up to the source's gate.
   double contradiction_start = 2.0;
+  /// Relative, of the scale by one source alone: one that knows it worse contradicts none (assumed;
+  /// a road's width, which measures its shape, knows it to a factor).
+  double contradicting_scale = 0.3;
 
   // Painted markings of known size.
   double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)

@@ -12,6 +12,7 @@
 #include "camber/motion/self_calibration.h"
 #include "camber/pipeline/stages/motion.h"
 #include "camber/scale/camera_height_constraint.h"
+#include "camber/scale/contradiction.h"
 #include "camber/scale/focal_length_by_dashes.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
@@ -266,19 +267,15 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
       std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintReport& report = scaled->reports[i];
-    if (constraints[i].size() == 0) continue;
-    const double share =
-        contradiction_share(report.residual_sigma, noise.contradiction_start, constraints[i].gate);
-    if (!(share > 0.0)) continue;
     // Alone, before the ground is conditioned on all sources.
-    const auto implied = implied_log_scale(prior, constraints[i]);
-    if (!implied) continue;
-    const double off = implied->mean - fused_change;
-    variance = std::max(variance, share * off * off);
+    const auto other = contradicting_scale(prior, constraints[i], report, fused_change, noise);
+    if (!other) continue;
+    variance = std::max(variance, other->variance);
     if (report.accepted) continue;
     contradict(fmt::format("{} ({}): {}; by it everything is {:.0f} % {}", report.name,
-                           report.source, report.reason, 100.0 * std::abs(std::expm1(off)),
-                           off > 0.0 ? "larger" : "smaller"));
+                           report.source, report.reason,
+                           100.0 * std::abs(std::expm1(other->log_scale)),
+                           other->log_scale > 0.0 ? "larger" : "smaller"));
   }
   const double aside = std::atan2(travel.x(), travel.z());
   const double turn =
