@@ -90,11 +90,10 @@ def markdown(pages):
         "|---|---|",
     ]
     out += [f"| `camber {what}` | {cell(text)} |" for what, text in root.sections["Subcommands"]]
-    common = next(p for p in rest if p.sections.get("Options") and not p.commands())
+    common_page = next(p for p in rest if p.sections.get("Options") and not p.commands())
+    common = [e for e in common_page.sections["Options"] if is_common(e[0])]
     out += ["", "Every command takes", "", "| option | |", "|---|---|"]
-    out += [
-        f"| `{what}` | {cell(text)} |" for what, text in common.sections["Options"] if is_common(what)
-    ]
+    out += [f"| `{what}` | {cell(text)} |" for what, text in common]
     for page in rest:
         out += ["", f"## camber {' '.join(page.words)}", "", page.summary, ""]
         if page.commands():
@@ -105,7 +104,7 @@ def markdown(pages):
             ]
             continue
         entries = page.sections.get("Positionals", []) + [
-            e for e in page.sections.get("Options", []) if not is_common(e[0])
+            e for e in page.sections.get("Options", []) if e not in common
         ]
         if entries:
             out += ["| argument | |", "|---|---|"]

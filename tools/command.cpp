@@ -47,9 +47,10 @@ Command* add_command(App& root, const std::string& name, const std::string& desc
   Command& command = commands().emplace_back();
   command.app = root.add_subcommand(name, description);
   command.app->footer("Examples:\n" + examples);
-  command.app->add_option("--seed", command.common.seed, "seed of all random numbers")
-      ->check(whole_number())
-      ->capture_default_str();
+  command.seed =
+      command.app->add_option("--seed", command.common.seed, "seed of all random numbers")
+          ->check(whole_number())
+          ->capture_default_str();
   command.app
       ->add_option("--threads", command.common.threads,
                    "threads to use; default: all, or OMP_NUM_THREADS")

@@ -27,6 +27,7 @@ struct Command {
   CommonOptions common;
   bool foreign_folders = false;  ///< that it reads: no scenes, results or COLMAP models
   std::function<int()> run;
+  Option* seed = nullptr;  ///< --seed, whose default a command may have of its own
 };
 
 /// Adds a subcommand with the common options, a description and examples for its --help.

@@ -112,11 +112,9 @@ int learn(const Command& command, const LearnArguments& args) {
   if (args.family) {
     const StageTimer timer(timings, "compute");
     FamilyPriorOptions options;
-    // The shipped prior is that of the default seed.
-    if (command.app->count("--seed") > 0) options.seed = command.common.seed;
+    options.seed = command.common.seed;
     options.num_coefficients = args.coefficients;
     prior = learn_family_prior(options);
-    json["seed"] = options.seed;
   } else {
     std::vector<AnnotatedShape> shapes;
     {
@@ -269,6 +267,9 @@ void register_prior(App& root) {
       "parametric car family, which makes the prior that ships.",
       "  camber prior learn --family --out lib/camber/vehicle/shipped_prior.json\n"
       "  camber prior learn annotated_shapes.csv --out my_prior.json");
+  // The shipped prior is that of the family's default seed.
+  learn_command->common.seed = FamilyPriorOptions().seed;
+  learn_command->seed->capture_default_str();
   auto l = std::make_shared<LearnArguments>();
   learn_command->app->add_option("shapes", l->shapes, "annotated shapes, CSV");
   learn_command->app->add_flag("--family", l->family, "learn from the parametric car family");

@@ -67,6 +67,29 @@ TEST(PrintedConfiguration, GivenBackIsTheSameLine) {
               testing::HasSubstr("\n# levelling-sigma-deg = "));
 }
 
+TEST(StatedOptions, SeedOfAPriorIsTheOneInUse) {
+  const test::TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  const auto learn = [&](const char* name, std::vector<std::string> more) {
+    std::vector<std::string> command = {"prior",    "learn",  "--family",       "--out",
+                                        path(name), "--json", "--coefficients", "1"};
+    command.insert(command.end(), more.begin(), more.end());
+    const ProgramResult run = run_camber(command);
+    EXPECT_EQ(run.exit_code, 0) << run.error;
+    return nlohmann::json::parse(run.out).at("seed").get<std::uint64_t>();
+  };
+  const ProgramResult config =
+      run_camber({"prior", "learn", "--family", "--out", path("a.json"), "--print-config"});
+  const std::uint64_t seed = learn("a.json", {});
+  EXPECT_THAT(config.out, testing::HasSubstr("\nseed = " + std::to_string(seed) + "\n"));
+  EXPECT_EQ(learn("b.json", {"--seed", std::to_string(seed)}), seed);
+  EXPECT_EQ(test::read_text(path("a.json")), test::read_text(path("b.json")));
+  EXPECT_EQ(learn("c.json", {"--seed", "0"}), 0u);
+  EXPECT_NE(test::read_text(path("a.json")), test::read_text(path("c.json")));
+  EXPECT_THAT(test::read_text(path("a.json")),
+              testing::HasSubstr("seed " + std::to_string(seed) + ","));
+}
+
 TEST(StatedOptions, AreAllThatACommandHas) {
   const test::TemporaryFolder folder;
   const auto path = [&](const char* name) { return (folder.path() / name).string(); };
