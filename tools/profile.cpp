@@ -68,7 +68,9 @@ json profile_json(const Command& command, const RoadSurface& surface,
                         {"vertical_radius", number(p.vertical_radius)},
                         {"sigma_height", number(p.sigma_height)},
                         {"sigma_grade_percent", percent(p.sigma_grade)},
-                        {"sigma_cross_slope_percent", percent(p.sigma_cross_slope)}});
+                        {"sigma_cross_slope_percent", percent(p.sigma_cross_slope)},
+                        {"vertical_curvature", number(p.vertical_curvature)},
+                        {"sigma_vertical_curvature", number(p.sigma_vertical_curvature)}});
   }
   return {{"version", kVersion},
           {"seed", command.common.seed},
@@ -89,15 +91,17 @@ json profile_json(const Command& command, const RoadSurface& surface,
 std::string profile_csv(const std::vector<ProfilePoint>& profile, bool metric) {
   std::string text = fmt::format(
       "station{0},x,y,z,height{0},grade_percent,cross_slope_percent,vertical_radius{0},"
-      "sigma_height{0},sigma_grade_percent,sigma_cross_slope_percent,patch,status\n",
-      metric ? "_m" : "");
+      "sigma_height{0},sigma_grade_percent,sigma_cross_slope_percent,patch,status,"
+      "vertical_curvature{1},sigma_vertical_curvature{1}\n",
+      metric ? "_m" : "", metric ? "_per_m" : "");
   for (const ProfilePoint& p : profile) {
     text += fmt::format(
-        "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
+        "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
         p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
         cell(100.0 * p.cross_slope, 4), cell(p.vertical_radius, 2), cell(p.sigma_height, 5),
         cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
-        p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)));
+        p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)),
+        cell(p.vertical_curvature, 6), cell(p.sigma_vertical_curvature, 6));
   }
   return text;
 }
@@ -270,8 +274,10 @@ void add_arguments(App& app, Arguments& a) {
       "OpenCRG file: places, columns u, v or "
       "x, y; default: its reference line");
   app.add_option("--step", a.options.step, "metres between stations")->capture_default_str();
-  app.add_option("--length", a.options.length,
-                 "metres of road over which grade and vertical radius are measured")
+  app.add_option(
+         "--length", a.options.length,
+         "metres of road over which grade and vertical radius are measured, on heights every "
+         "tenth of it or closer")
       ->capture_default_str();
   app.add_option("--reach", a.options.reach,
                  "metres that a station may lie beyond a patch's boundary")

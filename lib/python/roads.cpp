@@ -127,9 +127,11 @@ void bind_profile(py::module_& module) {
       .CAMBER_FIELD(ProfilePoint, grade)
       .CAMBER_FIELD(ProfilePoint, cross_slope)
       .CAMBER_FIELD(ProfilePoint, vertical_radius)
+      .CAMBER_FIELD(ProfilePoint, vertical_curvature)
       .CAMBER_FIELD(ProfilePoint, sigma_height)
       .CAMBER_FIELD(ProfilePoint, sigma_grade)
       .CAMBER_FIELD(ProfilePoint, sigma_cross_slope)
+      .CAMBER_FIELD(ProfilePoint, sigma_vertical_curvature)
       .def("__repr__", [](const ProfilePoint& p) {
         return fmt::format("<camber.ProfilePoint at {:.1f} m: height {:.3f} +- {:.3f} m>",
                            p.station, p.height, p.sigma_height);

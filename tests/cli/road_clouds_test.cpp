@@ -388,7 +388,8 @@ TEST_F(RoadClouds, ProfileUpToScaleNamesNoMetres) {
   std::getline(csv, line);
   EXPECT_EQ(line,
             "station,x,y,z,height,grade_percent,cross_slope_percent,vertical_radius,sigma_height,"
-            "sigma_grade_percent,sigma_cross_slope_percent,patch,status");
+            "sigma_grade_percent,sigma_cross_slope_percent,patch,status,vertical_curvature,"
+            "sigma_vertical_curvature");
 }
 
 TEST_F(RoadClouds, ProfileAsAPlot) {

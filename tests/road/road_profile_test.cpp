@@ -158,6 +158,125 @@ TEST(RoadProfile, VerticalRadiusOfASagFromShortPatches) {
   EXPECT_NEAR(profile[20].vertical_radius, radius, 0.05 * radius);
 }
 
+/// A road's heights over x in pieces of lengths in turn, each the least-squares line of its
+/// stretch, with what that leaves out.
+template <typename Height>
+std::vector<PlanePatch> pieces_of(const Height& height, const std::vector<double>& lengths,
+                                  double total) {
+  std::vector<PlanePatch> patches;
+  double from = 0.0;
+  for (int k = 0; from < total; ++k) {
+    const double length = lengths[static_cast<std::size_t>(k) % lengths.size()];
+    constexpr int kPlaces = 200;
+    const auto place = [&](int i) { return (i + 0.5) / kPlaces - 0.5; };  // by the length
+    double mean = 0.0, slope = 0.0, left = 0.0;
+    for (int i = 0; i < kPlaces; ++i) {
+      const double z = height(from + (place(i) + 0.5) * length);
+      mean += z / kPlaces;
+      slope += 12.0 * place(i) * z / (kPlaces * length);
+    }
+    for (int i = 0; i < kPlaces; ++i) {
+      const double z = height(from + (place(i) + 0.5) * length);
+      left += std::pow(z - mean - slope * place(i) * length, 2) / kPlaces;
+    }
+    patches.push_back(strip(k, from, from + length, mean - 0.5 * length * slope, slope));
+    patches.back().plane.covariance = Vector3d(1e-8, 1e-8, 1e-6).asDiagonal();
+    patches.back().unmodelled_sigma = std::sqrt(left);
+    from += length;
+  }
+  return patches;
+}
+
+TEST(RoadProfile, VerticalRadiusHangsNeitherOnTheStepNorOnThePieces) {
+  const double radius = 200.0;
+  const auto sag = [&](double x) { return x * x / (2.0 * radius); };
+  for (const std::vector<double>& lengths : std::vector<std::vector<double>>{
+           {4.0}, {8.0}, {12.0}, {20.0}, {3.0, 17.0, 8.0}, {25.0, 10.0}}) {
+    const RoadSurface surface = surface_of(pieces_of(sag, lengths, 120.0));
+    for (const double step : {0.1, 0.5, 1.0, 2.5, 5.0, 10.0}) {
+      for (const double length : {10.0, 20.0}) {
+        ProfileOptions options = of_planes_alone();
+        options.step = step;
+        options.length = length;
+        double count = 0.0;
+        for (const ProfilePoint& p : road_profile(surface, {{0, 0, 0}, {120, 0, 0}}, options)) {
+          if (p.station < 20.0 || p.station > 100.0) continue;
+          const double truth = radius * std::pow(1.0 + std::pow(p.station / radius, 2), 1.5);
+          // By a grade that is off by what that of a piece is.
+          EXPECT_NEAR(p.vertical_radius, truth, 0.06 * truth)
+              << "pieces of " << lengths[0] << ", length " << length << ", step " << step << " at "
+              << p.station;
+          EXPECT_NEAR(p.vertical_curvature * p.vertical_radius, 1.0, 1e-9);
+          count += 1.0;
+        }
+        EXPECT_GT(count, 0.9 * 80.0 / step);
+      }
+    }
+  }
+}
+
+TEST(RoadProfile, PlanesThatHideNothingBendWhereTheyMeet) {
+  // 5 % after level: over 10 m that is 15/16 of 5 % by half of 10 m, with 11 heights nearly.
+  const RoadSurface surface = surface_of({strip(0, 0, 60, 0.0, 0.0), strip(1, 60, 120, 0.0, 0.05)});
+  const auto profile = road_profile(surface, {{0, 0, 0}, {120, 0, 0}}, of_planes_alone());
+  EXPECT_NEAR(profile[60].vertical_curvature, 0.05 * 15.0 / 16.0 / 5.0, 1e-3);
+  EXPECT_TRUE(std::isinf(profile[50].vertical_radius));
+  EXPECT_TRUE(std::isinf(profile[70].vertical_radius));
+  // Two standard deviations of 2 mm on 60 m are no vertical curve.
+  RoadSurface worn = surface;
+  for (PlanePatch& patch : worn.patches) patch.unmodelled_sigma = 0.002;
+  const auto uneven = road_profile(worn, {{0, 0, 0}, {120, 0, 0}}, of_planes_alone());
+  EXPECT_NEAR(uneven[60].vertical_curvature, profile[60].vertical_curvature, 5e-4);
+  EXPECT_LT(std::abs(uneven[50].vertical_curvature), 5e-5);
+}
+
+TEST(RoadProfile, SigmaOfTheCurvatureHoldsItsError) {
+  const auto hills = [](double x) {
+    return 0.6 * std::sin(2.0 * M_PI * x / 60.0) + 0.3 * std::sin(2.0 * M_PI * x / 37.0 + 1.0);
+  };
+  const auto bend = [](double x) {
+    return -0.6 * std::pow(2.0 * M_PI / 60.0, 2) * std::sin(2.0 * M_PI * x / 60.0) -
+           0.3 * std::pow(2.0 * M_PI / 37.0, 2) * std::sin(2.0 * M_PI * x / 37.0 + 1.0);
+  };
+  for (const std::vector<double>& lengths :
+       std::vector<std::vector<double>>{{4.0, 5.0}, {6.0, 11.0, 8.0}, {10.0, 18.0}, {20.0}}) {
+    const RoadSurface surface = surface_of(pieces_of(hills, lengths, 240.0));
+    double squares = 0.0, count = 0.0;
+    ProfileOptions options = of_planes_alone();
+    for (const ProfilePoint& p : road_profile(surface, {{20, 0, 0}, {220, 0, 0}}, options)) {
+      if (!std::isfinite(p.vertical_curvature)) continue;
+      ASSERT_GT(p.sigma_vertical_curvature, 0.0);
+      const double truth = bend(p.station + 20.0) / std::pow(1.0 + p.grade * p.grade, 1.5);
+      squares += std::pow((p.vertical_curvature - truth) / p.sigma_vertical_curvature, 2);
+      count += 1.0;
+    }
+    EXPECT_GT(count, 180.0);
+    EXPECT_LT(std::sqrt(squares / count), 1.3) << lengths[0];
+    EXPECT_GT(std::sqrt(squares / count), 0.1) << lengths[0];
+  }
+}
+
+TEST(RoadProfile, SigmaOfTheCurvatureIsThatOfTheHeights) {
+  // Planes of 5 m, 10 mm each in height, apart from one another, over 10 m: three whole ones would
+  // give 10 mm sqrt(6) / 25 m^2 by their middles.
+  std::vector<PlanePatch> level;
+  for (int k = 0; k < 8; ++k) {
+    level.push_back(strip(k, 5.0 * k, 5.0 * k + 5.0, 0.0, 0.0));
+    level.back().plane.covariance = Vector3d(1e-10, 1e-10, 1e-4).asDiagonal();
+  }
+  const std::vector<Vector3d> line = {{0, 0, 0}, {40, 0, 0}};
+  const auto flat = road_profile(surface_of(level), line, of_planes_alone());
+  EXPECT_NEAR(flat[22].sigma_vertical_curvature, 0.01 * std::sqrt(6.0) / 25.0, 3e-4);
+  // One plane's bend is nothing, whatever its own errors; a cloud turned does not bend.
+  const RoadSurface one = surface_of({strip(0, 0, 40, 0.0, 0.0)});
+  EXPECT_NEAR(road_profile(one, line, of_planes_alone())[20].sigma_vertical_curvature, 0.0, 1e-9);
+  ProfileOptions options = of_planes_alone();
+  options.levelling_sigma = 0.002;
+  EXPECT_NEAR(road_profile(one, line, options)[20].sigma_vertical_curvature, 0.0, 1e-9);
+  options.drift_sigma = 0.05;
+  EXPECT_GT(road_profile(one, line, options)[20].sigma_vertical_curvature, 1e-4);
+}
+
 TEST(RoadProfile, SaysNotCoveredAndDoesNotExtrapolate) {
   const RoadSurface surface = surface_of({strip(0, 0, 20, 0.0, 0.0), strip(1, 30, 50, 0.0, 0.0)});
   const auto profile = road_profile(surface, {{-5, 0, 0}, {55, 0, 0}}, {});
@@ -189,6 +308,9 @@ TEST(RoadProfile, WrongInputIsNamed) {
   EXPECT_THROW(road_profile(surface, {{0, 0, 0}}, {}), std::invalid_argument);
   ProfileOptions options;
   options.step = 0.0;
+  EXPECT_THROW(road_profile(surface, {{0, 0, 0}, {1, 0, 0}}, options), std::invalid_argument);
+  options = {};
+  options.length = 1e-6;
   EXPECT_THROW(road_profile(surface, {{0, 0, 0}, {1, 0, 0}}, options), std::invalid_argument);
   options = {};
   options.levelling_sigma = -1e-3;

@@ -16,8 +16,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kLeastCover = 0.6;  // share of the length that must be covered
-constexpr double kStraight = 1e-5;   // 1/m, curvatures below it are called straight
+constexpr double kLeastCover = 0.6;     // share of the length that must be covered
+constexpr double kStraight = 1e-5;      // 1/m, curvatures below it are called straight
+constexpr double kLeastSamples = 10.0;  // of the length over which slopes are measured
 // m, over which what planes leave out, and a cloud's drift, are alike along the road; across it a
 // patch's slope is off by what it leaves out over such a length.
 constexpr double kUnmodelledLength = 8.0, kDriftLength = 20.0, kUnmodelledAcross = 3.5;
@@ -55,12 +56,15 @@ struct Corners {
   }
 };
 
-/// A station with what the errors of its height are made of.
-struct Station {
+/// A place on the line with what the errors of its height are made of.
+struct Sample {
+  bool station = false;  ///< of the profile; others serve the slopes of their neighbours
   ProfilePoint point;
+  Eigen::Vector3d ahead = Eigen::Vector3d::Zero();  ///< unit, level
   UncertainPlane plane;
   Eigen::RowVector3d jacobian = Eigen::RowVector3d::Zero();  ///< d height / d plane parameters
   double unmodelled = 0.0;                                   ///< m
+  double middle = 0.0, length = 0.0;  ///< m, of the patch along the line: station, extent
 };
 
 /// Variance of a weighted sum of the values of a process with the covariance
@@ -80,27 +84,27 @@ class ProcessVariance {
   double length_, last_ = 0.0, carried_ = 0.0, variance_ = 0.0;
 };
 
-/// The grade's variance: that of the sum of weights times heights of stations [begin, begin +
-/// weights.size()).
-double grade_variance(const std::vector<Station>& stations, std::size_t begin,
-                      const std::vector<double>& weights, double drift, double levelling) {
+/// The variance of the sum of weights times heights of samples [begin, begin + weights.size()).
+/// @param levelling  standard deviation of what levelling makes of that sum
+double variance_of_sum(const std::vector<Sample>& samples, std::size_t begin,
+                       const std::vector<double>& weights, double drift, double levelling) {
   ProcessVariance unmodelled(kUnmodelledLength), drifting(kDriftLength);
   double variance = levelling * levelling;
-  // Stations on one patch err together.
+  // Samples on one patch err together.
   Eigen::RowVector3d jacobian = Eigen::RowVector3d::Zero();
-  const Station* on = nullptr;
+  const Sample* on = nullptr;
   const auto close = [&] {
     if (on) variance += jacobian * on->plane.covariance * jacobian.transpose();
     jacobian.setZero();
   };
   for (std::size_t i = 0; i < weights.size(); ++i) {
-    const Station& station = stations[begin + i];
-    if (station.point.status == Status::kFailed) continue;
-    if (on && on->point.patch != station.point.patch) close();
-    on = &station;
-    jacobian += weights[i] * station.jacobian;
-    unmodelled.add(station.point.station, weights[i] * station.unmodelled);
-    drifting.add(station.point.station, weights[i] * drift);
+    const Sample& sample = samples[begin + i];
+    if (sample.point.status == Status::kFailed) continue;
+    if (on && on->point.patch != sample.point.patch) close();
+    on = &sample;
+    jacobian += weights[i] * sample.jacobian;
+    unmodelled.add(sample.point.station, weights[i] * sample.unmodelled);
+    drifting.add(sample.point.station, weights[i] * drift);
   }
   close();
   return variance + unmodelled.variance() + drifting.variance();
@@ -125,9 +129,25 @@ void ProfileOptions::validate() const {
 
 namespace {
 
-/// The stations of a line with what is known at each by itself.
-std::vector<Station> find_stations(const RoadSurface& surface, const std::vector<Vector3d>& line,
-                                   const ProfileOptions& options) {
+/// Samples of a line: the stations, and between them as many as the length over which slopes are
+/// measured needs.
+struct Sampling {
+  std::size_t per_step = 1;
+  double spacing = 0.0;      ///< m
+  double half_window = 0.0;  ///< m to either side of a station, a multiple of the spacing
+
+  explicit Sampling(const ProfileOptions& options)
+      : per_step(static_cast<std::size_t>(
+            std::max(1.0, std::ceil(options.step * kLeastSamples / options.length - 1e-9)))),
+        spacing(options.step / static_cast<double>(per_step)),
+        half_window(std::max(1.0, std::round(0.5 * options.length / spacing)) * spacing) {}
+
+  double samples_of_window() const { return 2.0 * std::round(half_window / spacing) + 1.0; }
+};
+
+/// The samples of a line with what is known at each by itself.
+std::vector<Sample> find_samples(const RoadSurface& surface, const std::vector<Vector3d>& line,
+                                 const ProfileOptions& options, const Sampling& sampling) {
   const Vector3d up = surface.up.normalized();
   const GroundAxes axes(up);
   const Corners corners(line, axes);
@@ -137,17 +157,21 @@ std::vector<Station> find_stations(const RoadSurface& surface, const std::vector
                     corners.places.size()));
   }
   const double total = corners.stations.back();
-  constexpr double kMostStations = 1e6;
-  if (!(total / options.step < kMostStations)) {
+  constexpr double kMost = 1e6;
+  const auto require = [total](const char* field, double value, double least) {
+    if (value > least) return;
     throw std::invalid_argument(
-        fmt::format("ProfileOptions::step is {:g}, expected more than {:g} m for a line of {:g} m",
-                    options.step, total / kMostStations, total));
+        fmt::format("ProfileOptions::{} is {:g}, expected more than {:g} m for a line of {:g} m",
+                    field, value, least, total));
+  };
+  require("step", options.step, total / kMost);
+  if (!(total / sampling.spacing < kMost)) {
+    require("length", options.length, kLeastSamples * total / kMost);
   }
-  std::vector<Station> stations;
+  std::vector<Sample> samples;
   std::size_t piece = 0;
   const auto steps = static_cast<std::size_t>(std::floor(total / options.step + 1e-9));
-  for (std::size_t k = 0; k <= steps; ++k) {
-    const double at = std::min(static_cast<double>(k) * options.step, total);
+  const auto add = [&](double at, bool is_station) {
     while (piece + 2 < corners.stations.size() && at > corners.stations[piece + 1]) ++piece;
     const Vector3d &from = corners.places[piece], &to = corners.places[piece + 1];
     const double share =
@@ -155,8 +179,10 @@ std::vector<Station> find_stations(const RoadSurface& surface, const std::vector
     const Vector3d place = from + share * (to - from);
     const Vector2d flat = (axes(to) - axes(from)).normalized();
     const Vector3d ahead = flat.x() * axes.e1 + flat.y() * axes.e2, left = up.cross(ahead);
-    Station station;
-    ProfilePoint& point = station.point;
+    Sample sample;
+    sample.station = is_station;
+    sample.ahead = ahead;
+    ProfilePoint& point = sample.point;
     point.station = at;
     point.point = place;
     const SurfaceQuery answer = surface.query(place, options.reach);
@@ -169,59 +195,157 @@ std::vector<Station> find_stations(const RoadSurface& surface, const std::vector
       point.point = answer.point;
       point.height = answer.point.dot(up);
       point.cross_slope = -n.dot(left) / slant;
-      station.plane = answer.plane;
-      station.jacobian = answer.plane.height_jacobian(answer.point) / slant;
-      station.unmodelled = surface.find(answer.patch)->unmodelled_sigma / slant;
+      sample.plane = answer.plane;
+      sample.jacobian = answer.plane.height_jacobian(answer.point) / slant;
+      sample.unmodelled = surface.find(answer.patch)->unmodelled_sigma / slant;
       point.sigma_height = answer.sigma_height / slant;
       point.sigma_cross_slope =
-          std::hypot(sigma_slope(answer.plane, up, left), station.unmodelled / kUnmodelledAcross,
+          std::hypot(sigma_slope(answer.plane, up, left), sample.unmodelled / kUnmodelledAcross,
                      options.levelling_sigma);
     }
-    stations.push_back(std::move(station));
+    samples.push_back(std::move(sample));
+  };
+  for (std::size_t k = 0; k <= steps; ++k) {
+    const double at = static_cast<double>(k) * options.step;
+    add(std::min(at, total), true);
+    for (std::size_t j = 1; j < sampling.per_step; ++j) {
+      const double on = static_cast<double>(j) * sampling.spacing;
+      if (at + on <= total) add(at + on, false);
+    }
   }
-  return stations;
+  return samples;
 }
 
-/// Grade, vertical radius and the grade's standard deviation of station k, from the heights
-/// `half` stations around it.
-void measure_grade(std::size_t k, std::size_t half, double drift, double levelling,
-                   std::vector<Station>* stations) {
-  ProfilePoint& here = (*stations)[k].point;
-  const std::size_t begin = k >= half ? k - half : 0,
-                    end = std::min(stations->size() - 1, k + half);
-  const auto row = [&](std::size_t j) {
-    const double s = (*stations)[j].point.station - here.station;
-    return Vector3d(1.0, s, 0.5 * s * s);
+/// Where each sample's patch lies along the line.
+void place_patches(const RoadSurface& surface, std::vector<Sample>* samples) {
+  const auto patch = [&](std::size_t k) { return (*samples)[k].point.patch; };
+  for (std::size_t begin = 0, end = 0; begin < samples->size(); begin = end) {
+    while (end < samples->size() && patch(end) == patch(begin)) ++end;
+    const PlanePatch* const on = surface.find(patch(begin));
+    if (!on) continue;
+    const Sample& at = (*samples)[begin + (end - begin) / 2];
+    const auto along = [&](const Vector3d& x) { return at.ahead.dot(x - at.point.point); };
+    double first = 0.0, last = 0.0;
+    for (const Vector3d& corner : on->boundary) {
+      first = std::min(first, along(corner));
+      last = std::max(last, along(corner));
+    }
+    for (std::size_t k = begin; k < end; ++k) {
+      (*samples)[k].middle = at.point.station + along(on->plane.centroid);
+      (*samples)[k].length = last - first;
+    }
+  }
+}
+
+/// The parabola through the heights around a sample, relative to its own.
+struct HeightParabola {
+  bool found = false;
+  std::size_t begin = 0;              ///< first sample
+  double count = 0.0;                 ///< heights
+  Vector3d value = Vector3d::Zero();  ///< height, slope, second derivative
+  /// Rows that give slope and second derivative, of (1, s, s^2 / 2).
+  Vector3d to_slope = Vector3d::Zero(), to_second = Vector3d::Zero();
+  std::vector<Vector3d> rows;  ///< zero where there is no height
+  /// The second derivative that planes fitted to a road of second derivative 1 would show.
+  double response = 0.0;
+  /// What the planes may hide of it, one standard deviation. Over a length L a plane is off a road
+  /// of second derivative b by b L^2 / 12 sqrt(5), root mean square.
+  double hidden = 0.0;
+};
+
+/// @param stride  samples taken, one of so many
+HeightParabola fit_parabola(const std::vector<Sample>& samples, std::size_t k, double half_window,
+                            std::size_t stride) {
+  HeightParabola out;
+  const ProfilePoint& here = samples[k].point;
+  const double reach = half_window * (1.0 + 1e-6);
+  const auto near = [&](std::size_t j) {
+    return std::abs(samples[j].point.station - here.station) <= reach;
   };
-  const auto covered = [&](std::size_t j) {
-    return (*stations)[j].point.status != Status::kFailed;
-  };
+  std::size_t end = k;
+  out.begin = k;
+  while (out.begin >= stride && near(out.begin - stride)) out.begin -= stride;
+  while (end + stride < samples.size() && near(end + stride)) end += stride;
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Vector3d right = Vector3d::Zero();
-  double count = 0.0;
-  for (std::size_t j = begin; j <= end; ++j) {
-    if (!covered(j)) continue;
-    normal += row(j) * row(j).transpose();
-    right += ((*stations)[j].point.height - here.height) * row(j);
-    count += 1.0;
+  for (std::size_t j = out.begin; j <= end; j += stride) {
+    const ProfilePoint& point = samples[j].point;
+    const double s = point.station - here.station;
+    out.rows.emplace_back(1.0, s, 0.5 * s * s);
+    if (point.status == Status::kFailed) {
+      out.rows.back().setZero();
+      continue;
+    }
+    normal += out.rows.back() * out.rows.back().transpose();
+    right += (point.height - here.height) * out.rows.back();
+    out.count += 1.0;
   }
-  if (count < kLeastCover * static_cast<double>(2 * half + 1) || count < 3.0) return;
+  if (out.count < 3.0) return out;
+  const Eigen::FullPivLU<Eigen::Matrix3d> lu(normal);
+  out.value = lu.solve(right);
+  out.found = out.value.allFinite();
+  out.to_slope = lu.solve(Vector3d::UnitY());  // normal is symmetric
+  out.to_second = lu.solve(Vector3d::UnitZ());
+  for (std::size_t i = 0; i < out.rows.size(); ++i) {
+    const Sample& sample = samples[out.begin + i * stride];
+    if (sample.point.status == Status::kFailed || !(sample.length > 0.0)) continue;
+    const double middle = sample.middle - here.station, squared = sample.length * sample.length;
+    const double line = 0.5 * (middle * middle + squared / 12.0) +
+                        middle * (out.rows[i][1] - middle);  // least squares of s^2 / 2
+    const double weight = out.to_second.dot(out.rows[i]);
+    out.response += weight * line;
+    out.hidden +=
+        weight * (out.rows[i][2] - line) * sample.unmodelled * 12.0 * std::sqrt(5.0) / squared;
+  }
+  return out;
+}
+
+/// What the bend of the planes in a window lacks of the road's, or is too large by, as far as what
+/// the planes leave out allows. Planes bend where they meet alone; over a window that is wide
+/// enough they show the second derivative of a road that bends evenly.
+double hidden_bend(const std::vector<Sample>& samples, std::size_t k, const Sampling& sampling,
+                   const HeightParabola& parabola) {
+  constexpr double kWidest = 8.0, kWider = 1.25;  // of the window
+  constexpr double kShown = 0.6, kLeastShown = 0.3, kMostSigmas = 1.5;
+  const double lacking = 1.0 - parabola.response;
+  if (!(std::abs(parabola.hidden) > 0.0) || !(std::abs(lacking) > 1e-9)) return 0.0;
+  const auto stride = static_cast<std::size_t>(std::max(
+      1.0, std::floor(2.0 * sampling.half_window / (kLeastSamples * sampling.spacing) + 1e-9)));
+  HeightParabola wide = parabola;
+  for (double by = kWider; wide.response < kShown && by <= kWidest; by *= kWider) {
+    wide = fit_parabola(samples, k, by * sampling.half_window, stride);
+  }
+  if (!wide.found || !(wide.response > kLeastShown)) return 0.0;
+  const double most = kMostSigmas * std::abs(parabola.hidden / lacking);
+  return lacking * std::clamp(wide.value[2] / wide.response, -most, most);
+}
+
+/// Grade, vertical curvature and their standard deviations at sample k, from the heights around it.
+void measure_grade(std::size_t k, const Sampling& sampling, double drift, double levelling,
+                   std::vector<Sample>* samples) {
+  ProfilePoint& here = (*samples)[k].point;
+  const HeightParabola parabola = fit_parabola(*samples, k, sampling.half_window, 1);
+  if (!parabola.found || parabola.count < kLeastCover * sampling.samples_of_window()) return;
   // A straight line for the grade where the window is symmetric; at its ends the parabola's slope
   // at the station, for the line's would be that of another station.
-  const Eigen::FullPivLU<Eigen::Matrix3d> lu(normal);
-  const Vector3d parabola = lu.solve(right);
-  if (!parabola.allFinite()) return;
-  here.grade = parabola[1];
+  here.grade = parabola.value[1];
   const double grade2 = 1.0 + here.grade * here.grade;
-  const double curvature = parabola[2] / (grade2 * std::sqrt(grade2));
-  here.vertical_radius =
-      std::abs(curvature) > kStraight ? 1.0 / curvature : std::numeric_limits<double>::infinity();
-  const Vector3d to_slope = lu.solve(Vector3d::UnitY());  // normal is symmetric
-  std::vector<double> weights;
-  for (std::size_t j = begin; j <= end; ++j) {
-    weights.push_back(covered(j) ? to_slope.dot(row(j)) : 0.0);
-  }
-  here.sigma_grade = std::sqrt(grade_variance(*stations, begin, weights, drift, levelling));
+  const double bend = 1.0 / (grade2 * std::sqrt(grade2));  // curvature by second derivative
+  here.vertical_curvature =
+      bend * (parabola.value[2] + hidden_bend(*samples, k, sampling, parabola));
+  here.vertical_radius = std::abs(here.vertical_curvature) > kStraight
+                             ? 1.0 / here.vertical_curvature
+                             : std::numeric_limits<double>::infinity();
+  const double by_grade = -3.0 * here.grade / grade2 * here.vertical_curvature;
+  const auto variance = [&](const Vector3d& to_value, double levelled) {
+    std::vector<double> weights;
+    for (const Vector3d& row : parabola.rows) weights.push_back(to_value.dot(row));
+    return variance_of_sum(*samples, parabola.begin, weights, drift, levelled);
+  };
+  here.sigma_grade = std::sqrt(variance(parabola.to_slope, levelling));
+  const double of_heights =
+      variance(bend * parabola.to_second + by_grade * parabola.to_slope, by_grade * levelling);
+  here.sigma_vertical_curvature = std::hypot(std::sqrt(of_heights), bend * parabola.hidden);
 }
 
 }  // namespace
@@ -230,22 +354,23 @@ std::vector<ProfilePoint> road_profile(const RoadSurface& surface,
                                        const std::vector<Vector3d>& line,
                                        const ProfileOptions& options) {
   options.validate();
-  std::vector<Station> stations = find_stations(surface, line, options);
-  const auto half =
-      static_cast<std::size_t>(std::max(1.0, std::round(0.5 * options.length / options.step)));
+  const Sampling sampling(options);
+  std::vector<Sample> samples = find_samples(surface, line, options, sampling);
+  place_patches(surface, &samples);
   const double drift = surface.metric ? options.drift_sigma : 0.0;
-  const double middle = 0.5 * stations.back().point.station;
-  std::vector<ProfilePoint> profile;
-  for (std::size_t k = 0; k < stations.size(); ++k) {
-    if (stations[k].point.status == Status::kFailed) continue;
-    measure_grade(k, half, drift, options.levelling_sigma, &stations);
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    if (!samples[k].station || samples[k].point.status == Status::kFailed) continue;
+    measure_grade(k, sampling, drift, options.levelling_sigma, &samples);
   }
-  for (Station& station : stations) {
-    ProfilePoint& point = station.point;
+  std::vector<ProfilePoint> profile;
+  for (Sample& sample : samples) {
+    if (sample.station) profile.push_back(std::move(sample.point));
+  }
+  const double middle = 0.5 * profile.back().station;
+  for (ProfilePoint& point : profile) {
     // The cloud may be turned about the middle of the line, as far as stations go.
     point.sigma_height =
         std::hypot(point.sigma_height, drift, options.levelling_sigma * (point.station - middle));
-    profile.push_back(std::move(point));
   }
   return profile;
 }

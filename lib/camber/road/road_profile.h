@@ -34,21 +34,26 @@ struct ProfilePoint {
   double cross_slope = std::numeric_limits<double>::quiet_NaN();  ///< the same across, left side up
   /// m, of the vertical curve: positive in a sag, negative on a crest, infinite where straight.
   double vertical_radius = std::numeric_limits<double>::quiet_NaN();
-  double sigma_height = std::numeric_limits<double>::quiet_NaN();       ///< m
-  double sigma_grade = std::numeric_limits<double>::quiet_NaN();        ///< rise over run
-  double sigma_cross_slope = std::numeric_limits<double>::quiet_NaN();  ///< rise over run
+  /// 1/m, of the vertical curve: 1 / vertical_radius.
+  double vertical_curvature = std::numeric_limits<double>::quiet_NaN();
+  double sigma_height = std::numeric_limits<double>::quiet_NaN();              ///< m
+  double sigma_grade = std::numeric_limits<double>::quiet_NaN();               ///< rise over run
+  double sigma_cross_slope = std::numeric_limits<double>::quiet_NaN();         ///< rise over run
+  double sigma_vertical_curvature = std::numeric_limits<double>::quiet_NaN();  ///< 1/m
 };
 
 /// Height, grade and cross slope of a surface along a polyline, from its first point to its last.
 /// Heights and cross slopes are those of the patch at the station; the grade is the least-squares
 /// slope of the heights over `length` of road around it, and the vertical radius that of the
-/// parabola through them, both given only where most of that length is covered. The heights of the
-/// line's points only choose between patches above one another.
+/// parabola through them, both given only where most of that length is covered. These heights are
+/// taken every tenth of `length` or closer, whatever the step. A surface of planes bends only where
+/// they meet: as much of the bend around as PlanePatch::unmodelled_sigma allows is taken to be in
+/// them. The heights of the line's points only choose between patches above one another.
 /// Standard deviations hold the planes' covariances, what the planes leave out
 /// (PlanePatch::unmodelled_sigma), drift and levelling; along the road the middle two are processes
 /// with the covariance sigma^2 exp(-distance / length).
 /// @throws std::invalid_argument for a line of fewer than two places, for one of more than a
-/// million stations, or if options.validate() fails.
+/// million stations or heights, or if options.validate() fails.
 std::vector<ProfilePoint> road_profile(const RoadSurface& surface,
                                        const std::vector<Eigen::Vector3d>& line,
                                        const ProfileOptions& options);
