@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <limits>
+#include <regex>
 
 #include "camber/cloud/voxel_grid.h"
 #include "cloud/cloud_files.h"
@@ -108,6 +110,66 @@ TEST(TypedSource, ColumnsOfWholeNumbersBecomeIntegers) {
   EXPECT_EQ(cloud.labels.at("class").back(), 6);
   EXPECT_EQ(cloud.scalars.at("mixed").back(), 4.5f);
   EXPECT_EQ(cloud.scalars.at("huge")[0], 3e9f);
+}
+
+/// The colours of the points of a LAS file without extra bytes.
+std::vector<std::array<int, 3>> las_colors(const fs::path& path) {
+  std::vector<std::array<int, 3>> out;
+  const auto source = open_point_source(path);
+  const auto& fields = source->header().fields;
+  const FieldRoles roles = find_roles(fields);
+  PointBatch batch;
+  while (source->next(batch)) {
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      std::array<int, 3> color{};
+      for (std::size_t c = 0; c < 3; ++c) {
+        const auto f = static_cast<std::size_t>(roles.color[c]);
+        color[c] = static_cast<int>(batch.fields[f].number(fields[f].type, i));
+      }
+      out.push_back(color);
+    }
+  }
+  return out;
+}
+
+TEST(TypedSource, ColorsOfLasFillSixteenBitsAllAlike) {
+  const test::TemporaryFolder folder;
+  const fs::path las = folder.path() / "out.las";
+  const auto converted = [&](const char* name, const std::string& text) {
+    std::ofstream(folder.path() / name) << text;
+    write_points(*open_typed_source(folder.path() / name), las);
+    return las_colors(las);
+  };
+  using Colors = std::vector<std::array<int, 3>>;
+  const std::string names = "x,y,z,red,green,blue\n";
+  // 8 bits as whole numbers.
+  EXPECT_EQ(converted("a.csv", names + "1,2,3,255,128,0\n1,2,3,1,0,200\n"),
+            (Colors{{65535, 32896, 0}, {257, 0, 51400}}));
+  // The same as fractions: what is at most one is no full white.
+  EXPECT_EQ(converted("b.csv", names + "1,2,3,255.0,128.0,0.5\n1,2,3,1.0,0.0,200.0\n"),
+            (Colors{{65535, 32896, 129}, {257, 0, 51400}}));
+  // Of one, and 16 bits: as they are.
+  EXPECT_EQ(converted("c.csv", names + "1,2,3,1.0,0.5,0\n1,2,3,0.25,0,0\n"),
+            (Colors{{65535, 32768, 0}, {16384, 0, 0}}));
+  EXPECT_EQ(converted("d.csv", names + "1,2,3,1,2,256\n1,2,3,1,0,65535\n"),
+            (Colors{{1, 2, 256}, {1, 0, 65535}}));
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty "
+      "float z\nproperty {0} red\nproperty {0} green\nproperty {0} blue\nend_header\n1 2 3 1 0 "
+      "200\n1 2 3 255 255 1\n";
+  for (const char* const type : {"uchar", "int", "float", "double"}) {
+    EXPECT_EQ(converted("e.ply", std::regex_replace(ply, std::regex("\\{0\\}"), type)),
+              (Colors{{257, 0, 51400}, {65535, 65535, 257}}))
+        << type;
+  }
+  EXPECT_EQ(converted("f.ply", std::regex_replace(ply, std::regex("\\{0\\}"), "ushort")),
+            (Colors{{1, 0, 200}, {255, 255, 1}}));
+  // The greatest value may come late.
+  std::string late = names;
+  for (int i = 0; i < 20000; ++i) late += "1,2,3,0.5,1,0\n";
+  const Colors colors = converted("g.csv", late + "1,2,3,0.5,1,255\n");
+  EXPECT_EQ(colors.front(), (std::array<int, 3>{129, 257, 0}));
+  EXPECT_EQ(colors.back(), (std::array<int, 3>{129, 257, 65535}));
 }
 
 /// Points that no memory holds, made as they are asked for.

@@ -57,6 +57,8 @@ class LasSink : public PointSink {
     }
     for (const int f : position_) mark(standard, f);
     for (const int f : color_) mark(standard, f);
+    full_color_ = full_color_by_type(header.fields);
+    if (!full_color_) full_color_ = header.full_color;
     mark(standard, packed_);
     const bool has_color = color_[0] >= 0 || packed_ >= 0;
     const bool extended =
@@ -88,6 +90,11 @@ class LasSink : public PointSink {
 
   void write(const PointBatch& batch) override {
     if (!grid_set_) choose_grid(batch);
+    if (!full_color_) {
+      GreatestColor greatest(header_.fields);
+      greatest.add(batch);
+      full_color_ = greatest.full_color();
+    }
     text_.assign(batch.count * record_size_, '\0');
     for (std::size_t i = 0; i < batch.count; ++i) pack(batch, i, i * record_size_);
     out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
@@ -207,7 +214,7 @@ class LasSink : public PointSink {
     }
   }
 
-  /// 16 bits a channel; 8-bit values fill them.
+  /// 16 bits a channel, which all values fill alike.
   std::uint16_t color_value(const PointBatch& batch, std::size_t channel, std::size_t i) const {
     if (packed_ >= 0) {
       const std::uint32_t rgb =
@@ -215,12 +222,10 @@ class LasSink : public PointSink {
       return static_cast<std::uint16_t>((rgb >> (16 - 8 * channel) & 255u) * 257u);
     }
     const int field = color_[channel];
-    if (size_of(type(field)) == 1) {
-      return static_cast<std::uint16_t>(
-          batch.fields[static_cast<std::size_t>(field)].get<std::uint8_t>(i) * 257u);
-    }
-    const double v = value(batch, field, i);
-    const double scaled = is_float(type(field)) && v <= 1.0 ? v * 65535.0 : v;
+    const double v = size_of(type(field)) == 1
+                         ? batch.fields[static_cast<std::size_t>(field)].get<std::uint8_t>(i)
+                         : value(batch, field, i);
+    const double scaled = v * (65535.0 / *full_color_);
     return static_cast<std::uint16_t>(scaled > 0.0 ? std::min(scaled + 0.5, 65535.0) : 0.0);
   }
 
@@ -314,6 +319,7 @@ class LasSink : public PointSink {
   std::ostream& out_;
   PointStreamHeader header_;
   std::array<int, 3> position_, color_;
+  std::optional<double> full_color_;  // of red, green and blue; decided once for all points
   int packed_ = -1, intensity_ = -1, return_number_ = -1, number_of_returns_ = -1,
       class_flags_ = -1, channel_ = -1, direction_ = -1, edge_ = -1, classification_ = -1,
       user_data_ = -1, angle_ = -1, angle_rank_ = -1, source_id_ = -1, time_ = -1, infrared_ = -1;

@@ -79,6 +79,40 @@ FieldRoles find_roles(const std::vector<PointField>& fields) {
   return roles;
 }
 
+std::optional<double> full_color_by_type(const std::vector<PointField>& fields) {
+  const FieldRoles roles = find_roles(fields);
+  if (roles.color[0] < 0) return {};
+  const auto all = [&](auto&& good) {
+    return std::all_of(roles.color.begin(), roles.color.end(), [&](int field) {
+      return good(fields[static_cast<std::size_t>(field)].type);
+    });
+  };
+  if (all([](ScalarType type) { return size_of(type) == 1; })) return 255.0;
+  if (all([](ScalarType type) { return type == ScalarType::kUint16; })) return 65535.0;
+  return {};
+}
+
+GreatestColor::GreatestColor(const std::vector<PointField>& fields)
+    : fields_(fields), color_(find_roles(fields).color) {}
+
+void GreatestColor::add(const PointBatch& batch) {
+  if (color_[0] < 0) return;
+  for (const int c : color_) {
+    const PointField& field = fields_[static_cast<std::size_t>(c)];
+    const FieldView& view = batch.fields[static_cast<std::size_t>(c)];
+    fractions_ = fractions_ || (field.text ? view.fractional : is_float(field.type));
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const double value = view.number(field.type, i);
+      if (value > greatest_) greatest_ = value;
+    }
+  }
+}
+
+double GreatestColor::full_color() const {
+  if (greatest_ > 255.0) return 65535.0;
+  return fractions_ && greatest_ <= 1.0 ? 1.0 : 255.0;
+}
+
 // --- CloudBuilder ------------------------------------------------------------------------------
 
 namespace {

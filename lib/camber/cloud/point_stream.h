@@ -124,6 +124,7 @@ struct PointStreamHeader {
   std::optional<CoordinateSystem> crs;    ///< where the file, or who reads it, states one
   std::shared_ptr<const LasFile> las;     ///< what a LAS file has beside its points
   bool records = false;                   ///< batches have the records of `las`
+  std::optional<double> full_color;       ///< see GreatestColor; where all points were looked at
 };
 
 /// Which fields of a stream have a meaning of their own: indices, -1 for none.
@@ -137,6 +138,25 @@ struct FieldRoles {
   std::vector<int> others;
 };
 FieldRoles find_roles(const std::vector<PointField>& fields);
+
+/// What counts as full in red, green and blue: 255 of bytes, 65535 of 16 bits; nothing where there
+/// are none, or where their types leave it open.
+std::optional<double> full_color_by_type(const std::vector<PointField>& fields);
+
+/// The greatest of the values of red, green and blue, batch by batch.
+class GreatestColor {
+ public:
+  explicit GreatestColor(const std::vector<PointField>& fields);
+  void add(const PointBatch& batch);
+  /// What counts as full then: 1 of fractions up to it, 255 up to it, else 65535.
+  double full_color() const;
+
+ private:
+  std::vector<PointField> fields_;
+  std::array<int, 3> color_;
+  bool fractions_ = false;
+  double greatest_ = 0.0;
+};
 
 /// A cloud being read.
 class PointSource {

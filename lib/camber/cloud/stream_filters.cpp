@@ -310,8 +310,12 @@ class Classified : public Wrapper {
 
 class Retyped : public Wrapper {
  public:
-  Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole)
+  /// @param whole  columns of text that are integer ones
+  Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole,
+          const std::optional<double>& full_color)
       : Wrapper(std::move(source)), whole_(whole), columns_(whole.size()) {
+    header_.full_color = full_color;
+    report_.points = 0;
     for (std::size_t f = 0; f < whole_.size(); ++f) {
       header_.fields[f].text = false;
       if (whole_[f]) header_.fields[f].type = ScalarType::kInt32;
@@ -377,16 +381,19 @@ std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
                                                const ReadOptions& options) {
   std::unique_ptr<PointSource> source = open_point_source(path, options);
-  if (source->report().format != CloudFormat::kText) return source;
   const PointStreamHeader& header = source->header();
   const FieldRoles roles = find_roles(header.fields);
+  const bool open_colors = roles.color[0] >= 0 && !full_color_by_type(header.fields);
+  if (source->report().format != CloudFormat::kText && !open_colors) return source;
   std::vector<bool> whole;
   for (const PointField& field : header.fields) whole.push_back(field.text);
   for (const int field : roles.position) {
     if (field >= 0) whole[static_cast<std::size_t>(field)] = false;
   }
+  GreatestColor greatest(header.fields);
   PointBatch batch;
   while (source->next(batch)) {
+    greatest.add(batch);
     for (std::size_t f = 0; f < whole.size(); ++f) {
       if (!whole[f]) continue;
       bool good = !batch.fields[f].fractional;
@@ -396,7 +403,9 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
       whole[f] = good;
     }
   }
-  return std::make_unique<Retyped>(open_point_source(path, options), whole);
+  std::optional<double> full_color;
+  if (open_colors) full_color = greatest.full_color();
+  return std::make_unique<Retyped>(open_point_source(path, options), whole, full_color);
 }
 
 std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,

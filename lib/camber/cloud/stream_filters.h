@@ -41,7 +41,8 @@ std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source
                                              const std::vector<int>& ground);
 
 /// Opens a file like open_point_source. The columns of a text file whose values are all whole
-/// numbers of 32 bits get an integer type, which takes a first pass over the file.
+/// numbers of 32 bits get an integer type, and colours whose type leaves open what is full a
+/// `full_color`, which takes a first pass over the file.
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
                                                const ReadOptions& options = {});
 
