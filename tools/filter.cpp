@@ -318,8 +318,10 @@ void add_arguments(App& app, Arguments& a) {
                  "deviations above the mean")
       ->delimiter(',')
       ->expected(2);
-  app.add_option("--normals", a.normals,
-                 "estimate normals from so many nearest points, itself included")
+  app.add_option(
+         "--normals", a.normals,
+         "estimate normals from so many nearest points, itself included; NaN where these lie "
+         "on a line")
       ->check(in_range(3, 100000));
   app.add_option("--up", a.up, "normals point to this side; default: the cloud's up")
       ->delimiter(',')

@@ -94,6 +94,32 @@ TEST(Normals, WhereThereAreNoneAndBadOptions) {
   for (int i = 0; i < 10; ++i) line.points.emplace_back(static_cast<float>(i), 0.0f, 0.0f);
   estimate_normals(line);
   for (const Eigen::Vector3f& n : line.normals) EXPECT_TRUE(std::isnan(n.x()));
+  // Lines askew, whose places are rounded, also away from zero.
+  for (const Eigen::Vector3d& way : {Eigen::Vector3d(0.1, 0.2, 0.3), Eigen::Vector3d(3, -1, 0.7)}) {
+    for (const double from : {0.0, 40.0}) {
+      RoadCloud askew;
+      for (int i = 0; i < 200; ++i) askew.points.emplace_back((from * way + i * way).cast<float>());
+      for (const int neighbors : {3, 20, 60}) {
+        NormalOptions options;
+        options.neighbors = neighbors;
+        estimate_normals(askew, options);
+        int known = 0;
+        for (const Eigen::Vector3f& n : askew.normals) known += n.array().isNaN().any() ? 0 : 1;
+        EXPECT_EQ(known, 0) << neighbors << " of a line from " << from;
+      }
+    }
+  }
+  // A strip of two rows, 0.02 m apart and of 1 m length, is a plane.
+  RoadCloud strip;
+  for (int i = 0; i < 50; ++i) {
+    strip.points.emplace_back(0.02f * static_cast<float>(i), i % 2 ? 0.02f : 0.0f, 0.0f);
+  }
+  NormalOptions all;
+  all.neighbors = 50;
+  estimate_normals(strip, all);
+  for (const Eigen::Vector3f& n : strip.normals) {
+    EXPECT_LT((n - Eigen::Vector3f(0, 0, 1)).norm(), 1e-5f);
+  }
   RoadCloud two;
   two.points = {{0, 0, 0}, {1, 0, 0}};
   estimate_normals(two);
@@ -231,6 +257,9 @@ TEST(Thin, CombinesEachAttributeInItsOwnWay) {
   EXPECT_LT((thinned.normals[0] - Eigen::Vector3f(0, 1, 2).normalized()).norm(), 1e-6f);
   EXPECT_EQ(thinned.labels.at("patch"), std::vector<int>({7, 5}));
   EXPECT_FLOAT_EQ(thinned.scalars.at("intensity")[0], 3.0f);
+  // A point without a normal leaves that of the others.
+  cloud.normals[2] = {kNan, kNan, kNan};
+  EXPECT_LT((thin(cloud, 0.5).normals[0] - Eigen::Vector3f(0, 1, 1).normalized()).norm(), 1e-6f);
   EXPECT_THROW(thin(cloud, 0.0), std::invalid_argument);
   EXPECT_THROW(thin(cloud, std::nan("")), std::invalid_argument);
   EXPECT_TRUE(thin(RoadCloud{}, 1.0).empty());

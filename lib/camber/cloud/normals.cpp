@@ -14,6 +14,10 @@ namespace {
 
 using Quad = float __attribute__((vector_size(16)));
 
+/// What the second eigenvalue of a neighbourhood on a line is at most, by the first: sums of floats
+/// leave some millionths of it.
+constexpr double kLine = 1e-5;
+
 /// Unit eigenvector of the smallest eigenvalue of a symmetric matrix with entries xx, xy, xz, yy,
 /// yz, zz; false if it is not unique (a line, a point).
 /// Eigenvalues by Smith, "Eigenvalues of a symmetric 3x3 matrix", CACM 1961; the vector as the
@@ -25,6 +29,9 @@ bool smallest_eigenvector(const double* c, Eigen::Vector3d& out) {
   const double s = 1.0 / trace;
   const double xx = c[0] * s, xy = c[1] * s, xz = c[2] * s, yy = c[3] * s, yz = c[4] * s,
                zz = c[5] * s;
+  // The sum of products of two eigenvalues, whose sum is 1: nearly the second one where it is
+  // small.
+  if (!(xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz > kLine)) return false;
   const double q = 1.0 / 3.0;
   const double a = xx - q, b = yy - q, d = zz - q;
   const double p2 = (a * a + b * b + d * d + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0;

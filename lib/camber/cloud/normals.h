@@ -21,7 +21,7 @@ struct NormalOptions {
 
 /// Fits a plane to each point's nearest neighbours (the direction of least variance) and puts its
 /// unit normal into cloud.normals; NaN where there is none: points that are not finite, fewer than
-/// three neighbours, all on one line.
+/// three neighbours, all on one line (spread across it less than 1/300 of that along it).
 /// @throws std::invalid_argument if options.validate() fails.
 /// Same answer for any num_threads.
 /// Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992.

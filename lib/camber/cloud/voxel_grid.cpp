@@ -236,10 +236,12 @@ void VoxelGrid::add(const PointBatch& batch) {
     } else {
       attribute.sums.grow_to(s.count);
       const bool squared = attribute.rule == Rule::kSigma;
+      const bool known_alone = attribute.rule == Rule::kNormal;  // a point may have none
       with_type(type, [&](auto tag) {
         for (std::size_t i = 0; i < n; ++i) {
           if (s.ids[i] < 0) continue;
           const double value = static_cast<double>(view.template get<decltype(tag)>(i));
+          if (known_alone && std::isnan(value)) continue;
           attribute.sums[static_cast<std::size_t>(s.ids[i])] += squared ? value * value : value;
         }
       });

@@ -9,10 +9,10 @@ namespace camber {
 
 /// Thins a stream of points to one a cube, in memory for the occupied cubes alone. A cube's point
 /// is at the mean of its points; colours and other numbers are averaged, normals summed and made
-/// unit, `sigma` is that of a mean of independent points, sqrt(sum sigma^2) / n, a covariance sum
-/// / n^2; an integer attribute has the value that most of the cube's points have where one value
-/// has the majority, else one of theirs. Points that are not finite are left out. Cubes come in the
-/// order of their first points.
+/// unit (NaN ones do not count), `sigma` is that of a mean of independent points, sqrt(sum sigma^2)
+/// / n, a covariance sum / n^2; an integer attribute has the value that most of the cube's points
+/// have where one value has the majority, else one of theirs. Points that are not finite are left
+/// out. Cubes come in the order of their first points.
 class VoxelGrid {
  public:
   /// @param size edge of a cube, m, > 0; cubes are aligned with the origin of the coordinates
