@@ -380,6 +380,48 @@ TEST(CompareShapes, DistancesAreThoseOfThePlacesWhateverTheOrigins) {
   }
 }
 
+TEST(CompareShapes, OfOtherPlacesAreRefusedAtOnce) {
+  const Shape truth{make_road(400, 3, 0.0, 0.0), {}};
+  const auto refusal = [](const Shape& estimate, const Shape& other, const CompareOptions& o) {
+    try {
+      compare_shapes(estimate, other, o);
+    } catch (const NoAnswerError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  Shape far = truth;
+  far.cloud.origin = {0, 3210e3, 0};
+  EXPECT_THAT(refusal(far, truth, {}), ::testing::HasSubstr("lies 3210 km from the truth"));
+  EXPECT_THAT(refusal(truth, far, {}), ::testing::HasSubstr("lies 3210 km from the truth"));
+  Shape mesh = make_mesh(4.0);
+  EXPECT_NE(refusal(far, mesh, {}), "");
+  // Moved back by a matrix, or by pairs: it is no other place.
+  CompareOptions options;
+  options.estimate_from_truth(1, 3) = 3210e3;
+  EXPECT_EQ(refusal(far, truth, options), "");
+  options = {};
+  options.alignment = Alignment::kRigid;
+  for (const Vector3d& p : {Vector3d(0, 0, 0), Vector3d(1, 0, 0), Vector3d(0, 1, 0)}) {
+    options.pairs.emplace_back(p + far.cloud.origin, p);
+  }
+  EXPECT_EQ(refusal(far, truth, options), "");
+  // A point far off keeps both in one place, and 9 km are none other.
+  Shape astray = far;
+  astray.cloud.points.emplace_back(0.0f, -3210e3f, 0.0f);
+  EXPECT_EQ(refusal(astray, truth, {}), "");
+  Shape near = truth;
+  near.cloud.origin = {0, 9e3, 0};
+  const CloudComparison c = compare_shapes(near, truth, {});
+  const std::vector<Vector3d> places = true_points(truth.cloud);
+  for (const std::size_t i : {0u, 99u, 399u}) {
+    const Vector3d p = near.cloud.origin + near.cloud.points[i].cast<double>();
+    double least = 1e9;
+    for (const Vector3d& q : places) least = std::min(least, (p - q).norm());
+    EXPECT_NEAR(c.accuracy.distances.distance[i], least, 1e-9);
+  }
+}
+
 TEST(CompareShapes, ColumnsStandApartHoweverFarTheShapes) {
   CloudComparison c;
   c.accuracy.summary = summarise_distances(std::vector<double>(6000, 5423092.1105));

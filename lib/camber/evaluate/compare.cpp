@@ -1,5 +1,8 @@
 #include "camber/evaluate/compare.h"
 
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -89,6 +92,33 @@ double share_within(const std::vector<double>& values, double threshold) {
   const auto within =
       std::count_if(values.begin(), values.end(), [&](double v) { return v <= threshold; });
   return static_cast<double>(within) / static_cast<double>(values.size());
+}
+
+/// The box of the finite points of a shape.
+Eigen::AlignedBox3d box_of(const Shape& shape) {
+  Eigen::AlignedBox3d box;
+  for (std::size_t i = 0; i < shape.cloud.size(); ++i) {
+    const Vector3d p = detail::true_point(shape.cloud, i);
+    if (p.allFinite()) box.extend(p);
+  }
+  return box;
+}
+
+/// Refuses shapes of different places: from so far off nearly all points of the one are as near to
+/// the other, which no search shortens, and no threshold separates them.
+/// @throws NoAnswerError
+void require_one_place(const Shape& estimate, const Shape& truth) {
+  constexpr double kFarthest = 1e4;       // m
+  constexpr double kMostDiagonals = 100;  // of the larger box
+  const Eigen::AlignedBox3d a = box_of(estimate), b = box_of(truth);
+  if (a.isEmpty() || b.isEmpty()) return;
+  const double apart = a.exteriorDistance(b);
+  const double diagonal = std::max(a.diagonal().norm(), b.diagonal().norm());
+  if (!(apart > std::max(kFarthest, kMostDiagonals * diagonal))) return;
+  throw NoAnswerError(
+      fmt::format("nothing to compare: the estimate lies {:.0f} km from the truth, expected one "
+                  "place (--align rigid or --estimate-from-truth would move them there)",
+                  apart / 1e3));
 }
 
 /// Which points count, and why others do not. @param observed  of a place
@@ -262,6 +292,7 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
       options.alignment == Alignment::kScale || options.alignment == Alignment::kSimilarity;
   out.metric = truth_in.cloud.metric && (scales || estimate_in.cloud.metric);
   Shape truth = detail::transformed(truth_in, options.estimate_from_truth);
+  if (options.alignment == Alignment::kNone) require_one_place(estimate_in, truth);
 
   // What is measured of a mesh are points spread over it.
   const auto sampled = [&](const Shape& shape) {
@@ -282,6 +313,7 @@ CloudComparison compare_shapes(const Shape& estimate_in, const Shape& truth_in,
                  : detail::align_pairs(options);
   }
   Shape estimate = detail::transformed(estimate_in, out.alignment.transform);
+  if (options.alignment != Alignment::kNone) require_one_place(estimate, truth);
   std::optional<detail::ShapeSearch> estimate_search(std::in_place, estimate, options.num_threads);
   RoadCloud estimate_sample = sampled(estimate), truth_sample = sampled(truth);
   RoadCloud& estimated = estimate.is_mesh() ? estimate_sample : estimate.cloud;

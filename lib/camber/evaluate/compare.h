@@ -164,8 +164,9 @@ struct CloudComparison {
 
 /// Measures an estimate against the truth, in both directions.
 /// @throws std::invalid_argument for bad options or triangles; NoAnswerError if nothing is left to
-/// count on either side, the pairs do not fix the alignment, or it shrinks onto a part of the
-/// truth. Same answer for any num_threads.
+/// count on either side, the shapes lie more than 10 km and a hundred times their size apart, the
+/// pairs do not fix the alignment, or it shrinks onto a part of the truth. Same answer for any
+/// num_threads.
 CloudComparison compare_shapes(const Shape& estimate, const Shape& truth,
                                const CompareOptions& options = {});
 
