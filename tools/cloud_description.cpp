@@ -209,7 +209,10 @@ json to_json(const CoordinateSystem& system) {
       {"vertical_unit", unit_json(system.vertical)},
       {"vertical_unit_stated", system.vertical_stated},
       {"wkt_bit", system.wkt_bit}};
-  if (!system.wkt.empty()) out["wkt"] = system.wkt;
+  if (!system.wkt.empty()) {
+    out["wkt"] = system.wkt;
+    out["wkt_source"] = system.given ? "option" : "file";
+  }
   if (!keys.empty()) out["geotiff_keys"] = keys;
   return out;
 }

@@ -161,6 +161,26 @@ void complete_crs(CoordinateSystem* system) {
   if (!system->vertical_stated) system->vertical = found.vertical;
 }
 
+std::string wkt_of_codes(const CoordinateSystem& system) {
+  if (system.epsg == 0) return {};
+  const auto same = [](const CoordinateUnit& stated, const CoordinateUnit& other) {
+    if (!stated.known()) return true;
+    return stated.angle == other.angle &&
+           (stated.angle || std::abs(stated.metres - other.metres) < 1e-9 * other.metres);
+  };
+  CoordinateSystem found;
+  std::string reason;
+  const std::string code = "EPSG:" + std::to_string(system.epsg);
+  const bool compound =
+      system.vertical_epsg > 0 &&
+      look_up(code + "+" + std::to_string(system.vertical_epsg), &found, &reason) &&
+      same(system.horizontal, found.horizontal) && same(system.vertical, found.vertical);
+  if (compound) return found.wkt;
+  reason.clear();
+  const bool known = look_up(code, &found, &reason) && same(system.horizontal, found.horizontal);
+  return known ? found.wkt : std::string();
+}
+
 void use_metres(const std::string& path, CloudFile* file, const LogSink& warn) {
   use_metres(path, &file->cloud, &file->report, warn);
 }

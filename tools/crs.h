@@ -37,6 +37,10 @@ std::vector<GeoPoint> places_on_earth(const std::string& crs,
 /// does not know stays, too.
 void complete_crs(CoordinateSystem* system);
 
+/// PROJ's well-known text of a system that is known by its codes; empty where it knows none, or
+/// where the units are others.
+std::string wkt_of_codes(const CoordinateSystem& system);
+
 /// Takes a cloud for a command that computes in metres: coordinates in other lengths are converted,
 /// with a warning; of degrees there is a warning alone, and unknown units count as metres.
 void use_metres(const std::string& path, CloudFile* file, const LogSink& warn);

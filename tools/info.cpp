@@ -218,6 +218,45 @@ Description describe_surface(const fs::path& path) {
   return out;
 }
 
+/// @param document  of metrics.json
+Description describe_metrics(const fs::path& path, const json& document) {
+  Description out;
+  json& o = out.object;
+  o = {{"file", path.string()}, {"kind", "metrics"}};
+  const auto take = [&](const char* key) {
+    const auto found = document.find(key);
+    const bool good = found != document.end() && (found->is_number() || found->is_null());
+    if (!good) {
+      throw InputError(path.string(), fmt::format("$.{}", key),
+                       fmt::format("found {}, expected a number or null",
+                                   found == document.end() ? "nothing" : found->type_name()));
+    }
+    o[key] = *found;
+    return found->is_number() ? found->get<double>() : std::nan("");
+  };
+  const double counted = take("counted"), matched = take("matched"), missed = take("missed"),
+               unanswered = take("unanswered"), scale = take("scale_error"),
+               rotation = take("rotation_error_deg"), direction = take("direction_error_deg"),
+               height = take("ego_height_error"), normal = take("ego_normal_error_deg"),
+               within = take("center_within_95");
+  out.line("format", "metrics of a Camber result against the truth");
+  if (std::isfinite(scale)) out.line("scale error", fmt::format("{:+.2f} %", 100.0 * scale));
+  if (std::isfinite(direction)) {
+    out.line("motion",
+             fmt::format("direction {:.3f} deg, rotation {:.3f} deg", direction, rotation));
+  }
+  if (std::isfinite(height)) {
+    out.line("ego plane", fmt::format("height {:+.3f} m, normal {:.2f} deg", height, normal));
+  }
+  out.line("vehicles", fmt::format("{:.0f} counted, {:.0f} found, {:.0f} missed, {:.0f} without "
+                                   "an answer",
+                                   counted, matched, missed, unanswered));
+  if (std::isfinite(within)) {
+    out.line("centres", fmt::format("{:.0f} % within their 95 % ellipsoids", 100.0 * within));
+  }
+  return out;
+}
+
 Description describe_run(const fs::path& path) {
   Description out;
   describe_run(read_run(path), path, "run", &out);
@@ -233,6 +272,7 @@ Description describe_json(const fs::path& path, const LogSink& warn) {
   if (has("patches")) return describe_surface(path);
   if (has("frames") && has("method")) return describe_vehicles(path);
   if (has("timings_ms") && has("cameras") && has("inputs")) return describe_run(path);
+  if (has("counted") && has("by_distance")) return describe_metrics(path, document);
   return describe_scene(path, warn);
 }
 
@@ -245,7 +285,9 @@ bool looks_like_json(const fs::path& path) {
   return in && c == '{';
 }
 
-Description describe(const std::string& name, const ReadOptions& options, const LogSink& warn) {
+/// @param in_full  with what JSON alone has
+Description describe(const std::string& name, const ReadOptions& options, bool in_full,
+                     const LogSink& warn) {
   const fs::path path = name;
   std::error_code error;
   if (fs::is_directory(path, error)) {
@@ -265,7 +307,15 @@ Description describe(const std::string& name, const ReadOptions& options, const 
     complete_crs(&*summary.crs);
     summary.metric = summary.metric && summary.crs->metric();
   }
-  return describe_cloud(name, summary);
+  Description out = describe_cloud(name, summary);
+  if (in_full && summary.crs && summary.crs->wkt.empty()) {
+    const std::string wkt = wkt_of_codes(*summary.crs);
+    if (!wkt.empty()) {
+      out.object["crs"]["wkt"] = wkt;
+      out.object["crs"]["wkt_source"] = "epsg";
+    }
+  }
+  return out;
 }
 
 }  // namespace
@@ -300,7 +350,7 @@ void register_info(App& root) {
     StageTimer load(timings, "load");
     for (const std::string& name : arguments->files) {
       throw_if_interrupted();
-      const Description printed = describe(name, options, warn);
+      const Description printed = describe(name, options, arguments->as_json, warn);
       if (arguments->as_json) {
         files.push_back(printed.object);
       } else {

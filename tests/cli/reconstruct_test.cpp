@@ -321,7 +321,7 @@ TEST_F(SteepHill, AResultHasItsFilesAndReplacesAnOlderOne) {
   const auto info = run_camber({"info", path("result"), "--json"});
   EXPECT_EQ(info.exit_code, 0) << info.error;
   EXPECT_EQ(json::parse(info.out)["files"][0]["kind"], "result");
-  for (const std::string kind : {"run", "surface", "vehicles"}) {
+  for (const std::string kind : {"run", "surface", "vehicles", "metrics"}) {
     const auto one = run_camber({"info", path("result/" + kind + ".json"), "--json"});
     ASSERT_EQ(one.exit_code, 0) << one.error;
     EXPECT_EQ(json::parse(one.out)["files"][0]["kind"], kind);

@@ -145,7 +145,9 @@ void compare_las(Comparison& c, const json& expected, const json& info) {
   c.equal("points", expected.value("points_present", 0), info["points"]);
   const json crs = info["crs"].is_null() ? json::object() : info["crs"];
   const json& expected_crs = expected["crs"];
-  c.equal("wkt", expected_crs.value("wkt", json(nullptr)), crs.value("wkt", json(nullptr)));
+  const bool own = crs.value("wkt_source", "file") == "file";
+  c.equal("wkt", expected_crs.value("wkt", json(nullptr)),
+          own ? crs.value("wkt", json(nullptr)) : json(nullptr));
   c.equal("geotiff_keys", expected_crs.value("geotiff_keys", json(nullptr)),
           crs.value("geotiff_keys", json(nullptr)));
   c.equal("wkt_bit", expected_crs["wkt_bit"], (las["global_encoding"].get<int>() & 16) != 0);
@@ -361,6 +363,25 @@ TEST_F(SurveyTools, LasThroughConvertAndFilterKeepsItsRecords) {
   // Means are made anew, with the coordinate system.
   run({"filter", path("a.las"), "--voxel", "2", "--out", path("v.las")});
   EXPECT_EQ(run_json({"info", path("v.las")})["files"][0]["crs"]["name"], "mine");
+}
+
+TEST_F(SurveyTools, WellKnownTextOfASystemStatedByItsCode) {
+  // Of point formats below 6.
+  write_text("plain.csv", "x,y,z\n500000,4100000,3\n500004,4100005,6\n");
+  const auto stated = [&](const std::string& crs) {
+    run({"convert", path("plain.csv"), "--crs", crs, "--out", path("coded.las")});
+    return run_json({"info", path("coded.las")})["files"][0]["crs"];
+  };
+  // Codes go to GeoTIFF keys.
+  const json coded = stated("EPSG:26917");
+  EXPECT_TRUE(coded.contains("geotiff_keys"));
+  EXPECT_EQ(coded["epsg"], 26917);
+  EXPECT_EQ(coded.value("wkt_source", ""), "epsg");
+  const std::string wkt = coded.value("wkt", "");
+  EXPECT_EQ(wkt.rfind("PROJCS[\"NAD83 / UTM zone 17N\"", 0), 0u) << wkt;
+  EXPECT_EQ(stated("PROJCS[\"mine\",UNIT[\"metre\",1]]").value("wkt_source", ""), "file");
+  const json given = run_json({"info", path("coded.las"), "--crs", "EPSG:32632"});
+  EXPECT_EQ(given["files"][0]["crs"].value("wkt_source", ""), "option");
 }
 
 TEST_F(SurveyTools, GroundOfFeetIsThatOfMetres) {
