@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/atomic_file.h"
+#include "camber/core/csv_field.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
@@ -87,21 +88,24 @@ json profile_json(const Command& command, const RoadSurface& surface,
           {"stations", std::move(stations)}};
 }
 
-/// @param metric  false: no column's name has the unit of a length
-std::string profile_csv(const std::vector<ProfilePoint>& profile, bool metric) {
+/// Of a surface that is not metric no column's name has the unit of a length.
+std::string profile_csv(const std::vector<ProfilePoint>& profile, const RoadSurface& surface) {
+  const bool metric = surface.metric;
+  const std::string frame = csv_field(surface.frame);
   std::string text = fmt::format(
       "station{0},x,y,z,height{0},grade_percent,cross_slope_percent,vertical_radius{0},"
       "sigma_height{0},sigma_grade_percent,sigma_cross_slope_percent,patch,status,"
-      "vertical_curvature{1},sigma_vertical_curvature{1}\n",
+      "vertical_curvature{1},sigma_vertical_curvature{1},frame,level\n",
       metric ? "_m" : "", metric ? "_per_m" : "");
   for (const ProfilePoint& p : profile) {
     text += fmt::format(
-        "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{},{},{}\n", p.station, p.point.x(),
-        p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
+        "{:.3f},{:.4f},{:.4f},{:.4f},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", p.station,
+        p.point.x(), p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
         cell(100.0 * p.cross_slope, 4), cell(p.vertical_radius, 2), cell(p.sigma_height, 5),
         cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
         p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)),
-        cell(p.vertical_curvature, 6), cell(p.sigma_vertical_curvature, 6));
+        cell(p.vertical_curvature, 6), cell(p.sigma_vertical_curvature, 6), frame,
+        to_string(surface.level));
   }
   return text;
 }
@@ -194,8 +198,8 @@ DrawnPlot draw(const Arguments& args, const std::vector<ProfilePoint>& profile, 
 }
 
 /// @param result  profile_json(): the timings so far are added.
-void write(const Arguments& args, const std::vector<ProfilePoint>& profile, bool metric,
-           const DrawnPlot& plot, json result, Timings& timings) {
+void write(const Arguments& args, const std::vector<ProfilePoint>& profile,
+           const RoadSurface& surface, const DrawnPlot& plot, json result, Timings& timings) {
   const StageTimer timer(timings, "write");
   const std::string kind = fs::path(args.out).extension().string();
   AtomicFiles files;
@@ -205,7 +209,7 @@ void write(const Arguments& args, const std::vector<ProfilePoint>& profile, bool
     write_png(plot.picture, files.stage(args.plot));
   }
   if (kind == ".csv") {
-    write_file_atomically(files.stage(args.out), profile_csv(profile, metric));
+    write_file_atomically(files.stage(args.out), profile_csv(profile, surface));
   } else if (kind == ".json") {
     result["timings_ms"] = cloud_timings(timings);
     write_json(result, files.stage(args.out));
@@ -247,7 +251,7 @@ int run(const Command& command, const Arguments& args) {
   // Drawn before the first file is written: without an answer nothing is.
   const DrawnPlot plot = draw(args, profile, in.surface.metric, timings);
   json result = profile_json(command, in.surface, profile, options);
-  write(args, profile, in.surface.metric, plot, result, timings);
+  write(args, profile, in.surface, plot, result, timings);
   if (args.json) {
     result["timings_ms"] = cloud_timings(timings);
     fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));

@@ -366,9 +366,14 @@ TEST_F(RoadClouds, ProfileAlongALine) {
   std::size_t rows = 0;
   std::getline(csv, line);
   EXPECT_THAT(line, HasSubstr("station_m,x,y,z,height_m,grade_percent,cross_slope_percent"));
+  EXPECT_THAT(line, testing::EndsWith(",frame,level"));
+  const std::string place =
+      "," + profile["frame"].get<std::string>() + "," + profile["level"].get<std::string>();
+  EXPECT_EQ(place, ",z-up,gravity");
   while (std::getline(csv, line)) {
     last = line;
     ++rows;
+    EXPECT_THAT(line, testing::EndsWith(place));
   }
   EXPECT_EQ(rows, stations.size());
   EXPECT_THAT(last, HasSubstr("not covered"));
@@ -389,7 +394,7 @@ TEST_F(RoadClouds, ProfileUpToScaleNamesNoMetres) {
   EXPECT_EQ(line,
             "station,x,y,z,height,grade_percent,cross_slope_percent,vertical_radius,sigma_height,"
             "sigma_grade_percent,sigma_cross_slope_percent,patch,status,vertical_curvature,"
-            "sigma_vertical_curvature");
+            "sigma_vertical_curvature,frame,level");
 }
 
 TEST_F(RoadClouds, ProfileAsAPlot) {

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "camber/core/csv_field.h"
 #include "camber/core/errors.h"
 
 namespace camber {
@@ -376,20 +377,13 @@ std::string vehicles_csv(const std::vector<EvaluatedScene>& scenes) {
       "along_error,center_mahalanobis,height_error,height_sigma,normal_error_deg,yaw_error_deg,"
       "keypoint_error,dimension_error,overlap\n";
   auto value = [](double x) { return std::isnan(x) ? std::string() : fmt::format("{:.6g}", x); };
-  // As RFC 4180: names, and sources that list several networks, may hold commas.
-  auto text = [](const std::string& field) {
-    if (field.find_first_of(",\"\r\n") == std::string::npos) return field;
-    std::string quoted = "\"";
-    for (const char c : field) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return quoted + '"';
-  };
   for (const EvaluatedScene& scene : scenes) {
     for (const VehicleError& e : scene.metrics.vehicles) {
       out += fmt::format(
-          "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", text(scene.scene),
-          text(method_label(scene.method, scene.preset, scene.paper_terms)),
-          text(scene.detections_source), e.frame, e.truth_id, e.estimate_id, to_string(e.status),
-          value(e.distance), value(e.center_error), value(e.along_error),
+          "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", csv_field(scene.scene),
+          csv_field(method_label(scene.method, scene.preset, scene.paper_terms)),
+          csv_field(scene.detections_source), e.frame, e.truth_id, e.estimate_id,
+          to_string(e.status), value(e.distance), value(e.center_error), value(e.along_error),
           value(e.center_mahalanobis), value(e.height_error), value(e.height_sigma),
           value(e.normal_error * kDegrees), value(e.yaw_error * kDegrees), value(e.keypoint_error),
           value(e.dimension_error), value(e.overlap));
