@@ -56,6 +56,20 @@ TEST(FitLocalPlane, FindsTheInclinedPlaneThatTheFieldIs) {
   }
 }
 
+TEST(FitLocalPlane, SupportIsThatOfItsPixels) {
+  const RoadPosterior road = road_of({{0, -1, 0}, 1.65});
+  std::size_t tangents = 0;
+  for (double v = 104.0; v < 220.0; v += 2.0) {
+    const LocalPlane found = fit_local_plane(road, kCamera, {320, v}, {});
+    if (found.status != Status::kOk) continue;
+    double sum = 0.0;
+    for (const Eigen::Vector2d& pixel : found.pixels) sum += road.support(pixel);
+    EXPECT_NEAR(found.support, sum / static_cast<double>(found.pixels.size()), 1e-12) << v;
+    tangents += found.pixels.size() == 12 ? 1 : 0;
+  }
+  EXPECT_GT(tangents, 0u);  // of a far footprint
+}
+
 TEST(FitLocalPlane, AWallIsNoRoad) {
   // Leaning back by 40 degrees from upright, 12 m ahead.
   const Eigen::Vector3d normal = Eigen::Vector3d(0.0, -0.64, -0.77).normalized();

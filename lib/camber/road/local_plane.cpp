@@ -81,6 +81,7 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
     // A far footprint lies within a row or two: take the field's tangent around the contact.
     pixels.clear();
     points.clear();
+    out.support = 0.0;
     const double half_px = std::max(2.0, options.half_width * camera.fx * rho0);
     for (const double dv : {1.5, 0.5, -0.5, -1.5}) {
       for (const double side : {-1.0, 0.0, 1.0}) {
