@@ -342,6 +342,22 @@ TEST(ScaleStage, TheCameraHeightGivesTheMetres) {
               1.2, 0.005);
 }
 
+TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  TriangulatedPoints& points = ground.ground.seen.points;
+  const auto found = static_cast<long>(points.size());
+  points.dropped[0] = 3 * found;  // a quarter is found
+  EXPECT_THAT(stages::scale(drive.frames, drive.matches, ground, {}).contradictions, IsEmpty());
+  points.dropped[0] = 9 * found;
+  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  ASSERT_EQ(scaled.contradictions.size(), 1u);
+  EXPECT_EQ(scaled.contradictions[0].code, "scale_contradicted");
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("10 % of the road is found"));
+  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 1e-9);
+  EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
+}
+
 TEST(ScaleStage, AHeightKnownBadlyIsSaidToBe) {
   MadeDrive drive = make_drive({});
   drive.frames.known.camera_height_sigma = 0.165;

@@ -26,6 +26,11 @@ struct ScaleNoise {
   /// Relative, of the scale by one source alone: one that knows it worse contradicts none (assumed;
   /// a road's width, which measures its shape, knows it to a factor).
   double contradicting_scale = 0.3;
+  /// Share of a mask's road that has to be found in the other images: where less is, it may be
+  /// found at another layer (made scenes, even numbers: 0.36 and more; one at 0.04 to 0.10 is up to
+  /// 39 % off). The scale is then not known better than to `unfound_scale`.
+  double least_found = 0.2;
+  double unfound_scale = 0.3;  ///< relative (assumed)
 
   // Painted markings of known size.
   double painted_end = 0.02;   ///< m, ends of paint off their place (assumed; rendered roads agree)

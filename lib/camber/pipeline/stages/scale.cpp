@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -252,6 +253,14 @@ double path_curvature(const MotionEstimate& motion, std::size_t reference,
   return along != 0.0 ? std::atan2(axis.x(), axis.z()) / along : 0.0;
 }
 
+/// Share of the wanted points that were triangulated.
+double found_share(const TriangulatedPoints& points) {
+  const auto found = static_cast<double>(points.size());
+  const auto dropped =
+      static_cast<double>(std::accumulate(points.dropped.begin(), points.dropped.end(), 0L));
+  return found + dropped > 0.0 ? found / (found + dropped) : 0.0;
+}
+
 /// Names what contradicts the result, and widens its scale by as much.
 void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
                           const PhotometricGround& ground, const GroundRaster& raster,
@@ -295,6 +304,14 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
     if (std::abs(off) > noise.rejected_intensities_gate * scaled->road.scale_sigma()) {
       contradict(fmt::format("intensities: {}; by them everything is {:.0f} % {}", ground.rejection,
                              100.0 * std::abs(std::expm1(off)), off > 0.0 ? "larger" : "smaller"));
+    }
+  }
+  if (frames.has_masks()) {
+    const double found = found_share(ground.ground.seen.points);
+    if (found < noise.least_found) {
+      variance = std::max(variance, noise.unfound_scale * noise.unfound_scale);
+      contradict(
+          fmt::format("matches: {:.0f} % of the road is found in the other images", 100.0 * found));
     }
   }
   double difference = 0.0;
