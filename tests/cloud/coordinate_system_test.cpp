@@ -135,6 +135,18 @@ TEST(CoordinateSystem, GeoTiffKeysThatPointOutsideAreLeftOut) {
   EXPECT_GT(bytes, 0u);
 }
 
+std::string written(const RoadCloud& cloud, const CoordinateSystem& system, CloudFormat format) {
+  const auto source = make_point_source(cloud);
+  PointStreamHeader header = source->header();
+  header.crs = system;
+  std::ostringstream out;
+  const auto sink = make_point_sink(out, header, format, CloudEncoding::kAscii);
+  PointBatch batch;
+  while (source->next(batch)) sink->write(batch);
+  sink->finish();
+  return out.str();
+}
+
 TEST(CoordinateSystem, OtherFormatsCarryItInComments) {
   RoadCloud cloud;
   cloud.points = {{1, 2, 3}, {4, 5, 6}};
@@ -146,16 +158,9 @@ TEST(CoordinateSystem, OtherFormatsCarryItInComments) {
   odd.vertical = unit_from_metres(1.0);
   for (const CloudFormat format : {CloudFormat::kPly, CloudFormat::kPcd, CloudFormat::kText}) {
     for (const CoordinateSystem& system : {coordinate_system_from_wkt(kUtm), by_code, odd}) {
-      const auto source = make_point_source(cloud);
-      PointStreamHeader header = source->header();
-      header.crs = system;
-      std::ostringstream out;
-      const auto sink = make_point_sink(out, header, format, CloudEncoding::kAscii);
-      PointBatch batch;
-      while (source->next(batch)) sink->write(batch);
-      sink->finish();
+      const std::string text = written(cloud, system, format);
       const CloudFile back =
-          test::read_from_memory(out.str(), format == CloudFormat::kText ? "a.xyz" : "a.ply");
+          test::read_from_memory(text, format == CloudFormat::kText ? "a.xyz" : "a.ply");
       ASSERT_TRUE(back.report.crs.has_value());
       EXPECT_EQ(back.report.crs->wkt, system.wkt);
       EXPECT_EQ(back.report.crs->epsg, system.epsg);
@@ -177,19 +182,12 @@ TEST(CoordinateSystem, LongTextGoesOnInFurtherComments) {
                                                          ",VERT_CS[\"h\",UNIT[\"metre\",1]]]");
     ASSERT_EQ(system.kind, Kind::kProjected);
     for (const CloudFormat format : {CloudFormat::kPly, CloudFormat::kPcd, CloudFormat::kText}) {
-      const auto source = make_point_source(cloud);
-      PointStreamHeader header = source->header();
-      header.crs = system;
-      std::ostringstream out;
-      const auto sink = make_point_sink(out, header, format, CloudEncoding::kAscii);
-      PointBatch batch;
-      while (source->next(batch)) sink->write(batch);
-      sink->finish();
+      const std::string text = written(cloud, system, format);
       // Readers of PLY that others use (RPly) hold a line in 1,024 bytes.
-      std::istringstream lines(out.str());
+      std::istringstream lines(text);
       for (std::string line; std::getline(lines, line);) EXPECT_LT(line.size(), 1000u);
       const CloudFile back =
-          test::read_from_memory(out.str(), format == CloudFormat::kText ? "a.xyz" : "a.ply");
+          test::read_from_memory(text, format == CloudFormat::kText ? "a.xyz" : "a.ply");
       ASSERT_TRUE(back.report.crs.has_value());
       if (*filling != ' ') {
         EXPECT_TRUE(back.report.crs->wkt == system.wkt) << back.report.crs->wkt.size();

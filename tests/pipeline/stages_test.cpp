@@ -353,7 +353,7 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
   ASSERT_EQ(scaled.contradictions.size(), 1u);
   EXPECT_EQ(scaled.contradictions[0].code, "scale_contradicted");
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("10 % of the road is found"));
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("only 10 % of the masked road is found"));
   EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 1e-9);
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
 }

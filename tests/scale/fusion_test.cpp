@@ -10,30 +10,13 @@
 
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/known_poses_constraint.h"
-#include "scale/profile_road.h"
-#include "support/made_road.h"
+#include "scale/open_road.h"
 
 namespace camber {
 namespace {
 
 using namespace test;
 using ::testing::HasSubstr;
-
-/// Hardly anything is known of the scale; the truth is 1.
-RoadPosterior open_road(double metres_per_baseline = 1.0) {
-  GroundObservations observations;
-  for (int v = 160; v < kRoadCamera.height; v += 4) {
-    for (int u = 0; u < kRoadCamera.width; u += 16) {
-      observations.pixels.emplace_back(u, v);
-      observations.inverse_depth.push_back(1.0 / depth_of(v, level));
-      observations.sigma.push_back(0.001);
-    }
-  }
-  return road_posterior(
-      std::make_shared<GroundField>(kRoadCamera, observations, Plane{{0, -1, 0}, kRoadHeight},
-                                    GroundFieldOptions()),
-      {}, kRoadHeight, metres_per_baseline, 1.0);
-}
 
 Constraint scale_source(const RoadPosterior& road, const char* name, double scale, double sigma) {
   Constraint out = known_poses_constraint(road, scale, sigma);

@@ -8,29 +8,12 @@
 
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
-#include "scale/profile_road.h"
-#include "support/made_road.h"
+#include "scale/open_road.h"
 
 namespace camber {
 namespace {
 
 using namespace test;
-
-/// A level road of which hardly the scale is known; the truth is 1.
-RoadPosterior open_road(double metres_per_baseline) {
-  GroundObservations observations;
-  for (int v = 160; v < kRoadCamera.height; v += 8) {
-    for (int u = 0; u < kRoadCamera.width; u += 32) {
-      observations.pixels.emplace_back(u, v);
-      observations.inverse_depth.push_back(1.0 / depth_of(v, level));
-      observations.sigma.push_back(0.001);
-    }
-  }
-  return road_posterior(
-      std::make_shared<GroundField>(kRoadCamera, observations, Plane{{0, -1, 0}, kRoadHeight},
-                                    GroundFieldOptions()),
-      {}, kRoadHeight, metres_per_baseline, 1.0);
-}
 
 TEST(Speed, GivesTheScaleWithItsSigma) {
   const RoadPosterior road = open_road(1.2);

@@ -9,8 +9,7 @@
 
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
-#include "scale/profile_road.h"
-#include "support/made_road.h"
+#include "scale/open_road.h"
 
 namespace camber {
 namespace {
@@ -19,39 +18,16 @@ using namespace test;
 
 /// A road whose scale is known to `sigma`.
 RoadPosterior road_of_scale(double sigma) {
-  GroundObservations observations;
-  for (int v = 160; v < kRoadCamera.height; v += 4) {
-    for (int u = 0; u < kRoadCamera.width; u += 16) {
-      observations.pixels.emplace_back(u, v);
-      observations.inverse_depth.push_back(1.0 / depth_of(v, level));
-      observations.sigma.push_back(0.001);
-    }
-  }
-  const RoadPosterior open = road_posterior(
-      std::make_shared<GroundField>(kRoadCamera, observations, Plane{{0, -1, 0}, kRoadHeight},
-                                    GroundFieldOptions()),
-      {}, kRoadHeight, 1.0, 1.0);
+  const RoadPosterior open = open_road();
   return open.conditioned(known_poses_constraint(open, 1.0, sigma));
-}
-
-/// A vehicle whose size makes the distance to the ground at its pixel `log_scale` larger.
-Constraint vehicle_at(const RoadPosterior& road, const Eigen::Vector2d& pixel, double log_scale,
-                      double sigma) {
-  Constraint out;
-  out.name = "vehicle";
-  out.pixels = {pixel};
-  const double rho = road.inverse_depth(pixel);
-  out.by_inverse_depth = Eigen::MatrixXd::Constant(1, 1, -1.0 / rho);  // of the log distance
-  out.residual = Eigen::VectorXd::Constant(1, log_scale);
-  out.covariance = Eigen::MatrixXd::Constant(1, 1, sigma * sigma);
-  return out;
 }
 
 std::vector<Constraint> vehicles_at(const RoadPosterior& road, const std::vector<double>& scales,
                                     double sigma) {
   std::vector<Constraint> out;
   double u = 100.0;
-  for (const double scale : scales) out.push_back(vehicle_at(road, {u += 60.0, 250}, scale, sigma));
+  for (const double scale : scales)
+    out.push_back(known_length(road, {u += 60.0, 250}, scale, sigma));
   return out;
 }
 
@@ -105,7 +81,7 @@ TEST(VehicleSizes, WithNormalErrorsTheRatioIsThatOfTheMean) {
   const auto sizes = compare_vehicle_sizes(road, vehicles_at(road, {0.2, 0.1, 0.15}, 0.05), noise);
   ASSERT_TRUE(sizes);
   // implied_log_scale() adds what the road leaves open of each distance.
-  const auto one = implied_log_scale(road, vehicle_at(road, {220.0, 250}, 0.1, 0.05));
+  const auto one = implied_log_scale(road, known_length(road, {220.0, 250}, 0.1, 0.05));
   ASSERT_TRUE(one);
   const double variance = one->variance / 3.0 + std::pow(noise.compared_population, 2) +
                           std::pow(road.scale_sigma(), 2);

@@ -310,8 +310,8 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
     const double found = found_share(ground.ground.seen.points);
     if (found < noise.least_found) {
       variance = std::max(variance, noise.unfound_scale * noise.unfound_scale);
-      contradict(
-          fmt::format("matches: {:.0f} % of the road is found in the other images", 100.0 * found));
+      contradict(fmt::format(
+          "matches: only {:.0f} % of the masked road is found in the other images", 100.0 * found));
     }
   }
   double difference = 0.0;
