@@ -333,6 +333,25 @@ TEST_F(DrawnStreet, PlaneSearchFindsTheBaselineFromNoStart) {
   EXPECT_NEAR(found.best.roll, 0.0, 0.01);
 }
 
+TEST_F(DrawnStreet, PlaneSearchLooksBesideAVehicleThatHidesTheDrivenCorridor) {
+  LoadedFrames frames = drive_->frames;
+  const PinholeCamera& camera = frames.camera;
+  for (FrameMasks& masks : frames.masks) {
+    for (int v = 0; v < camera.height; ++v) {
+      for (int u = 0; u < camera.width; ++u) {
+        const double below = (v - camera.cy) / camera.fy;
+        const bool ahead = std::abs((u - camera.cx) / camera.fx) * kHeight < 1.2 * below;
+        masks.vehicle[static_cast<std::size_t>(v * camera.width + u)] |= ahead;
+      }
+    }
+  }
+  const PlaneSearchResult found = stages::search_plane(frames, drive_->motion, {});
+  EXPECT_TRUE(found.informative);
+  EXPECT_GT(found.half_width, PlaneSearchOptions().half_width);
+  EXPECT_NEAR(found.best.log_baseline, std::log(kStep / kHeight),
+              2.0 * ScaleNoise().searched_height);
+}
+
 TEST_F(DrawnStreet, PlaneSearchOnBlankImagesIsNotInformative) {
   const test::MadeDrive blank = test::make_drive({});
   EXPECT_FALSE(stages::search_plane(blank.frames, blank.motion, {}).informative);

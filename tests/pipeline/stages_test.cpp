@@ -241,6 +241,21 @@ TEST(FirstGroundStage, AnInformativeSearchIsTheStart) {
   EXPECT_LT(angle_between(found.ego.plane.plane.normal, drive.plane.normal), 1e-3);
 }
 
+TEST(FirstGroundStage, ManyMatchesOnAnotherLayerDoNotOutweighTheSearch) {
+  const MadeDrive drive = make_drive({});
+  GroundPoints points = exact_ground(drive).seen;
+  for (std::size_t i = 0; i < points.points.size(); ++i) {
+    if (i % 4 != 0) points.points.inverse_depth[i] *= 0.4;  // as what a wet road mirrors
+  }
+  const Ground found = stages::first_ground(drive.frames, drive.matches, drive.motion, points,
+                                            searched(std::log(1.2 / 1.65), true), {});
+  for (const double z : {6.0, 9.0, 12.0}) {
+    const Eigen::Vector3d p = drive.plane.foot({0.0, 0.0, z});
+    const double rho = found.field->inverse_depth(*drive.frames.camera.project(p));
+    EXPECT_NEAR(1.2 / rho, p.z(), 0.01 * p.z());
+  }
+}
+
 TEST(FirstGroundStage, WithoutPointsOnlyALikelySearchIsAnAnswer) {
   const MadeDrive drive = make_drive({});
   const auto ground_of = [&](const PlaneSearchResult& search) {

@@ -514,6 +514,7 @@ std::vector<RoadHypothesis> PlaneSearch::sweep(const MotionEstimate& motion) con
 PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   constexpr double kStep = 0.015;
   PlaneSearchResult out;
+  out.half_width = options_.half_width;
   out.correlation = -1.0;
   std::vector<std::pair<double, RoadHypothesis>> ends;
   std::vector<RoadHypothesis> climbed;

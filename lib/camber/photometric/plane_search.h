@@ -43,6 +43,7 @@ struct PlaneSearchOptions {
 
 struct PlaneSearchResult {
   RoadHypothesis best;
+  double half_width = 0.0;   ///< of the corridor that was compared, camera heights
   double correlation = 0.0;  ///< of the best
   int samples = 0;           ///< windows that were compared there
   double rival = -1.0;       ///< correlation of the best baseline elsewhere, half the resolution

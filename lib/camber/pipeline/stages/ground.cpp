@@ -35,6 +35,14 @@ namespace stages {
 
 namespace {
 
+/// How far ahead a plane search's hypothesis is taken for the road, camera heights.
+constexpr double kReach = 8.0;
+
+/// Of a point, to the right of the line that the camera travels along.
+double aside(const Eigen::Vector3d& point, const Eigen::Vector3d& travel) {
+  return point.x() - travel.x() / travel.z() * point.z();
+}
+
 /// Grid points below the line on which level ground would vanish, with a margin for climbing roads.
 std::vector<std::uint8_t> below_horizon(const LoadedFrames& frames, const Correspondences& matches,
                                         const Eigen::Vector3d& travel) {
@@ -176,10 +184,28 @@ EgoPlane ego_of(const LoadedFrames& frames, const MotionEstimate& motion,
   return out;
 }
 
+void down_weight_off(const LoadedFrames& frames, const MotionEstimate& motion,
+                     const RoadHypothesis& hypothesis, GroundObservations* observed) {
+  // Camera heights that a road, its kerbs and its banks may be off the hypothesis: near the path,
+  // and more per height aside, and per height farther ahead than 4.
+  constexpr double kOff = 0.3, kOffAside = 0.15, kOffAhead = 0.1, kNear = 4.0;
+  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
+  const double per_height = std::exp(hypothesis.log_baseline);
+  for (std::size_t i = 0; i < observed->size(); ++i) {
+    const Eigen::Vector2d& pixel = observed->pixels[i];
+    const double rho = road_inverse_depth(frames.camera, travel, hypothesis, pixel);
+    if (!(rho > 1.0 / kReach)) continue;
+    const Eigen::Vector3d point = frames.camera.ray(pixel) / rho;
+    const double allowed = kOff + kOffAside * std::abs(aside(point, travel)) +
+                           kOffAhead * std::max(0.0, point.z() - kNear);
+    const double matched = observed->inverse_depth[i] / per_height;
+    if (std::abs(matched - rho) > allowed * std::max(matched, 0.0)) observed->sigma[i] *= 100.0;
+  }
+}
+
 void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
                     const RoadHypothesis& hypothesis, GroundObservations* observed) {
   constexpr int kStep = 4;                 // px
-  constexpr double kReach = 8.0;           // camera heights ahead
   constexpr double kHalfWidth = 1.5;       // camera heights
   constexpr double kRelativeSigma = 0.03;  // of the hypothesis' inverse depths
   const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
@@ -193,7 +219,7 @@ void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
       const double rho = road_inverse_depth(frames.camera, travel, hypothesis, pixel);
       if (!(rho > 1.0 / kReach)) continue;
       const Eigen::Vector3d point = frames.camera.ray(pixel) / rho;
-      if (std::abs(point.x() - travel.x() / travel.z() * point.z()) > kHalfWidth) continue;
+      if (std::abs(aside(point, travel)) > kHalfWidth) continue;
       observed->pixels.push_back(pixel);
       observed->inverse_depth.push_back(rho * per_height);
       observed->sigma.push_back(kRelativeSigma * rho * per_height);
@@ -237,8 +263,10 @@ struct Neighbours {
     }
   }
 
-  PlaneSearch searcher(const PinholeCamera& camera, int num_threads) const {
+  /// @param half_width  of the corridor, camera heights.
+  PlaneSearch searcher(const PinholeCamera& camera, double half_width, int num_threads) const {
     PlaneSearchOptions search;
+    search.half_width = half_width;
     search.num_threads = num_threads;
     return {camera, images, reference, search};
   }
@@ -248,14 +276,23 @@ struct Neighbours {
 
 PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
                                const GroundOptions& options) {
+  // What is driven over, or the lanes beside it, where a vehicle ahead hides that.
+  constexpr double kWide = 1.5;
   const Neighbours neighbours(frames, motion);
-  return neighbours.searcher(frames.camera, options.num_threads).search(neighbours.motion);
+  const auto within = [&](double half_width) {
+    return neighbours.searcher(frames.camera, half_width, options.num_threads)
+        .search(neighbours.motion);
+  };
+  const PlaneSearchResult narrow = within(PlaneSearchOptions().half_width);
+  if (narrow.informative) return narrow;
+  const PlaneSearchResult wide = within(kWide);
+  return wide.informative || wide.correlation > narrow.correlation ? wide : narrow;
 }
 
 double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,
                  const PlaneSearchResult& search, double height, int num_threads) {
   const Neighbours neighbours(frames, motion);
-  const PlaneSearch searcher = neighbours.searcher(frames.camera, num_threads);
+  const PlaneSearch searcher = neighbours.searcher(frames.camera, search.half_width, num_threads);
   return searcher.correlation_with_baseline(neighbours.motion, search.best.log_baseline) -
          searcher.correlation_with_baseline(neighbours.motion, -std::log(height));
 }
@@ -271,6 +308,7 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
   const auto start_from_search = [&] {
     out.ego = detail::ego_of(frames, motion, search.best, options);
     out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_baseline);
+    detail::down_weight_off(frames, motion, search.best, &observed);
     detail::add_hypothesis(frames, motion, search.best, &observed);
   };
   if (search.informative) {

@@ -70,8 +70,9 @@ struct GroundOptions {
 };
 
 /// Searches for the length of the baselines in camera heights on the intensities of the near road,
-/// with the images next to the reference. It needs no matches on the ground: those may agree on a
-/// wrong depth where the road moves fast.
+/// with the images next to the reference; where the driven corridor does not fix it, of one twice
+/// as wide. It needs no matches on the ground: those may agree on a wrong depth where the road
+/// moves fast.
 PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate& motion,
                                const GroundOptions& options);
 

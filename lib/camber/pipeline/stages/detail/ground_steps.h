@@ -25,6 +25,11 @@ bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground);
 EgoPlane ego_of(const LoadedFrames& frames, const MotionEstimate& motion,
                 const RoadHypothesis& hypothesis, const GroundOptions& options);
 
+/// Leaves observations that are far off the near road of a hypothesis nearly without weight: many
+/// matches that agree on another layer, such as what a wet road mirrors, would outweigh it.
+void down_weight_off(const LoadedFrames& frames, const MotionEstimate& motion,
+                     const RoadHypothesis& hypothesis, GroundObservations* observed);
+
 /// Adds the near road of a hypothesis as observations of the ground.
 void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
                     const RoadHypothesis& hypothesis, GroundObservations* observed);
