@@ -336,6 +336,16 @@ const ConstraintReport* report_of(const ScaledRoad& scaled, const std::string& n
   return nullptr;
 }
 
+TEST(ScaleStage, PointsThatAgreeOnNoRoadGiveNoScale) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  ground.ground.ego.points = 400;
+  ground.ground.ego.compared = 790;
+  EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, ground, {}));
+  ground.ground.ego.compared = 810;
+  EXPECT_THROW(stages::scale(drive.frames, drive.matches, ground, {}), NoAnswerError);
+}
+
 TEST(ScaleStage, TheCameraHeightGivesTheMetres) {
   const MadeDrive drive = make_drive({});
   PhotometricGround ground = exact_photometric(drive);

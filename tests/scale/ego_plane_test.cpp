@@ -187,6 +187,40 @@ TEST(FitEgoPlane, CrestsWorkTheSameWay) {
   EXPECT_LT(std::abs(found.height - kHeight), 0.5 * std::abs(found.near_plane_height - kHeight));
 }
 
+TEST(FitEgoPlane, ARoadThatRisesAtOnceHasAPlaneUnderTheCamera) {
+  for (const double radius : {30.0, 40.0, 50.0}) {  // a plane through it passes above the camera
+    const auto hill = [&](double z) {
+      return std::min(radius - std::sqrt(std::max(0.0, radius * radius - z * z)), 0.3 * z);
+    };
+    const EgoPlane found = fit_ego_plane(make_road(hill, 1.0, 1.0, 1), kTravel, kUp, {}, {});
+    ASSERT_NE(found.status, Status::kFailed) << radius << " " << found.reason;
+    EXPECT_NEAR(found.height, kHeight, 2.0 * found.relative_sigma * kHeight) << radius;
+    EXPECT_LT(found.relative_sigma, 0.04) << radius;
+  }
+}
+
+TEST(FitEgoPlane, NearPointsOnAnotherLayerAreLeftOut) {
+  RoadPoints road = make_road(flat, 1.0, 1.0, 1);
+  for (Eigen::Vector3d& p : road.points) {
+    if (p.z() < 6.0) p /= 1.4;
+  }
+  const EgoPlane found = fit_ego_plane(road, kTravel, kUp, {}, {});
+  ASSERT_NE(found.status, Status::kFailed) << found.reason;
+  EXPECT_NEAR(found.height, kHeight, 2.0 * found.relative_sigma * kHeight);
+  EXPECT_LT(found.points, 0.95 * found.compared);
+}
+
+TEST(FitEgoPlane, ABendWhoseBeginIsNotSeenIsInTheStatedError) {
+  EgoPlaneOptions without;
+  without.bend_share = 0.0;
+  const RoadPoints road = make_road(usual_bend, 1.0, 0.0, 1);
+  const EgoPlane found = fit_ego_plane(road, kTravel, kUp, {}, {});
+  const double own = fit_ego_plane(road, kTravel, kUp, {}, without).relative_sigma;
+  const double bend = std::log(found.near_plane_height / found.height);
+  EXPECT_NEAR(found.relative_sigma, std::hypot(own, EgoPlaneOptions().bend_share * bend), 1e-4);
+  EXPECT_GT(found.relative_sigma, 1.02 * own);
+}
+
 TEST(FitEgoPlane, GrossErrorsDoNotMatter) {
   RoadPoints road = make_road(flat, 1.0, 1.0, 7);
   const CounterRandom random(8);

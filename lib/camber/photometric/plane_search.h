@@ -34,7 +34,7 @@ struct PlaneSearchOptions {
   double max_roll = 0.09;        ///< rad, >= 0
   /// Limits for an informative search: correlations, samples, and how far the logarithm may go for
   /// a correlation of 0.05 less.
-  double least_correlation = 0.3;
+  double least_correlation = 0.2;
   double least_lead = 0.2;  ///< of the best correlation over that of any other baseline
   int least_samples = 1000;
   double widest_interval = 0.16;

@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 
@@ -14,6 +15,7 @@ namespace camber {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kMostAgree = 0.5;  // share of the points from which on no other start is tried
 
 /// Robust plane through points: u = c + alpha b + beta a in a road frame.
 Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noise) {
@@ -88,6 +90,51 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
   return "";
 }
 
+/// The same by a parabola that leaves the foot under the camera along the direction of travel, for
+/// roads that rise ahead so soon that a plane through what is seen of them does not pass below the
+/// camera.
+std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
+                              detail::TravelFrame* frame, NearRoad* out) {
+  constexpr double kWindow = 4.0;           // of the distance to the nearest road
+  constexpr double kCrossSlope = 0.1;       // standard deviation
+  constexpr int kRounds = 8, kFewest = 30;  // points
+  std::vector<Eigen::Vector3d> abu;
+  std::vector<double> ahead;
+  for (const Eigen::Vector3d& p : road.points) {
+    abu.push_back(frame->of(p));
+    if (abu.back().y() > 0) ahead.push_back(abu.back().y());
+  }
+  if (ahead.size() < kFewest) return "too few road points ahead of the camera";
+  std::sort(ahead.begin(), ahead.end());
+  const double nearest = ahead[ahead.size() / 50];
+  std::vector<Eigen::Vector3d> near;
+  for (const Eigen::Vector3d& p : abu) {
+    if (p.y() > 0 && p.y() < kWindow * nearest && std::abs(p.x()) < 0.6 * p.y()) near.push_back(p);
+  }
+  if (near.size() < kFewest) return "too few road points near the camera";
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();  // height of the foot, cross slope, curvature
+  double noise = std::numeric_limits<double>::infinity();  // of a distance, share
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    normal(1, 1) = 1.0 / (kCrossSlope * kCrossSlope);
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : near) {
+      const Eigen::Vector3d row(1.0, p.x(), 0.5 * p.y() * p.y());
+      const double r = (p.z() - x.dot(row)) / p.y();
+      const double weight = 1.0 / (p.y() * p.y() * std::pow(1.0 + r * r / (noise * noise), 2));
+      normal += weight * row * row.transpose();
+      right += weight * row * p.z();
+    }
+    x = normal.ldlt().solve(right);
+    noise = round < kRounds / 2 ? 0.1 : 0.03;
+  }
+  if (!(x[0] < 0)) return "the nearest points do not lie below the camera";
+  frame->up = (frame->up - x[1] * frame->right).normalized();
+  frame->right = frame->forward.cross(frame->up);
+  *out = {-x[0] / std::hypot(1.0, x[1]), nearest};
+  return "";
+}
+
 /// A position of the camera on its path, in the travel frame.
 struct CameraPosition {
   Eigen::Vector3d place;
@@ -127,6 +174,48 @@ double path_curvature(const std::vector<CameraPosition>& path, double metres_per
   return moment / information * metres_per_baseline;
 }
 
+/// The road along the driven path, with what it was fitted from.
+struct DrivenRoad {
+  detail::TravelFrame frame;
+  NearRoad near;
+  detail::CircularPath circle;
+  detail::ProfileMeasurements measured;
+  detail::DrivenProfile profile;
+  bool is_wide = false;  ///< the narrow strip holds too few points
+};
+
+/// @param near_road  fit_near_plane or fit_near_parabola: where the fit starts.
+/// @param level      roughly up, square to the direction of travel.
+/// @return its profile says why there is none.
+DrivenRoad fit_driven_road(const RoadPoints& road, decltype(fit_near_plane) near_road,
+                           const detail::TravelFrame& start, const Eigen::Vector3d& level,
+                           const EgoPlaneOptions& options) {
+  DrivenRoad out;
+  out.frame = start;
+  out.profile.failure = near_road(road, options.camera_height, &out.frame, &out.near);
+  if (!out.profile.failure.empty()) return out;
+  const double metres_per_baseline = options.camera_height / out.near.plane_height;
+  const std::vector<CameraPosition> path = usable_path(road, out.frame, metres_per_baseline);
+  out.circle.curvature = path_curvature(path, metres_per_baseline, options);
+  detail::ProfileMeasurements& measured = out.measured;
+  measured.road = &road;
+  measured.points.reserve(road.points.size());
+  for (const Eigen::Vector3d& p : road.points) {
+    measured.points.push_back(out.circle.along(out.frame.of(p)));
+  }
+  for (const CameraPosition& p : path) measured.path.push_back(out.circle.along(p.place));
+  measured.level_cross_slope = -out.frame.right.dot(level) / out.frame.up.dot(level);
+  measured.path_curvature = out.circle.curvature;
+  out.profile = detail::fit_driven_profile(measured, metres_per_baseline, options);
+  out.is_wide = !out.profile.failure.empty() || out.profile.points < options.narrow_points;
+  if (out.is_wide) {
+    EgoPlaneOptions wide = options;
+    wide.half_width = options.wide_half_width;
+    out.profile = detail::fit_driven_profile(measured, metres_per_baseline, wide);
+  }
+  return out;
+}
+
 /// What the same measurements give under other assumptions: a narrower or wider strip, a stiffer
 /// or softer road. @return variance of the logarithm of the scale.
 double assumption_variance(const detail::ProfileMeasurements& measured,
@@ -160,6 +249,20 @@ double turn_variance(double path_curvature, const NearRoad& near, double metres_
   return std::pow(height / options.camera_height, 2);
 }
 
+/// What the road that is passed unseen leaves open, between the camera's farthest position and the
+/// nearest road that is seen: a bend that begins there, nobody knows where.
+/// @return variance of the logarithm of the scale.
+double bend_variance(const detail::ProfileMeasurements& measured,
+                     const detail::DrivenProfile& profile, const NearRoad& near,
+                     const EgoPlaneOptions& options) {
+  double passed = 0.0;
+  for (const Eigen::Vector3d& p : measured.path) passed = std::max(passed, p.y());
+  const double unseen = std::clamp(1.0 - passed / near.begins, 0.0, 1.0);
+  const double bend =
+      std::log(profile.metres_per_baseline * near.plane_height / profile.camera_height());
+  return std::pow(options.bend_share * unseen * unseen * bend, 2);
+}
+
 }  // namespace
 
 void EgoPlaneOptions::validate() const {
@@ -186,6 +289,7 @@ void EgoPlaneOptions::validate() const {
   require(curvature_walk > 0, "curvature_walk", curvature_walk, "> 0");
   require(curve_begins > 0, "curve_begins", curve_begins, "> 0");
   require(curve_begins_most >= 1, "curve_begins_most", curve_begins_most, ">= 1");
+  require(bend_share >= 0, "bend_share", bend_share, ">= 0");
   require(bank_walk > 0, "bank_walk", bank_walk, "> 0");
   require(roll_sigma > 0, "roll_sigma", roll_sigma, "> 0");
   require(surface_sigma > 0, "surface_sigma", surface_sigma, "> 0");
@@ -216,33 +320,23 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   const Eigen::Vector3d forward = travel.normalized();
   const Eigen::Vector3d level = (up - up.dot(forward) * forward).normalized();
   // x right, y down, z forward: z x (-y) = x
-  detail::TravelFrame frame{forward.cross(level), forward, level};
-  NearRoad near;
-  const std::string failure = fit_near_plane(road, options.camera_height, &frame, &near);
-  if (!failure.empty()) return fail(failure);
-  out.near_plane_height = near.plane_height;
-  double metres_per_baseline = options.camera_height / out.near_plane_height;
-
-  detail::ProfileMeasurements measured;
-  measured.road = &road;
-  const std::vector<CameraPosition> path = usable_path(road, frame, metres_per_baseline);
-  const detail::CircularPath circle{path_curvature(path, metres_per_baseline, options)};
-  for (const Eigen::Vector3d& p : road.points) measured.points.push_back(circle.along(frame.of(p)));
-  for (const CameraPosition& p : path) measured.path.push_back(circle.along(p.place));
-  measured.level_cross_slope = -frame.right.dot(level) / frame.up.dot(level);
-  measured.path_curvature = circle.curvature;
-
-  EgoPlaneOptions narrow = options, wide = options;
-  wide.half_width = options.wide_half_width;
-  detail::DrivenProfile profile = detail::fit_driven_profile(measured, metres_per_baseline, narrow);
-  const bool is_wide = !profile.failure.empty() || profile.points < options.narrow_points;
-  if (is_wide) profile = detail::fit_driven_profile(measured, metres_per_baseline, wide);
+  const detail::TravelFrame start{forward.cross(level), forward, level};
+  DrivenRoad driven = fit_driven_road(road, fit_near_plane, start, level, options);
+  if (driven.profile.agreeing() < kMostAgree) {
+    DrivenRoad other = fit_driven_road(road, fit_near_parabola, start, level, options);
+    if (other.profile.agreeing() > driven.profile.agreeing()) driven = std::move(other);
+  }
+  const auto& [frame, near, circle, measured, profile, is_wide] = driven;
   if (!profile.failure.empty()) return fail(profile.failure);
-  metres_per_baseline = profile.metres_per_baseline;
+  out.near_plane_height = near.plane_height;
+  const double metres_per_baseline = profile.metres_per_baseline;
+  EgoPlaneOptions chosen = options;
+  if (is_wide) chosen.half_width = options.wide_half_width;
   const double assumptions =
-      assumption_variance(measured, profile, is_wide ? wide : narrow,
-                          is_wide ? narrow.half_width : wide.half_width) +
-      turn_variance(measured.path_curvature, near, metres_per_baseline, options);
+      assumption_variance(measured, profile, chosen,
+                          is_wide ? options.half_width : options.wide_half_width) +
+      turn_variance(measured.path_curvature, near, metres_per_baseline, options) +
+      bend_variance(measured, profile, near, options);
   const Eigen::Index columns = road.shared_jacobian.cols();
   Eigen::MatrixXd covariance = options.inflation * profile.covariance;
   if (columns > 0 && shared_covariance.size() > 0) {
@@ -281,6 +375,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
                        frame.up * (profile.x[j] / metres_per_baseline));
   }
   out.points = profile.points;
+  out.compared = profile.compared;
   out.status = out.relative_sigma < 0.08 ? Status::kOk : Status::kWeak;
   if (out.status == Status::kWeak) {
     out.reason = "the height of the camera over the road is known to " +

@@ -286,7 +286,7 @@ PlaneSearchResult search_plane(const LoadedFrames& frames, const MotionEstimate&
   const PlaneSearchResult narrow = within(PlaneSearchOptions().half_width);
   if (narrow.informative) return narrow;
   const PlaneSearchResult wide = within(kWide);
-  return wide.informative || wide.correlation > narrow.correlation ? wide : narrow;
+  return wide.informative || wide.lead > narrow.lead ? wide : narrow;
 }
 
 double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,

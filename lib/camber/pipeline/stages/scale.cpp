@@ -352,6 +352,13 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
   if (ground.ground.ego.points == 0) {
     throw NoAnswerError("no road plane under the camera: no match shows the road near it");
   }
+  const EgoPlane& ego = ground.ground.ego;
+  if (ego.points < options.noise.least_agreeing * ego.compared) {
+    throw NoAnswerError(
+        fmt::format("no road plane under the camera: {:.0f} % of the points near the driven path "
+                    "agree with one road",
+                    100.0 * ego.points / ego.compared));
+  }
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;

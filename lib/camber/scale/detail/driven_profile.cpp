@@ -92,12 +92,13 @@ class ProfileFit {
     const double step = profile_.step;
     const int nodes = profile_.nodes;
     const Eigen::VectorXd& x = profile_.x;
-    profile_.points = 0;
+    profile_.points = profile_.compared = 0;
     std::vector<double> seen;  // m ahead
     for (std::size_t i = 0; i < measured_.points.size(); ++i) {
       const Eigen::Vector3d p = profile_.metres_per_baseline * measured_.points[i];
       const double at = p.y() / step + profile_.foot, side = p.x();
       if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(side) > options_.half_width) continue;
+      ++profile_.compared;
       const int j = static_cast<int>(at);
       const double f = at - j;
       const double row[4] = {1 - f, f, (1 - f) * side, f * side};

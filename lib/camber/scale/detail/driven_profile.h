@@ -46,10 +46,15 @@ struct DrivenProfile {
   Eigen::MatrixXd covariance;        ///< of x, without what the points share
   Eigen::MatrixXd shared;            ///< d(x) / d(shared parameters)
   double metres_per_baseline = 0.0;  ///< so that the camera is its height above the profile
-  int points = 0;                    ///< used
+  int points = 0;                    ///< of the strip that agree with it
+  int compared = 0;                  ///< points of the strip
 
   double slope() const { return (x[foot + 1] - x[foot - 1]) / (2 * step); }  ///< at the foot
   double cross_slope() const { return x[nodes + foot]; }                     ///< at the foot
+  /// Share of the strip's points that agree; 0: there is no profile.
+  double agreeing() const {
+    return failure.empty() && compared > 0 ? static_cast<double>(points) / compared : 0.0;
+  }
   /// Of the camera over the tangent plane at the foot, m.
   double camera_height() const;
 };
