@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <functional>
@@ -105,6 +106,14 @@ TEST(Gltf, NamesItsOriginInTheInputsCoordinates) {
   PictureContent content;
   content.cloud = &map;
   EXPECT_LT((origin(content) - map.origin).norm(), 1e-6);
+  // Zero has no sign.
+  map.origin.setZero();
+  for (const PictureContent& each : {content, scene.content()}) {
+    const Eigen::Vector3d place = origin(each);
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_FALSE(place[axis] == 0.0 && std::signbit(place[axis])) << axis;
+    }
+  }
 }
 
 /// What the glTF 2.0 specification asks of every file, as far as ours use it: section 3.6.2 of

@@ -228,7 +228,7 @@ std::string encode_obj(const RoadMesh& mesh) {
 
 std::string encode_glb(const RoadMesh& mesh) {
   using nlohmann::json;
-  const Vector3d origin = mesh.points.front();
+  const Vector3d origin = mesh.points.front() + Vector3d::Zero();  // -0 becomes 0
   const auto turned = [](const Vector3d& p) { return Vector3d(-p.y(), p.z(), -p.x()); };
   std::string data;
   Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity());

@@ -36,9 +36,10 @@ class Document {
  public:
   /// @param origin  of the file, in the input's coordinates.
   explicit Document(const Eigen::Vector3d& origin) {
+    const Eigen::Vector3d place = origin + Eigen::Vector3d::Zero();  // -0 becomes 0
     root_["asset"] = {{"version", "2.0"},
                       {"generator", std::string("Camber ") + kVersion},
-                      {"extras", {{"origin", {origin.x(), origin.y(), origin.z()}}}}};
+                      {"extras", {{"origin", {place.x(), place.y(), place.z()}}}}};
     root_["extensionsUsed"] = json::array({"KHR_materials_unlit"});
     root_["scene"] = 0;
     for (const char* list : {"nodes", "meshes", "materials", "accessors", "bufferViews"}) {
