@@ -156,7 +156,9 @@ void register_convert(App& root) {
       cloud = read_on_map(args, warn, &system);
       source = with_crs(make_point_source(cloud), system);
     } else {
-      source = open_typed_source(args.files.input, args.files.cloud.read_options());
+      source =
+          open_typed_source(args.files.input, args.files.cloud.read_options(),
+                            write.format ? write.format : format_from_extension(args.files.out));
       if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
     }
     load.stop();

@@ -254,7 +254,8 @@ int run(const Command& command, const Arguments& args) {
   // What streams: selections, then thinning.
   StageTimer load(timings, "load");
   std::unique_ptr<PointSource> source =
-      open_typed_source(args.files.input, args.files.cloud.read_options());
+      open_typed_source(args.files.input, args.files.cloud.read_options(),
+                        write.format ? write.format : format_from_extension(args.files.out));
   const double metre = metres_in(*source, args, warn);
   if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
   const auto not_finite = std::make_shared<std::uint64_t>(0);  // points dropped for it

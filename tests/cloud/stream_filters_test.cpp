@@ -172,6 +172,68 @@ TEST(TypedSource, ColorsOfLasFillSixteenBitsAllAlike) {
   EXPECT_EQ(colors.back(), (std::array<int, 3>{129, 257, 65535}));
 }
 
+TEST(TypedSource, ColorsOfPlyAndPcdAreBytes) {
+  const test::TemporaryFolder folder;
+  using Colors = std::vector<std::array<std::uint8_t, 3>>;
+  std::vector<std::string> notes;
+  const auto converted = [&](const fs::path& input, const std::string& output) {
+    const fs::path path = folder.path() / output;
+    write_points(*open_typed_source(input, {}, format_from_extension(path)), path, {}, {}, &notes);
+    const std::vector<PointField> fields = open_point_source(path)->header().fields;
+    const FieldRoles roles = find_roles(fields);
+    if (output == "a.ply") {
+      for (const int field : roles.color) {
+        EXPECT_EQ(fields.at(static_cast<std::size_t>(field)).type, ScalarType::kUint8);
+      }
+    } else {
+      EXPECT_EQ(fields.at(static_cast<std::size_t>(roles.packed_color)).name, "rgb");
+    }
+    return read_cloud(path).colors;
+  };
+  const fs::path csv = folder.path() / "in.csv", las = folder.path() / "in.las";
+  for (const char* const output : {"a.ply", "a.pcd"}) {
+    // The first points are dark; those of the whole file decide.
+    std::string text = "x,y,z,red,green,blue\n";
+    for (int i = 0; i < 20000; ++i) text += "1,2,3,255,128,0\n";
+    std::ofstream(csv) << text << "1,2,3,1,256,65535\n";
+    write_points(*open_typed_source(csv), las);
+    EXPECT_EQ(las_colors(las).back(), (std::array<int, 3>{1, 256, 65535}));
+    for (const fs::path& input : {csv, las}) {
+      const Colors colors = converted(input, output);
+      EXPECT_EQ(colors.front(), (std::array<std::uint8_t, 3>{0, 0, 0}));
+      EXPECT_EQ(colors.back(), (std::array<std::uint8_t, 3>{0, 1, 255}));
+      EXPECT_EQ(colors, read_cloud(input).colors);
+      ASSERT_FALSE(notes.empty());
+      EXPECT_THAT(notes[0], ::testing::HasSubstr("8 bits"));
+      // Some points of the file, taken into memory.
+      const auto dark =
+          select_points(open_typed_source(input, {}, CloudFormat::kPly),
+                        [&, i = 0](const Eigen::Vector3d&) mutable { return i++ < 100; });
+      EXPECT_EQ(collect(*dark).colors, Colors(100, {0, 0, 0}));
+    }
+    // Bytes that fill 16 bits, and bytes in 16 bits, are what they were.
+    const std::string ply =
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty "
+        "float z\nproperty TYPE red\nproperty TYPE green\nproperty TYPE blue\nend_header\n1 2 3 1 "
+        "0 200\n4 5 6 255 128 7\n";
+    for (const char* const type : {"uchar", "ushort", "int", "float"}) {
+      const fs::path input = folder.path() / "in.ply";
+      std::ofstream(input) << std::regex_replace(ply, std::regex("TYPE"), type);
+      write_points(*open_typed_source(input), las);
+      for (const fs::path& each : {input, las}) {
+        EXPECT_EQ(converted(each, output), (Colors{{1, 0, 200}, {255, 128, 7}})) << type;
+        for (const std::string& note : notes) {
+          EXPECT_THAT(note, ::testing::Not(::testing::HasSubstr("8 bits")));
+        }
+      }
+    }
+    // Fractions.
+    std::ofstream(csv) << "x,y,z,r,g,b\n1,2,3,0.3,1.0,0\n4,5,6,0.0,0.5,0.1\n";
+    EXPECT_EQ(converted(csv, output), read_cloud(csv).colors);
+    EXPECT_EQ(read_cloud(csv).colors[1], (std::array<std::uint8_t, 3>{0, 128, 26}));
+  }
+}
+
 /// Points that no memory holds, made as they are asked for.
 class Endless : public PointSource {
  public:

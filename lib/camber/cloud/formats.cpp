@@ -392,6 +392,41 @@ std::vector<std::string> camber_comments(const PointStreamHeader& header) {
   return comments;
 }
 
+ColorBytes::ColorBytes(const PointStreamHeader& header)
+    : fields_(header.fields),
+      color_(find_roles(header.fields).color),
+      bytes_(full_color_by_type(header.fields) == 255.0),
+      full_(header.full_color) {}
+
+const std::vector<std::array<std::uint8_t, 3>>& ColorBytes::convert(const PointBatch& batch) {
+  if (!bytes_ && !full_) {
+    GreatestColor greatest(fields_);
+    greatest.add(batch);
+    full_ = greatest.full_color();
+  }
+  out_.resize(batch.count);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto field = static_cast<std::size_t>(color_[c]);
+    const FieldView& view = batch.fields[field];
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      if (bytes_) {
+        out_[i][c] = view.get<std::uint8_t>(i);
+        continue;
+      }
+      const double value = view.number(fields_[field].type, i);
+      out_[i][c] = color_byte(value, *full_);
+      // Bytes that were scaled to 16 bits come back as they were.
+      less_ = less_ || (*full_ > 255.0 && value > 0.0 && std::fmod(value, 256.0) != 0.0 &&
+                        std::fmod(value, 257.0) != 0.0);
+    }
+  }
+  return out_;
+}
+
+void ColorBytes::add_note(std::vector<std::string>* notes) const {
+  if (less_) notes->emplace_back("the colours have 8 bits a channel, of 16 in the input");
+}
+
 void append_value(std::string& out, const FieldView& view, ScalarType type, std::size_t i) {
   with_type(type, [&](auto tag) {
     using T = decltype(tag);

@@ -143,6 +143,25 @@ bool has_large_values(const RowBuffer& rows, int column);
 /// The header comments that carry a cloud's frame, scale and origin, without comment signs.
 std::vector<std::string> camber_comments(const PointStreamHeader& header);
 
+/// Red, green and blue of any type as bytes, for formats whose readers take colours for them.
+class ColorBytes {
+ public:
+  explicit ColorBytes(const PointStreamHeader& header);
+  /// The colours of a batch; what counts as full is decided once for all batches: by the header,
+  /// else by the first one.
+  const std::vector<std::array<std::uint8_t, 3>>& convert(const PointBatch& batch);
+  /// Adds a sentence if the bytes hold less than the values did.
+  void add_note(std::vector<std::string>* notes) const;
+
+ private:
+  std::vector<PointField> fields_;
+  std::array<int, 3> color_;
+  bool bytes_ = false;  // the values are
+  bool less_ = false;
+  std::optional<double> full_;
+  std::vector<std::array<std::uint8_t, 3>> out_;
+};
+
 /// Takes a step of writing a cloud's file; what the format cannot hold is an error that names it.
 template <typename Step>
 void write_step(const std::filesystem::path& path, Step&& step) {

@@ -10,23 +10,21 @@ namespace {
 class PcdSink : public PointSink {
  public:
   PcdSink(std::ostream& out, const PointStreamHeader& header, CloudEncoding encoding)
-      : out_(out), header_(header), encoding_(encoding) {
+      : out_(out), header_(header), encoding_(encoding), colors_(header) {
     if (encoding == CloudEncoding::kBigEndian) {
       throw std::invalid_argument(
           "PCD has no big-endian encoding, expected binary, ascii or compressed");
     }
     if (!header.count) start_ = out.tellp();
     roles_ = find_roles(header.fields);
-    const bool bytes = roles_.color[0] >= 0 && byte_sized(roles_.color[0]) &&
-                       byte_sized(roles_.color[1]) && byte_sized(roles_.color[2]);
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       const int index = static_cast<int>(f);
-      if (bytes && (index == roles_.color[1] || index == roles_.color[2])) continue;
+      if (index == roles_.color[1] || index == roles_.color[2]) continue;
       Column column;
       column.source = index;
       column.name = header.fields[f].name;
       column.type = header.fields[f].type;
-      if (bytes && index == roles_.color[0]) {
+      if (index == roles_.color[0]) {
         column.name = "rgb";
         column.type = ScalarType::kUint32;
         column.packed = true;
@@ -108,13 +106,15 @@ class PcdSink : public PointSink {
   }
 
   std::vector<std::string> notes() const override {
+    std::vector<std::string> notes;
+    colors_.add_note(&notes);
     const int x = roles_.position[0];
-    if (x < 0 || header_.fields[static_cast<std::size_t>(x)].type != ScalarType::kFloat64) {
-      return {};
+    if (x >= 0 && header_.fields[static_cast<std::size_t>(x)].type == ScalarType::kFloat64) {
+      notes.emplace_back(
+          "the coordinates are 8-byte floats, which hold those of maps; PCL's own point types have "
+          "4-byte ones and are filled with 0 from them");
     }
-    return {
-        "the coordinates are 8-byte floats, which hold those of maps; PCL's own point types have "
-        "4-byte ones and are filled with 0 from them"};
+    return notes;
   }
 
  private:
@@ -126,10 +126,6 @@ class PcdSink : public PointSink {
     bool packed_already = false;  // 0xRRGGBB in the source
   };
 
-  bool byte_sized(int field) const {
-    return size_of(header_.fields[static_cast<std::size_t>(field)].type) == 1;
-  }
-
   PointBatch repack(const PointBatch& batch) {
     PointBatch out;
     out.count = batch.count;
@@ -138,13 +134,9 @@ class PcdSink : public PointSink {
         out.fields.push_back(batch.fields[static_cast<std::size_t>(column.source)]);
         continue;
       }
-      packed_.resize(batch.count);
-      for (std::size_t i = 0; i < batch.count; ++i) {
-        std::uint32_t rgb = 0;
-        for (const int channel : roles_.color) {
-          rgb = rgb << 8 | batch.fields[static_cast<std::size_t>(channel)].get<std::uint8_t>(i);
-        }
-        packed_[i] = rgb;
+      packed_.clear();
+      for (const auto& [red, green, blue] : colors_.convert(batch)) {
+        packed_.push_back(static_cast<std::uint32_t>(red << 16 | green << 8 | blue));
       }
       out.fields.push_back({reinterpret_cast<const unsigned char*>(packed_.data()), 4});
     }
@@ -192,6 +184,7 @@ class PcdSink : public PointSink {
   PointStreamHeader header_;
   CloudEncoding encoding_;
   FieldRoles roles_;
+  ColorBytes colors_;
   std::vector<Column> columns_;
   std::vector<PointField> fields_;
   std::vector<std::string> collected_;

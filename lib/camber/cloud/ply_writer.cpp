@@ -35,13 +35,14 @@ const char* name_of(ScalarType type) {
 class PlySink : public PointSink {
  public:
   PlySink(std::ostream& out, const PointStreamHeader& header, CloudEncoding encoding)
-      : out_(out), header_(header), encoding_(encoding) {
+      : out_(out), header_(header), encoding_(encoding), colors_(header) {
     if (encoding == CloudEncoding::kCompressed) {
       throw std::invalid_argument(
           "PLY has no compressed encoding, expected binary, ascii or big endian");
     }
     if (!header.count) start_ = out.tellp();
     const FieldRoles roles = find_roles(header.fields);
+    channels_ = roles.color;
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       const int index = static_cast<int>(f);
       if (index == roles.packed_color) {
@@ -51,18 +52,22 @@ class PlySink : public PointSink {
         continue;
       }
       std::string name = header.fields[f].name;
+      ScalarType type = header.fields[f].type;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         static const char* const kAxes[] = {"x", "y", "z"};
         static const char* const kNormals[] = {"nx", "ny", "nz"};
         static const char* const kColors[] = {"red", "green", "blue"};
         if (index == roles.position[axis]) name = kAxes[axis];
         if (index == roles.normal[axis]) name = kNormals[axis];
-        if (index == roles.color[axis]) name = kColors[axis];
+        if (index == roles.color[axis]) {
+          name = kColors[axis];
+          type = ScalarType::kUint8;
+        }
       }
       for (char& c : name) {
         if (is_blank(c) || c == '\n') c = '_';
       }
-      add(index, name, header.fields[f].type);
+      add(index, name, type);
     }
     packed_ = roles.packed_color;
     write_header(header.count);
@@ -72,10 +77,15 @@ class PlySink : public PointSink {
     count_ += batch.count;
     PointBatch columns;
     columns.count = batch.count;
+    const std::array<std::uint8_t, 3>* colors = nullptr;
+    if (channels_[0] >= 0) colors = colors_.convert(batch).data();
     std::size_t channel = 2;  // of a little-endian 0xRRGGBB
     for (const int source : sources_) {
       FieldView view = batch.fields[static_cast<std::size_t>(source)];
       if (source == packed_) view.data += channel--;
+      for (std::size_t c = 0; c < 3; ++c) {
+        if (source == channels_[c]) view = {reinterpret_cast<const unsigned char*>(colors) + c, 3};
+      }
       columns.fields.push_back(view);
     }
     text_.clear();
@@ -99,6 +109,12 @@ class PlySink : public PointSink {
     out_.seekp(start_);
     write_header(count_);
     out_.seekp(end);
+  }
+
+  std::vector<std::string> notes() const override {
+    std::vector<std::string> notes;
+    colors_.add_note(&notes);
+    return notes;
   }
 
  private:
@@ -134,6 +150,8 @@ class PlySink : public PointSink {
   CloudEncoding encoding_;
   std::vector<PointField> fields_;
   std::vector<int> sources_;
+  std::array<int, 3> channels_{-1, -1, -1};
+  ColorBytes colors_;
   int packed_ = -1;
   std::string text_;
   std::uint64_t count_ = 0;

@@ -113,6 +113,13 @@ double GreatestColor::full_color() const {
   return fractions_ && greatest_ <= 1.0 ? 1.0 : 255.0;
 }
 
+std::uint8_t color_byte(double value, double full) {
+  // CloudBuilder collects floats: all are rounded alike.
+  const double v = static_cast<double>(static_cast<float>(value));
+  const double byte = full > 255.0 ? std::floor(v / 256.0) : full <= 1.0 ? v * 255.0 : v;
+  return static_cast<std::uint8_t>(std::clamp(std::isnan(byte) ? 0.0 : byte, 0.0, 255.0) + 0.5);
+}
+
 // --- CloudBuilder ------------------------------------------------------------------------------
 
 namespace {
@@ -145,10 +152,6 @@ struct OtherAttribute {
     labels = {};
   }
 };
-
-std::uint8_t to_byte(double value) {
-  return static_cast<std::uint8_t>(std::clamp(std::isnan(value) ? 0.0 : value, 0.0, 255.0) + 0.5);
-}
 
 /// Where the coordinates of a first batch are large, the round part of their median.
 double round_origin(std::vector<double>& values) {
@@ -474,20 +477,15 @@ RoadCloud CloudBuilder::finish(ReadReport& report) {
     for (const auto& color : s.wide_colors) {
       for (const float c : color) largest = c > largest ? c : largest;
     }
-    // Fractions of one, bytes in wider integers, or 16 bits a channel.
-    const double factor = s.float_colors && largest <= 1.0f ? 255.0
-                          : largest > 255.0f                ? 1.0 / 256.0
-                                                            : 1.0;
+    // 16 bits a channel, fractions of one, or bytes in wider types. Where these are some points of
+    // a file, all of its points decide.
+    const double full = s.header.full_color.value_or(largest > 255.0f                    ? 65535.0
+                                                     : s.float_colors && largest <= 1.0f ? 1.0
+                                                                                         : 255.0);
     reserve_large(s.cloud.colors, s.wide_colors.size());
     for (const auto& color : s.wide_colors) {
-      if (factor < 1.0) {
-        s.cloud.colors.push_back({to_byte(std::floor(color[0] * factor)),
-                                  to_byte(std::floor(color[1] * factor)),
-                                  to_byte(std::floor(color[2] * factor))});
-      } else {
-        s.cloud.colors.push_back(
-            {to_byte(color[0] * factor), to_byte(color[1] * factor), to_byte(color[2] * factor)});
-      }
+      s.cloud.colors.push_back(
+          {color_byte(color[0], full), color_byte(color[1], full), color_byte(color[2], full)});
     }
     s.wide_colors = {};
   }

@@ -158,6 +158,9 @@ class GreatestColor {
   double greatest_ = 0.0;
 };
 
+/// A value of red, green or blue in 8 bits, where `full` is what counts as full.
+std::uint8_t color_byte(double value, double full);
+
 /// A cloud being read.
 class PointSource {
  public:

@@ -379,11 +379,14 @@ std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source
 }
 
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
-                                               const ReadOptions& options) {
+                                               const ReadOptions& options,
+                                               std::optional<CloudFormat> output) {
   std::unique_ptr<PointSource> source = open_point_source(path, options);
   const PointStreamHeader& header = source->header();
   const FieldRoles roles = find_roles(header.fields);
-  const bool open_colors = roles.color[0] >= 0 && !full_color_by_type(header.fields);
+  const std::optional<double> by_type = full_color_by_type(header.fields);
+  const bool to_bytes = output == CloudFormat::kPly || output == CloudFormat::kPcd;
+  const bool open_colors = roles.color[0] >= 0 && (!by_type || (to_bytes && *by_type > 255.0));
   if (source->report().format != CloudFormat::kText && !open_colors) return source;
   std::vector<bool> whole;
   for (const PointField& field : header.fields) whole.push_back(field.text);
@@ -441,7 +444,9 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
 void write_labelled_copy(const std::filesystem::path& input, const ReadOptions& read_options,
                          const std::string& name, const std::vector<int>& values,
                          const std::filesystem::path& output, const WriteOptions& write_options) {
-  std::unique_ptr<PointSource> points = open_typed_source(input, read_options);
+  std::unique_ptr<PointSource> points = open_typed_source(
+      input, read_options,
+      write_options.format ? write_options.format : format_from_extension(output));
   if (read_options.lenient) points = drop_bad_points(std::move(points));
   const auto source = add_label(std::move(points), name, values);
   write_points(*source, output, write_options);

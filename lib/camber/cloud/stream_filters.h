@@ -43,8 +43,12 @@ std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source
 /// Opens a file like open_point_source. The columns of a text file whose values are all whole
 /// numbers of 32 bits get an integer type, and colours whose type leaves open what is full a
 /// `full_color`, which takes a first pass over the file.
+/// @param output  the format in which the points will be written: PLY and PCD, whose colours are
+///                bytes, ask for the `full_color` of 16 bits, too, which may hold no more than
+///                bytes.
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
-                                               const ReadOptions& options = {});
+                                               const ReadOptions& options = {},
+                                               std::optional<CloudFormat> output = {});
 
 /// Writes all points of a source to a file, atomically, in constant memory (but for a compressed
 /// PCD, whose format needs all at once). From LAS to LAS records, header, variable-length records
@@ -55,8 +59,9 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
                            const WriteOptions& options = {}, const Progress& progress = {},
                            std::vector<std::string>* notes = nullptr);
 
-/// Copies a cloud file with one more integer attribute, all others unchanged: `values` are those of
-/// its points in their order. @throws InputError, OutputError, std::invalid_argument.
+/// Copies a cloud file with one more integer attribute, all others unchanged as far as the format
+/// has their types: `values` are those of its points in their order. @throws InputError,
+/// OutputError, std::invalid_argument.
 void write_labelled_copy(const std::filesystem::path& input, const ReadOptions& read_options,
                          const std::string& name, const std::vector<int>& values,
                          const std::filesystem::path& output,
