@@ -337,7 +337,7 @@ TEST(Streams, WithAnUnknownCountFillItInAtTheEnd) {
 TEST(Pcd, SaysWherePointTypesOfPclWouldStayEmpty) {
   RoadCloud cloud;
   cloud.points = {{1, 2, 3}};
-  for (const double east : {0.0, 456000.0}) {
+  for (const double east : {0.0, 8000.0, 456000.0}) {
     cloud.origin.x() = east;
     for (const CloudEncoding encoding : {CloudEncoding::kBinary, CloudEncoding::kCompressed}) {
       const auto source = make_point_source(cloud);
@@ -346,7 +346,11 @@ TEST(Pcd, SaysWherePointTypesOfPclWouldStayEmpty) {
       PointBatch batch;
       while (source->next(batch)) sink->write(batch);
       sink->finish();
-      EXPECT_EQ(sink->notes().size(), east > 0.0 ? 1u : 0u);
+      EXPECT_EQ(sink->notes().size(), east > 8000.0 ? 1u : 0u);
+      EXPECT_THAT(out.str(), HasSubstr(east > 8000.0 ? "SIZE 8 8 8\n" : "SIZE 4 4 4\n"));
+      const RoadCloud again = read_from_memory(out.str(), "a.pcd").cloud;
+      EXPECT_EQ(again.origin, cloud.origin);
+      EXPECT_EQ(again.points, cloud.points);
     }
   }
 }

@@ -234,6 +234,56 @@ TEST(TypedSource, ColorsOfPlyAndPcdAreBytes) {
   }
 }
 
+TEST(TypedSource, CoordinatesThatFloatsHoldAreFloatsInPcd) {
+  const test::TemporaryFolder folder;
+  const fs::path csv = folder.path() / "in.csv", las = folder.path() / "in.las",
+                 pcd = folder.path() / "out.pcd";
+  const auto converted = [&](const fs::path& input) {
+    std::vector<std::string> notes;
+    write_points(*open_typed_source(input, {}, CloudFormat::kPcd), pcd, {}, {}, &notes);
+    const auto source = open_point_source(pcd);
+    const ScalarType type = source->header().fields.at(0).type;
+    EXPECT_EQ(source->header().fields.at(2).type, type);
+    EXPECT_EQ(notes.empty(), type == ScalarType::kFloat32);
+    PointBatch batch;
+    Eigen::Vector3d last = Eigen::Vector3d::Zero();
+    while (source->next(batch)) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        last[static_cast<Eigen::Index>(axis)] = batch.fields[axis].number(type, batch.count - 1);
+      }
+    }
+    return std::pair(type, last);
+  };
+  std::string text = "x,y,z\n";
+  for (int i = 0; i < 20000; ++i) text += "1,2,3\n";
+  // A point that decides may come late.
+  for (const double far : {8191.999, 8192.0, -200000.123}) {
+    const Eigen::Vector3d p(far, 0.1234, -56.789);
+    std::ofstream(csv) << text << std::to_string(far) << ",0.1234,-56.789\n";
+    write_points(*open_typed_source(csv), las);
+    for (const fs::path& input : {csv, las}) {
+      const auto [type, last] = converted(input);
+      EXPECT_EQ(type, far < 8192.0 && far > 0.0 ? ScalarType::kFloat32 : ScalarType::kFloat64);
+      EXPECT_LT((last - p).cwiseAbs().maxCoeff(), type == ScalarType::kFloat32 ? 2.5e-4 : 1e-6);
+    }
+  }
+  // Points that are not finite, or that lenient reading leaves out, do not count.
+  std::ofstream(csv) << "x,y,z\nnan,2,3\n4,5,6\n";
+  EXPECT_EQ(converted(csv).first, ScalarType::kFloat32);
+  std::ofstream(csv) << "x,y,z\n2e9,2,3\n4,5,6\n";
+  EXPECT_EQ(converted(csv).first, ScalarType::kFloat64);
+  ReadOptions lenient;
+  lenient.lenient = true;
+  EXPECT_EQ(open_typed_source(csv, lenient, CloudFormat::kPcd)->header().greatest_coordinate, 6.0);
+  // Degrees are small numbers with many digits; 8192 feet are nearer than 8192 m.
+  std::ofstream(csv) << "longitude,latitude,z\n8.6821234,49.1234567,100\n";
+  EXPECT_EQ(converted(csv).first, ScalarType::kFloat64);
+  std::ofstream(csv) << "x_ft,y_ft,z_ft\n20000,2,3\n";
+  EXPECT_EQ(converted(csv).first, ScalarType::kFloat32);
+  std::ofstream(csv) << "x_ft,y_ft,z_ft\n30000,2,3\n";
+  EXPECT_EQ(converted(csv).first, ScalarType::kFloat64);
+}
+
 /// Points that no memory holds, made as they are asked for.
 class Endless : public PointSource {
  public:

@@ -392,6 +392,19 @@ std::vector<std::string> camber_comments(const PointStreamHeader& header) {
   return comments;
 }
 
+bool floats_hold_coordinates(const PointStreamHeader& header) {
+  constexpr double kFar = 8192.0;  // m
+  if (!header.greatest_coordinate) return false;
+  double metres = 1.0;
+  if (header.crs) {
+    const CoordinateSystem& crs = *header.crs;
+    if (crs.kind == CoordinateSystem::Kind::kGeographic || crs.horizontal.angle) return false;
+    if (crs.epsg > 0 && !crs.horizontal.known()) return false;  // may be degrees
+    metres = std::max(crs.horizontal.metres, crs.vertical.metres);
+  }
+  return *header.greatest_coordinate * metres < kFar;
+}
+
 ColorBytes::ColorBytes(const PointStreamHeader& header)
     : fields_(header.fields),
       color_(find_roles(header.fields).color),

@@ -143,6 +143,10 @@ bool has_large_values(const RowBuffer& rows, int column);
 /// The header comments that carry a cloud's frame, scale and origin, without comment signs.
 std::vector<std::string> camber_comments(const PointStreamHeader& header);
 
+/// Whether 4-byte floats hold the coordinates to a quarter of a millimetre: all are known to be
+/// nearer than 8192 m (a float's step there is 0.5 mm) and none are angles.
+bool floats_hold_coordinates(const PointStreamHeader& header);
+
 /// Red, green and blue of any type as bytes, for formats whose readers take colours for them.
 class ColorBytes {
  public:

@@ -17,6 +17,7 @@ class PcdSink : public PointSink {
     }
     if (!header.count) start_ = out.tellp();
     roles_ = find_roles(header.fields);
+    const bool floats = floats_hold_coordinates(header);
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       const int index = static_cast<int>(f);
       if (index == roles_.color[1] || index == roles_.color[2]) continue;
@@ -33,7 +34,12 @@ class PcdSink : public PointSink {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         static const char* const kAxes[] = {"x", "y", "z"};
         static const char* const kNormals[] = {"normal_x", "normal_y", "normal_z"};
-        if (index == roles_.position[axis]) column.name = kAxes[axis];
+        if (index == roles_.position[axis]) {
+          column.name = kAxes[axis];
+          column.shortened = floats && column.type == ScalarType::kFloat64;
+          if (column.shortened) column.type = ScalarType::kFloat32;
+          doubles_ = doubles_ || column.type == ScalarType::kFloat64;
+        }
         if (index == roles_.normal[axis]) column.name = kNormals[axis];
       }
       for (char& c : column.name) {
@@ -108,8 +114,7 @@ class PcdSink : public PointSink {
   std::vector<std::string> notes() const override {
     std::vector<std::string> notes;
     colors_.add_note(&notes);
-    const int x = roles_.position[0];
-    if (x >= 0 && header_.fields[static_cast<std::size_t>(x)].type == ScalarType::kFloat64) {
+    if (doubles_) {
       notes.emplace_back(
           "the coordinates are 8-byte floats, which hold those of maps; PCL's own point types have "
           "4-byte ones and are filled with 0 from them");
@@ -124,12 +129,24 @@ class PcdSink : public PointSink {
     ScalarType type = ScalarType::kFloat32;
     bool packed = false;          // made from red, green, blue
     bool packed_already = false;  // 0xRRGGBB in the source
+    bool shortened = false;       // made from doubles
   };
 
   PointBatch repack(const PointBatch& batch) {
     PointBatch out;
     out.count = batch.count;
+    floats_.clear();
+    floats_.reserve(3 * batch.count);  // views of it are handed out
     for (const Column& column : columns_) {
+      if (column.shortened) {
+        const FieldView view = batch.fields[static_cast<std::size_t>(column.source)];
+        const float* const first = floats_.data() + floats_.size();
+        for (std::size_t i = 0; i < batch.count; ++i) {
+          floats_.push_back(static_cast<float>(view.get<double>(i)));
+        }
+        out.fields.push_back({reinterpret_cast<const unsigned char*>(first), sizeof(float)});
+        continue;
+      }
       if (!column.packed) {
         out.fields.push_back(batch.fields[static_cast<std::size_t>(column.source)]);
         continue;
@@ -189,6 +206,8 @@ class PcdSink : public PointSink {
   std::vector<PointField> fields_;
   std::vector<std::string> collected_;
   std::vector<std::uint32_t> packed_;
+  std::vector<float> floats_;
+  bool doubles_ = false;  // some coordinates are
   std::string text_;
   std::uint64_t count_ = 0;
   std::ostream::pos_type start_ = 0;

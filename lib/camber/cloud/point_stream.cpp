@@ -516,7 +516,16 @@ class CloudSource : public PointSource {
     header_.frame = cloud.frame;
     header_.metric = cloud.metric;
     shifted_ = !cloud.origin.isZero(0.0);
-    if (shifted_) header_.origin = cloud.origin;
+    if (shifted_) {
+      header_.origin = cloud.origin;
+      double greatest = 0.0;
+      for (const Eigen::Vector3f& p : cloud.points) {
+        for (const double x : Eigen::Vector3d(cloud.origin + p.cast<double>())) {
+          if (std::isfinite(x)) greatest = std::max(greatest, std::abs(x));
+        }
+      }
+      header_.greatest_coordinate = greatest;
+    }
     report_.declared = cloud.size();
     const char* const axes[] = {"x", "y", "z"};
     for (std::size_t axis = 0; axis < 3; ++axis) {

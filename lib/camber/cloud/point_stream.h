@@ -125,6 +125,8 @@ struct PointStreamHeader {
   std::shared_ptr<const LasFile> las;     ///< what a LAS file has beside its points
   bool records = false;                   ///< batches have the records of `las`
   std::optional<double> full_color;       ///< see GreatestColor; where all points were looked at
+  /// The greatest of the finite x, y and z, without signs; where all points were looked at.
+  std::optional<double> greatest_coordinate;
 };
 
 /// Which fields of a stream have a meaning of their own: indices, -1 for none.

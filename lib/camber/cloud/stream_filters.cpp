@@ -312,9 +312,10 @@ class Retyped : public Wrapper {
  public:
   /// @param whole  columns of text that are integer ones
   Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole,
-          const std::optional<double>& full_color)
+          const std::optional<double>& full_color, const std::optional<double>& greatest_coordinate)
       : Wrapper(std::move(source)), whole_(whole), columns_(whole.size()) {
     header_.full_color = full_color;
+    header_.greatest_coordinate = greatest_coordinate;
     report_.points = 0;
     for (std::size_t f = 0; f < whole_.size(); ++f) {
       header_.fields[f].text = false;
@@ -387,16 +388,34 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
   const std::optional<double> by_type = full_color_by_type(header.fields);
   const bool to_bytes = output == CloudFormat::kPly || output == CloudFormat::kPcd;
   const bool open_colors = roles.color[0] >= 0 && (!by_type || (to_bytes && *by_type > 255.0));
-  if (source->report().format != CloudFormat::kText && !open_colors) return source;
+  const bool doubles = std::any_of(roles.position.begin(), roles.position.end(), [&](int field) {
+    return field >= 0 &&
+           header.fields[static_cast<std::size_t>(field)].type == ScalarType::kFloat64;
+  });
+  const bool open_coordinates = output == CloudFormat::kPcd && doubles;
+  if (source->report().format != CloudFormat::kText && !open_colors && !open_coordinates) {
+    return source;
+  }
   std::vector<bool> whole;
   for (const PointField& field : header.fields) whole.push_back(field.text);
   for (const int field : roles.position) {
     if (field >= 0) whole[static_cast<std::size_t>(field)] = false;
   }
   GreatestColor greatest(header.fields);
+  double greatest_coordinate = 0.0;
   PointBatch batch;
   while (source->next(batch)) {
     greatest.add(batch);
+    for (const int field : roles.position) {
+      if (!open_coordinates || field < 0) continue;
+      const auto f = static_cast<std::size_t>(field);
+      for (std::size_t i = 0; i < batch.count; ++i) {
+        const double x = std::abs(batch.fields[f].number(header.fields[f].type, i));
+        // Lenient reading leaves out what is farther.
+        if (!std::isfinite(x) || (options.lenient && x > kLargestCoordinate)) continue;
+        greatest_coordinate = std::max(greatest_coordinate, x);
+      }
+    }
     for (std::size_t f = 0; f < whole.size(); ++f) {
       if (!whole[f]) continue;
       bool good = !batch.fields[f].fractional;
@@ -406,9 +425,10 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
       whole[f] = good;
     }
   }
-  std::optional<double> full_color;
+  std::optional<double> full_color, coordinate;
   if (open_colors) full_color = greatest.full_color();
-  return std::make_unique<Retyped>(open_point_source(path, options), whole, full_color);
+  if (open_coordinates) coordinate = greatest_coordinate;
+  return std::make_unique<Retyped>(open_point_source(path, options), whole, full_color, coordinate);
 }
 
 std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,
