@@ -61,9 +61,11 @@ std::optional<std::vector<int>> points_to_judge(const RoadCloud& cloud,
 
 /// The input with its ground: in LAS by the ASPRS classes, else by an int ground.
 /// @param judged  which points the labels are of, if not all
-void write_ground(const Arguments& arguments, const ReadOptions& read_options,
-                  const WriteOptions& write_options, std::size_t points,
-                  const std::optional<std::vector<int>>& judged, std::vector<int> labels) {
+/// @return        notes on the output
+std::vector<std::string> write_ground(const Arguments& arguments, const ReadOptions& read_options,
+                                      const WriteOptions& write_options, std::size_t points,
+                                      const std::optional<std::vector<int>>& judged,
+                                      std::vector<int> labels) {
   const std::optional<CloudFormat> format =
       write_options.format ? write_options.format : format_from_extension(arguments.out);
   const bool las = format == CloudFormat::kLas;
@@ -76,15 +78,17 @@ void write_ground(const Arguments& arguments, const ReadOptions& read_options,
   } else {
     ground = std::move(labels);
   }
+  std::vector<std::string> notes;
   if (!las) {
     write_labelled_copy(arguments.cloud, read_options, "ground", ground, arguments.out,
-                        write_options);
-    return;
+                        write_options, &notes);
+    return notes;
   }
   std::unique_ptr<PointSource> source = open_typed_source(arguments.cloud, read_options);
   if (read_options.lenient) source = drop_bad_points(std::move(source));
   source = classify_ground(std::move(source), ground);
-  write_points(*source, arguments.out, write_options);
+  write_points(*source, arguments.out, write_options, {}, &notes);
+  return notes;
 }
 
 GroundSegmentation segment_by(const std::string& engine, const RoadCloud& cloud,
@@ -180,9 +184,13 @@ void register_ground(App& root) {
       throw NoAnswerError(arguments->cloud + ": " + found.reason);
     }
     StageTimer write(timings, "write");
-    write_ground(*arguments, read_options, write_options, file.cloud.size(), judged,
-                 std::move(found.labels));
+    const std::vector<std::string> notes =
+        write_ground(*arguments, read_options, write_options, file.cloud.size(), judged,
+                     std::move(found.labels));
     write.stop();
+    for (const std::string& note : notes) {
+      if (warn) warn(arguments->out + ": " + note);
+    }
     if (!arguments->as_json) {
       fmt::print("{}: {} of {} points are ground, within {:.2f} {} of its surface\n",
                  arguments->out, found.ground, file.cloud.size(), found.tolerance,

@@ -355,6 +355,36 @@ TEST(Pcd, SaysWherePointTypesOfPclWouldStayEmpty) {
   }
 }
 
+TEST(AttributeNames, ThatWouldBeOneStayTwo) {
+  RoadCloud cloud;
+  cloud.points = {{1, 2, 3}};
+  cloud.normals = {{0, 0, 1}};
+  cloud.labels["a b"] = {1};
+  cloud.labels["a_b"] = {2};
+  cloud.labels["a\tb"] = {3};
+  cloud.labels["normal_x"] = {4};
+  for (const auto& [format, name, notes] :
+       {std::tuple(CloudFormat::kPly, "a.ply", 2u), std::tuple(CloudFormat::kPcd, "a.pcd", 3u),
+        std::tuple(CloudFormat::kText, "a.xyz", 2u)}) {
+    const auto source = make_point_source(cloud);
+    std::ostringstream out;
+    const auto sink = make_point_sink(out, source->header(), format, CloudEncoding::kAscii);
+    PointBatch batch;
+    while (source->next(batch)) sink->write(batch);
+    sink->finish();
+    EXPECT_EQ(sink->notes().size(), notes) << name;
+    EXPECT_THAT(sink->notes().back(), HasSubstr("since another one is 'a_b'"));
+    const RoadCloud again = read_from_memory(out.str(), name).cloud;
+    EXPECT_EQ(again.normals, cloud.normals) << name;
+    EXPECT_EQ(again.labels.at("a_b"), std::vector<int>{2}) << name;
+    EXPECT_EQ(again.labels.at("a_b_"), std::vector<int>{3}) << name;
+    EXPECT_EQ(again.labels.at("a_b__"), std::vector<int>{1}) << name;
+    EXPECT_EQ(again.labels.at(format == CloudFormat::kPcd ? "normal_x_" : "normal_x"),
+              std::vector<int>{4})
+        << name;
+  }
+}
+
 TEST(Origin, IsChosenWhereCoordinatesAreLarge) {
   std::string text =
       "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\n"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "camber/cloud/number_text.h"
 
@@ -390,6 +391,33 @@ std::vector<std::string> camber_comments(const PointStreamHeader& header) {
     comments.push_back(line);
   }
   return comments;
+}
+
+void make_names_unique(std::vector<ColumnName>& names, std::string_view others,
+                       std::vector<std::string>* notes) {
+  std::vector<std::string> clean;
+  std::vector<int> turn;
+  for (const ColumnName& column : names) {
+    std::string name = column.name;
+    for (char& c : name) {
+      if (is_blank(c) || c == '\n' || others.find(c) != std::string_view::npos) c = '_';
+    }
+    turn.push_back(column.fixed ? 0 : name == column.name ? 1 : 2);
+    clean.push_back(std::move(name));
+  }
+  std::set<std::string> taken;
+  for (const int now : {0, 1, 2}) {
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      if (turn[i] != now) continue;
+      std::string name = clean[i];
+      while (!taken.insert(name).second) name += '_';
+      if (name != clean[i]) {
+        notes->push_back("the attribute '" + names[i].name + "' is written as '" + name +
+                         "', since another one is '" + clean[i] + "'");
+      }
+      names[i].name = name;
+    }
+  }
 }
 
 bool floats_hold_coordinates(const PointStreamHeader& header) {

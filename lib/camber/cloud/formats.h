@@ -143,6 +143,18 @@ bool has_large_values(const RowBuffer& rows, int column);
 /// The header comments that carry a cloud's frame, scale and origin, without comment signs.
 std::vector<std::string> camber_comments(const PointStreamHeader& header);
 
+/// The name of a column in a file.
+struct ColumnName {
+  std::string name;
+  bool fixed = false;  ///< by the format, as "x"
+};
+
+/// Makes names such as a format takes: blanks, line breaks and the characters in `others` become
+/// '_'. Where another column has that name, '_' is appended until none has, and a note is added;
+/// names that are fixed, then those that need no change, go first.
+void make_names_unique(std::vector<ColumnName>& names, std::string_view others,
+                       std::vector<std::string>* notes);
+
 /// Whether 4-byte floats hold the coordinates to a quarter of a millimetre: all are known to be
 /// nearer than 8192 m (a float's step there is 0.5 mm) and none are angles.
 bool floats_hold_coordinates(const PointStreamHeader& header);

@@ -18,35 +18,39 @@ class PcdSink : public PointSink {
     if (!header.count) start_ = out.tellp();
     roles_ = find_roles(header.fields);
     const bool floats = floats_hold_coordinates(header);
+    std::vector<ColumnName> names;
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       const int index = static_cast<int>(f);
       if (index == roles_.color[1] || index == roles_.color[2]) continue;
       Column column;
       column.source = index;
-      column.name = header.fields[f].name;
+      ColumnName name{header.fields[f].name};
       column.type = header.fields[f].type;
       if (index == roles_.color[0]) {
-        column.name = "rgb";
+        name = {"rgb", true};
         column.type = ScalarType::kUint32;
         column.packed = true;
       }
-      if (index == roles_.packed_color) column.packed_already = true;
+      if (index == roles_.packed_color) {
+        column.packed_already = true;
+        name.fixed = true;
+      }
       for (std::size_t axis = 0; axis < 3; ++axis) {
         static const char* const kAxes[] = {"x", "y", "z"};
         static const char* const kNormals[] = {"normal_x", "normal_y", "normal_z"};
         if (index == roles_.position[axis]) {
-          column.name = kAxes[axis];
+          name = {kAxes[axis], true};
           column.shortened = floats && column.type == ScalarType::kFloat64;
           if (column.shortened) column.type = ScalarType::kFloat32;
           doubles_ = doubles_ || column.type == ScalarType::kFloat64;
         }
-        if (index == roles_.normal[axis]) column.name = kNormals[axis];
+        if (index == roles_.normal[axis]) name = {kNormals[axis], true};
       }
-      for (char& c : column.name) {
-        if (is_blank(c) || c == '\n') c = '_';
-      }
+      names.push_back(name);
       columns_.push_back(column);
     }
+    make_names_unique(names, {}, &name_notes_);
+    for (std::size_t c = 0; c < columns_.size(); ++c) columns_[c].name = names[c].name;
     if (encoding == CloudEncoding::kCompressed) {
       collected_.resize(columns_.size());
     } else {
@@ -112,7 +116,7 @@ class PcdSink : public PointSink {
   }
 
   std::vector<std::string> notes() const override {
-    std::vector<std::string> notes;
+    std::vector<std::string> notes = name_notes_;
     colors_.add_note(&notes);
     if (doubles_) {
       notes.emplace_back(
@@ -204,6 +208,7 @@ class PcdSink : public PointSink {
   ColorBytes colors_;
   std::vector<Column> columns_;
   std::vector<PointField> fields_;
+  std::vector<std::string> name_notes_;
   std::vector<std::string> collected_;
   std::vector<std::uint32_t> packed_;
   std::vector<float> floats_;

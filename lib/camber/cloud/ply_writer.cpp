@@ -43,32 +43,34 @@ class PlySink : public PointSink {
     if (!header.count) start_ = out.tellp();
     const FieldRoles roles = find_roles(header.fields);
     channels_ = roles.color;
+    std::vector<ColumnName> names;
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       const int index = static_cast<int>(f);
       if (index == roles.packed_color) {
         for (const char* const channel : {"red", "green", "blue"}) {
-          add(index, channel, ScalarType::kUint8);
+          add(index, ScalarType::kUint8);
+          names.push_back({channel, true});
         }
         continue;
       }
-      std::string name = header.fields[f].name;
+      ColumnName name{header.fields[f].name};
       ScalarType type = header.fields[f].type;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         static const char* const kAxes[] = {"x", "y", "z"};
         static const char* const kNormals[] = {"nx", "ny", "nz"};
         static const char* const kColors[] = {"red", "green", "blue"};
-        if (index == roles.position[axis]) name = kAxes[axis];
-        if (index == roles.normal[axis]) name = kNormals[axis];
+        if (index == roles.position[axis]) name = {kAxes[axis], true};
+        if (index == roles.normal[axis]) name = {kNormals[axis], true};
         if (index == roles.color[axis]) {
-          name = kColors[axis];
+          name = {kColors[axis], true};
           type = ScalarType::kUint8;
         }
       }
-      for (char& c : name) {
-        if (is_blank(c) || c == '\n') c = '_';
-      }
-      add(index, name, type);
+      add(index, type);
+      names.push_back(name);
     }
+    make_names_unique(names, {}, &name_notes_);
+    for (std::size_t c = 0; c < fields_.size(); ++c) fields_[c].name = names[c].name;
     packed_ = roles.packed_color;
     write_header(header.count);
   }
@@ -112,15 +114,14 @@ class PlySink : public PointSink {
   }
 
   std::vector<std::string> notes() const override {
-    std::vector<std::string> notes;
+    std::vector<std::string> notes = name_notes_;
     colors_.add_note(&notes);
     return notes;
   }
 
  private:
-  void add(int source, const std::string& name, ScalarType type) {
+  void add(int source, ScalarType type) {
     PointField field;
-    field.name = name;
     field.type = type;
     fields_.push_back(field);
     sources_.push_back(source);
@@ -150,6 +151,7 @@ class PlySink : public PointSink {
   CloudEncoding encoding_;
   std::vector<PointField> fields_;
   std::vector<int> sources_;
+  std::vector<std::string> name_notes_;
   std::array<int, 3> channels_{-1, -1, -1};
   ColorBytes colors_;
   int packed_ = -1;

@@ -463,13 +463,14 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
 
 void write_labelled_copy(const std::filesystem::path& input, const ReadOptions& read_options,
                          const std::string& name, const std::vector<int>& values,
-                         const std::filesystem::path& output, const WriteOptions& write_options) {
+                         const std::filesystem::path& output, const WriteOptions& write_options,
+                         std::vector<std::string>* notes) {
   std::unique_ptr<PointSource> points = open_typed_source(
       input, read_options,
       write_options.format ? write_options.format : format_from_extension(output));
   if (read_options.lenient) points = drop_bad_points(std::move(points));
   const auto source = add_label(std::move(points), name, values);
-  write_points(*source, output, write_options);
+  write_points(*source, output, write_options, {}, notes);
 }
 
 }  // namespace camber

@@ -62,9 +62,11 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
 /// Copies a cloud file with one more integer attribute, all others unchanged as far as the format
 /// has their types: `values` are those of its points in their order. @throws InputError,
 /// OutputError, std::invalid_argument.
+/// @param notes as those of write_points
 void write_labelled_copy(const std::filesystem::path& input, const ReadOptions& read_options,
                          const std::string& name, const std::vector<int>& values,
                          const std::filesystem::path& output,
-                         const WriteOptions& write_options = {});
+                         const WriteOptions& write_options = {},
+                         std::vector<std::string>* notes = nullptr);
 
 }  // namespace camber

@@ -18,17 +18,18 @@ class TextSink : public PointSink {
     std::string head;
     for (const std::string& comment : camber_comments(header)) head += "# " + comment + "\n";
     if (separator_ == ' ') head += "# ";
+    std::vector<ColumnName> names;
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
-      if (f > 0) head += separator_;
       if (static_cast<int>(f) == packed_) {
-        head += std::string("red") + separator_ + "green" + separator_ + "blue";
-        continue;
+        for (const char* const channel : {"red", "green", "blue"}) names.push_back({channel, true});
+      } else {
+        names.push_back({header.fields[f].name});
       }
-      std::string name = header.fields[f].name;
-      for (char& c : name) {
-        if (is_blank(c) || c == ',' || c == ';' || c == '\n' || c == '"') c = '_';
-      }
-      head += name;
+    }
+    make_names_unique(names, ",;\"", &name_notes_);
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      if (c > 0) head += separator_;
+      head += names[c].name;
     }
     head += '\n';
     out_.write(head.data(), static_cast<std::streamsize>(head.size()));
@@ -62,11 +63,14 @@ class TextSink : public PointSink {
 
   void finish() override {}
 
+  std::vector<std::string> notes() const override { return name_notes_; }
+
  private:
   std::ostream& out_;
   PointStreamHeader header_;
   char separator_;
   int packed_ = -1;
+  std::vector<std::string> name_notes_;
   std::string text_;
 };
 
