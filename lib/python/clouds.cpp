@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/cloud/stream_filters.h"
 #include "convert.h"
 #include "running.h"
 
@@ -180,9 +181,32 @@ py::array_t<double> true_points(const RoadCloud& cloud) {
   return out;
 }
 
+void bind_coordinate_systems(py::module_& module) {
+  py::class_<CoordinateUnit>(module, "CoordinateUnit", kDoc_CoordinateUnit)
+      .CAMBER_FIELD(CoordinateUnit, name)
+      .CAMBER_FIELD(CoordinateUnit, metres)
+      .CAMBER_FIELD(CoordinateUnit, angle)
+      .CAMBER_FIELD(CoordinateUnit, epsg);
+  py::class_<CoordinateSystem>(module, "CoordinateSystem", kDoc_CoordinateSystem)
+      .def_property_readonly(
+          "kind", [](const CoordinateSystem& crs) { return to_string(crs.kind); },
+          "'unknown', 'projected', 'geographic', 'geocentric' or 'local'")
+      .CAMBER_FIELD(CoordinateSystem, name)
+      .CAMBER_FIELD(CoordinateSystem, epsg)
+      .CAMBER_FIELD(CoordinateSystem, vertical_epsg)
+      .CAMBER_FIELD(CoordinateSystem, horizontal)
+      .CAMBER_FIELD(CoordinateSystem, vertical)
+      .CAMBER_FIELD(CoordinateSystem, wkt)
+      .def_property_readonly("metric", &CoordinateSystem::metric, kDoc_CoordinateSystem_metric)
+      .def("__repr__", [](const CoordinateSystem& crs) {
+        return "<camber.CoordinateSystem " + camber::describe(crs) + ">";
+      });
+}
+
 }  // namespace
 
 void bind_clouds(py::module_& module) {
+  bind_coordinate_systems(module);
   py::class_<RoadCloud>(
       module, "RoadCloud",
       (std::string(kDoc_RoadCloud) +
@@ -245,11 +269,22 @@ void bind_clouds(py::module_& module) {
       py::arg("path"), py::kw_only(), py::arg("lenient") = false,
       with_keywords(kDoc_read_cloud_file, {{"lenient", kDoc_ReadOptions_lenient}}).c_str());
   module.def(
-      "write_cloud",
-      [](const RoadCloud& cloud, const std::filesystem::path& path) {
-        compute([&] { write_cloud(cloud, path); });
+      "read_coordinate_system",
+      [](const std::filesystem::path& path) {
+        return compute([&] { return open_point_source(path)->header().crs; });
       },
-      py::arg("cloud"), py::arg("path"), kDoc_write_cloud);
+      py::arg("path"), "The coordinate system that a cloud file states, or None.");
+  module.def(
+      "write_cloud",
+      [](const RoadCloud& cloud, const std::filesystem::path& path,
+         const std::optional<CoordinateSystem>& crs) {
+        compute([&] {
+          if (!crs) return write_cloud(cloud, path);
+          write_points(*with_crs(make_point_source(cloud), crs), path);
+        });
+      },
+      py::arg("cloud"), py::arg("path"), py::kw_only(), py::arg("crs") = py::none(),
+      with_keywords(kDoc_write_cloud, {{"crs", "The coordinate system to state."}}).c_str());
 }
 
 }  // namespace camber::python

@@ -327,6 +327,25 @@ class Clouds(unittest.TestCase):
         cloud.points *= 2
         numpy.testing.assert_array_equal(cloud.points[7], [2, 4, 6])
 
+    def test_coordinate_systems_go_there_and_back(self):
+        folder = pathlib.Path(os.environ["CAMBER_TEST_FOLDER"])
+        text = folder / "map.csv"
+        text.write_text('# camber crs PROJCS["mine",UNIT["metre",1],AUTHORITY["EPSG","32632"]]\n'
+                        "x,y,z\n456000.5,5428000,100\n456001,5428001,101\n")
+        crs = camber.read_coordinate_system(text)
+        self.assertEqual((crs.name, crs.epsg, crs.kind), ("mine", 32632, "projected"))
+        self.assertEqual((crs.horizontal.name, crs.horizontal.metres), ("metre", 1.0))
+        self.assertTrue(crs.metric)
+        self.assertIn("32632", repr(crs))
+        cloud = camber.read_cloud(text)
+        for name in ("map.las", "map.ply", "map.pcd"):
+            camber.write_cloud(cloud, folder / name, crs=crs)
+            self.assertEqual(camber.read_coordinate_system(folder / name).epsg, 32632, name)
+            numpy.testing.assert_array_equal(camber.read_cloud(folder / name).true_points(),
+                                             cloud.true_points())
+            camber.write_cloud(cloud, folder / name)
+            self.assertIsNone(camber.read_coordinate_system(folder / name), name)
+
     def test_labels_that_do_not_fit_are_refused(self):
         cloud = camber.RoadCloud(numpy.zeros((2, 3)))
         for value in (2**40, -2**31 - 1):
