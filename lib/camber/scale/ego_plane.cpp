@@ -186,7 +186,7 @@ struct DrivenRoad {
 
 /// @param near_road  fit_near_plane or fit_near_parabola: where the fit starts.
 /// @param level      roughly up, square to the direction of travel.
-/// @return its profile says why there is none.
+/// @return failure of its profile: why there is none.
 DrivenRoad fit_driven_road(const RoadPoints& road, decltype(fit_near_plane) near_road,
                            const detail::TravelFrame& start, const Eigen::Vector3d& level,
                            const EgoPlaneOptions& options) {
