@@ -380,6 +380,15 @@ TEST_F(DrawnStreet, AnEgoPlaneThatThePlaneSearchContradictsWidensTheScale) {
               2.0 * ScaleNoise().searched_height);
 }
 
+TEST_F(DrawnStreet, PhotometricRefinementStartsFromNoGroundThatFewPointsAgreeOn) {
+  Ground before = exact_ground(*drive_);
+  before.ego.points = 195;
+  before.ego.compared = 752;
+  EXPECT_THROW(
+      stages::refine_photometrically(drive_->frames, drive_->matches, drive_->motion, before, {}),
+      NoAnswerError);
+}
+
 TEST_F(DrawnStreet, PhotometricRefinementMovesAWrongGroundToTheRightOne) {
   // A ground 2 % too low, by matches that are known no better than that.
   test::MadeDriveOptions options;

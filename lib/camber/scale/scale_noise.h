@@ -26,9 +26,6 @@ struct ScaleNoise {
   /// Relative, of the scale by one source alone: one that knows it worse contradicts none (assumed;
   /// a road's width, which measures its shape, knows it to a factor).
   double contradicting_scale = 0.3;
-  /// Share of the points near the driven path that have to agree with one road (360 rendered roads:
-  /// 0.77 and more; one at 0.22 is 70 % off).
-  double least_agreeing = 0.5;
   /// Share of a mask's road that has to be found in the other images: where less is, it may be
   /// found at another layer (made scenes, even numbers: 0.36 and more; one at 0.04 to 0.10 is up to
   /// 39 % off). The scale is then not known better than to `unfound_scale`.

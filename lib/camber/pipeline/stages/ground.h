@@ -104,6 +104,7 @@ Ground ground(const LoadedFrames& frames, const Correspondences& matches,
 
 /// Refines the motion and the ground on the intensities of all images; accepted where the pixels
 /// left out of it agree better than before.
+/// @throws NoAnswerError where the points near the driven path agree on no road.
 PhotometricGround refine_photometrically(const LoadedFrames& frames, const Correspondences& matches,
                                          const MotionEstimate& motion, const Ground& before,
                                          const GroundOptions& options);

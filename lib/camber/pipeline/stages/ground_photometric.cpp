@@ -155,6 +155,7 @@ double travelled(const MotionEstimate& motion, std::size_t reference) {
 PhotometricGround refine_photometrically(const LoadedFrames& frames, const Correspondences& matches,
                                          const MotionEstimate& motion, const Ground& before,
                                          const GroundOptions& options) {
+  detail::require_one_road(before.ego);
   PhotometricGround out{before, motion, nullptr, {}, {}, {}};
   std::vector<DirectImage> images(frames.size());
   for (std::size_t k = 0; k < images.size(); ++k) {

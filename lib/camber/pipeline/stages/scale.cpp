@@ -11,6 +11,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/motion/self_calibration.h"
+#include "camber/pipeline/stages/detail/ground_steps.h"
 #include "camber/pipeline/stages/motion.h"
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/contradiction.h"
@@ -352,13 +353,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
   if (ground.ground.ego.points == 0) {
     throw NoAnswerError("no road plane under the camera: no match shows the road near it");
   }
-  const EgoPlane& ego = ground.ground.ego;
-  if (ego.points < options.noise.least_agreeing * ego.compared) {
-    throw NoAnswerError(
-        fmt::format("no road plane under the camera: {:.0f} % of the points near the driven path "
-                    "agree with one road",
-                    100.0 * ego.points / ego.compared));
-  }
+  detail::require_one_road(ground.ground.ego);
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;

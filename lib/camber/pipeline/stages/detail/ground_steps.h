@@ -18,6 +18,11 @@ ProfilePoints matched_profile(const GroundPoints& seen);
 EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, ProfilePoints points,
                  const GroundOptions& options);
 
+/// @throws NoAnswerError where fewer than half of the points near the driven path agree with one
+/// road. In 360 sound runs of rendered scenes 0.72 and more do, in three that were wrong by half
+/// and more a quarter.
+void require_one_road(const EgoPlane& ego);
+
 /// Takes an ego plane and its scale, unless it failed. @return whether it was taken.
 bool set_ego(const MotionEstimate& motion, EgoPlane ego, Ground* ground);
 
