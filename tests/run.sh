@@ -116,8 +116,8 @@ run_ctest() {
 # Whether Clang makes programs with libFuzzer (its runtime is a package of its own).
 has_fuzzer() {
   command -v clang++ >/dev/null &&
-    echo 'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }' |
-    clang++ -fsanitize=fuzzer,address -x c++ - -o "$log.fuzzer" >/dev/null 2>&1
+    clang++ -fsanitize=fuzzer,address -x c++ - -o "$log.fuzzer" >/dev/null 2>&1 \
+      <<<'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }'
 }
 run_fuzzers() {
   build fuzz
