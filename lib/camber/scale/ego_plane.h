@@ -73,7 +73,7 @@ struct EgoPlane {
   double height = 0.0;               ///< of the camera above the plane, unit of the points
   double relative_sigma = 0.0;       ///< standard deviation of height over height
   double metres_per_baseline = 0.0;  ///< camera_height / height
-  double near_plane_height = 0.0;    ///< the same from one plane through the first 6 m seen
+  double near_plane_height = 0.0;    ///< from a plane through the first 6 m seen, or a parabola
   /// The road's centre line ahead (unit of the points): every node from the foot to the reach.
   std::vector<Eigen::Vector3d> line;
   int points = 0;    ///< that agree with it
