@@ -1,5 +1,9 @@
 // PCD files of version 0.7 as PCL's own writer makes them: the packed rgb field, LZF.
 
+#include <fmt/format.h>
+
+#include <cmath>
+
 #include "camber/cloud/formats.h"
 #include "camber/cloud/lzf.h"
 #include "camber/cloud/number_text.h"
@@ -123,6 +127,11 @@ class PcdSink : public PointSink {
           "the coordinates are 8-byte floats, which hold those of maps; PCL's own point types have "
           "4-byte ones and are filled with 0 from them");
     }
+    if (rounded_ > 0.0 && !header_.crs) {
+      notes.emplace_back("the coordinates, whose unit is not known, are rounded by up to " +
+                         fmt::format("{:.1g}", rounded_) +
+                         " to 4-byte floats, as PCL's point types have");
+    }
     return notes;
   }
 
@@ -146,7 +155,10 @@ class PcdSink : public PointSink {
         const FieldView view = batch.fields[static_cast<std::size_t>(column.source)];
         const float* const first = floats_.data() + floats_.size();
         for (std::size_t i = 0; i < batch.count; ++i) {
-          floats_.push_back(static_cast<float>(view.get<double>(i)));
+          const double exact = view.get<double>(i);
+          floats_.push_back(static_cast<float>(exact));
+          const double off = std::abs(static_cast<double>(floats_.back()) - exact);
+          if (off > rounded_) rounded_ = off;
         }
         out.fields.push_back({reinterpret_cast<const unsigned char*>(first), sizeof(float)});
         continue;
@@ -213,6 +225,7 @@ class PcdSink : public PointSink {
   std::vector<std::uint32_t> packed_;
   std::vector<float> floats_;
   bool doubles_ = false;  // some coordinates are
+  double rounded_ = 0.0;  // the most that a shortened coordinate is off
   std::string text_;
   std::uint64_t count_ = 0;
   std::ostream::pos_type start_ = 0;
