@@ -1,7 +1,5 @@
 // PCD files of version 0.7 as PCL's own writer makes them: the packed rgb field, LZF.
 
-#include <fmt/format.h>
-
 #include <cmath>
 
 #include "camber/cloud/formats.h"
@@ -128,9 +126,9 @@ class PcdSink : public PointSink {
           "4-byte ones and are filled with 0 from them");
     }
     if (rounded_ > 0.0 && !header_.crs) {
-      notes.emplace_back("the coordinates, whose unit is not known, are rounded by up to " +
-                         fmt::format("{:.1g}", rounded_) +
-                         " to 4-byte floats, as PCL's point types have");
+      std::string note = "the coordinates, whose unit is not known, are rounded by up to ";
+      append_number(note, static_cast<float>(rounded_));
+      notes.push_back(note + " to 4-byte floats, as PCL's point types have");
     }
     return notes;
   }
