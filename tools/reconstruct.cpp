@@ -40,7 +40,8 @@ struct Arguments {
 void add_scene_options(App& app, Arguments& a) {
   app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
   app.add_option("--frames", a.frames,
-                 "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64; default: "
+                 "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64, of which "
+                 "those too far from the reference to share much with it are left out; default: "
                  "the reference and two on each side (preset paper: one), as far away as it takes "
                  "to see the road move, or fewer where those give no answer. One frame: road and "
                  "metres by painted markings of known size (markings_m of the scene)")

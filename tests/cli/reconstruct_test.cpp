@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "cli/run_program.h"
@@ -272,6 +273,50 @@ TEST(ReconstructWithoutFrames, NeighboursAnswerWhereFramesFartherApartDoNot) {
   EXPECT_EQ(json::parse(result.out)["cameras"][0]["id"], 1);
   // Who asks for them gets the reason.
   EXPECT_ONE_SENTENCE(run_camber({"reconstruct", scene, "--frames", "0,2,4", "--out", out}), 1, "");
+}
+
+// 16 m of a drive at once: the flow does not follow the road over 8 m to each side, and what it
+// finds in its place turned the camera by half a degree.
+TEST(LongDrive, FramesOutOfReachAreLeftOutAndNamed) {
+  const test::TemporaryFolder folder;
+  const std::string scene = folder.path() / "drive", out = folder.path() / "road";
+  ASSERT_EQ(run_camber({"synth",
+                        "--profile",
+                        "steep_hill",
+                        "--frames",
+                        "17",
+                        "--speed",
+                        "18",
+                        "--size",
+                        "621x188",
+                        "--intrinsics",
+                        "360,360,305,86",
+                        "--cars",
+                        "0",
+                        "--seed",
+                        "3",
+                        "--cloud-points",
+                        "1000",
+                        "--supersampling",
+                        "1",
+                        "--out",
+                        scene})
+                .exit_code,
+            0);
+  const auto run =
+      run_camber({"reconstruct", scene, "--frames", "0:16", "--no-pictures", "--out", out});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_THAT(run.error, HasSubstr("share too little with frame 8, the reference"));
+  const json stated = json::parse(read_bytes(out + "/run.json"));
+  const auto frames = stated.at("options").at("frames").get<std::vector<int>>();
+  EXPECT_EQ(stated.at("cameras").size(), frames.size());
+  EXPECT_THAT(stated.at("warnings").at(0).at("text").get<std::string>(),
+              HasSubstr("frames 0 to " + std::to_string(frames.front() - 1) + " and " +
+                        std::to_string(frames.back() + 1) + " to 16 share"));
+  const json errors = json::parse(read_bytes(out + "/metrics.json"));
+  EXPECT_LT(errors.at("rotation_error_deg"), 0.1);   // 0.66 with all
+  EXPECT_LT(errors.at("direction_error_deg"), 0.2);  // 2.0
+  EXPECT_LT(std::abs(errors.at("scale_error").get<double>()), 0.01);
 }
 
 /// The scene that ships with the program.

@@ -9,6 +9,7 @@
 #include "camber/pipeline/stage_runner.h"
 #include "camber/pipeline/stages/fuse_masks.h"
 #include "camber/pipeline/stages/level.h"
+#include "camber/pipeline/stages/reach.h"
 #include "camber/scene/georeference.h"
 
 namespace camber {
@@ -57,11 +58,24 @@ void ReconstructOptions::validate() const {
   paper.vehicles.weights.validate();
 }
 
-SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& o, const StageRunner& run) {
+SeenRoad see_road(const Scene& scene, LoadedFrames& frames, const ReconstructOptions& o,
+                  const StageRunner& run) {
   Correspondences matches =
       run("correspondences", 0.1, [&] { return stages::match(frames, o.match); });
-  MotionEstimate motion =
-      run("motion", 0.3, [&] { return stages::motion(frames, matches, o.motion); });
+  const auto keep_only = [&](const stages::FrameRange& range) {
+    if (range.size() == frames.size()) return false;
+    matches = stages::matches_within(range, std::move(matches));
+    frames = stages::frames_within(range, scene, std::move(frames));
+    return true;
+  };
+  const auto find_motion = [&] {
+    return run("motion", 0.3, [&] { return stages::motion(frames, matches, o.motion); });
+  };
+  keep_only(stages::frames_that_share(frames, matches));
+  MotionEstimate motion = find_motion();
+  while (keep_only(stages::frames_that_agree(frames, matches, motion, o.motion))) {
+    motion = find_motion();
+  }
   GroundPoints points = run("triangulation", 0.4, [&] {
     return stages::triangulate(frames, matches, motion, nullptr, o.ground);
   });
@@ -119,7 +133,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
 
   LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, o.load); });
   if (frames.box_sigma_px) o.vehicles.fit.noise.box.pixel_sigma = *frames.box_sigma_px;
-  const SeenRoad seen = see_road(frames, o, run);
+  const SeenRoad seen = see_road(scene, frames, o, run);
   const PhotometricGround refined = run("ground", 0.8, [&] {
     return o.photometric ? stages::refine_photometrically(frames, seen.matches, seen.motion,
                                                           seen.ground, o.ground)
@@ -144,7 +158,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
   out.ground = std::move(vehicles.ground.under_detections);
   out.road_mask = road_mask_of(frames);
-  describe_run(options, frame_ids, frames, refined, scaled, &out.run);
+  describe_run(options, out.frame_ids, frames, refined, scaled, &out.run);
   put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;
   return out;

@@ -49,7 +49,7 @@ struct ReconstructOptions {
 
 /// Everything that a run finds, in the reference camera's frame.
 struct Reconstruction {
-  std::vector<int> frame_ids;
+  std::vector<int> frame_ids;  ///< of those asked for, the ones within reach of the reference
   int reference_frame = 0;  ///< frame id
   RoadCloud cloud;          ///< road points; labels["patch"]; colours; sigmas
   RoadSurface surface;

@@ -122,7 +122,7 @@ Reconstruction reconstruct_image(const Scene& scene, const std::vector<int>& fra
 
   Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
   out.ground = std::move(vehicles.ground.under_detections);
-  describe(o, frame_ids, frames, marked, scaled, &out.run);
+  describe(o, out.frame_ids, frames, marked, scaled, &out.run);
   put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;
   return out;

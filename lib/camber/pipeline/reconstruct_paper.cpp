@@ -80,7 +80,7 @@ Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& fra
   stages::LoadOptions load = o.load;
   load.single_image = true;
   LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, load); });
-  const SeenRoad seen = frames.size() == 1 ? single_image(frames, o) : see_road(frames, o, run);
+  const SeenRoad seen = frames.size() == 1 ? single_image(frames, o) : see_road(scene, frames, o, run);
   const PaperGround ground = run("surface", 0.85, [&] {
     return stages::paper_ground(frames, seen.matches, seen.motion, seen.ground, o.paper.ground);
   });
@@ -99,7 +99,7 @@ Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& fra
 
   Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
   out.vehicles.paper_terms = paper::to_string(o.paper.vehicles.terms);
-  describe(o, frame_ids, frames, seen.motion, &out.run);
+  describe(o, out.frame_ids, frames, seen.motion, &out.run);
   put_georeference(scene, out.surface, &out.run);
   out.run.timings = timings;
   return out;

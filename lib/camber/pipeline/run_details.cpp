@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "camber/cloud/number_text.h"
 #include "camber/pipeline/estimate_vehicles.h"
@@ -91,12 +92,25 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
           {"bend_correction", ego.height / ego.near_plane_height - 1.0}};
 }
 
+/// What comes before and after the used ids: "0 to 3 and 9", or nothing.
+std::string spans_beyond(const std::vector<int>& used, const std::vector<int>& asked) {
+  const auto first = std::find(asked.begin(), asked.end(), used.front());
+  const auto last = std::find(first, asked.end(), used.back()) + 1;
+  std::vector<std::string> spans;
+  for (const auto& [from, to] : {std::pair(asked.begin(), first), std::pair(last, asked.end())}) {
+    if (from == to) continue;
+    spans.push_back(to - from == 1 ? fmt::format("{}", *from)
+                                   : fmt::format("{} to {}", *from, *(to - 1)));
+  }
+  return fmt::format("{}", fmt::join(spans, " and "));
+}
+
 }  // namespace
 
 Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOptions& options,
                           LoadedFrames& frames, AssembledRoad road) {
   Reconstruction out;
-  out.frame_ids = frame_ids;
+  for (const SceneFrame& frame : frames.frames) out.frame_ids.push_back(frame.id);
   out.reference_frame = frames.frames[frames.reference].id;
   out.cloud = std::move(road.cloud);
   out.surface = std::move(road.surface);
@@ -104,6 +118,13 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
   out.vehicles.preset = to_string(options.preset);
   out.vehicles.keypoint_set = static_cast<int>(options.vehicles.fit.keypoint_set);
   out.run = std::move(road.run);
+  const std::string left_out = spans_beyond(out.frame_ids, frame_ids);
+  if (!left_out.empty()) {
+    out.run.warnings.push_back(
+        {"frames_left_out",
+         fmt::format("frames {} share too little with frame {}, the reference, and are left out",
+                     left_out, out.reference_frame)});
+  }
   for (std::string& text : unknown_classes(frames.frames, options.vehicles.fit.prior)) {
     out.run.warnings.push_back({"unknown_class", std::move(text)});
   }

@@ -6,7 +6,8 @@
 
 namespace camber {
 
-/// What every preset hands out of a run whose road is assembled.
+/// What every preset hands out of a run whose road is assembled, with a warning of the frames that
+/// were asked for and are not in it.
 Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOptions& options,
                           LoadedFrames& frames, AssembledRoad road);
 

@@ -14,8 +14,10 @@ struct SeenRoad {
 
 /// The road from nothing: match, motion, a first ground, and see_road_again().
 /// @throws NoAnswerError as the stages do.
-/// @param frames  what lies off the road is taken off the masks of a network (fuse_masks.h).
-SeenRoad see_road(LoadedFrames& frames, const ReconstructOptions& options, const StageRunner& run);
+/// @param frames  those out of reach are taken out (stages/reach.h); what lies off the
+///                road is taken off the masks of a network (fuse_masks.h).
+SeenRoad see_road(const Scene& scene, LoadedFrames& frames, const ReconstructOptions& options,
+                  const StageRunner& run);
 
 /// Rounds of match, motion and ground: each matches again with the ground of the one before.
 /// @param start  a first ground with the matches and the motion that it is of.

@@ -24,6 +24,11 @@ bool KnownMetres::has_speed() const {
                      [](const auto& stretch) { return stretch.has_value(); });
 }
 
+bool LoadedFrames::has_poses() const {
+  return std::all_of(frames.begin(), frames.end(),
+                     [](const SceneFrame& frame) { return frame.world_from_camera.has_value(); });
+}
+
 }  // namespace camber
 
 namespace camber::stages {
@@ -192,6 +197,23 @@ double travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights
   return std::sqrt(noise.independent * squares + noise.common * sum * sum);
 }
 
+KnownMetres known_metres(const Scene& scene, const std::vector<int>& frame_ids, double frame_rate) {
+  KnownMetres out{scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, 0.0};
+  SpeedWeights weights;
+  for (std::size_t k = 1; k < frame_ids.size(); ++k) {
+    out.travelled.push_back(
+        travelled_between(scene, frame_ids[k - 1], frame_ids[k], frame_rate, &weights));
+  }
+  out.travelled_sigma = travelled_sigma(scene, frame_rate, weights);
+  return out;
+}
+
+template <class T>
+void cut(const FrameRange& range, std::vector<T>* entries) {
+  entries->erase(entries->begin() + static_cast<std::ptrdiff_t>(range.last) + 1, entries->end());
+  entries->erase(entries->begin(), entries->begin() + static_cast<std::ptrdiff_t>(range.first));
+}
+
 void require_different_images(const LoadedFrames& frames) {
   for (std::size_t a = 0; a < frames.size(); ++a) {
     for (std::size_t b = 0; b < a; ++b) {
@@ -223,17 +245,11 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   validate(scene);
   LoadedFrames out;
   out.camera = scene.camera;
-  out.known = {scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, 0.0};
   out.detections_source = scene.detections_source;
   out.masks_by_network = scene.segmentation_source.rfind("network:", 0) == 0;
   out.box_sigma_px = scene.box_sigma_px;
   out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
-  SpeedWeights weights;
-  for (std::size_t k = 1; k < frame_ids.size(); ++k) {
-    out.known.travelled.push_back(
-        travelled_between(scene, frame_ids[k - 1], frame_ids[k], out.frame_rate, &weights));
-  }
-  out.known.travelled_sigma = travelled_sigma(scene, out.frame_rate, weights);
+  out.known = known_metres(scene, frame_ids, out.frame_rate);
   const int reference = choose_reference_frame(scene, frame_ids);
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);
@@ -266,6 +282,24 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   }
   require_different_images(out);
   return out;
+}
+
+LoadedFrames frames_within(const FrameRange& range, const Scene& scene, LoadedFrames frames) {
+  if (range.first > frames.reference || range.last < frames.reference ||
+      range.last >= frames.size()) {
+    throw std::invalid_argument(fmt::format("frames {} to {} of {} without the reference, {}",
+                                            range.first, range.last, frames.size(),
+                                            frames.reference));
+  }
+  cut(range, &frames.frames);
+  cut(range, &frames.gray);
+  cut(range, &frames.color);
+  cut(range, &frames.masks);
+  frames.reference -= range.first;
+  std::vector<int> ids;
+  for (const SceneFrame& frame : frames.frames) ids.push_back(frame.id);
+  frames.known = known_metres(scene, ids, frames.frame_rate);
+  return frames;
 }
 
 }  // namespace camber::stages

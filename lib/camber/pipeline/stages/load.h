@@ -48,6 +48,7 @@ struct LoadedFrames {
 
   std::size_t size() const { return frames.size(); }
   const FrameMasks& reference_masks() const { return masks[reference]; }
+  bool has_poses() const;  ///< whether the scene gives the pose of every frame
   /// Whether a segmentation or road mask shows the road of the reference image.
   bool has_masks() const { return masks[reference].has_mask; }
 };
@@ -79,6 +80,15 @@ struct LoadOptions {
 ///         with the same image.
 LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
                   const LoadOptions& options);
+
+/// Indices of frames, both ends included.
+struct FrameRange {
+  std::size_t first = 0, last = 0;
+  std::size_t size() const { return last - first + 1; }
+};
+
+/// The frames of a range that holds the reference, else std::invalid_argument.
+LoadedFrames frames_within(const FrameRange& range, const Scene& scene, LoadedFrames frames);
 
 }  // namespace stages
 }  // namespace camber

@@ -8,11 +8,6 @@
 namespace camber::stages {
 namespace {
 
-bool poses_known(const LoadedFrames& frames) {
-  return std::all_of(frames.frames.begin(), frames.frames.end(),
-                     [](const SceneFrame& f) { return f.world_from_camera.has_value(); });
-}
-
 MotionEstimate motion_from_poses(const LoadedFrames& frames) {
   std::vector<SE3> frame_from_reference;
   for (const SceneFrame& frame : frames.frames) {
@@ -76,7 +71,7 @@ std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
                       const MotionOptions& options) {
-  if (poses_known(frames)) {
+  if (frames.has_poses()) {
     MotionEstimate known = motion_from_poses(frames);
     if (known.status == Status::kFailed) throw NoAnswerError(known.reason);
     return known;
