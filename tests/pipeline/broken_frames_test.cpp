@@ -157,6 +157,7 @@ TEST_F(BrokenFrames, TheScaleIsNoBetterThanTheHeightIsKnown) {
   scene.height_sigma = 0.2;
   const Reconstruction result = reconstruct(scene, {0, 1, 2}, {});
   EXPECT_GT(result.run.scale_sigma, 0.2 / kHeight);
+  EXPECT_NEAR(result.run.extra["scale_from"]["sigma_camera_height"], 0.2 / kHeight, 1e-9);
   EXPECT_EQ(result.run.scale_sigma, result.surface.scale_sigma);
   EXPECT_TRUE(result.run.warnings.empty());
 }

@@ -243,6 +243,25 @@ TEST(LiftBox, APatchOfUnknownTiltGivesNone) {
   EXPECT_LT(std::abs(lifted.tilt.pitch), 0.02);  // 0.3 * 0.15^2 / (1 + 0.15^2)
 }
 
+// A road whose grade is known and whose roll is not, and the reverse.
+TEST(LiftBox, EachTiltIsDrawnToTheLevelByItsOwnSigma) {
+  constexpr double kGrade = 0.12;
+  RoadSurface surface = slope(kGrade, 0.0, 0.02);
+  UncertainPlane& support = surface.patches[0].plane;
+  const KittiLabel label =
+      car_at(support.plane.foot({0.0, 0.0, 20.0}) + 0.75 * support.plane.normal);
+  support.centroid = support.plane.foot({0.0, 0.0, 20.0});
+  UncertainPlane::make_axes(support.plane.normal, Eigen::Vector3d::UnitZ(), &support.axis1,
+                            &support.axis2);
+  const auto pitch = [&](double roll_variance, double grade_variance) {
+    support.covariance(0, 0) = roll_variance;  // about axis1, ahead
+    support.covariance(1, 1) = grade_variance;
+    return std::abs(lift_box(label, surface, SE3(), kCamera, {}).tilt.pitch);
+  };
+  EXPECT_NEAR(pitch(1.0, 1e-6), std::atan(kGrade), 0.003);
+  EXPECT_LT(pitch(1e-6, 1.0), 0.01);
+}
+
 TEST(LiftBox, ManyBoxesAreInsideTheirStatedSigma) {
   const CounterRandom random(5);
   constexpr int kRows = 400;

@@ -198,6 +198,15 @@ double worst_field(const MadeDrive& drive, const GroundField& field) {
   return worst;
 }
 
+TEST(RejectedBlocks, ABoxHasTheShareOfTheBlocksItTouches) {
+  RejectedBlocks blocks{3, std::vector<std::uint8_t>(6, 0)};  // of 128 x 24 px
+  blocks.rejected[1] = 1;
+  EXPECT_EQ(blocks.share({0.0, 0.0, 200.0, 20.0}), 0.5);
+  EXPECT_EQ(blocks.share({130.0, 0.0, 250.0, 47.0}), 0.5);
+  EXPECT_EQ(blocks.share({-20.0, -20.0, 1000.0, 1000.0}), 1.0 / 6.0);
+  EXPECT_EQ(RejectedBlocks().share({0.0, 0.0, 200.0, 20.0}), 0.0);
+}
+
 TEST(FirstGroundStage, FindsThePlaneUnderTheCameraAndTheField) {
   for (const double pitch : {0.0, 0.05}) {
     MadeDriveOptions options;

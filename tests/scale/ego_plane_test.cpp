@@ -260,6 +260,18 @@ TEST(FitEgoPlane, TooFewPointsSaySo) {
   EXPECT_EQ(fit_ego_plane({}, kTravel, kUp, {}, {}).status, Status::kFailed);
 }
 
+TEST(FitEgoPlane, PointsAtOneDistanceAreNoRoad) {
+  RoadPoints road;
+  for (int i = 0; i < 40; ++i) {
+    road.points.emplace_back(-1.6 + 0.08 * i, 1.65, 10.0);
+    road.relative_sigma.push_back(0.01);
+  }
+  const EgoPlane ego = fit_ego_plane(road, Eigen::Vector3d::UnitZ(), -Eigen::Vector3d::UnitY(),
+                                     Eigen::MatrixXd(), EgoPlaneOptions());
+  EXPECT_NE(ego.status, Status::kOk);
+  EXPECT_NEAR(ego.height, 1.65, 2.0 * 1.65 * ego.relative_sigma);
+}
+
 TEST(EgoPlaneOptions, ValidateNamesTheField) {
   EgoPlaneOptions options;
   EXPECT_NO_THROW(options.validate());

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "camber/scale/camera_height_constraint.h"
@@ -64,6 +65,17 @@ TEST(Fuse, OfThreeTheOneThatContradictsTheOthersIsRejected) {
   EXPECT_GT(fused.reports[1].residual_sigma, 10.0);
   EXPECT_LT(fused.reports[0].residual_sigma, 2.0);
   EXPECT_NEAR(fused.road.metres_per_baseline(), 1.005, 1e-3);
+}
+
+TEST(Fuse, ASourceThatIsNoNumberSpoilsNoOther) {
+  const RoadPosterior road = open_road();
+  Constraint broken = scale_source(road, "broken", 1.3, 0.01);
+  broken.covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  const FusedRoad fused = fuse(road, {scale_source(road, "a", 1.02, 0.01), broken});
+  EXPECT_TRUE(fused.reports[0].accepted);
+  EXPECT_FALSE(fused.reports[1].accepted);
+  EXPECT_THAT(fused.reports[1].reason, HasSubstr("not finite"));
+  EXPECT_NEAR(fused.road.metres_per_baseline(), 1.02, 1e-3);
 }
 
 TEST(Fuse, TheOrderOfTheSourcesDoesNotMatter) {

@@ -88,10 +88,11 @@ struct GroundBelow {
     const Eigen::Vector3d level(0.0, -1.0, 0.0);
     const Eigen::Matrix2d tilt = support.covariance.topLeftCorner<2, 2>();
     const Eigen::Matrix2d prior = tilt_sigma * tilt_sigma * Eigen::Matrix2d::Identity();
-    const Eigen::Vector2d off(support.axis1.dot(level), support.axis2.dot(level));
+    // A tilt (a, b) moves the normal by b axis1 - a axis2.
+    const Eigen::Vector2d off(-support.axis2.dot(level), support.axis1.dot(level));
     const Eigen::Vector2d step = tilt * (tilt + prior).inverse() * off;
-    return (plane.normal * plane.normal.dot(level) + support.axis1 * step[0] +
-            support.axis2 * step[1])
+    return (plane.normal * plane.normal.dot(level) + support.axis1 * step[1] -
+            support.axis2 * step[0])
         .normalized();
   }
 };

@@ -76,7 +76,7 @@ nlohmann::json width_json(const ReconstructOptions& options, const ScaledRoad& s
 
 /// How far the road bends before it is seen, and what that does to the scale.
 nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGround& ground,
-                                 const ScaledRoad& scaled, const ScaleNoise& noise) {
+                                 const ScaledRoad& scaled) {
   const ConstraintReport* markings = report_of(scaled, "lane_markings");
   const bool marked = markings && markings->accepted;
   const EgoPlane& ego = ground.ground.ego;
@@ -87,7 +87,7 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
   if (marked) source += source.empty() ? "markings" : ", and markings";
   return {{"source", source.empty() ? "not given" : source},
           {"sigma_camera_height",
-           height ? nlohmann::json(noise.camera_height / *height) : nlohmann::json()},
+           height ? nlohmann::json(frames.known.camera_height_sigma / *height) : nlohmann::json()},
           {"sigma_road_shape", std::sqrt(ego.plane.covariance(2, 2)) / ego.height},
           {"bend_correction", ego.height / ego.near_plane_height - 1.0}};
 }
@@ -155,7 +155,7 @@ void describe_run(const ReconstructOptions& options, const std::vector<int>& fra
   extra["markings"] = markings_json(options, scaled);
   extra["road_width"] = width_json(options, scaled);
   if (!ground.motion.metres_per_baseline) {
-    extra["scale_from"] = scale_source_json(frames, ground, scaled, options.scale.noise);
+    extra["scale_from"] = scale_source_json(frames, ground, scaled);
   }
   extra["road_from"] = frames.has_masks() ? "mask" : "geometry";
 }

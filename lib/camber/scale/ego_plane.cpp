@@ -64,7 +64,7 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
   const double nearest = ahead[ahead.size() / 50];
   std::vector<double> below;
   for (const Eigen::Vector3d& p : abu) {
-    if (below_and_ahead(p) && p.y() < ahead[ahead.size() / 4]) below.push_back(-p.z());
+    if (below_and_ahead(p) && p.y() <= ahead[ahead.size() / 4]) below.push_back(-p.z());
   }
   std::nth_element(below.begin(), below.begin() + static_cast<std::ptrdiff_t>(below.size() / 2),
                    below.end());

@@ -105,6 +105,10 @@ FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constra
     const Constraint& c = constraints[i];
     reports.push_back({c.name, c.source, std::numeric_limits<double>::quiet_NaN(), false, {}});
     if (c.size() == 0) continue;
+    if (!c.residual.allFinite() || !c.covariance.allFinite()) {
+      reports.back().reason = "its measurements are not finite";
+      continue;
+    }
     measured.push_back(&c);
     blocks.push_back({i, rows, c.size()});
     rows += c.size();

@@ -159,7 +159,7 @@ Marks collect_marks(const RoadPosterior& road, const PinholeCamera& camera,
     const double sine = across.cross(along).norm();
     if (!(sine > 0.7)) continue;
     const double length = (c.stripes - 1) * (sizes.stripe_width + sizes.stripe_gap);
-    const double sine_sigma = std::sqrt(1.0 - sine * sine) * c.angle_sigma;
+    const double sine_sigma = std::sqrt(std::max(0.0, 1.0 - sine * sine)) * c.angle_sigma;
     out.own.push_back({{next(), next() + 1, length, sine, sine_sigma}, 0, true});
     out.add(c.first, {c.sigma, 0.0});
     out.add(c.last, {c.sigma, 0.0});
@@ -182,7 +182,7 @@ class Association {
 
   /// @return whether the length was accepted.
   bool accept(const KnownLength& length) {
-    if (std::abs(lengths_.innovation(now_, length)) > gate_) {
+    if (!(std::abs(lengths_.innovation(now_, length)) <= gate_)) {
       ++rejected_;
       return false;
     }
@@ -246,7 +246,7 @@ class Association {
       int possible = 0;
       for (int periods = 1; periods <= kMostHidden + 2; ++periods) {
         const KnownLength k{from, to, periods * period_};
-        if (std::abs(lengths_.innovation(now_, k)) > gate_) continue;
+        if (!(std::abs(lengths_.innovation(now_, k)) <= gate_)) continue;
         ++possible;
         if (periods <= kMostHidden + 1) fitting = k;
       }

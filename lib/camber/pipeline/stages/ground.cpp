@@ -13,24 +13,31 @@
 
 namespace camber {
 
+namespace {
+
+/// Index of the block that holds a coordinate.
+int block_of(double coordinate, int size, int count) {
+  return std::clamp(static_cast<int>(coordinate) / size, 0, count - 1);
+}
+
+}  // namespace
+
 bool RejectedBlocks::at(double u, double v) const {
   if (rejected.empty()) return false;
-  const auto rows = static_cast<int>(rejected.size()) / columns;
-  const int c = std::clamp(static_cast<int>(u) / kWide, 0, columns - 1);
-  const int r = std::clamp(static_cast<int>(v) / kHigh, 0, rows - 1);
-  return rejected[static_cast<std::size_t>(r * columns + c)] != 0;
+  return rejected[static_cast<std::size_t>(block_of(v, kHigh, rows()) * columns +
+                                           block_of(u, kWide, columns))] != 0;
 }
 
 double RejectedBlocks::share(const Box2& box) const {
   if (rejected.empty()) return 0.0;
   int all = 0, found = 0;
-  for (double v = box.y1; v <= box.y2 + kHigh; v += kHigh) {
-    for (double u = box.x1; u <= box.x2 + kWide; u += kWide) {
+  for (int r = block_of(box.y1, kHigh, rows()); r <= block_of(box.y2, kHigh, rows()); ++r) {
+    for (int c = block_of(box.x1, kWide, columns); c <= block_of(box.x2, kWide, columns); ++c) {
       ++all;
-      found += at(std::min(u, box.x2), std::min(v, box.y2));
+      found += rejected[static_cast<std::size_t>(r * columns + c)] != 0;
     }
   }
-  return all > 0 ? static_cast<double>(found) / all : 0.0;
+  return static_cast<double>(found) / all;
 }
 
 namespace stages {

@@ -39,8 +39,9 @@ struct RejectedBlocks {
   int columns = 0;
   std::vector<std::uint8_t> rejected;  ///< non-zero: yes; empty: none is
 
+  int rows() const { return static_cast<int>(rejected.size()) / columns; }
   bool at(double u, double v) const;
-  /// Share of a box's blocks that are rejected.
+  /// Share of the blocks that a box touches which are rejected.
   double share(const Box2& box) const;
 };
 

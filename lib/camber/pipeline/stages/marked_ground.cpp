@@ -94,25 +94,28 @@ class DepartureFromShape {
   double farthest_;
 };
 
-void observe(const MarkedRoad& road, const PinholeCamera& camera, const Eigen::Vector2d& pixel,
+/// @return whether the road is seen there.
+bool observe(const MarkedRoad& road, const PinholeCamera& camera, const Eigen::Vector2d& pixel,
              const DepartureFromShape& departure, GroundObservations* out,
              std::vector<Eigen::Matrix<double, 1, MarkedRoad::kShape>>* jacobian) {
   const double rho = road.inverse_depth(camera, pixel);
   constexpr double kFarthest = 100.0;  // m
-  if (!(rho > 1.0 / kFarthest)) return;
+  if (!(rho > 1.0 / kFarthest)) return false;
   const Eigen::Matrix<double, 1, MarkedRoad::kShape> by_shape = road.by_shape(camera, pixel);
-  if (!by_shape.allFinite()) return;
+  if (!by_shape.allFinite()) return false;
   const Eigen::Vector3d p = camera.ray(pixel) / rho;
   const double height = std::exp(road.shape[2]);
   out->pixels.push_back(pixel);
   out->inverse_depth.push_back(rho);
   out->sigma.push_back(rho * departure.sigma({p.x(), p.z()}) / height);
   jacobian->push_back(by_shape);
+  return true;
 }
 
 /// The shape as a field: the markings' points first, then a corridor around them.
+/// @param pixels  of the markings; those at which no road is seen are taken out.
 GroundObservations observations(const MarkedRoad& road, const PinholeCamera& camera,
-                                const Correspondences& pixels) {
+                                Correspondences* pixels) {
   std::vector<Eigen::Vector2d> places;
   for (const SeenMarking& m : road.markings) {
     const Eigen::Vector3d p = camera.ray(m.pixel) / road.inverse_depth(camera, m.pixel);
@@ -121,9 +124,14 @@ GroundObservations observations(const MarkedRoad& road, const PinholeCamera& cam
   const DepartureFromShape departure(places, road.farthest);
   GroundObservations out;
   std::vector<Eigen::Matrix<double, 1, MarkedRoad::kShape>> jacobian;
-  for (const Eigen::Vector2f& pixel : pixels.pixels) {
-    observe(road, camera, pixel.cast<double>(), departure, &out, &jacobian);
+  std::vector<Eigen::Vector2f> marked;
+  for (const Eigen::Vector2f& pixel : pixels->pixels) {
+    if (observe(road, camera, pixel.cast<double>(), departure, &out, &jacobian)) {
+      marked.push_back(pixel);
+    }
   }
+  pixels->pixels = std::move(marked);
+  pixels->columns = static_cast<int>(pixels->pixels.size());
   constexpr int kColumns = 12, kRows = 3;  // px
   constexpr double kHalfWidth = 12.0;      // m
   for (int v = camera.height - 1; v >= 0; v -= kRows) {
@@ -188,7 +196,7 @@ MarkedGround marked_ground(const LoadedFrames& frames, const ScaleOptions& optio
   motion.frame_from_reference = {SE3()};
   motion.covariance = out.road.covariance;
   Ground& ground = out.ground.ground;
-  const GroundObservations seen = observations(out.road, frames.camera, out.pixels);
+  const GroundObservations seen = observations(out.road, frames.camera, &out.pixels);
   const std::size_t count = out.pixels.pixels.size();
   if (seen.size() < count + 3) throw NoAnswerError(missing_text(frames, "they show no road"));
   ground.seen.is_ground.assign(count, 1);

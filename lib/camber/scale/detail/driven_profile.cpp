@@ -76,7 +76,7 @@ class ProfileFit {
         const double change =
             std::clamp(options_.camera_height / profile_.camera_height(), 0.8, 1.25);
         profile_.metres_per_baseline *= change;
-        profile_.x *= change;
+        profile_.x.head(profile_.nodes) *= change;
       }
     }
     if (!(profile_.x[profile_.foot] < 0)) {
