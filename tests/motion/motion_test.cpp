@@ -214,5 +214,33 @@ TEST(MotionOptions, ValidateNamesTheField) {
   refused([](MotionOptions& o) { o.noise.correlation = 0.5; }, "noise.correlation");
 }
 
+/// A camera without rotation at these positions from the reference.
+MotionEstimate motion_over(const std::vector<Eigen::Vector3d>& positions) {
+  MotionEstimate out;
+  for (const Eigen::Vector3d& p : positions) {
+    out.frame_from_reference.emplace_back(Eigen::Quaterniond::Identity(), -p);
+  }
+  return out;
+}
+
+TEST(TravelDirection, IsThatOfTheParabolaThroughTheNeighbours) {
+  // x = z^2 / 20 at unequal steps: straight ahead at the reference.
+  const Eigen::Vector3d travel =
+      travel_direction(motion_over({{0.2, 0.0, -2.0}, {0.0, 0.0, 0.0}, {0.05, 0.0, 1.0}}), 1);
+  EXPECT_NEAR(travel.x(), 0.0, 1e-2);
+  EXPECT_GT(travel.z(), 0.999);
+}
+
+// What a camera that stands moves by is the noise of its poses.
+TEST(TravelDirection, PassesOverPositionsOfACameraThatStands) {
+  const Eigen::Vector3d noise(0.003, 0.004, -0.001);
+  const Eigen::Vector3d started =
+      travel_direction(motion_over({noise, noise, {0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}}), 2);
+  EXPECT_GT(started.z(), 0.9999);
+  const Eigen::Vector3d standing_between =
+      travel_direction(motion_over({{0.0, 0.0, -1.0}, noise, {0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}}), 2);
+  EXPECT_GT(standing_between.z(), 0.9999);
+}
+
 }  // namespace
 }  // namespace camber

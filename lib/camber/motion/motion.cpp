@@ -610,17 +610,26 @@ MotionEstimate motion_from_known_poses(const std::vector<SE3>& frame_from_refere
 }
 
 Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t reference) {
-  const auto position = [&](std::size_t k) -> Eigen::Vector3d {
-    return motion.frame_from_reference[k].inverse().translation();
+  constexpr double kStands = 0.1;  // of the longest baseline: nearer positions have no direction
+  const std::vector<SE3>& poses = motion.frame_from_reference;
+  double longest = 0.0;
+  for (const SE3& pose : poses) longest = std::max(longest, pose.translation().norm());
+  if (!(longest > 0.0)) return Eigen::Vector3d::UnitZ();
+  const auto nearest = [&](std::size_t from, int step) -> std::optional<Eigen::Vector3d> {
+    for (auto k = static_cast<std::ptrdiff_t>(from) + step;
+         k >= 0 && k < static_cast<std::ptrdiff_t>(poses.size()); k += step) {
+      const SE3& pose = poses[static_cast<std::size_t>(k)];
+      if (pose.translation().norm() >= kStands * longest) return pose.inverse().translation();
+    }
+    return std::nullopt;
   };
-  if (motion.frame_from_reference.size() < 2) return Eigen::Vector3d::UnitZ();
+  const auto before = nearest(reference, -1), after = nearest(reference, 1);
   Eigen::Vector3d direction;
-  if (reference > 0 && reference + 1 < motion.frame_from_reference.size()) {
-    const Eigen::Vector3d before = position(reference - 1), after = position(reference + 1);
-    const double l1 = before.norm(), l2 = after.norm();
-    direction = after * (l1 / l2) - before * (l2 / l1);
+  if (before && after) {
+    const double l1 = before->norm(), l2 = after->norm();
+    direction = *after * (l1 / l2) - *before * (l2 / l1);
   } else {
-    direction = reference > 0 ? Eigen::Vector3d(-position(reference - 1)) : position(reference + 1);
+    direction = before ? Eigen::Vector3d(-*before) : *after;
   }
   // A camera that looks back along its trajectory (reversing) still sees the road ahead of it.
   if (direction.z() < 0) direction = -direction;

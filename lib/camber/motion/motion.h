@@ -66,7 +66,8 @@ inline SE3 metric_pose(const MotionEstimate& motion, std::size_t image,
 
 /// Direction of travel at the reference image, unit, its camera frame, forward (z > 0): derivative
 /// of the parabola through the neighbouring positions, or the baseline to the only neighbour; of a
-/// single image the optical axis.
+/// single image the optical axis. Positions nearer than a tenth of the longest baseline, of a
+/// camera that stands, are passed over.
 Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t reference);
 
 /// Estimates the motion from dense correspondences of static points: a robust essential matrix
