@@ -76,6 +76,30 @@ TEST_F(ImageFile, ReadsColorsAndGreyOfEveryKindOfPng) {
   EXPECT_EQ(read_gray_image(path("wide.png")).data, one);
 }
 
+TEST_F(ImageFile, SamplesThatLeaveTheUpperBitsUnusedAreRefused) {
+  const std::vector<std::uint8_t> one = picture(20, 12, 1);
+  const auto write = [&](int bits) {
+    std::vector<std::uint8_t> wide;
+    for (const std::uint8_t v : one) {
+      const int sample = v * ((1 << bits) - 1) / 255;
+      wide.insert(wide.end(),
+                  {static_cast<std::uint8_t>(sample >> 8), static_cast<std::uint8_t>(sample)});
+    }
+    write_png(path("wide.png"), 20, 12, 0, 16, wide);
+  };
+  const auto read = [&] { read_gray_image(path("wide.png")); };
+  write(12);
+  EXPECT_EQ(error_of(path("wide.png"), read),
+            "found 16-bit samples that use the lower 12 bits alone, expected values that fill 16 "
+            "bits: multiply them by 16");
+  write(10);
+  EXPECT_EQ(error_of(path("wide.png"), read),
+            "found 16-bit samples that use the lower 10 bits alone, expected values that fill 16 "
+            "bits: multiply them by 64");
+  write(14);
+  EXPECT_NO_THROW(read());
+}
+
 TEST_F(ImageFile, HeadersSayTheSize) {
   write_png(path("a.png"), 21, 13, 2, 8, picture(21, 13, 3));
   write_jpeg(path("a.jpg"), 40, 30, 1, picture(40, 30, 1));

@@ -136,6 +136,19 @@ void check_pixels(const Decoded& image, const std::string& name) {
                                      image.width, image.height, kMaxPixels));
 }
 
+/// Cameras of 10 and 12 bits write them into 16 as they are: as bytes they would be a few levels.
+void check_16bit(const Decoded& as_bytes, const std::string& name) {
+  constexpr std::uint8_t kMost = 16;  // of 12 bits
+  const auto largest = as_bytes.data.empty()
+                           ? std::uint8_t{0}
+                           : *std::max_element(as_bytes.data.begin(), as_bytes.data.end());
+  if (largest == 0 || largest > kMost) return;
+  const int used = 8 + static_cast<int>(std::ceil(std::log2(largest)));
+  throw InputError(name, fmt::format("found 16-bit samples that use the lower {} bits alone, "
+                                     "expected values that fill 16 bits: multiply them by {}",
+                                     used, 1 << (16 - used)));
+}
+
 Decoded decode_png(const std::string& bytes, const std::string& name, Want want, ImageInfo* image) {
   PngSource source;
   source.bytes = reinterpret_cast<const std::uint8_t*>(bytes.data());
@@ -173,6 +186,7 @@ Decoded decode_png(const std::string& bytes, const std::string& name, Want want,
   std::vector<png_bytep> rows(static_cast<std::size_t>(out.height));
   for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = out.data.data() + y * row_bytes;
   if (!png_pixels(png, &source, rows.data())) fail();
+  if (want == Want::kColors8 && image->bits == 16) check_16bit(out, name);
   return out;
 }
 
