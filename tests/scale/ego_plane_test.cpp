@@ -260,6 +260,21 @@ TEST(FitEgoPlane, TooFewPointsSaySo) {
   EXPECT_EQ(fit_ego_plane({}, kTravel, kUp, {}, {}).status, Status::kFailed);
 }
 
+TEST(FitEgoPlane, ARolledMountingIsSeenOnTheRoadAhead) {
+  for (const double roll : {0.035, -0.07, 0.14}) {
+    const Eigen::Quaterniond rolled = rotation_from_vector(Eigen::Vector3d(0.0, 0.0, roll));
+    RoadPoints road = make_road(flat, 1.0, 0.5, 5);
+    for (Eigen::Vector3d& p : road.points) p = rolled * p;
+    const EgoPlane ego = fit_ego_plane(road, kTravel, kUp, Eigen::MatrixXd(), independent());
+    ASSERT_EQ(ego.status, Status::kOk) << ego.reason;
+    const double off = angle_between(ego.plane.plane.normal, rolled * kUp);
+    EXPECT_LT(off, 0.2 * std::abs(roll));
+    EXPECT_LT(off, 2.0 * std::sqrt(ego.plane.covariance(0, 0)));
+    EXPECT_LT(std::sqrt(ego.plane.covariance(0, 0)), 0.015);
+    EXPECT_NEAR(ego.height, kHeight, 0.01 * kHeight);
+  }
+}
+
 TEST(FitEgoPlane, PointsAtOneDistanceAreNoRoad) {
   RoadPoints road;
   for (int i = 0; i < 40; ++i) {

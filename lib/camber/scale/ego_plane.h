@@ -56,7 +56,9 @@ struct EgoPlaneOptions {
   /// 400 runs of rendered roads.
   double bend_share = 0.2;
   double bank_walk = 0.0028;     ///< rad per sqrt(m), change of the cross slope, > 0
-  double roll_sigma = 0.004;     ///< rad, of the camera's roll against the road, > 0
+  /// rad, > 0: of the roll against the road of a camera that is mounted level. It counts the less,
+  /// the more the road ahead contradicts it.
+  double roll_sigma = 0.004;
   double surface_sigma = 0.015;  ///< m, unevenness of the road, > 0
   double correlation = 16.0;     ///< information of neighbours is divided by this, >= 1
   /// Factor on the covariance, >= 1: roads bend less evenly than a random walk, and their points

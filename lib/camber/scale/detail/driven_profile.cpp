@@ -66,6 +66,8 @@ class ProfileFit {
       add_path();
       add_priors(round > 2);
       normal_.diagonal().array() += 1e-8;
+      add_measurement({{profile_.nodes + profile_.foot, 1.0}}, measured_.level_cross_slope,
+                      level_sigma());
       const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
       profile_.x = ldlt.solve(right_);
       if (last) {
@@ -218,7 +220,7 @@ class ProfileFit {
 
   void add_priors(bool robust) {
     const double step = profile_.step, s2 = step * step;
-    const int foot = profile_.foot, nodes = profile_.nodes;
+    const int nodes = profile_.nodes;
     const double walk = options_.curvature_walk * std::sqrt(step);
     const double curvature = options_.curvature * std::sqrt((options_.reach / step + 2.0) / 4.0);
     // Along a path that turns, an even slope changes to a cross slope and back: what bends is what
@@ -241,7 +243,21 @@ class ProfileFit {
       add_measurement({{nodes + j, -1.0}, {nodes + j + 1, 1.0}, {j, -turn}, {j + 1, turn}}, 0.0,
                       options_.bank_walk * std::sqrt(step));
     }
-    add_measurement({{nodes + foot, 1.0}}, measured_.level_cross_slope, options_.roll_sigma);
+  }
+
+  /// Of the cross slope under a camera that is mounted level. What the road ahead gives without it
+  /// decides how much it counts (Geman and McClure): mountings are rolled, too.
+  double level_sigma() const {
+    constexpr double kLoss = 1.5;  // standard deviations
+    const Eigen::Index at = profile_.nodes + profile_.foot;
+    const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
+    const Eigen::VectorXd unit = Eigen::VectorXd::Unit(normal_.rows(), at);
+    const Eigen::VectorXd column = ldlt.solve(unit);
+    const double off = column.dot(right_) - measured_.level_cross_slope;
+    const double variance =
+        options_.inflation * column[at] + options_.roll_sigma * options_.roll_sigma;
+    const double beyond = std::max(0.0, off * off / variance - kLoss * kLoss);
+    return options_.roll_sigma * (1.0 + 0.5 * beyond);
   }
 
   const ProfileMeasurements& measured_;
