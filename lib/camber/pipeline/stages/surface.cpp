@@ -11,6 +11,8 @@
 namespace camber::stages {
 namespace {
 
+constexpr const char* kEdgeOn = "the road is seen edge-on there and may fall away unseen";
+
 /// Tangent plane of the road at a pixel, m.
 std::optional<Plane> tangent_at(const RoadPosterior& road, const PinholeCamera& camera,
                                 const Eigen::Vector2d& pixel) {
@@ -109,6 +111,12 @@ int count_points(const Correspondences& matches, const Ground& ground, const Box
   return count;
 }
 
+/// Whether a plane is seen so flatly that the road may fall away behind what is seen of it.
+bool is_grazing(const UncertainPlane& plane, const PinholeCamera& camera,
+                const SurfaceOptions& options) {
+  return std::abs(plane.plane.offset) < options.grazing_px / camera.fx * plane.centroid.norm();
+}
+
 std::vector<PatchFootprint> road_ahead(const LoadedFrames& frames, const MotionEstimate& motion,
                                        const RoadPosterior& road, const SurfaceOptions& options) {
   const PinholeCamera& camera = frames.camera;
@@ -127,6 +135,8 @@ std::vector<PatchFootprint> road_ahead(const LoadedFrames& frames, const MotionE
     const double row = row_at(road, camera, slope, ahead.z());
     if (row < 0) break;
     if (row > camera.height - 2) continue;  // nearer than what is seen
+    // Beyond a crest several stations lie in the row in which the road comes into view again.
+    if (!out.empty() && row >= out.back().contact.y()) continue;
     patch.contact = {camera.cx + camera.fx * slope, row};
     const double half = options.patch_half_width * camera.fx / ahead.z();
     const double end = std::max(road.top(), row - (row - camera.cy) * options.patch_length /
@@ -143,7 +153,9 @@ std::vector<PatchFootprint> road_ahead(const LoadedFrames& frames, const MotionE
     // Behind a car ahead only its sides are seen: the road goes on as it was.
     patch.kind = kind_of(frames, patch.around, patch.kind);
     patch.inliers = static_cast<int>(std::lround(fit.support));
-    patch.unobserved = fit.support < 0.5 ? "hardly any road point is seen there" : "";
+    patch.unobserved = fit.support < 0.5 ? "hardly any road point is seen there"
+                       : is_grazing(fit.plane, camera, options) ? kEdgeOn
+                                                                : "";
     out.push_back(patch);
   }
   return out;
@@ -220,6 +232,8 @@ SurfacePlan surface(const LoadedFrames& frames, const Correspondences& matches,
       patch->id = next++;
       if (patch->inliers < kFewPoints) {
         patch->unobserved = fmt::format("only {} road points around the vehicle", patch->inliers);
+      } else if (is_grazing(patch->plane.plane, frames.camera, options)) {
+        patch->unobserved = kEdgeOn;
       }
     }
   }

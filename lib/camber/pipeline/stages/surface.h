@@ -40,6 +40,9 @@ struct SurfaceOptions {
   double patch_half_width = 2.0;  ///< m, > 0
   double reach = 60.0;            ///< m ahead, > 0
   double worst_height = 0.5;      ///< m, standard deviation of a plane's height that ends the road
+  /// px, of the angle between the line of sight and a plane: below it the road may fall away
+  /// unseen, and what bridges a dip is no road. Drawn crests: nearly all planes below were wrong.
+  double grazing_px = 6.5;
   /// Factor on a detection's box in which ground points are counted for the plane under it (paper,
   /// section III-C: 1.9 to 2.0).
   double box_expansion = 1.95;
