@@ -246,9 +246,9 @@ class ProfileFit {
   }
 
   /// Of the cross slope under a camera that is mounted level. What the road ahead gives without it
-  /// decides how much it counts (Geman and McClure): mountings are rolled, too.
+  /// decides how much it counts: mountings are rolled, too.
   double level_sigma() const {
-    constexpr double kLoss = 1.5;  // standard deviations
+    constexpr double kInFull = 1.5;  // standard deviations up to which it counts so
     const Eigen::Index at = profile_.nodes + profile_.foot;
     const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
     const Eigen::VectorXd unit = Eigen::VectorXd::Unit(normal_.rows(), at);
@@ -256,7 +256,7 @@ class ProfileFit {
     const double off = column.dot(right_) - measured_.level_cross_slope;
     const double variance =
         options_.inflation * column[at] + options_.roll_sigma * options_.roll_sigma;
-    const double beyond = std::max(0.0, off * off / variance - kLoss * kLoss);
+    const double beyond = std::max(0.0, off * off / variance - kInFull * kInFull);
     return options_.roll_sigma * (1.0 + 0.5 * beyond);
   }
 
