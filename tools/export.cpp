@@ -43,12 +43,8 @@ const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kTe
                                                        {"binary", CrgEncoding::kBinary}};
 
 SmoothLine line_of(const ExportInputs& in, const ExportArguments& args) {
-  try {
-    return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead);
-  } catch (const std::invalid_argument&) {
-    throw NoAnswerError((args.line.empty() ? args.input : args.line) +
-                        ": the line does not leave its first point");
-  }
+  return smooth_line(
+      args, [&] { return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead); });
 }
 
 /// The matrix that takes the result's frame to that of the file, for `--json` and comments.

@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 namespace camber::tools {
 namespace {
 
-constexpr double kFinest = 0.1;  // m, steps over patches, which are planes
+constexpr double kFinest = 0.1;    // m, steps over patches, which are planes
+constexpr double kSupport = 10.0;  // m beside the road whose points may count for its edge
 
 }  // namespace
 
@@ -79,6 +80,11 @@ void place_on_map(const fs::path& surface_file, const RoadSurface& surface,
   in->geo_reference = definition_of(crs_from_option(args.reading.crs));
 }
 
+std::vector<Eigen::Vector3d> in_plan(const PlanFrame& frame, std::vector<Eigen::Vector3d> line) {
+  for (Eigen::Vector3d& place : line) place = frame.to_plan(place);
+  return line;
+}
+
 ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled) {
   ExportInputs in;
   fs::path file = args.input;
@@ -93,7 +99,7 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   in.frame = PlanFrame(surface.up);
   place_on_map(file, surface, args, &in);
   in.ground = surface_heights(surface, in.frame, args.reach);
-  in.line = args.line.empty() ? surface.driven_line : read_line(args.line);
+  in.line = in_plan(in.frame, args.line.empty() ? surface.driven_line : read_line(args.line));
   if (in.line.size() < 2) {
     throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
   }
@@ -113,6 +119,14 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   if (settled->grid.step_u == 0.0) settled->grid.step_u = step;
   if (settled->grid.step_v == 0.0) settled->grid.step_v = step;
   return in;
+}
+
+/// Where an export looks for ground.
+PlanCorridor corridor_of(const std::vector<Eigen::Vector3d>& line, const ExportArguments& args) {
+  const double widest = std::max({args.grid.widest, args.grid.left, args.grid.right});
+  const SmoothLine smooth =
+      smooth_line(args, [&] { return SmoothLine(line, args.tolerance, 0.0, args.ahead); });
+  return corridor_along(smooth, widest + kSupport);
 }
 
 /// The rectangle around a cloud's finite points, plan frame.
@@ -140,12 +154,13 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
                         ": the cloud is not in metres, as roads for other programs are");
   }
   in.frame = PlanFrame(args.up.up(file.cloud));
-  in.ground = cloud_heights(file.cloud, in.frame);
+  in.line = in_plan(in.frame, read_line(args.line, file.report.crs));
+  const PlanCorridor where = corridor_of(in.line, args);
+  in.ground = cloud_heights(file.cloud, in.frame, &where);
   in.level = file.cloud.frame == CloudFrame::kCamera ? "camera" : "map";
   if (const std::optional<CoordinateSystem> crs = crs_in_use(args.input, file.report, warn)) {
     in.geo_reference = definition_of(*crs);
   }
-  in.line = read_line(args.line, file.report.crs);
   in.line_frame = "the cloud's coordinates";
   in.outlines = {extent_of(file.cloud, in.frame)};
   in.files = {args.input};
@@ -155,11 +170,18 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
 
 }  // namespace
 
+SmoothLine smooth_line(const ExportArguments& args, const std::function<SmoothLine()>& make) {
+  try {
+    return make();
+  } catch (const std::invalid_argument&) {
+    throw NoAnswerError((args.line.empty() ? args.input : args.line) +
+                        ": the line does not leave its first point");
+  }
+}
+
 ExportInputs load_export(const ExportArguments& args, const CommonOptions& common,
                          ExportArguments* settled) {
-  ExportInputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
-  for (Eigen::Vector3d& place : in.line) place = in.frame.to_plan(place);
-  return in;
+  return is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
 }
 
 /// Colours of the cloud that an input is or holds, if it has any.
@@ -171,7 +193,8 @@ std::unique_ptr<ColorSource> colors_of(const ExportArguments& args, const Export
   CloudFile file = read_cloud_file(cloud, of_result ? ReadOptions() : args.reading.read_options());
   use_metres(cloud.string(), &file, {});
   if (file.cloud.colors.empty()) return nullptr;
-  return std::make_unique<ColorSource>(file.cloud, in.frame);
+  const PlanCorridor where = corridor_of(in.line, args);
+  return std::make_unique<ColorSource>(file.cloud, in.frame, &where);
 }
 
 }  // namespace camber::tools

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -43,6 +44,9 @@ struct ExportInputs {
 
 /// Whether a name is that of a result, not of a cloud.
 bool is_surface(const std::filesystem::path& path);
+
+/// What `make` makes of the line. @throws NoAnswerError for a line that leads nowhere.
+SmoothLine smooth_line(const ExportArguments& args, const std::function<SmoothLine()>& make);
 
 /// @param settled  steps that the data give are filled in
 /// @throws NoAnswerError for what is not in metres or has no line; UsageError, InputError.

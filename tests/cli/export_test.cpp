@@ -168,6 +168,14 @@ TEST_F(ExportProgram, CloudsTakeALine) {
   const CrgRoad road(read_crg(file("road.crg")));
   EXPECT_DOUBLE_EQ(road.increment(), 0.2);  // the points' spacing
   EXPECT_NEAR(road.height_at(20.0, 1.0), 0.05 * 20.0 + 0.02 * 1.0, 1e-3);
+  // A point far away, which a map's cloud may have at 0, 0, 0, changes nothing.
+  const std::string written = test::read_text(file("road.crg"));
+  std::ofstream(file("cloud.csv"), std::ios::app) << "500000,5400000,300\n";
+  ASSERT_EQ(run_camber({"export", file("cloud.csv"), "--along", file("line.csv"), "--to", "opencrg",
+                        "--out", file("road.crg")})
+                .exit_code,
+            0);
+  EXPECT_EQ(test::read_text(file("road.crg")), written);
 }
 
 TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {

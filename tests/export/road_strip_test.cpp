@@ -150,15 +150,60 @@ TEST(RoadStrip, NothingSeenIsNoAnswer) {
   EXPECT_THROW(make_crg(MadeGround(), line, options), std::invalid_argument);
 }
 
-TEST(HeightSource, CloudPlanesIgnoreOutliers) {
+/// Points 0.1 m apart on the plane of CloudPlanesIgnoreOutliers, on a map.
+RoadCloud even_cloud() {
   RoadCloud cloud;
   cloud.frame = CloudFrame::kZUp;
   cloud.origin = {500000.0, 5400000.0, 300.0};
   for (int i = 0; i < 60; ++i) {
     for (int k = 0; k < 60; ++k) {
       const float x = 0.1f * static_cast<float>(i), y = 0.1f * static_cast<float>(k);
-      const bool stray = (7 * i + 3 * k) % 17 == 0;
-      cloud.points.emplace_back(x, y, 0.1f * x - 0.05f * y + (stray ? 0.6f : 0.0f));
+      cloud.points.emplace_back(x, y, 0.1f * x - 0.05f * y);
+    }
+  }
+  return cloud;
+}
+
+TEST(HeightSource, StrayPointsFarAwayChangeNothing) {
+  const RoadCloud even = even_cloud();
+  RoadCloud cloud = even;
+  cloud.points.emplace_back((-cloud.origin).cast<float>());  // the map's 0, 0, 0
+  cloud.points.emplace_back(9e4f, -3e5f, 0.0f);
+  const PlanFrame frame;
+  const auto expected = cloud_heights(even, frame);
+  const PlanCorridor corridor =
+      corridor_along(SmoothLine({{500000, 5400003, 300}, {500006, 5400003, 300}}, 0.01), 5.0);
+  for (const PlanCorridor* where : {static_cast<const PlanCorridor*>(nullptr), &corridor}) {
+    const auto ground = cloud_heights(cloud, frame, where);
+    EXPECT_NEAR(ground->resolution(), expected->resolution(), where ? 0.0 : 0.005);
+    for (double x = 0.5; x < 5.5; x += 0.31) {
+      const Vector3d place(500000.0 + x, 5400002.0, 300.0);
+      EXPECT_NEAR(ground->at(place).height, expected->at(place).height, 1e-4);
+    }
+  }
+}
+
+TEST(HeightSource, PointsOffTheCorridorDoNotCount) {
+  RoadCloud cloud = even_cloud();
+  const double spacing = cloud_heights(cloud, PlanFrame())->resolution();
+  for (int i = 0; i < 40000; ++i) {  // a wood beside the road, far denser
+    cloud.points.emplace_back(0.01f * static_cast<float>(i % 200),
+                              100.0f + 0.01f * static_cast<float>(i / 200), 0.0f);
+  }
+  const PlanCorridor corridor =
+      corridor_along(SmoothLine({{500000, 5400003, 300}, {500006, 5400003, 300}}, 0.01), 5.0);
+  EXPECT_LT(cloud_heights(cloud, PlanFrame())->resolution(), 0.5 * spacing);
+  const auto ground = cloud_heights(cloud, PlanFrame(), &corridor);
+  EXPECT_DOUBLE_EQ(ground->resolution(), spacing);
+  EXPECT_TRUE(std::isnan(ground->at({500001.0, 5400101.0, 300.0}).height));
+}
+
+TEST(HeightSource, CloudPlanesIgnoreOutliers) {
+  RoadCloud cloud = even_cloud();
+  for (int i = 0; i < 60; ++i) {
+    for (int k = 0; k < 60; ++k) {
+      if ((7 * i + 3 * k) % 17 != 0) continue;
+      cloud.points[static_cast<std::size_t>(60 * i + k)].z() += 0.6f;
     }
   }
   const auto ground = cloud_heights(cloud, PlanFrame(Vector3d::UnitZ()));

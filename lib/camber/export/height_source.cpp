@@ -3,9 +3,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "camber/core/median.h"
+#include "camber/export/detail/plan_points.h"
 
 namespace camber {
 
@@ -39,111 +39,50 @@ class SurfaceHeights : public HeightSource {
   double reach_;
 };
 
-/// Points in square cells of the plan.
-class PlanPoints {
- public:
-  PlanPoints(const RoadCloud& cloud, const PlanFrame& frame, const std::vector<int>& chosen) {
-    for (const int i : chosen) {
-      const Vector3d x =
-          frame.to_plan(cloud.origin + cloud.points[static_cast<std::size_t>(i)].cast<double>());
-      if (!x.allFinite()) continue;
-      points_.push_back(x);
-      indices_.push_back(i);
-    }
-    if (points_.empty()) return;
-    low_ = high_ = points_.front().head<2>();
-    for (const Vector3d& x : points_) {
-      low_ = low_.cwiseMin(x.head<2>());
-      high_ = high_.cwiseMax(x.head<2>());
-    }
-    // Occupied area by cells that hold a few points each, then the spacing within it.
-    const Vector2d size = (high_ - low_).cwiseMax(1e-3);
-    double cell = std::sqrt(size.x() * size.y() / static_cast<double>(points_.size())) * 3.0;
-    for (int round = 0; round < 3; ++round) {
-      sort_into(cell);
-      std::size_t occupied = 0;
-      for (std::size_t c = 0; c + 1 < starts_.size(); ++c) occupied += starts_[c + 1] > starts_[c];
-      spacing_ = std::sqrt(static_cast<double>(occupied) * cell_ * cell_ /
-                           static_cast<double>(points_.size()));
-      cell = 3.0 * spacing_;
-    }
-    sort_into(cell);
-  }
-
-  double spacing() const { return spacing_; }
-
-  /// Calls visit(position) for the points of the cells within `radius` of a place.
-  template <typename Visit>
-  void near(const Vector2d& place, double radius, Visit&& visit) const {
-    if (points_.empty()) return;
-    const auto column = [&](double value, double low, long count) {
-      return std::clamp<long>(static_cast<long>(std::floor((value - low) / cell_)), 0, count - 1);
-    };
-    if (place.x() < low_.x() - radius || place.x() > high_.x() + radius ||
-        place.y() < low_.y() - radius || place.y() > high_.y() + radius) {
-      return;
-    }
-    for (long y = column(place.y() - radius, low_.y(), rows_);
-         y <= column(place.y() + radius, low_.y(), rows_); ++y) {
-      for (long x = column(place.x() - radius, low_.x(), columns_);
-           x <= column(place.x() + radius, low_.x(), columns_); ++x) {
-        const auto c = static_cast<std::size_t>(y * columns_ + x);
-        for (std::size_t k = starts_[c]; k < starts_[c + 1]; ++k) {
-          if ((points_[order_[k]].head<2>() - place).squaredNorm() <= radius * radius) {
-            visit(order_[k]);
-          }
-        }
-      }
-    }
-  }
-  const Vector3d& point(std::size_t position) const { return points_[position]; }
-  int index(std::size_t position) const { return indices_[position]; }
-
- private:
-  void sort_into(double cell) {
-    // No more cells than a few for each point.
-    const Vector2d size = high_ - low_;
-    const double most = 4.0 * static_cast<double>(points_.size()) + 16.0;
-    cell_ = std::max({cell, 1e-3, std::sqrt(size.x() * size.y() / most), size.maxCoeff() / most});
-    columns_ = static_cast<long>(size.x() / cell_) + 1;
-    rows_ = static_cast<long>(size.y() / cell_) + 1;
-    starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
-    const auto cell_of = [&](const Vector3d& x) {
-      const long column = std::min(static_cast<long>((x.x() - low_.x()) / cell_), columns_ - 1);
-      const long row = std::min(static_cast<long>((x.y() - low_.y()) / cell_), rows_ - 1);
-      return static_cast<std::size_t>(row * columns_ + column);
-    };
-    for (const Vector3d& x : points_) ++starts_[cell_of(x) + 1];
-    std::partial_sum(starts_.begin(), starts_.end(), starts_.begin());
-    order_.resize(points_.size());
-    std::vector<std::size_t> next = starts_;
-    for (std::size_t i = 0; i < points_.size(); ++i) order_[next[cell_of(points_[i])]++] = i;
-  }
-
-  std::vector<Vector3d> points_;
-  std::vector<int> indices_;
-  Vector2d low_ = Vector2d::Zero(), high_ = Vector2d::Zero();
-  double cell_ = 1.0, spacing_ = 0.0;
-  long columns_ = 1, rows_ = 1;
-  std::vector<std::size_t> starts_, order_;
+/// Points of a cloud in the plan.
+struct Chosen {
+  std::vector<Vector3d> points;
+  std::vector<std::size_t> indices;
 };
 
-std::vector<int> ground_points(const RoadCloud& cloud) {
-  std::vector<int> chosen;
-  const auto ground = cloud.labels.find("ground"), patch = cloud.labels.find("patch");
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (ground != cloud.labels.end() && ground->second[i] == 0) continue;
-    if (ground == cloud.labels.end() && patch != cloud.labels.end() && patch->second[i] < 0)
-      continue;
-    chosen.push_back(static_cast<int>(i));
+/// The finite points within a corridor, and no farther from it than three times its reach.
+template <typename Wanted>
+Chosen choose(const RoadCloud& cloud, const PlanFrame& frame, const PlanCorridor* where,
+              Wanted&& wanted) {
+  std::optional<detail::PlanCells> cells;
+  if (where != nullptr && !where->places.empty()) {
+    cells.emplace(where->places.front(), where->reach);
+    for (const Vector2d& place : where->places) {
+      const detail::PlanCells::Cell middle = cells->cell_of(place);
+      for (int k = 0; k < 9; ++k) cells->add({middle.x + k % 3 - 1, middle.y + k / 3 - 1});
+    }
   }
-  return chosen;
+  Chosen out;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!wanted(i)) continue;
+    const Vector3d x = frame.to_plan(cloud.origin + cloud.points[i].cast<double>());
+    if (!x.allFinite()) continue;
+    if (cells && cells->find(cells->cell_of(x.head<2>())) == detail::PlanCells::kNone) continue;
+    out.points.push_back(x);
+    out.indices.push_back(i);
+  }
+  return out;
+}
+
+std::vector<Vector3d> ground_points(const RoadCloud& cloud, const PlanFrame& frame,
+                                    const PlanCorridor* where) {
+  const auto ground = cloud.labels.find("ground"), patch = cloud.labels.find("patch");
+  return choose(cloud, frame, where,
+                [&](std::size_t i) {
+                  if (ground != cloud.labels.end()) return ground->second[i] != 0;
+                  return patch == cloud.labels.end() || patch->second[i] >= 0;
+                })
+      .points;
 }
 
 class CloudHeights : public HeightSource {
  public:
-  CloudHeights(const RoadCloud& cloud, const PlanFrame& frame)
-      : points_(cloud, frame, ground_points(cloud)) {}
+  explicit CloudHeights(const std::vector<Vector3d>& points) : points_(points) {}
 
   GroundSample at(const Vector3d& place) const override {
     const double radius = 2.5 * points_.spacing();
@@ -199,7 +138,7 @@ class CloudHeights : public HeightSource {
     return sample;
   }
 
-  PlanPoints points_;
+  detail::PlanPoints points_;
 };
 
 }  // namespace
@@ -209,19 +148,34 @@ std::unique_ptr<HeightSource> surface_heights(const RoadSurface& surface, const 
   return std::make_unique<SurfaceHeights>(surface, frame, reach);
 }
 
-std::unique_ptr<HeightSource> cloud_heights(const RoadCloud& cloud, const PlanFrame& frame) {
-  return std::make_unique<CloudHeights>(cloud, frame);
+PlanCorridor corridor_along(const SmoothLine& line, double reach) {
+  PlanCorridor corridor;
+  corridor.reach = reach;
+  const auto steps = static_cast<std::size_t>(std::ceil(line.length() / (0.5 * reach)));
+  for (std::size_t i = 0; i <= steps; ++i) {
+    corridor.places.push_back(
+        line.position(std::min(static_cast<double>(i) * 0.5 * reach, line.length())));
+  }
+  return corridor;
+}
+
+std::unique_ptr<HeightSource> cloud_heights(const RoadCloud& cloud, const PlanFrame& frame,
+                                            const PlanCorridor* where) {
+  return std::make_unique<CloudHeights>(ground_points(cloud, frame, where));
 }
 
 struct ColorSource::Points {
-  PlanPoints points;
+  detail::PlanPoints points;
   std::vector<std::array<std::uint8_t, 3>> colors;
 };
 
-ColorSource::ColorSource(const RoadCloud& cloud, const PlanFrame& frame) {
-  std::vector<int> all(cloud.colors.empty() ? 0 : cloud.size());
-  std::iota(all.begin(), all.end(), 0);
-  points_ = std::make_unique<Points>(Points{PlanPoints(cloud, frame, all), cloud.colors});
+ColorSource::ColorSource(const RoadCloud& cloud, const PlanFrame& frame,
+                         const PlanCorridor* where) {
+  const Chosen chosen =
+      choose(cloud, frame, where, [&](std::size_t) { return !cloud.colors.empty(); });
+  points_ = std::make_unique<Points>();
+  points_->points = detail::PlanPoints(chosen.points);
+  for (const std::size_t i : chosen.indices) points_->colors.push_back(cloud.colors[i]);
 }
 
 ColorSource::~ColorSource() = default;
@@ -230,15 +184,15 @@ double ColorSource::resolution() const { return points_->points.spacing(); }
 
 std::optional<std::array<std::uint8_t, 3>> ColorSource::at(const Vector3d& place) const {
   double least = std::numeric_limits<double>::infinity();
-  int best = -1;
+  std::optional<std::size_t> best;
   points_->points.near(place.head<2>(), 3.0 * resolution(), [&](std::size_t k) {
     const Vector3d d = points_->points.point(k) - place;
     if (std::abs(d.z()) > kLevelGap || d.head<2>().norm() >= least) return;
     least = d.head<2>().norm();
     best = points_->points.index(k);
   });
-  if (best < 0) return std::nullopt;
-  return points_->colors[static_cast<std::size_t>(best)];
+  if (!best) return std::nullopt;
+  return points_->colors[*best];
 }
 
 }  // namespace camber

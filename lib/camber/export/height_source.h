@@ -10,6 +10,7 @@
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/export/plan_frame.h"
+#include "camber/export/smooth_line.h"
 #include "camber/road/road_surface.h"
 
 namespace camber {
@@ -36,15 +37,27 @@ class HeightSource {
 std::unique_ptr<HeightSource> surface_heights(const RoadSurface& surface, const PlanFrame& frame,
                                               double reach);
 
+/// The part of the plan where answers are wanted: what lies within `reach` of these places.
+struct PlanCorridor {
+  std::vector<Eigen::Vector2d> places;  ///< m, plan frame
+  double reach = 0.0;                   ///< m, > 0
+};
+
+/// The surroundings of a line.
+PlanCorridor corridor_along(const SmoothLine& line, double reach);
+
 /// A plane through the points near a place, weighted by distance and robustly (Tukey's biweight).
 /// Points with a label "ground" of 0 or "patch" of -1 are left out. Nothing is answered where there
 /// are fewer than 4 points within reach, or only points to one side.
-std::unique_ptr<HeightSource> cloud_heights(const RoadCloud& cloud, const PlanFrame& frame);
+/// @param where  points elsewhere are left out, also of the resolution; nullptr: all count
+std::unique_ptr<HeightSource> cloud_heights(const RoadCloud& cloud, const PlanFrame& frame,
+                                            const PlanCorridor* where = nullptr);
 
 /// Colours of a cloud seen from above.
 class ColorSource {
  public:
-  ColorSource(const RoadCloud& cloud, const PlanFrame& frame);
+  /// @param where  as of cloud_heights()
+  ColorSource(const RoadCloud& cloud, const PlanFrame& frame, const PlanCorridor* where = nullptr);
   ~ColorSource();
   /// Of the nearest point within three times the cloud's spacing; none: not seen.
   std::optional<std::array<std::uint8_t, 3>> at(const Eigen::Vector3d& place) const;
