@@ -43,8 +43,9 @@ const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kTe
                                                        {"binary", CrgEncoding::kBinary}};
 
 SmoothLine line_of(const ExportInputs& in, const ExportArguments& args) {
-  return smooth_line(
-      args, [&] { return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead); });
+  return smooth_line(args, [&] {
+    return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead, args.grid.num_threads);
+  });
 }
 
 /// The matrix that takes the result's frame to that of the file, for `--json` and comments.
@@ -344,6 +345,17 @@ json options_json(const ExportArguments& a) {
           {"reach", a.reach}};
 }
 
+/// Where a line lies too far above or below the ground for its road to be found; empty: nowhere.
+std::string remark_on_heights(const GroundBeside& beside) {
+  if (beside.far == 0) return {};
+  return fmt::format(
+      "at {} of {} stations of the line the ground is {:.2f} m {} it, expected a line within "
+      "{:.1f} "
+      "m of the ground, or one without a column z",
+      beside.far, beside.stations, std::abs(beside.above), beside.above > 0.0 ? "above" : "below",
+      kLevelGap);
+}
+
 json export_to_target(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
                       Timings& timings) {
   try {
@@ -358,7 +370,12 @@ json export_to_target(const ExportInputs& in, const SmoothLine& line, const Expo
         return export_crg(in, line, args, timings);
     }
   } catch (const NoAnswerError& error) {
-    throw NoAnswerError(error.what() + remark_on_line(in.line, in.outlines, in.line_frame));
+    std::string remark = remark_on_line(in.line, in.outlines, in.line_frame);
+    if (remark.empty()) {
+      remark = remark_on_heights(ground_beside(*in.ground, line, args.grid.num_threads));
+      if (!remark.empty()) remark.insert(0, "; ");
+    }
+    throw NoAnswerError(error.what() + remark);
   }
 }
 
@@ -369,6 +386,11 @@ json export_road(const CommonOptions& common, ExportArguments* args, Timings& ti
   load_timer.stop();
   const SmoothLine line = line_of(in, *args);
   json result = export_to_target(in, line, *args, timings);
+  const LogSink warn = make_warning_sink(common);
+  const std::string heights =
+      remark_on_heights(ground_beside(*in.ground, line, args->grid.num_threads));
+  if (!heights.empty() && warn)
+    warn((args->line.empty() ? args->input : args->line) + ": " + heights);
   result["length"] = line.length();
   result["plan_from_surface"] = frame_json(in.frame);
   result["shift"] = {in.frame.shift.x(), in.frame.shift.y(), in.frame.shift.z()};
@@ -421,8 +443,8 @@ void add_arguments(App& app, ExportArguments& a) {
       "--along", a.line,
       "points of a line in order (any cloud format; CSV: columns x, y, z) in the frame of "
       "the input: of a result of reconstruct its reference camera's (x right, y down, z "
-      "forward, m), of a cloud its coordinates, of a result of patches those of its "
-      "cloud in metres; default: the driven line of the result");
+      "forward, m), of a cloud its coordinates (without a column z: on its ground), of a result of "
+      "patches those of its cloud in metres; default: the driven line of the result");
   app.add_option("--encoding", a.encoding, "numbers of OpenCRG: text (LRFI) or binary (KRBI)")
       ->check(is_member(names_of(kEncodings)))
       ->capture_default_str();

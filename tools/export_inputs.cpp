@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 
 #include "camber/cloud/point_stream.h"
 #include "camber/core/errors.h"
@@ -140,6 +141,11 @@ std::vector<Eigen::Vector3d> extent_of(const RoadCloud& cloud, const PlanFrame& 
   return {a, {b.x(), a.y(), a.z()}, b, {a.x(), b.y(), a.z()}};
 }
 
+/// Whether the points of a file have a z.
+bool has_heights(const fs::path& file) {
+  return find_roles(open_point_source(file)->header().fields).position[2] >= 0;
+}
+
 ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common) {
   if (args.line.empty()) {
     throw UsageError("found a cloud without --along FILE, expected a line along which to export");
@@ -155,6 +161,10 @@ ExportInputs load_cloud(const ExportArguments& args, const CommonOptions& common
   }
   in.frame = PlanFrame(args.up.up(file.cloud));
   in.line = in_plan(in.frame, read_line(args.line, file.report.crs));
+  const bool level = in.frame.turned(Eigen::Vector3d::UnitZ()).isApprox(Eigen::Vector3d::UnitZ());
+  if (level && !has_heights(args.line)) {
+    for (Eigen::Vector3d& place : in.line) place.z() = std::nan("");
+  }
   const PlanCorridor where = corridor_of(in.line, args);
   in.ground = cloud_heights(file.cloud, in.frame, &where);
   in.level = file.cloud.frame == CloudFrame::kCamera ? "camera" : "map";

@@ -178,6 +178,29 @@ TEST_F(ExportProgram, CloudsTakeALine) {
   EXPECT_EQ(test::read_text(file("road.crg")), written);
 }
 
+TEST_F(ExportProgram, ALineOffTheGroundsHeightIsNamed) {
+  {
+    std::ofstream cloud(file("cloud.csv"));
+    cloud << "x,y,z\n";
+    for (int i = 0; i <= 200; ++i) {
+      for (int k = -10; k <= 10; ++k) cloud << 0.2 * i << "," << 0.2 * k << "," << 0.02 * i << "\n";
+    }
+  }
+  const auto with = [&](const std::string& header, const std::string& ends) {
+    std::ofstream(file("line.csv")) << header << "\n1,0" << ends << "\n39,0" << ends << "\n";
+    return run_camber({"export", file("cloud.csv"), "--along", file("line.csv"), "--to", "opencrg",
+                       "--out", file("road.crg")});
+  };
+  EXPECT_ONE_SENTENCE(with("x,y,z", ",20"), 1,
+                      "the ground is 18.00 m below it, expected a line within 1.5 m");
+  // Up to 2.6 m, at x = 26, the ground is near enough.
+  EXPECT_ONE_SENTENCE(with("x,y,z", ",1.1"), 0, "stations of the line the ground is");
+  const auto result = with("x,y", "");
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(result.error, "");
+  EXPECT_NEAR(CrgRoad(read_crg(file("road.crg"))).height_at(38.0, 1.0), 3.8, 1e-3);
+}
+
 TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {
   {
     std::ofstream cloud(file("cloud.csv")), line(file("line.csv"));

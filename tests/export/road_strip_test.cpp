@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "camber/core/errors.h"
@@ -196,6 +197,41 @@ TEST(HeightSource, PointsOffTheCorridorDoNotCount) {
   const auto ground = cloud_heights(cloud, PlanFrame(), &corridor);
   EXPECT_DOUBLE_EQ(ground->resolution(), spacing);
   EXPECT_TRUE(std::isnan(ground->at({500001.0, 5400101.0, 300.0}).height));
+}
+
+/// A deck of points 6 m above those of even_cloud(), from one x to another.
+RoadCloud bridged_cloud(float from, float to) {
+  RoadCloud cloud = even_cloud();
+  const std::vector<Eigen::Vector3f> below = cloud.points;
+  for (const Eigen::Vector3f& p : below) {
+    if (p.x() > from && p.x() < to) cloud.points.emplace_back(p + Eigen::Vector3f(0, 0, 6));
+  }
+  return cloud;
+}
+
+TEST(RoadStrip, ALineWithoutHeightsLiesOnTheGround) {
+  const auto ground = cloud_heights(bridged_cloud(2.0f, 4.0f), PlanFrame());
+  const auto height = [](double x, double y) { return 300.0 + 0.1 * x - 0.05 * y; };
+  ASSERT_EQ(ground->levels({500001.0, 5400003.0}).size(), 1u);
+  const std::vector<double> both = ground->levels({500003.0, 5400003.0});
+  ASSERT_EQ(both.size(), 2u);
+  EXPECT_NEAR(both[0], height(3.0, 3.0), 1e-3);
+  EXPECT_NEAR(both[1], height(3.0, 3.0) + 6.0, 1e-3);
+  EXPECT_TRUE(ground->levels({500020.0, 5400003.0}).empty());
+  const auto line_at = [](double z) {
+    return std::vector<Vector3d>{{500000.5, 5400003.0, z}, {500005.5, 5400003.0, z}};
+  };
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  const SmoothLine line = line_over_ground(*ground, line_at(unknown), 0.01, 0.0, 1);
+  for (double s = 0.0; s < 5.0; s += 0.3) {  // under the deck as on either side of it
+    EXPECT_NEAR(line.height(s), height(0.5 + s, 3.0), 1e-3);
+  }
+  EXPECT_EQ(ground_beside(*ground, line, 1).far, 0u);
+  const GroundBeside below = ground_beside(*ground, SmoothLine(line_at(303.0), 0.01), 1);
+  EXPECT_EQ(below.far, below.stations);
+  EXPECT_NEAR(below.above, height(3.0, 3.0) - 303.0, 0.3);  // 0.1 m more or less each metre
+  const auto covered = cloud_heights(bridged_cloud(-1.0f, 9.0f), PlanFrame());
+  EXPECT_THROW(line_over_ground(*covered, line_at(unknown), 0.01, 0.0, 1), NoAnswerError);
 }
 
 TEST(HeightSource, CloudPlanesIgnoreOutliers) {

@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kLevelGap = 1.5;     // m, points farther up or down belong to another level
+constexpr double kSupport = 2.5;      // of the spacing, radius of the points of a node's plane
 constexpr double kLeastScale = 0.01;  // m, of the biweight
 
 class SurfaceHeights : public HeightSource {
@@ -85,13 +85,27 @@ class CloudHeights : public HeightSource {
   explicit CloudHeights(const std::vector<Vector3d>& points) : points_(points) {}
 
   GroundSample at(const Vector3d& place) const override {
-    const double radius = 2.5 * points_.spacing();
+    const double radius = kSupport * points_.spacing();
     std::vector<Vector3d> near;
     points_.near(place.head<2>(), radius, [&](std::size_t k) {
       const Vector3d d = points_.point(k) - place;
       if (std::abs(d.z()) < kLevelGap) near.push_back(d);
     });
     return fit(place, near, radius);
+  }
+  std::vector<double> levels(const Vector2d& place) const override {
+    std::vector<double> heights;
+    points_.near(place, kSupport * points_.spacing(),
+                 [&](std::size_t k) { heights.push_back(points_.point(k).z()); });
+    std::sort(heights.begin(), heights.end());
+    std::vector<double> out;
+    for (std::size_t from = 0, i = 0; i < heights.size(); ++i) {
+      if (i + 1 < heights.size() && heights[i + 1] - heights[i] < kLevelGap) continue;
+      const double height = at({place.x(), place.y(), heights[(from + i) / 2]}).height;
+      if (std::isfinite(height)) out.push_back(height);
+      from = i + 1;
+    }
+    return out;
   }
   double resolution() const override { return points_.spacing(); }
 

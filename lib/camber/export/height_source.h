@@ -22,12 +22,17 @@ struct GroundSample {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();         ///< unit, up
 };
 
+/// m, ground farther above or below a place belongs to another level.
+inline constexpr double kLevelGap = 1.5;
+
 /// Heights of the ground over the plan. Any number of threads may ask.
 class HeightSource {
  public:
   virtual ~HeightSource() = default;
   /// @param place  m, plan frame; its z chooses between levels above one another.
   virtual GroundSample at(const Eigen::Vector3d& place) const = 0;
+  /// Heights of the ground over one another at a place, ascending; empty: not known.
+  virtual std::vector<double> levels(const Eigen::Vector2d& /*place*/) const { return {}; }
   /// m between heights that the data resolve along the ground; 0: not known.
   virtual double resolution() const = 0;
 };

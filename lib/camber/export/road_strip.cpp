@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "camber/core/errors.h"
+#include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/export/detail/series.h"
 
@@ -92,6 +95,29 @@ void measure_line(const HeightSource& ground, const CrgRoad& road, const SmoothL
   detail::bridge(banking);
 }
 
+/// Heights of the ground for a line that has none.
+void take_heights(const HeightSource& ground, int num_threads, SmoothLine* line) {
+  std::vector<std::vector<double>> levels(static_cast<std::size_t>(line->length()) + 1);
+  parallel_for(levels.size(), num_threads, [&](std::size_t i) {
+    levels[i] = ground.levels(line->position(static_cast<double>(i)));
+  });
+  std::vector<double> stations, heights;
+  std::size_t most = 0;
+  for (const std::vector<double>& here : levels) {
+    stations.push_back(static_cast<double>(stations.size()));
+    heights.push_back(here.size() == 1 ? here.front() : kNaN);
+    most = std::max(most, here.size());
+  }
+  const bool known = std::any_of(heights.begin(), heights.end(),
+                                 [](double height) { return std::isfinite(height); });
+  if (!known && most > 1) {
+    throw NoAnswerError(
+        "the line has no heights (column z), and the ground has several levels all along it");
+  }
+  detail::bridge(&heights);
+  line->set_heights(std::move(stations), std::move(heights));
+}
+
 }  // namespace
 
 void CrgGridOptions::validate() const {
@@ -142,8 +168,13 @@ SeenWidth seen_width(const HeightSource& ground, const SmoothLine& line, double 
 }
 
 SmoothLine line_over_ground(const HeightSource& ground, const std::vector<Vector3d>& points,
-                            double tolerance, double most) {
-  const SmoothLine line(points, tolerance);
+                            double tolerance, double most, int num_threads) {
+  const auto made = [&](double after) {
+    SmoothLine line(points, tolerance, 0.0, after);
+    if (std::isnan(line.height(0.0))) take_heights(ground, num_threads, &line);
+    return line;
+  };
+  const SmoothLine line = made(0.0);
   if (!(most > 0.0)) return line;
   const double end = line.length();
   const Vector2d from = line.position(end), ahead = direction(line.heading(end));
@@ -158,7 +189,31 @@ SmoothLine line_over_ground(const HeightSource& ground, const std::vector<Vector
       break;
     }
   }
-  return SmoothLine(points, tolerance, 0.0, seen);
+  return made(seen);
+}
+
+GroundBeside ground_beside(const HeightSource& ground, const SmoothLine& line, int num_threads) {
+  // Of the nearest level over the line; NaN: none is seen; 0: it is near enough.
+  std::vector<double> off(static_cast<std::size_t>(line.length()) + 1, 0.0);
+  parallel_for(off.size(), num_threads, [&](std::size_t i) {
+    const auto s = static_cast<double>(i);
+    const Vector2d place = line.position(s);
+    if (std::isfinite(ground.at({place.x(), place.y(), line.height(s)}).height)) return;
+    off[i] = kNaN;
+    for (const double level : ground.levels(place)) {
+      const double above = level - line.height(s);
+      if (!(std::abs(above) >= std::abs(off[i]))) off[i] = above;
+    }
+  });
+  GroundBeside out;
+  std::vector<double> far;
+  for (const double above : off) {
+    out.stations += std::isfinite(above);
+    if (std::abs(above) >= kLevelGap) far.push_back(above);
+  }
+  out.far = far.size();
+  if (out.far > 0) out.above = upper_median(&far);
+  return out;
 }
 
 CrgData make_crg(const HeightSource& ground, const SmoothLine& line,

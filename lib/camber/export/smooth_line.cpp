@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace camber {
 
@@ -57,7 +58,7 @@ SmoothLine::SmoothLine(const std::vector<Vector3d>& points, double tolerance, do
                        double after) {
   std::vector<Vector3d> kept;
   for (const Vector3d& point : points) {
-    if (!point.allFinite()) continue;
+    if (!point.head<2>().allFinite()) continue;
     if (kept.empty() || (point - kept.back()).head<2>().norm() > kSamePlace) kept.push_back(point);
   }
   if (kept.size() < 2) {
@@ -123,6 +124,7 @@ SmoothLine::SmoothLine(const std::vector<Vector3d>& points, double tolerance, do
       arc_knot_.push_back(knots_[i] + (part + 1) * h);
     }
   }
+  for (std::size_t i = 0; i < knots_.size(); ++i) height_stations_.push_back(arc_[8 * i]);
 }
 
 SmoothLine::Place SmoothLine::place(double s) const {
@@ -163,9 +165,17 @@ double SmoothLine::curvature(double s) const {
 }
 
 double SmoothLine::height(double s) const {
-  const Place here = place(s);
-  const double h = knots_[here.piece + 1] - knots_[here.piece];
-  return heights_[here.piece] + here.t / h * (heights_[here.piece + 1] - heights_[here.piece]);
+  if (!(s > height_stations_.front())) return heights_.front();
+  const auto next = std::upper_bound(height_stations_.begin(), height_stations_.end(), s);
+  if (next == height_stations_.end()) return heights_.back();
+  const auto i = static_cast<std::size_t>(next - height_stations_.begin());
+  const double from = height_stations_[i - 1], share = (s - from) / (height_stations_[i] - from);
+  return heights_[i - 1] + share * (heights_[i] - heights_[i - 1]);
+}
+
+void SmoothLine::set_heights(std::vector<double> stations, std::vector<double> heights) {
+  height_stations_ = std::move(stations);
+  heights_ = std::move(heights);
 }
 
 }  // namespace camber

@@ -8,11 +8,11 @@ namespace camber {
 /// A smooth curve in the plan along given points: a natural cubic smoothing spline over their
 /// chord length, as stiff as `tolerance` allows (Green and Silverman, "Nonparametric Regression and
 /// Generalized Linear Models", 1994, section 2.3), with its arc length; z follows the points
-/// linearly. Immutable.
+/// linearly.
 class SmoothLine {
  public:
   /// @param points     at least two different places; those closer than 1 mm to the last are
-  /// skipped
+  /// skipped, as are those whose x or y is not finite; z may be NaN where it is not known
   /// @param tolerance  m that the curve may pass a point by, >= 0
   /// @param before, after  m to go on straight at either end
   /// @throws std::invalid_argument for fewer than two different places, and for more than
@@ -24,8 +24,12 @@ class SmoothLine {
   Eigen::Vector2d position(double s) const;
   double heading(double s) const;                  ///< rad
   double curvature(double s) const;                ///< 1/m, positive to the left
-  double height(double s) const;                   ///< m, of the points
+  double height(double s) const;                   ///< m, of the points, or as set
   double deviation() const { return deviation_; }  ///< m, greatest distance of a point
+
+  /// Heights in place of the points', linear between stations and level beyond them.
+  /// @param stations  m, ascending, at least one
+  void set_heights(std::vector<double> stations, std::vector<double> heights);
 
  private:
   struct Place {
@@ -37,7 +41,7 @@ class SmoothLine {
 
   std::vector<double> knots_;                    ///< chord length
   std::vector<Eigen::Vector2d> values_, bends_;  ///< at the knots, and second derivatives there
-  std::vector<double> heights_;
+  std::vector<double> height_stations_, heights_;
   std::vector<double> arc_, arc_knot_;  ///< arc length against chord length, finely
   double deviation_ = 0.0;
 };
