@@ -356,6 +356,19 @@ std::string remark_on_heights(const GroundBeside& beside) {
       kLevelGap);
 }
 
+/// Where a bend of the line takes ground away that is seen; empty: nowhere.
+std::string remark_on_bends(const ExportInputs& in, const SmoothLine& line,
+                            const ExportArguments& args) {
+  const std::optional<TightBend> bend =
+      tight_bend(*in.ground, line, args.grid.left, args.grid.right, args.grid.widest);
+  if (!bend) return {};
+  return fmt::format(
+      "the line bends to a radius of {:.2f} m at {:.1f} m along it, which leaves room for {:.2f} m "
+      "of road to its {} in place of {:.2f} m; --tolerance, now {:.3g} m, lets it be smoother",
+      bend->radius, bend->station, bend->room, bend->left ? "left" : "right", bend->wanted,
+      args.tolerance);
+}
+
 json export_to_target(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
                       Timings& timings) {
   try {
@@ -373,6 +386,7 @@ json export_to_target(const ExportInputs& in, const SmoothLine& line, const Expo
     std::string remark = remark_on_line(in.line, in.outlines, in.line_frame);
     if (remark.empty()) {
       remark = remark_on_heights(ground_beside(*in.ground, line, args.grid.num_threads));
+      if (remark.empty()) remark = remark_on_bends(in, line, args);
       if (!remark.empty()) remark.insert(0, "; ");
     }
     throw NoAnswerError(error.what() + remark);
@@ -386,11 +400,13 @@ json export_road(const CommonOptions& common, ExportArguments* args, Timings& ti
   load_timer.stop();
   const SmoothLine line = line_of(in, *args);
   json result = export_to_target(in, line, *args, timings);
+  const std::string named = args->line.empty() ? args->input : args->line;
   const LogSink warn = make_warning_sink(common);
-  const std::string heights =
-      remark_on_heights(ground_beside(*in.ground, line, args->grid.num_threads));
-  if (!heights.empty() && warn)
-    warn((args->line.empty() ? args->input : args->line) + ": " + heights);
+  for (const std::string& remark :
+       {remark_on_heights(ground_beside(*in.ground, line, args->grid.num_threads)),
+        remark_on_bends(in, line, *args)}) {
+    if (!remark.empty() && warn) warn(named + ": " + remark);
+  }
   result["length"] = line.length();
   result["plan_from_surface"] = frame_json(in.frame);
   result["shift"] = {in.frame.shift.x(), in.frame.shift.y(), in.frame.shift.z()};
@@ -403,6 +419,7 @@ int run(const Command& command, const ExportArguments& given) {
   args.grid.slope_in_line = args.slope == "line";
   args.grid.banking_in_line = args.banking == "line";
   args.grid.num_threads = command.common.threads;
+  args.tolerance_given = command.app->count("--tolerance") > 0;
   check_arguments(args);
   args.grid.validate();
   check_output_file(args.out);
@@ -479,7 +496,8 @@ void add_arguments(App& app, ExportArguments& a) {
                  "seen there")
       ->capture_default_str();
   app.add_option("--tolerance", a.tolerance,
-                 "metres that the smooth line may pass a point of the given one by")
+                 "metres that the smooth line may pass a point of the given one by; unless given, "
+                 "5 times the scatter of its points where that is more, at most 0.3")
       ->capture_default_str();
   app.add_option("--reach", a.reach, "metres that a place may lie beyond a patch's boundary")
       ->capture_default_str();

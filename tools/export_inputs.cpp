@@ -18,8 +18,10 @@ namespace fs = std::filesystem;
 namespace camber::tools {
 namespace {
 
-constexpr double kFinest = 0.1;    // m, steps over patches, which are planes
-constexpr double kSupport = 10.0;  // m beside the road whose points may count for its edge
+constexpr double kFinest = 0.1;         // m, steps over patches, which are planes
+constexpr double kScatters = 5.0;       // standard deviations that no point of a line is off by
+constexpr double kMostTolerance = 0.3;  // m, unless more is asked for
+constexpr double kSupport = 10.0;       // m beside the road whose points may count for its edge
 
 }  // namespace
 
@@ -191,7 +193,12 @@ SmoothLine smooth_line(const ExportArguments& args, const std::function<SmoothLi
 
 ExportInputs load_export(const ExportArguments& args, const CommonOptions& common,
                          ExportArguments* settled) {
-  return is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
+  ExportInputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
+  if (!args.tolerance_given) {
+    const double scatter = std::min(kScatters * line_scatter(in.line), kMostTolerance);
+    settled->tolerance = std::max(args.tolerance, scatter);
+  }
+  return in;
 }
 
 /// Colours of the cloud that an input is or holds, if it has any.

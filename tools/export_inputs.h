@@ -22,8 +22,9 @@ struct ExportArguments {
   CrgGridOptions grid;
   double ahead = 60.0;      ///< m
   double tolerance = 0.02;  ///< m
-  double reach = 0.5;       ///< m
-  std::string crg;          ///< of OpenDRIVE: name of an OpenCRG file
+  bool tolerance_given = false;
+  double reach = 0.5;  ///< m
+  std::string crg;     ///< of OpenDRIVE: name of an OpenCRG file
   bool vehicles = false;
   bool confine = false;
   bool as_json = false;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <sstream>
 
 #include "camber/export/opencrg.h"
@@ -199,6 +200,40 @@ TEST_F(ExportProgram, ALineOffTheGroundsHeightIsNamed) {
   ASSERT_EQ(result.exit_code, 0) << result.error;
   EXPECT_EQ(result.error, "");
   EXPECT_NEAR(CrgRoad(read_crg(file("road.crg"))).height_at(38.0, 1.0), 3.8, 1e-3);
+}
+
+TEST_F(ExportProgram, ANoisyLineIsSmoothed) {
+  {
+    std::ofstream cloud(file("cloud.csv"));
+    cloud << "x,y,z\n";
+    for (int i = 0; i <= 300; ++i) {
+      for (int k = -20; k <= 20; ++k) cloud << 0.2 * i << "," << 0.2 * k << ",0\n";
+    }
+  }
+  const auto along_every = [&](double step, std::vector<std::string> more) {
+    {
+      std::mt19937 random(3);
+      const auto noise = [&] { return 0.0346 * (2.0 * (random() / 4294967296.0) - 1.0); };  // 2 cm
+      std::ofstream line(file("line.csv"));
+      line << "x,y,z\n";
+      for (double x = 2.0; x < 58.0; x += step) line << x + noise() << "," << noise() << ",0\n";
+    }
+    std::vector<std::string> words = {"export", file("cloud.csv"), "--along", file("line.csv"),
+                                      "--to",   "opencrg",         "--out",   file("road.crg")};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_camber(words);
+  };
+  const auto result = along_every(0.5, {"--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(result.error, "");
+  const json told = json::parse(result.out);
+  EXPECT_NEAR(told["options"]["tolerance"].get<double>(), 0.1, 0.03);  // 5 times the scatter
+  EXPECT_LE(told["v"][0].get<double>(), -3.8);
+  EXPECT_GE(told["v"][1].get<double>(), 3.8);
+  EXPECT_ONE_SENTENCE(along_every(0.5, {"--tolerance", "0.02"}), 0,
+                      "--tolerance, now 0.02 m, lets it");
+  EXPECT_ONE_SENTENCE(along_every(0.1, {"--tolerance", "0.02"}), 1,
+                      "no road fits beside the line; the line bends");
 }
 
 TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 #include <sstream>
 
 #include "camber/core/errors.h"
@@ -67,6 +68,25 @@ TEST(SmoothLine, GoesOnStraight) {
     EXPECT_THROW(SmoothLine({{0, 0, 0}, {far, 0, 0}}, 0.01), std::invalid_argument) << far;
     EXPECT_THROW(SmoothLine({{-far, 0, 0}, {far, 0, 0}}, 0.01), std::invalid_argument) << far;
   }
+}
+
+TEST(SmoothLine, ItsScatterIsThatOfThePoints) {
+  EXPECT_LT(line_scatter(arc_line()), 1e-5);
+  std::vector<Vector3d> roundabout, noisy;
+  for (double a = 0.0; a < 6.0; a += 1.0 / 3.0) {  // 5 m apart
+    roundabout.emplace_back(15.0 * std::cos(a), 15.0 * std::sin(a), 0.0);
+  }
+  for (double a = 6.0; a < 12.0; a += 1.0 / 3.0) {
+    roundabout.emplace_back(15.0 * std::cos(a), 15.0 * std::sin(a), 0.0);
+  }
+  EXPECT_LT(line_scatter(roundabout), 0.002);
+  EXPECT_EQ(line_scatter({{0, 0, 0}, {5, 1, 0}, {10, 0, 0}}), 0.0);
+  std::mt19937 random(4);
+  const auto noise = [&] { return 0.0346 * (2.0 * (random() / 4294967296.0) - 1.0); };
+  for (double x = 0.0; x < 200.0; x += 0.5) {
+    noisy.emplace_back(x + noise(), 0.001 * x * x + noise(), 0.0);
+  }
+  EXPECT_NEAR(line_scatter(noisy), 0.02, 0.004);  // of 400 points, by a median
 }
 
 TEST(PlanFrame, IsARotationWithUpAsZ) {
@@ -141,6 +161,31 @@ TEST(RoadStrip, GridPointsHaveTheGroundsHeight) {
                      std::to_string(worst));
     }
   }
+}
+
+TEST(RoadStrip, ABendThatTakesGroundAwayIsFound) {
+  class Everywhere : public HeightSource {
+   public:
+    GroundSample at(const Vector3d&) const override {
+      GroundSample sample;
+      sample.height = 0.0;
+      return sample;
+    }
+    double resolution() const override { return 0.2; }
+  };
+  std::vector<Vector3d> points;
+  for (double a = 0.0; a < 3.0; a += 0.05) {
+    points.emplace_back(5.0 * std::sin(a), 5.0 - 5.0 * std::cos(a), 0.0);
+  }
+  const SmoothLine line(points, 0.001);
+  const auto bend = tight_bend(Everywhere(), line, 0.0, 0.0, 12.0);
+  ASSERT_TRUE(bend);
+  EXPECT_TRUE(bend->left);
+  EXPECT_NEAR(bend->radius, 5.0, 0.3);
+  EXPECT_LT(bend->room, bend->radius);
+  EXPECT_DOUBLE_EQ(bend->wanted, 12.0);
+  EXPECT_FALSE(tight_bend(Everywhere(), line, 3.0, 0.0, 12.0));
+  EXPECT_FALSE(tight_bend(MadeGround(), SmoothLine(arc_line(), 0.005), 0.0, 0.0, 12.0));
 }
 
 TEST(RoadStrip, NothingSeenIsNoAnswer) {

@@ -24,6 +24,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kLookStep = 0.25;  // m across, when looking how far the ground is seen
 constexpr double kGap = 1.0;        // m without ground that are passed over
 constexpr double kBend = 0.9;       // of the radius, how far in a grid may go
+constexpr double kBendStep = 0.1;   // m along, when looking for bends
 constexpr std::size_t kMostNodes = 50000000;
 
 Vector2d direction(double heading) { return {std::cos(heading), std::sin(heading)}; }
@@ -216,6 +217,31 @@ GroundBeside ground_beside(const HeightSource& ground, const SmoothLine& line, i
   return out;
 }
 
+std::optional<TightBend> tight_bend(const HeightSource& ground, const SmoothLine& line, double left,
+                                    double right, double widest) {
+  std::vector<TightBend> bends;
+  for (double s = 0.0; s <= line.length(); s += kBendStep) {
+    TightBend bend;
+    bend.station = s;
+    bend.left = line.curvature(s) > 0.0;
+    bend.radius = 1.0 / std::abs(line.curvature(s));
+    bend.room = kBend * bend.radius;
+    bend.wanted = bend.left ? left : right;
+    if (bend.room < (bend.wanted > 0.0 ? bend.wanted : widest)) bends.push_back(bend);
+  }
+  std::stable_sort(bends.begin(), bends.end(),
+                   [](const TightBend& a, const TightBend& b) { return a.radius < b.radius; });
+  for (TightBend& bend : bends) {
+    if (!(bend.wanted > 0.0)) {
+      const Vector2d ahead = direction(line.heading(bend.station)), aside(-ahead.y(), ahead.x());
+      bend.wanted = side_seen(ground, line.position(bend.station), aside, line.height(bend.station),
+                              bend.left ? 1.0 : -1.0, widest);
+    }
+    if (bend.wanted > bend.room + kLookStep) return bend;
+  }
+  return std::nullopt;
+}
+
 CrgData make_crg(const HeightSource& ground, const SmoothLine& line,
                  const CrgGridOptions& options) {
   options.validate();
@@ -245,7 +271,10 @@ CrgData make_crg(const HeightSource& ground, const SmoothLine& line,
   const auto columns_right = static_cast<long>(right / step_v + 1e-6);
   const auto columns_left = static_cast<long>(left / step_v + 1e-6);
   if (columns_right + columns_left < 1) {
-    throw NoAnswerError("no ground is seen beside the line");
+    const bool bent =
+        tight_bend(ground, line, options.left, options.right, options.widest).has_value();
+    throw NoAnswerError(bent ? "no road fits beside the line"
+                             : "no ground is seen beside the line");
   }
   for (long j = -columns_right; j <= columns_left; ++j) {
     data.v.push_back(millimetres(static_cast<double>(j) * step_v));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "camber/export/height_source.h"
@@ -34,6 +35,19 @@ struct GroundBeside {
   double above = 0.0;        ///< m, of the nearest level over the line, median of the far ones
 };
 GroundBeside ground_beside(const HeightSource& ground, const SmoothLine& line, int num_threads);
+
+/// Where a line bends so sharply that a strip beside it must end before the ground does.
+struct TightBend {
+  double station = 0.0;  ///< m along the line
+  double radius = 0.0;   ///< m
+  bool left = false;     ///< the side of its centre
+  double room = 0.0;     ///< m that a strip may go to that side
+  double wanted = 0.0;   ///< m that are given, or else seen
+};
+/// The tightest one; nothing where no bend is in the way.
+/// @param left, right  m that are wanted, >= 0; 0: as far as is seen
+std::optional<TightBend> tight_bend(const HeightSource& ground, const SmoothLine& line, double left,
+                                    double right, double widest);
 
 /// Where the grid of an export stands.
 struct CrgGridOptions {

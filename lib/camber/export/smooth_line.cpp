@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "camber/core/median.h"
+
 namespace camber {
 
 using Eigen::Vector2d;
@@ -15,8 +17,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kSamePlace = 1e-3;   // m
-constexpr double kLongestLine = 1e5;  // m; every step along it is looked at
+constexpr double kSamePlace = 1e-3;           // m
+constexpr std::size_t kLeastForScatter = 20;  // points
+constexpr double kLongestLine = 1e5;          // m; every step along it is looked at
 
 /// Values and second derivatives of the smoothing spline of stiffness lambda through y at t.
 struct Spline {
@@ -52,15 +55,49 @@ Spline smooth(const std::vector<double>& t, const Eigen::MatrixXd& y, double lam
   return out;
 }
 
-}  // namespace
-
-SmoothLine::SmoothLine(const std::vector<Vector3d>& points, double tolerance, double before,
-                       double after) {
+/// Points in order that lie apart in the plan, without those whose place is not known.
+std::vector<Vector3d> different_places(const std::vector<Vector3d>& points) {
   std::vector<Vector3d> kept;
   for (const Vector3d& point : points) {
     if (!point.head<2>().allFinite()) continue;
     if (kept.empty() || (point - kept.back()).head<2>().norm() > kSamePlace) kept.push_back(point);
   }
+  return kept;
+}
+
+}  // namespace
+
+double line_scatter(const std::vector<Vector3d>& points) {
+  const std::vector<Vector3d> kept = different_places(points);
+  if (kept.size() < kLeastForScatter) return 0.0;
+  std::vector<double> t(1, 0.0);
+  for (std::size_t i = 1; i < kept.size(); ++i) {
+    t.push_back(t.back() + (kept[i] - kept[i - 1]).head<2>().norm());
+  }
+  std::vector<double> off;
+  for (std::size_t i = 3; i + 3 < kept.size(); ++i) {
+    const Vector2d here = kept[i].head<2>();
+    const Vector2d ahead = (kept[i + 1] - kept[i - 1]).head<2>().normalized();
+    Vector2d between = Vector2d::Zero();
+    double variance = 1.0;  // of the distance, in those of a point
+    for (std::size_t j = i - 3; j <= i + 3; ++j) {
+      if (j == i) continue;
+      double weight = 1.0;  // Lagrange's
+      for (std::size_t m = i - 3; m <= i + 3; ++m) {
+        if (m != i && m != j) weight *= (t[i] - t[m]) / (t[j] - t[m]);
+      }
+      between += weight * (kept[j].head<2>() - here);
+      variance += weight * weight;
+    }
+    off.push_back(std::abs(ahead.x() * between.y() - ahead.y() * between.x()) /
+                  std::sqrt(variance));
+  }
+  return kSigmaFromMad * upper_median(&off);
+}
+
+SmoothLine::SmoothLine(const std::vector<Vector3d>& points, double tolerance, double before,
+                       double after) {
+  const std::vector<Vector3d> kept = different_places(points);
   if (kept.size() < 2) {
     throw std::invalid_argument("SmoothLine: the line has fewer than 2 different places");
   }

@@ -5,6 +5,10 @@
 
 namespace camber {
 
+/// m, standard deviation of points across a line that is smooth otherwise, by their distances from
+/// quintics through the three neighbours on either side, robustly; 0 for fewer than 20 points.
+double line_scatter(const std::vector<Eigen::Vector3d>& points);
+
 /// A smooth curve in the plan along given points: a natural cubic smoothing spline over their
 /// chord length, as stiff as `tolerance` allows (Green and Silverman, "Nonparametric Regression and
 /// Generalized Linear Models", 1994, section 2.3), with its arc length; z follows the points
