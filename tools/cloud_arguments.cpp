@@ -107,6 +107,13 @@ void warn_about_losses(const std::string& path, const PointStreamHeader& header,
       warn(fmt::format("{}: {} are not kept", path, what));
     }
   }
+  const CoordinateSystem* const crs = header.crs ? &*header.crs : nullptr;
+  const bool copied = las && header.records;
+  if (crs && crs->horizontal.angle && crs->wkt.empty() && crs->epsg == 0 && !copied) {
+    warn(path +
+         ": that the coordinates are longitude and latitude has no place in the output without "
+         "their coordinate system; state it with --crs");
+  }
   if (format != CloudFormat::kKittiBin) return;
   if (header.frame == CloudFrame::kCamera) {
     warn(path + ": the frame (a camera's: x right, y down) has no place in the output");

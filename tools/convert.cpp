@@ -160,6 +160,7 @@ void register_convert(App& root) {
           open_typed_source(args.files.input, args.files.cloud.read_options(),
                             write.format ? write.format : format_from_extension(args.files.out));
       if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
+      source = with_complete_crs(std::move(source), args.files.out, write);
     }
     load.stop();
     StageTimer writing(timings, "write");

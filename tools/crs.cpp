@@ -7,6 +7,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "camber/cloud/stream_filters.h"
 #include "camber/cloud/units.h"
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
@@ -155,10 +156,24 @@ void complete_crs(CoordinateSystem* system) {
   CoordinateSystem found;
   std::string reason;
   if (!look_up("EPSG:" + std::to_string(system->epsg), &found, &reason)) return;
+  // Of a code alone, files also state a wrong kind.
+  if (!system->horizontal.known()) system->kind = found.kind;
   if (!system->horizontal.known()) system->horizontal = found.horizontal;
   if (system->kind == CoordinateSystem::Kind::kUnknown) system->kind = found.kind;
   if (system->name.empty()) system->name = found.name;
   if (!system->vertical_stated) system->vertical = found.vertical;
+}
+
+std::unique_ptr<PointSource> with_complete_crs(std::unique_ptr<PointSource> source,
+                                               const std::string& out,
+                                               const WriteOptions& options) {
+  const std::optional<CloudFormat> format =
+      options.format ? options.format : format_from_extension(out);
+  const PointStreamHeader& header = source->header();
+  if (format != CloudFormat::kLas || !header.crs || header.records) return source;
+  CoordinateSystem crs = *source->header().crs;
+  complete_crs(&crs);
+  return with_crs(std::move(source), crs);
 }
 
 std::string wkt_of_codes(const CoordinateSystem& system) {

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/cloud/point_stream.h"
 #include "camber/core/progress.h"
 #include "camber/scene/import_own.h"
 
@@ -36,6 +38,11 @@ std::vector<GeoPoint> places_on_earth(const std::string& crs,
 /// Looks a system up whose file names its code but no unit; others stay as they are. One that PROJ
 /// does not know stays, too.
 void complete_crs(CoordinateSystem* system);
+
+/// The source of a file to write; for LAS, which has other keys for projected systems, with its
+/// coordinate system looked up as by complete_crs().
+std::unique_ptr<PointSource> with_complete_crs(std::unique_ptr<PointSource> source,
+                                               const std::string& out, const WriteOptions& options);
 
 /// PROJ's well-known text of a system that is known by its codes; empty where it knows none, or
 /// where the units are others.

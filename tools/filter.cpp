@@ -284,6 +284,7 @@ int run(const Command& command, const Arguments& args) {
   compute.stop();
 
   StageTimer writing(timings, "write");
+  source = with_complete_crs(std::move(source), args.files.out, write);
   written.points =
       write_points(*source, args.files.out, write, make_progress(command.common), &written.notes);
   writing.stop();

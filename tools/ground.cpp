@@ -84,9 +84,10 @@ std::vector<std::string> write_ground(const Arguments& arguments, const ReadOpti
                         write_options, &notes);
     return notes;
   }
-  std::unique_ptr<PointSource> source = open_typed_source(arguments.cloud, read_options);
+  std::unique_ptr<PointSource> source = open_typed_source(arguments.cloud, read_options, format);
   if (read_options.lenient) source = drop_bad_points(std::move(source));
   source = classify_ground(std::move(source), ground);
+  source = with_complete_crs(std::move(source), arguments.out, write_options);
   write_points(*source, arguments.out, write_options, {}, &notes);
   return notes;
 }

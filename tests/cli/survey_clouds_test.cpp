@@ -498,6 +498,25 @@ TEST_F(SurveyTools, SystemsByCodeAndDegrees) {
   const test::ProgramResult degrees =
       run_camber({"plane", path("degrees.csv"), "--threshold", "5"});
   EXPECT_THAT(degrees.error, ::testing::HasSubstr("longitude and latitude"));
+  // The names of columns are no datum.
+  const std::string loss = "has no place in the output without their coordinate system";
+  EXPECT_THAT(run({"convert", path("degrees.csv"), "--out", path("degrees.las")}).error,
+              ::testing::HasSubstr(loss));
+  EXPECT_THAT(
+      run({"convert", path("degrees.csv"), "--crs", "EPSG:4326", "--out", path("degrees.las")})
+          .error,
+      ::testing::Not(::testing::HasSubstr(loss)));
+  // A code whose kind PROJ alone knows: NTF.
+  write_text("code.csv", "# camber crs EPSG:4275\nx,y,z\n2.123456789,48.123456789,3\n2.2,48.2,4\n");
+  for (const char* command : {"convert", "filter"}) {
+    run({command, path("code.csv"), "--out", path("code.las")});
+    const json info = run_json({"info", path("code.las")})["files"][0];
+    EXPECT_EQ(info["crs"]["kind"], "geographic");
+    EXPECT_EQ(info["crs"]["geotiff_keys"]["GTModelType"], 2);
+    EXPECT_EQ(info["las"]["scale"][0], 1e-9);
+    EXPECT_EQ(info["las"]["scale"][2], 1e-4);
+    EXPECT_NEAR(info["first_point"]["x"].get<double>(), 2.123456789, 0.6e-9);
+  }
   // A LAS file that names a code and no unit.
   run({"convert", path("feet.csv"), "--crs", "EPSG:2994", "--out", path("feet.las")});
   std::string bytes = test::read_text(path("feet.las"));

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <limits>
 
 #include "cloud/cloud_files.h"
@@ -400,6 +401,40 @@ TEST(Origin, IsChosenWhereCoordinatesAreLarge) {
     as_float.replace(at, 6, "float");
   }
   EXPECT_FLOAT_EQ(read_from_memory(as_float, "utm.ply").cloud.points[2].y(), 236.003f);
+}
+
+TEST(CloudIo, DegreesHaveAnOriginSoThatFloatsHoldThem) {
+  const auto farthest = [](const std::string& header, double x, double y, double width) {
+    std::string text = header;
+    std::vector<Eigen::Vector2d> truth;
+    for (int i = 0; i < 100; ++i) {
+      truth.emplace_back(x + width * 1e-4 * i * i, y + width * 1e-2 * i);
+      char row[80];
+      std::snprintf(row, sizeof row, "%.12f,%.12f,300.5\n", truth.back().x(), truth.back().y());
+      text += row;
+    }
+    const RoadCloud cloud = read_from_memory(text, "a.csv").cloud;
+    double worst = 0.0;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const Eigen::Vector3d p = cloud.origin + cloud.points[i].cast<double>();
+      worst = std::max(worst, (p.head<2>() - truth[i]).cwiseAbs().maxCoeff());
+    }
+    return worst;
+  };
+  // A float at 48 is 2e-6 off, 0.2 m.
+  EXPECT_LT(farthest("longitude,latitude,z\n", 8.1234567, 48.7654321, 1e-3), 1e-10);
+  EXPECT_LT(farthest("longitude,latitude,z\n", 8.1234567, 48.7654321, 1.0), 1e-7);
+  EXPECT_LT(farthest("x,y,z\n", 8.1234567, 48.7654321, 1e-2), 1e-9);
+  EXPECT_GT(farthest("x,y,z\n", 8.1234567, 48.7654321, 10.0), 1e-7);
+  EXPECT_TRUE(read_from_memory("x,y,z\n1.5,48.5,3\n2,50,3\n", "a.csv").cloud.origin.isZero(0.0));
+  // Along a parallel, and a single point.
+  const auto place = [](const std::string& text) {
+    const RoadCloud cloud = read_from_memory("lon,lat,z\n" + text, "a.csv").cloud;
+    return Eigen::Vector3d(cloud.origin + cloud.points[0].cast<double>());
+  };
+  EXPECT_NEAR(place("8.1234567891,48.7654321987,0\n8.2,48.7654321987,0\n").y(), 48.7654321987,
+              1e-10);
+  EXPECT_NEAR(place("-71.123456789,-48.7654321987,0\n").x(), -71.123456789, 1e-10);
 }
 
 }  // namespace

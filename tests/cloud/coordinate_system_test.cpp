@@ -116,6 +116,21 @@ TEST(CoordinateSystem, GeoTiffKeys) {
   EXPECT_TRUE(coordinate_system_from_geotiff({{1024, 2}, {2048, 4326}}).horizontal.angle);
 }
 
+TEST(CoordinateSystem, ACodeOfLongitudeAndLatitudeIsNoProjectedSystem) {
+  for (const int code : {4326, 4979, 4258, 7844}) {
+    EXPECT_EQ(coordinate_system_from_epsg(code).kind, Kind::kGeographic);
+    // As some programs, earlier ones of this among them, write it.
+    const CoordinateSystem system = coordinate_system_from_geotiff({{1024, 1}, {3072, code}});
+    EXPECT_EQ(system.kind, Kind::kGeographic);
+    EXPECT_EQ(system.epsg, code);
+    EXPECT_TRUE(system.horizontal.angle);
+    EXPECT_EQ(system.vertical.name, "metre");
+  }
+  EXPECT_EQ(coordinate_system_from_geotiff({{1024, 1}, {3072, 4647}}).kind, Kind::kProjected);
+  EXPECT_EQ(coordinate_system_from_epsg(4647).kind, Kind::kUnknown);
+  EXPECT_EQ(coordinate_system_from_epsg(32632).kind, Kind::kProjected);
+}
+
 TEST(CoordinateSystem, GeoTiffKeysThatPointOutsideAreLeftOut) {
   const auto keys =
       read_geotiff_keys(shorts({1, 1,    0,     900, 1024, 0,    1,     1, 3073,  34737, 9,
@@ -170,6 +185,30 @@ TEST(CoordinateSystem, OtherFormatsCarryItInComments) {
     }
   }
   EXPECT_EQ(test::read_error("# camber unit 0 1\n1 2 3\n", "a.xyz").substr(0, 13), "a.xyz: line 1");
+}
+
+TEST(CoordinateSystem, LasStatesTheKindOfASystemByCode) {
+  RoadCloud cloud;
+  cloud.points = {{8, 48, 3}, {9, 49, 6}};
+  CoordinateSystem by_code;
+  by_code.epsg = 4326;
+  const auto source = make_point_source(cloud);
+  PointStreamHeader header = source->header();
+  header.crs = by_code;
+  std::ostringstream out;
+  const auto sink = make_point_sink(out, header, CloudFormat::kLas, CloudEncoding::kBinary);
+  PointBatch batch;
+  while (source->next(batch)) sink->write(batch);
+  sink->finish();
+  const CoordinateSystem back = *test::read_from_memory(out.str(), "a.las").report.crs;
+  EXPECT_EQ(back.kind, Kind::kGeographic);
+  EXPECT_EQ(back.geotiff_keys.at(1024), GeoKeyValue(2));
+  EXPECT_EQ(back.geotiff_keys.at(2048), GeoKeyValue(4326));
+  EXPECT_EQ(back.geotiff_keys.count(3072), 0u);
+  // By a comment, without PROJ.
+  const CloudFile text = test::read_from_memory("# camber crs EPSG:4326\n8 48 3\n", "a.xyz");
+  EXPECT_EQ(text.report.crs->kind, Kind::kGeographic);
+  EXPECT_FALSE(text.cloud.metric);
 }
 
 TEST(CoordinateSystem, LongTextGoesOnInFurtherComments) {

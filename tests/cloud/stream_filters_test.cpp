@@ -234,6 +234,59 @@ TEST(TypedSource, ColorsOfPlyAndPcdAreBytes) {
   }
 }
 
+TEST(TypedSource, DegreesInLasAreOnAGridOfATenthOfAMillimetre) {
+  const test::TemporaryFolder folder;
+  const fs::path csv = folder.path() / "in.csv", las = folder.path() / "out.las";
+  std::vector<std::string> notes;
+  std::vector<Eigen::Vector3d> points;
+  const auto convert = [&](const std::string& names, const ReadOptions& options = {}) {
+    std::ofstream text(csv);
+    text.precision(15);
+    text << names << '\n';
+    for (const Eigen::Vector3d& p : points) {
+      text << p.x() << ',' << p.y() << ',' << p.z() << '\n';
+    }
+    text.close();
+    write_points(*open_typed_source(csv, options, CloudFormat::kLas), las, {}, {}, &notes);
+    const auto source = open_point_source(las);
+    PointBatch batch;
+    EXPECT_TRUE(source->next(batch));
+    Eigen::Vector3d worst = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto a = static_cast<Eigen::Index>(axis);
+        const double value = batch.fields[axis].get<double>(i);
+        worst[a] = std::max(worst[a], std::abs(value - points[i][a]));
+      }
+    }
+    return worst;
+  };
+  const std::string degrees = "longitude,latitude,altitude";
+  points = {{8.1234567891, 48.7654321987, 300.12345}, {8.1244567892, 48.7664321986, 301.98765}};
+  Eigen::Vector3d worst = convert(degrees);
+  EXPECT_LT(worst.head<2>().maxCoeff(), 0.51e-9);  // half of a step
+  EXPECT_LT(worst.z(), 0.51e-4);
+  EXPECT_THAT(notes, testing::IsEmpty());
+  // A state: the steps are wider, and still below a millimetre.
+  points.push_back({13.5, 54.25, -3.0});
+  EXPECT_LT(convert(degrees).head<2>().maxCoeff(), 1.01e-9);
+  EXPECT_THAT(notes, testing::IsEmpty());
+  // The earth.
+  points = {{-179.5, -89.5, 0.0}, {179.9876543, 89.9876543, 8000.0}};
+  EXPECT_LT(convert(degrees).head<2>().maxCoeff(), 0.51e-7);
+  EXPECT_THAT(notes, testing::ElementsAre(testing::HasSubstr("(0.0111 m on the ground)")));
+  // Lengths keep their grid; what may be degrees is said.
+  points = {{8.1234567891, 48.7654321987, 300.12345}, {8.1244567892, 48.7664321986, 301.98765}};
+  EXPECT_LT(convert("x,y,z").maxCoeff(), 0.51e-4);
+  EXPECT_THAT(notes, testing::ElementsAre(testing::HasSubstr("whose unit is not known")));
+  ReadOptions options;
+  options.crs = coordinate_system_from_epsg(4326);
+  EXPECT_LT(convert("x,y,z", options).head<2>().maxCoeff(), 0.51e-9);
+  points.push_back({20.0, 40.0, 0.0});
+  EXPECT_LT(convert("x,y,z").maxCoeff(), 0.51e-4);
+  EXPECT_THAT(notes, testing::IsEmpty());
+}
+
 TEST(TypedSource, CoordinatesThatFloatsHoldAreFloatsInPcd) {
   const test::TemporaryFolder folder;
   const fs::path csv = folder.path() / "in.csv", las = folder.path() / "in.las",
@@ -280,7 +333,8 @@ TEST(TypedSource, CoordinatesThatFloatsHoldAreFloatsInPcd) {
   EXPECT_EQ(converted(csv).first, ScalarType::kFloat64);
   ReadOptions lenient;
   lenient.lenient = true;
-  EXPECT_EQ(open_typed_source(csv, lenient, CloudFormat::kPcd)->header().greatest_coordinate, 6.0);
+  const auto typed = open_typed_source(csv, lenient, CloudFormat::kPcd);
+  EXPECT_EQ(typed->header().bounds->max(), Eigen::Vector3d(4, 5, 6));
   // Degrees are small numbers with many digits; 8192 feet are nearer than 8192 m.
   std::ofstream(csv) << "longitude,latitude,z\n8.6821234,49.1234567,100\n";
   EXPECT_EQ(converted(csv).first, ScalarType::kFloat64);

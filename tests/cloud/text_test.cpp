@@ -89,7 +89,9 @@ TEST(Text, NamesOfSurveyorsAndTheirUnits) {
   for (const auto& c : cases) {
     const CloudFile file = read_from_memory(c.text, "a.csv");
     ASSERT_EQ(file.cloud.size(), 1u) << c.text;
-    EXPECT_EQ(file.cloud.points[0], Eigen::Vector3d(c.x, c.y, c.z).cast<float>()) << c.text;
+    EXPECT_EQ(file.cloud.origin + file.cloud.points[0].cast<double>(),
+              Eigen::Vector3d(c.x, c.y, c.z))
+        << c.text;
     EXPECT_EQ(file.cloud.metric, c.metric) << c.text;
   }
   const CloudFile feet = read_from_memory("x_ft,y_ft,z_m\n1,2,3\n", "a.csv");

@@ -234,6 +234,55 @@ void complete(CoordinateSystem& system) {
   system.vertical = system.horizontal.angle ? unit_from_epsg(9001) : system.horizontal;
 }
 
+// --- codes -------------------------------------------------------------------------------------
+
+struct KnownSystem {
+  int code;  // EPSG
+  const char* name;
+};
+
+/// Systems of longitude and latitude in degrees, in two and three dimensions. Their numbers lie
+/// among those of projected systems.
+constexpr KnownSystem kGeographicSystems[] = {
+    {4148, "Hartebeesthoek94"},
+    {4167, "NZGD2000"},
+    {4171, "RGF93 v1"},
+    {4258, "ETRS89"},
+    {4267, "NAD27"},
+    {4269, "NAD83"},
+    {4277, "OSGB36"},
+    {4283, "GDA94"},
+    {4284, "Pulkovo 1942"},
+    {4314, "DHDN"},
+    {4322, "WGS 72"},
+    {4326, "WGS 84"},
+    {4480, "China Geodetic Coordinate System 2000"},
+    {4490, "China Geodetic Coordinate System 2000"},
+    {4612, "JGD2000"},
+    {4617, "NAD83(CSRS)"},
+    {4674, "SIRGAS 2000"},
+    {4737, "Korea 2000"},
+    {4937, "ETRS89"},
+    {4939, "GDA94"},
+    {4947, "JGD2000"},
+    {4955, "NAD83(CSRS)"},
+    {4957, "NAD83(HARN)"},
+    {4959, "NZGD2000"},
+    {4965, "RGF93 v1"},
+    {4979, "WGS 84"},
+    {4985, "WGS 72"},
+    {4989, "SIRGAS 2000"},
+    {6318, "NAD83(2011)"},
+    {6319, "NAD83(2011)"},
+    {6667, "JGD2011"},
+    {6668, "JGD2011"},
+    {7843, "GDA2020"},
+    {7844, "GDA2020"},
+    {9057, "WGS 84 (G1762)"},
+    {9754, "WGS 84 (G2139)"},
+    {9755, "WGS 84 (G2139)"},
+};
+
 // --- GeoTIFF keys ------------------------------------------------------------------------------
 
 enum GeoKey {
@@ -329,6 +378,25 @@ CoordinateUnit unit_from_name(std::string_view name) {
   return {};
 }
 
+CoordinateSystem coordinate_system_from_epsg(int code) {
+  using Kind = CoordinateSystem::Kind;
+  CoordinateSystem out;
+  out.epsg = code;
+  const bool north = code > 32600 && code <= 32660, south = code > 32700 && code <= 32760;
+  if (north || south) {
+    out.kind = Kind::kProjected;
+    out.name = "WGS 84 / UTM zone " + std::to_string(code % 100) + (north ? "N" : "S");
+    out.horizontal = unit_from_epsg(9001);
+  }
+  for (const KnownSystem& known : kGeographicSystems) {
+    if (known.code != code) continue;
+    out.kind = Kind::kGeographic;
+    out.name = known.name;
+  }
+  complete(out);
+  return out;
+}
+
 CoordinateSystem coordinate_system_from_wkt(std::string_view wkt) {
   while (!wkt.empty() &&
          (wkt.back() == '\0' || std::isspace(static_cast<unsigned char>(wkt.back())))) {
@@ -351,7 +419,11 @@ CoordinateSystem coordinate_system_from_wkt(std::string_view wkt) {
 CoordinateSystem coordinate_system_from_geotiff(std::map<int, GeoKeyValue> keys) {
   using Kind = CoordinateSystem::Kind;
   CoordinateSystem out;
-  const int model = short_key(keys, kModelType);
+  int model = short_key(keys, kModelType);
+  const int code = code_key(keys, model == 2 ? kGeographicType : kProjectedType);
+  const CoordinateSystem by_code = coordinate_system_from_epsg(code);
+  const Kind kind = by_code.kind;
+  if ((model == 0 || model == 1) && kind == Kind::kGeographic) model = 2;
   const bool projected = model == 1 || (model == 0 && keys.count(kProjectedType) > 0);
   const bool geographic =
       model == 2 || (model == 0 && !projected && keys.count(kGeographicType) > 0);
@@ -368,12 +440,12 @@ CoordinateSystem coordinate_system_from_geotiff(std::map<int, GeoKeyValue> keys)
         out.horizontal = unit_from_metres((*metres)[0]);
       }
     }
-    const bool utm =
-        (out.epsg > 32600 && out.epsg <= 32660) || (out.epsg > 32700 && out.epsg <= 32760);
-    if (!out.horizontal.known() && utm) out.horizontal = unit_from_epsg(9001);
+    if (!out.horizontal.known()) {
+      out.horizontal = coordinate_system_from_epsg(out.epsg).horizontal;
+    }
   } else if (geographic) {
     out.kind = Kind::kGeographic;
-    out.epsg = code_key(keys, kGeographicType);
+    out.epsg = kind == Kind::kGeographic ? code : code_key(keys, kGeographicType);
     out.name = text_key(keys, kGeogCitation);
     out.horizontal = unit_from_epsg(code_key(keys, kGeogAngularUnits));
   } else if (model == 3) {
@@ -383,6 +455,7 @@ CoordinateSystem coordinate_system_from_geotiff(std::map<int, GeoKeyValue> keys)
   }
   const std::string citation = text_key(keys, kCitation);
   if (out.name.empty() && citation != "unknown") out.name = citation;
+  if (out.name.empty() && geographic) out.name = by_code.name;
   out.vertical_epsg = code_key(keys, kVerticalType);
   out.vertical = unit_from_epsg(code_key(keys, kVerticalUnits));
   out.vertical_stated = out.vertical.known();

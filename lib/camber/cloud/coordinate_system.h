@@ -58,12 +58,17 @@ CoordinateUnit unit_from_name(std::string_view name);
 /// A unit of so many metres, with its name if it has one.
 CoordinateUnit unit_from_metres(double metres);
 
+/// A system by its code: kind, name and unit of the systems of longitude and latitude in common use
+/// and of UTM on WGS 84, of others the code alone.
+CoordinateSystem coordinate_system_from_epsg(int code);
+
 /// Kind, names, codes and units out of well-known text, version 1 (OGC 01-009) or 2 (ISO 19162).
 /// Nothing else is interpreted. Text that is not well formed gives kind kUnknown.
 CoordinateSystem coordinate_system_from_wkt(std::string_view wkt);
 
 /// The same from GeoTIFF keys (OGC 19-008). A system that is named by its code alone, without a
-/// unit, has a unit that is not known() unless the code is one of UTM on WGS 84.
+/// unit, has a unit that is not known() unless coordinate_system_from_epsg() knows it. Such a code
+/// goes before the model type, which some programs write wrong.
 CoordinateSystem coordinate_system_from_geotiff(std::map<int, GeoKeyValue> keys);
 
 /// The keys of a GeoKeyDirectoryTag with its two arrays of parameters, little-endian. Entries that

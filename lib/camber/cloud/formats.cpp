@@ -51,8 +51,7 @@ void FormatSource::read_crs_comment(std::string_view key, std::string_view rest)
     std::uint64_t code = 0;
     if (key == "crs" && word.substr(0, 5) == "EPSG:" && parse_unsigned(word.substr(5), code) &&
         code < 1000000) {
-      crs = CoordinateSystem();
-      crs.epsg = static_cast<int>(code);
+      crs = coordinate_system_from_epsg(static_cast<int>(code));
     }
     if (crs.kind != CoordinateSystem::Kind::kUnknown || crs.epsg > 0) take_crs(crs);
   } else if (key == "unit") {
@@ -420,17 +419,20 @@ void make_names_unique(std::vector<ColumnName>& names, std::string_view others,
   }
 }
 
+bool may_be_angles(const PointStreamHeader& header) {
+  if (!header.crs) return false;
+  const CoordinateSystem& crs = *header.crs;
+  return crs.kind == CoordinateSystem::Kind::kGeographic || crs.horizontal.angle ||
+         (crs.epsg > 0 && !crs.horizontal.known());
+}
+
 bool floats_hold_coordinates(const PointStreamHeader& header) {
   constexpr double kFar = 8192.0;  // m
-  if (!header.greatest_coordinate) return false;
-  double metres = 1.0;
-  if (header.crs) {
-    const CoordinateSystem& crs = *header.crs;
-    if (crs.kind == CoordinateSystem::Kind::kGeographic || crs.horizontal.angle) return false;
-    if (crs.epsg > 0 && !crs.horizontal.known()) return false;  // may be degrees
-    metres = std::max(crs.horizontal.metres, crs.vertical.metres);
-  }
-  return *header.greatest_coordinate * metres < kFar;
+  if (!header.bounds || may_be_angles(header)) return false;
+  const double metres =
+      header.crs ? std::max(header.crs->horizontal.metres, header.crs->vertical.metres) : 1.0;
+  const double greatest = (-header.bounds->min()).cwiseMax(header.bounds->max()).maxCoeff();
+  return greatest * metres < kFar;
 }
 
 ColorBytes::ColorBytes(const PointStreamHeader& header)

@@ -155,6 +155,9 @@ struct ColumnName {
 void make_names_unique(std::vector<ColumnName>& names, std::string_view others,
                        std::vector<std::string>* notes);
 
+/// Whether x and y are angles, or belong to a system known by its code alone, which may have them.
+bool may_be_angles(const PointStreamHeader& header);
+
 /// Whether 4-byte floats hold the coordinates to a quarter of a millimetre: all are known to be
 /// nearer than 8192 m (a float's step there is 0.5 mm) and none are angles.
 bool floats_hold_coordinates(const PointStreamHeader& header);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "camber/cloud/detail/las_format.h"
 #include "camber/cloud/formats.h"
@@ -18,6 +19,23 @@ using detail::las_point_format;
 using detail::las_record;
 using detail::LasPointFormat;
 using detail::store;
+
+/// The step of a grid, m, unless the coordinates leave no room for it: +-214 km.
+constexpr double kStep = 1e-4;
+constexpr double kMostSteps = std::numeric_limits<std::int32_t>::max();
+
+/// Coordinates within it may be degrees: a square of 111 km at most, m or degrees.
+constexpr double kSmallExtent = 1.0;
+
+constexpr double kEarthRadius = 6378137.0;  // m, of WGS 84
+constexpr double kEquator = 2.0 * M_PI * kEarthRadius;
+
+/// A unit of an angle on the ground at the equator, m.
+double metres_on_ground(const CoordinateUnit& angle) {
+  const double radians =
+      angle.name == "radian" ? 1.0 : M_PI / (angle.name == "grad" ? 200.0 : 180.0);
+  return kEarthRadius * radians;
+}
 
 class LasSink : public PointSink {
  public:
@@ -108,6 +126,30 @@ class LasSink : public PointSink {
     out_.seekp(end);
   }
 
+  std::vector<std::string> notes() const override {
+    std::vector<std::string> notes;
+    if (header_.grid || count_ == 0) return notes;
+    const auto rounded = [](const char* what, double step) {
+      std::string note = std::string("the ") + what + " are rounded to multiples of ";
+      append_number(note, step);
+      return note;
+    };
+    const double step = scale_.head<2>().maxCoeff();
+    if (angles_) {
+      constexpr double kCoarse = 1e-3;  // m
+      const double metres = step * metres_on_ground(header_.crs->horizontal);
+      if (metres > kCoarse) {
+        std::string note = rounded("longitudes and latitudes", step) + " (";
+        append_number(note, static_cast<float>(std::round(metres * 1e4) / 1e4));
+        notes.push_back(note + " m on the ground), the finest that LAS has for their extent");
+      }
+    } else if (!header_.crs && (high_ - low_).head<2>().maxCoeff() < kSmallExtent) {
+      notes.push_back(rounded("coordinates, whose unit is not known,", step) +
+                      ", metres on the ground if they are degrees: then state their system");
+    }
+    return notes;
+  }
+
  private:
   static void mark(std::vector<bool>& standard, int field) {
     if (field >= 0) standard[static_cast<std::size_t>(field)] = true;
@@ -123,11 +165,35 @@ class LasSink : public PointSink {
     return v > 0.0 ? std::min(std::floor(v + 0.5), largest) : 0.0;
   }
 
+  /// As fine as the step in metres and no finer than the extent allows: 1, 2 or 5 times a power of
+  /// ten. Where the extent is not known, for the full circle.
+  void choose_angle_grid(Eigen::Index axis) {
+    const double metres = metres_on_ground(header_.crs->horizontal);
+    const double finest = std::pow(10.0, std::round(std::log10(kStep / metres)));
+    const bool known = header_.bounds && header_.bounds->min()[axis] <= header_.bounds->max()[axis];
+    const double low = known ? header_.bounds->min()[axis] : -kEquator / metres;
+    const double high = known ? header_.bounds->max()[axis] : kEquator / metres;
+    for (double decade = finest;; decade *= 10.0) {
+      for (const double step : {decade, 2.0 * decade, 5.0 * decade}) {
+        const double round = 1e8 * step;  // of the offset
+        offset_[axis] = std::round(0.5 * (low + high) / round) * round;
+        scale_[axis] = step;
+        const double reach = std::max(high - offset_[axis], offset_[axis] - low);
+        if (!(reach > kMostSteps * step)) return;
+      }
+    }
+  }
+
   void choose_grid(const PointBatch& batch) {
     grid_set_ = true;
-    scale_ = Eigen::Vector3d::Constant(1e-4);  // m: +-214 km around the offset
+    scale_ = Eigen::Vector3d::Constant(kStep);
+    angles_ = header_.crs && header_.crs->horizontal.angle;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const Eigen::Index a = static_cast<Eigen::Index>(axis);
+      if (angles_ && axis < 2) {
+        choose_angle_grid(a);
+        continue;
+      }
       if (header_.origin) {
         offset_[a] = (*header_.origin)[a];
         continue;
@@ -143,13 +209,14 @@ class LasSink : public PointSink {
       const Eigen::Index a = static_cast<Eigen::Index>(axis);
       const double x = value(batch, position_[axis], i);
       const double steps = std::round((x - offset_[a]) / scale_[a]);
-      if (!(std::abs(steps) <= 2147483647.0)) {
+      if (!(std::abs(steps) <= kMostSteps)) {
         std::string shown_value;
         append_number(shown_value, x);
         throw std::invalid_argument(
             "point " + std::to_string(count_ + i) + " has the coordinate " + shown_value +
-            ", expected a finite one within 214 km of the others for LAS (--lenient drops points "
-            "that are not finite)");
+            ", expected a finite one" +
+            (angles_ && axis < 2 ? " within a circle" : " within 214 km of the others") +
+            " for LAS (--lenient drops points that are not finite)");
       }
       store(text_, at + 4 * axis, static_cast<std::int32_t>(steps));
       const double kept = steps * scale_[a] + offset_[a];
@@ -330,6 +397,7 @@ class LasSink : public PointSink {
   Eigen::Vector3d scale_{1e-4, 1e-4, 1e-4}, offset_{0, 0, 0};
   Eigen::Vector3d low_{0, 0, 0}, high_{0, 0, 0};
   bool grid_set_ = false;
+  bool angles_ = false;  // x and y
   std::array<std::uint64_t, 15> by_return_{};
   std::uint64_t count_ = 0;
   std::ostream::pos_type start_ = 0;

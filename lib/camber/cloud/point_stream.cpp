@@ -153,15 +153,43 @@ struct OtherAttribute {
   }
 };
 
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// Where the coordinates of a first batch are large, the round part of their median.
 double round_origin(std::vector<double>& values) {
   constexpr double kLarge = 1000.0, kStep = 1000.0;  // m
   if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
+  const double middle = median(values);
   // Beyond this a step of 1000 m is not exact in a double, and no map has such coordinates.
-  if (std::abs(*middle) < kLarge || std::abs(*middle) > 1e12) return 0.0;
-  return std::round(*middle / kStep) * kStep;
+  if (std::abs(middle) < kLarge || std::abs(middle) > 1e12) return 0.0;
+  return std::round(middle / kStep) * kStep;
+}
+
+double spread(const std::vector<double>& values) {
+  if (values.empty()) return 0.0;
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return *high - *low;
+}
+
+/// Angles, which as floats are up to 0.2 m off: their median, rounded to the power of ten that is
+/// not below their spread.
+double origin_of_angles(std::vector<double>& values) {
+  constexpr double kLeastStep = 1e-6, kFullCircle = 400.0;  // gon, the smallest unit of them
+  const double step = std::pow(10.0, std::ceil(std::log10(std::max(spread(values), kLeastStep))));
+  const double middle = values.empty() ? 0.0 : median(values);
+  return std::abs(middle) > kFullCircle ? round_origin(values) : std::round(middle / step) * step;
+}
+
+/// Whether coordinates of no known unit lie together as those of a survey in degrees do: far from
+/// zero for their spread. Where they are lengths, an origin does no harm.
+bool look_like_angles(std::vector<double>& values) {
+  constexpr double kFar = 500.0;
+  const double width = spread(values);
+  return width > 0.0 && std::abs(median(values)) > kFar * width;
 }
 
 }  // namespace
@@ -238,16 +266,25 @@ void CloudBuilder::State::start(const PointBatch& batch) {
     cloud.origin = *header.origin;
     return;
   }
-  for (int axis = 0; axis < 3; ++axis) {
-    const int field = roles.position[static_cast<std::size_t>(axis)];
+  std::array<std::vector<double>, 3> values;
+  bool doubles = true;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int field = roles.position[axis];
     if (field < 0) continue;
-    std::vector<double> values;
-    values.reserve(batch.count);
+    doubles = doubles && type(field) == ScalarType::kFloat64;
+    values[axis].reserve(batch.count);
     for (std::size_t i = 0; i < batch.count; ++i) {
       const double value = batch.fields[static_cast<std::size_t>(field)].number(type(field), i);
-      if (std::isfinite(value)) values.push_back(value);
+      if (std::isfinite(value)) values[axis].push_back(value);
     }
-    cloud.origin[axis] = round_origin(values);
+  }
+  const bool unknown = !header.crs && header.frame == CloudFrame::kUnknown;
+  const bool angles =
+      doubles && ((header.crs && header.crs->horizontal.angle) ||
+                  (unknown && (look_like_angles(values[0]) || look_like_angles(values[1]))));
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    cloud.origin[static_cast<Eigen::Index>(axis)] =
+        angles && axis < 2 ? origin_of_angles(values[axis]) : round_origin(values[axis]);
   }
 }
 
@@ -516,16 +553,17 @@ class CloudSource : public PointSource {
     header_.frame = cloud.frame;
     header_.metric = cloud.metric;
     shifted_ = !cloud.origin.isZero(0.0);
-    if (shifted_) {
-      header_.origin = cloud.origin;
-      double greatest = 0.0;
-      for (const Eigen::Vector3f& p : cloud.points) {
-        for (const double x : Eigen::Vector3d(cloud.origin + p.cast<double>())) {
-          if (std::isfinite(x)) greatest = std::max(greatest, std::abs(x));
-        }
+    if (shifted_) header_.origin = cloud.origin;
+    Eigen::AlignedBox3d bounds;
+    for (const Eigen::Vector3f& p : cloud.points) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const double x = cloud.origin[axis] + static_cast<double>(p[axis]);
+        if (!std::isfinite(x)) continue;
+        bounds.min()[axis] = std::min(bounds.min()[axis], x);
+        bounds.max()[axis] = std::max(bounds.max()[axis], x);
       }
-      header_.greatest_coordinate = greatest;
     }
+    header_.bounds = bounds;
     report_.declared = cloud.size();
     const char* const axes[] = {"x", "y", "z"};
     for (std::size_t axis = 0; axis < 3; ++axis) {

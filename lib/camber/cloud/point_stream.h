@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -108,7 +109,8 @@ struct PointBatch {
 };
 inline constexpr std::size_t kBatchSize = 8192;
 
-/// The grid that a file's coordinates are on: multiples of `scale` from `offset`, m.
+/// The grid that a file's coordinates are on: multiples of `scale` from `offset`, in the units of
+/// the axes.
 struct PointGrid {
   Eigen::Vector3d scale, offset;
 };
@@ -125,8 +127,8 @@ struct PointStreamHeader {
   std::shared_ptr<const LasFile> las;     ///< what a LAS file has beside its points
   bool records = false;                   ///< batches have the records of `las`
   std::optional<double> full_color;       ///< see GreatestColor; where all points were looked at
-  /// The greatest of the finite x, y and z, without signs; where all points were looked at.
-  std::optional<double> greatest_coordinate;
+  /// Of the finite coordinates, as those of the points or wider; where all points were looked at.
+  std::optional<Eigen::AlignedBox3d> bounds;
 };
 
 /// Which fields of a stream have a meaning of their own: indices, -1 for none.

@@ -312,10 +312,10 @@ class Retyped : public Wrapper {
  public:
   /// @param whole  columns of text that are integer ones
   Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole,
-          const std::optional<double>& full_color, const std::optional<double>& greatest_coordinate)
+          const std::optional<double>& full_color, const std::optional<Eigen::AlignedBox3d>& bounds)
       : Wrapper(std::move(source)), whole_(whole), columns_(whole.size()) {
     header_.full_color = full_color;
-    header_.greatest_coordinate = greatest_coordinate;
+    header_.bounds = bounds;
     report_.points = 0;
     for (std::size_t f = 0; f < whole_.size(); ++f) {
       header_.fields[f].text = false;
@@ -392,7 +392,9 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
     return field >= 0 &&
            header.fields[static_cast<std::size_t>(field)].type == ScalarType::kFloat64;
   });
-  const bool open_coordinates = output == CloudFormat::kPcd && doubles;
+  const bool open_coordinates =
+      (output == CloudFormat::kPcd && doubles) ||
+      (output == CloudFormat::kLas && !header.grid && may_be_angles(header));
   if (source->report().format != CloudFormat::kText && !open_colors && !open_coordinates) {
     return source;
   }
@@ -402,18 +404,20 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
     if (field >= 0) whole[static_cast<std::size_t>(field)] = false;
   }
   GreatestColor greatest(header.fields);
-  double greatest_coordinate = 0.0;
+  Eigen::AlignedBox3d bounds;
   PointBatch batch;
   while (source->next(batch)) {
     greatest.add(batch);
-    for (const int field : roles.position) {
-      if (!open_coordinates || field < 0) continue;
+    for (std::size_t axis = 0; open_coordinates && axis < 3; ++axis) {
+      const int field = roles.position[axis];
       const auto f = static_cast<std::size_t>(field);
+      const auto a = static_cast<Eigen::Index>(axis);
       for (std::size_t i = 0; i < batch.count; ++i) {
-        const double x = std::abs(batch.fields[f].number(header.fields[f].type, i));
+        const double x = field < 0 ? 0.0 : batch.fields[f].number(header.fields[f].type, i);
         // Lenient reading leaves out what is farther.
-        if (!std::isfinite(x) || (options.lenient && x > kLargestCoordinate)) continue;
-        greatest_coordinate = std::max(greatest_coordinate, x);
+        if (!std::isfinite(x) || (options.lenient && std::abs(x) > kLargestCoordinate)) continue;
+        bounds.min()[a] = std::min(bounds.min()[a], x);
+        bounds.max()[a] = std::max(bounds.max()[a], x);
       }
     }
     for (std::size_t f = 0; f < whole.size(); ++f) {
@@ -425,10 +429,11 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
       whole[f] = good;
     }
   }
-  std::optional<double> full_color, coordinate;
+  std::optional<double> full_color;
+  std::optional<Eigen::AlignedBox3d> box;
   if (open_colors) full_color = greatest.full_color();
-  if (open_coordinates) coordinate = greatest_coordinate;
-  return std::make_unique<Retyped>(open_point_source(path, options), whole, full_color, coordinate);
+  if (open_coordinates) box = bounds;
+  return std::make_unique<Retyped>(open_point_source(path, options), whole, full_color, box);
 }
 
 std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,

@@ -45,7 +45,7 @@ std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source
 /// `full_color`, which takes a first pass over the file.
 /// @param output  the format in which the points will be written: PLY and PCD, whose colours are
 ///                bytes, ask for the `full_color` of 16 bits, too, which may hold no more than
-///                bytes; PCD for the `greatest_coordinate` of doubles.
+///                bytes; PCD for the `bounds` of doubles, LAS for those of angles.
 std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path,
                                                const ReadOptions& options = {},
                                                std::optional<CloudFormat> output = {});

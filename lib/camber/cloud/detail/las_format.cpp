@@ -68,9 +68,12 @@ std::string projection_records(const CoordinateSystem& crs, int point_format,
     return las_record(user, 2112, "OGC WKT", crs.wkt + '\0');
   }
   if (crs.epsg == 0) return {};
-  // Keys in ascending order: model, raster, system, units, vertical system and units.
-  const bool geographic = crs.kind == CoordinateSystem::Kind::kGeographic;
-  const bool geocentric = crs.kind == CoordinateSystem::Kind::kGeocentric;
+  // Keys in ascending order: model, raster, system, unit, vertical system and unit.
+  using Kind = CoordinateSystem::Kind;
+  const bool unknown = crs.kind == Kind::kUnknown;
+  const CoordinateSystem by_code = coordinate_system_from_epsg(crs.epsg);
+  const bool geographic = (unknown ? by_code.kind : crs.kind) == Kind::kGeographic;
+  const bool geocentric = crs.kind == Kind::kGeocentric;
   std::vector<std::array<std::uint16_t, 4>> keys = {{1, 1, 0, 0}};
   const auto add = [&](int key, int value) {
     if (value <= 0 || value > UINT16_MAX) return;
@@ -79,6 +82,7 @@ std::string projection_records(const CoordinateSystem& crs, int point_format,
   add(1024, geographic ? 2 : geocentric ? 3 : 1);
   add(1025, 1);
   add(geographic || geocentric ? 2048 : 3072, crs.epsg);
+  if (geographic && crs.horizontal.angle) add(2054, crs.horizontal.epsg);
   if (!geographic && !geocentric) add(3076, crs.horizontal.epsg);
   add(4096, crs.vertical_epsg);
   if (crs.vertical_stated) add(4099, crs.vertical.epsg);
