@@ -353,7 +353,7 @@ std::string remark_on_heights(const GroundBeside& beside) {
       "{:.1f} "
       "m of the ground, or one without a column z",
       beside.far, beside.stations, std::abs(beside.above), beside.above > 0.0 ? "above" : "below",
-      kLevelGap);
+      kPointLevelGap);
 }
 
 /// Where a bend of the line takes ground away that is seen; empty: nowhere.

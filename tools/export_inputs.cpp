@@ -88,12 +88,13 @@ std::vector<Eigen::Vector3d> in_plan(const PlanFrame& frame, std::vector<Eigen::
   return line;
 }
 
-ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled) {
+ExportInputs load_surface(const ExportArguments& args, const CommonOptions& common,
+                          ExportArguments* settled) {
   ExportInputs in;
   fs::path file = args.input;
   std::error_code ignored;
   if (fs::is_directory(file, ignored)) file /= "surface.json";
-  const RoadSurface surface = read_surface(file);
+  RoadSurface surface = read_surface(file);
   if (!surface.metric) {
     throw NoAnswerError(file.string() +
                         ": the result is up to an unknown scale, and roads for other programs are "
@@ -101,8 +102,13 @@ ExportInputs load_surface(const ExportArguments& args, ExportArguments* settled)
   }
   in.frame = PlanFrame(surface.up);
   place_on_map(file, surface, args, &in);
+  const std::vector<Eigen::Vector3d> line =
+      args.line.empty() ? surface.driven_line : read_line(args.line);
+  if (!args.line.empty()) {
+    take_line_as_road(args.line, line, args.reach, make_warning_sink(common), &surface);
+  }
   in.ground = surface_heights(surface, in.frame, args.reach);
-  in.line = in_plan(in.frame, args.line.empty() ? surface.driven_line : read_line(args.line));
+  in.line = in_plan(in.frame, line);
   if (in.line.size() < 2) {
     throw NoAnswerError(file.string() + ": holds no driven line; give a line with --along FILE");
   }
@@ -193,7 +199,8 @@ SmoothLine smooth_line(const ExportArguments& args, const std::function<SmoothLi
 
 ExportInputs load_export(const ExportArguments& args, const CommonOptions& common,
                          ExportArguments* settled) {
-  ExportInputs in = is_surface(args.input) ? load_surface(args, settled) : load_cloud(args, common);
+  ExportInputs in =
+      is_surface(args.input) ? load_surface(args, common, settled) : load_cloud(args, common);
   if (!args.tolerance_given) {
     const double scatter = std::min(kScatters * line_scatter(in.line), kMostTolerance);
     settled->tolerance = std::max(args.tolerance, scatter);

@@ -103,7 +103,7 @@ std::string profile_csv(const std::vector<ProfilePoint>& profile, const RoadSurf
         p.point.x(), p.point.y(), p.point.z(), cell(p.height, 4), cell(100.0 * p.grade, 4),
         cell(100.0 * p.cross_slope, 4), cell(p.vertical_radius, 2), cell(p.sigma_height, 5),
         cell(100.0 * p.sigma_grade, 5), cell(100.0 * p.sigma_cross_slope, 5), p.patch,
-        p.status == Status::kFailed ? p.reason : std::string(to_string(p.status)),
+        p.status == Status::kFailed ? csv_field(p.reason) : std::string(to_string(p.status)),
         cell(p.vertical_curvature, 6), cell(p.sigma_vertical_curvature, 6), frame,
         to_string(surface.level));
   }
@@ -132,7 +132,7 @@ struct Inputs {
   std::vector<Eigen::Vector3d> line;
 };
 
-Inputs load(const Arguments& args) {
+Inputs load(const Arguments& args, const LogSink& warn) {
   Inputs in;
   in.surface_file = args.surface;
   check_output_file(args.out);
@@ -146,6 +146,9 @@ Inputs load(const Arguments& args) {
   }
   in.surface = read_surface(in.surface_file);
   in.line = args.line.empty() ? in.surface.driven_line : read_line(args.line);
+  if (!args.line.empty()) {
+    take_line_as_road(args.line, in.line, args.options.reach, warn, &in.surface);
+  }
   return in;
 }
 
@@ -232,7 +235,7 @@ int run(const Command& command, const Arguments& args) {
   check_outputs(args);
   Timings timings;
   StageTimer load_timer(timings, "load");
-  const Inputs in = load(args);
+  const Inputs in = load(args, make_warning_sink(command.common));
   if (command.app->count("--levelling-sigma-deg") == 0 && in.surface.level_sigma > 0.0) {
     options.levelling_sigma = in.surface.level_sigma;
   }

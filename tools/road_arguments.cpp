@@ -10,6 +10,7 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
 #include "camber/road/plan_polygon.h"
+#include "camber/road/surface_lookup.h"
 #include "camber/scene/results.h"
 #include "crs.h"
 #include "unknown_scale.h"
@@ -101,6 +102,22 @@ std::string line_frame(const RoadSurface& surface) {
   return surface.frame == "camera" ? "the result's frame: its reference camera's, x right, y down, "
                                      "z forward, m, not the map's"
                                    : "the coordinates of the cloud that the result is made of, m";
+}
+
+void take_line_as_road(const std::string& path, const std::vector<Eigen::Vector3d>& line,
+                       double reach, const LogSink& warn, RoadSurface* surface) {
+  const std::vector<int> taken = take_as_road(line, reach, surface);
+  if (taken.empty() || !warn) return;
+  constexpr std::size_t kNamed = 8;
+  std::string ids;
+  for (std::size_t k = 0; k < std::min(kNamed, taken.size()); ++k) {
+    ids += fmt::format("{}{}", k > 0 ? ", " : "", taken[k]);
+  }
+  if (taken.size() > kNamed) ids += fmt::format(" and {} more", taken.size() - kNamed);
+  warn(fmt::format(
+      "{}: the line lies on {} of kind other ({}), which {} taken as road; give "
+      "patches the line by --driven-line for a surface that has it as its road",
+      path, taken.size() > 1 ? "patches" : "a patch", ids, taken.size() > 1 ? "are" : "is"));
 }
 
 RoadSurface read_camera_surface(const std::string& folder) {

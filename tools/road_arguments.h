@@ -58,6 +58,10 @@ std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
 /// The frame in which a line on a surface is expected.
 std::string line_frame(const RoadSurface& surface);
 
+/// take_as_road() for a line that a user gives, with a warning.
+void take_line_as_road(const std::string& path, const std::vector<Eigen::Vector3d>& line,
+                       double reach, const LogSink& warn, RoadSurface* surface);
+
 /// The surface of a result folder of `reconstruct`: in the reference camera's frame.
 /// @throws InputError if it cannot be read or is in another frame.
 RoadSurface read_camera_surface(const std::string& folder);

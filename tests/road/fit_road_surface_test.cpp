@@ -77,6 +77,37 @@ INSTANTIATE_TEST_SUITE_P(
                     std::make_tuple(6, 0.1, false), std::make_tuple(6, 0.1, true),
                     std::make_tuple(12, 0.5, false), std::make_tuple(12, 0.5, true)));
 
+TEST(FitRoadSurface, BendingRoadHasNoHoles) {
+  // 600 m of road, 8 m wide, 2 % across; grades -3 to 4 % and back to 0, in vertical curves.
+  const auto grade = [](double s) {
+    const double up = std::clamp((s - 100.0) / 80.0, 0.0, 1.0);
+    const double level = std::clamp((s - 220.0) / 80.0, 0.0, 1.0);
+    return -0.03 + 0.07 * up - 0.04 * level;
+  };
+  std::vector<double> heights(6001, 0.0);
+  for (std::size_t i = 1; i < heights.size(); ++i) {
+    heights[i] = heights[i - 1] + 0.1 * grade(0.1 * (static_cast<double>(i) - 0.5));
+  }
+  const CounterRandom random(3);
+  RoadCloud cloud;
+  for (std::uint64_t i = 0; i < 144000; ++i) {
+    const double s = random.uniform(2 * i, 0.0, 600.0), v = random.uniform(2 * i + 1, -4.0, 4.0);
+    const double z =
+        heights[static_cast<std::size_t>(10.0 * s)] + 0.02 * v + 0.01 * random.normal(i);
+    cloud.points.push_back(Vector3d(s, v, z).cast<float>());
+  }
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    RoadSurfaceOptions options;
+    options.seed = seed;
+    const RoadSurfaceFit fit = fit_road_surface(cloud, options);
+    const auto left = std::count(fit.labels.begin(), fit.labels.end(), -1);
+    EXPECT_LT(left, 144000 / 200) << seed;
+    for (const PlanePatch& patch : fit.surface.patches) {
+      EXPECT_EQ(patch.kind, PatchKind::kRoad) << seed;
+    }
+  }
+}
+
 TEST(FitRoadSurface, SameAnswerForAnyNumberOfThreads) {
   test::RoadSceneOptions made;
   made.planes = 6;

@@ -134,6 +134,56 @@ TEST(RoadProfile, BandsHoldWhereErrorsAreNotWhatTheFitAssumes) {
   }
 }
 
+TEST(RoadProfile, SigmaOfTheCrossSlopeHoldsTwist) {
+  // Superelevation from 0 to -5 % over 60 m, and planes of 2 to 40 m.
+  const auto slope = [](double s) { return -0.05 * std::clamp((s - 80.0) / 60.0, 0.0, 1.0); };
+  double inside = 0.0, count = 0.0, width = 0.0;
+  for (const double length : {12.0, 25.0, 40.0}) {
+    std::vector<PlanePatch> patches;
+    for (double from = 0.0; from < 240.0; from += length) {
+      double mean = 0.0;
+      for (int i = 0; i < 100; ++i) mean += slope(from + (i + 0.5) / 100.0 * length) / 100.0;
+      patches.push_back(strip(static_cast<int>(patches.size()), from, from + length, 0, 0, mean));
+      patches.back().plane.covariance = Vector3d(1e-7, 1e-7, 1e-6).asDiagonal();
+    }
+    for (const ProfilePoint& p :
+         road_profile(surface_of(patches), {{1, 0, 0}, {239, 0, 0}}, of_planes_alone())) {
+      const double error = std::abs(p.cross_slope - slope(p.station));
+      inside += error <= 1.96 * p.sigma_cross_slope ? 1.0 : 0.0;
+      count += 1.0;
+      width = std::max(width, p.sigma_cross_slope);
+    }
+  }
+  EXPECT_GT(inside / count, 0.9);
+  EXPECT_LT(width, 0.02);
+  // Planes whose cross slopes differ by what they are known to: 0.3 mrad.
+  const RoadSurface plain =
+      surface_of({strip(0, 0, 40, 0, 0, 0.02), strip(1, 40, 80, 0, 0, 0.0203)});
+  for (const ProfilePoint& p : road_profile(plain, {{0, 0, 0}, {80, 0, 0}}, of_planes_alone())) {
+    EXPECT_NEAR(p.sigma_cross_slope, 2e-3, 1e-4) << p.station;
+  }
+}
+
+TEST(RoadProfile, SigmaOfTheCrossSlopeHoldsACrown) {
+  const auto half = [](int id, double y0, double y1, double across) {
+    PlanePatch patch = strip(id, 0, 60, 0, 0, across);
+    patch.boundary = {
+        {0, y0, across * y0}, {60, y0, across * y0}, {60, y1, across * y1}, {0, y1, across * y1}};
+    patch.plane.covariance = Vector3d(1e-7, 1e-7, 1e-6).asDiagonal();
+    return patch;
+  };
+  const RoadSurface surface = surface_of({half(0, 0, 4, -0.025), half(1, -4, 0, 0.025)});
+  const auto at = [&](double y) {
+    return road_profile(surface, {{0, y, 0}, {60, y, 0}}, of_planes_alone())[30];
+  };
+  for (const double y : {-0.1, 0.0, 0.1}) {
+    EXPECT_GT(at(y).sigma_cross_slope, 0.05 / 1.96) << y;
+    EXPECT_LT(at(y).sigma_cross_slope, 0.05) << y;
+  }
+  EXPECT_LT(at(0.5).sigma_cross_slope, 1e-3);
+  EXPECT_LT(at(-2.0).sigma_cross_slope, 1e-3);
+}
+
 TEST(RoadProfile, SignsFollowTheDirectionOfTheLine) {
   const RoadSurface surface = surface_of({strip(0, 0, 40, 2.0, 0.05, 0.02)});
   const auto back = road_profile(surface, {{40, 0, 0}, {0, 0, 0}}, {});

@@ -78,6 +78,19 @@ TEST(RoadSurface, OverpassIsToldApartByHeightAndWallsNeverAnswer) {
   EXPECT_EQ(surface.query({5, 5, 6.5}).patch, 9);
 }
 
+TEST(RoadSurface, AnotherLevelDoesNotAnswerWhereItsOwnIsWithinReach) {
+  RoadSurface surface = two_squares();
+  surface.patches.push_back(square_patch(9, 10.5, 7.0));  // begins nearer than the first one ends
+  EXPECT_EQ(surface.query({10.4, 5, 1.2}).patch, 3);
+  EXPECT_EQ(surface.query({10.4, 5, 6.8}).patch, 9);
+  // Heights that the patches' own uncertainty explains are of one level.
+  surface.patches.back().plane.covariance(2, 2) = 4.0;
+  EXPECT_EQ(surface.query({10.4, 5, 1.2}).patch, 9);
+  surface.patches.back().plane.covariance(2, 2) = 1e-4;
+  surface.metric = false;
+  EXPECT_EQ(surface.query({10.4, 5, 1.2}).patch, 9);
+}
+
 TEST(RoadSurface, CameraFrameLooksAlongItsUp) {
   RoadSurface surface;
   PlanePatch patch = square_patch(0, 0, 0);

@@ -6,6 +6,7 @@
 
 #include "camber/core/median.h"
 #include "camber/export/detail/plan_points.h"
+#include "camber/road/surface_lookup.h"
 
 namespace camber {
 
@@ -20,21 +21,30 @@ constexpr double kLeastScale = 0.01;  // m, of the biweight
 class SurfaceHeights : public HeightSource {
  public:
   SurfaceHeights(const RoadSurface& surface, const PlanFrame& frame, double reach)
-      : surface_(surface), frame_(frame), reach_(reach) {}
+      : surface_(surface), lookup_(surface_), frame_(frame), reach_(reach) {}
 
   GroundSample at(const Vector3d& place) const override {
     GroundSample sample;
-    const SurfaceQuery answer = surface_.query(frame_.to_surface(place), reach_);
+    const SurfaceQuery answer = lookup_.query_level(frame_.to_surface(place), reach_);
     if (answer.status == Status::kFailed) return sample;
     sample.normal = frame_.turned(answer.plane.plane.normal);
     sample.height = frame_.to_plan(answer.point).z();
     sample.sigma = answer.sigma_height / std::max(sample.normal.z(), 1e-3);
     return sample;
   }
+  std::vector<double> levels_along(const std::vector<Vector3d>& line) const override {
+    std::vector<Vector3d> places;
+    places.reserve(line.size());
+    for (const Vector3d& place : line) places.push_back(frame_.to_surface(place));
+    std::vector<double> levels = lookup_.follow(places, reach_).above;
+    for (std::size_t k = 0; k < line.size(); ++k) levels[k] = line[k].z() - levels[k];
+    return levels;
+  }
   double resolution() const override { return 0.0; }
 
  private:
   RoadSurface surface_;
+  SurfaceLookup lookup_;
   PlanFrame frame_;
   double reach_;
 };
@@ -89,7 +99,7 @@ class CloudHeights : public HeightSource {
     std::vector<Vector3d> near;
     points_.near(place.head<2>(), radius, [&](std::size_t k) {
       const Vector3d d = points_.point(k) - place;
-      if (std::abs(d.z()) < kLevelGap) near.push_back(d);
+      if (std::abs(d.z()) < kPointLevelGap) near.push_back(d);
     });
     return fit(place, near, radius);
   }
@@ -100,7 +110,7 @@ class CloudHeights : public HeightSource {
     std::sort(heights.begin(), heights.end());
     std::vector<double> out;
     for (std::size_t from = 0, i = 0; i < heights.size(); ++i) {
-      if (i + 1 < heights.size() && heights[i + 1] - heights[i] < kLevelGap) continue;
+      if (i + 1 < heights.size() && heights[i + 1] - heights[i] < kPointLevelGap) continue;
       const double height = at({place.x(), place.y(), heights[(from + i) / 2]}).height;
       if (std::isfinite(height)) out.push_back(height);
       from = i + 1;
@@ -157,6 +167,10 @@ class CloudHeights : public HeightSource {
 
 }  // namespace
 
+std::vector<double> HeightSource::levels_along(const std::vector<Vector3d>& /*line*/) const {
+  return {};
+}
+
 std::unique_ptr<HeightSource> surface_heights(const RoadSurface& surface, const PlanFrame& frame,
                                               double reach) {
   return std::make_unique<SurfaceHeights>(surface, frame, reach);
@@ -201,7 +215,7 @@ std::optional<std::array<std::uint8_t, 3>> ColorSource::at(const Vector3d& place
   std::optional<std::size_t> best;
   points_->points.near(place.head<2>(), 3.0 * resolution(), [&](std::size_t k) {
     const Vector3d d = points_->points.point(k) - place;
-    if (std::abs(d.z()) > kLevelGap || d.head<2>().norm() >= least) return;
+    if (std::abs(d.z()) > kPointLevelGap || d.head<2>().norm() >= least) return;
     least = d.head<2>().norm();
     best = points_->points.index(k);
   });

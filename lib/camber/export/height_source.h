@@ -23,7 +23,7 @@ struct GroundSample {
 };
 
 /// m, ground farther above or below a place belongs to another level.
-inline constexpr double kLevelGap = 1.5;
+inline constexpr double kPointLevelGap = 1.5;
 
 /// Heights of the ground over the plan. Any number of threads may ask.
 class HeightSource {
@@ -33,11 +33,15 @@ class HeightSource {
   virtual GroundSample at(const Eigen::Vector3d& place) const = 0;
   /// Heights of the ground over one another at a place, ascending; empty: not known.
   virtual std::vector<double> levels(const Eigen::Vector2d& /*place*/) const { return {}; }
+  /// Heights that lead at() along the ground under a line whose own are not the ground's; empty:
+  /// the line's own do. @param line  places in order, about a metre apart, m, plan frame
+  virtual std::vector<double> levels_along(const std::vector<Eigen::Vector3d>& line) const;
   /// m between heights that the data resolve along the ground; 0: not known.
   virtual double resolution() const = 0;
 };
 
-/// The patches of a surface, as RoadSurface::query() answers.
+/// The patches of a surface, as SurfaceLookup::query_level() answers; levels_along() follows the
+/// ground under lines that have other heights.
 /// @param reach  m that a place may lie beyond a patch's boundary
 std::unique_ptr<HeightSource> surface_heights(const RoadSurface& surface, const PlanFrame& frame,
                                               double reach);

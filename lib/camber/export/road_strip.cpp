@@ -168,11 +168,31 @@ SeenWidth seen_width(const HeightSource& ground, const SmoothLine& line, double 
   return out;
 }
 
+namespace {
+
+/// Gives a line the heights of the ground's level under it.
+void lay_on_ground(const HeightSource& ground, SmoothLine* line) {
+  const double steps = std::max(1.0, std::ceil(line->length()));
+  const double step = line->length() / steps;
+  std::vector<Vector3d> places;
+  std::vector<double> stations;
+  for (double k = 0.0; k <= steps; k += 1.0) {
+    const Vector2d place = line->position(k * step);
+    places.emplace_back(place.x(), place.y(), line->height(k * step));
+    stations.push_back(k * step);
+  }
+  std::vector<double> levels = ground.levels_along(places);
+  if (!levels.empty()) line->set_heights(std::move(stations), std::move(levels));
+}
+
+}  // namespace
+
 SmoothLine line_over_ground(const HeightSource& ground, const std::vector<Vector3d>& points,
                             double tolerance, double most, int num_threads) {
   const auto made = [&](double after) {
     SmoothLine line(points, tolerance, 0.0, after);
     if (std::isnan(line.height(0.0))) take_heights(ground, num_threads, &line);
+    lay_on_ground(ground, &line);
     return line;
   };
   const SmoothLine line = made(0.0);
@@ -210,7 +230,7 @@ GroundBeside ground_beside(const HeightSource& ground, const SmoothLine& line, i
   std::vector<double> far;
   for (const double above : off) {
     out.stations += std::isfinite(above);
-    if (std::abs(above) >= kLevelGap) far.push_back(above);
+    if (std::abs(above) >= kPointLevelGap) far.push_back(above);
   }
   out.far = far.size();
   if (out.far > 0) out.above = upper_median(&far);

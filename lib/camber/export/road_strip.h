@@ -21,8 +21,9 @@ SeenWidth seen_width(const HeightSource& ground, const SmoothLine& line, double 
                      int num_threads);
 
 /// The line with what of the ground goes on straight beyond its last point: while the ground is
-/// seen there, at most `most` metres. Points without heights (NaN) get those of the ground where it
-/// has one level, and what lies between them elsewhere.
+/// seen there, at most `most` metres. Its heights are those of the ground's level (levels_along());
+/// points without heights (NaN) get those of the ground where it has one level, and what lies
+/// between them elsewhere.
 /// @throws as SmoothLine; NoAnswerError where heights are missing and the ground has several levels
 /// all along.
 SmoothLine line_over_ground(const HeightSource& ground, const std::vector<Eigen::Vector3d>& points,
@@ -31,7 +32,7 @@ SmoothLine line_over_ground(const HeightSource& ground, const std::vector<Eigen:
 /// The ground under and above a line.
 struct GroundBeside {
   std::size_t stations = 0;  ///< at which it is seen, every metre
-  std::size_t far = 0;       ///< of them with no ground within kLevelGap of the line's height
+  std::size_t far = 0;       ///< of them with no ground within kPointLevelGap of the line's height
   double above = 0.0;        ///< m, of the nearest level over the line, median of the far ones
 };
 GroundBeside ground_beside(const HeightSource& ground, const SmoothLine& line, int num_threads);

@@ -23,6 +23,18 @@ std::vector<PlaneProposal> join(const std::vector<std::vector<PlaneProposal>>& l
   return out;
 }
 
+/// New regions where leaves have none, on planes like those beside them: where the ground bends,
+/// none of the blocks' planes may fit it. False: there are none.
+bool grow_beside(const LeafEvaluator& evaluator, RegionPartition* partition) {
+  const std::vector<int>& leaf_region = partition->leaf_region();
+  std::vector<std::vector<PlaneProposal>> by_leaf(leaf_region.size());
+  parallel_for(by_leaf.size(), evaluator.options().num_threads, [&](std::size_t leaf) {
+    if (leaf_region[leaf] >= 0) return;
+    detail::propose_beside(evaluator, leaf, partition->planes(), leaf_region, &by_leaf[leaf]);
+  });
+  return partition->grow(join(by_leaf), 0.5);
+}
+
 /// Regions with enough points as the result has them; leaves of the others lose their region.
 void write_regions(const LeafEvaluator& evaluator, const RegionPartition& partition,
                    Segmentation* out) {
@@ -67,15 +79,7 @@ Segmentation segment_planes(GroundTree& tree, NoiseModel start,
     detail::propose_planes(evaluator, block, &by_block[block]);
   });
   partition.grow(join(by_block), 0.5);
-  // What lies between regions: where the ground bends, none of the blocks' planes may fit it.
-  for (int round = 0; round < 4; ++round) {
-    const std::vector<int>& leaf_region = partition.leaf_region();
-    std::vector<std::vector<PlaneProposal>> by_leaf(leaf_region.size());
-    parallel_for(by_leaf.size(), options.num_threads, [&](std::size_t leaf) {
-      if (leaf_region[leaf] >= 0) return;
-      detail::propose_beside(evaluator, leaf, partition.planes(), leaf_region, &by_leaf[leaf]);
-    });
-    if (!partition.grow(join(by_leaf), 0.5)) break;
+  for (int round = 0; round < 4 && grow_beside(evaluator, &partition); ++round) {
   }
   detail::measure_shared(tree, options, partition.planes(), partition.leaf_region(), &noise);
   for (int round = 0; round < 4; ++round) {
@@ -87,6 +91,11 @@ Segmentation segment_planes(GroundTree& tree, NoiseModel start,
     if (!parted && !dropped && !merged) break;
   }
   partition.compete();
+  // Competing regions leave ground between them, where one has moved off its own leaves.
+  for (int round = 0; round < 4 && grow_beside(evaluator, &partition); ++round) {
+    partition.compete();
+    if (partition.drop() || partition.merge()) partition.compete();
+  }
   out.leaf_region = partition.leaf_region();
   out.noise = noise.stated;
   out.typical_noise = noise.typical;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "camber/road/plan_polygon.h"
+#include "camber/road/surface_lookup.h"
 
 namespace camber {
 
@@ -22,6 +23,10 @@ constexpr double kLeastSamples = 10.0;  // of the length over which slopes are m
 // m, over which what planes leave out, and a cloud's drift, are alike along the road; across it a
 // patch's slope is off by what it leaves out over such a length.
 constexpr double kUnmodelledLength = 8.0, kDriftLength = 20.0, kUnmodelledAcross = 3.5;
+
+// Cross slope: m to either side within which another patch may be the one that is meant, and the
+// share of a change between two planes that is one standard deviation of what lies between.
+constexpr double kBeside = 0.3, kOfChange = 0.6;
 
 /// Standard deviation of the slope of a patch (rise over run) in a direction in plan.
 double sigma_slope(const UncertainPlane& plane, const Vector3d& up, const Vector3d& direction) {
@@ -145,6 +150,55 @@ struct Sampling {
   double samples_of_window() const { return 2.0 * std::round(half_window / spacing) + 1.0; }
 };
 
+/// How much the cross slope of the ground beside a place, on another patch than its own, differs
+/// from its own: at a crown either may be the one that is meant.
+double change_beside(const SurfaceLookup& lookup, const RoadSurface& surface, const Vector3d& place,
+                     const Vector3d& left, double reach, const ProfilePoint& own) {
+  const GroundAxes axes(surface.up);
+  double most = 0.0;
+  for (const double side : {-kBeside, kBeside}) {
+    const Vector3d there = place + side * left;
+    const SurfaceQuery beside = lookup.query_level(there, std::min(reach, kBeside));
+    if (beside.status == Status::kFailed || beside.patch == own.patch) continue;
+    PlanPolygon outline;
+    for (const Vector3d& corner : surface.find(own.patch)->boundary) {
+      outline.push_back(axes(corner));
+    }
+    if (!(distance_to_polygon(outline, axes(there)) > 0.0)) continue;
+    const Vector3d& n = beside.plane.plane.normal;
+    most =
+        std::max(most, std::abs(-n.dot(left) / n.dot(surface.up.normalized()) - own.cross_slope));
+  }
+  return most;
+}
+
+/// What the surface answers at a sample, which lies at a place of the ground's level.
+void ask(const SurfaceLookup& lookup, const RoadSurface& surface, const Vector3d& place,
+         const ProfileOptions& options, Sample* sample) {
+  const Vector3d up = surface.up.normalized(), left = up.cross(sample->ahead);
+  ProfilePoint& point = sample->point;
+  const SurfaceQuery answer = lookup.query_level(place, options.reach);
+  point.status = answer.status;
+  point.reason = answer.reason;
+  if (answer.status == Status::kFailed) return;
+  const Vector3d& n = answer.plane.plane.normal;
+  const double slant = n.dot(up);
+  point.patch = answer.patch;
+  point.point = answer.point;
+  point.height = answer.point.dot(up);
+  point.cross_slope = -n.dot(left) / slant;
+  sample->plane = answer.plane;
+  sample->jacobian = answer.plane.height_jacobian(answer.point) / slant;
+  sample->unmodelled = surface.find(answer.patch)->unmodelled_sigma / slant;
+  point.sigma_height = answer.sigma_height / slant;
+  point.sigma_cross_slope =
+      std::hypot(sigma_slope(answer.plane, up, left), sample->unmodelled / kUnmodelledAcross,
+                 options.levelling_sigma);
+  point.sigma_cross_slope =
+      std::hypot(point.sigma_cross_slope,
+                 kOfChange * change_beside(lookup, surface, place, left, options.reach, point));
+}
+
 /// The samples of a line with what is known at each by itself.
 std::vector<Sample> find_samples(const RoadSurface& surface, const std::vector<Vector3d>& line,
                                  const ProfileOptions& options, const Sampling& sampling) {
@@ -178,31 +232,11 @@ std::vector<Sample> find_samples(const RoadSurface& surface, const std::vector<V
         (at - corners.stations[piece]) / (corners.stations[piece + 1] - corners.stations[piece]);
     const Vector3d place = from + share * (to - from);
     const Vector2d flat = (axes(to) - axes(from)).normalized();
-    const Vector3d ahead = flat.x() * axes.e1 + flat.y() * axes.e2, left = up.cross(ahead);
     Sample sample;
     sample.station = is_station;
-    sample.ahead = ahead;
-    ProfilePoint& point = sample.point;
-    point.station = at;
-    point.point = place;
-    const SurfaceQuery answer = surface.query(place, options.reach);
-    point.status = answer.status;
-    point.reason = answer.reason;
-    if (answer.status != Status::kFailed) {
-      const Vector3d& n = answer.plane.plane.normal;
-      const double slant = n.dot(up);
-      point.patch = answer.patch;
-      point.point = answer.point;
-      point.height = answer.point.dot(up);
-      point.cross_slope = -n.dot(left) / slant;
-      sample.plane = answer.plane;
-      sample.jacobian = answer.plane.height_jacobian(answer.point) / slant;
-      sample.unmodelled = surface.find(answer.patch)->unmodelled_sigma / slant;
-      point.sigma_height = answer.sigma_height / slant;
-      point.sigma_cross_slope =
-          std::hypot(sigma_slope(answer.plane, up, left), sample.unmodelled / kUnmodelledAcross,
-                     options.levelling_sigma);
-    }
+    sample.ahead = flat.x() * axes.e1 + flat.y() * axes.e2;
+    sample.point.station = at;
+    sample.point.point = place;
     samples.push_back(std::move(sample));
   };
   for (std::size_t k = 0; k <= steps; ++k) {
@@ -212,6 +246,14 @@ std::vector<Sample> find_samples(const RoadSurface& surface, const std::vector<V
       const double on = static_cast<double>(j) * sampling.spacing;
       if (at + on <= total) add(at + on, false);
     }
+  }
+  std::vector<Vector3d> places;
+  places.reserve(samples.size());
+  for (const Sample& sample : samples) places.push_back(sample.point.point);
+  const SurfaceLookup lookup(surface);
+  const LineOverGround over = lookup.follow(places, options.reach);
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    ask(lookup, surface, places[k] - over.above[k] * up, options, &samples[k]);
   }
   return samples;
 }
@@ -233,6 +275,71 @@ void place_patches(const RoadSurface& surface, std::vector<Sample>* samples) {
     for (std::size_t k = begin; k < end; ++k) {
       (*samples)[k].middle = at.point.station + along(on->plane.centroid);
       (*samples)[k].length = last - first;
+    }
+  }
+}
+
+/// Samples on one patch in a row.
+struct PatchRun {
+  std::size_t begin = 0, end = 0;
+  int patch = -1;
+  double middle = 0.0;                       ///< m, station of the patch's middle
+  double cross_slope = 0.0, variance = 0.0;  ///< there
+};
+
+std::vector<PatchRun> patch_runs(const std::vector<Sample>& samples) {
+  std::vector<PatchRun> runs;
+  for (std::size_t begin = 0, end = 0; begin < samples.size(); begin = end) {
+    const int patch = samples[begin].point.patch;
+    while (end < samples.size() && samples[end].point.patch == patch) ++end;
+    if (patch < 0) continue;
+    PatchRun run;
+    run.begin = begin;
+    run.end = end;
+    run.patch = patch;
+    run.middle = samples[begin].middle;
+    std::size_t nearest = begin;
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto off = [&](std::size_t j) {
+        return std::abs(samples[j].point.station - run.middle);
+      };
+      if (off(k) < off(nearest)) nearest = k;
+    }
+    run.cross_slope = samples[nearest].point.cross_slope;
+    run.variance = std::pow(samples[nearest].point.sigma_cross_slope, 2);
+    runs.push_back(run);
+  }
+  return runs;
+}
+
+/// Superelevation that runs off twists a road, and planes show its cross slope in their middles
+/// alone: away from there what lies between it and the next plane's is part of the deviation, as
+/// far as their own do not explain it.
+void widen_by_twist(std::vector<Sample>* samples) {
+  constexpr double kFarthest = 15.0, kNearest = 2.0;  // m between runs; between middles
+  const std::vector<PatchRun> runs = patch_runs(*samples);
+  const auto joins = [&](std::size_t a, std::size_t b) {
+    return (*samples)[runs[b].begin].point.station - (*samples)[runs[a].end - 1].point.station <=
+               kFarthest &&
+           runs[a].patch != runs[b].patch && runs[b].middle - runs[a].middle >= kNearest;
+  };
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const PatchRun& run = runs[r];
+    const PatchRun* const before = r > 0 && joins(r - 1, r) ? &runs[r - 1] : nullptr;
+    const PatchRun* const after = r + 1 < runs.size() && joins(r, r + 1) ? &runs[r + 1] : nullptr;
+    for (std::size_t k = run.begin; k < run.end; ++k) {
+      ProfilePoint& point = (*samples)[k].point;
+      const double off = std::abs(point.station - run.middle);
+      double twist = std::abs(run.cross_slope - point.cross_slope), more = twist * twist;
+      for (const PatchRun* const next : {before, after}) {
+        if (!next) continue;
+        // The twist may go on as on the other side.
+        const double share = std::min(1.0, off / std::abs(next->middle - run.middle));
+        twist = share * (next->cross_slope - run.cross_slope);
+        const double by_chance = share * share * (next->variance + run.variance);
+        more = std::max(more, twist * twist - by_chance);
+      }
+      point.sigma_cross_slope = std::hypot(point.sigma_cross_slope, kOfChange * std::sqrt(more));
     }
   }
 }
@@ -357,6 +464,7 @@ std::vector<ProfilePoint> road_profile(const RoadSurface& surface,
   const Sampling sampling(options);
   std::vector<Sample> samples = find_samples(surface, line, options, sampling);
   place_patches(surface, &samples);
+  widen_by_twist(&samples);
   const double drift = surface.metric ? options.drift_sigma : 0.0;
   for (std::size_t k = 0; k < samples.size(); ++k) {
     if (!samples[k].station || samples[k].point.status == Status::kFailed) continue;

@@ -48,7 +48,9 @@ struct ProfilePoint {
 /// parabola through them, both given only where most of that length is covered. These heights are
 /// taken every tenth of `length` or closer, whatever the step. A surface of planes bends only where
 /// they meet: as much of the bend around as PlanePatch::unmodelled_sigma allows is taken to be in
-/// them. The heights of the line's points only choose between patches above one another.
+/// them. The heights of the line's points only choose between levels (a bridge and
+/// the road under it), as SurfaceLookup::follow() has it: a constant offset of the line does not
+/// matter, and where there is but another level the reason is "another level: 6.0 m above".
 /// Standard deviations hold the planes' covariances, what the planes leave out
 /// (PlanePatch::unmodelled_sigma), drift and levelling; along the road the middle two are processes
 /// with the covariance sigma^2 exp(-distance / length).

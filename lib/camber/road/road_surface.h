@@ -77,9 +77,9 @@ struct RoadSurface {
   /// Not found: nullptr.
   const PlanePatch* find(int id) const;
 
-  /// The surface above or below a place: the patch whose boundary contains the place (seen along
-  /// `up`) or, within `reach` metres of a boundary, the nearest patch, with the covariance grown by
-  /// the extrapolation. Farther away the status is kFailed, reason "not covered".
+  /// The surface above or below a place: the patch that contains it (seen along `up`) or, within
+  /// `reach` metres of a boundary, the nearest, with the covariance grown by the extrapolation; of
+  /// levels over one another the one nearest in height. None: kFailed, reason "not covered".
   SurfaceQuery query(const Eigen::Vector3d& place, double reach = 2.0) const;
 
   /// The patch that a ray meets: the nearest along the ray of those whose boundary holds the hit
