@@ -299,5 +299,99 @@ TEST(HeightSource, CloudPlanesIgnoreOutliers) {
   EXPECT_TRUE(std::isnan(ground->at({500010.0, 5400000.0, 300.0}).height));
 }
 
+/// A plane that tilts both ways.
+double tilted(double x, double y) { return 0.02 * x + 0.01 * y; }
+
+/// How much of a strip from one x to another, 7 m wide, is known, and how far it is off the plane.
+struct Coverage {
+  double known = 0.0;    // share
+  double largest = 0.0;  // m
+};
+Coverage coverage(const HeightSource& ground, double from, double to) {
+  Coverage out;
+  int count = 0, known = 0;
+  for (double x = from; x < to; x += 0.37) {
+    for (double y = -3.5; y < 3.6; y += 0.41) {
+      ++count;
+      const double height = ground.at({x, y, tilted(x, y)}).height;
+      if (!std::isfinite(height)) continue;
+      ++known;
+      out.largest = std::max(out.largest, std::abs(height - tilted(x, y)));
+    }
+  }
+  out.known = static_cast<double>(known) / count;
+  return out;
+}
+
+TEST(HeightSource, AThinningScanIsCoveredAsFarAsItGoes) {
+  std::mt19937 random(1);
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * (random() / 4294967296.0);
+  };
+  RoadCloud cloud;
+  for (int i = 0; i < 60000; ++i) {  // 780 points per square metre at first, 5 at last
+    const double x = 1.0 / uniform(1.0 / 80.0, 1.0 / 3.0), y = uniform(-4.0, 4.0);
+    cloud.points.push_back(
+        Vector3d(x, y, tilted(x, y) + uniform(-0.017, 0.017)).cast<float>());  // 1 cm
+  }
+  const auto ground = cloud_heights(cloud, PlanFrame());
+  for (const double from : {3.0, 20.0, 40.0, 60.0}) {
+    const Coverage seen = coverage(*ground, from, from + 19.5);
+    EXPECT_GT(seen.known, 0.97) << from;
+    EXPECT_LT(seen.largest, 0.03) << from;  // the worst of a thousand, of 3 to 5 mm
+  }
+}
+
+TEST(HeightSource, LinesOfAScannerAreJoined) {
+  RoadCloud cloud;
+  for (double x = 0.0; x < 20.0; x += 0.5) {
+    for (double y = -4.0; y < 4.0; y += 0.02) {
+      cloud.points.push_back(Vector3d(x, y, tilted(x, y)).cast<float>());
+    }
+  }
+  const Coverage seen = coverage(*cloud_heights(cloud, PlanFrame()), 1.0, 19.0);
+  EXPECT_EQ(seen.known, 1.0);
+  EXPECT_LT(seen.largest, 1e-4);
+}
+
+TEST(HeightSource, HolesStayOpen) {
+  for (const double spacing : {0.1, 0.4}) {  // beside as many points 0.1 m apart
+    RoadCloud cloud;
+    const double hole = 6.0 * spacing;
+    for (double x = -6.0; x < 6.0; x += spacing) {
+      for (double y = -6.0; y < 6.0; y += spacing) {
+        if (std::hypot(x, y) < hole) continue;
+        cloud.points.push_back(Vector3d(x, y, tilted(x, y)).cast<float>());
+      }
+    }
+    for (double x = 6.0; x < 18.0; x += 0.1) {
+      for (double y = -6.0; y < 6.0; y += 0.1) {
+        cloud.points.push_back(Vector3d(x, y, tilted(x, y)).cast<float>());
+      }
+    }
+    const auto ground = cloud_heights(cloud, PlanFrame());
+    for (double a = 0.0; a < 6.3; a += 0.3) {
+      for (const double r : {0.0, 0.3 * hole, 0.6 * hole}) {
+        const Vector3d place(r * std::cos(a), r * std::sin(a), 0.0);
+        EXPECT_TRUE(std::isnan(ground->at(place).height)) << spacing << " " << place.transpose();
+      }
+      const Vector3d beside(2.0 * hole * std::cos(a), 2.0 * hole * std::sin(a), 0.0);
+      EXPECT_NEAR(ground->at(beside).height, tilted(beside.x(), beside.y()), 1e-3);
+    }
+  }
+}
+
+TEST(HeightSource, PointsOnALineGiveNoHeightBesideIt) {
+  RoadCloud cloud = even_cloud();
+  for (int i = 0; i < 9; ++i) {  // 3 m off, 1 cm of noise
+    const float sign = i % 2 == 0 ? 0.01f : -0.01f;
+    cloud.points.emplace_back(8.9f + 0.025f * static_cast<float>(i), 3.0f + sign * 0.5f, sign);
+  }
+  const auto ground = cloud_heights(cloud, PlanFrame());
+  for (const double aside : {-0.11, -0.06, 0.06, 0.11}) {
+    EXPECT_TRUE(std::isnan(ground->at({500009.0, 5400003.0 + aside, 300.0}).height)) << aside;
+  }
+}
+
 }  // namespace
 }  // namespace camber

@@ -2,7 +2,9 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <utility>
 
 #include "camber/core/median.h"
 #include "camber/export/detail/plan_points.h"
@@ -15,7 +17,15 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kSupport = 2.5;      // of the spacing, radius of the points of a node's plane
+constexpr double kSupport = 2.5;         // of the spacing, radius of the points of a node's plane
+constexpr double kLocalSupport = 3.0;    // of the least spacing of a few points next to the node
+constexpr double kWidestSupport = 2.5;   // m, of the same
+constexpr double kMostTimes = 8.0;       // the support elsewhere, of the same
+constexpr double kWider = 1.2;           // times the support before, or it is not worth while
+constexpr std::size_t kLeastPoints = 6;  // of a plane
+constexpr std::size_t kNeighbours = 8, kFew = 5;
+constexpr double kLeastSpread =
+    0.05;                             // product of neighbours' two variances over their sum squared
 constexpr double kLeastScale = 0.01;  // m, of the biweight
 
 class SurfaceHeights : public HeightSource {
@@ -92,21 +102,22 @@ std::vector<Vector3d> ground_points(const RoadCloud& cloud, const PlanFrame& fra
 
 class CloudHeights : public HeightSource {
  public:
-  explicit CloudHeights(const std::vector<Vector3d>& points) : points_(points) {}
+  explicit CloudHeights(const std::vector<Vector3d>& points)
+      : points_(points),
+        radius_(kSupport * points_.spacing()),
+        widest_(std::clamp(kWidestSupport, radius_, kMostTimes * radius_)),
+        spacings_(std::make_unique<std::atomic<float>[]>(points.size())) {}
 
   GroundSample at(const Vector3d& place) const override {
-    const double radius = kSupport * points_.spacing();
-    std::vector<Vector3d> near;
-    points_.near(place.head<2>(), radius, [&](std::size_t k) {
-      const Vector3d d = points_.point(k) - place;
-      if (std::abs(d.z()) < kPointLevelGap) near.push_back(d);
-    });
-    return fit(place, near, radius);
+    const GroundSample sample = fit(place, near(place, radius_), radius_);
+    if (std::isfinite(sample.height) || widest_ <= radius_) return sample;
+    const double wider = std::min(kLocalSupport * spacing_at(place), widest_);
+    if (!(wider > kWider * radius_)) return sample;
+    return fit(place, near(place, wider), wider);
   }
   std::vector<double> levels(const Vector2d& place) const override {
     std::vector<double> heights;
-    points_.near(place, kSupport * points_.spacing(),
-                 [&](std::size_t k) { heights.push_back(points_.point(k).z()); });
+    points_.near(place, radius_, [&](std::size_t k) { heights.push_back(points_.point(k).z()); });
     std::sort(heights.begin(), heights.end());
     std::vector<double> out;
     for (std::size_t from = 0, i = 0; i < heights.size(); ++i) {
@@ -120,9 +131,69 @@ class CloudHeights : public HeightSource {
   double resolution() const override { return points_.spacing(); }
 
  private:
+  /// Points of a place's level, relative to it.
+  std::vector<Vector3d> near(const Vector3d& place, double radius) const {
+    std::vector<Vector3d> out;
+    points_.near(place.head<2>(), radius, [&](std::size_t k) {
+      const Vector3d d = points_.point(k) - place;
+      if (std::abs(d.z()) < kPointLevelGap) out.push_back(d);
+    });
+    return out;
+  }
+
+  /// m, of the points next to a place, the least of a few: beside a hole that of its rim, whose own
+  /// is too large, and in a sparse part of the cloud its own. 0: no points are next to it.
+  double spacing_at(const Vector3d& place) const {
+    std::vector<std::pair<double, std::size_t>> next;
+    points_.near(place.head<2>(), widest_ / kSupport, [&](std::size_t k) {
+      const Vector3d d = points_.point(k) - place;
+      if (std::abs(d.z()) < kPointLevelGap) next.emplace_back(d.head<2>().squaredNorm(), k);
+    });
+    const std::size_t few = std::min(kFew, next.size());
+    std::partial_sort(next.begin(), next.begin() + static_cast<long>(few), next.end());
+    double least = few > 0 ? widest_ : 0.0;
+    for (std::size_t i = 0; i < few; ++i) least = std::min(least, spacing_of(next[i].second));
+    return least;
+  }
+
+  /// m, around a point: of as many neighbours as it takes to have them on no line.
+  double spacing_of(std::size_t k) const {
+    // Threads that meet here find the same value.
+    const float known = spacings_[k].load(std::memory_order_relaxed);
+    if (known > 0.0f) return known;
+    double radius = radius_;
+    std::vector<Vector3d> around = near(points_.point(k), radius);
+    double spacing = spacing_by(&around);
+    while (!(spacing > 0.0) && radius < widest_) {
+      radius *= kWider;
+      around = near(points_.point(k), radius);
+      spacing = spacing_by(&around);
+    }
+    const auto found = static_cast<float>(spacing > 0.0 ? spacing : widest_ / kSupport);
+    spacings_[k].store(found, std::memory_order_relaxed);
+    return found;
+  }
+
+  /// The same by points around the origin; 0: they are too few, or on a line.
+  static double spacing_by(std::vector<Vector3d>* around) {
+    std::sort(around->begin(), around->end(), [](const Vector3d& a, const Vector3d& b) {
+      return a.head<2>().squaredNorm() < b.head<2>().squaredNorm();
+    });
+    double xx = 0.0, xy = 0.0, yy = 0.0;
+    for (std::size_t i = 0; i < around->size(); ++i) {  // the first is the point itself
+      const Vector3d& d = (*around)[i];
+      xx += d.x() * d.x(), xy += d.x() * d.y(), yy += d.y() * d.y();
+      // The lesser of the eigenvalues is at least their product over their sum.
+      const double trace = xx + yy;
+      if (i < kNeighbours || xx * yy - xy * xy < kLeastSpread * trace * trace) continue;
+      return d.head<2>().norm() * std::sqrt(M_PI / static_cast<double>(kNeighbours));
+    }
+    return 0.0;
+  }
+
   static GroundSample fit(const Vector3d& place, const std::vector<Vector3d>& near, double radius) {
     GroundSample sample;
-    if (near.size() < 4) return sample;
+    if (near.size() < kLeastPoints) return sample;
     // Points to one side only would extrapolate.
     Vector2d middle = Vector2d::Zero();
     for (const Vector3d& d : near) middle += d.head<2>() / static_cast<double>(near.size());
@@ -156,13 +227,18 @@ class CloudHeights : public HeightSource {
         weights[i] = t < 1.0 ? (1.0 - t * t) * (1.0 - t * t) : 0.0;
       }
     }
+    // Worse than a single point at the place: extrapolated, or from too few.
+    const double variance = information.inverse()(0, 0);
+    if (!(variance > 0.0 && variance <= 1.0)) return sample;
     sample.height = place.z() + plane[0];
-    sample.sigma = scale * std::sqrt(std::max(information.inverse()(0, 0), 0.0));
+    sample.sigma = scale * std::sqrt(variance);
     sample.normal = Vector3d(-plane[1], -plane[2], 1.0).normalized();
     return sample;
   }
 
   detail::PlanPoints points_;
+  double radius_, widest_;                          // m, of a plane's support
+  std::unique_ptr<std::atomic<float>[]> spacings_;  // 0: not known yet
 };
 
 }  // namespace
