@@ -9,40 +9,20 @@
 #include "camber/road/cost_functions/height_continuity.h"
 #include "camber/road/cost_functions/plane_consistency.h"
 #include "camber/road/cost_functions/plane_prior.h"
+#include "road/planar_road.h"
 
 namespace camber {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+using test::surface_of;
 
 constexpr double kDegree = M_PI / 180.0;
 
 /// A rectangle of road from x0 to x1 with a grade, 8 m wide; its height at x0 is z0.
 PlanePatch strip(int id, double x0, double x1, double z0, double grade) {
-  PlanePatch patch;
-  patch.id = id;
-  patch.status = Status::kOk;
-  const Vector3d normal(-std::sin(grade), 0.0, std::cos(grade));
-  patch.plane.plane = Plane::through({x0, 0, z0}, normal);
-  const auto z = [&](double x) { return z0 + (x - x0) * std::tan(grade); };
-  patch.plane.centroid = {0.5 * (x0 + x1), 0.0, z(0.5 * (x0 + x1))};
-  UncertainPlane::make_axes(normal, Vector3d::UnitX(), &patch.plane.axis1, &patch.plane.axis2);
-  patch.plane.covariance = Vector3d(1e-6, 1e-6, 1e-4).asDiagonal();
-  for (const double y : {-4.0, 4.0}) {
-    const bool right = y < 0.0;
-    patch.boundary.push_back({right ? x0 : x1, y, z(right ? x0 : x1)});
-    patch.boundary.push_back({right ? x1 : x0, y, z(right ? x1 : x0)});
-  }
-  return patch;
-}
-
-RoadSurface surface_of(std::vector<PlanePatch> patches) {
-  RoadSurface surface;
-  surface.frame = "z-up";
-  surface.up = Vector3d::UnitZ();
-  surface.patches = std::move(patches);
-  return surface;
+  return test::rectangle(id, x0, x1, -4.0, 4.0, z0, std::tan(grade), 0.0, {1e-6, 1e-6, 1e-4});
 }
 
 TEST(ConsistencyGraph, CreaseIsAValidLinkWithItsAngle) {

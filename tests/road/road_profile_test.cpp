@@ -6,36 +6,18 @@
 
 #include "camber/road/fit_road_surface.h"
 #include "plane/curved_road_maker.h"
+#include "road/planar_road.h"
 
 namespace camber {
 namespace {
 
 using Eigen::Vector3d;
+using test::surface_of;
 
 /// A strip of road along x from x0 to x1 with a slope along x and a slope across (left side up),
 /// 8 m wide; its height at (x0, 0) is z0. Slopes are rise over run.
 PlanePatch strip(int id, double x0, double x1, double z0, double along, double across = 0.0) {
-  PlanePatch patch;
-  patch.id = id;
-  patch.status = Status::kOk;
-  const Vector3d normal = Vector3d(-along, -across, 1.0).normalized();
-  patch.plane.plane = Plane::through({x0, 0, z0}, normal);
-  const auto on = [&](double x, double y) {
-    return Vector3d(x, y, z0 + (x - x0) * along + y * across);
-  };
-  patch.plane.centroid = on(0.5 * (x0 + x1), 0.0);
-  UncertainPlane::make_axes(normal, Vector3d::UnitX(), &patch.plane.axis1, &patch.plane.axis2);
-  patch.plane.covariance = Vector3d(4e-6, 1e-6, 1e-4).asDiagonal();
-  patch.boundary = {on(x0, -4), on(x1, -4), on(x1, 4), on(x0, 4)};
-  return patch;
-}
-
-RoadSurface surface_of(std::vector<PlanePatch> patches) {
-  RoadSurface surface;
-  surface.frame = "z-up";
-  surface.up = Vector3d::UnitZ();
-  surface.patches = std::move(patches);
-  return surface;
+  return test::rectangle(id, x0, x1, -4.0, 4.0, z0, along, across, {4e-6, 1e-6, 1e-4});
 }
 
 /// Standard deviations by the planes' covariances alone.

@@ -5,33 +5,17 @@
 #include <cmath>
 
 #include "camber/road/road_profile.h"
+#include "road/planar_road.h"
 
 namespace camber {
 namespace {
 
 using Eigen::Vector3d;
+using test::surface_of;
 
 PlanePatch rectangle(int id, double x0, double x1, double y0, double y1, double height,
                      double grade = 0.0) {
-  PlanePatch patch;
-  patch.id = id;
-  patch.status = Status::kOk;
-  const auto on = [&](double x, double y) { return Vector3d(x, y, height + grade * (x - x0)); };
-  patch.plane.plane = Plane::through(on(x0, y0), Vector3d(-grade, 0.0, 1.0).normalized());
-  patch.plane.centroid = on(0.5 * (x0 + x1), 0.5 * (y0 + y1));
-  UncertainPlane::make_axes(patch.plane.plane.normal, Vector3d::UnitX(), &patch.plane.axis1,
-                            &patch.plane.axis2);
-  patch.plane.covariance = Vector3d(1e-8, 1e-8, 1e-6).asDiagonal();
-  patch.boundary = {on(x0, y0), on(x1, y0), on(x1, y1), on(x0, y1)};
-  return patch;
-}
-
-RoadSurface surface_of(std::vector<PlanePatch> patches) {
-  RoadSurface surface;
-  surface.frame = "z-up";
-  surface.up = Vector3d::UnitZ();
-  surface.patches = std::move(patches);
-  return surface;
+  return test::rectangle(id, x0, x1, y0, y1, height, grade, 0.0, {1e-8, 1e-8, 1e-6});
 }
 
 /// A road along x that is not seen from 48 to 53, where another crosses 6 m above it.

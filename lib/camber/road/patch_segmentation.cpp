@@ -23,16 +23,46 @@ std::vector<PlaneProposal> join(const std::vector<std::vector<PlaneProposal>>& l
   return out;
 }
 
-/// New regions where leaves have none, on planes like those beside them: where the ground bends,
+/// New regions on leaves that have none, on planes like those beside them: where the ground bends,
 /// none of the blocks' planes may fit it. False: there are none.
-bool grow_beside(const LeafEvaluator& evaluator, RegionPartition* partition) {
+/// @param where  one a leaf, non-zero: it is looked at
+bool grow_beside(const LeafEvaluator& evaluator, const std::vector<std::uint8_t>& where,
+                 RegionPartition* partition) {
   const std::vector<int>& leaf_region = partition->leaf_region();
   std::vector<std::vector<PlaneProposal>> by_leaf(leaf_region.size());
   parallel_for(by_leaf.size(), evaluator.options().num_threads, [&](std::size_t leaf) {
-    if (leaf_region[leaf] >= 0) return;
+    if (leaf_region[leaf] >= 0 || !where[leaf]) return;
     detail::propose_beside(evaluator, leaf, partition->planes(), leaf_region, &by_leaf[leaf]);
   });
   return partition->grow(join(by_leaf), 0.5);
+}
+
+/// Leaves that lost their region and lie between others: patches of them that touch two regions at
+/// least. What borders on one is its rim.
+/// @param before  leaf_region() when they had one
+std::vector<std::uint8_t> gaps_between(const GroundTree& tree, const std::vector<int>& before,
+                                       const std::vector<int>& leaf_region) {
+  std::vector<std::uint8_t> out(leaf_region.size(), 0), seen(leaf_region.size(), 0);
+  for (std::size_t start = 0; start < leaf_region.size(); ++start) {
+    if (seen[start] || before[start] < 0 || leaf_region[start] >= 0) continue;
+    std::vector<int> gap(1, static_cast<int>(start)), beside;
+    seen[start] = 1;
+    for (std::size_t i = 0; i < gap.size(); ++i) {
+      for (const int other : tree.neighbours()[static_cast<std::size_t>(gap[i])]) {
+        const auto at = static_cast<std::size_t>(other);
+        if (leaf_region[at] >= 0) {
+          beside.push_back(leaf_region[at]);
+        } else if (before[at] >= 0 && !seen[at]) {
+          seen[at] = 1;
+          gap.push_back(other);
+        }
+      }
+    }
+    std::sort(beside.begin(), beside.end());
+    const bool between = !beside.empty() && beside.front() != beside.back();
+    for (const int leaf : gap) out[static_cast<std::size_t>(leaf)] = between;
+  }
+  return out;
 }
 
 /// Regions with enough points as the result has them; leaves of the others lose their region.
@@ -79,8 +109,10 @@ Segmentation segment_planes(GroundTree& tree, NoiseModel start,
     detail::propose_planes(evaluator, block, &by_block[block]);
   });
   partition.grow(join(by_block), 0.5);
-  for (int round = 0; round < 4 && grow_beside(evaluator, &partition); ++round) {
+  const std::vector<std::uint8_t> everywhere(tree.leaves().size(), 1);
+  for (int round = 0; round < 4 && grow_beside(evaluator, everywhere, &partition); ++round) {
   }
+  const std::vector<int> grown = partition.leaf_region();
   detail::measure_shared(tree, options, partition.planes(), partition.leaf_region(), &noise);
   for (int round = 0; round < 4; ++round) {
     partition.compete();
@@ -92,9 +124,13 @@ Segmentation segment_planes(GroundTree& tree, NoiseModel start,
   }
   partition.compete();
   // Competing regions leave ground between them, where one has moved off its own leaves.
-  for (int round = 0; round < 4 && grow_beside(evaluator, &partition); ++round) {
+  for (int round = 0; round < 4; ++round) {
+    const std::vector<std::uint8_t> gaps = gaps_between(tree, grown, partition.leaf_region());
+    if (!grow_beside(evaluator, gaps, &partition)) break;
     partition.compete();
-    if (partition.drop() || partition.merge()) partition.compete();
+    const bool dropped = partition.drop();
+    const bool merged = partition.merge();
+    if (dropped || merged) partition.compete();
   }
   out.leaf_region = partition.leaf_region();
   out.noise = noise.stated;
