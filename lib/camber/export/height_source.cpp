@@ -22,7 +22,7 @@ constexpr double kLocalSupport = 3.0;    // of the least spacing of a few points
 constexpr double kWidestSupport = 2.5;   // m, of the same
 constexpr double kMostTimes = 8.0;       // the support elsewhere, of the same
 constexpr double kWider = 1.2;           // times the support before, or it is not worth while
-constexpr std::size_t kLeastPoints = 6;  // of a plane
+constexpr std::size_t kLeastPoints = 4;  // of a plane
 constexpr std::size_t kNeighbours = 8, kFew = 5;
 constexpr double kLeastSpread =
     0.05;                             // product of neighbours' two variances over their sum squared

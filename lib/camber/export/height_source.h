@@ -57,7 +57,7 @@ PlanCorridor corridor_along(const SmoothLine& line, double reach);
 
 /// A plane through the points near a place, weighted by distance and robustly (Tukey's biweight).
 /// Points with a label "ground" of 0 or "patch" of -1 are left out. Sparse parts take points from
-/// farther. Nothing is answered where they are fewer than 6, to one side, or leave it uncertain.
+/// farther. Nothing is answered where they are fewer than 4, to one side, or leave it uncertain.
 /// @param where  points elsewhere are left out, also of the resolution; nullptr: all count
 std::unique_ptr<HeightSource> cloud_heights(const RoadCloud& cloud, const PlanFrame& frame,
                                             const PlanCorridor* where = nullptr);
