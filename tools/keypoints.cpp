@@ -66,7 +66,8 @@ int synthesise(const Command& command, const SynthesiseArguments& args) {
                                   {{"split", args.split},
                                    {"first", options.first},
                                    {"count", options.count},
-                                   {"size", options.size}}},
+                                   {"size", options.size},
+                                   {"end_on", options.end_on}}},
                                  {"crops", summary.crops},
                                  {"cars", summary.cars},
                                  {"keypoints_by_visibility",
@@ -114,6 +115,11 @@ void register_keypoints(App& root) {
       ->capture_default_str();
   app.add_option("--size", a->options.size, "side of a crop, px")
       ->check(in_range(16, 256))
+      ->capture_default_str();
+  app.add_option("--end-on", a->options.end_on,
+                 "share of the crops that are views of a car's front or rear, as a camera on the "
+                 "same road has them; the others are as without it")
+      ->check(in_range(0.0, 1.0))
       ->capture_default_str();
   app.add_option("--sheet", a->sheet,
                  "FILE.png: in place of --out a picture of the crops, each also with its keypoints "

@@ -45,7 +45,7 @@ class CropScenes : public ::testing::Test {
       cars_.push_back(
           std::make_unique<CropCarTree>(pool_->device, draw_crop_car(CounterRandom(12), i)));
       Sequence random(13, i);
-      scenes_.push_back(draw_crop_scene(*pool_, *cars_.back(), &random));
+      scenes_.push_back(draw_crop_scene(*pool_, *cars_.back(), 0.0, &random));
     }
   }
   static void TearDownTestSuite() {
@@ -447,6 +447,20 @@ TEST(KeypointCrops, SplitsShareNoCar) {
   EXPECT_EQ(others.size(), 3u);
 }
 
+TEST(KeypointCrops, AShareOfViewsFromBehindAndAheadIsDrawnOnRequest) {
+  constexpr int kCrops = 60;
+  KeypointCropOptions options = few(kCrops);
+  options.size = 16;
+  options.end_on = 1.0;
+  int from_behind = 0;
+  for (const SynthCrop& crop : make(options)) {
+    const double off_axis = std::abs(std::remainder(crop.azimuth - kPi / 2.0, kPi));
+    EXPECT_LT(off_axis, 40.0 * kPi / 180.0);  // 5 sigma
+    from_behind += crop.azimuth < kPi;
+  }
+  EXPECT_THAT(from_behind, ::testing::AllOf(::testing::Ge(kCrops / 3), ::testing::Lt(kCrops)));
+}
+
 TEST(KeypointCrops, OptionsOutOfRangeAreNamed) {
   const auto message = [](const KeypointCropOptions& options) -> std::string {
     try {
@@ -466,6 +480,9 @@ TEST(KeypointCrops, OptionsOutOfRangeAreNamed) {
   options = {};
   options.size = 15;
   EXPECT_THAT(message(options), ::testing::StartsWith("size: 15"));
+  options = {};
+  options.end_on = 1.5;
+  EXPECT_THAT(message(options), ::testing::StartsWith("end_on: 1.5"));
 }
 
 TEST(NpyFile, HeaderAndValuesAreNumPys) {

@@ -41,13 +41,13 @@ bool is_found(const SynthCrop& crop) {
 }
 
 SynthCrop make_crop(const CropPool& pool, const CropCarTree& car, const CounterRandom& random,
-                    std::int64_t number, int size) {
+                    std::int64_t number, const KeypointCropOptions& options) {
   constexpr int kAttempts = 8;
   for (int attempt = 0;; ++attempt) {
     Sequence sequence(random.bits(static_cast<std::uint64_t>(number)),
                       static_cast<std::uint64_t>(attempt));
-    const auto scene = draw_crop_scene(pool, car, &sequence);
-    const KeypointCrop square = keypoint_crop(scene->box, size);
+    const auto scene = draw_crop_scene(pool, car, options.end_on, &sequence);
+    const KeypointCrop square = keypoint_crop(scene->box, options.size);
     SynthCrop crop;
     label_keypoints(*scene, square, &crop);
     if (!is_found(crop) && attempt + 1 < kAttempts) continue;
@@ -56,7 +56,7 @@ SynthCrop make_crop(const CropPool& pool, const CropCarTree& car, const CounterR
     crop.azimuth = static_cast<double>(scene->azimuth);
     crop.elevation = static_cast<double>(scene->elevation);
     crop.distance = static_cast<double>(scene->distance);
-    crop.image = render_crop(*scene, size);
+    crop.image = render_crop(*scene, options.size);
     return crop;
   }
 }
@@ -77,6 +77,9 @@ void KeypointCropOptions::validate() const {
   }
   if (size < 16 || size > 256) {
     throw std::invalid_argument(fmt::format("size: {}, must be 16 to 256", size));
+  }
+  if (!(end_on >= 0.0 && end_on <= 1.0)) {
+    throw std::invalid_argument(fmt::format("end_on: {}, must be 0 to 1", end_on));
   }
 }
 
@@ -111,7 +114,7 @@ std::vector<SynthCrop> KeypointCropMaker::make(std::int64_t first, std::int64_t 
     const std::int64_t from = std::max(first, number * kCropsPerCar);
     const std::int64_t to = std::min(last, (number + 1) * kCropsPerCar);
     for (std::int64_t n = from; n < to; ++n) {
-      SynthCrop crop = make_crop(impl_->pool, car, impl_->crops, n, impl_->options.size);
+      SynthCrop crop = make_crop(impl_->pool, car, impl_->crops, n, impl_->options);
       crop.car =
           static_cast<int>(2 * number) + (impl_->options.split == CropSplit::kTraining ? 0 : 1);
       out[static_cast<std::size_t>(n - first)] = std::move(crop);

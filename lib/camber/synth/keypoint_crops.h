@@ -41,8 +41,11 @@ struct KeypointCropOptions {
   std::int64_t first = 0;     ///< number of the first crop, >= 0: a set may be made in pieces
   std::int64_t count = 1000;  ///< crops, 1 to 10 million
   int size = 64;              ///< px, 16 to 256
-  int num_threads = 0;        ///< <= 0: all
-  void validate() const;      ///< throws std::invalid_argument
+  /// Share of the crops, 0 to 1, that are views of a car's front or rear (8 degrees, 1 sigma, off
+  /// its axis), as a camera on the same road has them; the others are as without it.
+  double end_on = 0.0;
+  int num_threads = 0;    ///< <= 0: all
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 /// Crop after crop; each is a function of seed, split and number alone, for any number of threads.

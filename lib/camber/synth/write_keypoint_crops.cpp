@@ -13,11 +13,9 @@ namespace {
 namespace fs = std::filesystem;
 
 nlohmann::json options_of(const KeypointCropOptions& options) {
-  return {{"seed", options.seed},
-          {"split", to_string(options.split)},
-          {"first", options.first},
-          {"count", options.count},
-          {"size", options.size}};
+  return {{"seed", options.seed},   {"split", to_string(options.split)},
+          {"first", options.first}, {"count", options.count},
+          {"size", options.size},   {"end_on", options.end_on}};
 }
 
 /// The arrays of a set, each crop a row of each.

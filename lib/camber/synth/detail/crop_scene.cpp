@@ -48,8 +48,12 @@ Eigen::Matrix3f car_rotation(float heading) {
 /// Draws one scene; the parts share what was drawn before them.
 class SceneMaker {
  public:
-  SceneMaker(const CropPool& pool, const CropCarTree& target, Sequence* random)
-      : pool_(pool), target_(target), r_(random), scene_(std::make_unique<CropScene>(random)) {}
+  SceneMaker(const CropPool& pool, const CropCarTree& target, double end_on, Sequence* random)
+      : pool_(pool),
+        target_(target),
+        end_on_(end_on),
+        r_(random),
+        scene_(std::make_unique<CropScene>(random)) {}
 
   std::unique_ptr<CropScene> make() {
     CropScene& s = *scene_;
@@ -117,6 +121,9 @@ class SceneMaker {
     double azimuth = r_->uniform(0.0, 2.0 * kPi);
     if (r_->chance(0.4)) {
       azimuth = (r_->chance(0.6) ? 0.5 : 1.5) * kPi + 25.0 * kDegree * r_->normal();
+    }
+    if (end_on_ > 0.0 && r_->chance(end_on_)) {
+      azimuth = (r_->chance(0.6) ? 0.5 : 1.5) * kPi + 8.0 * kDegree * r_->normal();
     }
     azimuth = std::fmod(azimuth + 4.0 * kPi, 2.0 * kPi);
     const float distance = log_number(r_, 4.0, 60.0);
@@ -487,6 +494,7 @@ class SceneMaker {
 
   const CropPool& pool_;
   const CropCarTree& target_;
+  double end_on_;
   Sequence* r_;
   std::unique_ptr<CropScene> scene_;
   Eigen::Vector2f toward_{1, 0};  ///< from the car to the camera, in plan, unit
@@ -532,8 +540,8 @@ std::array<Eigen::Vector3f, kNumKeypoints> CropScene::keypoints() const {
 }
 
 std::unique_ptr<CropScene> draw_crop_scene(const CropPool& pool, const CropCarTree& target,
-                                           Sequence* random) {
-  return SceneMaker(pool, target, random).make();
+                                           double end_on, Sequence* random) {
+  return SceneMaker(pool, target, end_on, random).make();
 }
 
 }  // namespace camber

@@ -94,8 +94,9 @@ struct CropScene {
 };
 
 /// @param target  outlives the scene, as the pool does
+/// @param end_on  probability of a view of the front or rear, KeypointCropOptions::end_on
 std::unique_ptr<CropScene> draw_crop_scene(const CropPool& pool, const CropCarTree& target,
-                                           Sequence* random);
+                                           double end_on, Sequence* random);
 
 /// Light of the rays of view from the camera.
 class CropShader {
