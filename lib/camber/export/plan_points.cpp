@@ -16,16 +16,15 @@ constexpr double kCellsOfSpacing = 3.0;
 constexpr int kLeastRounds = 3, kMostRounds = 64;  // each takes a far stray's share of the cell off
 constexpr double kSettled = 0.9;
 
-std::size_t hash(const PlanCells::Cell& cell) {
+}  // namespace
+
+std::size_t PlanCells::Hash::operator()(const Cell& cell) const {
   std::uint64_t h = static_cast<std::uint64_t>(cell.x) * 0x9E3779B97F4A7C15ull;
   h = (h ^ (h >> 29) ^ static_cast<std::uint64_t>(cell.y)) * 0xC2B2AE3D27D4EB4Full;
   return static_cast<std::size_t>(h ^ (h >> 32));
 }
 
-}  // namespace
-
-PlanCells::PlanCells(const Vector2d& origin, double size)
-    : origin_(origin), edge_(size), slots_(std::size_t{1} << 8) {}
+PlanCells::PlanCells(const Vector2d& origin, double size) : origin_(origin), edge_(size) {}
 
 PlanCells::Cell PlanCells::cell_of(const Vector2d& place) const {
   constexpr double kMost = 4503599627370496.0;  // 2^52
@@ -35,33 +34,13 @@ PlanCells::Cell PlanCells::cell_of(const Vector2d& place) const {
   return {number(place.x() - origin_.x()), number(place.y() - origin_.y())};
 }
 
-std::size_t PlanCells::slot_of(const Cell& cell) const {
-  const std::size_t mask = slots_.size() - 1;
-  std::size_t at = hash(cell) & mask;
-  while (slots_[at].number != kNone &&
-         !(slots_[at].cell.x == cell.x && slots_[at].cell.y == cell.y)) {
-    at = (at + 1) & mask;
-  }
-  return at;
+std::size_t PlanCells::find(const Cell& cell) const {
+  const auto found = numbers_.find(cell);
+  return found == numbers_.end() ? kNone : found->second;
 }
-
-std::size_t PlanCells::find(const Cell& cell) const { return slots_[slot_of(cell)].number; }
 
 std::size_t PlanCells::add(const Cell& cell) {
-  Slot& slot = slots_[slot_of(cell)];
-  if (slot.number != kNone) return slot.number;
-  const std::size_t number = size_++;
-  slot = {cell, number};
-  if (2 * size_ > slots_.size()) grow();
-  return number;
-}
-
-void PlanCells::grow() {
-  std::vector<Slot> before(2 * slots_.size());
-  before.swap(slots_);
-  for (const Slot& slot : before) {
-    if (slot.number != kNone) slots_[slot_of(slot.cell)] = slot;
-  }
+  return numbers_.try_emplace(cell, numbers_.size()).first->second;
 }
 
 PlanPoints::PlanPoints(const std::vector<Vector3d>& points) : PlanPoints() {

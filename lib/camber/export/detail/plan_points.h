@@ -2,7 +2,9 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <unordered_map>
 #include <vector>
 
 namespace camber::detail {
@@ -13,6 +15,7 @@ class PlanCells {
  public:
   struct Cell {
     std::int64_t x = 0, y = 0;
+    bool operator==(const Cell& other) const { return x == other.x && y == other.y; }
   };
 
   /// @param size  m, edge of a cell, > 0
@@ -20,22 +23,18 @@ class PlanCells {
   Cell cell_of(const Eigen::Vector2d& place) const;
   std::size_t add(const Cell& cell);         ///< its number
   std::size_t find(const Cell& cell) const;  ///< its number, or kNone
-  std::size_t size() const { return size_; }
+  std::size_t size() const { return numbers_.size(); }
 
   static constexpr std::size_t kNone = ~std::size_t{0};
 
  private:
-  struct Slot {
-    Cell cell;
-    std::size_t number = kNone;
+  struct Hash {
+    std::size_t operator()(const Cell& cell) const;
   };
-  std::size_t slot_of(const Cell& cell) const;
-  void grow();
 
   Eigen::Vector2d origin_;
   double edge_;
-  std::vector<Slot> slots_;  // twice as many as cells at least, a power of two
-  std::size_t size_ = 0;
+  std::unordered_map<Cell, std::size_t, Hash> numbers_;
 };
 
 /// Points in cells of the plan that hold a few each. Stray points far away cost nothing.
