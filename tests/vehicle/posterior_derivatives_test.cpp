@@ -227,7 +227,7 @@ TEST(Derivatives, OfTheWholePosterior) {
 
 /// The coefficients' information with all weights held, the shape errors eliminated.
 Eigen::MatrixXd shape_information(const VehiclePosterior& posterior, const VehicleState& state,
-                                  const std::vector<std::vector<double>>& weights,
+                                  const std::vector<std::vector<Eigen::Vector2d>>& weights,
                                   const std::vector<BoxLikelihood::Sides>& sides) {
   const int count = posterior.num_coefficients();
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(count, count);
@@ -254,11 +254,11 @@ Eigen::MatrixXd shape_information(const VehiclePosterior& posterior, const Vehic
       Eigen::MatrixXd rows = by_shape(point);
       rows.col(0) /= keypoints.cell_u();
       rows.col(1) /= keypoints.cell_v();
-      const double weight = weights[at_view][j];
-      out += weight * rows * rows.transpose();
+      const Eigen::Matrix2d weight = weights[at_view][j].asDiagonal();
+      out += rows * weight * rows.transpose();
       const Eigen::Matrix<double, 2, 3>& c = keypoints.cells_by_shape_error();
-      own[i] += weight * c.transpose() * c;
-      cross[i] += weight * c.transpose() * rows.transpose();
+      own[i] += c.transpose() * weight * c;
+      cross[i] += c.transpose() * weight * rows.transpose();
     }
     for (int i = 0; i < sides[at_view].count; ++i) {
       const BoxLikelihood::Side& side = sides[at_view].side[static_cast<std::size_t>(i)];
@@ -285,7 +285,7 @@ TEST(Derivatives, OfTheShapesMarginal) {
     const VehicleState& s = track.state;
     PosteriorEquations equations;
     posterior.evaluate(s, &equations);
-    std::vector<std::vector<double>> weights;
+    std::vector<std::vector<Eigen::Vector2d>> weights;
     std::vector<BoxLikelihood::Sides> sides;
     for (int k = 0; k < views; ++k) {
       const BodyView at = posterior.view(k, s);

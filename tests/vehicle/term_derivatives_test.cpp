@@ -111,7 +111,7 @@ TEST(Derivatives, OfTheErrorDensity) {
     for (const double r : {0.3, 1.0, 2.0, 2.9, 4.0, 9.0}) {
       const Eigen::Vector2d error = r * Eigen::Vector2d(0.6, -0.8);
       const auto density = [&](const Eigen::Vector2d& e) {
-        return error_density(noise, e.squaredNorm(), seen, 1.1, 0.4);
+        return error_density(noise, {e.squaredNorm(), e.squaredNorm()}, seen, 1.1, 0.4);
       };
       const auto cost = [&](const Eigen::VectorXd& step) {
         return -std::log(density(error + step).total);
@@ -134,24 +134,35 @@ TEST(Derivatives, OfTheErrorDensity) {
   EXPECT_GE(uncut, 9);
 }
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr Box2 kUncut = {-kInfinity, -kInfinity, kInfinity, kInfinity};
+
 struct Keypoints {
   Body body;
   KeypointLikelihood likelihood;
-  static Keypoints make(const Scene& s) {
+  static Keypoints make(const Scene& s, const Box2& cuts = kUncut) {
     const ShapePrior& prior = shipped_vehicle_prior().shape("car");
     const int count = static_cast<int>(s.form.shape.size());
     std::array<double, kNumKeypoints> variance;
     variance.fill(0.03 * 0.03);
     return {Body(prior, count, true),
             KeypointLikelihood(s.vehicle.camera, s.vehicle.detection, KeypointSet::kAll36, {},
-                               variance, prior.parameters_mean.head<3>(), /*cut=*/false)};
+                               variance, prior.parameters_mean.head<3>(), cuts)};
   }
 };
+
+/// The image's border through a box, on no keypoint: none, on the right, on the left and below.
+Box2 cuts_of(const Box2& box, int trial) {
+  const Eigen::Vector2d middle = box.center() + Eigen::Vector2d(0.37, 0.41);
+  if (trial % 3 == 0) return kUncut;
+  if (trial % 3 == 1) return {-kInfinity, -kInfinity, middle.x(), kInfinity};
+  return {middle.x(), -kInfinity, kInfinity, middle.y()};
+}
 
 TEST(Derivatives, OfTheKeypointLikelihood) {
   for (int i = 0; i < kTrials; ++i) {
     const Scene s = make_scene(i, i % 2 ? 20 : 5);
-    Keypoints k = Keypoints::make(s);
+    Keypoints k = Keypoints::make(s, cuts_of(s.vehicle.detection.box, i));
     const BodyView at(k.body, s.vehicle.camera, s.pose, s.form);
     k.likelihood.prepare(at);
     ShapeErrors errors;
@@ -193,7 +204,7 @@ TEST(Derivatives, OfTheKeypointLikelihood) {
 TEST(Derivatives, TheKeypointsNormalEquationsAreThoseOfTheirRows) {
   for (int i = 0; i < kTrials; ++i) {
     const Scene s = make_scene(i, 5);
-    Keypoints k = Keypoints::make(s);
+    Keypoints k = Keypoints::make(s, cuts_of(s.vehicle.detection.box, i));
     const BodyView at(k.body, s.vehicle.camera, s.pose, s.form);
     k.likelihood.prepare(at);
     const ShapeErrors errors = ShapeErrors::Constant(0.01);
@@ -203,7 +214,7 @@ TEST(Derivatives, TheKeypointsNormalEquationsAreThoseOfTheirRows) {
     ShapeErrorEquations by_errors;
     by_errors.set_zero(size);
     k.likelihood.add(at, &errors, false, &equations, &by_errors);
-    const std::vector<double> weights = k.likelihood.weights(at, &errors);
+    const std::vector<Eigen::Vector2d> weights = k.likelihood.weights(at, &errors);
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(size, size);
     for (std::size_t j = 0; j < weights.size(); ++j) {
       const int point = k.likelihood.points()[j];
@@ -211,12 +222,13 @@ TEST(Derivatives, TheKeypointsNormalEquationsAreThoseOfTheirRows) {
       at.jacobian(point, rows.col(0).data(), rows.col(1).data());
       rows.col(0) /= k.likelihood.cell_u();
       rows.col(1) /= k.likelihood.cell_v();
-      expected += weights[j] * rows * rows.transpose();
+      const Eigen::Matrix2d weight = weights[j].asDiagonal();
+      expected += rows * weight * rows.transpose();
       const Eigen::Matrix<double, 2, 3>& c = k.likelihood.cells_by_shape_error();
-      const Eigen::MatrixXd cross = weights[j] * c.transpose() * rows.transpose();
-      EXPECT_LT((by_errors.cross.middleRows<3>(3 * point) - cross).norm(), 1e-10 * cross.norm());
-      const Eigen::Matrix3d own = weights[j] * c.transpose() * c;
-      EXPECT_LT((by_errors.own[static_cast<std::size_t>(point)] - own).norm(), 1e-10 * own.norm());
+      const Eigen::MatrixXd cross = c.transpose() * weight * rows.transpose();
+      EXPECT_LE((by_errors.cross.middleRows<3>(3 * point) - cross).norm(), 1e-10 * cross.norm());
+      const Eigen::Matrix3d own = c.transpose() * weight * c;
+      EXPECT_LE((by_errors.own[static_cast<std::size_t>(point)] - own).norm(), 1e-10 * own.norm());
     }
     EXPECT_LT((equations.hessian - expected).norm(), 1e-10 * expected.norm());
   }

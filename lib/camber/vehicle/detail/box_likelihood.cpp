@@ -22,8 +22,12 @@ BoxLikelihood::BoxLikelihood(const PinholeCamera& camera, const Box2& box, const
   edges_[3] = {1, 1.0, box.y2, sv, box.y2 >= camera.height - 1 - noise.border_px};
 }
 
-bool BoxLikelihood::cut() const {
-  return std::any_of(edges_.begin(), edges_.end(), [](const Edge& edge) { return edge.at_border; });
+Box2 BoxLikelihood::cuts() const {
+  const auto limit = [&](std::size_t e) {
+    const Edge& edge = edges_[e];
+    return edge.at_border ? edge.pixel : edge.sign * std::numeric_limits<double>::infinity();
+  };
+  return {limit(0), limit(2), limit(1), limit(3)};
 }
 
 BoxLikelihood::Sides BoxLikelihood::sides(const BodyView& at) const {

@@ -30,8 +30,8 @@ class BoxLikelihood {
   };
   Sides sides(const BodyView& at) const;
 
-  /// Whether the image's border cuts the box.
-  bool cut() const;
+  /// Where the image's border cuts the box, px; infinite at sides that it does not cut.
+  Box2 cuts() const;
 
   /// Adds its minus log density, optionally with its normal equations. @return minus log density
   double add(const BodyView& at, NormalEquations* equations) const;

@@ -19,45 +19,52 @@ double ErrorDensity::share_along(double squared_error) const {
   return std::max(1.0 - (by_squared_precision / total - mean * mean) * squared_error / mean, 0.0);
 }
 
-ErrorDensity error_density(const KeypointNoise& noise, double gross_share, double squared_error,
-                           const ErrorComponents& components, double shape_variance) {
+ErrorDensity error_density(const KeypointNoise& noise, double gross_share,
+                           const SquaredError& error, const ErrorComponents& components,
+                           double shape_variance) {
   ErrorDensity out;
   out.total = gross_share * noise.cell_share * noise.cell_share;
   for (std::size_t c = 0; c < components.size(); ++c) {
     const double variance = components[c].sigma * components[c].sigma + shape_variance;
+    const double squared = c == 0 ? error.seen : error.guessed;
     const double density =
-        components[c].share * std::exp(-0.5 * squared_error / variance) / (2.0 * kPi * variance);
+        components[c].share * std::exp(-0.5 * squared / variance) / (2.0 * kPi * variance);
     const double by_precision = density / variance;
     out.total += density;
     out.by_precision += by_precision;
     out.by_squared_precision += by_precision / variance;
-    if (c == 0) out.seen = density;
+    if (c == 0) {
+      out.seen = density;
+      out.seen_by_precision = by_precision;
+    }
     if (c < 2) out.near += density;
   }
   return out;
 }
 
-ErrorDensity error_density(const KeypointNoise& noise, double squared_error, double seen_share,
+ErrorDensity error_density(const KeypointNoise& noise, const SquaredError& error, double seen_share,
                            double seen_scale, double shape_variance) {
   const double good = 1.0 - noise.gross_share;
   const ErrorComponents components = {
       {{good * seen_share, noise.seen * seen_scale},
        {good * (1.0 - seen_share) * (1.0 - noise.far_share), noise.guessed},
        {good * (1.0 - seen_share) * noise.far_share, noise.guessed_far}}};
-  return error_density(noise, noise.gross_share, squared_error, components, shape_variance);
+  return error_density(noise, noise.gross_share, error, components, shape_variance);
 }
 
 KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
                                        const VehicleDetection& detection, KeypointSet keypoint_set,
                                        const KeypointNoise& noise,
                                        const std::array<double, kNumKeypoints>& shape_variance,
-                                       const Eigen::Vector3d& mean_size, bool cut)
+                                       const Eigen::Vector3d& mean_size, const Box2& cuts)
     : noise_(noise),
       focal_(camera.fx, camera.fy),
       shape_variance_(shape_variance),
       mean_size_(mean_size.sum()),
       cell_u_(std::max(detection.box.width() * noise.cell_share, noise.min_cell_px)),
-      cell_v_(std::max(detection.box.height() * noise.cell_share, noise.min_cell_px)) {
+      cell_v_(std::max(detection.box.height() * noise.cell_share, noise.min_cell_px)),
+      first_(cuts.x1, cuts.y1),
+      last_(cuts.x2, cuts.y2) {
   bool all_confident = true, all_stated = true;
   std::vector<double> confidence, sigma;
   for (int i = 0; i < static_cast<int>(detection.keypoints.size()); ++i) {
@@ -71,6 +78,7 @@ KeypointLikelihood::KeypointLikelihood(const PinholeCamera& camera,
     all_confident &= std::isfinite(k.confidence);
     all_stated &= std::isfinite(k.sigma);
   }
+  const bool cut = first_.isFinite().any() || last_.isFinite().any();
   seen_share_.assign(points_.size(), 0.5);
   if (all_stated && !points_.empty()) {
     // Stated sigmas are the same along both axes, so cells are square.
@@ -119,8 +127,10 @@ void KeypointLikelihood::update_visibility(const BodyView& at) {
   if (!stated_.empty()) return;  // the network states what it sees
   const Eigen::Vector3d eye = rotation.transpose() * -translation;  // vehicle frame
   for (std::size_t j = 0; j < points_.size(); ++j) {
-    double share = shown_to(eye, points_[j], at.in_vehicle(points_[j])) ? noise_.seen_share_shown
-                                                                        : noise_.seen_share_hidden;
+    const Eigen::Array2d pixel = at.pixel(points_[j]).array();
+    const bool in_image = (pixel >= first_).all() && (pixel <= last_).all();
+    const bool shown = in_image && shown_to(eye, points_[j], at.in_vehicle(points_[j]));
+    double share = shown ? noise_.seen_share_shown : noise_.seen_share_hidden;
     if (use_confidence_) {
       const double odds =
           share / (1.0 - share) * std::exp(noise_.confidence_log_odds * (rank_[j] - 0.5));
@@ -156,10 +166,12 @@ void KeypointLikelihood::adapt_noise(const BodyView& at) {
   if (!at.in_front()) return;
   double sum = noise_.adapt_prior_count, count = noise_.adapt_prior_count;
   for (std::size_t j = 0; j < points_.size(); ++j) {
-    const double squared = error(j, at, nullptr).squaredNorm();
+    const SquaredError squared = error(j, at, nullptr).squared;
     const ErrorDensity d = density(j, squared, true);
-    const double share = d.seen / d.total, sigma = seen_sigma(j);
-    sum += share * std::max(squared - 2.0 * shape_variance(j), 0.0) / (sigma * sigma);
+    // Of those with stated sigmas all but the far ones are as accurate as is stated.
+    const double share = (stated_.empty() ? d.seen : d.near) / d.total, sigma = seen_sigma(j);
+    const double counted = stated_.empty() ? squared.seen : squared.guessed;
+    sum += share * std::max(counted - 2.0 * shape_variance(j), 0.0) / (sigma * sigma);
     count += 2.0 * share;
   }
   seen_scale_ = std::clamp(std::sqrt(sum / count), noise_.adapt_min, noise_.adapt_max);
@@ -169,27 +181,36 @@ double KeypointLikelihood::shape_variance(std::size_t j) const {
   return shape_variance_[static_cast<std::size_t>(points_[j])] * shape_error_scale_;
 }
 
-Eigen::Vector2d KeypointLikelihood::error(std::size_t j, const BodyView& at,
-                                          const ShapeErrors* errors) const {
-  const Eigen::Vector2d& pixel = at.pixel(points_[j]);
-  Eigen::Vector2d out((pixel.x() - pixels_[j].x()) / cell_u_,
-                      (pixel.y() - pixels_[j].y()) / cell_v_);
-  if (errors) out += cells_by_shape_error_ * errors->col(points_[j]);
+KeypointLikelihood::Error KeypointLikelihood::error(std::size_t j, const BodyView& at,
+                                                    const ShapeErrors* errors) const {
+  const Eigen::Array2d cell(cell_u_, cell_v_), observed = pixels_[j].array();
+  Eigen::Vector2d projection = at.pixel(points_[j]).array() / cell;
+  if (errors) projection += cells_by_shape_error_ * errors->col(points_[j]);
+  const Eigen::Array2d first = first_ / cell, last = last_ / cell;
+  Error out;
+  out.off = projection.array() - observed / cell;
+  out.beyond = projection.array() < first || projection.array() > last;
+  out.squared.seen = out.squared.guessed = out.off.squaredNorm();
+  if (out.beyond.any()) {
+    const Eigen::Array2d answered = projection.array().max(first).min(last);
+    out.squared.guessed = (answered - observed / cell).matrix().squaredNorm();
+  }
   return out;
 }
 
-ErrorDensity KeypointLikelihood::density(std::size_t j, double squared_error,
+ErrorDensity KeypointLikelihood::density(std::size_t j, const SquaredError& error,
                                          bool integrate_shape) const {
   const double variance = integrate_shape ? shape_variance(j) : 0.0;
   if (stated_.empty()) {
-    return error_density(noise_, squared_error, seen_share_[j], seen_scale_, variance);
+    return error_density(noise_, error, seen_share_[j], seen_scale_, variance);
   }
   const double good = 1.0 - noise_.stated_gross_share, sigma = stated_[j] * seen_scale_;
+  const double near = good * (1.0 - noise_.stated_far_share);
   const ErrorComponents components = {
-      {{good * (1.0 - noise_.stated_far_share), sigma},
-       {0.0, sigma},
+      {{near * seen_share_[j], sigma},
+       {near * (1.0 - seen_share_[j]), sigma},
        {good * noise_.stated_far_share, noise_.stated_far_scale * sigma}}};
-  return error_density(noise_, noise_.stated_gross_share, squared_error, components, variance);
+  return error_density(noise_, noise_.stated_gross_share, error, components, variance);
 }
 
 double KeypointLikelihood::seen_sigma(std::size_t j) const {
@@ -211,14 +232,15 @@ double KeypointLikelihood::add(const BodyView& at, const ShapeErrors* errors, bo
   }
   for (Eigen::Index j = 0; j < count; ++j) {
     const int point = points_[static_cast<std::size_t>(j)];
-    const Eigen::Vector2d off = error(static_cast<std::size_t>(j), at, errors);
-    const double squared = off.squaredNorm();
-    const ErrorDensity d = density(static_cast<std::size_t>(j), squared, errors == nullptr);
+    const Error found = error(static_cast<std::size_t>(j), at, errors);
+    const Eigen::Vector2d& off = found.off;
+    const ErrorDensity d = density(static_cast<std::size_t>(j), found.squared, errors == nullptr);
     cost -= std::log(d.total);
     if (!equations) continue;
-    const double weight = d.weight();
-    const double along = observed ? d.share_along(squared) : 1.0;
-    const double less = along < 1.0 ? (1.0 - along) * weight / squared : 0.0;
+    const Eigen::Vector2d weight = found.weights(d);
+    const double squared = found.squared.seen;
+    const double along = observed && !found.beyond.any() ? d.share_along(squared) : 1.0;
+    const double less = along < 1.0 ? (1.0 - along) * d.weight() / squared : 0.0;
     Eigen::MatrixXd::ColXpr du = rows.col(2 * j), dv = rows.col(2 * j + 1);
     at.jacobian(point, du.data(), dv.data());
     du /= cell_u_;
@@ -228,20 +250,21 @@ double KeypointLikelihood::add(const BodyView& at, const ShapeErrors* errors, bo
       equations->hessian.noalias() -= (less * row) * row.transpose();
     }
     if (error_equations) {
-      const Eigen::Matrix2d information =
-          weight * Eigen::Matrix2d::Identity() - less * off * off.transpose();
+      Eigen::Matrix2d information = -less * off * off.transpose();
+      information.diagonal() += weight;
       const Eigen::Matrix<double, 3, 2> weighted = cells_by_shape_error_.transpose() * information;
       error_equations->own[static_cast<std::size_t>(point)] = weighted * cells_by_shape_error_;
-      error_equations->gradient.col(point) = weight * (cells_by_shape_error_.transpose() * off);
+      error_equations->gradient.col(point) =
+          cells_by_shape_error_.transpose() * weight.cwiseProduct(off);
       for (Eigen::Index p = 0; p < parameters; ++p) {
         error_equations->cross.block<3, 1>(3 * point, p) =
             weighted.col(0) * du[p] + weighted.col(1) * dv[p];
       }
     }
-    const double root = std::sqrt(weight);
-    du *= root;
-    dv *= root;
-    residuals.segment<2>(2 * j) = root * off;
+    const Eigen::Vector2d root = weight.cwiseSqrt();
+    du *= root.x();
+    dv *= root.y();
+    residuals.segment<2>(2 * j) = root.cwiseProduct(off);
   }
   if (equations && count > 0) {
     add_square(rows, &equations->hessian);
@@ -250,11 +273,12 @@ double KeypointLikelihood::add(const BodyView& at, const ShapeErrors* errors, bo
   return cost;
 }
 
-std::vector<double> KeypointLikelihood::weights(const BodyView& at,
-                                                const ShapeErrors* errors) const {
-  std::vector<double> out(points_.size());
+std::vector<Eigen::Vector2d> KeypointLikelihood::weights(const BodyView& at,
+                                                         const ShapeErrors* errors) const {
+  std::vector<Eigen::Vector2d> out(points_.size());
   for (std::size_t j = 0; j < points_.size(); ++j) {
-    out[j] = density(j, error(j, at, errors).squaredNorm(), errors == nullptr).weight();
+    const Error found = error(j, at, errors);
+    out[j] = found.weights(density(j, found.squared, errors == nullptr));
   }
   return out;
 }
@@ -264,10 +288,11 @@ KeypointLikelihood::Agreement KeypointLikelihood::agreement(const BodyView& at) 
   double sum = 0.0;
   for (std::size_t j = 0; j < points_.size(); ++j) {
     if (!at.in_front(points_[j])) continue;
-    const ErrorDensity d = density(j, error(j, at, nullptr).squaredNorm(), true);
+    const ErrorDensity d = density(j, error(j, at, nullptr).squared, true);
     const double near = d.near / d.total;
     out.count += near;
-    sum += near * (at.pixel(points_[j]) - pixels_[j]).squaredNorm();
+    const Eigen::Array2d answered = at.pixel(points_[j]).array().max(first_).min(last_);
+    sum += near * (answered - pixels_[j].array()).matrix().squaredNorm();
   }
   if (out.count > 0.5) out.rmse_px = std::sqrt(sum / out.count);
   return out;

@@ -3,11 +3,16 @@
 // Likelihood of one view's keypoints: a mixture of what the network saw, guessed, and got grossly
 // wrong; which of them it saw, by the side that the vehicle shows and by the confidences. Where the
 // network states a sigma for each keypoint, that takes the place of all but the gross errors.
+//
+// Where the image's border cuts the box, a network puts what lies beyond it inside the box. Of a
+// keypoint that it did not see the pixel is then compared with the point of the border nearest to
+// the projection (a censored measurement: how far beyond the point lies leaves no trace).
 
 #include <array>
 #include <limits>
 #include <vector>
 
+#include "camber/geometry/box.h"
 #include "camber/vehicle/detail/body.h"
 #include "camber/vehicle/detail/normal_equations.h"
 #include "camber/vehicle/fit_vehicle.h"
@@ -19,9 +24,12 @@ struct ErrorDensity {
   double total = 0.0;             ///< 1 / cells^2
   double seen = 0.0, near = 0.0;  ///< parts of it: of the seen component; of all but far and gross
   double by_precision = 0.0, by_squared_precision = 0.0;  ///< sums of density / variance^1, ^2
+  double seen_by_precision = 0.0;                         ///< part of by_precision
 
   /// Mean precision given the error: the weight of a least-squares step, 1 / cells^2.
   double weight() const { return by_precision / total; }
+  /// The part of it that holds where the guesses are censored.
+  double seen_weight() const { return seen_by_precision / total; }
   /// The share of the weight that holds along the error's own direction, as its component is not
   /// known: 1 - Var(precision) r^2 / E(precision), not below 0.
   double share_along(double squared_error) const;
@@ -35,16 +43,22 @@ struct ErrorComponent {
 /// Seen, guessed or off, and far off; the rest of the probability is gross.
 using ErrorComponents = std::array<ErrorComponent, 3>;
 
+/// Squared distance of a pixel from the projection, cells^2.
+struct SquaredError {
+  double seen = 0.0;     ///< of a seen keypoint
+  double guessed = 0.0;  ///< of any other; smaller where the image's border cuts the vehicle
+};
+
 /// @param gross_share  prior probability of an error anywhere in the crop.
-ErrorDensity error_density(const KeypointNoise& noise, double gross_share, double squared_error,
-                           const ErrorComponents& components, double shape_variance);
+ErrorDensity error_density(const KeypointNoise& noise, double gross_share,
+                           const SquaredError& error, const ErrorComponents& components,
+                           double shape_variance);
 
 /// Of a keypoint whose sigma is not stated.
-/// @param squared_error   cells^2
 /// @param seen_share      prior probability that the network saw the keypoint
 /// @param seen_scale      on the standard deviation of seen keypoints
 /// @param shape_variance  cells^2, of its place by the shape error, each axis
-ErrorDensity error_density(const KeypointNoise& noise, double squared_error, double seen_share,
+ErrorDensity error_density(const KeypointNoise& noise, const SquaredError& error, double seen_share,
                            double seen_scale, double shape_variance);
 
 /// A keypoint that the detection has, for the paper's joint problem.
@@ -59,11 +73,11 @@ class KeypointLikelihood {
  public:
   /// @param shape_variance  of each keypoint's shape error, m^2, each axis.
   /// @param mean_size       length, width and height of the prior's mean.
-  /// @param cut             whether the image's border cuts the detection's box.
+  /// @param cuts            where the image's border cuts the detection's box, px; else infinite.
   KeypointLikelihood(const PinholeCamera& camera, const VehicleDetection& detection,
                      KeypointSet keypoint_set, const KeypointNoise& noise,
                      const std::array<double, kNumKeypoints>& shape_variance,
-                     const Eigen::Vector3d& mean_size, bool cut);
+                     const Eigen::Vector3d& mean_size, const Box2& cuts);
 
   /// Leaves the keypoints out.
   void clear();
@@ -92,8 +106,8 @@ class KeypointLikelihood {
   double add(const BodyView& at, const ShapeErrors* errors, bool observed,
              NormalEquations* equations, ShapeErrorEquations* error_equations) const;
 
-  /// Weights of the keypoints at a state, 1 / cells^2, in the order of points().
-  std::vector<double> weights(const BodyView& at, const ShapeErrors* errors) const;
+  /// Weights of the keypoints' u and v at a state, 1 / cells^2, in the order of points().
+  std::vector<Eigen::Vector2d> weights(const BodyView& at, const ShapeErrors* errors) const;
 
   /// How the keypoints agree with a state.
   struct Agreement {
@@ -116,9 +130,18 @@ class KeypointLikelihood {
  private:
   /// Of keypoint j's pixel by its shape error, cells^2, each axis.
   double shape_variance(std::size_t j) const;
-  /// cells
-  Eigen::Vector2d error(std::size_t j, const BodyView& at, const ShapeErrors* errors) const;
-  ErrorDensity density(std::size_t j, double squared_error, bool integrate_shape) const;
+  /// Of a pixel from the projection, cells.
+  struct Error {
+    Eigen::Vector2d off;                          ///< projection minus pixel
+    Eigen::Array2<bool> beyond = {false, false};  ///< the projection lies beyond a cut of the box
+    SquaredError squared;
+    /// Of u and v, 1 / cells^2.
+    Eigen::Vector2d weights(const ErrorDensity& d) const {
+      return beyond.select(Eigen::Array2d::Constant(d.seen_weight()), d.weight());
+    }
+  };
+  Error error(std::size_t j, const BodyView& at, const ShapeErrors* errors) const;
+  ErrorDensity density(std::size_t j, const SquaredError& error, bool integrate_shape) const;
   /// cells, of a seen keypoint, each axis, before it is adapted.
   double seen_sigma(std::size_t j) const;
 
@@ -127,6 +150,7 @@ class KeypointLikelihood {
   std::array<double, kNumKeypoints> shape_variance_;  // m^2
   double mean_size_;                                  // m, sum of the three
   double cell_u_ = 1.0, cell_v_ = 1.0;                // px
+  Eigen::Array2d first_, last_;                       // px, cuts of the box
   std::vector<double> stated_;  // cells, sigmas that the network states; empty: none
   std::vector<int> points_;
   std::vector<Eigen::Vector2d> pixels_;

@@ -30,7 +30,7 @@ std::vector<ShapeTerm> shape_terms(const KeypointLikelihood& keypoints, const Bo
                                    const ShapeErrors* errors,
                                    const Eigen::MatrixXd& errors_by_shape) {
   std::vector<ShapeTerm> out;
-  const std::vector<double> weights = keypoints.weights(at, errors);
+  const std::vector<Eigen::Vector2d> weights = keypoints.weights(at, errors);
   for (std::size_t j = 0; j < weights.size(); ++j) {
     const int point = keypoints.points()[j];
     Eigen::MatrixXd by_shape = shape_jacobian(at, point);
@@ -42,9 +42,9 @@ std::vector<ShapeTerm> shape_terms(const KeypointLikelihood& keypoints, const Bo
     }
     ShapeTerm term;
     term.point = point;
-    term.weight = weights[j] * product(covariance, by_shape);
-    term.weight.col(0) /= keypoints.cell_u();
-    term.weight.col(1) /= keypoints.cell_v();
+    term.weight = product(covariance, by_shape);
+    term.weight.col(0) *= weights[j].x() / keypoints.cell_u();
+    term.weight.col(1) *= weights[j].y() / keypoints.cell_v();
     out.push_back(std::move(term));
   }
   const BoxLikelihood::Sides sides = box.sides(at);

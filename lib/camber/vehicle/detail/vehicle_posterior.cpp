@@ -60,7 +60,7 @@ VehiclePosterior::VehiclePosterior(const PinholeCamera& camera,
   for (const PosteriorView& v : views) {
     boxes_.emplace_back(camera, v.detection->box, noise_.box, layout_.num_views);
     keypoints_.emplace_back(camera, *v.detection, options.keypoint_set, noise_.keypoint,
-                            shape_variance_, prior_.mean_size(), boxes_.back().cut());
+                            shape_variance_, prior_.mean_size(), boxes_.back().cuts());
     // Views of one vehicle share its plane, which counts once over all of them.
     contacts_.emplace_back(*v.support, noise_.contact, options.plane_is_exact,
                            1.0 / layout_.num_views);
