@@ -348,6 +348,19 @@ TEST_F(ParkedCar, AssembleNamesAFocalLengthThatProportionsContradict) {
   EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("0.50 times the focal length"));
   EXPECT_NEAR(wrong.run.scale_sigma, std::hypot(sound.run.scale_sigma, std::log(2.0)), 1e-9);
   EXPECT_EQ(wrong.run.scale_status, Status::kWeak);
+  // What was placed with these metres is known no better than they are.
+  for (std::size_t k = 0; k < 3; ++k) {
+    const VehicleEstimate& before = sound.vehicles.frames[k].vehicles[0];
+    const VehicleEstimate& car = wrong.vehicles.frames[k].vehicles[0];
+    const Eigen::Vector3d center = car.pose.center(), ray = center.normalized();
+    const Eigen::Matrix3d wider = (car.covariance - before.covariance).topLeftCorner<3, 3>();
+    const double sigma = std::log(2.0) * center.norm();
+    EXPECT_NEAR(ray.dot(wider * ray), sigma * sigma, 1e-6 * sigma * sigma);
+    EXPECT_NEAR(wider.trace(), sigma * sigma, 1e-6 * sigma * sigma);
+    const double height = std::log(2.0) * car.plane.offset;
+    EXPECT_NEAR(car.plane_sigma_height, std::hypot(before.plane_sigma_height, height),
+                0.05 * height);
+  }
 
   stages::AssembleOptions later;
   later.noise.focal_length_gate = 100.0;

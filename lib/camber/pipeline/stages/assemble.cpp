@@ -24,6 +24,13 @@ struct FinalRoad {
   std::vector<RunDocument::Warning> warnings;
   Eigen::VectorXd plane_changes;  // rows as in the graph's covariance; empty without vehicles
   Eigen::MatrixXd plane_covariance;
+  // Of the scale, by what contradicts it: in the road, not in what was placed on it before.
+  double contradiction_variance = 0.0;
+
+  void widen_scale(double log_scale_variance) {
+    road = road.with_wider_scale(log_scale_variance);
+    contradiction_variance += log_scale_variance;
+  }
 };
 
 /// The vehicles against the road and its scale, which know nothing of them: their sizes together,
@@ -34,7 +41,7 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   if (!scaled.metric) return;
   const auto contradict = [&](std::string text, double log_scale_variance) {
     final_road->warnings.push_back({"scale_contradicted", std::move(text)});
-    final_road->road = final_road->road.with_wider_scale(log_scale_variance);
+    final_road->widen_scale(log_scale_variance);
   };
   const auto contradicting = std::count_if(
       final_road->reports.begin(), final_road->reports.end(), [&](const ConstraintReport& r) {
@@ -67,7 +74,7 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   const double share =
       contradiction_share(sigmas, noise.vehicle_sizes_start, noise.vehicle_sizes_gate);
   if (report.accepted && share > 0.0) {
-    final_road->road = final_road->road.with_wider_scale(share * change * change);
+    final_road->widen_scale(share * change * change);
   }
   if (!report.accepted) {
     report.reason = fmt::format(
@@ -96,7 +103,7 @@ void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& evi
     final_road->warnings.push_back(
         {"focal_length_contradicted", report.source + ": " + report.reason});
     if (scaled.metric) {
-      final_road->road = final_road->road.with_wider_scale(std::pow(std::log(evidence.factor), 2));
+      final_road->widen_scale(std::pow(std::log(evidence.factor), 2));
     }
   }
   final_road->reports.push_back(std::move(report));
@@ -109,7 +116,7 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
   FusedRoad fused = fuse(scaled.road, constraints, noise.vehicle_population);
   FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, {}, graph.planes.covariance};
   if (scaled.contradiction_variance > 0.0) {
-    out.road = out.road.with_wider_scale(scaled.contradiction_variance);
+    out.widen_scale(scaled.contradiction_variance);
   }
   out.warnings = scaled.contradictions;
   check_by_vehicles(scaled, constraints, noise, &out);
@@ -269,6 +276,19 @@ UncertainPlane plane_under(const SupportPlane& support, const VehicleEstimate& v
   return out;
 }
 
+/// A vehicle, or the plane under it, that was placed with metres which are less known since: as a
+/// whole it is nearer and smaller, or farther and larger.
+void widen_scale(double log_scale_variance, VehicleEstimate* vehicle) {
+  if (log_scale_variance <= 0.0) return;
+  const Eigen::Vector3d center = vehicle->pose.center();
+  vehicle->covariance.topLeftCorner<3, 3>() += log_scale_variance * center * center.transpose();
+}
+
+void widen_scale(double log_scale_variance, UncertainPlane* plane) {
+  const double offset = plane->plane.offset;
+  plane->covariance(2, 2) += log_scale_variance * offset * offset;
+}
+
 /// Where a vehicle contradicts its ground one of the two is wrong: the plane's spread holds both.
 void widen(const SupportPlane& support, const std::string& reason, UncertainPlane* plane,
            PlanePatch* patch) {
@@ -318,6 +338,7 @@ void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& gr
                                       final_road.plane_covariance.block<3, 3>(row, row));
       PlanePatch patch =
           road_patch(ground, final_road.road, frames.camera, *footprint, surface->up);
+      widen_scale(final_road.contradiction_variance, &here);
       if (!contradicted[k][j].empty()) widen(support, contradicted[k][j], &here, &patch);
       patch.without_vehicle = support.plane.transformed(reference_from_frame);
       patch.plane = here.transformed(reference_from_frame);
@@ -495,6 +516,9 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
     surface.driven_line.push_back(road.metres_per_baseline() * p);
   }
   std::vector<std::vector<VehicleEstimate>> vehicles = placed.estimates;
+  for (std::vector<VehicleEstimate>& of_frame : vehicles) {
+    for (VehicleEstimate& v : of_frame) widen_scale(final_road.contradiction_variance, &v);
+  }
   if (method == VehicleMethod::kJoint) {
     add_vehicle_patches(frames, ground, final_road, plan, placed, &surface, &vehicles);
   }
