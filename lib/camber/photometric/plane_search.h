@@ -45,7 +45,7 @@ struct PlaneSearchResult {
   RoadHypothesis best;
   double half_width = 0.0;   ///< of the corridor that was compared, camera heights
   double correlation = 0.0;  ///< of the best
-  int samples = 0;           ///< windows that were compared there
+  int samples = 0;           ///< compared there: one for nine pixels of each other image
   double rival = -1.0;       ///< correlation of the best baseline elsewhere, half the resolution
   double lead = 0.0;         ///< of the best over that, at the same resolution
   double interval = 0.0;     ///< width in the logarithm within 0.05 of the best correlation
@@ -71,7 +71,7 @@ class PlaneSearch {
   /// @param log_baseline  logarithm of the longest baseline over the camera's height.
   double correlation_with_baseline(const MotionEstimate& motion, double log_baseline) const;
 
-  /// Correlation of one hypothesis; *samples receives the number of windows.
+  /// Correlation of one hypothesis; *samples receives those of its result.
   double correlation(const MotionEstimate& motion, const RoadHypothesis& hypothesis,
                      int* samples = nullptr) const;
 

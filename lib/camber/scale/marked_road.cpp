@@ -393,9 +393,7 @@ void describe_markings(const PinholeCamera& camera, const std::vector<PaintedStr
 
 }  // namespace
 
-std::string to_string(MarkingKind kind) {
-  return kind == MarkingKind::kDash ? "dash" : kind == MarkingKind::kCrossing ? "crossing" : "line";
-}
+std::string to_string(MarkingKind kind) { return kind == MarkingKind::kDash ? "dash" : "crossing"; }
 
 void MarkedRoadOptions::validate() const {
   for (const auto& [name, value] :

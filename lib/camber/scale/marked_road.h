@@ -37,8 +37,8 @@ struct MarkedRoadOptions {
   void validate() const;  ///< throws std::invalid_argument
 };
 
-enum class MarkingKind { kDash, kCrossing, kLine };
-std::string to_string(MarkingKind kind);  ///< "dash", "crossing", "line"
+enum class MarkingKind { kDash, kCrossing };
+std::string to_string(MarkingKind kind);  ///< "dash", "crossing"
 
 /// One marking of known size in the image.
 struct SeenMarking {
@@ -57,8 +57,8 @@ struct MarkedRoad {
   static constexpr int kShape = 7;  ///< parameters, see detail/road_shape.h
   Status status = Status::kNotRun;  ///< kOk, or kFailed with a reason: what is missing
   std::string reason;
-  std::vector<SeenMarking> markings;  ///< that take part, nearest first; lines last
-  std::vector<std::size_t> strokes;   ///< indices of the strokes that are these markings
+  std::vector<SeenMarking> markings;  ///< that take part, nearest first; no lines
+  std::vector<std::size_t> strokes;   ///< indices of those that take part, of lines too
   int dashes = 0, crossings = 0, lines = 0;
   double nearest = 0.0, farthest = 0.0;  ///< m, depths of what takes part
   double slope_off_shape = 0.0;          ///< rad, see the options

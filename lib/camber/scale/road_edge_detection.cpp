@@ -28,7 +28,7 @@ constexpr float kLeastLikeness = 0.6F;
 constexpr int kBridged = 4;  // rows in a row that may be unlike the others
 constexpr int kFewest = 12;  // rows of an edge
 
-/// Coarse edge: one entry a row from `first` down (index 0: the topmost).
+/// Coarse edge: one entry a row in reach, the topmost first.
 struct Path {
   std::vector<double> column;
   std::vector<float> step;  // of the mask there

@@ -21,7 +21,8 @@ struct KnownMetres {
   double camera_height_sigma = 0.01;    ///< m
   LaneMarkingSizes markings;            ///< of painted markings
   /// From each frame to the next by the speeds of the scene's frames, also of those between that
-  /// are not used, m; nothing where one of them has none.
+  /// are not used, m; nothing where one of the two has none. One between without a speed is passed
+  /// over.
   std::vector<std::optional<double>> travelled;
   double travelled_sigma = 0.0;  ///< m, of the known ones together
 
