@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "camber/scale/detail/length_measurements.h"
+#include "camber/scale/detail/metric_middle.h"
 
 namespace camber {
 namespace {
@@ -116,8 +117,7 @@ class KnownLengths {
 Eigen::Vector2d metric_middle(const RoadPosterior& road, const PaintedDash& dash) {
   const double near = road.inverse_depth(dash.near_end), far = road.inverse_depth(dash.far_end);
   if (!(near > far) || !(far > 0)) return dash.centroid;
-  const double middle = 2.0 * near * far / (near + far);
-  const double share = (middle - near) / (far - near);
+  const double share = detail::metric_middle_share(near, far);
   const Eigen::Vector2d at = dash.near_end + share * (dash.far_end - dash.near_end);
   return at + (dash.centroid - 0.5 * (dash.near_end + dash.far_end));
 }

@@ -11,6 +11,7 @@
 
 #include "camber/core/threads.h"
 #include "camber/scale/detail/marking_measurements.h"
+#include "camber/scale/detail/metric_middle.h"
 
 namespace camber {
 namespace {
@@ -320,8 +321,7 @@ Eigen::Vector2d metric_middle(const RoadShape& road, const PinholeCamera& camera
                               const PaintedStroke& stroke) {
   const double near = 1.0 / road.depth(camera.ray(stroke.near_end));
   const double far = 1.0 / road.depth(camera.ray(stroke.far_end));
-  const double middle = 2.0 * near * far / (near + far);
-  const double share = std::clamp((middle - near) / (far - near), 0.0, 1.0);
+  const double share = std::clamp(detail::metric_middle_share(near, far), 0.0, 1.0);
   return stroke.middle(stroke.near_end.y() + share * (stroke.far_end.y() - stroke.near_end.y()));
 }
 
