@@ -95,8 +95,9 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
 /// camera.
 std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
                               detail::TravelFrame* frame, NearRoad* out) {
-  constexpr double kWindow = 4.0;           // of the distance to the nearest road
-  constexpr double kCrossSlope = 0.1;       // standard deviation
+  constexpr double kWindow = 4.0;  // of the distance to the nearest road
+  // Standard deviation over that of a point's slope, which counts as 1 in the weights below.
+  constexpr double kCrossSlope = 0.1;
   constexpr int kRounds = 8, kFewest = 30;  // points
   std::vector<Eigen::Vector3d> abu;
   std::vector<double> ahead;
