@@ -191,6 +191,21 @@ TEST(MatchImages, SizesThatDisagreeThrow) {
   EXPECT_THROW(match_images({waves({0, 0}), waves({0, 0})}, -1, {}), std::invalid_argument);
 }
 
+TEST(MatchImages, ImagesThatHoldNoPatchHaveNoMatches) {
+  const int sizes[][2] = {{8, 6}, {40, 12}, {1, 1}, {15, 200}};
+  for (const auto& [width, height] : sizes) {
+    for (const bool smooth : {true, false}) {
+      CorrespondenceOptions options;
+      options.smooth = smooth;
+      const GrayImage image = waves({0, 0}, width, height);
+      const Correspondences found = match_images({image, image}, 0, options);
+      ASSERT_EQ(found.matches.size(), 1u);
+      if (!smooth) continue;
+      for (const float px : found.matches[0].round_trip_px) EXPECT_FALSE(std::isfinite(px));
+    }
+  }
+}
+
 TEST(CorrespondenceOptions, ValidateNamesTheField) {
   CorrespondenceOptions options;
   EXPECT_NO_THROW(options.validate());

@@ -140,8 +140,22 @@ struct FlowImage {
   }
 };
 
+/// Whether a patch fits into the images from the finest scale on: into smaller ones OpenCV's flow
+/// either throws or reads outside of them.
+bool holds_patches(const cv::Size& size, int finest_scale) {
+  constexpr int kPatch = 8, kLeast = 12;  // px
+  return std::min(size.width, size.height) >= kPatch << finest_scale &&
+         std::max(size.width, size.height) >= kLeast;
+}
+
+/// @return NaN where the images are too small.
 DenseFlow opencv_flow(const cv::Mat& from, const cv::Mat& to, const CorrespondenceOptions& options,
                       const DenseFlow& start) {
+  if (!holds_patches(from.size(), options.finest_scale)) {
+    return {
+        cv::Mat(from.size(), CV_32FC2, cv::Scalar::all(std::numeric_limits<double>::quiet_NaN())),
+        0};
+  }
   const cv::Ptr<cv::DISOpticalFlow> dis =
       cv::DISOpticalFlow::create(options.finest_scale == 2 ? cv::DISOpticalFlow::PRESET_FAST
                                                            : cv::DISOpticalFlow::PRESET_MEDIUM);
