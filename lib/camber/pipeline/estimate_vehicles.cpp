@@ -104,7 +104,7 @@ VehicleDocument estimate_vehicles(const Scene& scene, const std::vector<int>& fr
     }
     const RunDocument::CameraPose* seen = find_camera(options, id);
     TrackFrame view;
-    view.time_s = frame->time_s.value_or(frame->id / scene.frame_rate.value_or(10.0));
+    view.time_s = time_of(*frame, scene.frame_rate.value_or(10.0));
     view.detections = frame->vehicles;
     if (seen) {
       view.world_from_camera = seen->reference_from_camera;

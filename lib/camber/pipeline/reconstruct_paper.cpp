@@ -41,7 +41,7 @@ std::vector<TrackFrame> views_of(const LoadedFrames& frames, const MotionEstimat
     const SceneFrame& frame = frames.frames[k];
     TrackFrame view;
     view.world_from_camera = metric_pose(motion, k, ground.metres_per_baseline).inverse();
-    view.time_s = frame.time_s.value_or(frame.id / frames.frame_rate);
+    view.time_s = time_of(frame, frames.frame_rate);
     view.detections = frame.vehicles;
     view.supports = stages::choose_supports(
         frames.camera, frame.vehicles,

@@ -549,6 +549,10 @@ std::vector<std::string> split(const std::string& text, char separator) {
 
 }  // namespace
 
+double time_of(const SceneFrame& frame, double frame_rate) {
+  return frame.time_s.value_or(frame.id / frame_rate);
+}
+
 double default_speed_sigma(double speed) { return std::max(0.1, 0.02 * speed); }
 
 const SceneFrame* Scene::find_frame(int id) const {

@@ -47,6 +47,9 @@ struct SceneFrame {
   std::vector<VehicleDetection> vehicles;
 };
 
+/// When a frame's image was taken, s: its own time, else its id at a frame rate (Hz).
+double time_of(const SceneFrame& frame, double frame_rate);
+
 /// Truth of one vehicle; read by evaluation only.
 struct TruthVehicle {
   int id = 0;

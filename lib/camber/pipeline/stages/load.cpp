@@ -146,10 +146,6 @@ LaneMarkingSizes marking_sizes(const Scene& scene) {
           size("lane_width")};
 }
 
-double time_of(const SceneFrame& frame, double frame_rate) {
-  return frame.time_s.value_or(frame.id / frame_rate);
-}
-
 /// How long each frame's speed counts in a distance, s.
 using SpeedWeights = std::map<int, double>;
 

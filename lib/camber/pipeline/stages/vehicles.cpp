@@ -198,7 +198,7 @@ std::vector<TrackFrame> views_of(const LoadedFrames& frames, const MotionEstimat
     const SceneFrame& frame = frames.frames[k];
     TrackFrame view;
     view.world_from_camera = metric_pose(motion, k, metres_per_baseline).inverse();
-    view.time_s = frame.time_s.value_or(frame.id / frames.frame_rate);
+    view.time_s = time_of(frame, frames.frame_rate);
     view.image = &frames.gray[k];
     const Eigen::Index at = 6 * static_cast<Eigen::Index>(k - (k > frames.reference ? 1 : 0));
     const bool moved = k != frames.reference && at + 6 <= variances.size();
