@@ -260,7 +260,6 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
         fmt::format("{:.1f} standard deviations off the given metres", by_height.residual_sigma);
     by_height.accepted = true;
     by_height.reason.clear();
-    constexpr double kOpenLogScale = 1.0;
     const RoadPosterior open = prior(kOpenLogScale);
     out.road =
         open.conditioned(camera_height_constraint(open, given, frames.known.camera_height_sigma));

@@ -23,9 +23,6 @@
 namespace camber::stages {
 namespace {
 
-/// Of the logarithm of the scale before any source: hardly anything is known.
-constexpr double kOpenLogScale = 1.0;
-
 RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_baseline,
                          const ScaleOptions& options) {
   const EgoPlane& ego = ground.ground.ego;

@@ -29,6 +29,9 @@ struct ScaledRoad {
 
 namespace stages {
 
+/// Standard deviation of the logarithm of the scale before any source: hardly anything is known.
+inline constexpr double kOpenLogScale = 1.0;
+
 struct ScaleOptions {
   bool use_markings = true;    ///< painted markings whose sizes the scene knows
   bool use_road_width = true;  ///< the road's nearly constant width, where a mask shows it
