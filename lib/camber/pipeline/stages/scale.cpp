@@ -167,75 +167,80 @@ FusedRoad fuse_with_given_metres(const RoadPosterior& prior,
   return fused;
 }
 
+std::string larger_or_smaller(double log_ratio) {
+  return fmt::format("everything is {:.0f} % {}", 100.0 * std::abs(std::expm1(log_ratio)),
+                     log_ratio > 0.0 ? "larger" : "smaller");
+}
+
+/// What is compared with the result without taking part in it.
+struct Check {
+  ConstraintReport report;
+  double log_ratio = 0.0;  ///< logarithm of what it finds over the result's
+};
+
 /// The plane search against the ego plane: both measure the camera's height in baselines, the
 /// one on the intensities near the camera, the other by the road ahead.
-std::optional<ConstraintReport> check_search(const LoadedFrames& frames,
-                                             const PhotometricGround& refined,
-                                             const ScaleOptions& options, double* log_difference) {
+std::optional<Check> check_search(const LoadedFrames& frames, const PhotometricGround& refined,
+                                  const ScaleOptions& options) {
   const Ground& ground = refined.ground;
   const ScaleNoise& noise = options.noise;
   if (!ground.search.informative || ground.search.correlation < noise.search_correlation ||
       !(ground.ego.height > 0.0)) {
     return std::nullopt;
   }
-  *log_difference = ground.search.best.log_baseline + std::log(ground.ego.height);
+  const double log_ratio = ground.search.best.log_baseline + std::log(ground.ego.height);
   ConstraintReport out{"plane_search", "intensities of the near road", 0.0, true, {}};
   out.residual_sigma =
-      std::abs(*log_difference) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
+      std::abs(log_ratio) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
   // A search may have found the wrong one of two maxima: the ego plane's has to be plainly worse.
   if (out.residual_sigma > noise.search_gate) {
     out.accepted = lead_over(frames, refined.motion, ground.search, ground.ego.height,
                              options.num_threads) <= noise.search_lead;
   }
   if (!out.accepted) {
-    out.reason = fmt::format("the near road's intensities agree best if everything is {:.0f} % {}",
-                             100.0 * std::abs(std::expm1(*log_difference)),
-                             *log_difference > 0.0 ? "larger" : "smaller");
+    out.reason = "the near road's intensities agree best if " + larger_or_smaller(log_ratio);
   }
-  return out;
+  return Check{std::move(out), log_ratio};
 }
 
 /// The focal length against the epipolar geometry of a camera that turns.
-std::optional<ConstraintReport> check_focal_length(const LoadedFrames& frames,
-                                                   const Correspondences& matches,
-                                                   const MotionEstimate& motion,
-                                                   const ScaleNoise& noise, double* log_factor) {
+std::optional<Check> check_focal_length(const LoadedFrames& frames, const Correspondences& matches,
+                                        const MotionEstimate& motion, const ScaleNoise& noise) {
   const FocalLengthEstimate found =
       estimate_focal_length(frames.camera, matches, static_points(frames, matches), motion);
   if (found.status != Status::kOk) return std::nullopt;
-  *log_factor = std::log(found.factor);
+  const double log_factor = std::log(found.factor);
   ConstraintReport out{
       "focal_length", fmt::format("{} matches in a turn", found.matches), 0.0, true, {}};
   // Errors that neighbours share bend the one or the other: both have to agree.
-  out.residual_sigma = std::min(std::abs(*log_factor) / std::hypot(noise.focal_length, found.sigma),
+  out.residual_sigma = std::min(std::abs(log_factor) / std::hypot(noise.focal_length, found.sigma),
                                 std::sqrt(2.0 * found.gain));
   if (out.residual_sigma > noise.turned_focal_length_gate) {
     out.accepted = false;
     out.reason = fmt::format("they fit {:.2f} times the focal length, {:.1f} standard deviations",
                              found.factor, out.residual_sigma);
   }
-  return out;
+  return Check{std::move(out), log_factor};
 }
 
 /// The focal length against broken lines of known sizes, of which no stroke fits.
-std::optional<ConstraintReport> check_dashes(const LoadedFrames& frames, const GroundRaster& raster,
-                                             const Eigen::Vector3d& travel,
-                                             const ScaledRoad& scaled, const ScaleOptions& options,
-                                             double* log_factor) {
+std::optional<Check> check_dashes(const LoadedFrames& frames, const GroundRaster& raster,
+                                  const Eigen::Vector3d& travel, const ScaledRoad& scaled,
+                                  const ScaleOptions& options) {
   if (!options.use_markings || scaled.markings.dashes > 0) return std::nullopt;
   const DashFocalLength found =
       focal_length_by_dashes(frames.gray[frames.reference], frames.camera, raster, travel,
                              frames.known.markings, scaled.road.scale_sigma(), options.num_threads);
   if (found.strokes == 0) return std::nullopt;
-  *log_factor = std::log(found.factor);
+  const double log_factor = std::log(found.factor);
   ConstraintReport out{
       "focal_length", fmt::format("{} strokes of broken lines", found.strokes), 0.0, false, {}};
-  out.residual_sigma = std::abs(*log_factor) / options.noise.dash_focal_length;
+  out.residual_sigma = std::abs(log_factor) / options.noise.dash_focal_length;
   out.reason = fmt::format(
       "they have the known sizes with {:.2f} times the focal length, {:.1f} "
       "standard deviations",
       found.factor, out.residual_sigma);
-  return out;
+  return Check{std::move(out), log_factor};
 }
 
 /// rad per metre by which the camera turns to the right along its path, about the reference frame;
@@ -259,6 +264,99 @@ double found_share(const TriangulatedPoints& points) {
   return found + dropped > 0.0 ? found / (found + dropped) : 0.0;
 }
 
+void widen(double variance, ScaledRoad* scaled) {
+  scaled->contradiction_variance = std::max(scaled->contradiction_variance, variance);
+}
+
+void contradict(std::string text, ScaledRoad* scaled) {
+  scaled->contradictions.push_back({"scale_contradicted", std::move(text)});
+}
+
+/// The sources, each alone, before the ground is conditioned on all of them.
+void admit_sources(const RoadPosterior& prior, const std::vector<Constraint>& constraints,
+                   const ScaleNoise& noise, ScaledRoad* scaled) {
+  const double fused_change =
+      std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    const ConstraintReport& report = scaled->reports[i];
+    const auto other = contradicting_scale(prior, constraints[i], report, fused_change, noise);
+    if (!other) continue;
+    widen(other->variance, scaled);
+    if (report.accepted) continue;
+    contradict(fmt::format("{} ({}): {}; by it {}", report.name, report.source, report.reason,
+                           larger_or_smaller(other->log_scale)),
+               scaled);
+  }
+}
+
+/// A direction of travel that no camera which looks ahead has, also in a turn.
+void admit_travel_aside(const MotionEstimate& motion, std::size_t reference,
+                        const Eigen::Vector3d& travel, const ScaleNoise& noise,
+                        ScaledRoad* scaled) {
+  const double aside = std::atan2(travel.x(), travel.z());
+  const double turn = noise.most_ahead_of_axle *
+                      path_curvature(motion, reference, travel, scaled->road.metres_per_baseline());
+  const bool beyond = aside > noise.most_aside + std::max(0.0, turn) ||
+                      aside < -noise.most_aside + std::min(0.0, turn);
+  if (!beyond) return;
+  widen(aside * aside, scaled);
+  contradict(
+      fmt::format("calibration: the camera travels {:.0f} degrees to the {} of where it "
+                  "looks: is its principal point right?",
+                  std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"),
+      scaled);
+}
+
+void admit_rejected_intensities(const PhotometricGround& ground, const ScaleNoise& noise,
+                                ScaledRoad* scaled) {
+  if (!ground.rejected_log_scale) return;
+  const double off = *ground.rejected_log_scale;
+  widen(off * off, scaled);
+  if (std::abs(off) > noise.rejected_intensities_gate * scaled->road.scale_sigma()) {
+    contradict(fmt::format("intensities: {}; by them {}", ground.rejection, larger_or_smaller(off)),
+               scaled);
+  }
+}
+
+/// A masked road that the matches hardly find.
+void admit_unfound_road(const LoadedFrames& frames, const TriangulatedPoints& points,
+                        const ScaleNoise& noise, ScaledRoad* scaled) {
+  if (!frames.has_masks()) return;
+  const double found = found_share(points);
+  if (!(found < noise.least_found)) return;
+  widen(noise.unfound_scale * noise.unfound_scale, scaled);
+  contradict(fmt::format("matches: only {:.0f} % of the masked road is found in the other images",
+                         100.0 * found),
+             scaled);
+}
+
+void admit_search(std::optional<Check> check, ScaledRoad* scaled) {
+  if (!check) return;
+  ConstraintReport& report = check->report;
+  if (!report.accepted) {
+    widen(check->log_ratio * check->log_ratio, scaled);
+    contradict(report.name + ": " + report.reason, scaled);
+  }
+  scaled->reports.push_back(std::move(report));
+}
+
+void admit_focal_length(std::optional<Check> check, ScaledRoad* scaled) {
+  if (!check) return;
+  ConstraintReport& report = check->report;
+  if (!report.accepted) {
+    widen(check->log_ratio * check->log_ratio, scaled);
+    scaled->contradictions.push_back(
+        {"focal_length_contradicted", report.source + ": " + report.reason});
+  }
+  scaled->reports.push_back(std::move(report));
+}
+
+void admit_markings(const ScaleNoise& noise, ScaledRoad* scaled) {
+  if (!scaled->markings.contradicts) return;
+  widen(noise.contradicted_scale * noise.contradicted_scale, scaled);
+  contradict("lane_markings: " + scaled->markings.reason, scaled);
+}
+
 /// Names what contradicts the result, and widens its scale by as much.
 void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
                           const PhotometricGround& ground, const GroundRaster& raster,
@@ -266,76 +364,14 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
                           const std::vector<Constraint>& constraints, const ScaleOptions& options,
                           ScaledRoad* scaled) {
   const ScaleNoise& noise = options.noise;
-  double variance = 0.0;
-  const auto contradict = [&](std::string text) {
-    scaled->contradictions.push_back({"scale_contradicted", std::move(text)});
-  };
-  const double fused_change =
-      std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
-  for (std::size_t i = 0; i < constraints.size(); ++i) {
-    const ConstraintReport& report = scaled->reports[i];
-    // Alone, before the ground is conditioned on all sources.
-    const auto other = contradicting_scale(prior, constraints[i], report, fused_change, noise);
-    if (!other) continue;
-    variance = std::max(variance, other->variance);
-    if (report.accepted) continue;
-    contradict(fmt::format("{} ({}): {}; by it everything is {:.0f} % {}", report.name,
-                           report.source, report.reason,
-                           100.0 * std::abs(std::expm1(other->log_scale)),
-                           other->log_scale > 0.0 ? "larger" : "smaller"));
-  }
-  const double aside = std::atan2(travel.x(), travel.z());
-  const double turn =
-      noise.most_ahead_of_axle *
-      path_curvature(ground.motion, frames.reference, travel, scaled->road.metres_per_baseline());
-  if (aside > noise.most_aside + std::max(0.0, turn) ||
-      aside < -noise.most_aside + std::min(0.0, turn)) {
-    variance = std::max(variance, aside * aside);
-    contradict(fmt::format(
-        "calibration: the camera travels {:.0f} degrees to the {} of where it looks: is "
-        "its principal point right?",
-        std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"));
-  }
-  if (ground.rejected_log_scale) {
-    const double off = *ground.rejected_log_scale;
-    variance = std::max(variance, off * off);
-    if (std::abs(off) > noise.rejected_intensities_gate * scaled->road.scale_sigma()) {
-      contradict(fmt::format("intensities: {}; by them everything is {:.0f} % {}", ground.rejection,
-                             100.0 * std::abs(std::expm1(off)), off > 0.0 ? "larger" : "smaller"));
-    }
-  }
-  if (frames.has_masks()) {
-    const double found = found_share(ground.ground.seen.points);
-    if (found < noise.least_found) {
-      variance = std::max(variance, noise.unfound_scale * noise.unfound_scale);
-      contradict(fmt::format(
-          "matches: only {:.0f} % of the masked road is found in the other images", 100.0 * found));
-    }
-  }
-  double difference = 0.0;
-  if (auto report = check_search(frames, ground, options, &difference)) {
-    if (!report->accepted) {
-      variance = std::max(variance, difference * difference);
-      contradict(report->name + ": " + report->reason);
-    }
-    scaled->reports.push_back(std::move(*report));
-  }
-  const auto take_focal_length = [&](std::optional<ConstraintReport> report) {
-    if (!report) return;
-    if (!report->accepted) {
-      variance = std::max(variance, difference * difference);
-      scaled->contradictions.push_back(
-          {"focal_length_contradicted", report->source + ": " + report->reason});
-    }
-    scaled->reports.push_back(std::move(*report));
-  };
-  take_focal_length(check_focal_length(frames, matches, ground.motion, noise, &difference));
-  take_focal_length(check_dashes(frames, raster, travel, *scaled, options, &difference));
-  if (scaled->markings.contradicts) {
-    variance = std::max(variance, noise.contradicted_scale * noise.contradicted_scale);
-    contradict("lane_markings: " + scaled->markings.reason);
-  }
-  scaled->contradiction_variance = variance;
+  admit_sources(prior, constraints, noise, scaled);
+  admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
+  admit_rejected_intensities(ground, noise, scaled);
+  admit_unfound_road(frames, ground.ground.seen.points, noise, scaled);
+  admit_search(check_search(frames, ground, options), scaled);
+  admit_focal_length(check_focal_length(frames, matches, ground.motion, noise), scaled);
+  admit_focal_length(check_dashes(frames, raster, travel, *scaled, options), scaled);
+  admit_markings(noise, scaled);
 }
 
 bool accepted(const std::vector<ConstraintReport>& reports, const std::string& name) {
