@@ -517,6 +517,9 @@ TEST(ReconstructOptions, ValidateNamesTheField) {
   }
   options.rounds = -1;
   EXPECT_THROW(options.validate(), std::invalid_argument);
+  options = {};
+  options.surface.patch_length = 0.0;
+  EXPECT_THROW(options.validate(), std::invalid_argument);
 }
 
 std::map<std::string, std::string> files_below(const fs::path& folder) {

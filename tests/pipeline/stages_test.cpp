@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 #include <string>
 
 #include "camber/core/errors.h"
@@ -585,6 +586,30 @@ TEST(SurfaceStage, EndsWhereTheRoadIsKnownTooBadly) {
   EXPECT_LE(near, 5u);
   options.worst_height = 1e-6;
   EXPECT_EQ(plan_of(drive, options).road.size(), 0u);
+}
+
+TEST(SurfaceStage, ValidateNamesTheField) {
+  stages::SurfaceOptions options;
+  EXPECT_NO_THROW(options.validate());
+  const auto refused = [&] {
+    try {
+      options.validate();
+    } catch (const std::invalid_argument& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  options.grazing_px = 0.0;
+  EXPECT_NO_THROW(options.validate());
+  options.grazing_px = -1.0;
+  EXPECT_THAT(refused(), HasSubstr("grazing_px: -1"));
+  options = {};
+  options.reach = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(refused(), HasSubstr("reach"));
+  options = {};
+  options.patch_length = 0.0;
+  EXPECT_THAT(refused(), HasSubstr("patch_length: 0"));
+  EXPECT_THROW(plan_of(make_drive({}), options), std::invalid_argument);
 }
 
 TEST(SurfaceStage, LaysAPatchUnderEveryDetectionThatTouchesGround) {

@@ -53,6 +53,7 @@ void ReconstructOptions::validate() const {
   }
   match.flow.validate();
   motion.validate();
+  surface.validate();
   vehicles.fit.validate();
   vehicles.support.validate();
   paper.vehicles.weights.validate();

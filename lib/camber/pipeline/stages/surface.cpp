@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "camber/core/threads.h"
 
@@ -195,9 +196,26 @@ std::optional<PatchFootprint> footprint_under(const LoadedFrames& frames, const 
 
 }  // namespace
 
+void SurfaceOptions::validate() const {
+  const auto require_positive = [](const char* name, double value) {
+    if (!(value > 0.0)) {
+      throw std::invalid_argument(fmt::format("{}: {}, must be greater than 0", name, value));
+    }
+  };
+  require_positive("patch_length", patch_length);
+  require_positive("patch_half_width", patch_half_width);
+  require_positive("reach", reach);
+  require_positive("worst_height", worst_height);
+  require_positive("box_expansion", box_expansion);
+  if (!(grazing_px >= 0.0)) {
+    throw std::invalid_argument(fmt::format("grazing_px: {}, must be at least 0", grazing_px));
+  }
+}
+
 SurfacePlan surface(const LoadedFrames& frames, const Correspondences& matches,
                     const MotionEstimate& motion, const Ground& ground, const RoadPosterior& road,
                     const SurfaceOptions& options) {
+  options.validate();
   constexpr int kFewPoints = 20;
   struct Detection {
     std::size_t frame, at;

@@ -39,20 +39,22 @@ struct SurfaceOptions {
   double patch_length = 5.0;      ///< m, along the road, > 0
   double patch_half_width = 2.0;  ///< m, > 0
   double reach = 60.0;            ///< m ahead, > 0
-  double worst_height = 0.5;      ///< m, standard deviation of a plane's height that ends the road
-  /// px, of the angle between the line of sight and a plane: below it the road may fall away
+  double worst_height = 0.5;      ///< m, standard deviation of a plane's that ends the road, > 0
+  /// px, >= 0, of the angle between the line of sight and a plane: below it the road may fall away
   /// unseen, and what bridges a dip is no road. Drawn crests: nearly all planes below were wrong.
   double grazing_px = 6.5;
-  /// Factor on a detection's box in which ground points are counted for the plane under it (paper,
-  /// section III-C: 1.9 to 2.0).
+  /// Factor, > 0, on a detection's box in which ground points are counted for the plane under it
+  /// (paper, section III-C: 1.9 to 2.0).
   double box_expansion = 1.95;
   LocalPlaneOptions under_vehicle;
   bool under_vehicles = true;  ///< false: the road alone has patches
   int num_threads = 0;         ///< <= 0: see resolve_num_threads
+  void validate() const;       ///< throws std::invalid_argument
 };
 
 /// Decides which patches the surface has: pieces of road while the ground is seen, and the ground
 /// under each detection of each frame.
+/// @throws std::invalid_argument if options.validate() fails.
 SurfacePlan surface(const LoadedFrames& frames, const Correspondences& matches,
                     const MotionEstimate& motion, const Ground& ground, const RoadPosterior& road,
                     const SurfaceOptions& options);
