@@ -494,6 +494,27 @@ TEST_F(SteepHillRun, FramesThatCannotAnswerSaySo) {
   EXPECT_THROW(reconstruct(missing, {0, 1, 2}, {}), InputError);
 }
 
+TEST_F(SteepHillRun, ImagesOfAFewPixelsCannotAnswer) {
+  Scene tiny = *half_;
+  tiny.camera = {8, 6, 5.0, 5.0, 3.5, 2.5};
+  for (SceneFrame& frame : tiny.frames) {
+    frame.segmentation.clear();
+    frame.vehicles.clear();
+  }
+  ReconstructOptions options;
+  options.load.pixels = [](int id) {
+    FramePixels out;
+    out.image = {8, 6, 1, std::vector<std::uint8_t>(48, static_cast<std::uint8_t>(40 * id))};
+    return out;
+  };
+  try {
+    reconstruct(tiny, {0, 1, 2}, options);
+    ADD_FAILURE() << "48 pixels gave an answer";
+  } catch (const NoAnswerError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("0 matched points"));
+  }
+}
+
 TEST_F(SteepHillRun, ProgressIsToldAndMayInterrupt) {
   std::set<std::string> stages;
   const Progress listen = [&](const std::string& stage, double share) {
