@@ -103,6 +103,14 @@ TEST(PaperGround, ScaleByEachPatchIsThatOfTheRoadOnlyWhereTheRoadIsLevel) {
   }
 }
 
+TEST(PaperGround, AnEgoPlaneThatNoPointCarriesIsNoAnswer) {
+  const test::MadeDrive drive = drive_with_vehicles();
+  Ground ground = test::exact_ground(drive);
+  ground.ego.points = 0;
+  EXPECT_THROW(stages::paper_ground(drive.frames, drive.matches, drive.motion, ground, {}),
+               NoAnswerError);
+}
+
 TEST(PaperNames, AreReadBack) {
   for (const PaperScale scale : {PaperScale::kEgo, PaperScale::kPatch}) {
     EXPECT_EQ(paper_scale_from_string(to_string(scale)), scale);

@@ -168,6 +168,12 @@ EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, Profi
                        Eigen::Vector3d(0, -1, 0), motion.covariance, ego);
 }
 
+void require_seen(const EgoPlane& ego) {
+  if (ego.points == 0) {
+    throw NoAnswerError("no road plane under the camera: no match shows the road near it");
+  }
+}
+
 void require_one_road(const EgoPlane& ego) {
   constexpr double kLeastAgreeing = 0.5;
   if (ego.points < kLeastAgreeing * ego.compared) {

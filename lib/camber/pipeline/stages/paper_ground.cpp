@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "camber/core/median.h"
+#include "camber/pipeline/stages/detail/ground_steps.h"
 #include "camber/plane/dominant_plane_pcl.h"
 
 namespace camber {
@@ -140,6 +141,7 @@ std::vector<int> with_neighbours(const PinholeCamera& camera,
 PaperGround paper_ground(const LoadedFrames& frames, const Correspondences& matches,
                          const MotionEstimate& motion, const Ground& ground,
                          const PaperGroundOptions& options) {
+  if (frames.size() > 1) detail::require_seen(ground.ego);  // one image: it is given
   const double height = frames.known.camera_height.value_or(options.unknown_camera_height);
   const PaperPlaneSigmas& sigmas = options.sigmas;
   const TriangulatedPoints& points = ground.seen.points;

@@ -65,6 +65,7 @@ struct PaperGroundOptions {
 /// The paper's planes (section III-C): under every vehicle the dominant plane of the road points in
 /// its expanded box, by RANSAC (PCL), with metres by the camera's height over the ego patch.
 /// @param ground  of which the points and the ego plane are taken, not the field.
+/// @throws NoAnswerError where no road point of several images carries the ego plane.
 PaperGround paper_ground(const LoadedFrames& frames, const Correspondences& matches,
                          const MotionEstimate& motion, const Ground& ground,
                          const PaperGroundOptions& options);

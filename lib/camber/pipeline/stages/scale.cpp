@@ -8,7 +8,6 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/motion/self_calibration.h"
 #include "camber/pipeline/stages/detail/ground_steps.h"
@@ -383,9 +382,7 @@ bool accepted(const std::vector<ConstraintReport>& reports, const std::string& n
 
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options) {
-  if (ground.ground.ego.points == 0) {
-    throw NoAnswerError("no road plane under the camera: no match shows the road near it");
-  }
+  detail::require_seen(ground.ground.ego);
   detail::require_one_road(ground.ground.ego);
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;

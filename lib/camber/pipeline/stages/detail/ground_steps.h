@@ -18,6 +18,9 @@ ProfilePoints matched_profile(const GroundPoints& seen);
 EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, ProfilePoints points,
                  const GroundOptions& options);
 
+/// @throws NoAnswerError where no road point carries the ego plane: it is the plane search's alone.
+void require_seen(const EgoPlane& ego);
+
 /// @throws NoAnswerError where fewer than half of the points near the driven path agree with one
 /// road. In 360 sound runs of rendered scenes 0.72 and more do, in three that were wrong by half
 /// and more a quarter.
