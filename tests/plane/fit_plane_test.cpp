@@ -10,6 +10,8 @@
 
 #include "camber/core/random.h"
 #include "camber/plane/detail/local_noise.h"
+#include "camber/plane/detail/plane_sample.h"
+#include "camber/plane/detail/repeated_values.h"
 #include "camber/plane/noise_model.h"
 #include "camber/plane/plane_covariance.h"
 #include "camber/plane/plane_solver.h"
@@ -398,6 +400,115 @@ TEST(FitPlane, PassesByRaysThatMetNothing) {
   const PlaneFit fit = fit_plane(cloud, {});
   ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
   EXPECT_NEAR(fit.plane.plane.offset, 2.0, 0.001);
+}
+
+/// Where a fit's centroid lies above z = slope . (x, y) + height, and turns about its axes, in the
+/// fit's standard deviations.
+Vector3d normalised_errors(const PlaneFit& fit, double slope_x, double slope_y, double height) {
+  const Vector3d truth = Vector3d(-slope_x, -slope_y, 1.0).normalized();
+  const Vector3d c = fit.plane.centroid;
+  const Vector3d turn = fit.plane.plane.normal.cross(truth);
+  const Vector3d sigma = fit.plane.covariance.diagonal().cwiseSqrt();
+  return {turn.dot(fit.plane.axis1) / sigma[0], turn.dot(fit.plane.axis2) / sigma[1],
+          truth.z() * (c.z() - slope_x * c.x() - slope_y * c.y() - height) / sigma[2]};
+}
+
+TEST(FitPlane, HeightsThatAreRoundedLieOnTheSlope) {
+  struct Case {
+    double step, noise, slope_x, slope_y;
+  };
+  for (const Case& made : {Case{0.01, 0.003, 0.005, 0.01}, Case{0.02, 0.005, 0.03, -0.02},
+                           Case{0.05, 0.01, 0.04, 0.01}, Case{0.1, 0.03, -0.02, 0.03},
+                           Case{0.01, 0.001, 0.001, 0.001}}) {
+    double squares = 0.0;
+    constexpr int kDraws = 12;
+    for (std::uint64_t seed = 0; seed < kDraws; ++seed) {
+      const CounterRandom random(seed, 8);
+      RoadCloud cloud;
+      for (std::size_t i = 0; i < 3000; ++i) {
+        const double x = random.uniform(3 * i, 0, 20), y = random.uniform(3 * i + 1, -4, 4);
+        const double z =
+            made.slope_x * x + made.slope_y * y + 0.3217 + made.noise * random.normal(i);
+        cloud.points.push_back(Vector3d(x, y, std::round(z / made.step) * made.step).cast<float>());
+      }
+      const PlaneFit fit = fit_plane(cloud, {});
+      ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+      EXPECT_GT(fit.num_inliers, 2800u) << made.step;
+      EXPECT_GE(fit.noise, 0.99 * detail::rounding_deviation(made.step));
+      squares += normalised_errors(fit, made.slope_x, made.slope_y, 0.3217).squaredNorm();
+    }
+    // Mean of 36 squares with the mean 1: three standard deviations of it.
+    EXPECT_LT(squares / (3 * kDraws), 1.0 + 3.0 * std::sqrt(2.0 / (3 * kDraws))) << made.step;
+  }
+}
+
+TEST(FitPlane, StepsThatTheSurfaceHasAreNoRounding) {
+  // Heights in steps of 0.05 since the points lie on a grid: no point is off.
+  RoadCloud cloud;
+  for (int i = 0; i < 40; ++i) {
+    for (int j = 0; j < 40; ++j) cloud.points.emplace_back(i, j, 0.0625f * static_cast<float>(i));
+  }
+  const PlaneFit fit = fit_plane(cloud, {});
+  EXPECT_LT(fit.noise, 1e-4);
+  EXPECT_EQ(fit.num_inliers, 1600u);
+}
+
+TEST(FitPlane, CopiesOfPointsAddNothing) {
+  const RoadCloud once = sheet(3000, 0.01);
+  const PlaneFit alone = fit_plane(once, {});
+  for (const std::size_t copies : {2, 4, 50}) {
+    for (const bool beside : {false, true}) {
+      RoadCloud cloud;
+      for (std::size_t k = 0; k < copies * once.size(); ++k) {
+        cloud.points.push_back(once.points[beside ? k / copies : k % once.size()]);
+      }
+      const PlaneFit fit = fit_plane(cloud, {});
+      ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
+      EXPECT_NEAR(fit.noise, alone.noise, 0.05 * alone.noise) << copies;
+      const Vector3d ratio =
+          fit.plane.covariance.diagonal().cwiseQuotient(alone.plane.covariance.diagonal());
+      // The number of copies of a large cloud is estimated, and so is how uneven the noise is.
+      EXPECT_GT(ratio.minCoeff(), 0.5) << copies << beside;
+      EXPECT_LT(ratio.maxCoeff(), 2.0) << copies << beside;
+    }
+  }
+}
+
+TEST(RepeatedValues, StepsAreFoundAmongRoundedNumbersAlone) {
+  const CounterRandom random(3, 1);
+  const auto step_of = [&](std::size_t n, auto&& value) {
+    std::vector<float> values;
+    for (std::size_t i = 0; i < n; ++i) values.push_back(static_cast<float>(value(i)));
+    return detail::coordinate_step(values, 1e-6);
+  };
+  const auto rounded = [&](double step, double width) {
+    return [&, step, width](std::size_t i) {
+      return std::round(random.uniform(i, 0.0, width) / step) * step;
+    };
+  };
+  EXPECT_NEAR(step_of(4000, rounded(0.01, 1.0)), 0.01, 1e-6);
+  EXPECT_NEAR(step_of(4000, rounded(0.1, 0.25)), 0.1, 1e-6);
+  EXPECT_NEAR(step_of(4000, rounded(0.0625, 80.0)), 0.0625, 1e-6);
+  // A few strays among them.
+  EXPECT_NEAR(step_of(4000,
+                      [&](std::size_t i) {
+                        return i % 50 == 0 ? random.uniform(i, -3, 3) : rounded(0.01, 1.0)(i);
+                      }),
+              0.01, 1e-6);
+  EXPECT_EQ(step_of(4000, [&](std::size_t i) { return random.normal(i); }), 0.0);
+  // Copies of real numbers; one level, and two.
+  EXPECT_EQ(step_of(4000, [&](std::size_t i) { return random.normal(i / 20); }), 0.0);
+  EXPECT_EQ(step_of(4000, [](std::size_t) { return 0.3; }), 0.0);
+  EXPECT_EQ(step_of(4000, [](std::size_t i) { return i % 2 == 0 ? 0.0 : 0.15; }), 0.0);
+  // Floats' own steps.
+  EXPECT_EQ(step_of(4000, [&](std::size_t i) { return 1.0 + 1e-7 * random.uniform(i); }), 0.0);
+}
+
+TEST(RepeatedValues, WhatRoundingSharesFadesWithNoiseAndSlope) {
+  EXPECT_NEAR(detail::shared_rounding(0.01, 0.0, 0.0), 0.01 / std::sqrt(12.0), 1e-12);
+  EXPECT_LT(detail::shared_rounding(0.01, 0.01, 0.0), 1e-4);
+  EXPECT_LT(detail::shared_rounding(0.01, 0.003, 1.0), 2e-5);
+  EXPECT_EQ(detail::shared_rounding(0.0, 0.01, 1.0), 0.0);
 }
 
 TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {

@@ -10,6 +10,7 @@
 #include "camber/plane/detail/local_noise.h"
 #include "camber/plane/detail/plane_coverage.h"
 #include "camber/plane/detail/plane_hypotheses.h"
+#include "camber/plane/detail/repeated_values.h"
 #include "camber/plane/noise_model.h"
 #include "camber/plane/plane_covariance.h"
 
@@ -28,14 +29,23 @@ constexpr std::size_t kManyPasses = 262144;  // up to it all points are iterated
 /// Everything about one fit.
 class Fitter {
  public:
-  /// @param shared  m, standard deviation of an error that all points may share
-  Fitter(const PointColumns& source, const PlaneFitOptions& options, double shared = 0.0)
-      : source_(source), options_(options), up_(options.up.normalized()), shared_(shared) {}
+  /// @param shared     m, standard deviation of an error that all points may share
+  /// @param may_round  equal steps among the coordinates come from rounding
+  Fitter(const PointColumns& source, const PlaneFitOptions& options, double shared = 0.0,
+         bool may_round = true)
+      : source_(source),
+        options_(options),
+        up_(options.up.normalized()),
+        shared_(shared),
+        may_round_(may_round) {}
 
   PlaneFit run();
 
   /// After run(): there is no plane since more points leave any than lie on it.
   bool bends() const { return bends_; }
+  /// After run(): the plane runs through several of the steps that were taken for rounding, and the
+  /// points lie on it as none do that were rounded.
+  bool steps_are_exact() const { return steps_are_exact_; }
   double spread() const { return sample_.spread; }  ///< m, of the points
   /// m, inlier threshold of the noise; 0 where the points state their own.
   double threshold() const {
@@ -43,6 +53,7 @@ class Fitter {
   }
 
  private:
+  void find_steps();
   void choose_noise();
   PlaneCandidate choose_candidate(std::vector<PlaneCandidate>* candidates);
   void relearn_power_law(PointArrays* points, PlaneCandidate* candidate) const;
@@ -51,7 +62,7 @@ class Fitter {
   kernels::Moments all_moments(const PlaneCandidate& candidate, bool finish, double inlier_share,
                                PlaneFit* fit) const;
   void describe(const PlaneCandidate& candidate, const kernels::Moments& full,
-                const kernels::Moments& influence, PlaneFit* fit);
+                kernels::Moments influence, PlaneFit* fit);
 
   PlaneFit fail(Status status, const std::string& reason, int hypotheses = 0) const {
     PlaneFit fit;
@@ -73,7 +84,10 @@ class Fitter {
   const PlaneFitOptions& options_;
   Vector3d up_;
   double shared_;
-  bool bends_ = false;
+  bool may_round_;
+  bool bends_ = false, steps_are_exact_ = false;
+  Eigen::Index step_axis_ = 2;  // along which rounding is looked for: the nearest to up
+  double step_ = 0.0;           // m; 0: none
   PlaneSample sample_;
   NoiseModel noise_;
 };
@@ -103,12 +117,26 @@ void Fitter::relearn_power_law(PointArrays* points, PlaneCandidate* c) const {
 }
 
 /// Covariance, condition, status.
-void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full,
-                      const kernels::Moments& s, PlaneFit* fit) {
+void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full, kernels::Moments s,
+                      PlaneFit* fit) {
   std::optional<UnknownRays> rays;  // sample_.subset is weighed for the plane
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(sample_.subset, c.plane, c.window);
+  detail::count_places_once(sample_.copies, &s);
+  // How far the points' plane runs along the axis of the steps, as of points spread evenly.
+  const double step = step_ * std::abs(c.plane.n[step_axis_]);
+  const double mu = full.u / full.weight, mv = full.v / full.weight;
+  const double a = c.window.a[step_axis_], b = c.window.b[step_axis_];
+  const double variance = a * a * (full.uu / full.weight - mu * mu) +
+                          2.0 * a * b * (full.uv / full.weight - mu * mv) +
+                          b * b * (full.vv / full.weight - mv * mv);
+  const double range = std::sqrt(12.0 * std::max(variance, 0.0));
+  const double rounding = detail::shared_rounding(
+      step_, std::sqrt(full.count / full.weight) / std::abs(c.plane.n[step_axis_]), range);
   const PlaneEstimate estimate =
-      estimate_covariance(c.plane, c.window, full, s, up_, rays, shared_);
+      estimate_covariance(c.plane, c.window, full, s, up_, rays,
+                          std::hypot(shared_, rounding * std::abs(c.plane.n[step_axis_])));
+  constexpr double kExact = 0.1;  // of a step; rounding gives 0.29
+  steps_are_exact_ = step > 0.0 && range > 2.0 * step_ && fit->rmse < kExact * step;
   bends_ = estimate.bends;
   fit->plane = estimate.plane;
   const Vector3d pivot = this->pivot() + source_.origin;
@@ -150,6 +178,18 @@ void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full,
   fit->reason = estimate.reason;
 }
 
+/// The step of rounded coordinates; the noise is no less than theirs.
+void Fitter::find_steps() {
+  if (!may_round_) return;
+  up_.cwiseAbs().maxCoeff(&step_axis_);
+  const PointArrays& s = sample_.subset;
+  const std::vector<float>& all = step_axis_ == 0 ? s.x : step_axis_ == 1 ? s.y : s.z;
+  const std::vector<float> values(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(s.size));
+  step_ = detail::coordinate_step(values, sample_.least_noise);
+  sample_.least_noise =
+      std::max(sample_.least_noise, detail::rounding_deviation(step_ * std::abs(up_[step_axis_])));
+}
+
 void Fitter::choose_noise() {
   if (fixed_threshold()) {
     noise_.kind = NoiseKind::kSame;
@@ -162,6 +202,7 @@ void Fitter::choose_noise() {
   } else {
     noise_.kind = source_.sigma ? NoiseKind::kPower : NoiseKind::kSame;
   }
+  if (noise_.kind != NoiseKind::kSame && step_ > 0.0) noise_.least = sample_.least_noise;
   if (!fixed_threshold() && (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower)) {
     detail::learn_local_noise(sample_.ordered, sample_.leaves, {}, up_, options_.max_tilt,
                               sample_.least_noise, options_.seed, options_.num_threads, &noise_);
@@ -222,6 +263,7 @@ PlaneFit Fitter::run() {
                 fmt::format("{} usable points, at least 3 are needed", sample_.usable));
   }
   if (!(sample_.spread > 0.0)) return fail(Status::kFailed, "all points lie at one place");
+  find_steps();
   detail::order_by_neighbourhood(up_, &sample_);
   choose_noise();
   PlaneHypotheses hypotheses(options_, noise_, &sample_);
@@ -283,8 +325,12 @@ PlaneFit run_fit(const PointColumns& source, const PlaneFitOptions& options) {
   options.validate();
   Fitter fitter(source, options);
   PlaneFit fit = fitter.run();
-  if (fitter.bends() && options.inlier_threshold == 0.0) {
-    if (auto found = fit_bending(source, options, fitter.threshold(), fitter.spread())) {
+  Fitter exact(source, options, 0.0, false);
+  const bool is_exact = fitter.steps_are_exact();
+  if (is_exact) fit = exact.run();
+  const Fitter& last = is_exact ? exact : fitter;
+  if (last.bends() && options.inlier_threshold == 0.0) {
+    if (auto found = fit_bending(source, options, last.threshold(), last.spread())) {
       return std::move(*found);
     }
   }

@@ -9,6 +9,8 @@
 
 #include "camber/core/threads.h"
 #include "camber/plane/detail/plane_coverage.h"
+#include "camber/plane/detail/plane_sample.h"
+#include "camber/plane/detail/repeated_values.h"
 #include "camber/plane/noise_model.h"
 #include "camber/road/detail/patch_kinds.h"
 #include "camber/road/detail/patch_labels.h"
@@ -48,10 +50,41 @@ bool is_rough(PointArrays* points, const PlaneCandidate& candidate, const NoiseM
   return sizes.size() >= 20 && quantile(sizes, 0.5) > kMore * kMedianOfNormal;
 }
 
+/// What rounding and copying have done to a cloud.
+struct Repetition {
+  double step = 0.0;    ///< m, of heights; 0: none
+  double copies = 1.0;  ///< see take_copies()
+};
+
+Repetition find_repetition(const RoadCloud& cloud, const GroundTree& tree) {
+  Repetition out;
+  const PointArrays& s = tree.points();
+  std::vector<float> heights;
+  const std::size_t stride = 1 + tree.size() / detail::kPlaneSample;
+  for (const GroundTree::Leaf& leaf : tree.leaves()) {
+    for (std::size_t k = leaf.begin; k < leaf.end; k += stride) heights.push_back(s.z[k]);
+  }
+  out.step = detail::coordinate_step(heights, 4e-7 * tree.spread());
+  std::vector<std::uint32_t> rows;
+  for (std::size_t i = 0; i < cloud.size(); i += 1 + cloud.size() / detail::kPlaneSample) {
+    // Rays that met nothing lie at zero.
+    const Eigen::Vector3f& p = cloud.points[i];
+    if (p.allFinite() && !p.isZero(0.0f)) rows.push_back(static_cast<std::uint32_t>(i));
+  }
+  detail::PointColumns columns;
+  columns.x = cloud.points.front().data();
+  columns.y = columns.x + 1;
+  columns.z = columns.x + 2;
+  columns.stride = 3;
+  columns.size = cloud.size();
+  out.copies = detail::take_copies(columns, &rows);
+  return out;
+}
+
 /// Fits one region on the points of its leaves.
 /// @param shared  share of the stated deviations that points have in common
 void refine_region(const GroundTree& tree, double least_noise, double roughness, bool fixed_noise,
-                   double shared, PlanarRegion* region) {
+                   double shared, const Repetition& repetition, PlanarRegion* region) {
   const PointArrays& s = tree.points();
   std::vector<std::uint32_t> rows;
   for (const int leaf : region->leaves) {
@@ -77,9 +110,11 @@ void refine_region(const GroundTree& tree, double least_noise, double roughness,
   }
   std::optional<UnknownRays> rays;
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(points, c.plane, c.window);
+  kernels::Moments influence = moments;
+  detail::count_places_once(repetition.copies, &influence);
   const double in_common = shared * std::sqrt(moments.count / moments.weight);
   region->estimate =
-      estimate_covariance(c.plane, c.window, moments, moments, kLevelUp, rays, in_common);
+      estimate_covariance(c.plane, c.window, moments, influence, kLevelUp, rays, in_common);
 }
 
 /// Outline of a region in plan: the hull of its points in its own leaves, without the strays that
@@ -247,7 +282,10 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   report(0.2);
 
   const bool fixed_noise = options.inlier_threshold > 0.0;
-  const NoiseModel noise = start_noise(cloud, tree, viewpoint, fixed_noise, known);
+  const Repetition repetition = find_repetition(cloud, tree);
+  const double rounding = detail::rounding_deviation(repetition.step);
+  NoiseModel noise = start_noise(cloud, tree, viewpoint, fixed_noise, known);
+  if (!fixed_noise) noise.least = std::max(noise.least, rounding);
   const SegmentationOptions segmentation_options = segmentation_options_of(cloud, options, known);
   Segmentation segmentation = segment_planes(tree, noise, segmentation_options);
   report(0.6);
@@ -258,10 +296,10 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
     return layer;
   }
 
-  const double least_noise = std::max(4e-7 * tree.spread(), 1e-9);
+  const double least_noise = std::max({4e-7 * tree.spread(), 1e-9, rounding});
   parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
     refine_region(tree, least_noise, segmentation_options.roughness, fixed_noise,
-                  segmentation.shared, &segmentation.regions[region]);
+                  segmentation.shared, repetition, &segmentation.regions[region]);
   });
   layer.model = segmentation.noise;
   layer.shared = segmentation.shared;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "camber/core/random.h"
+#include "camber/plane/detail/repeated_values.h"
 #include "camber/plane/noise_model.h"
 
 namespace camber::detail {
@@ -140,7 +141,8 @@ void NeighbourhoodOrder::split(std::size_t begin, std::size_t end) {
 }  // namespace
 
 bool choose_subset(const PointColumns& source, std::uint64_t seed, PlaneSample* sample) {
-  const std::vector<std::uint32_t> chosen = draw_rows(source, seed);
+  std::vector<std::uint32_t> chosen = draw_rows(source, seed);
+  sample->copies = take_copies(source, &chosen);
   const std::size_t usable = sample->usable = chosen.size();
   if (usable < 3) return false;
 

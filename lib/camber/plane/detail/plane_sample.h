@@ -32,6 +32,7 @@ struct PlaneSample {
   PointArrays ordered;                  ///< part of it, in order of neighbourhood
   PointArrays scored;                   ///< every other of that
   std::vector<std::pair<std::size_t, std::size_t>> leaves;  ///< neighbourhoods, rows of `ordered`
+  double copies = 1.0;                                      ///< see take_copies()
 };
 
 /// Draws the subset, one point from each of equal slices of the input (all of a small cloud), and

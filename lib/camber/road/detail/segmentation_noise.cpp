@@ -64,7 +64,7 @@ SegmentationNoise learn_segmentation_noise(const SegmentationOptions& options, N
     }
     pieces.emplace_back(begin, rows.size());
   }
-  const double least = std::max(4e-7 * tree->spread(), 1e-9);
+  const double least = std::max({4e-7 * tree->spread(), 1e-9, out.stated.least});
   NoiseModel& noise = out.stated;
   if (options.noise_is_known) {
     out.shared = options.shared;
