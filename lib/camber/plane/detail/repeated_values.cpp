@@ -72,6 +72,7 @@ double take_copies(const PointColumns& source, std::vector<std::uint32_t>* rows)
   constexpr std::size_t kRun = 64;      // rows beside one in which its copies are counted
   constexpr double kFewestPairs = 5.0;  // of far rows that show copies
   constexpr double kLeast = 1.05;
+  constexpr std::size_t kFewestPlaces = 3;  // fewer carry no plane, and the caller names why
   const std::size_t n = source.size, count = rows->size();
   using Place = std::array<float, 3>;
   const auto place = [&](std::size_t row) {
@@ -108,7 +109,7 @@ double take_copies(const PointColumns& source, std::vector<std::uint32_t>* rows)
   double copies = 1.0 + beside / m;
   if (all) copies += 2.0 * pairs / m;
   if (!all && pairs >= kFewestPairs) copies += 2.0 * pairs * static_cast<double>(n) / (m * m);
-  if (copies < kLeast) return 1.0;
+  if (copies < kLeast || once.size() < kFewestPlaces) return 1.0;
   std::sort(once.begin(), once.end());
   *rows = std::move(once);
   return copies;

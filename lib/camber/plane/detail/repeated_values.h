@@ -18,7 +18,7 @@ double coordinate_step(const std::vector<float>& values, double rounding);
 
 /// How many points of the cloud lie at exactly the place of a point, itself included: the mean over
 /// its points, 1 without copies. Of large clouds an estimate from the rows and their neighbours.
-/// Leaves in `rows` one of each place if there are copies.
+/// Leaves in `rows` one of each place if there are copies, and three places or more.
 /// @param rows  ascending, of all points or evenly spread over them
 double take_copies(const PointColumns& source, std::vector<std::uint32_t>* rows);
 
