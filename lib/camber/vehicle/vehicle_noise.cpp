@@ -76,6 +76,7 @@ void VehicleNoise::validate() const {
                     {"hypotheses.start_scales[1]", hypotheses.start_scales[1]},
                     {"hypotheses.start_scales[2]", hypotheses.start_scales[2]},
                     {"hypotheses.start_height_sigma", hypotheses.start_height_sigma},
+                    {"answer.source_contradicts", answer.source_contradicts},
                     {"answer.relative_sigma", answer.relative_sigma},
                     {"message.gate", message.gate}});
   for (const Field& f :
@@ -92,9 +93,12 @@ void VehicleNoise::validate() const {
         Field{"hypotheses.heading_evidence", hypotheses.heading_evidence},
         Field{"hypotheses.parked_pruned", hypotheses.parked_pruned},
         Field{"hypotheses.start_min_seen", hypotheses.start_min_seen},
-        Field{"answer.agreeing_keypoints", answer.agreeing_keypoints}}) {
+        Field{"answer.agreeing_keypoints", answer.agreeing_keypoints},
+        Field{"answer.source_agrees", answer.source_agrees}}) {
     require(f.second >= 0.0, f, ">= 0");
   }
+  require(answer.source_contradicts > answer.source_agrees,
+          {"answer.source_contradicts", answer.source_contradicts}, "> answer.source_agrees");
   require(keypoint.adapt_max >= keypoint.adapt_min, {"keypoint.adapt_max", keypoint.adapt_max},
           ">= keypoint.adapt_min");
 }

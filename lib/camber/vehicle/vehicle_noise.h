@@ -144,6 +144,10 @@ struct AnswerGates {
   double agreeing_keypoints = 5.0;  ///< expected number that is not far off, at least,
   double agreeing_share = 0.3;      ///< and this share of them
   double box_overlap = 0.4;         ///< IoU of the predicted box with the detection's, at least
+  /// Standard deviations along the viewing ray between what a source (planes, registration) and the
+  /// rest of the evidence ask for: to the first they agree, from the second on the answer without
+  /// the source counts as one standard deviation. [steep]
+  double source_agrees = 1.5, source_contradicts = 2.5;
   double relative_sigma = 0.08;     ///< of the position over the distance, at most
 };
 

@@ -221,8 +221,9 @@ void write_track(const std::vector<TrackFrame>& frames, const VehiclePrior& prio
                  const TrackSolution& solution,
                  std::vector<std::vector<VehicleEstimate>>* estimates) {
   const VehiclePosterior& posterior = *solution.posterior;
-  const PosteriorMean answer = posterior_mean(posterior, solution.answer());
+  PosteriorMean answer = posterior_mean(posterior, solution.answer());
   if (!answer.minimum) return;
+  add_contradictions(posterior, solution.answer(), &answer);
   for (int k = 0; k < posterior.num_views(); ++k) {
     const TrackView& v = solution.views[static_cast<std::size_t>(k)];
     const TrackFrame& frame = frames[v.frame];

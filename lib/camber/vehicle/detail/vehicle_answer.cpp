@@ -64,6 +64,35 @@ std::string unreliable_reason(const VehiclePosterior& posterior, int view,
   return "";
 }
 
+namespace {
+
+/// What is compared is the distance along the viewing ray, which the keypoints leave open most: the
+/// variance of the change is that without the source less that with it.
+Eigen::VectorXd contradiction_of(EvidenceSource source, const VehiclePosterior& posterior,
+                                 const VehicleState& state, const NormalEquations& all,
+                                 const Eigen::MatrixXd& covariance) {
+  const NormalEquations own = posterior.equations_of(source, state);
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(own.gradient.size());
+  if (own.hessian.isZero()) return change;
+  const SymmetricFactors rest(all.hessian - own.hessian);
+  if (!rest.positive()) return change;
+  change = rest.solve(own.gradient);
+  double most = 0.0;  // standard deviations
+  for (int k = 0; k < posterior.num_views(); ++k) {
+    const int at = posterior.layout().pose(k);
+    Eigen::VectorXd ray = Eigen::VectorXd::Zero(change.size());
+    ray.segment<3>(at) = state.poses[static_cast<std::size_t>(k)].translation.normalized();
+    const double variance = ray.dot(rest.solve(ray)) - ray.dot(covariance * ray);
+    if (variance > 0.0) most = std::max(most, std::abs(ray.dot(change)) / std::sqrt(variance));
+  }
+  const AnswerGates& gates = posterior.noise().answer;
+  return std::clamp((most - gates.source_agrees) / (gates.source_contradicts - gates.source_agrees),
+                    0.0, 1.0) *
+         change;
+}
+
+}  // namespace
+
 PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleState& state) {
   PosteriorMean out;
   out.state = state;
@@ -83,9 +112,24 @@ PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleSta
   return out;
 }
 
+void add_contradictions(const VehiclePosterior& posterior, const VehicleState& state,
+                        PosteriorMean* mean) {
+  PosteriorEquations equations;
+  if (!mean->minimum || !std::isfinite(posterior.evaluate(state, &equations, /*observed=*/true))) {
+    return;
+  }
+  mean->contradictions.resize(posterior.layout().total(), 2);
+  mean->contradictions.col(0) = contradiction_of(EvidenceSource::kPlanes, posterior, state,
+                                                 equations, mean->covariance);
+  mean->contradictions.col(1) = contradiction_of(EvidenceSource::kRegistration, posterior, state,
+                                                 equations, mean->covariance);
+}
+
 Eigen::MatrixXd stated_covariance(const VehiclePosterior& posterior, int view,
                                   const PosteriorMean& mean) {
-  return posterior.view_covariance(view, mean.covariance + mean.raised * mean.raised.transpose());
+  Eigen::MatrixXd all = mean.covariance + mean.raised * mean.raised.transpose();
+  if (mean.contradictions.size() > 0) add_square(mean.contradictions, &all);
+  return posterior.view_covariance(view, all);
 }
 
 void write_answer(const VehiclePosterior& posterior, int view, const VehiclePrior& prior,

@@ -37,11 +37,21 @@ struct PosteriorMean {
   /// What all parameters change by where the planes of all views are raised by what their
   /// covariances leave out: an error that is not in `covariance`.
   Eigen::VectorXd raised;
+  /// add_contradictions(): a column a source; nor are these in `covariance`.
+  Eigen::MatrixXd contradictions;
   bool minimum = false;  ///< false: the second derivatives are not positive definite
 };
 PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleState& state);
 
-/// Covariance of a view's own parameters (VehiclePosterior::view_covariance), with `raised`.
+/// What the planes and the registration ask for against the rest of the evidence: the change of all
+/// parameters without the source, from none of it where both agree to all where they contradict
+/// each other (AnswerGates).
+/// @param state  that the mean is of.
+void add_contradictions(const VehiclePosterior& posterior, const VehicleState& state,
+                        PosteriorMean* mean);
+
+/// Covariance of a view's own parameters (VehiclePosterior::view_covariance), with `raised` and
+/// `contradictions`.
 Eigen::MatrixXd stated_covariance(const VehiclePosterior& posterior, int view,
                                   const PosteriorMean& mean);
 

@@ -101,17 +101,12 @@ double VehiclePosterior::evaluate(const VehicleState& state, PosteriorEquations*
     if (own_errors) own_errors->set_zero(body_.num_parameters());
     cost += keypoints(k).add(at, errors, observed, equations ? &own : nullptr, own_errors);
     cost += box(k).add(at, equations ? &own : nullptr);
-    PoseMatrix contact_hessian;
-    PoseVector contact_gradient;
-    cost +=
-        contact(k).evaluate(at.pose(), equations ? &contact_hessian : nullptr, &contact_gradient);
     if (!equations) continue;
-    own.hessian.topLeftCorner<kPoseParameters, kPoseParameters>() += contact_hessian;
-    own.gradient.head<kPoseParameters>() += contact_gradient;
     scatter(own.hessian, own.gradient,
             {{layout_.pose(k), 0, kPoseParameters}, {layout_.size(), kPoseParameters, form}},
             equations);
   }
+  cost += add_contacts(state, equations);
   cost += prior_.add(state.form, layout_.size(), equations);
   const double scale_off = state.log_scale - scale_mean_;
   cost += 0.5 * scale_off * scale_off / scale_variance_;
@@ -130,6 +125,32 @@ double VehiclePosterior::evaluate(const VehicleState& state, PosteriorEquations*
   }
   if (!error_terms.empty()) eliminate_errors(state, error_terms, equations);
   return cost;
+}
+
+double VehiclePosterior::add_contacts(const VehicleState& state, NormalEquations* equations) const {
+  double cost = 0.0;
+  PoseMatrix hessian;
+  PoseVector gradient;
+  for (int k = 0; k < num_views(); ++k) {
+    cost += contact(k).evaluate(state.poses[index(k)], equations ? &hessian : nullptr, &gradient);
+    if (!equations) continue;
+    const int at = layout_.pose(k);
+    equations->hessian.block<kPoseParameters, kPoseParameters>(at, at) += hessian;
+    equations->gradient.segment<kPoseParameters>(at) += gradient;
+  }
+  return cost;
+}
+
+NormalEquations VehiclePosterior::equations_of(EvidenceSource source,
+                                               const VehicleState& state) const {
+  NormalEquations out;
+  out.set_zero(layout_.total());
+  if (source == EvidenceSource::kPlanes) {
+    add_contacts(state, &out);
+  } else {
+    registration_.add(state, layout_, &out);
+  }
+  return out;
 }
 
 VehicleState VehiclePosterior::moved(const VehicleState& state, const Eigen::VectorXd& step) const {

@@ -32,6 +32,9 @@ struct PosteriorEquations : NormalEquations {
   double errors_log_determinant = 0.0;
 };
 
+/// Sources that know nothing of the keypoints.
+enum class EvidenceSource { kPlanes, kRegistration };
+
 class VehiclePosterior {
  public:
   /// @param vehicle_class  whose prior all views share.
@@ -81,6 +84,9 @@ class VehiclePosterior {
   double evaluate(const VehicleState& state, PosteriorEquations* equations,
                   bool observed = false) const;
 
+  /// The part of evaluate()'s normal equations that one source alone gives.
+  NormalEquations equations_of(EvidenceSource source, const VehicleState& state) const;
+
   /// Moved by a step of all parameters; the shape errors stay.
   VehicleState moved(const VehicleState& state, const Eigen::VectorXd& step) const;
   /// A step without turns of more than 0.3 rad, which leave the range of the linear model.
@@ -105,6 +111,8 @@ class VehiclePosterior {
  private:
   static std::size_t index(int view) { return static_cast<std::size_t>(view); }
   double error_weight(int keypoint) const;
+  /// Adds the contacts' cost, optionally with their normal equations.
+  double add_contacts(const VehicleState& state, NormalEquations* equations) const;
   void eliminate_errors(const VehicleState& state, const std::vector<ShapeErrorEquations>& terms,
                         PosteriorEquations* equations) const;
 
