@@ -96,8 +96,8 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
 std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
                               detail::TravelFrame* frame, NearRoad* out) {
   constexpr double kWindow = 4.0;  // of the distance to the nearest road
-  // Standard deviation over that of a point's slope, which counts as 1 in the weights below.
-  constexpr double kCrossSlope = 0.1;
+  constexpr double kCrossSlope = 0.1;  // rad, standard deviation
+  constexpr double kNoise = 0.03;      // of a point's height over its distance
   constexpr int kRounds = 8, kFewest = 30;  // points
   std::vector<Eigen::Vector3d> abu;
   std::vector<double> ahead;
@@ -117,7 +117,7 @@ std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
   double noise = std::numeric_limits<double>::infinity();  // of a distance, share
   for (int round = 0; round < kRounds; ++round) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    normal(1, 1) = 1.0 / (kCrossSlope * kCrossSlope);
+    normal(1, 1) = kNoise * kNoise / (kCrossSlope * kCrossSlope);
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& p : near) {
       const Eigen::Vector3d row(1.0, p.x(), 0.5 * p.y() * p.y());
@@ -127,7 +127,7 @@ std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
       right += weight * row * p.z();
     }
     x = normal.ldlt().solve(right);
-    noise = round < kRounds / 2 ? 0.1 : 0.03;
+    noise = round < kRounds / 2 ? 0.1 : kNoise;
   }
   if (!(x[0] < 0)) return "the nearest points do not lie below the camera";
   frame->up = (frame->up - x[1] * frame->right).normalized();
