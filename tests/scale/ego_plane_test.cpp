@@ -275,6 +275,38 @@ TEST(FitEgoPlane, ARolledMountingIsSeenOnTheRoadAhead) {
   }
 }
 
+// Mountings of any roll over roads that twist before they are seen: neither the road nor the habit
+// of mounting cameras level is trusted more than both together deserve.
+TEST(FitEgoPlane, TheStatedErrorOfTheCrossSlopeHoldsForRolledMountings) {
+  constexpr int kCount = 60;
+  constexpr double kRolled = 0.03;  // rad, standard deviation
+  const EgoPlaneOptions options;
+  int inside = 0;
+  double spread = 0.0;  // rad
+  for (int i = 0; i < kCount; ++i) {
+    const CounterRandom random(1000 + i);
+    const double roll = kRolled * random.normal(0);
+    RoadPoints road = make_road(flat, 1.0, 0.5, i);
+    std::vector<double> cross_slope = {0.0};  // every metre
+    for (int z = 1; z <= 31; ++z) {
+      cross_slope.push_back(cross_slope.back() + options.bank_walk * random.normal(z));
+    }
+    for (Eigen::Vector3d& p : road.points) {
+      p.y() -= cross_slope[static_cast<std::size_t>(p.z())] * p.x();
+      p = rotation_from_vector(Eigen::Vector3d(0.0, 0.0, roll)) * p;
+    }
+    const EgoPlane ego = fit_ego_plane(road, kTravel, kUp, Eigen::MatrixXd(), options);
+    ASSERT_EQ(ego.status, Status::kOk) << ego.reason;
+    const Eigen::Vector3d normal = ego.plane.plane.normal;
+    const double error = std::atan2(normal.x(), -normal.y()) - roll;
+    const double sigma = std::sqrt(ego.plane.covariance(0, 0));
+    inside += std::abs(error) < 2.0 * sigma ? 1 : 0;
+    spread += sigma / kCount;
+  }
+  EXPECT_GE(inside, 52);
+  EXPECT_LT(spread, 0.012);
+}
+
 TEST(FitEgoPlane, PointsAtOneDistanceAreNoRoad) {
   RoadPoints road;
   for (int i = 0; i < 40; ++i) {

@@ -293,6 +293,8 @@ void EgoPlaneOptions::validate() const {
   require(bend_share >= 0, "bend_share", bend_share, ">= 0");
   require(bank_walk > 0, "bank_walk", bank_walk, "> 0");
   require(roll_sigma > 0, "roll_sigma", roll_sigma, "> 0");
+  require(rolled_sigma > 0, "rolled_sigma", rolled_sigma, "> 0");
+  require(rolled_share >= 0 && rolled_share <= 1, "rolled_share", rolled_share, "in [0, 1]");
   require(surface_sigma > 0, "surface_sigma", surface_sigma, "> 0");
   require(correlation >= 1, "correlation", correlation, ">= 1");
   require(inflation >= 1, "inflation", inflation, ">= 1");

@@ -55,10 +55,11 @@ struct EgoPlaneOptions {
   /// Of what a bend in the road changes, by which its unseen begin leaves the height open, >= 0:
   /// 400 runs of rendered roads.
   double bend_share = 0.2;
-  double bank_walk = 0.0028;     ///< rad per sqrt(m), change of the cross slope, > 0
-  /// rad, > 0: of the roll against the road of a camera that is mounted level. It counts the less,
-  /// the more the road ahead contradicts it.
-  double roll_sigma = 0.004;
+  double bank_walk = 0.0028;  ///< rad per sqrt(m), change of the cross slope, > 0
+  /// rad, > 0: of the roll against the road of a camera that is mounted level, and of one that is
+  /// not.
+  double roll_sigma = 0.004, rolled_sigma = 0.04;
+  double rolled_share = 0.5;     ///< of cameras that are not, in [0, 1]
   double surface_sigma = 0.015;  ///< m, unevenness of the road, > 0
   double correlation = 16.0;     ///< information of neighbours is divided by this, >= 1
   /// Factor on the covariance, >= 1: roads bend less evenly than a random walk, and their points

@@ -66,12 +66,17 @@ class ProfileFit {
       add_path();
       add_priors(round > 2);
       normal_.diagonal().array() += 1e-8;
-      add_measurement({{profile_.nodes + profile_.foot, 1.0}}, measured_.level_cross_slope,
-                      level_sigma());
+      const Eigen::Index cross_slope = profile_.nodes + profile_.foot;
+      const Mounting mounting = this->mounting();
+      add_measurement({{cross_slope, 1.0}}, measured_.level_cross_slope, mounting.sigma);
       const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
       profile_.x = ldlt.solve(right_);
       if (last) {
         profile_.covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
+        const Eigen::VectorXd by_cross_slope =
+            profile_.covariance.col(cross_slope) / profile_.covariance(cross_slope, cross_slope);
+        profile_.covariance +=
+            mounting.spread / options_.inflation * by_cross_slope * by_cross_slope.transpose();
         profile_.shared.resize(size, shared_right_.cols());
         if (shared_right_.cols() > 0) profile_.shared = ldlt.solve(shared_right_);
       } else if (profile_.x[profile_.foot] < 0) {
@@ -245,19 +250,37 @@ class ProfileFit {
     }
   }
 
-  /// Of the cross slope under a camera that is mounted level. What the road ahead gives without it
-  /// decides how much it counts: mountings are rolled, too.
-  double level_sigma() const {
-    constexpr double kInFull = 1.5;  // standard deviations up to which it counts so
+  /// The mounting as a measurement of the level cross slope under the camera.
+  struct Mounting {
+    double sigma;   // rad, with which the answer is the mixture's mean
+    double spread;  // rad^2, between the means of the mixture's components
+  };
+
+  /// A camera is mounted level or rolled, which of both the road ahead, carried back without it,
+  /// decides as far as it can: the posterior of a mixture of two normal distributions about the
+  /// level cross slope.
+  Mounting mounting() const {
     const Eigen::Index at = profile_.nodes + profile_.foot;
     const Eigen::LDLT<Eigen::MatrixXd> ldlt(normal_);
-    const Eigen::VectorXd unit = Eigen::VectorXd::Unit(normal_.rows(), at);
-    const Eigen::VectorXd column = ldlt.solve(unit);
+    const Eigen::VectorXd column = ldlt.solve(Eigen::VectorXd::Unit(normal_.rows(), at));
     const double off = column.dot(right_) - measured_.level_cross_slope;
-    const double variance =
-        options_.inflation * column[at] + options_.roll_sigma * options_.roll_sigma;
-    const double beyond = std::max(0.0, off * off / variance - kInFull * kInFull);
-    return options_.roll_sigma * (1.0 + 0.5 * beyond);
+    const double variance = options_.inflation * column[at];  // of the road's
+    double weights = 0.0, mean = 0.0, square = 0.0;           // of the answer's share of `off`
+    const auto add = [&](double prior, double sigma) {
+      const double both = variance + sigma * sigma;
+      const double weight = prior / std::sqrt(both) * std::exp(-0.5 * off * off / both);
+      const double share = sigma * sigma / both;
+      weights += weight;
+      mean += weight * share;
+      square += weight * share * share;
+    };
+    add(1.0 - options_.rolled_share, options_.roll_sigma);
+    add(options_.rolled_share, options_.rolled_sigma);
+    if (!(weights > 0.0)) return {options_.rolled_sigma, 0.0};  // beyond what doubles hold
+    mean /= weights;
+    square /= weights;
+    return {std::sqrt(column[at] * mean / (1.0 - mean)),
+            off * off * std::max(square - mean * mean, 0.0)};
   }
 
   const ProfileMeasurements& measured_;

@@ -119,8 +119,8 @@ void add_contradictions(const VehiclePosterior& posterior, const VehicleState& s
     return;
   }
   mean->contradictions.resize(posterior.layout().total(), 2);
-  mean->contradictions.col(0) = contradiction_of(EvidenceSource::kPlanes, posterior, state,
-                                                 equations, mean->covariance);
+  mean->contradictions.col(0) =
+      contradiction_of(EvidenceSource::kPlanes, posterior, state, equations, mean->covariance);
   mean->contradictions.col(1) = contradiction_of(EvidenceSource::kRegistration, posterior, state,
                                                  equations, mean->covariance);
 }
