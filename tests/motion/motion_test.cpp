@@ -223,6 +223,34 @@ MotionEstimate motion_over(const std::vector<Eigen::Vector3d>& positions) {
   return out;
 }
 
+TEST(KnownPoses, TheLongestBaselineIsTheUnitWithoutAnErrorOfItsOwn) {
+  const std::vector<SE3> poses = {SE3(Eigen::Quaterniond::Identity(), {0.1, -0.05, 1.2}), SE3(),
+                                  SE3(Eigen::Quaterniond::Identity(), {-0.1, 0.1, -0.9})};
+  KnownPoseOptions options;
+  options.translation_sigma = 0.01;
+  const MotionEstimate found = motion_from_known_poses(poses, 1, options);
+  ASSERT_EQ(found.status, Status::kOk) << found.reason;
+  const double length = poses[0].translation().norm();
+  EXPECT_NEAR(*found.metres_per_baseline, length, 1e-12);
+  EXPECT_NEAR(found.baseline_sigma, 0.01 / length, 1e-12);
+  const auto block = [&](Eigen::Index row, Eigen::Index column) -> Eigen::Matrix3d {
+    return found.covariance.block<3, 3>(row, column);
+  };
+  const Eigen::Vector3d unit = poses[0].translation() / length;
+  const double sigma = 0.01 / length;
+  EXPECT_LT((block(3, 3) * unit).norm(), 1e-15);
+  const Eigen::Vector3d across = unit.unitOrthogonal();
+  EXPECT_NEAR(across.dot(block(3, 3) * across), sigma * sigma, 1e-15);
+  // The other one has an error of its own and its share of the unit's.
+  const Eigen::Vector3d other = poses[2].translation() / length;
+  EXPECT_LT(
+      (block(9, 9) - sigma * sigma * (Eigen::Matrix3d::Identity() + other * other.transpose()))
+          .norm(),
+      1e-15);
+  EXPECT_EQ(block(0, 0),
+            Eigen::Matrix3d(std::pow(options.rotation_sigma, 2) * Eigen::Matrix3d::Identity()));
+}
+
 TEST(TravelDirection, IsThatOfTheParabolaThroughTheNeighbours) {
   // x = z^2 / 20 at unequal steps: straight ahead at the reference.
   const Eigen::Vector3d travel =

@@ -29,6 +29,7 @@ namespace camber {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 namespace fs = std::filesystem;
 
 Scene sample_scene() { return read_scene(test::source_dir() / "samples" / "steep_hill"); }
@@ -444,6 +445,32 @@ TEST_F(SteepHillRun, WithoutACameraHeightTheResultIsUpToScale) {
   EXPECT_FALSE(result.vehicles.metric);
   EXPECT_FALSE(result.cloud.metric);
   EXPECT_GT(result.cloud.size(), 5000u);
+}
+
+TEST_F(SteepHillRun, GivenPosesGiveTheMetresAndAreCheckedByTheImages) {
+  Scene scene = *half_;
+  for (SceneFrame& frame : scene.frames) {
+    for (const TruthFrame& truth : scene.truth->frames) {
+      if (truth.id == frame.id) frame.world_from_camera = truth.world_from_camera;
+    }
+  }
+  scene.height_above_road.reset();
+  scene.markings_m.clear();
+  ReconstructOptions options;
+  options.num_threads = 1;
+  const Reconstruction right = reconstruct(scene, {0, 1, 2}, options);
+  EXPECT_TRUE(right.run.metric);
+  EXPECT_LT(std::abs(metrics(scene, right).scale_error), 0.005);
+  EXPECT_THAT(right.run.warnings, IsEmpty());
+  // One of them a degree off.
+  scene.height_above_road = half_->height_above_road;
+  SE3& last = *scene.frames[2].world_from_camera;
+  last = last * SE3(rotation_from_vector({0.012, 0.012, 0.0}), Eigen::Vector3d::Zero());
+  const Reconstruction wrong = reconstruct(scene, {0, 1, 2}, options);
+  ASSERT_FALSE(wrong.run.warnings.empty());
+  EXPECT_EQ(wrong.run.warnings[0].code, "poses_contradicted");
+  EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("frame 2: "));
+  EXPECT_LT(std::abs(metrics(scene, wrong).scale_error), 3.0 * wrong.run.scale_sigma);
 }
 
 TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {

@@ -27,6 +27,8 @@ using test::MadeDriveOptions;
 using test::make_drive;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
 
 double rotation_error(const SE3& a, const SE3& b) {
   return rotation_to_vector((a.inverse() * b).rotation()).norm();
@@ -97,6 +99,30 @@ TEST(MotionStage, TakesKnownPosesWithTheirMetres) {
   const MotionEstimate again = stages::motion_again(drive.frames, drive.matches, found, {});
   EXPECT_EQ(again.metres_per_baseline, found.metres_per_baseline);
   expect_same_motion(again, drive.motion);
+}
+
+TEST(MotionStage, PosesThatTheMatchesContradictAreLeftAsideByName) {
+  MadeDrive drive = make_drive({});
+  const auto give_poses = [&](double turn_of_last) {
+    for (std::size_t k = 0; k < drive.frames.size(); ++k) {
+      drive.frames.frames[k].world_from_camera =
+          metric_pose(drive.motion, k, drive.metres_per_baseline).inverse();
+    }
+    SE3& last = *drive.frames.frames.back().world_from_camera;
+    last = last * SE3(rotation_from_vector({0.6 * turn_of_last, 0.0, 0.8 * turn_of_last}),
+                      Eigen::Vector3d::Zero());
+  };
+  give_poses(0.0);
+  stages::check_poses(drive.matches, {}, &drive.frames);
+  EXPECT_TRUE(drive.frames.has_poses());
+  EXPECT_EQ(drive.frames.contradicted_poses, "");
+  give_poses(0.017);
+  stages::check_poses(drive.matches, {}, &drive.frames);
+  EXPECT_FALSE(drive.frames.has_poses());
+  EXPECT_THAT(drive.frames.contradicted_poses,
+              StartsWith("frame " + std::to_string(drive.frames.frames.back().id) + ": "));
+  EXPECT_THAT(drive.frames.contradicted_poses, Not(HasSubstr(";")));  // the other one is right
+  expect_same_motion(stages::motion(drive.frames, drive.matches, {}), drive.motion);
 }
 
 TEST(MotionStage, AStationaryCameraHasNoAnswer) {
@@ -415,6 +441,7 @@ TEST(ScaleStage, WithoutASourceOfMetresLengthsAreInNominalHeights) {
 
 TEST(ScaleStage, KnownPosesTakeThePlaceOfTheCameraHeight) {
   MadeDrive drive = make_drive({});
+  drive.frames.known.camera_height.reset();
   PhotometricGround ground = exact_photometric(drive);
   ground.motion.metres_per_baseline = ground.ground.metres_per_baseline = 1.3;
   ground.motion.baseline_sigma = 0.01;
@@ -425,6 +452,27 @@ TEST(ScaleStage, KnownPosesTakeThePlaceOfTheCameraHeight) {
   ASSERT_TRUE(report_of(scaled, "known_poses"));
   EXPECT_TRUE(report_of(scaled, "known_poses")->accepted);
   EXPECT_FALSE(report_of(scaled, "camera_height"));
+}
+
+TEST(ScaleStage, AHeightBesideKnownPosesIsComparedWithThem) {
+  MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  ground.motion.metres_per_baseline = ground.ground.metres_per_baseline = 1.2;
+  ground.motion.baseline_sigma = 0.01;
+  ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  EXPECT_THAT(scaled.contradictions, IsEmpty());
+  EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 2e-3);
+  EXPECT_LT(scaled.road.scale_sigma(), 0.007);  // the height's 0.006 and the poses' 0.01
+  // 20 % too high: the poses stand, and what contradicts them is stated.
+  *drive.frames.known.camera_height *= 1.2;
+  scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 2e-3);
+  ASSERT_TRUE(report_of(scaled, "camera_height"));
+  EXPECT_FALSE(report_of(scaled, "camera_height")->accepted);
+  EXPECT_TRUE(report_of(scaled, "known_poses")->accepted);
+  ASSERT_EQ(scaled.contradictions.size(), 1U);
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("camera_height"));
+  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), std::log(1.2), 0.02);
 }
 
 TEST(ScaleStage, APlaneSearchThatTheImagesDoNotBackIsNoContradiction) {

@@ -581,14 +581,14 @@ MotionEstimate refine_motion(const PinholeCamera& camera, const Correspondences&
 MotionEstimate motion_from_known_poses(const std::vector<SE3>& frame_from_reference,
                                        std::size_t reference, const KnownPoseOptions& options) {
   MotionEstimate out;
-  double longest = 0.0;
-  for (const SE3& pose : frame_from_reference) {
-    longest = std::max(longest, pose.translation().norm());
-  }
   if (reference >= frame_from_reference.size()) {
     throw std::invalid_argument("reference = " + std::to_string(reference) +
                                 ", expected an index into the poses");
   }
+  std::vector<SE3> views = frame_from_reference;
+  views.erase(views.begin() + static_cast<std::ptrdiff_t>(reference));
+  const std::size_t unit = views.empty() ? 0 : longest_baseline(views);
+  const double longest = views.empty() ? 0.0 : views[unit].translation().norm();
   if (!(longest > options.shortest_baseline)) {
     out.status = Status::kFailed;
     out.reason = "the camera stands still: the given poses are less than 2 cm apart";
@@ -602,6 +602,15 @@ MotionEstimate motion_from_known_poses(const std::vector<SE3>& frame_from_refere
     const double sigma = i % 6 < 3 ? options.rotation_sigma : options.translation_sigma / longest;
     out.covariance(i, i) = sigma * sigma;
   }
+  // In units of the longest baseline its own length is exact, and the others share its error.
+  const Eigen::RowVector3d along = views[unit].translation().transpose() / longest;
+  Eigen::MatrixXd by_error = Eigen::MatrixXd::Identity(n, n);
+  for (std::size_t k = 0; k < views.size(); ++k) {
+    by_error.block<3, 3>(static_cast<Eigen::Index>(6 * k + 3),
+                         static_cast<Eigen::Index>(6 * unit + 3)) -=
+        views[k].translation() / longest * along;
+  }
+  out.covariance = (by_error * out.covariance * by_error.transpose()).eval();
   out.pixel_sigma = options.pixel_sigma;
   out.metres_per_baseline = longest;
   out.baseline_sigma = options.translation_sigma / longest;

@@ -72,6 +72,7 @@ SeenRoad see_road(const Scene& scene, LoadedFrames& frames, const ReconstructOpt
   const auto find_motion = [&] {
     return run("motion", 0.3, [&] { return stages::motion(frames, matches, o.motion); });
   };
+  run("motion", 0.2, [&] { stages::check_poses(matches, o.motion, &frames); });
   keep_only(stages::frames_that_share(frames, matches));
   MotionEstimate motion = find_motion();
   while (keep_only(stages::frames_that_agree(frames, matches, motion, o.motion))) {

@@ -125,6 +125,11 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
          fmt::format("frames {} share too little with frame {}, the reference, and are left out",
                      left_out, out.reference_frame)});
   }
+  if (!frames.contradicted_poses.empty()) {
+    out.run.warnings.push_back(
+        {"poses_contradicted",
+         fmt::format("the given poses are left aside: {}", frames.contradicted_poses)});
+  }
   for (std::string& text : unknown_classes(frames.frames, options.vehicles.fit.prior)) {
     out.run.warnings.push_back({"unknown_class", std::move(text)});
   }

@@ -43,6 +43,8 @@ struct LoadedFrames {
   std::string detections_source;       ///< as the scene declares it
   std::optional<double> box_sigma_px;  ///< of the detections, as the scene states it
   double frame_rate = 10.0;            ///< Hz, for frames without a time
+  /// Why the poses that the scene gives are left aside; empty: they are not.
+  std::string contradicted_poses;
   /// Path as the scene gives it and hash of its content, of all files that were read; "frame 7:
   /// image" and the like for what came from memory.
   std::vector<std::pair<std::string, std::string>> input_hashes;

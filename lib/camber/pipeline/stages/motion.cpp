@@ -1,5 +1,7 @@
 #include "camber/pipeline/stages/motion.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "camber/core/errors.h"
@@ -38,6 +40,15 @@ MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEsti
   return out;
 }
 
+/// The matches with one image alone, which is image 1, the reference image 0.
+Correspondences pair_of(const Correspondences& matches, std::size_t other) {
+  Correspondences out = matches;
+  out.reference = 0;
+  out.matches = {matches.matches[other]};
+  out.matches.front().frame = 1;
+  return out;
+}
+
 /// Whether the motion by the flow explains it: for the images next to the reference, where the
 /// farther ones, of which the flow loses more, do not.
 bool is_explained(const LoadedFrames& frames, const Correspondences& matches,
@@ -67,6 +78,36 @@ std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
     out[i] = !vehicle_near[matches.image_index(i, frames.camera.width)];
   }
   return out;
+}
+
+void check_poses(const Correspondences& matches, const MotionOptions& options,
+                 LoadedFrames* frames) {
+  // Shares of the matches: that must agree with their own motion for it to count, and by which
+  // fewer agree with poses that are contradicted.
+  constexpr double kTrusted = 0.6, kFewer = 0.2;
+  if (!frames->has_poses()) return;
+  const MotionEstimate given = motion_from_poses(*frames);
+  if (given.status == Status::kFailed) return;
+  const std::vector<std::uint8_t> usable = static_points(*frames, matches);
+  std::string contradicted;
+  for (std::size_t m = 0; m < matches.matches.size(); ++m) {
+    const Correspondences pair = pair_of(matches, m);
+    const MotionEstimate own = estimate_motion(frames->camera, pair, usable, options);
+    if (own.status == Status::kFailed) continue;
+    const double by_own = epipolar_agreement(frames->camera, pair, usable, own, options.inlier_px);
+    const double by_given =
+        epipolar_agreement(frames->camera, matches, usable, given, options.inlier_px, m);
+    if (by_own < kTrusted || by_given > by_own - kFewer) continue;
+    if (!contradicted.empty()) contradicted += "; ";
+    const auto frame = static_cast<std::size_t>(matches.matches[m].frame);
+    contradicted += fmt::format(
+        "frame {}: {:.0f} % of its matches agree with the given poses, {:.0f} % with another "
+        "motion",
+        frames->frames[frame].id, 100.0 * by_given, 100.0 * by_own);
+  }
+  if (contradicted.empty()) return;
+  frames->contradicted_poses = std::move(contradicted);
+  for (SceneFrame& frame : frames->frames) frame.world_from_camera.reset();
 }
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,

@@ -9,6 +9,12 @@
 
 namespace camber::stages {
 
+/// Leaves the poses of all frames aside, and says why, where the matches with an image contradict
+/// them: where far fewer agree with the given motion than with the one that they ask for by
+/// themselves (epipolar_agreement).
+void check_poses(const Correspondences& matches, const MotionOptions& options,
+                 LoadedFrames* frames);
+
 /// Motion of the camera over the frames: from their poses where all of them are known (then metric,
 /// see MotionEstimate::metres_per_baseline), else from correspondences of points that stand still.
 /// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture.

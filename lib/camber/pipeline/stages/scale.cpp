@@ -145,24 +145,39 @@ void set_reason(const std::string& name, const std::string& reason,
   }
 }
 
-/// Fuses all sources, of which the first gives the metres. Where markings contradict it nobody
-/// knows which is wrong: the given metres stand, and the contradiction is left to widen the scale.
-FusedRoad fuse_with_given_metres(const RoadPosterior& prior,
-                                 const std::vector<Constraint>& constraints) {
-  constexpr std::size_t kGiven = 0, kMarkings = 1;
+/// Fuses all sources, of which the first gives the metres. Where markings, or a height beside
+/// poses, contradict it nobody knows which is wrong: the given metres stand, and the contradiction
+/// is left to widen the scale.
+FusedRoad fuse_with_given_metres(const RoadPosterior& prior, std::vector<Constraint> constraints) {
+  constexpr std::size_t kGiven = 0;
+  std::vector<ConstraintReport> contradicting(constraints.size());
   FusedRoad fused = fuse(prior, constraints);
-  if (fused.reports[kGiven].accepted || constraints[kMarkings].size() == 0) return fused;
-  std::vector<Constraint> without = constraints;
-  without[kMarkings] = Constraint();
-  without[kMarkings].name = constraints[kMarkings].name;
-  without[kMarkings].source = constraints[kMarkings].source;
-  ConstraintReport contradicting = fused.reports[kMarkings];
-  contradicting.residual_sigma = fused.reports[kGiven].residual_sigma;
-  contradicting.accepted = false;
-  contradicting.reason =
-      fmt::format("{:.1f} standard deviations off the given metres", contradicting.residual_sigma);
-  fused = fuse(prior, without);
-  fused.reports[kMarkings] = std::move(contradicting);
+  while (!fused.reports[kGiven].accepted) {
+    std::size_t farthest = kGiven;
+    for (std::size_t i = kGiven + 1; i < constraints.size(); ++i) {
+      const Constraint& c = constraints[i];
+      if (c.size() == 0 || (c.name != "lane_markings" && c.name != "camera_height")) continue;
+      if (farthest == kGiven ||
+          fused.reports[i].residual_sigma > fused.reports[farthest].residual_sigma) {
+        farthest = i;
+      }
+    }
+    if (farthest == kGiven) break;
+    ConstraintReport& report = contradicting[farthest];
+    report = fused.reports[farthest];
+    report.residual_sigma = fused.reports[kGiven].residual_sigma;
+    report.accepted = false;
+    report.reason =
+        fmt::format("{:.1f} standard deviations off the given metres", report.residual_sigma);
+    Constraint none;
+    none.name = constraints[farthest].name;
+    none.source = constraints[farthest].source;
+    constraints[farthest] = std::move(none);
+    fused = fuse(prior, constraints);
+  }
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    if (!contradicting[i].reason.empty()) fused.reports[i] = std::move(contradicting[i]);
+  }
   return fused;
 }
 
@@ -409,6 +424,10 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
     constraints.push_back(prior.relinearised(markings.constraint, anchored));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
+    if (ground.motion.metres_per_baseline && frames.known.camera_height) {
+      constraints.push_back(camera_height_constraint(prior, *frames.known.camera_height,
+                                                     frames.known.camera_height_sigma));
+    }
     if (given) {
       auto speed = measure_speed(prior, frames, ground.motion, options.noise);
       if (speed) constraints.push_back(std::move(*speed));
