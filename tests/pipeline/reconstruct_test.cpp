@@ -462,15 +462,17 @@ TEST_F(SteepHillRun, GivenPosesGiveTheMetresAndAreCheckedByTheImages) {
   EXPECT_TRUE(right.run.metric);
   EXPECT_LT(std::abs(metrics(scene, right).scale_error), 0.005);
   EXPECT_THAT(right.run.warnings, IsEmpty());
-  // One of them a degree off.
-  scene.height_above_road = half_->height_above_road;
+  // One of them a degree off: the images give the motion, the positions the metres.
   SE3& last = *scene.frames[2].world_from_camera;
   last = last * SE3(rotation_from_vector({0.012, 0.012, 0.0}), Eigen::Vector3d::Zero());
   const Reconstruction wrong = reconstruct(scene, {0, 1, 2}, options);
   ASSERT_FALSE(wrong.run.warnings.empty());
   EXPECT_EQ(wrong.run.warnings[0].code, "poses_contradicted");
   EXPECT_THAT(wrong.run.warnings[0].text, HasSubstr("frame 2: "));
-  EXPECT_LT(std::abs(metrics(scene, wrong).scale_error), 3.0 * wrong.run.scale_sigma);
+  EXPECT_TRUE(wrong.run.metric);
+  EXPECT_LT(wrong.run.scale_sigma, 0.025);
+  EXPECT_LT(std::abs(metrics(scene, wrong).scale_error), 2.0 * wrong.run.scale_sigma);
+  EXPECT_EQ(wrong.run.extra["scale_from"]["source"], "given positions");
 }
 
 TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {

@@ -80,10 +80,12 @@ nlohmann::json scale_source_json(const LoadedFrames& frames, const PhotometricGr
   const ConstraintReport* markings = report_of(scaled, "lane_markings");
   const bool marked = markings && markings->accepted;
   const EgoPlane& ego = ground.ground.ego;
-  const ConstraintReport* speed = report_of(scaled, "speed");
-  const bool by_speed = !frames.known.camera_height && speed && speed->accepted;
   const std::optional<double>& height = frames.known.camera_height;
-  std::string source = by_speed ? "speed" : height ? "camera height over the ego plane" : "";
+  std::string source = height ? "camera height over the ego plane" : "";
+  for (const auto& [name, by] : {std::pair("known_poses", "given positions"), {"speed", "speed"}}) {
+    const ConstraintReport* path = report_of(scaled, name);
+    if (source.empty() && path && path->accepted) source = by;
+  }
   if (marked) source += source.empty() ? "markings" : ", and markings";
   return {{"source", source.empty() ? "not given" : source},
           {"sigma_camera_height",
@@ -128,7 +130,8 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
   if (!frames.contradicted_poses.empty()) {
     out.run.warnings.push_back(
         {"poses_contradicted",
-         fmt::format("the given poses are left aside: {}", frames.contradicted_poses)});
+         fmt::format("of the given poses only the lengths between the positions are used: {}",
+                     frames.contradicted_poses)});
   }
   for (std::string& text : unknown_classes(frames.frames, options.vehicles.fit.prior)) {
     out.run.warnings.push_back({"unknown_class", std::move(text)});

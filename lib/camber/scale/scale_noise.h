@@ -17,6 +17,9 @@ struct ScaleNoise {
   double known_pose_scale =
       0.01;  ///< relative, of baselines between poses that a scene gives (assumed)
 
+  /// Relative, of the path between given positions whose poses the matches contradict (assumed).
+  double contradicted_path = 0.02;
+
   // The speed.
   double speed_path = 0.005;  ///< relative, of the path's length in baselines (assumed)
 

@@ -25,7 +25,8 @@ bool KnownMetres::has_speed() const {
 }
 
 bool LoadedFrames::has_poses() const {
-  return std::all_of(frames.begin(), frames.end(),
+  return contradicted_poses.empty() &&
+         std::all_of(frames.begin(), frames.end(),
                      [](const SceneFrame& frame) { return frame.world_from_camera.has_value(); });
 }
 

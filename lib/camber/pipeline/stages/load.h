@@ -43,7 +43,8 @@ struct LoadedFrames {
   std::string detections_source;       ///< as the scene declares it
   std::optional<double> box_sigma_px;  ///< of the detections, as the scene states it
   double frame_rate = 10.0;            ///< Hz, for frames without a time
-  /// Why the poses that the scene gives are left aside; empty: they are not.
+  /// Why of the poses that the scene gives only the lengths between positions are used; empty: the
+  /// poses are the motion.
   std::string contradicted_poses;
   /// Path as the scene gives it and hash of its content, of all files that were read; "frame 7:
   /// image" and the like for what came from memory.
@@ -51,7 +52,7 @@ struct LoadedFrames {
 
   std::size_t size() const { return frames.size(); }
   const FrameMasks& reference_masks() const { return masks[reference]; }
-  bool has_poses() const;  ///< whether the scene gives the pose of every frame
+  bool has_poses() const;  ///< whether the scene gives the pose of every frame, uncontradicted
   /// Whether a segmentation or road mask shows the road of the reference image.
   bool has_masks() const { return masks[reference].has_mask; }
 };

@@ -105,9 +105,7 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
         "motion",
         frames->frames[frame].id, 100.0 * by_given, 100.0 * by_own);
   }
-  if (contradicted.empty()) return;
   frames->contradicted_poses = std::move(contradicted);
-  for (SceneFrame& frame : frames->frames) frame.world_from_camera.reset();
 }
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,

@@ -9,9 +9,9 @@
 
 namespace camber::stages {
 
-/// Leaves the poses of all frames aside, with the reason, where the matches with an image
-/// contradict them: where far fewer agree with the given motion than with the one that they ask for
-/// by themselves (epipolar_agreement).
+/// Marks the poses of all frames as contradicted, with the reason, where far fewer matches with an
+/// image agree with the given motion than with the one that they ask for by themselves
+/// (epipolar_agreement).
 void check_poses(const Correspondences& matches, const MotionOptions& options,
                  LoadedFrames* frames);
 

@@ -52,6 +52,29 @@ std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedF
                           noise.speed_path);
 }
 
+/// The length of the path over the given positions, of poses that the matches contradict.
+std::optional<Constraint> measure_positions(const RoadPosterior& road, const LoadedFrames& frames,
+                                            const MotionEstimate& motion, const ScaleNoise& noise) {
+  if (frames.contradicted_poses.empty()) return std::nullopt;
+  double metres = 0.0, baselines = 0.0;
+  for (std::size_t k = 1; k < frames.size(); ++k) {
+    const auto step = [](const SE3& before, const SE3& after) {
+      return (after.translation() - before.translation()).norm();
+    };
+    metres += step(*frames.frames[k - 1].world_from_camera, *frames.frames[k].world_from_camera);
+    baselines += step(motion.frame_from_reference[k - 1].inverse(),
+                      motion.frame_from_reference[k].inverse());
+  }
+  std::optional<Constraint> out = speed_constraint(
+      road,
+      {metres, std::hypot(KnownPoseOptions().translation_sigma, noise.contradicted_path * metres)},
+      baselines, static_cast<int>(frames.size()) - 1, noise.speed_path);
+  if (!out) return out;
+  out->name = "known_poses";
+  out->source = "positions alone, " + out->source;
+  return out;
+}
+
 /// What gives a run its metres before the road's own features are looked at.
 std::vector<Constraint> anchors(const RoadPosterior& road, const LoadedFrames& frames,
                                 const MotionEstimate& motion, const ScaleNoise& noise) {
@@ -61,6 +84,8 @@ std::vector<Constraint> anchors(const RoadPosterior& road, const LoadedFrames& f
   } else if (frames.known.camera_height) {
     out.push_back(camera_height_constraint(road, *frames.known.camera_height,
                                            frames.known.camera_height_sigma));
+  } else if (auto positions = measure_positions(road, frames, motion, noise)) {
+    out.push_back(std::move(*positions));
   } else if (auto speed = measure_speed(road, frames, motion, noise)) {
     out.push_back(std::move(*speed));
   } else {
@@ -408,8 +433,8 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
   for (int round = 0;; ++round) {
     const RoadPosterior prior = prior_road(ground, m, options);
     std::vector<Constraint> constraints = anchors(prior, frames, ground.motion, options.noise);
-    const bool by_speed = constraints.front().name == "speed";
-    const bool guessed = !given && !by_speed;
+    const bool by_path = !given && constraints.front().name != "camera_height";
+    const bool guessed = !given && !by_path;
     const RoadPosterior anchored = prior.conditioned(all_of(constraints));
     const GroundRaster raster =
         ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
@@ -429,13 +454,15 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                                                      frames.known.camera_height_sigma));
     }
     if (given) {
-      auto speed = measure_speed(prior, frames, ground.motion, options.noise);
-      if (speed) constraints.push_back(std::move(*speed));
+      for (auto* measure : {&measure_positions, &measure_speed}) {
+        auto path = (*measure)(prior, frames, ground.motion, options.noise);
+        if (path) constraints.push_back(std::move(*path));
+      }
     }
     FusedRoad fused =
         guessed ? fuse(prior, constraints) : fuse_with_given_metres(prior, constraints);
     const double change = std::log(fused.road.metres_per_baseline() / m);
-    const bool moved = by_speed || (guessed && accepted(fused.reports, "lane_markings"));
+    const bool moved = by_path || (guessed && accepted(fused.reports, "lane_markings"));
     if (moved && std::abs(change) >= 0.02 && round + 1 < kMostRounds) {
       m *= std::exp(change);
       continue;
