@@ -446,6 +446,11 @@ Correspondences grid_of(const GrayImage& image, int reference, int step) {
 
 }  // namespace
 
+std::size_t MatchedImage::count() const {
+  return static_cast<std::size_t>(std::count_if(round_trip_px.begin(), round_trip_px.end(),
+                                                [](float px) { return std::isfinite(px); }));
+}
+
 void check_images(const std::vector<GrayImage>& images, int reference) {
   if (reference < 0 || reference >= static_cast<int>(images.size())) {
     throw std::invalid_argument("reference = " + std::to_string(reference) +

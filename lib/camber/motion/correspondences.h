@@ -27,6 +27,8 @@ struct MatchedImage {
   int frame = 0;                        ///< index into the images
   std::vector<Eigen::Vector2f> pixels;  ///< one a grid point; undefined where not valid
   std::vector<float> round_trip_px;     ///< forward-backward error; infinity: not valid
+
+  std::size_t count() const;  ///< of the valid ones
 };
 
 /// Dense correspondences from a reference image to all others on a regular grid.

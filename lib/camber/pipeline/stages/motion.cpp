@@ -6,6 +6,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/motion/feature_matches.h"
+#include "camber/pipeline/stages/reach.h"
 
 namespace camber::stages {
 namespace {
@@ -85,12 +86,18 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
   // Shares of the matches: that must agree with their own motion for it to count, and by which
   // fewer agree with poses that are contradicted.
   constexpr double kTrusted = 0.6, kFewer = 0.2;
+  constexpr std::size_t kNamed = 3;
   if (!frames->has_poses()) return;
   const MotionEstimate given = motion_from_poses(*frames);
   if (given.status == Status::kFailed) return;
   const std::vector<std::uint8_t> usable = static_points(*frames, matches);
-  std::string contradicted;
+  std::size_t most = 0;
+  for (const MatchedImage& match : matches.matches) most = std::max(most, match.count());
+  std::vector<std::string> contradicted;
   for (std::size_t m = 0; m < matches.matches.size(); ++m) {
+    // What a far image shares may be another layer.
+    const auto shared = static_cast<double>(matches.matches[m].count());
+    if (shared < kLeastShared * static_cast<double>(most)) continue;
     const Correspondences pair = pair_of(matches, m);
     const MotionEstimate own = estimate_motion(frames->camera, pair, usable, options);
     if (own.status == Status::kFailed) continue;
@@ -98,14 +105,18 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
     const double by_given =
         epipolar_agreement(frames->camera, matches, usable, given, options.inlier_px, m);
     if (by_own < kTrusted || by_given > by_own - kFewer) continue;
-    if (!contradicted.empty()) contradicted += "; ";
     const auto frame = static_cast<std::size_t>(matches.matches[m].frame);
-    contradicted += fmt::format(
+    contradicted.push_back(fmt::format(
         "frame {}: {:.0f} % of its matches agree with the given poses, {:.0f} % with another "
         "motion",
-        frames->frames[frame].id, 100.0 * by_given, 100.0 * by_own);
+        frames->frames[frame].id, 100.0 * by_given, 100.0 * by_own));
   }
-  frames->contradicted_poses = std::move(contradicted);
+  if (contradicted.size() > kNamed) {
+    const std::size_t more = contradicted.size() - kNamed;
+    contradicted.resize(kNamed);
+    contradicted.push_back(fmt::format("and {} more", more));
+  }
+  frames->contradicted_poses = fmt::format("{}", fmt::join(contradicted, "; "));
 }
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,

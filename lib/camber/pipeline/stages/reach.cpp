@@ -26,14 +26,11 @@ FrameRange outwards(const LoadedFrames& frames, const std::vector<double>& value
 }  // namespace
 
 FrameRange frames_that_share(const LoadedFrames& frames, const Correspondences& matches) {
-  constexpr double kShare = 0.25;
   std::vector<double> shared(frames.size(), 0.0);
   for (const MatchedImage& match : matches.matches) {
-    shared[static_cast<std::size_t>(match.frame)] =
-        static_cast<double>(std::count_if(match.round_trip_px.begin(), match.round_trip_px.end(),
-                                          [](float px) { return std::isfinite(px); }));
+    shared[static_cast<std::size_t>(match.frame)] = static_cast<double>(match.count());
   }
-  return outwards(frames, shared, kShare);
+  return outwards(frames, shared, kLeastShared);
 }
 
 FrameRange frames_that_agree(const LoadedFrames& frames, const Correspondences& matches,

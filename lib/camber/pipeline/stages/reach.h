@@ -10,7 +10,10 @@
 /// than three would be left.
 namespace camber::stages {
 
-/// Images that share with the reference at least a quarter of what the best does.
+/// Of what the best image shares with the reference.
+inline constexpr double kLeastShared = 0.25;
+
+/// Images that share with the reference at least kLeastShared of what the best does.
 FrameRange frames_that_share(const LoadedFrames& frames, const Correspondences& matches);
 
 /// Images whose matches of what stands still agree with the motion (epipolar_agreement) nearly as
