@@ -1,7 +1,6 @@
 #include "camber/pipeline/stages/reach.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 #include <vector>
 

@@ -69,12 +69,11 @@ namespace {
 /// What is compared is the distance along the viewing ray, which the keypoints leave open most: the
 /// variance of the change is that without the source less that with it.
 Eigen::VectorXd contradiction_of(EvidenceSource source, const VehiclePosterior& posterior,
-                                 const VehicleState& state, const NormalEquations& all,
-                                 const Eigen::MatrixXd& covariance) {
+                                 const VehicleState& state, const PosteriorMean& mean) {
   const NormalEquations own = posterior.equations_of(source, state);
   Eigen::VectorXd change = Eigen::VectorXd::Zero(own.gradient.size());
   if (own.hessian.isZero()) return change;
-  const SymmetricFactors rest(all.hessian - own.hessian);
+  const SymmetricFactors rest(mean.information - own.hessian);
   if (!rest.positive()) return change;
   change = rest.solve(own.gradient);
   double most = 0.0;  // standard deviations
@@ -82,7 +81,7 @@ Eigen::VectorXd contradiction_of(EvidenceSource source, const VehiclePosterior& 
     const int at = posterior.layout().pose(k);
     Eigen::VectorXd ray = Eigen::VectorXd::Zero(change.size());
     ray.segment<3>(at) = state.poses[static_cast<std::size_t>(k)].translation.normalized();
-    const double variance = ray.dot(rest.solve(ray)) - ray.dot(covariance * ray);
+    const double variance = ray.dot(rest.solve(ray)) - ray.dot(mean.covariance * ray);
     if (variance > 0.0) most = std::max(most, std::abs(ray.dot(change)) / std::sqrt(variance));
   }
   const AnswerGates& gates = posterior.noise().answer;
@@ -101,6 +100,7 @@ PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleSta
   const SymmetricFactors factors(equations.hessian);
   out.minimum = factors.positive();
   out.covariance = factors.inverse();
+  out.information = equations.hessian;
   const Eigen::VectorXd gradient = posterior.shape_marginal_gradient(state, equations);
   out.state = posterior.moved(state, -out.covariance * gradient);
   Eigen::VectorXd gradient_change = Eigen::VectorXd::Zero(posterior.layout().total());
@@ -114,15 +114,10 @@ PosteriorMean posterior_mean(const VehiclePosterior& posterior, const VehicleSta
 
 void add_contradictions(const VehiclePosterior& posterior, const VehicleState& state,
                         PosteriorMean* mean) {
-  PosteriorEquations equations;
-  if (!mean->minimum || !std::isfinite(posterior.evaluate(state, &equations, /*observed=*/true))) {
-    return;
-  }
+  if (!mean->minimum) return;
   mean->contradictions.resize(posterior.layout().total(), 2);
-  mean->contradictions.col(0) =
-      contradiction_of(EvidenceSource::kPlanes, posterior, state, equations, mean->covariance);
-  mean->contradictions.col(1) = contradiction_of(EvidenceSource::kRegistration, posterior, state,
-                                                 equations, mean->covariance);
+  mean->contradictions << contradiction_of(EvidenceSource::kPlanes, posterior, state, *mean),
+      contradiction_of(EvidenceSource::kRegistration, posterior, state, *mean);
 }
 
 Eigen::MatrixXd stated_covariance(const VehiclePosterior& posterior, int view,

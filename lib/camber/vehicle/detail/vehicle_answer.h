@@ -34,6 +34,7 @@ std::string unreliable_reason(const VehiclePosterior& posterior, int view,
 struct PosteriorMean {
   VehicleState state;
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd information;  ///< its inverse
   /// What all parameters change by where the planes of all views are raised by what their
   /// covariances leave out: an error that is not in `covariance`.
   Eigen::VectorXd raised;
