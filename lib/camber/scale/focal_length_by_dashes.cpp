@@ -16,8 +16,8 @@ struct Stroke {
   Eigen::Vector3d middle, along;
 };
 
-/// Strokes that lie one period from another or two, along it, with the length that belongs to that
-/// period.
+/// Strokes that lie one period from another or two, along it, each with the length that belongs to
+/// that period.
 struct BrokenLines {
   std::vector<char> in_line;   // one a stroke
   std::vector<double> ratios;  // of the periods over the known one
@@ -25,7 +25,7 @@ struct BrokenLines {
   BrokenLines(const std::vector<Stroke>& strokes, const LaneMarkingSizes& sizes)
       : in_line(strokes.size(), 0) {
     // Of logarithms; focal lengths are tried in steps of 0.35.
-    constexpr double kMostOff = 0.2, kMostUnlike = 0.15;
+    constexpr double kMostOff = 0.2, kMostUnlike = 0.2;
     constexpr double kMostTurn = 0.1;  // rad a period
     const double period = sizes.dash_length + sizes.dash_gap;
     for (std::size_t i = 0; i < strokes.size(); ++i) {
@@ -34,9 +34,11 @@ struct BrokenLines {
         // The stroke between them may be hidden.
         const int periods = step.norm() > M_SQRT2 * period ? 2 : 1;
         const double ratio = step.norm() / (periods * period);
-        const double length = 0.5 * (strokes[i].along.norm() + strokes[j].along.norm());
+        const auto unlike = [&](const Stroke& stroke) {
+          return std::abs(std::log(stroke.along.norm() / (ratio * sizes.dash_length)));
+        };
         if (!(std::abs(std::log(ratio)) < kMostOff) ||
-            !(std::abs(std::log(length / (ratio * sizes.dash_length))) < kMostUnlike)) {
+            !(std::max(unlike(strokes[i]), unlike(strokes[j])) < kMostUnlike)) {
           continue;
         }
         const auto turn = [&](const Stroke& stroke) {
