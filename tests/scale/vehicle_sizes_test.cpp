@@ -89,11 +89,29 @@ TEST(VehicleSizes, WithNormalErrorsTheRatioIsThatOfTheMean) {
   EXPECT_NEAR(sizes->sigmas_off, sizes->log_scale / std::sqrt(variance), 0.05);
 }
 
-TEST(VehicleSizes, OfFewOrUncertainVehiclesMeasureNothing) {
+TEST(VehicleSizes, OfOneVehicleMeasureNothing) {
   const RoadPosterior road = road_of_scale(0.01);
-  EXPECT_FALSE(compare_vehicle_sizes(road, vehicles_at(road, {0.3, 0.3}, 0.05), {}));
-  EXPECT_FALSE(compare_vehicle_sizes(road, vehicles_at(road, {0.3, 0.3, 0.3}, 0.4), {}));
+  EXPECT_FALSE(compare_vehicle_sizes(road, vehicles_at(road, {0.3}, 0.05), {}));
   EXPECT_FALSE(compare_vehicle_sizes(road, {}, {}));
+}
+
+TEST(VehicleSizes, OfTwoVehiclesContradictAScaleThatIsFarOff) {
+  const RoadPosterior road = road_of_scale(0.01);
+  const auto far = compare_vehicle_sizes(road, vehicles_at(road, {0.3, 0.3}, 0.05), {});
+  ASSERT_TRUE(far);
+  EXPECT_GT(far->sigmas_off, ScaleNoise().vehicle_sizes_gate);
+  // A car and a van.
+  const auto two = compare_vehicle_sizes(road, vehicles_at(road, {0.0, 0.3}, 0.05), {});
+  ASSERT_TRUE(two);
+  EXPECT_LT(two->sigmas_off, ScaleNoise().vehicle_sizes_start);
+}
+
+TEST(VehicleSizes, OfUncertainVehiclesContradictHardly) {
+  const RoadPosterior road = road_of_scale(0.01);
+  const auto sizes = compare_vehicle_sizes(road, vehicles_at(road, {0.15, 0.15, 0.15}, 0.4), {});
+  ASSERT_TRUE(sizes);
+  EXPECT_GT(sizes->sigma, 0.2);
+  EXPECT_LT(sizes->sigmas_off, ScaleNoise().vehicle_sizes_start);
 }
 
 TEST(RoadPosterior, AWiderScaleWidensWhatDependsOnIt) {

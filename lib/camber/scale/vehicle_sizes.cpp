@@ -78,11 +78,9 @@ std::optional<VehicleSizes> compare_vehicle_sizes(const RoadPosterior& road,
   std::vector<ImpliedLogScale> scales;
   for (const Constraint& vehicle : vehicles) {
     const auto scale = implied_log_scale(road, vehicle);
-    if (scale && scale->variance < noise.vehicle_size_most * noise.vehicle_size_most) {
-      scales.push_back(*scale);
-    }
+    if (scale) scales.push_back(*scale);
   }
-  constexpr std::size_t kLeast = 3;
+  constexpr std::size_t kLeast = 2;  // one alone may be a van
   if (scales.size() < kLeast) return std::nullopt;
   const StudentLikelihood likelihood(scales, noise);
   const double common = noise.compared_population * noise.compared_population;

@@ -25,7 +25,7 @@ struct VehicleSizes {
 /// at either scale, and hides nothing of what the others agree on. It is a check: the vehicles' own
 /// measurements are fused one by one.
 /// @param vehicles  constraints by single vehicles, linearised around `road`.
-/// @return nothing where fewer than three vehicles measure the scale.
+/// @return nothing where fewer than two vehicles measure the scale.
 std::optional<VehicleSizes> compare_vehicle_sizes(const RoadPosterior& road,
                                                   const std::vector<Constraint>& vehicles,
                                                   const ScaleNoise& noise);
