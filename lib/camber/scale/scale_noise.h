@@ -88,7 +88,7 @@ struct ScaleNoise {
   double vehicle_size_spread = 0.9;
   /// Standard deviations, as contradiction_start, and from which on they are named: of 265 runs
   /// over rendered roads, even numbers, one, whose scale is 11 % off, is beyond 2.1.
-  double vehicle_sizes_start = 1.2;
+  double vehicle_sizes_start = 1.5;
   double vehicle_sizes_gate = 2.5;
   double vehicle_contradicts = 3.0;  ///< standard deviations, of one vehicle and the road under it
   /// Standard deviations, of another focal length by the vehicles' proportions: with the true one
