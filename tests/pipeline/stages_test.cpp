@@ -658,6 +658,15 @@ TEST(SurfaceStage, ValidateNamesTheField) {
   options.patch_length = 0.0;
   EXPECT_THAT(refused(), HasSubstr("patch_length: 0"));
   EXPECT_THROW(plan_of(make_drive({}), options), std::invalid_argument);
+  options = {};
+  options.under_vehicle.half_width = 0.0;
+  EXPECT_THAT(refused(), HasSubstr("half_width: 0, must be greater than 0"));
+  options = {};
+  options.under_vehicle.uneven_height = -0.01;
+  EXPECT_THAT(refused(), HasSubstr("uneven_height: -0.01"));
+  options = {};
+  options.under_vehicle.bumper_overhang = std::numeric_limits<double>::infinity();
+  EXPECT_THAT(refused(), HasSubstr("bumper_overhang"));
 }
 
 TEST(SurfaceStage, LaysAPatchUnderEveryDetectionThatTouchesGround) {

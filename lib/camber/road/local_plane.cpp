@@ -1,13 +1,27 @@
 #include "camber/road/local_plane.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <vector>
 
 namespace camber {
 
 constexpr double kFarthest = 300.0;  // m, of a contact
+
+void LocalPlaneOptions::validate() const {
+  const auto require = [](bool holds, const char* name, double value, const char* bound) {
+    if (!holds) throw std::invalid_argument(fmt::format("{}: {}, must be {}", name, value, bound));
+  };
+  require(length > 0.0, "length", length, "greater than 0");
+  require(half_width > 0.0, "half_width", half_width, "greater than 0");
+  require(std::isfinite(bumper_overhang), "bumper_overhang", bumper_overhang, "finite");
+  require(uneven_height >= 0.0, "uneven_height", uneven_height, "at least 0");
+  require(uneven_tilt >= 0.0, "uneven_tilt", uneven_tilt, "at least 0");
+}
 
 UncertainPlane plane_from_inverse_depth(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
                                         const Eigen::Vector3d& centroid,

@@ -15,7 +15,7 @@ namespace camber {
 struct LocalPlaneOptions {
   double length = 4.3;           ///< m, of the footprint behind the contact, > 0
   double half_width = 1.2;       ///< m, of the footprint, > 0
-  double bumper_overhang = 0.0;  ///< m, from the contact seen to the footprint's near end
+  double bumper_overhang = 0.0;  ///< m, from the contact seen to the footprint's near end, finite
   /// What the ground under a vehicle departs from a smooth field: ruts, potholes, undulations.
   double uneven_height = 0.03;  ///< m, >= 0
   double uneven_tilt = 0.01;    ///< rad, >= 0
@@ -25,6 +25,7 @@ struct LocalPlaneOptions {
     const double tilt = uneven_tilt * uneven_tilt;
     return {tilt, tilt, uneven_height * uneven_height};
   }
+  void validate() const;  ///< throws std::invalid_argument
 };
 
 struct LocalPlane {

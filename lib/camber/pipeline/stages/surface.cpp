@@ -210,6 +210,7 @@ void SurfaceOptions::validate() const {
   if (!(grazing_px >= 0.0)) {
     throw std::invalid_argument(fmt::format("grazing_px: {}, must be at least 0", grazing_px));
   }
+  under_vehicle.validate();
 }
 
 SurfacePlan surface(const LoadedFrames& frames, const Correspondences& matches,
