@@ -262,5 +262,18 @@ TEST(DashFocalLength, NothingSpeaksAgainstTheTrueOne) {
   }
 }
 
+TEST(DashFocalLength, StrokesOfUnlikeLengthsProveNothing) {
+  // Their distance is the period with 0.71 times the focal length, their lengths are it in the
+  // mean.
+  const GrayImage image = draw([](double x, double z) {
+    return std::abs(x + 1.2) < 0.06 && ((z > 8.0 && z < 11.39) || (z > 19.78 && z < 25.08));
+  });
+  EXPECT_EQ(find_focal_length(image, 1.0).strokes, 0);
+  const GrayImage alike = draw([](double x, double z) {
+    return std::abs(x + 1.2) < 0.06 && ((z > 7.58 && z < 11.82) || (z > 20.31 && z < 24.55));
+  });
+  EXPECT_EQ(find_focal_length(alike, 1.0).strokes, 2);
+}
+
 }  // namespace
 }  // namespace camber
