@@ -583,6 +583,22 @@ TEST(FitVehicle, MeasuresTheGroundBelowIt) {
   EXPECT_GT(inside, 0.90);
 }
 
+// The vehicle stands on the plane that is stated: where it truly stands the plane is known no better
+// than the vehicle's place across it, however little was known of the ground before.
+TEST(FitVehicle, KnowsTheGroundNoBetterThanItsPlaceAcrossIt) {
+  SimulationOptions options;
+  options.min_distance = 20.0;
+  options.plane_sigma_height = 0.4;
+  options.plane_sigma_tilt = 0.07;
+  for (int i = 0; i < 50; ++i) {
+    const SimulatedVehicle s = simulate_vehicle(options, i);
+    const VehicleEstimate e = fit_vehicle(s.camera, s.detection, s.support, {});
+    const Eigen::Matrix3d place = e.covariance.topLeftCorner<3, 3>();
+    const double across = e.plane.normal.dot(place * e.plane.normal);
+    EXPECT_GT(e.plane_sigma_height, 0.999 * std::sqrt(across)) << i;
+  }
+}
+
 TEST(FitVehicle, NearAndFar) {
   SimulationOptions near;
   near.min_distance = 3.0;

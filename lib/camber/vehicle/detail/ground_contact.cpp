@@ -134,9 +134,13 @@ Plane GroundContact::posterior_plane(const ViewPose& pose, const PoseMatrix& pos
   const double variance = height * after.covariance * height.transpose();
   const double unmodelled =
       height * (unmodelled_height_ * after.by_plane_error.col(2) + after.change_by_pose * raised);
-  *sigma_height =
-      std::sqrt(std::max(variance, 0.0) + std::max(elsewhere, 0.0) + unmodelled * unmodelled);
-  return plane_.perturbed(after.change);
+  const Plane plane = plane_.perturbed(after.change);
+  // The same at the normal that was found: on ground hardly known that is far from the one at
+  // which the plane was linearised, and `place` also holds what contradicts the vehicle.
+  const double across = plane.normal.dot(place * plane.normal);
+  *sigma_height = std::sqrt(std::max(
+      std::max(variance, 0.0) + std::max(elsewhere, 0.0) + unmodelled * unmodelled, across));
+  return plane;
 }
 
 }  // namespace camber::internal

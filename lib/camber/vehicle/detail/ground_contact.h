@@ -63,8 +63,9 @@ class GroundContact {
   /// @param pose_covariance  of the solved pose parameters.
   Posterior posterior(const ViewPose& pose, const PoseMatrix& pose_covariance) const;
 
-  /// Posterior mean of the plane, and the standard deviation of its height at the vehicle. The ego
-  /// plane and a level one, which other vehicles stand on too, stay.
+  /// Posterior mean of the plane, and the standard deviation of its height where the vehicle truly
+  /// stands, at least that of the vehicle's place across the plane. The ego plane and a level one,
+  /// which other vehicles stand on too, stay.
   /// @param raised  change of the pose by what the plane's covariance leaves out.
   /// @param place   covariance of the vehicle's centre, m^2: where it truly stands.
   Plane posterior_plane(const ViewPose& pose, const PoseMatrix& pose_covariance,
