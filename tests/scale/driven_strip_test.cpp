@@ -83,6 +83,20 @@ TEST(DrivenStrip, VergesBesideTheWheelsAreLeftOut) {
   EXPECT_GT(ego.relative_sigma, 1.05 * fit(level, options_of_camera()).relative_sigma);
 }
 
+// A kerb in the strip: of pavement and road a fit of both at once makes a cross slope.
+TEST(DrivenStrip, KerbBesideTheWheelsMakesNoCrossSlope) {
+  const Ground kerb = [](double, double right) {
+    return 0.02 * right + (right > 0.7 ? 0.15 : 0.0);
+  };
+  const RoadPoints road = road_points(kerb, 3.0, {-0.4, 0.4});
+  const EgoPlane ego = fit(road, options_of_camera());
+  ASSERT_EQ(ego.status, Status::kOk) << ego.reason;
+  EXPECT_NEAR(scale_error(ego), 0.0, 0.005);
+  EgoPlaneOptions at_once = options_of_camera();
+  at_once.start_half_width = at_once.half_width;
+  EXPECT_GT(std::abs(scale_error(fit(road, at_once))), 0.03);
+}
+
 TEST(DrivenStrip, StripFollowsATurn) {
   // The pavement lies straight ahead, the road bends to the right before it.
   constexpr double kCurvature = 0.08;
@@ -146,6 +160,7 @@ TEST(DrivenStrip, OptionsAreChecked) {
   };
   refused([](EgoPlaneOptions* o) { o->camera_height = 0.0; });
   refused([](EgoPlaneOptions* o) { o->wide_half_width = o->half_width; });
+  refused([](EgoPlaneOptions* o) { o->start_half_width = 0.0; });
   refused([](EgoPlaneOptions* o) { o->curve_begins_most = 0.5; });
   EXPECT_NO_THROW(EgoPlaneOptions().validate());
 }

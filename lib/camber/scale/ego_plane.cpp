@@ -95,9 +95,9 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
 /// camera.
 std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
                               detail::TravelFrame* frame, NearRoad* out) {
-  constexpr double kWindow = 4.0;  // of the distance to the nearest road
-  constexpr double kCrossSlope = 0.1;  // rad, standard deviation
-  constexpr double kNoise = 0.03;      // of a point's height over its distance
+  constexpr double kWindow = 4.0;           // of the distance to the nearest road
+  constexpr double kCrossSlope = 0.1;       // rad, standard deviation
+  constexpr double kNoise = 0.03;           // of a point's height over its distance
   constexpr int kRounds = 8, kFewest = 30;  // points
   std::vector<Eigen::Vector3d> abu;
   std::vector<double> ahead;
@@ -279,6 +279,7 @@ void EgoPlaneOptions::validate() const {
   require(reach > 8, "reach", reach, "> 8");
   require(half_width > 0, "half_width", half_width, "> 0");
   require(wide_half_width > half_width, "wide_half_width", wide_half_width, "> half_width");
+  require(start_half_width > 0, "start_half_width", start_half_width, "> 0");
   require(path_curvature > 0, "path_curvature", path_curvature, "> 0");
   require(path_sigma > 0, "path_sigma", path_sigma, "> 0");
   require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");

@@ -33,6 +33,9 @@ struct EgoPlaneOptions {
   /// kerbs and verges lie beyond.
   double half_width = 1.4;
   double wide_half_width = 2.5;  ///< m, where the narrow strip holds too few points
+  /// m, > 0: of the strip that the fit starts from, which grows from there. Between the wheels
+  /// there is road; of a kerb beside them a fit of all at once may make a cross slope.
+  double start_half_width = 0.7;
   int narrow_points = 150;       ///< fewer are too few
   double path_curvature = 0.03;  ///< 1/m, standard deviation of a driven path's, in plan, > 0
   double path_sigma = 0.02;      ///< m, of a position across the path, > 0

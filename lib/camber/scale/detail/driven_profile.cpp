@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kLossScale = 3.0;      // standard deviations, of the loss of Geman and McClure
+constexpr double kNearest = 1.0;        // m ahead
 constexpr double kInlierWeight = 0.25;  // of a point at that scale
 
 using Terms = std::vector<std::pair<int, double>>;
@@ -47,17 +48,24 @@ class ProfileFit {
     profile_.x = Eigen::VectorXd::Zero(2 * profile_.nodes);
     profile_.x.head(profile_.nodes).setConstant(-options.camera_height);
     profile_.metres_per_baseline = metres_per_baseline;
+    int between_wheels = 0;
+    for (const Eigen::Vector3d& q : measured.points) {
+      const Eigen::Vector3d p = metres_per_baseline * q;
+      between_wheels +=
+          p.y() > kNearest && p.y() < options.reach && std::abs(p.x()) < options.start_half_width;
+    }
+    grows_ =
+        options.start_half_width < options.half_width && between_wheels >= options.narrow_points;
   }
 
   DrivenProfile run() {
-    constexpr int kRounds = 12;
     for (int round = 0; round < kRounds; ++round) {
       const bool last = round + 1 == kRounds;
       const auto size = profile_.x.size();
       normal_ = Eigen::MatrixXd::Zero(size, size);
       right_ = Eigen::VectorXd::Zero(size);
       shared_right_ = Eigen::MatrixXd::Zero(size, last ? shared_columns() : 0);
-      add_points(round > 0);
+      add_points(half_width(round), round > 0);
       if (profile_.points < 30) {
         profile_.failure = fmt::format("too few road points within {:g} m ahead: {}",
                                        options_.reach, profile_.points);
@@ -95,7 +103,15 @@ class ProfileFit {
  private:
   Eigen::Index shared_columns() const { return measured_.road->shared_jacobian.cols(); }
 
-  void add_points(bool robust) {
+  /// The strip of a round: a third of them hold the start's, a third widen it.
+  double half_width(int round) const {
+    if (!grows_) return options_.half_width;
+    constexpr int kNarrow = kRounds / 3, kGrowing = kRounds / 3;
+    const double grown = std::clamp((round - kNarrow + 1.0) / (kGrowing + 1.0), 0.0, 1.0);
+    return options_.start_half_width + grown * (options_.half_width - options_.start_half_width);
+  }
+
+  void add_points(double half_width, bool robust) {
     const double step = profile_.step;
     const int nodes = profile_.nodes;
     const Eigen::VectorXd& x = profile_.x;
@@ -104,7 +120,7 @@ class ProfileFit {
     for (std::size_t i = 0; i < measured_.points.size(); ++i) {
       const Eigen::Vector3d p = profile_.metres_per_baseline * measured_.points[i];
       const double at = p.y() / step + profile_.foot, side = p.x();
-      if (!(p.y() > 1.0) || at >= nodes - 1 || std::abs(side) > options_.half_width) continue;
+      if (!(p.y() > kNearest) || at >= nodes - 1 || std::abs(side) > half_width) continue;
       ++profile_.compared;
       const int j = static_cast<int>(at);
       const double f = at - j;
@@ -283,8 +299,11 @@ class ProfileFit {
             off * off * std::max(square - mean * mean, 0.0)};
   }
 
+  static constexpr int kRounds = 12;
+
   const ProfileMeasurements& measured_;
   const EgoPlaneOptions& options_;
+  bool grows_ = false;  // the strip, from the start's
   std::vector<double> weight_;
   DrivenProfile profile_;
   Eigen::MatrixXd normal_, shared_right_;
