@@ -97,6 +97,19 @@ TEST(DrivenStrip, KerbBesideTheWheelsMakesNoCrossSlope) {
   EXPECT_GT(std::abs(scale_error(fit(road, at_once))), 0.03);
 }
 
+// A kerb too low to be told from the road draws it: the strip between the wheels, without it,
+// tells.
+TEST(DrivenStrip, LowKerbInTheStripWidensTheScale) {
+  const Ground kerb = [](double, double right) { return right > 0.7 ? 0.07 : 0.0; };
+  const std::vector<double> path = {-0.4, 0.4};
+  EgoPlaneOptions options = options_of_camera();
+  options.wide_half_width = options.half_width + 0.01;
+  const EgoPlane ego = fit(road_points(kerb, 3.0, path), options);
+  const EgoPlane level = fit(road_points([](double, double) { return 0.0; }, 3.0, path), options);
+  EXPECT_GT(std::abs(scale_error(ego)), 0.005);
+  EXPECT_GT(ego.relative_sigma, std::hypot(level.relative_sigma, 0.7 * scale_error(ego)));
+}
+
 TEST(DrivenStrip, StripFollowsATurn) {
   // The pavement lies straight ahead, the road bends to the right before it.
   constexpr double kCurvature = 0.08;

@@ -217,25 +217,28 @@ DrivenRoad fit_driven_road(const RoadPoints& road, decltype(fit_near_plane) near
   return out;
 }
 
-/// What the same measurements give under other assumptions: a narrower or wider strip, a stiffer
-/// or softer road. @return variance of the logarithm of the scale.
+/// What the same measurements give under other assumptions: another strip, that between the wheels
+/// alone, a stiffer or softer road. @return variance of the logarithm of the scale.
 double assumption_variance(const detail::ProfileMeasurements& measured,
                            const detail::DrivenProfile& chosen, const EgoPlaneOptions& options,
                            double other_half_width) {
-  const auto log_change = [&](const EgoPlaneOptions& changed) {
+  const auto log_change = [&](const EgoPlaneOptions& changed, int fewest) {
     const detail::DrivenProfile other =
         detail::fit_driven_profile(measured, chosen.metres_per_baseline, changed);
-    return other.failure.empty() ? std::log(other.metres_per_baseline / chosen.metres_per_baseline)
-                                 : 0.0;
+    return other.failure.empty() && other.points >= fewest
+               ? std::log(other.metres_per_baseline / chosen.metres_per_baseline)
+               : 0.0;
   };
-  EgoPlaneOptions width = options, soft = options, stiff = options;
+  EgoPlaneOptions width = options, between_wheels = options, soft = options, stiff = options;
   width.half_width = other_half_width;
+  between_wheels.half_width = options.start_half_width;
   soft.curvature_walk *= 2.0;
   stiff.curvature_walk *= 0.5;
   // The road's stiffness is known to a factor of two: half, the assumed one and twice it as 1:2:1.
-  const double by_width = log_change(width);
-  const double by_soft = log_change(soft), by_stiff = log_change(stiff);
-  return by_width * by_width + 0.25 * (by_soft * by_soft + by_stiff * by_stiff);
+  const double by_width = log_change(width, 0);
+  const double by_kerb = log_change(between_wheels, options.narrow_points);
+  const double by_soft = log_change(soft, 0), by_stiff = log_change(stiff, 0);
+  return by_width * by_width + by_kerb * by_kerb + 0.25 * (by_soft * by_soft + by_stiff * by_stiff);
 }
 
 /// What a turn between the camera and the nearest road that is seen leaves open: a path that turns
