@@ -485,6 +485,23 @@ TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {
   EXPECT_LT(half_result_->surface.scale_sigma, without.surface.scale_sigma);
 }
 
+// By a height that is wrong, two far strokes fit a road that bends for them, and the near one,
+// which does not, is none of theirs.
+TEST_F(SteepHillRun, MarkingsNearTheCameraContradictAWrongHeight) {
+  ReconstructOptions options;
+  options.vehicles.enabled = false;
+  options.num_threads = 1;
+  for (const double factor : {0.8, 1.2}) {
+    Scene scene = *scene_;
+    *scene.height_above_road *= factor;
+    const Reconstruction result = reconstruct(scene, {0, 1, 2}, options);
+    ASSERT_FALSE(result.run.warnings.empty()) << factor;
+    EXPECT_EQ(result.run.warnings[0].code, "scale_contradicted") << factor;
+    EXPECT_THAT(result.run.warnings[0].text, HasSubstr("lane_markings")) << factor;
+    EXPECT_LT(std::abs(metrics(scene, result).scale_error), 2.0 * result.run.scale_sigma) << factor;
+  }
+}
+
 TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
   EXPECT_EQ(result_->run.extra["road_width"]["status"], "used");
   EXPECT_GE(result_->run.extra["road_width"]["places"], 8);

@@ -312,6 +312,9 @@ LaneMarkingConstraint lane_marking_constraint(const RoadPosterior& road,
   }
   const Eigen::VectorXd& solution = association.now().mean;
   out.dashes = association.num_used();
+  for (std::size_t i = 0; i < markings.dashes.size(); ++i) {
+    if (association.used(i)) out.rows += markings.dashes[i].rows;
+  }
   for (const KnownLength& k : accepted) {
     for (const Eigen::Index i : {k.from, k.to}) {
       out.farthest = std::max(out.farthest, lengths.point(solution, i).norm());

@@ -15,6 +15,7 @@ struct LaneMarkingConstraint {
   std::string reason;
   bool contradicts = false;  ///< markings were found, and the ground lets expect other sizes
   int dashes = 0;            ///< strokes that take part
+  int rows = 0;              ///< of the image, in which these strokes are seen
   int crossings = 0;         ///< pedestrian crossings that take part
   double farthest = 0.0;     ///< m, of what takes part
   /// Mean square of what the lengths miss the road by, in standard deviations, before and after.

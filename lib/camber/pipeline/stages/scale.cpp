@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
@@ -143,6 +144,67 @@ LaneMarkingConstraint measure_markings(const LoadedFrames& frames, const GroundR
       detect_lane_markings(frames.gray[frames.reference], frames.camera, raster, travel, sizes,
                            road.scale_sigma(), options.num_threads);
   return lane_marking_constraint(road, frames.camera, found, sizes, options.noise);
+}
+
+/// Markings, and the road around which their lengths are linearised.
+struct FoundMarkings {
+  LaneMarkingConstraint markings;
+  RoadPosterior around;
+};
+
+/// The markings at other scales of the road than the given one: those of the scale at which the
+/// most rows of strokes fit.
+FoundMarkings rescaled_markings(const LoadedFrames& frames, const GroundRaster& raster,
+                                const Eigen::Vector3d& travel, const PhotometricGround& ground,
+                                const RoadPosterior& given, const ScaleOptions& options) {
+  constexpr std::array<double, 4> kFactors = {0.71, 0.84, 1.19, 1.41};
+  constexpr double kBetween = 0.05;  // relative, standard deviation of the scale about a factor
+  const double height = given.ego().plane.offset;
+  ScaleOptions one_thread = options;
+  one_thread.num_threads = 1;
+  std::vector<FoundMarkings> found(kFactors.size(), {{}, given});
+  parallel_for(kFactors.size(), options.num_threads, [&](std::size_t k) {
+    const double factor = kFactors[k];
+    const RoadPosterior prior = prior_road(ground, factor * given.metres_per_baseline(), options);
+    found[k].around = prior.conditioned(
+        camera_height_constraint(prior, factor * height, kBetween * factor * height));
+    GroundRaster rescaled = raster;
+    for (float& rho : rescaled.inverse_depth) rho *= static_cast<float>(1.0 / factor);
+    found[k].markings = measure_markings(frames, rescaled, travel, found[k].around, one_thread);
+  });
+  return *std::max_element(found.begin(), found.end(),
+                           [](const FoundMarkings& a, const FoundMarkings& b) {
+                             return a.markings.rows < b.markings.rows;
+                           });
+}
+
+/// @return whether markings explain more of the image than others. Two strokes a period apart are
+/// chance at one of several scales.
+bool explain_more(const LaneMarkingConstraint& markings, const LaneMarkingConstraint& than) {
+  constexpr int kFewest = 3;
+  return markings.dashes >= kFewest && markings.dashes > than.dashes && markings.rows > than.rows;
+}
+
+/// @param given  whether the road's metres were given. Where they are wrong, far strokes fit a road
+///               that bends for them, while those near the camera fit none: a scale at which more
+///               of them fit is measured in its place.
+FoundMarkings find_markings(const LoadedFrames& frames, const GroundRaster& raster,
+                            const Eigen::Vector3d& travel, const PhotometricGround& ground,
+                            const RoadPosterior& anchored, bool given,
+                            const ScaleOptions& options) {
+  FoundMarkings out{measure_markings(frames, raster, travel, anchored, options), anchored};
+  if (out.markings.constraint.size() == 0) {
+    // What they measure if the scale is not taken for known.
+    LaneMarkingConstraint alone = measure_markings(
+        frames, raster, travel,
+        anchored.with_wider_scale(std::pow(options.noise.contradicted_scale, 2)), options);
+    if (alone.constraint.size() > 0) out.markings = std::move(alone);
+  }
+  if (given && options.use_markings && frames.known.markings.dashes()) {
+    FoundMarkings other = rescaled_markings(frames, raster, travel, ground, anchored, options);
+    if (explain_more(other.markings, out.markings)) out = std::move(other);
+  }
+  return out;
 }
 
 RoadWidthConstraint measure_width(const LoadedFrames& frames, const GroundRaster& raster,
@@ -438,16 +500,10 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     const RoadPosterior anchored = prior.conditioned(all_of(constraints));
     const GroundRaster raster =
         ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
-    LaneMarkingConstraint markings = measure_markings(frames, raster, travel, anchored, options);
-    if (markings.constraint.size() == 0) {
-      // What they measure if the scale is not taken for known.
-      LaneMarkingConstraint alone = measure_markings(
-          frames, raster, travel,
-          anchored.with_wider_scale(std::pow(options.noise.contradicted_scale, 2)), options);
-      if (alone.constraint.size() > 0) markings = std::move(alone);
-    }
+    auto [markings, around] =
+        find_markings(frames, raster, travel, ground, anchored, given, options);
     RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
-    constraints.push_back(prior.relinearised(markings.constraint, anchored));
+    constraints.push_back(prior.relinearised(markings.constraint, around));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
     if (ground.motion.metres_per_baseline && frames.known.camera_height) {
       constraints.push_back(camera_height_constraint(prior, *frames.known.camera_height,
