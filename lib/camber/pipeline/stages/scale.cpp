@@ -153,7 +153,7 @@ struct FoundMarkings {
 };
 
 /// The markings at other scales of the road than the given one: those of the scale at which the
-/// most rows of strokes fit.
+/// most lengths fit.
 FoundMarkings rescaled_markings(const LoadedFrames& frames, const GroundRaster& raster,
                                 const Eigen::Vector3d& travel, const PhotometricGround& ground,
                                 const RoadPosterior& given, const ScaleOptions& options) {
@@ -174,15 +174,17 @@ FoundMarkings rescaled_markings(const LoadedFrames& frames, const GroundRaster& 
   });
   return *std::max_element(found.begin(), found.end(),
                            [](const FoundMarkings& a, const FoundMarkings& b) {
-                             return a.markings.rows < b.markings.rows;
+                             return a.markings.constraint.size() < b.markings.constraint.size();
                            });
 }
 
-/// @return whether markings explain more of the image than others. Two strokes a period apart are
+/// @return whether markings explain plainly more of the image than others: a stroke near the camera
+/// has a length of its own besides its distance from the next. Two strokes a period apart are
 /// chance at one of several scales.
 bool explain_more(const LaneMarkingConstraint& markings, const LaneMarkingConstraint& than) {
-  constexpr int kFewest = 3;
-  return markings.dashes >= kFewest && markings.dashes > than.dashes && markings.rows > than.rows;
+  constexpr int kFewest = 3, kMoreLengths = 2;
+  return markings.dashes >= kFewest && markings.rows > than.rows &&
+         markings.constraint.size() >= than.constraint.size() + kMoreLengths;
 }
 
 /// @param given  whether the road's metres were given. Where they are wrong, far strokes fit a road
