@@ -95,9 +95,9 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
 /// camera.
 std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
                               detail::TravelFrame* frame, NearRoad* out) {
-  constexpr double kWindow = 4.0;           // of the distance to the nearest road
-  constexpr double kCrossSlope = 0.1;       // rad, standard deviation
-  constexpr double kNoise = 0.03;           // of a point's height over its distance
+  constexpr double kWindow = 4.0;  // of the distance to the nearest road
+  constexpr double kCrossSlope = 0.1;  // rad, standard deviation
+  constexpr double kNoise = 0.03;      // of a point's height over its distance
   constexpr int kRounds = 8, kFewest = 30;  // points
   std::vector<Eigen::Vector3d> abu;
   std::vector<double> ahead;
