@@ -178,12 +178,13 @@ FoundMarkings rescaled_markings(const LoadedFrames& frames, const GroundRaster& 
                            });
 }
 
+constexpr int kLine = 3;  // strokes of a broken line that are no chance
+
 /// @return whether markings explain plainly more of the image than others: a stroke near the camera
-/// has a length of its own besides its distance from the next. Two strokes a period apart are
-/// chance at one of several scales.
+/// has a length of its own besides its distance from the next.
 bool explain_more(const LaneMarkingConstraint& markings, const LaneMarkingConstraint& than) {
-  constexpr int kFewest = 3, kMoreLengths = 2;
-  return markings.dashes >= kFewest && markings.rows > than.rows &&
+  constexpr int kMoreLengths = 2;
+  return markings.dashes >= kLine && markings.rows > than.rows &&
          markings.constraint.size() >= than.constraint.size() + kMoreLengths;
 }
 
@@ -202,7 +203,8 @@ FoundMarkings find_markings(const LoadedFrames& frames, const GroundRaster& rast
         anchored.with_wider_scale(std::pow(options.noise.contradicted_scale, 2)), options);
     if (alone.constraint.size() > 0) out.markings = std::move(alone);
   }
-  if (given && options.use_markings && frames.known.markings.dashes()) {
+  const bool fit = out.markings.dashes >= kLine && out.markings.misfit_before < 1.0;
+  if (given && !fit && options.use_markings && frames.known.markings.dashes()) {
     FoundMarkings other = rescaled_markings(frames, raster, travel, ground, anchored, options);
     if (explain_more(other.markings, out.markings)) out = std::move(other);
   }
