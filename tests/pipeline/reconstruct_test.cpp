@@ -502,6 +502,19 @@ TEST_F(SteepHillRun, MarkingsNearTheCameraContradictAWrongHeight) {
   }
 }
 
+// The height is the surest source, so that the result lies near it: that it contradicts the rest by
+// two standard deviations and more widens the scale by what it differs from the rest.
+TEST_F(SteepHillRun, AHeightThatIsALittleOffWidensTheScale) {
+  Scene scene = *scene_;
+  *scene.height_above_road *= 1.08;
+  ReconstructOptions options;
+  options.num_threads = 1;
+  const Reconstruction result = reconstruct(scene, {0, 1, 2}, options);
+  EXPECT_THAT(result.run.warnings, IsEmpty());
+  EXPECT_LT(std::abs(metrics(scene, result).scale_error), 1.6 * result.run.scale_sigma);
+  EXPECT_LT(result.run.scale_sigma, 2.5 * result_->run.scale_sigma);
+}
+
 TEST_F(SteepHillRun, TheRoadsWidthIsUsedWhereAMaskShowsItAndCanBeLeftOut) {
   EXPECT_EQ(result_->run.extra["road_width"]["status"], "used");
   EXPECT_GE(result_->run.extra["road_width"]["places"], 8);

@@ -6,7 +6,7 @@ namespace camber {
 
 std::optional<ContradictingScale> contradicting_scale(const RoadPosterior& prior,
                                                       const Constraint& constraint,
-                                                      const ConstraintReport& report, double fused,
+                                                      const ConstraintReport& report, double others,
                                                       const ScaleNoise& noise) {
   if (constraint.size() == 0) return std::nullopt;
   const double share =
@@ -17,7 +17,7 @@ std::optional<ContradictingScale> contradicting_scale(const RoadPosterior& prior
   // What the road's own scale leaves open is in the variance, too.
   const double own = implied->variance - prior.scale_sigma() * prior.scale_sigma();
   if (own > noise.contradicting_scale * noise.contradicting_scale) return std::nullopt;
-  const double off = implied->mean - fused;
+  const double off = implied->mean - others;
   return ContradictingScale{off, share * off * off};
 }
 

@@ -380,11 +380,16 @@ void contradict(std::string text, ScaledRoad* scaled) {
 /// The sources, each alone, before the ground is conditioned on all of them.
 void admit_sources(const RoadPosterior& prior, const std::vector<Constraint>& constraints,
                    const ScaleNoise& noise, ScaledRoad* scaled) {
-  const double fused_change =
-      std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintReport& report = scaled->reports[i];
-    const auto other = contradicting_scale(prior, constraints[i], report, fused_change, noise);
+    std::vector<const Constraint*> rest;
+    for (std::size_t j = 0; j < constraints.size(); ++j) {
+      if (j != i && scaled->reports[j].accepted) rest.push_back(&constraints[j]);
+    }
+    const RoadPosterior by_rest = prior.conditioned(stacked(rest));
+    if (by_rest.scale_sigma() > noise.contradicting_scale) continue;  // they know none
+    const double others = std::log(by_rest.metres_per_baseline() / prior.metres_per_baseline());
+    const auto other = contradicting_scale(prior, constraints[i], report, others, noise);
     if (!other) continue;
     widen(other->variance, scaled);
     if (report.accepted) continue;
