@@ -382,6 +382,7 @@ void admit_sources(const RoadPosterior& prior, const std::vector<Constraint>& co
                    const ScaleNoise& noise, ScaledRoad* scaled) {
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintReport& report = scaled->reports[i];
+    if (!(report.residual_sigma > noise.contradiction_start)) continue;
     std::vector<const Constraint*> rest;
     for (std::size_t j = 0; j < constraints.size(); ++j) {
       if (j != i && scaled->reports[j].accepted) rest.push_back(&constraints[j]);

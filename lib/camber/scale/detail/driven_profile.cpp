@@ -11,8 +11,8 @@ namespace camber::detail {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kNearest = 1.0;        // m ahead, of a point that is used
 constexpr double kLossScale = 3.0;      // standard deviations, of the loss of Geman and McClure
-constexpr double kNearest = 1.0;        // m ahead
 constexpr double kInlierWeight = 0.25;  // of a point at that scale
 
 using Terms = std::vector<std::pair<int, double>>;
