@@ -102,6 +102,38 @@ TEST(GrowRoad, TakesTheRoadAndNotTheWall) {
   }
 }
 
+TEST(GrowRoad, AShadowThatMovesWithTheCarAheadIsNoRoad) {
+  // The road ends at 9 m and 2.2 m to the sides; most of it is a shadow of 2.6 m, which moves as a
+  // plane 5 m below the camera would.
+  constexpr double kFollows = 0.33;  // of the parallax of what stands still
+  Street street = make_street(1.0, 1);
+  long lit = 0, shadow = 0;
+  std::vector<std::uint8_t> is_shadow(street.surface.size(), 0);
+  for (std::size_t i = 0; i < street.surface.size(); ++i) {
+    double& rho = street.grid.inverse_depth[i];
+    const Eigen::Vector2d pixel(static_cast<int>(i) % street.grid.columns * 2,
+                                static_cast<int>(i) / street.grid.columns * 2);
+    const double depth = kHeight / kCamera.ray(pixel).y();
+    const double side = std::abs(depth * kCamera.ray(pixel).x());
+    if (street.surface[i] != kRoad || depth > 9.0 || side > 2.2) {
+      rho = std::nan("");
+    } else if (side < 1.3) {
+      rho *= kFollows;
+      is_shadow[i] = 1;
+      ++shadow;
+    } else {
+      ++lit;
+    }
+  }
+  ASSERT_GT(shadow, lit);
+  const GrownRoad found = grow_road(kCamera, street.grid, {0, 0, 1}, {});
+  ASSERT_EQ(found.status, Status::kOk) << found.reason;
+  EXPECT_NEAR(found.ego.offset, kHeight, 0.03 * kHeight);
+  for (std::size_t i = 0; i < is_shadow.size(); ++i) {
+    ASSERT_FALSE(is_shadow[i] && found.ground[i]) << i;
+  }
+}
+
 TEST(GrowRoad, IsTheSameEveryTime) {
   const Street street = make_street(1.0, 2);
   const GrownRoad a = grow_road(kCamera, street.grid, {0, 0, 1}, {});

@@ -19,9 +19,11 @@ constexpr double kCellNoise = 0.01;    // share of an inverse depth, beside its 
 constexpr int kLeastOnEgoPlane = 12;   // cells
 constexpr double kInlierShare = 0.03;  // of the camera's height, off the ego plane
 constexpr double kInlierSigmas = 1.5;  // off the ego plane, beside the share
-constexpr double kGrowSigmas = 1.0;    // off the neighbour's plane, beside the step height
-constexpr double kGrowBend = 0.015;    // m off the neighbour's plane for a metre between the cells
-constexpr double kMostApart = 5.0;     // m between cells for which the ground may bend
+// Of the ego plane: what stands on the driven path, camera heights.
+constexpr double kPathHalfWidth = 0.7, kPathLength = 4.0, kLeastAbove = 0.15, kMostAbove = 0.95;
+constexpr double kGrowSigmas = 1.0;  // off the neighbour's plane, beside the step height
+constexpr double kGrowBend = 0.015;  // m off the neighbour's plane for a metre between the cells
+constexpr double kMostApart = 5.0;   // m between cells for which the ground may bend
 // Off the cell's plane, a point of the ground: step heights and standard deviations.
 constexpr double kLabelSteps = 1.5, kLabelSigmas = 3.0;
 
@@ -55,7 +57,8 @@ class RoadGrower {
 
   void make_cells();
   std::vector<const Cell*> cells_below() const;
-  Eigen::Vector3d search_ego_plane(const std::vector<const Cell*>& near) const;
+  Eigen::Vector3d search_ego_plane(const std::vector<const Cell*>& near,
+                                   double obstacle_weight) const;
   int refit_ego_plane(const std::vector<const Cell*>& near, Eigen::Vector3d* plane) const;
   void seed(const Eigen::Vector3d& plane);
   Eigen::Vector3d local_plane(int r0, int c0, const Eigen::Vector3d& prior) const;
@@ -73,6 +76,14 @@ class RoadGrower {
   static bool inlier(const Cell& cell, const Eigen::Vector3d& m) {
     const double off = std::abs(cell.rho / m.dot(cell.ray) - 1.0);
     return off < kInlierShare + kInlierSigmas * cell.sigma / cell.rho;
+  }
+
+  /// Whether a cell stands on the plane where the camera is about to pass.
+  bool is_obstacle(const Cell& cell, const Eigen::Vector3d& m) const {
+    const Eigen::Vector3d place = m.norm() / cell.rho * cell.ray;  // camera heights
+    const double above = 1.0 - m.dot(place) / m.norm();
+    return std::abs(right_.dot(place)) < kPathHalfWidth && forward_.dot(place) < kPathLength &&
+           above > kLeastAbove && above < kMostAbove;
   }
 
   const PinholeCamera& camera_;
@@ -130,7 +141,9 @@ std::vector<const Cell*> RoadGrower::cells_below() const {
 
 /// The plane below the camera that contains the direction of travel: m = a e_down + b e_right with
 /// rho = m . ray. Zero if there is none.
-Eigen::Vector3d RoadGrower::search_ego_plane(const std::vector<const Cell*>& near) const {
+/// @param obstacle_weight  what an obstacle counts against a plane, where a cell on it counts 1.
+Eigen::Vector3d RoadGrower::search_ego_plane(const std::vector<const Cell*>& near,
+                                             double obstacle_weight) const {
   double best_score = 0.0;
   Eigen::Vector3d best = Eigen::Vector3d::Zero();
   const CounterRandom random(0, 7);
@@ -146,7 +159,12 @@ Eigen::Vector3d RoadGrower::search_ego_plane(const std::vector<const Cell*>& nea
     double score = 0.0;
     for (const Cell* cell : near) {
       // Near the middle of the lane counts more than the sides.
-      if (inlier(*cell, m)) score += 1.0 / (0.3 + std::abs(cell->ray.x() / cell->ray.y()) / 6.0);
+      const double weight = 1.0 / (0.3 + std::abs(cell->ray.x() / cell->ray.y()) / 6.0);
+      if (inlier(*cell, m)) {
+        score += weight;
+      } else if (obstacle_weight > 0.0 && is_obstacle(*cell, m)) {
+        score -= obstacle_weight * weight;
+      }
     }
     if (score > best_score) {
       best_score = score;
@@ -308,11 +326,17 @@ GrownRoad RoadGrower::run() {
                 " cells are triangulated below the horizon, at "
                 "least 20 are needed");
   }
-  Eigen::Vector3d plane = search_ego_plane(near);
+  Eigen::Vector3d plane;
+  int used = 0;
+  // Where matches are wrong they may stand on the road itself.
+  for (const double obstacle_weight : {1.0, 0.0}) {
+    plane = search_ego_plane(near, obstacle_weight);
+    used = plane.isZero(0.0) ? 0 : refit_ego_plane(near, &plane);
+    if (used >= kLeastOnEgoPlane) break;
+  }
   if (plane.isZero(0.0)) {
     return fail("no plane along the direction of travel lies below the camera");
   }
-  const int used = refit_ego_plane(near, &plane);
   if (used < kLeastOnEgoPlane) {
     return fail("the plane below the camera is carried by " + std::to_string(used) +
                 " cells, at least " + std::to_string(kLeastOnEgoPlane) + " are needed");
