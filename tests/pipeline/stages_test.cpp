@@ -419,6 +419,35 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
 }
 
+TEST(ScaleStage, ARoadWithMuchElseOverItDoesNotGiveTheScaleWithoutAMask) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  const TriangulatedPoints& road = ground.ground.seen.points;
+  TriangulatedPoints& others = ground.ground.seen.others;
+  // On the same rays, at half and at a third of the distance.
+  const auto stand = [&](std::size_t stride) {
+    others = {};
+    for (std::size_t i = 0; i < road.size(); i += stride) {
+      for (const double nearer : {2.0, 3.0}) {
+        others.grid.push_back(road.grid[i]);
+        others.rays.push_back(road.rays[i]);
+        others.inverse_depth.push_back(nearer * road.inverse_depth[i]);
+      }
+    }
+  };
+  stand(20);
+  EXPECT_THAT(stages::scale(drive.frames, drive.matches, ground, {}).contradictions, IsEmpty());
+  stand(1);
+  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  ASSERT_EQ(scaled.contradictions.size(), 1u);
+  EXPECT_EQ(scaled.contradictions[0].code, "scale_contradicted");
+  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("off the road that is found there"));
+  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 1e-9);
+  // Beside the path they stand on no road that is driven.
+  for (Eigen::Vector3d& ray : others.rays) ray.x() += 2.0;
+  EXPECT_THAT(stages::scale(drive.frames, drive.matches, ground, {}).contradictions, IsEmpty());
+}
+
 TEST(ScaleStage, AHeightKnownBadlyIsSaidToBe) {
   MadeDrive drive = make_drive({});
   drive.frames.known.camera_height_sigma = 0.165;

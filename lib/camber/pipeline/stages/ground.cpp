@@ -120,6 +120,10 @@ GroundPoints triangulate(const LoadedFrames& frames, const Correspondences& matc
     throw NoAnswerError("no road found in the cloud: " + grown.reason);
   }
   out.points = all.chosen(out.is_ground);
+  std::vector<std::uint8_t> is_other(total);
+  std::transform(out.is_ground.begin(), out.is_ground.end(), is_other.begin(),
+                 [](std::uint8_t ground) { return ground == 0; });
+  out.others = all.chosen(is_other);
   return out;
 }
 

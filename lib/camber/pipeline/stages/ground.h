@@ -22,6 +22,7 @@ struct GroundPoints {
   std::vector<std::uint8_t> is_ground;   ///< one a grid point of the correspondences
   std::vector<std::uint8_t> is_roadway;  ///< one a grid point: carries the ego plane
   TriangulatedPoints points;             ///< of the ground
+  TriangulatedPoints others;             ///< where no mask shows it: of what is taken for no ground
 };
 
 /// The ground ahead as far as it is found, up to scale (longest baseline 1), reference camera.

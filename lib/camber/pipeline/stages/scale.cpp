@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/motion/self_calibration.h"
 #include "camber/pipeline/stages/detail/ground_steps.h"
@@ -429,6 +430,67 @@ void admit_rejected_intensities(const PhotometricGround& ground, const ScaleNois
   }
 }
 
+/// Share of the matches over the driven path, up to where its road is seen well, that stand on it
+/// lower than the camera or lie below it; 0 where a mask shows the road.
+double contested_share(const Ground& ground, double metres_per_baseline) {
+  constexpr double kHalfWidth = 1.2;                  // m
+  constexpr double kOff = 0.15, kBelowCamera = 0.95;  // camera heights
+  constexpr double kPastMiddle = 1.5;  // of the distance to the middle one of the road's points
+  constexpr std::size_t kFewest = 50;  // matches
+  const EgoPlane& ego = ground.ego;
+  const std::vector<Eigen::Vector3d>& line = ego.line;
+  if (line.size() < 2) return 0.0;
+  const Eigen::Vector3d up = ego.plane.plane.normal;
+  const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
+  const double height = ego.height, step = forward.dot(line[1] - line[0]);
+  struct Place {
+    double ahead, up;  // camera heights, over the ego plane
+  };
+  const auto over_path = [&](const TriangulatedPoints& points) {
+    std::vector<Place> out;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector3d p = points.point(i);
+      const double at = forward.dot(p) / step;
+      if (!(at > 0.0) || !(at < static_cast<double>(line.size() - 1))) continue;
+      const Eigen::Vector3d off = p - line[static_cast<std::size_t>(std::lround(at))];
+      if (metres_per_baseline * std::abs(right.dot(off)) < kHalfWidth) {
+        out.push_back({forward.dot(p) / height, 1.0 + up.dot(p) / height});
+      }
+    }
+    return out;
+  };
+  const std::vector<Place> road = over_path(ground.seen.points);
+  std::vector<double> ahead;  // of the road; where the path shows hardly any, also beside it
+  if (road.size() >= kFewest) {
+    for (const Place& p : road) ahead.push_back(p.ahead);
+  } else {
+    for (std::size_t i = 0; i < ground.seen.points.size(); ++i) {
+      ahead.push_back(forward.dot(ground.seen.points.point(i)) / height);
+    }
+  }
+  const double reach = ahead.empty() ? 0.0 : kPastMiddle * upper_median(&ahead);
+  const std::vector<Place> others = over_path(ground.seen.others);
+  const auto contesting =
+      static_cast<std::size_t>(std::count_if(others.begin(), others.end(), [&](const Place& p) {
+        return p.ahead < reach && std::abs(p.up) > kOff && p.up < kBelowCamera;
+      }));
+  const std::size_t all = contesting + road.size();
+  return all < kFewest ? 0.0 : static_cast<double>(contesting) / static_cast<double>(all);
+}
+
+/// A road found without a mask where much else is matched, as the source of the scale.
+void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noise,
+                          ScaledRoad* scaled) {
+  if (ground.motion.metres_per_baseline) return;
+  const double contested = contested_share(ground.ground, scaled->road.metres_per_baseline());
+  if (!(contested > noise.most_contested)) return;
+  widen(noise.unfound_scale * noise.unfound_scale, scaled);
+  contradict(fmt::format("matches: {:.0f} % of those over the driven path are off the road that is "
+                         "found there",
+                         100.0 * contested),
+             scaled);
+}
+
 /// A masked road that the matches hardly find.
 void admit_unfound_road(const LoadedFrames& frames, const TriangulatedPoints& points,
                         const ScaleNoise& noise, ScaledRoad* scaled) {
@@ -479,6 +541,7 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
   admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
   admit_rejected_intensities(ground, noise, scaled);
   admit_unfound_road(frames, ground.ground.seen.points, noise, scaled);
+  admit_contested_road(ground, noise, scaled);
   admit_search(check_search(frames, ground, options), scaled);
   admit_focal_length(check_focal_length(frames, matches, ground.motion, noise), scaled);
   admit_focal_length(check_dashes(frames, raster, travel, *scaled, options), scaled);
