@@ -13,6 +13,8 @@ namespace fs = std::filesystem;
 namespace camber::tools {
 namespace {
 
+constexpr const char* kNoNetwork = "none";
+
 /// Where results of networks are kept: $CAMBER_CACHE, $XDG_CACHE_HOME/camber, ~/.cache/camber;
 /// empty where none is known.
 fs::path cache_folder() {
@@ -46,8 +48,10 @@ std::string unfused_note(const std::optional<NetworkUse>& use) {
 
 void add_network_options(App& app, NetworkArguments& a) {
   app.add_option("--detector", a.detector,
-                 "the network that finds vehicles: shipped, or an ONNX file (YOLOX, YOLOv5, YOLOv8 "
-                 "or FastestDet) described by a .json of the same name (docs/formats.md)");
+                 "the network that finds vehicles: shipped, an ONNX file (YOLOX, YOLOv5, YOLOv8 or "
+                 "FastestDet) described by a .json of the same name (docs/formats.md), or none. "
+                 "Without it reconstruct keeps what the shipped one finds out of the road where "
+                 "the scene has neither boxes nor masks");
   app.add_option("--detector-config", a.detector_config,
                  "the description, where it is another file");
   app.add_option("--segmenter", a.segmenter,
@@ -75,15 +79,21 @@ DetectFramesOptions detect_options(const NetworkArguments& a, int num_threads) {
     throw UsageError("--segmenter-config " + a.segmenter_config +
                      ": expected --segmenter beside it");
   }
+  if (a.detector == kNoNetwork && !a.detector_config.empty()) {
+    throw UsageError("--detector-config " + a.detector_config +
+                     ": expected --detector with a file beside it");
+  }
   DetectFramesOptions out;
-  out.networks = {a.detector, a.segmenter, a.detector_config, a.segmenter_config};
+  out.networks = {a.detector == kNoNetwork ? "" : a.detector, a.segmenter, a.detector_config,
+                  a.segmenter_config};
   if (!a.no_cache) out.cache = a.cache.empty() ? cache_folder() : fs::path(a.cache);
   out.num_threads = num_threads;
   return out;
 }
 
 FindKeypointsOptions keypoint_options(const NetworkArguments& a, int num_threads) {
-  const bool file = !a.keypoints.empty() && a.keypoints != kShippedNetwork && a.keypoints != "none";
+  const bool file =
+      !a.keypoints.empty() && a.keypoints != kShippedNetwork && a.keypoints != kNoNetwork;
   if (!a.keypoints_config.empty() && !file) {
     throw UsageError("--keypoints-config " + a.keypoints_config +
                      ": expected --keypoints with a file beside it");
@@ -91,7 +101,7 @@ FindKeypointsOptions keypoint_options(const NetworkArguments& a, int num_threads
   FindKeypointsOptions out;
   out.num_threads = num_threads;
   if (a.keypoints.empty()) return out;
-  out.choice = a.keypoints == "none" ? KeypointChoice::kNone : KeypointChoice::kAll;
+  out.choice = a.keypoints == kNoNetwork ? KeypointChoice::kNone : KeypointChoice::kAll;
   if (file) out.network = a.keypoints;
   out.config = a.keypoints_config;
   return out;
@@ -115,13 +125,16 @@ std::vector<fs::path> files_of(const NetworkFiles& networks) {
   return out;
 }
 
-nlohmann::json network_json(const NetworkView& view, const std::optional<NetworkUse>& keypoints) {
+nlohmann::json network_json(const NetworkView& view, const std::optional<NetworkUse>& keypoints,
+                            const std::optional<NetworkUse>& masking) {
   return {{"detector", use_json(view.detector)},
           {"segmenter", use_json(view.segmenter)},
-          {"keypoints", use_json(keypoints)}};
+          {"keypoints", use_json(keypoints)},
+          {"vehicle_masks", use_json(masking)}};
 }
 
-std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints) {
+std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints,
+                     const std::optional<NetworkUse>& masking) {
   std::string out;
   if (view.detector) {
     std::size_t boxes = 0;
@@ -135,6 +148,10 @@ std::string describe(const NetworkView& view, const std::optional<NetworkUse>& k
   }
   if (keypoints) {
     out += fmt::format("  keypoints of {} vehicles ({})\n", keypoints->computed, keypoints->file);
+  }
+  if (masking) {
+    out +=
+        "  what the shipped detector takes for vehicles is kept out of the road, and not placed\n";
   }
   return out + unfused_note(view.detector) + unfused_note(view.segmenter) + unfused_note(keypoints);
 }

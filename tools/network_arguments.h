@@ -15,6 +15,9 @@ struct NetworkArguments {
   std::string detector, detector_config, segmenter, segmenter_config, cache;
   std::string keypoints, keypoints_config;  ///< keypoints empty: shipped, where none are given
   bool no_cache = false;
+
+  /// Whether the shipped detector may keep vehicles out of the road where the scene shows none.
+  bool may_mask() const { return detector.empty() && segmenter.empty(); }
 };
 
 void add_network_options(App& app, NetworkArguments& arguments);
@@ -31,9 +34,12 @@ std::vector<std::filesystem::path> files_of(const NetworkFiles& networks);
 std::vector<std::filesystem::path> files_of(const FindKeypointsOptions& keypoints);
 
 /// For --json and run.json: file, hash, name, layers, images computed and taken from the cache.
-nlohmann::json network_json(const NetworkView& view, const std::optional<NetworkUse>& keypoints);
+/// @param masking  the detector whose boxes only keep vehicles out of the road.
+nlohmann::json network_json(const NetworkView& view, const std::optional<NetworkUse>& keypoints,
+                            const std::optional<NetworkUse>& masking = {});
 
 /// Lines for a person: what was found, and that a network's layers are not joined.
-std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints);
+std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints,
+                     const std::optional<NetworkUse>& masking = {});
 
 }  // namespace camber::tools

@@ -72,17 +72,23 @@ Reconstruction with_frames(const Command& command, Arguments& a,
     view = detect_frames(*scene, frames, networks, progress, warn);
     put_network_view(view, scene);
   }
+  std::optional<NetworkUse> masking;
+  if (a.networks.may_mask()) {
+    const StageTimer timer(network_time, "networks");
+    a.options.load.vehicle_boxes.clear();
+    masking = mask_vehicles(*scene, frames, networks, &a.options.load, progress);
+  }
   StageTimer keypoint_timer(network_time, "keypoints");
   const std::optional<NetworkUse> found = find_keypoints(scene, frames, keypoints, progress, warn);
   keypoint_timer.stop();
-  const bool any_network = !networks.networks.empty() || found;
+  const bool any_network = !networks.networks.empty() || found || masking;
   if (any_network && !command.common.quiet) {
-    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
+    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found, masking).c_str());
   }
   a.options.load.labels = std::move(view.labels);
   Reconstruction result = reconstruct(*scene, frames, a.options, progress);
   if (any_network) {
-    result.run.extra["networks"] = network_json(view, found);
+    result.run.extra["networks"] = network_json(view, found, masking);
     for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
   }
   result.run.extra["command"] = command.common.command_line;

@@ -18,6 +18,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/pipeline/detect_frames.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/plane/fit_plane.h"
 #include "camber/scene/import_kitti.h"
@@ -54,6 +55,7 @@ struct Bench {
   Reconstruction run(const Scene& scene, const std::vector<int>& frames,
                      ReconstructOptions options = {}) const {
     options.seed = report.seed();
+    mask_vehicles(scene, frames, {}, &options.load);
     return reconstruct(scene, frames, options);
   }
 };

@@ -113,6 +113,34 @@ TEST_F(Detect, TheShippedNetworkFindsTheSamplesCars) {
             2);
 }
 
+TEST_F(Detect, TheShippedNetworkMasksVehiclesWhereNothingShowsThem) {
+  const fs::path sample = test::source_dir() / "samples/steep_hill";
+  nlohmann::json scene = nlohmann::json::parse(test::read_text(sample / "scene.json"));
+  for (nlohmann::json& frame : scene["frames"]) {
+    frame["image"] = (sample / frame["image"].get<std::string>()).string();
+    frame["segmentation"] = (sample / frame["segmentation"].get<std::string>()).string();
+    frame.erase("vehicles");
+  }
+  scene.erase("truth");
+  write_file(path("bare.json"), scene.dump());
+  const auto networks = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"reconstruct", path("bare.json"), "--no-pictures",
+                                          "--out",       path("result"),    "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto result = run(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return nlohmann::json::parse(result.out).value("networks", nlohmann::json());
+  };
+  const nlohmann::json used = networks({"--no-masks"});
+  ASSERT_TRUE(used.is_object());
+  EXPECT_EQ(used["vehicle_masks"]["file"], "shipped");
+  EXPECT_TRUE(used["detector"].is_null());
+  const auto vehicles = nlohmann::json::parse(test::read_text(path("result/vehicles.json")));
+  for (const nlohmann::json& frame : vehicles["frames"]) EXPECT_TRUE(frame["vehicles"].empty());
+  EXPECT_TRUE(networks({"--no-masks", "--detector", "none"}).is_null());
+  EXPECT_TRUE(networks({}).is_null()) << "masks show vehicles";
+}
+
 TEST_F(Detect, FillsASceneWithBoxesAndMasks) {
   const auto result =
       detect({"--detector", path("red.onnx"), "--segmenter", path("colors.onnx"), "--json"});

@@ -187,6 +187,19 @@ TEST_F(LoadStage, LeavesMasksUnreadIfAsked) {
   EXPECT_FALSE(stages::load(scene_, {20, 21}, options).has_masks());
 }
 
+TEST_F(LoadStage, BoxesBesideTheScenesAreMaskedAndNotEstimated) {
+  stages::LoadOptions options;
+  options.use_masks = false;
+  options.vehicle_boxes[21] = {{5.0, 12.0, 14.0, 17.0}};
+  const LoadedFrames frames = stages::load(scene_, {20, 21, 22}, options);
+  const std::size_t inside = 14 * kWidth + 10;
+  EXPECT_TRUE(frames.masks[1].vehicle[inside]);
+  EXPECT_FALSE(frames.masks[1].ground[inside]);
+  EXPECT_FALSE(frames.masks[0].vehicle[inside]);
+  EXPECT_TRUE(frames.masks[0].ground[inside]);
+  EXPECT_TRUE(frames.frames[1].vehicles.empty());
+}
+
 TEST_F(LoadStage, SaysWhyItHasNoAnswer) {
   EXPECT_THAT(refusal({20}), HasSubstr("at least 2 frames are needed, 1 given"));
   scene_.frames[2].image = scene_.frames[0].image;

@@ -211,6 +211,25 @@ std::vector<VehicleDetection> detections_of(const std::vector<DetectedVehicle>& 
   return out;
 }
 
+bool has_boxes(const Scene& scene) {
+  return std::any_of(scene.frames.begin(), scene.frames.end(),
+                     [](const SceneFrame& frame) { return !frame.vehicles.empty(); });
+}
+
+bool has_masks(const Scene& scene, const std::vector<int>& frame_ids) {
+  return std::any_of(frame_ids.begin(), frame_ids.end(), [&](int id) {
+    const SceneFrame* frame = scene.find_frame(id);
+    return frame && !(frame->segmentation.empty() && frame->road_mask.empty());
+  });
+}
+
+bool has_images(const Scene& scene, const std::vector<int>& frame_ids) {
+  return std::all_of(frame_ids.begin(), frame_ids.end(), [&](int id) {
+    const SceneFrame* frame = scene.find_frame(id);
+    return frame && !frame->image.empty();
+  });
+}
+
 }  // namespace
 
 bool NetworkFiles::detector_ships() const {
@@ -268,6 +287,26 @@ void put_network_view(const NetworkView& view, Scene* scene) {
     if (!view.classes->vehicle.empty()) scene->segmentation_classes["vehicle"] = {kVehicleLabel};
     scene->segmentation_source = source_of(*view.segmenter);
   }
+}
+
+std::optional<NetworkUse> mask_vehicles(const Scene& scene, const std::vector<int>& frame_ids,
+                                        DetectFramesOptions options, stages::LoadOptions* load,
+                                        const Progress& progress) {
+  if (!load->labels.empty() || has_boxes(scene)) return std::nullopt;
+  if (load->use_masks && has_masks(scene, frame_ids)) return std::nullopt;
+  if (!has_images(scene, frame_ids)) return std::nullopt;  // load() names what lacks one
+  options.networks = {};
+  options.networks.detector = kShippedNetwork;
+  const NetworkView view = detect_frames(scene, frame_ids, options, progress);
+  // What hides the road should be a vehicle: of 19 boxes in photographs with more, 17 are.
+  constexpr double kLeastScore = 0.8;
+  for (const auto& [id, vehicles] : view.vehicles) {
+    std::vector<Box2>& boxes = load->vehicle_boxes[id];
+    for (const VehicleDetection& vehicle : vehicles) {
+      if (vehicle.score >= kLeastScore) boxes.push_back(vehicle.box);
+    }
+  }
+  return view.detector;
 }
 
 }  // namespace camber

@@ -11,6 +11,7 @@
 #include "camber/detect/detector.h"
 #include "camber/detect/segmenter.h"
 #include "camber/pipeline/detection_cache.h"
+#include "camber/pipeline/stages/load.h"
 #include "camber/scene/scene.h"
 
 namespace camber {
@@ -59,5 +60,15 @@ NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
 /// of the same frames (boxes of other frames are dropped: they are another detector's); the
 /// meaning and source of the labels. The label images themselves are the caller's.
 void put_network_view(const NetworkView& view, Scene* scene);
+
+/// Where nothing shows vehicles (no mask is read, and the scene has no box), lets the detector that
+/// ships look for them: what it finds is put into `load->vehicle_boxes`. Much of that is no vehicle
+/// in photographs (detect/models/README.md): enough for a mask, not for results.
+/// @param options  cache and threads; its networks are not used.
+/// @return what was used; nothing where something shows vehicles.
+/// @throws as detect_frames.
+std::optional<NetworkUse> mask_vehicles(const Scene& scene, const std::vector<int>& frame_ids,
+                                        DetectFramesOptions options, stages::LoadOptions* load,
+                                        const Progress& progress = {});
 
 }  // namespace camber

@@ -47,6 +47,10 @@ FrameMasks read_masks(const Scene& scene, const SceneFrame& frame, const FramePi
   MaskInputs inputs;
   inputs.classes = {label_values(scene, "road"), label_values(scene, "pavement"),
                     label_values(scene, "vehicle")};
+  if (const auto boxes = options.vehicle_boxes.find(frame.id);
+      boxes != options.vehicle_boxes.end()) {
+    inputs.vehicle_boxes = boxes->second;
+  }
   for (const VehicleDetection& v : frame.vehicles) inputs.vehicle_boxes.push_back(v.box);
   inputs.hidden = lens.outside();
   if (!options.use_masks) return make_frame_masks(scene.camera, inputs);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "camber/geometry/box.h"
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/image/frame_masks.h"
 #include "camber/image/frame_pixels.h"
@@ -73,6 +74,9 @@ struct LoadOptions {
   int num_threads = 0;        ///< <= 0: see resolve_num_threads
   /// By frame id, as the image files are, in place of the scene's files: a segmenter's.
   std::map<int, Image> labels;
+  /// By frame id, px: what may be vehicles beside the scene's. They mask the road and the matches
+  /// for the motion as those do, and are not estimated.
+  std::map<int, std::vector<Box2>> vehicle_boxes;
   /// Images and masks in memory, in place of the scene's files; asked once for each frame.
   FramePixelSource pixels;
 };
