@@ -133,8 +133,7 @@ nlohmann::json network_json(const NetworkView& view, const std::optional<Network
           {"vehicle_masks", use_json(masking)}};
 }
 
-std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints,
-                     const std::optional<NetworkUse>& masking) {
+std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints) {
   std::string out;
   if (view.detector) {
     std::size_t boxes = 0;
@@ -148,10 +147,6 @@ std::string describe(const NetworkView& view, const std::optional<NetworkUse>& k
   }
   if (keypoints) {
     out += fmt::format("  keypoints of {} vehicles ({})\n", keypoints->computed, keypoints->file);
-  }
-  if (masking) {
-    out +=
-        "  what the shipped detector takes for vehicles is kept out of the road, and not placed\n";
   }
   return out + unfused_note(view.detector) + unfused_note(view.segmenter) + unfused_note(keypoints);
 }

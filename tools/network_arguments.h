@@ -39,7 +39,6 @@ nlohmann::json network_json(const NetworkView& view, const std::optional<Network
                             const std::optional<NetworkUse>& masking = {});
 
 /// Lines for a person: what was found, and that a network's layers are not joined.
-std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints,
-                     const std::optional<NetworkUse>& masking = {});
+std::string describe(const NetworkView& view, const std::optional<NetworkUse>& keypoints);
 
 }  // namespace camber::tools

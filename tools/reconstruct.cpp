@@ -81,13 +81,18 @@ Reconstruction with_frames(const Command& command, Arguments& a,
   StageTimer keypoint_timer(network_time, "keypoints");
   const std::optional<NetworkUse> found = find_keypoints(scene, frames, keypoints, progress, warn);
   keypoint_timer.stop();
-  const bool any_network = !networks.networks.empty() || found || masking;
+  const bool any_network = !networks.networks.empty() || found;
   if (any_network && !command.common.quiet) {
-    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found, masking).c_str());
+    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
   }
   a.options.load.labels = std::move(view.labels);
   Reconstruction result = reconstruct(*scene, frames, a.options, progress);
-  if (any_network) {
+  if (masking && !command.common.quiet) {
+    std::fprintf(stderr,
+                 "camber: no mask and no box shows vehicles: what the shipped detector takes for "
+                 "them is left out of the road, and not placed\n");
+  }
+  if (any_network || masking) {
     result.run.extra["networks"] = network_json(view, found, masking);
     for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
   }
