@@ -75,7 +75,6 @@ Reconstruction with_frames(const Command& command, Arguments& a,
   std::optional<NetworkUse> masking;
   if (a.networks.may_mask()) {
     const StageTimer timer(network_time, "networks");
-    a.options.load.vehicle_boxes.clear();
     masking = mask_vehicles(*scene, frames, networks, &a.options.load, progress);
   }
   StageTimer keypoint_timer(network_time, "keypoints");

@@ -123,13 +123,16 @@ TEST_F(Detect, TheShippedNetworkMasksVehiclesWhereNothingShowsThem) {
   }
   scene.erase("truth");
   write_file(path("bare.json"), scene.dump());
+  nlohmann::json kept;  // points of the last run
   const auto networks = [&](const std::vector<std::string>& more) {
     std::vector<std::string> arguments = {"reconstruct", path("bare.json"), "--no-pictures",
                                           "--out",       path("result"),    "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const auto result = run(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.error;
-    return nlohmann::json::parse(result.out).value("networks", nlohmann::json());
+    const nlohmann::json run_json = nlohmann::json::parse(result.out);
+    kept = run_json["points"]["kept"];
+    return run_json.value("networks", nlohmann::json());
   };
   const nlohmann::json used = networks({"--no-masks"});
   ASSERT_TRUE(used.is_object());
@@ -137,7 +140,9 @@ TEST_F(Detect, TheShippedNetworkMasksVehiclesWhereNothingShowsThem) {
   EXPECT_TRUE(used["detector"].is_null());
   const auto vehicles = nlohmann::json::parse(test::read_text(path("result/vehicles.json")));
   for (const nlohmann::json& frame : vehicles["frames"]) EXPECT_TRUE(frame["vehicles"].empty());
+  const nlohmann::json with_masks = kept;
   EXPECT_TRUE(networks({"--no-masks", "--detector", "none"}).is_null());
+  EXPECT_NE(kept, with_masks) << "what was found is masked";
   EXPECT_TRUE(networks({}).is_null()) << "masks show vehicles";
 }
 

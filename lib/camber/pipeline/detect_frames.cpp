@@ -292,6 +292,7 @@ void put_network_view(const NetworkView& view, Scene* scene) {
 std::optional<NetworkUse> mask_vehicles(const Scene& scene, const std::vector<int>& frame_ids,
                                         DetectFramesOptions options, stages::LoadOptions* load,
                                         const Progress& progress) {
+  load->vehicle_boxes.clear();
   if (!load->labels.empty() || has_boxes(scene)) return std::nullopt;
   if (load->use_masks && has_masks(scene, frame_ids)) return std::nullopt;
   if (!has_images(scene, frame_ids)) return std::nullopt;  // load() names what lacks one

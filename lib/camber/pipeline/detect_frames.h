@@ -62,8 +62,8 @@ NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
 void put_network_view(const NetworkView& view, Scene* scene);
 
 /// Where nothing shows vehicles (no mask is read, and the scene has no box), lets the detector that
-/// ships look for them: what it finds is put into `load->vehicle_boxes`. Much of that is no vehicle
-/// in photographs (detect/models/README.md): enough for a mask, not for results.
+/// ships look for them: `load->vehicle_boxes` is what it finds, else empty. Much of that is no
+/// vehicle in photographs (detect/models/README.md): enough for a mask, not for results.
 /// @param options  cache and threads; its networks are not used.
 /// @return what was used; nothing where something shows vehicles.
 /// @throws as detect_frames.
