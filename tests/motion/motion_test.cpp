@@ -114,6 +114,30 @@ TEST_P(Driving, RefinementPullsInAMotionThatIsNearlyRight) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, Driving, ::testing::Values(1u, 2u, 3u));
 
+TEST_P(Driving, APartThatMovesWithTheCameraDoesNotDragItAside) {
+  SimulatedMatchesOptions options;
+  options.seed = GetParam();
+  options.outliers = 0.1;
+  options.nearest = 12.0;
+  options.noise_px = 0.2;
+  SimulatedMatches s = simulate_matches(small_camera(), driving_motion(), 1, options);
+  // As a shadow of the car ahead does: a quarter of the images' motion.
+  for (MatchedImage& match : s.matches.matches) {
+    for (std::size_t i = 0; i < match.pixels.size(); ++i) {
+      const Eigen::Vector2f at = s.matches.pixels[i].cast<float>();
+      if (at.y() < 112.0F || at.x() < 220.0F || at.x() > 560.0F) continue;
+      match.pixels[i] = at + 0.25F * (match.pixels[i] - at);
+    }
+  }
+  const MotionEstimate found = estimate_motion(small_camera(), s.matches, s.all, {});
+  ASSERT_EQ(found.status, Status::kOk) << found.reason;
+  for (const std::size_t f : {std::size_t{0}, std::size_t{2}}) {
+    const SE3& pose = found.frame_from_reference[f];
+    EXPECT_LT(rotation_error(pose, driving_motion()[f]), 2e-4);
+    EXPECT_LT(angle_between(pose.translation(), driving_motion()[f].translation()), 0.004);
+  }
+}
+
 TEST(EstimateMotion, IsTheSameEveryTime) {
   const SimulatedMatches s = simulate_matches(small_camera(), driving_motion(), 1, {});
   const MotionEstimate a = estimate_motion(small_camera(), s.matches, s.all, {});

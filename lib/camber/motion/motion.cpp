@@ -244,6 +244,33 @@ void bundle_adjust(const PinholeCamera& camera, const Correspondences& matches,
   out.status = Status::kOk;
 }
 
+/// The largest of the positions' changes, longest baselines.
+double largest_change(const std::vector<SE3>& before, const std::vector<SE3>& after) {
+  double change = 0.0;
+  for (std::size_t m = 0; m < before.size(); ++m) {
+    change = std::max(change, (after[m].translation() - before[m].translation()).norm());
+  }
+  return change;
+}
+
+/// Bundle adjustments until the motion stays, each of the points that agree with the one before:
+/// those that agree with a wrong start keep it. One that fails changes nothing.
+void adjust_until_settled(const PinholeCamera& camera, const Correspondences& matches,
+                          const std::vector<std::uint8_t>& usable, const MotionOptions& options,
+                          MotionEstimate& out) {
+  constexpr int kMost = 10;
+  constexpr double kSettled = 0.0005;  // longest baselines
+  for (int round = 0; round < kMost && out.status == Status::kOk; ++round) {
+    const std::vector<SE3> before = matched_poses(matches, out);
+    MotionEstimate next = out;
+    next.status = Status::kNotRun;
+    bundle_adjust(camera, matches, usable, longest_baseline(before), options, next);
+    if (next.status != Status::kOk) return;
+    out = std::move(next);
+    if (largest_change(before, matched_poses(matches, out)) < kSettled) return;
+  }
+}
+
 /// The row of Correspondences::matches with the widest median motion among points that are seen in
 /// it; none (and why) for an image without texture or a camera that stands.
 std::optional<std::size_t> widest_image(const Correspondences& matches,
@@ -501,6 +528,7 @@ MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondence
     if (!resect(camera, matches.matches[other], sample, *inverse_depths, options, out)) return out;
   }
   bundle_adjust(camera, matches, usable, *widest, options, out);
+  adjust_until_settled(camera, matches, usable, options, out);
   return out;
 }
 

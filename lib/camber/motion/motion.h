@@ -72,8 +72,8 @@ Eigen::Vector3d travel_direction(const MotionEstimate& motion, std::size_t refer
 
 /// Estimates the motion from dense correspondences of static points: a robust essential matrix
 /// (MAGSAC) for the image with the widest motion, the others by resection on the points
-/// triangulated so far (paper, section III-B), then a bundle adjustment of all images in inverse
-/// depth with a Cauchy loss.
+/// triangulated so far (paper, section III-B), then bundle adjustments of all images in inverse
+/// depth with a Cauchy loss, each of the points that agree with the one before, until it stays.
 /// @param usable  one entry a grid point; 0 where the point may belong to something that moves.
 /// @throws std::invalid_argument for sizes that disagree.
 MotionEstimate estimate_motion(const PinholeCamera& camera, const Correspondences& matches,
