@@ -409,7 +409,15 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   TriangulatedPoints& points = ground.ground.seen.points;
   const auto found = static_cast<long>(points.size());
   points.dropped[0] = 3 * found;  // a quarter is found
-  EXPECT_THAT(stages::scale(drive.frames, drive.matches, ground, {}).contradictions, IsEmpty());
+  const auto contradictions = [&](bool searched) {
+    ground.ground.search.informative = searched;
+    return stages::scale(drive.frames, drive.matches, ground, {}).contradictions;
+  };
+  EXPECT_THAT(contradictions(true), IsEmpty());
+  ASSERT_EQ(contradictions(false).size(), 1u);
+  EXPECT_THAT(contradictions(false)[0].text, HasSubstr("only 25 % of the masked road is found"));
+  points.dropped[0] = found;
+  EXPECT_THAT(contradictions(false), IsEmpty());
   points.dropped[0] = 9 * found;
   const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
   ASSERT_EQ(scaled.contradictions.size(), 1u);

@@ -18,7 +18,7 @@ struct MatchNoise {
   double correlation = 16.0;
   /// Share of inliers below which the flow may have lost the image motion as a whole, and by how
   /// much more features have to agree with another motion, of all features. [random]
-  double trusted_inliers = 0.85, feature_gain = 0.01;
+  double trusted_inliers = 0.9, feature_gain = 0.01;
 };
 
 }  // namespace camber

@@ -33,6 +33,9 @@ struct ScaleNoise {
   /// found at another layer (made scenes, even numbers: 0.36 and more; one at 0.04 to 0.10 is up to
   /// 39 % off). The scale is then not known better than to `unfound_scale`.
   double least_found = 0.2;
+  /// The same where the plane search finds no road either (even numbers: right ones from 0.39 on;
+  /// one at 0.32 is 90 % off).
+  double least_found_alone = 0.35;
   /// Share of what is matched over the driven path that may stand on it or lie below it where no
   /// mask shows the road: with more it is likely another layer (steep and made scenes, even
   /// numbers: two of 160 have more, 84 and 30 % off, and one 10 % off). Then likewise.

@@ -492,11 +492,11 @@ void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noi
 }
 
 /// A masked road that the matches hardly find.
-void admit_unfound_road(const LoadedFrames& frames, const TriangulatedPoints& points,
-                        const ScaleNoise& noise, ScaledRoad* scaled) {
+void admit_unfound_road(const LoadedFrames& frames, const Ground& ground, const ScaleNoise& noise,
+                        ScaledRoad* scaled) {
   if (!frames.has_masks()) return;
-  const double found = found_share(points);
-  if (!(found < noise.least_found)) return;
+  const double found = found_share(ground.seen.points);
+  if (found >= (ground.search.informative ? noise.least_found : noise.least_found_alone)) return;
   widen(noise.unfound_scale * noise.unfound_scale, scaled);
   contradict(fmt::format("matches: only {:.0f} % of the masked road is found in the other images",
                          100.0 * found),
@@ -540,7 +540,7 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
   admit_sources(prior, constraints, noise, scaled);
   admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
   admit_rejected_intensities(ground, noise, scaled);
-  admit_unfound_road(frames, ground.ground.seen.points, noise, scaled);
+  admit_unfound_road(frames, ground.ground, noise, scaled);
   admit_contested_road(ground, noise, scaled);
   admit_search(check_search(frames, ground, options), scaled);
   admit_focal_length(check_focal_length(frames, matches, ground.motion, noise), scaled);
