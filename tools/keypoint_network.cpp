@@ -67,7 +67,8 @@ json found_in_crops(const Arguments& a, const fs::path& folder, const KeypointNe
                     int threads, Timings* timings) {
   StageTimer load(*timings, "load");
   std::vector<Image> crops;
-  for (KeypointCropTruth& crop : read_keypoint_crops(folder, most_of(a))) {
+  const int size = network.crop_size();
+  for (KeypointCropTruth& crop : read_keypoint_crops(folder, size, most_of(a))) {
     crops.push_back(std::move(crop.crop));
   }
   load.stop();
@@ -75,8 +76,7 @@ json found_in_crops(const Arguments& a, const fs::path& folder, const KeypointNe
   const std::vector<PredictedKeypoints> found = network.predict(crops, threads);
   compute.stop();
   json out = json::array();
-  const KeypointCrop itself{{0.5 * (kKeypointCropSize - 1), 0.5 * (kKeypointCropSize - 1)},
-                            kKeypointCropSize,
+  const KeypointCrop itself{Eigen::Vector2d::Constant(0.5 * (size - 1)), static_cast<double>(size),
                             kKeypointCropSize};
   for (const PredictedKeypoints& keypoints : found) {
     json sigmas, rows = rows_of(to_observations(keypoints, itself), &sigmas);
@@ -250,12 +250,13 @@ int evaluate(const Command& command, const Arguments& a) {
   for (const std::string& input : a.inputs) {
     std::vector<KeypointCropTruth> more;
     if (is_crops(input)) {
-      more = read_keypoint_crops(input, most_of(a));
+      more = read_keypoint_crops(input, network.crop_size(), most_of(a));
     } else {
       const Scene scene = read_scene(input, warn, scene_paths(a.confine));
       protect_inputs(files_of(scene));
       KeypointTruthOptions options = a.truth;
       options.num_threads = command.common.threads;
+      options.crop_size = network.crop_size();
       const fs::path folder =
           fs::is_directory(input) ? fs::path(input) : fs::path(input).parent_path();
       more = scene_keypoint_truth(scene, folder, options, warn).crops;

@@ -145,7 +145,19 @@ TEST_F(KeypointCropsFolder, IsRead) {
   EXPECT_EQ(crops[1].visibility[5], KeypointVisibility::kHiddenByOther);
   EXPECT_EQ(crops[1].box_side, 50.0);
   EXPECT_EQ(crops[1].azimuth, 1.25);
-  EXPECT_EQ(read_keypoint_crops(folder, 1).size(), 1U);
+  EXPECT_EQ(read_keypoint_crops(folder, 64, 1).size(), 1U);
+}
+
+TEST_F(KeypointCropsFolder, OfTwiceThePixelsHasTheSameUnits) {
+  EXPECT_THROW(read_keypoint_crops(folder, 128), InputError);
+  write_npy(folder / "images.npy", "|u1", "2, 128, 128, 3",
+            std::vector<unsigned char>(2 * 128 * 128 * 3, 7));
+  const std::vector<KeypointCropTruth> crops = read_keypoint_crops(folder, 128);
+  ASSERT_EQ(crops.size(), 2U);
+  EXPECT_EQ(crops[1].crop.width, 128);
+  // Pixel 3.5 of 128 is the boundary of the second and the third pixel of 64.
+  EXPECT_EQ(crops[1].points[0], Eigen::Vector2d(1.5, -4.25));
+  EXPECT_EQ(crops[1].box_side, 25.0);
 }
 
 TEST_F(KeypointCropsFolder, RefusesDamagedArrays) {

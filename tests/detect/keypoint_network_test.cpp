@@ -124,6 +124,10 @@ TEST(KeypointNetwork, RefusesWhatIsNoNetwork) {
   EXPECT_THROW(KeypointNetwork({"a.onnx", ""}, description), InputError);
   description.input.width = 128;
   EXPECT_THROW(KeypointNetwork({"a.onnx", ""}, description), std::invalid_argument);
+  description.input.height = 128;
+  EXPECT_THROW(KeypointNetwork({"a.onnx", ""}, description), InputError);
+  description.input.width = description.input.height = 96;
+  EXPECT_THROW(KeypointNetwork({"a.onnx", ""}, description), std::invalid_argument);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 """Trains a tiny keypoint network on drawn crops: its loss falls, a stopped training goes on to the
 same weights, the program gives what PyTorch gives for the exported file, a larger network starts from
-it as the same function, Muon trains one as well, --bf16 is used where the processor has it, and one
+it as the same function, and one that takes twice the pixels, Muon trains one as well, --bf16 is used where the processor has it, and one
 command goes from nothing to a file.
 
 Usage: keypoint_training_test.py CAMBER TRAINING_FOLDER SCRATCH
@@ -21,18 +21,19 @@ WIDTHS = '{"stem": 8, "fine": 16, "middle": 24, "coarse": 24, "middle_blocks": 1
 STEPS = 60
 
 
-def draw_crops(folder: Path, count: int, seed: int) -> None:
+def draw_crops(folder: Path, count: int, seed: int, side: int = 64) -> None:
     """A block whose two halves differ; keypoints stand at fixed shares of it."""
+    px = side / 64
     random = np.random.default_rng(seed)
     shares = np.random.default_rng(5).random((18, 2))
-    images = np.empty((count, 64, 64, 3), np.uint8)
+    images = np.empty((count, side, side, 3), np.uint8)
     points = np.empty((count, 36, 2), np.float32)
-    y, x = np.mgrid[0:64, 0:64]
+    y, x = np.mgrid[0:side, 0:side]
     for i in range(count):
-        left, top = random.uniform(4, 20, 2)
-        width, height = random.uniform(24, 40, 2)
+        left, top = px * random.uniform(4, 20, 2)
+        width, height = px * random.uniform(24, 40, 2)
         inside = (x >= left) & (x <= left + width) & (y >= top) & (y <= top + height)
-        image = random.normal(random.uniform(30, 220), 12, (64, 64, 3))
+        image = random.normal(random.uniform(30, 220), 12, (side, side, 3))
         image[inside] = random.uniform(0, 110, 3)
         image[inside & (x < left + 0.5 * width) & (y < top + 0.5 * height)] = 240
         images[i] = np.clip(image, 0, 255)
@@ -42,8 +43,8 @@ def draw_crops(folder: Path, count: int, seed: int) -> None:
     folder.mkdir(parents=True)
     np.save(folder / "images.npy", images)
     np.save(folder / "keypoints.npy", points)
-    np.save(folder / "visibility.npy", (points[..., 1] > 36).astype(np.uint8))
-    np.save(folder / "boxes.npy", np.tile(np.float32([4, 4, 60, 60]), (count, 1)))
+    np.save(folder / "visibility.npy", (points[..., 1] > 36 * px).astype(np.uint8))
+    np.save(folder / "boxes.npy", np.tile(np.float32(px * np.array([4, 4, 60, 60])), (count, 1)))
     np.save(folder / "heading.npy", np.zeros((count, 3), np.float32))
 
 
@@ -95,19 +96,21 @@ def check_going_on(whole: Path) -> None:
         assert (value == expected[name]).all(), name
 
 
-def check_program(state: Path) -> None:
-    network, predictions = SCRATCH / "tiny.onnx", SCRATCH / "predictions.npy"
+def check_program(state: Path, name: str, validation: Path) -> None:
+    network, predictions = SCRATCH / name, SCRATCH / "predictions.npy"
     subprocess.run(
         [sys.executable, "-B", str(TRAINING / "export.py"), str(state / "state.pt"), "--validation",
-         str(SCRATCH / "validation"), "--out", str(network), "--predictions", str(predictions)],
+         str(validation), "--out", str(network), "--predictions", str(predictions)],
         check=True,
     )  # fmt: skip
-    ran = camber("keypoints", "run", SCRATCH / "validation", "--keypoints", network, "--json")
+    ran = camber("keypoints", "run", validation, "--keypoints", network, "--json")
     assert ran.returncode == 0, ran.stderr
     crops = json.loads(ran.stdout)["crops"]
     side = json.loads(network.with_suffix(".json").read_text())
     found = np.array([crop["keypoints"] for crop in crops])
     sigmas = np.array([crop["keypoint_sigmas_px"] for crop in crops])
+    px = side["input"]["width"] / 64  # pixels of the crop; the network's points are of 64
+    found[..., :2] = (found[..., :2] + 0.5) / px - 0.5
     expected = np.load(predictions).astype(float)
     logit = side["visibility"]["scale"] * expected[..., 3] + side["visibility"]["offset"]
     scale = np.where(logit > 0, side["sigma_scale"]["visible"], side["sigma_scale"]["hidden"])
@@ -115,12 +118,12 @@ def check_program(state: Path) -> None:
     near = np.abs(found[..., :2] - expected[..., :2]).max(-1) < 1e-3
     assert near.mean() > 0.999, near.mean()
     np.testing.assert_allclose(found[..., 2][near], 1 / (1 + np.exp(-logit))[near], atol=1e-3)
-    np.testing.assert_allclose(sigmas[near], (scale * np.exp(expected[..., 2]))[near], rtol=1e-2)
+    np.testing.assert_allclose(sigmas[near] / px, (scale * np.exp(expected[..., 2]))[near], rtol=1e-2)
 
-    judged = camber("keypoints", "evaluate", SCRATCH / "validation", "--keypoints", network, "--json")
+    judged = camber("keypoints", "evaluate", validation, "--keypoints", network, "--json")
     assert judged.returncode == 0, judged.stderr
     overall = json.loads(judged.stdout)["evaluation"]["overall"]
-    truth = np.load(SCRATCH / "validation" / "keypoints.npy")
+    truth = (np.load(validation / "keypoints.npy") + 0.5) / px - 0.5
     off = np.hypot(*np.moveaxis(found[..., :2] - truth, -1, 0))
     assert abs(overall["all"]["pck_2px"] - (off <= 2).mean()) < 2e-3, overall
     # Calibrated on the same crops: 95.45 % of the coordinates.
@@ -133,7 +136,7 @@ def check_program(state: Path) -> None:
     for content in (whole[:middle], whole[:middle] + b"\x7f" * 4000 + whole[middle + 4000 :]):
         damaged.write_bytes(content)
         for verb in ("run", "evaluate"):
-            ran = camber("keypoints", verb, SCRATCH / "validation", "--keypoints", damaged, "--json")
+            ran = camber("keypoints", verb, validation, "--keypoints", damaged, "--json")
             assert ran.returncode == 2, (verb, ran)
             assert ran.stdout == "" and ran.stderr.count("\n") == 1, ran
             assert str(damaged) in ran.stderr, ran
@@ -170,6 +173,39 @@ def check_start() -> None:
         [*wider, "--start", str(SCRATCH / "tiny.onnx")], capture_output=True, text=True
     )
     assert ran.returncode == 1 and "has no place" in ran.stderr.splitlines()[-1], ran
+
+
+def check_detail() -> None:
+    """From the same file: what it gives for the means of 2 x 2 px, and then by its own pixels."""
+    import torch
+
+    from data import CropSet, to_input
+    from export import load
+    from model import KeypointNetwork, Widths
+    from start import start_from
+
+    for name, count, seed in (("training", 256, 3), ("validation", 96, 4)):
+        draw_crops(SCRATCH / "fine" / name, count, seed, 128)
+    images, points, _ = CropSet([str(SCRATCH / "fine" / "validation")], 128).take(np.arange(96))
+    assert 0 < float(points.median()) < 64, points.median()
+    images = to_input(images)
+    with torch.no_grad():
+        small = load(SCRATCH / "whole" / "state.pt")
+        expected = small(torch.nn.functional.avg_pool2d(images, 2))
+        fine = KeypointNetwork(Widths(**json.loads(WIDTHS), detail=8)).eval()
+        start_from(fine, SCRATCH / "tiny.onnx", images)
+        difference = float((fine(images) - expected).abs().max())
+        assert difference < 1e-3 * float(expected.abs().max()), difference
+    command = train_command(SCRATCH / "detail")
+    command[command.index("--steps") + 1] = "10"
+    command[command.index("--widths") + 1] = WIDTHS[:-1] + ', "detail": 8}'
+    for at, name in (("--train", "training"), ("--validation", "validation")):
+        command[command.index(at) + 1] = str(SCRATCH / "fine" / name)
+    command += ["--muon", "--start", str(SCRATCH / "tiny.onnx")]
+    subprocess.run(command, check=True)
+    check_program(SCRATCH / "detail", "fine.onnx", SCRATCH / "fine" / "validation")
+    ran = camber("keypoints", "evaluate", SCRATCH / "validation", "--keypoints", SCRATCH / "fine.onnx")
+    assert ran.returncode == 2 and "128" in ran.stderr and ran.stderr.count("\n") == 1, ran
 
 
 def check_muon() -> None:
@@ -245,8 +281,9 @@ def main() -> None:
     draw_crops(SCRATCH / "validation", 96, 2)
     whole = check_training()
     check_going_on(whole)
-    check_program(whole)
+    check_program(whole, "tiny.onnx", SCRATCH / "validation")
     check_start()
+    check_detail()
     check_muon()
     check_precision()
     check_one_command()

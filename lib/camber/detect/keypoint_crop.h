@@ -7,7 +7,8 @@
 
 namespace camber {
 
-/// px, sides of the crop that the keypoint network takes.
+/// px, sides of the crop in which keypoints are stated; a network may take twice as many pixels of
+/// it.
 constexpr int kKeypointCropSize = 64;
 /// Side of the crop over the larger side of the box.
 constexpr double kKeypointCropMargin = 1.15;

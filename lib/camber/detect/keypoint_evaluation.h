@@ -14,10 +14,11 @@ namespace camber {
 
 /// A crop with its truth.
 struct KeypointCropTruth {
-  Image crop;                                              ///< 64 x 64, 3 channels
-  std::array<Eigen::Vector2d, kNumKeypoints> points = {};  ///< px of the crop, may lie outside
+  Image crop;  ///< as the network takes it, 3 channels
+  /// px of a crop of 64 x 64 whatever the image has, may lie outside.
+  std::array<Eigen::Vector2d, kNumKeypoints> points = {};
   std::array<KeypointVisibility, kNumKeypoints> visibility = {};
-  double box_side = 0.0;  ///< px of the crop, the larger side of the detection's box
+  double box_side = 0.0;  ///< likewise, the larger side of the detection's box
   double box_height =
       std::numeric_limits<double>::quiet_NaN();  ///< px of the image; NaN: not known
   /// rad, where the vehicle is seen from: 0 right, pi/2 behind, pi left.
@@ -26,10 +27,11 @@ struct KeypointCropTruth {
 
 /// The crops of a folder of `camber keypoints synthesise`; how high their boxes would be in an
 /// image is not known.
+/// @param size  px, of the crops in the folder.
 /// @param most  crops, at most: the first ones.
 /// @throws InputError.
 std::vector<KeypointCropTruth> read_keypoint_crops(
-    const std::filesystem::path& folder,
+    const std::filesystem::path& folder, int size = kKeypointCropSize,
     std::size_t most = std::numeric_limits<std::size_t>::max());
 
 /// Errors of keypoints that lie inside their crops. NaN where there are none.

@@ -13,8 +13,8 @@ namespace camber {
 
 /// What the network states of one keypoint.
 struct PredictedKeypoint {
-  Eigen::Vector2d at = Eigen::Vector2d::Zero();  ///< px of the crop
-  double sigma = 0.0;                            ///< px of the crop, each axis, > 0
+  Eigen::Vector2d at = Eigen::Vector2d::Zero();  ///< px of a crop of 64 x 64, whatever is taken
+  double sigma = 0.0;                            ///< likewise, each axis, > 0
   double visible = 0.0;                          ///< probability, in [0, 1]
 };
 using PredictedKeypoints = std::array<PredictedKeypoint, kNumKeypoints>;
@@ -29,6 +29,7 @@ void average_with_mirrored(const float* mirrored, float* maps);
 
 /// The keypoints in the image that a crop was cut from: pixels, sigmas in px and, as confidences,
 /// the probabilities of being visible.
+/// @param crop  of 64 x 64 px.
 std::vector<KeypointObservation> to_observations(const PredictedKeypoints& keypoints,
                                                  const KeypointCrop& crop);
 
@@ -39,12 +40,13 @@ class KeypointNetwork {
   /// @throws InputError; std::invalid_argument for a description that is not valid.
   KeypointNetwork(OnnxFile file, const KeypointsDescription& description);
 
-  /// Crops of 64 x 64 pixels and 3 channels, in batches side by side. The same for any number of
-  /// threads (<= 0: see resolve_num_threads), and for each crop whatever the others are.
+  /// Crops of crop_size() pixels a side and 3 channels, in batches side by side. The same for any
+  /// number of threads (<= 0: see resolve_num_threads), and for each crop whatever the others are.
   /// @throws std::invalid_argument for a crop of another form.
   std::vector<PredictedKeypoints> predict(const std::vector<Image>& crops,
                                           int num_threads = 0) const;
 
+  int crop_size() const { return description_.input.width; }  ///< px, 64 or 128
   const KeypointsDescription& description() const { return description_; }
   const Network& network() const { return *network_; }
 

@@ -119,8 +119,11 @@ void SegmenterDescription::validate() const {
 void KeypointsDescription::validate() const {
   input.validate();
   validate_check(check);
-  require(input.width == kKeypointCropSize, "input.width", input.width, "64");
-  require(input.height == kKeypointCropSize, "input.height", input.height, "64");
+  for (const auto& [name, side] :
+       {std::pair{"input.width", input.width}, std::pair{"input.height", input.height}}) {
+    require(side == kKeypointCropSize || side == 2 * kKeypointCropSize, name, side, "64 or 128");
+  }
+  require(input.height == input.width, "input.height", input.height, "the input's width");
   require(std::isfinite(spread_weight), "spread_weight", spread_weight, "finite");
   for (const auto& [key, value] : {std::pair{"sigma_scale.visible", visible_sigma_scale},
                                    std::pair{"sigma_scale.hidden", hidden_sigma_scale}}) {

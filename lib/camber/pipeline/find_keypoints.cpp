@@ -97,7 +97,8 @@ std::optional<NetworkUse> find_keypoints(Scene* scene, const std::vector<int>& f
     std::vector<Image> crops(vehicles.size());
     parallel_for(vehicles.size(), options.num_threads, [&](std::size_t i) {
       places[i] = keypoint_crop(vehicles[i].first->box);
-      crops[i] = cut_crop(*vehicles[i].second, places[i]);
+      crops[i] =
+          cut_crop(*vehicles[i].second, keypoint_crop(vehicles[i].first->box, network.crop_size()));
     });
     const std::vector<PredictedKeypoints> found = network.predict(crops, options.num_threads);
     for (std::size_t i = 0; i < vehicles.size(); ++i) {

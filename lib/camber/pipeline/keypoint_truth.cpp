@@ -52,11 +52,11 @@ bool judged(const TruthVehicle& vehicle, const KeypointTruthOptions& options) {
 }
 
 KeypointCropTruth crop_of(const PinholeCamera& camera, const Image& image,
-                          const TruthVehicle& vehicle, const Seen* seen) {
+                          const TruthVehicle& vehicle, const Seen* seen, int crop_size) {
   const Box2 box = vehicle.box.clipped(camera.width, camera.height);
   const KeypointCrop place = keypoint_crop(box);
   KeypointCropTruth out;
-  out.crop = cut_crop(image, place);
+  out.crop = cut_crop(image, keypoint_crop(box, crop_size));
   out.box_side = std::max(box.width(), box.height()) / place.scale();
   out.box_height = box.height();
   const Eigen::Vector3d eye = vehicle.pose.camera_from_vehicle.inverse().translation();
@@ -101,7 +101,8 @@ SceneKeypointTruth scene_keypoint_truth(const Scene& scene, const fs::path& fold
     parallel_for(vehicles.size(), options.num_threads, [&](std::size_t i) {
       const auto rows = seen.find({frame.id, vehicles[i]->id});
       out.crops[first + i] =
-          crop_of(scene.camera, image, *vehicles[i], rows == seen.end() ? nullptr : &rows->second);
+          crop_of(scene.camera, image, *vehicles[i], rows == seen.end() ? nullptr : &rows->second,
+                  options.crop_size);
     });
   }
   if (warn && !out.crops.empty() && !out.by_ray_casting) {

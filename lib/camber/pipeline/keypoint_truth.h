@@ -11,10 +11,11 @@ namespace camber {
 
 /// Which vehicles of a scene's truth keypoints are judged on.
 struct KeypointTruthOptions {
-  double least_height = 40.0;    ///< px, of the true box
-  double most_occlusion = 0.5;   ///< share
-  double most_truncation = 0.3;  ///< share
-  int num_threads = 0;           ///< <= 0: see resolve_num_threads
+  double least_height = 40.0;         ///< px, of the true box
+  double most_occlusion = 0.5;        ///< share
+  double most_truncation = 0.3;       ///< share
+  int crop_size = kKeypointCropSize;  ///< px, KeypointNetwork::crop_size()
+  int num_threads = 0;                ///< <= 0: see resolve_num_threads
 };
 
 struct SceneKeypointTruth {

@@ -20,9 +20,13 @@ VISIBLE, HIDDEN_BY_OTHER = 0, 2
 
 
 class CropSet:
-    """Crops of one folder or of several, on the disk until they are read."""
+    """Crops of one folder or of several, on the disk until they are read.
 
-    def __init__(self, patterns: list[str]) -> None:
+    @param side  px of the images; keypoints are in units of crops of 64 px all the same.
+    """
+
+    def __init__(self, patterns: list[str], side: int = CROP) -> None:
+        self.side = side
         folders = sorted({f for p in patterns for f in glob.glob(p) if Path(f, "images.npy").is_file()})
         if not folders:
             raise SystemExit(f"camber training: no crops (images.npy) in {' '.join(patterns)}")
@@ -32,11 +36,12 @@ class CropSet:
         self.visibility = np.concatenate([np.load(Path(f, "visibility.npy")) for f in folders])
         self.ends = np.cumsum([len(i) for i in self.images])
         for folder, images in zip(folders, self.images):
-            if images.shape[1:] != (CROP, CROP, 3) or images.dtype != np.uint8:
+            if images.shape[1:] != (side, side, 3) or images.dtype != np.uint8:
                 raise SystemExit(
                     f"camber training: {folder}/images.npy: found {images.dtype} {images.shape}, "
-                    f"expected uint8 N x {CROP} x {CROP} x 3"
+                    f"expected uint8 N x {side} x {side} x 3"
                 )
+        self.points = (self.points + 0.5) * np.float32(CROP / side) - 0.5
         expected = (len(self), KEYPOINTS)
         if self.points.shape != (*expected, 2) or self.visibility.shape != expected:
             raise SystemExit(
@@ -48,8 +53,8 @@ class CropSet:
         return int(self.ends[-1])
 
     def take(self, indices: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
-        """Images (B, 3, 64, 64) in [0, 1], channels last in memory; points; visibility."""
-        images = np.empty((len(indices), CROP, CROP, 3), np.uint8)
+        """Images (B, 3, side, side) in [0, 1], channels last in memory; points; visibility."""
+        images = np.empty((len(indices), self.side, self.side, 3), np.uint8)
         which = np.searchsorted(self.ends, indices, side="right")
         for i, (part, index) in enumerate(zip(which, indices)):
             images[i] = self.images[part][index - (self.ends[part - 1] if part else 0)]
@@ -139,7 +144,7 @@ class Varier:
         half = 0.5 * CROP
         offset = -torch.einsum("bij,bj->bi", back, shift) / half
         grid = F.affine_grid(
-            torch.cat([back, offset[..., None]], -1), [count, 3, CROP, CROP], align_corners=False
+            torch.cat([back, offset[..., None]], -1), [count, *images.shape[1:]], align_corners=False
         )
         images[which] = PADDING + F.grid_sample(
             images[which] - PADDING, grid, align_corners=False
@@ -147,18 +152,20 @@ class Varier:
 
     def erase(self, images: Tensor, points: Tensor, visibility: Tensor) -> None:
         """A rectangle of another crop's pixels, or of one colour, over a part of the crop."""
+        side = images.shape[-1]
+        px = side / CROP
         for i in self.some(self.v.erased, len(images)).tolist():
-            width, height = self.uniform(2, low=6.0, high=28.0).int().tolist()
-            left = int(self.uniform(1) * (CROP - width))
-            top = int(self.uniform(1) * (CROP - height))
+            width, height = (px * self.uniform(2, low=6.0, high=28.0)).int().tolist()
+            left = int(self.uniform(1) * (side - width))
+            top = int(self.uniform(1) * (side - height))
             part = images[i, :, top : top + height, left : left + width]
             if self.uniform(1) < 0.5:
                 part[:] = self.uniform(3, 1, 1)
             else:
                 other = int(self.uniform(1) * len(images))
-                x, y = (self.uniform(2) * torch.tensor([CROP - width, CROP - height])).int().tolist()
+                x, y = (self.uniform(2) * torch.tensor([side - width, side - height])).int().tolist()
                 part[:] = images[other, :, y : y + height, x : x + width].clone()
-            u, v = points[i, :, 0], points[i, :, 1]
+            u, v = ((points[i] + 0.5) * px - 0.5).unbind(-1)
             below = (u > left - 0.5) & (u < left + width - 0.5)
             below &= (v > top - 0.5) & (v < top + height - 0.5)
             visibility[i, below & (visibility[i] == VISIBLE)] = HIDDEN_BY_OTHER
@@ -184,15 +191,15 @@ class Varier:
     def degrade(self, images: Tensor) -> None:
         which = self.some(self.v.coarse, len(images))
         if len(which):
-            size = int(self.uniform(1, low=20.0, high=50.0))
+            size = int(images.shape[-1] / CROP * self.uniform(1, low=20.0, high=50.0))
             small = F.interpolate(images[which], size=(size, size), mode="area")
             images[which] = F.interpolate(
-                small, size=(CROP, CROP), mode="bilinear", align_corners=False
+                small, size=images.shape[-2:], mode="bilinear", align_corners=False
             )
         which = self.some(self.v.noisy, len(images))
         if len(which):
             sigma = self.uniform(len(which), 1, 1, 1, high=self.v.noise)
-            noise = torch.randn(len(which), 3, CROP, CROP, generator=self.generator)
+            noise = torch.randn(len(which), *images.shape[1:], generator=self.generator)
             images[which] = (images[which] + sigma * noise).clamp(0.0, 1.0)
 
 
@@ -205,11 +212,11 @@ class Place:
 
 
 def batches(
-    patterns: list[str], size: int, seed: int, place: Place
+    patterns: list[str], side: int, size: int, seed: int, place: Place
 ) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
     """Endless; every pass takes all crops that are there when it begins, in an order of its own."""
     while True:
-        crops = CropSet(patterns)
+        crops = CropSet(patterns, side)
         if len(crops) < size:
             raise SystemExit(f"camber training: {len(crops)} crops, fewer than a batch of {size}")
         order = np.random.default_rng([seed, place.passed]).permutation(len(crops))

@@ -45,7 +45,7 @@ def load(file: Path) -> KeypointNetwork:
 @torch.no_grad()
 def fold(network: KeypointNetwork) -> KeypointNetwork:
     """The same function without batch norms, its convolutions' weights rounded to half precision."""
-    image = to_input(check_image())
+    image = to_input(check_image(network.side))
     before = network(image)
     for module in network.modules():
         if isinstance(module, nn.Sequential) and len(module) >= 2 and isinstance(module[1], nn.BatchNorm2d):
@@ -60,9 +60,9 @@ def fold(network: KeypointNetwork) -> KeypointNetwork:
     return network
 
 
-def check_image() -> Tensor:
-    """As network.h's of 64 x 64 px, (1, 3, 64, 64) in [0, 1]."""
-    y, x = np.mgrid[0:CROP, 0:CROP]
+def check_image(side: int) -> Tensor:
+    """As network.h's, (1, 3, side, side) in [0, 1]."""
+    y, x = np.mgrid[0:side, 0:side]
     channels = [(x + 2 * y + 40 * c + 64 * ((x // 32 + y // 32) % 2)) % 256 for c in range(3)]
     return torch.from_numpy(np.stack(channels)[None].astype(np.float32)) / 255.0
 
@@ -111,7 +111,7 @@ def fit_visibility(logit: Tensor, visible: Tensor) -> tuple[float, float]:
 
 
 def calibrate(network: KeypointNetwork, patterns: list[str], mirrored: bool) -> dict[str, object]:
-    prediction, points, visibility = predict(network, CropSet(patterns), mirrored)
+    prediction, points, visibility = predict(network, CropSet(patterns, network.side), mirrored)
     scale, offset = fit_visibility(prediction.visible.flatten(), (visibility == 0).flatten())
     inside = ((points >= -0.5) & (points <= CROP - 0.5)).all(-1)
     ratio = (prediction.points - points).abs() / (2.0 * prediction.log_sigma.exp()[..., None])
@@ -142,14 +142,14 @@ def check_values(maps: Tensor) -> list[dict[str, object]]:
 
 @torch.no_grad()
 def write(network: KeypointNetwork, file: Path, name: str, calibration: dict[str, object]) -> None:
-    image = to_input(check_image())
+    image = to_input(check_image(network.side))
     maps = network(image)
     description = {
         "format": "camber-network",
         "version": 1,
         "task": "keypoints",
         "name": name,
-        "input": {"width": CROP, "height": CROP, "fit": "stretch", "colors": "rgb", "range": [-0.5, 0.5]},
+        "input": {"width": network.side, "height": network.side, "fit": "stretch", "colors": "rgb", "range": [-0.5, 0.5]},
         "head": "hourglass",
         "spread_weight": float(network.spread_weight),
         **calibration,
@@ -171,7 +171,7 @@ def write_predictions(
     network: KeypointNetwork, patterns: list[str], mirrored: bool, file: Path
 ) -> None:
     """What decode() gives for each crop, uncalibrated: for tests of the program's own."""
-    p, _, _ = predict(network, CropSet(patterns), mirrored)
+    p, _, _ = predict(network, CropSet(patterns, network.side), mirrored)
     columns = [p.points, p.log_sigma[..., None], p.visible[..., None]]
     np.save(file, torch.cat(columns, -1).numpy())
 

@@ -39,6 +39,9 @@ class Widths:
     middle_up_blocks: int = 1  # on the way up
     fine_up_blocks: int = 1
     stem_blocks: int = 0
+    # Of a convolution from 128 x 128 px to 64 x 64 cells, which the stem reads beside the means of 2 x 2
+    # px; 0: none, the input is 64 x 64 px.
+    detail: int = 0
     head: int = 0  # channels of a last 3 x 3 convolution before the maps; 0: none
 
 
@@ -75,7 +78,7 @@ def residuals(channels: int, count: int) -> nn.Sequential:
 
 
 class KeypointNetwork(nn.Module):
-    """(B, 3, 64, 64), RGB in [-0.5, 0.5], to maps (B, 216, 16, 16).
+    """(B, 3, side, side), RGB in [-0.5, 0.5], to maps (B, 216, 16, 16).
 
     Down to 4 x 4 cells and up again, the way down added to the way up at each resolution (an
     hourglass: Newell, Yang and Deng, "Stacked hourglass networks", ECCV 2016).
@@ -85,7 +88,10 @@ class KeypointNetwork(nn.Module):
         super().__init__()
         w = widths or Widths()
         self.widths = w
-        self.stem = convolution(3, w.stem, 2)
+        self.side = 2 * CROP if w.detail else CROP  # px of the input
+        if w.detail:
+            self.detail = convolution(3, w.detail, 2)
+        self.stem = convolution(3 + w.detail, w.stem, 2)
         self.stem_more = residuals(w.stem, w.stem_blocks)
         self.to_fine = convolution(w.stem, w.fine, 2)
         self.fine = residuals(w.fine, w.fine_blocks)
@@ -103,6 +109,8 @@ class KeypointNetwork(nn.Module):
         self.spread_weight = nn.Parameter(torch.tensor(0.5))
 
     def forward(self, image: Tensor) -> Tensor:
+        if self.widths.detail:
+            image = torch.cat([F.avg_pool2d(image, 2), self.detail(image)], 1)
         fine = self.fine(self.to_fine(self.stem_more(self.stem(image))))
         middle = self.middle(self.to_middle(fine))
         coarse = self.coarse(self.to_coarse(middle))

@@ -1,5 +1,5 @@
-"""A training's start from a network that export.py wrote, which may have fewer residual blocks and no
-convolution before its maps."""
+"""A training's start from a network that export.py wrote, which may have fewer residual blocks, no
+convolution before its maps and an input of half the size."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ def start_from(network: KeypointNetwork, file: Path, images: Tensor) -> None:
     """Gives the network the function of the file's.
 
     Blocks that the file lacks add nothing at first; a head that it lacks hands its inputs on, and its
-    other channels have no weight in the maps. The batch norms, which the file has no longer, get
-    the statistics of the images, (N, 3, 64, 64), and scales and offsets that undo them.
+    other channels have no weight in the maps. Detail that it lacks has none in the stem, which reads
+    the means of 2 x 2 px. The batch norms, which the file has no longer, get
+    the statistics of the images, (N, 3, side, side), and scales and offsets that undo them.
     """
     try:
         found = convolutions(file)
@@ -36,6 +37,11 @@ def start_from(network: KeypointNetwork, file: Path, images: Tensor) -> None:
         weight, bias = found["maps"]
         added = torch.zeros(len(weight), head.out_channels - head.in_channels, 1, 1)
         found["maps"] = torch.cat([weight, added], 1), bias
+    stem = network.stem[0]
+    if "detail.0" not in found and "stem.0" in found and network.widths.detail:
+        weight, bias = found["stem.0"]
+        added = torch.zeros(len(weight), stem.in_channels - weight.shape[1], *weight.shape[2:])
+        found["stem.0"] = torch.cat([weight, added], 1), bias
     for name, (weight, _) in found.items():
         mine = modules.get(name)
         if not isinstance(mine, nn.Conv2d) or mine.weight.shape != weight.shape:

@@ -109,7 +109,8 @@ class Training:
         hidden: list[nn.Parameter] = []
         if o.muon:
             # Convolutions between hidden maps: not what reads the image or gives the maps.
-            outer = (self.network.stem[0].weight, self.network.maps.weight)
+            reading = self.network.detail if self.network.widths.detail else self.network.stem
+            outer = (reading[0].weight, self.network.maps.weight)
             hidden = [p for p in decayed if all(p is not q for q in outer)]
             decayed = list(outer)
         optimizers: list[torch.optim.Optimizer] = [
@@ -173,7 +174,7 @@ class Training:
 
     def start(self, file: Path) -> None:
         """From an exported network's weights in place of random ones."""
-        crops = CropSet(self.options.train)
+        crops = CropSet(self.options.train, self.network.side)
         chosen = torch.randperm(len(crops), generator=self.generator)[:START_CROPS].sort().values
         images, _, _ = crops.take(chosen.numpy())
         start_from(self.network, file, to_input(images))
@@ -236,9 +237,9 @@ class Training:
 
     def run(self) -> None:
         options = self.options
-        validation = CropSet(options.validation) if options.validation else None
+        validation = CropSet(options.validation, self.network.side) if options.validation else None
         vary = Varier(Variation(), self.generator)
-        stream = batches(options.train, options.batch, options.seed, self.place)
+        stream = batches(options.train, self.network.side, options.batch, options.seed, self.place)
         self.network.train()
         sums: dict[str, float] = {}
         steps, seconds, unsaved = 0, 0.0, 0.0
