@@ -119,9 +119,9 @@ void SegmenterDescription::validate() const {
 void KeypointsDescription::validate() const {
   input.validate();
   validate_check(check);
-  for (const auto& [name, side] :
+  for (const auto& [key, side] :
        {std::pair{"input.width", input.width}, std::pair{"input.height", input.height}}) {
-    require(side == kKeypointCropSize || side == 2 * kKeypointCropSize, name, side, "64 or 128");
+    require(side == kKeypointCropSize || side == 2 * kKeypointCropSize, key, side, "64 or 128");
   }
   require(input.height == input.width, "input.height", input.height, "the input's width");
   require(std::isfinite(spread_weight), "spread_weight", spread_weight, "finite");
