@@ -50,6 +50,7 @@ class Page:
         what = line[:29].strip()
         # Not where the column falls into an option's own range or list of others.
         whole = what.count("[") == what.count("]") and not what.endswith(":")
+        whole = whole and not line[30:].startswith("in [")
         if len(parts) == 1 and len(line) > 30 and line[29] == " " and whole:
             parts = [what, line[30:].strip()]
         entries.append((parts[0], parts[1] if len(parts) > 1 else ""))

@@ -400,6 +400,10 @@ CompareOptions checked_options(const Command& command, const Arguments& args) {
 Inputs load(const Arguments& args, const LogSink& warn, CompareOptions* options) {
   Inputs in = read_inputs(args, warn, options);
   if (!args.pairs.empty()) read_pairs(args.pairs, options);
+  if (in.camera.empty() && std::isfinite(args.options.farthest)) {
+    throw UsageError(
+        "--farthest: expected the camera, too: --camera SCENE, or a scene as the truth");
+  }
   if (!in.camera.empty()) add_views(in.camera, scene_paths(args.confine), in.run, warn, options);
   if (!args.region.empty()) options->region = region_of(args.region);
   if (!args.truth_viewpoint.empty()) {

@@ -131,7 +131,8 @@ void register_convert(App& root) {
   app.add_option("--camera", a.camera, "of a depth image: fx,fy,cx,cy in px, or a scene manifest");
   add_confine_option(app, a.confine);
   app.add_option("--baseline", a.baseline, "of a disparity image's stereo pair, m");
-  app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m");
+  app.add_option("--largest-depth", a.largest_depth, "leave out pixels farther away, m")
+      ->check(positive_number());
   app.add_option("--image", a.image, "colours for a depth image, same size");
   app.add_option("--labels", a.labels, "label image for a depth image, same size");
   app.add_flag("--to-map", a.to_map,

@@ -308,8 +308,11 @@ void check_extension(const ExportArguments& args) {
 
 /// What a command line asks for that cannot be. @throws UsageError
 void check_arguments(const ExportArguments& args) {
-  if (!(args.ahead >= 0.0 && args.tolerance >= 0.0 && args.reach >= 0.0)) {
-    throw UsageError("--ahead, --tolerance and --reach: expected metres >= 0");
+  const std::pair<const char*, double> lengths[] = {
+      {"--ahead", args.ahead}, {"--tolerance", args.tolerance}, {"--reach", args.reach}};
+  for (const auto& [option, length] : lengths) {
+    if (length >= 0.0) continue;
+    throw UsageError(fmt::format("{}: found {}, expected metres >= 0", option, length));
   }
   const std::pair<const char*, double> steps[] = {{"--step", args.grid.step_u},
                                                   {"--step-across", args.grid.step_v}};

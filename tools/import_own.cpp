@@ -48,12 +48,14 @@ void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
                    bag ? "the images were rectified with the calibration's projection matrix"
                        : "the images were rectified with the file's projection matrix");
   if (!bag) rectified->needs("--calib");
+  constexpr double kLeast = 1e-3, kMost = 1e7;  // px; a manifest takes no more
   app.add_option("--fx", a.fx, "focal length, pixels, in place of --calib")
-      ->check(positive_number());
-  app.add_option("--fy", a.fy, "likewise down the image; default: fx")->check(positive_number());
+      ->check(in_range(kLeast, kMost));
+  app.add_option("--fy", a.fy, "likewise down the image; default: fx")
+      ->check(in_range(kLeast, kMost));
   app.add_option("--cx", a.cx, "principal point, pixels; default: the middle")
-      ->check(finite_number());
-  app.add_option("--cy", a.cy, "likewise down the image")->check(finite_number());
+      ->check(in_range(-kMost, kMost));
+  app.add_option("--cy", a.cy, "likewise down the image")->check(in_range(-kMost, kMost));
   app.add_option("--fov", a.fov, "horizontal field of view, degrees, in place of --calib")
       ->check(in_range(1.0, 179.0));
   app.add_option(

@@ -62,13 +62,14 @@ json rows_of(const std::vector<KeypointObservation>& keypoints, json* sigmas) {
   return rows;
 }
 
-/// Of a folder's crops, in px of the crop.
+/// Of a folder's crops, in px of the crop as it is there.
 json found_in_crops(const Arguments& a, const fs::path& folder, const KeypointNetwork& network,
                     int threads, Timings* timings) {
   StageTimer load(*timings, "load");
   std::vector<Image> crops;
-  const int size = network.crop_size();
-  for (KeypointCropTruth& crop : read_keypoint_crops(folder, size, most_of(a))) {
+  int size = kKeypointCropSize;
+  for (KeypointCropTruth& crop : read_keypoint_crops(folder, network.crop_size(), most_of(a))) {
+    size = crop.stored_size;
     crops.push_back(std::move(crop.crop));
   }
   load.stop();
@@ -242,6 +243,7 @@ PlotSheet evaluation_plots(const KeypointEvaluation& e) {
 
 int evaluate(const Command& command, const Arguments& a) {
   refuse_inputs(a);
+  require_png("--plot", a.plot);
   const LogSink warn = make_warning_sink(command.common);
   Timings timings;
   const KeypointNetwork network = open_keypoint_network(a.network, a.config, warn);
@@ -321,10 +323,13 @@ void add_keypoint_network_commands(App& keypoints) {
   app.add_option("inputs", judged->inputs, "folders of crops, or scene manifests or folders")
       ->required();
   app.add_option("--least-height", judged->truth.least_height, "of true boxes of scenes, px")
+      ->check(non_negative_number())
       ->capture_default_str();
   app.add_option("--most-occlusion", judged->truth.most_occlusion, "of vehicles of scenes, a share")
+      ->check(in_range(0.0, 1.0))
       ->capture_default_str();
   app.add_option("--most-truncation", judged->truth.most_truncation, "likewise")
+      ->check(in_range(0.0, 1.0))
       ->capture_default_str();
   app.add_option("--out", judged->out, "file for the result (.json)")->output_file();
   app.add_option("--plot", judged->plot, "file for a plot (.png)")->output_file();

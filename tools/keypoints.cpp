@@ -32,6 +32,7 @@ void write_sheet(const SynthesiseArguments& args, const KeypointCropOptions& opt
                      ", a --sheet has at most " + std::to_string(kMost));
   }
   check_output_file(args.sheet);
+  require_png("--sheet", args.sheet);
   const auto crops = KeypointCropMaker(options).make(options.first, options.count);
   write_png(draw_crop_sheet(crops, 6, std::max(1, 160 / options.size)), args.sheet);
 }

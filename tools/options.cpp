@@ -440,6 +440,11 @@ int App::parse(int argc, char** argv) {
   return 2;
 }
 
+void require_png(const char* option, const std::string& file) {
+  if (file.empty() || std::filesystem::path(file).extension() == ".png") return;
+  throw UsageError(std::string(option) + ": found '" + file + "', expected FILE.png");
+}
+
 std::filesystem::path manifest_of(const std::string& out) {
   const std::filesystem::path path = out;
   return path.extension() == ".json" ? path : path / "scene.json";

@@ -69,6 +69,9 @@ struct NamedFiles {
   std::vector<std::filesystem::path> folders;  ///< of results, replaced whole
 };
 
+/// @param file  of an option; empty where it is not given. @throws UsageError for another ending.
+void require_png(const char* option, const std::string& file);
+
 /// The manifest that --out stands for: itself if it ends in .json, else scene.json in that folder.
 std::filesystem::path manifest_of(const std::string& out);
 

@@ -162,6 +162,7 @@ int learn(const Command& command, const LearnArguments& args) {
 
 int info(const Command& command, const InfoArguments& args) {
   check_output_file(args.picture);
+  require_png("--picture", args.picture);
   Timings timings;
   VehiclePrior prior;
   std::vector<AnnotatedShape> shapes;

@@ -29,7 +29,13 @@ SceneView view_of(const std::string& name) {
   return SceneView::kObliqueAndSide;
 }
 
+/// @throws UsageError
 FreeView free_view_of(const std::vector<double>& numbers) {
+  constexpr double kNarrowest = 1.0, kWidest = 177.0;  // degrees
+  if (!(numbers[9] >= kNarrowest && numbers[9] <= kWidest)) {
+    throw UsageError(fmt::format("--camera: found a field of view of {} degrees, expected {} to {}",
+                                 numbers[9], kNarrowest, kWidest));
+  }
   FreeView view;
   view.eye = {numbers[0], numbers[1], numbers[2]};
   view.target = {numbers[3], numbers[4], numbers[5]};
@@ -199,8 +205,10 @@ void add_view_arguments(App& app, RenderArguments& a) {
       ->excludes("--view");
   app.add_option("--azimuth-deg", a.azimuth_deg,
                  "oblique view: direction of looking, from ahead to the right")
+      ->check(in_range(-360.0, 360.0))
       ->capture_default_str();
   app.add_option("--elevation-deg", a.elevation_deg, "oblique view: height of the eye")
+      ->check(in_range(0.6, 88.8))
       ->capture_default_str();
 }
 

@@ -72,8 +72,14 @@ std::vector<Eigen::Vector3d> read_line(const std::string& path,
   use_metres(path, &file, {});
   const RoadCloud& cloud = file.cloud;
   std::vector<Eigen::Vector3d> line;
-  for (const Eigen::Vector3f& p : cloud.points) {
-    if (p.allFinite()) line.push_back(cloud.origin + p.cast<double>());
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    const Eigen::Vector3f& p = cloud.points[i];
+    if (!p.allFinite()) {
+      throw InputError(path, fmt::format("point {} of the line: found {} {} {}, expected finite "
+                                         "coordinates",
+                                         i + 1, p.x(), p.y(), p.z()));
+    }
+    line.push_back(cloud.origin + p.cast<double>());
   }
   if (line.size() < 2) {
     throw NoAnswerError(path + ": a line needs at least two points");

@@ -32,6 +32,7 @@ from benchmark_json import ROOT, column, document, write_document
 from keypoint_cars import (JUDGED, Car, cars_of, judge_keypoints, judge_vehicle, kitti_scenes,
                            number_halves, shipped_shapes)
 
+MODELS = pathlib.Path(__file__).resolve().parents[2] / "lib/camber/detect/models"
 PARTS = ("crops", "kitti", "kitti_localisation", "scenes", "inference")
 WAYS = ("boxes alone", "boxes, network", "given keypoints")
 NEAR = 25.0  # m
@@ -100,8 +101,11 @@ class Bench:
             return pathlib.Path(self.args.crops)
         crops = self.folder / "validation"
         if not crops.exists():
+            own = self.args.keypoints
+            side = MODELS / "keypoints.json" if own == "shipped" else own.with_suffix(".json")
+            size = json.loads(side.read_text(encoding="utf-8"))["input"]["width"]
             self.camber("keypoints", "synthesise", "--split", "validation", "--count",
-                        self.args.count, "--seed", self.args.seed, "--out", crops)
+                        self.args.count, "--seed", self.args.seed, "--size", size, "--out", crops)
         return crops
 
     def crops(self) -> None:

@@ -209,6 +209,12 @@ TEST_F(CloudTools, FilterRefusesOptionsThatNeedAnother) {
   EXPECT_EQ(with({"--viewpoint", "0,0,2", "--normals", "8"}).exit_code, 0);
 }
 
+TEST_F(CloudTools, CompareRefusesALargestDepthWithoutACamera) {
+  write_cloud(make_square(0.1), path("in.ply"));
+  EXPECT_ONE_SENTENCE(run_camber({"compare", path("in.ply"), path("in.ply"), "--farthest", "20"}),
+                      2, "--farthest: expected the camera, too");
+}
+
 TEST_F(CloudTools, FilterStatesHowManyPointsWereNotFinite) {
   RoadCloud cloud = make_square(0.02);
   const float nan = std::numeric_limits<float>::quiet_NaN();

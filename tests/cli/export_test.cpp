@@ -307,6 +307,9 @@ TEST_F(ExportProgram, Refusals) {
   };
   EXPECT_ONE_SENTENCE(with("--step", "-1"), 2, "--step: Value -1 not in range");
   EXPECT_ONE_SENTENCE(with("--left", "-3"), 2, "--left: Value -3 not in range");
+  EXPECT_ONE_SENTENCE(with("--ahead", "-10"), 2, "--ahead: found -10, expected metres >= 0");
+  std::ofstream(file("gap.csv")) << "x,y,z\n0,1,5\nnan,1,9\n0,1,15\n";
+  EXPECT_ONE_SENTENCE(with("--along", file("gap.csv")), 2, "point 2 of the line: found nan");
   EXPECT_ONE_SENTENCE(with("--step", "0.0005"), 2,
                       "--step: found 0.0005, expected 0 or 0.001 to 100 metres");
   EXPECT_ONE_SENTENCE(with("--step-across", "1e-9"), 2,

@@ -171,6 +171,8 @@ TEST_F(ImportOwn, MasksPosesSpeedsAndGravity) {
 TEST_F(ImportOwn, WhatCannotBeIsRefusedInOneSentence) {
   expect_refused({}, "the camera is not given: expected --calib FILE");
   expect_refused({"--fov", "0"}, "--fov");
+  expect_refused({"--fx", "1e300"}, "--fx");
+  expect_refused({"--fx", "100", "--cy", "1e8"}, "--cy");
   expect_refused({"--fov", "90", "--fx", "100"}, "expected one");
   expect_refused({"--calib", path("none.yaml")}, "none.yaml: no such file");
   write_bytes(path("camera.yaml"),

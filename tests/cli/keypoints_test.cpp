@@ -136,6 +136,10 @@ TEST_F(Keypoints, BadOptionsAndForeignFoldersAreRefused) {
   EXPECT_ONE_SENTENCE(synthesise({"--out", path("a"), "--sheet", path("s.png")}), 2, "either");
   EXPECT_ONE_SENTENCE(synthesise({"--sheet", path("s.png"), "--count", "5000"}), 2, "1200");
   EXPECT_ONE_SENTENCE(synthesise({"--sheet", path("no/s.png"), "--count", "2"}), 3, "no/s.png");
+  EXPECT_ONE_SENTENCE(synthesise({"--sheet", path("s.jpg"), "--count", "2"}), 2,
+                      "--sheet: found '" + path("s.jpg") + "', expected FILE.png");
+  EXPECT_ONE_SENTENCE(run_camber({"keypoints", "evaluate", "x", "--least-height", "nan"}), 2,
+                      "--least-height");
   EXPECT_ONE_SENTENCE(run_camber({"keypoints"}), 2, "synthesise");
   const auto before = test::snapshot(folder_.path());
   EXPECT_TRUE(before.empty());

@@ -148,8 +148,9 @@ TEST_F(KeypointCropsFolder, IsRead) {
   EXPECT_EQ(read_keypoint_crops(folder, 64, 1).size(), 1U);
 }
 
-TEST_F(KeypointCropsFolder, OfTwiceThePixelsHasTheSameUnits) {
-  EXPECT_THROW(read_keypoint_crops(folder, 128), InputError);
+TEST_F(KeypointCropsFolder, OfAnyNumberOfPixelsHasTheSameUnits) {
+  EXPECT_EQ(read_keypoint_crops(folder, 128)[0].crop.width, 128);
+  EXPECT_EQ(read_keypoint_crops(folder, 128)[1].points[0], Eigen::Vector2d(3.5, -8.0));
   write_npy(folder / "images.npy", "|u1", "2, 128, 128, 3",
             std::vector<unsigned char>(2 * 128 * 128 * 3, 7));
   const std::vector<KeypointCropTruth> crops = read_keypoint_crops(folder, 128);
@@ -158,6 +159,13 @@ TEST_F(KeypointCropsFolder, OfTwiceThePixelsHasTheSameUnits) {
   // Pixel 3.5 of 128 is the boundary of the second and the third pixel of 64.
   EXPECT_EQ(crops[1].points[0], Eigen::Vector2d(1.5, -4.25));
   EXPECT_EQ(crops[1].box_side, 25.0);
+  const std::vector<KeypointCropTruth> small = read_keypoint_crops(folder, 64);
+  EXPECT_EQ(small[1].crop.width, 64);
+  EXPECT_EQ(small[1].crop.data[5], 7);
+  EXPECT_EQ(small[1].points[0], Eigen::Vector2d(1.5, -4.25));
+  write_npy(folder / "images.npy", "|u1", "2, 64, 32, 3",
+            std::vector<unsigned char>(2 * 64 * 32 * 3, 7));
+  EXPECT_THROW(read_keypoint_crops(folder, 64), InputError);
 }
 
 TEST_F(KeypointCropsFolder, RefusesDamagedArrays) {

@@ -205,7 +205,7 @@ def check_detail() -> None:
     subprocess.run(command, check=True)
     check_program(SCRATCH / "detail", "fine.onnx", SCRATCH / "fine" / "validation")
     ran = camber("keypoints", "evaluate", SCRATCH / "validation", "--keypoints", SCRATCH / "fine.onnx")
-    assert ran.returncode == 2 and "128" in ran.stderr and ran.stderr.count("\n") == 1, ran
+    assert ran.returncode == 0, ran  # of 64 px: resampled
 
 
 def check_muon() -> None:

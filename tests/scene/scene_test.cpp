@@ -307,7 +307,7 @@ TEST_F(SceneFile, SaysWhatIsMissing) {
             "camera.height: missing, expected a whole number of pixels from 1 to 65535");
   EXPECT_EQ(error_without("", "frames"), "frames: missing, expected an array of frames");
   EXPECT_EQ(error_without("/frames/0", "id"),
-            "frames[0].id: missing, expected an integer of at least 0");
+            "frames[0].id: missing, expected an integer from 0 to 2000000000");
   EXPECT_EQ(error_without("/frames/0/vehicles/0", "box"),
             "frames[0].vehicles[0].box: missing, expected 4 numbers [x1, y1, x2, y2]");
   EXPECT_EQ(error_without("/frames/0/ego_plane", "offset"),
@@ -351,7 +351,7 @@ TEST_F(SceneFile, SaysWhatIsWrong) {
   EXPECT_EQ(error_with("/frames/1/id", 4),
             "frames[1].id: found 4 a second time, expected ids that differ among the frames");
   EXPECT_EQ(error_with("/frames/1/id", -1),
-            "frames[1].id: found -1, expected an integer of at least 0");
+            "frames[1].id: found -1, expected an integer from 0 to 2000000000");
   EXPECT_EQ(error_with("/frames/1/image", ""), "frames[1].image: found \"\", expected a path");
   EXPECT_EQ(error_with("/frames/0/vehicles/0/box", {1, 2, 3}),
             "frames[0].vehicles[0].box: found 3 numbers, expected 4 [x1, y1, x2, y2]");

@@ -10,9 +10,18 @@ namespace camber {
 
 std::vector<KeypointCropTruth> read_keypoint_crops(const std::filesystem::path& folder, int size,
                                                    std::size_t most) {
-  const auto side = static_cast<std::size_t>(size), num_values = side * side * 3;
-  const double scale = kKeypointCropSize / static_cast<double>(size);
-  const auto images = internal::read_npy_bytes(folder / "images.npy", {side, side, 3}, most);
+  const auto images = internal::read_npy_bytes(folder / "images.npy",
+                                               {internal::kAnySide, internal::kAnySide, 3}, most);
+  const int side = static_cast<int>(images.shape[1]);
+  if (images.shape[2] != images.shape[1]) {
+    throw InputError((folder / "images.npy").string(),
+                     fmt::format("found crops of {} x {} px, expected squares", images.shape[2],
+                                 images.shape[1]));
+  }
+  const std::size_t num_values = images.shape[1] * images.shape[2] * 3;
+  const KeypointCrop whole{Eigen::Vector2d::Constant(0.5 * (side - 1)), static_cast<double>(side),
+                           size};
+  const double scale = kKeypointCropSize / static_cast<double>(side);
   const auto points = internal::read_npy_floats(folder / "keypoints.npy", {kNumKeypoints, 2}, most);
   const auto hidden = internal::read_npy_bytes(folder / "visibility.npy", {kNumKeypoints}, most);
   const auto boxes = internal::read_npy_floats(folder / "boxes.npy", {4}, most);
@@ -27,7 +36,9 @@ std::vector<KeypointCropTruth> read_keypoint_crops(const std::filesystem::path& 
   for (std::size_t i = 0; i < count; ++i) {
     KeypointCropTruth& crop = out[i];
     const auto pixels = images.values.begin() + static_cast<std::ptrdiff_t>(i * num_values);
-    crop.crop = {size, size, 3, {pixels, pixels + static_cast<std::ptrdiff_t>(num_values)}};
+    crop.crop = {side, side, 3, {pixels, pixels + static_cast<std::ptrdiff_t>(num_values)}};
+    crop.stored_size = side;
+    if (side != size) crop.crop = cut_crop(crop.crop, whole);
     for (std::size_t k = 0; k < kNumKeypoints; ++k) {
       const std::size_t at = i * kNumKeypoints + k;
       const Eigen::Array2d point(points.values[2 * at], points.values[2 * at + 1]);

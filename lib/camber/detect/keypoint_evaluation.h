@@ -14,7 +14,8 @@ namespace camber {
 
 /// A crop with its truth.
 struct KeypointCropTruth {
-  Image crop;  ///< as the network takes it, 3 channels
+  Image crop;                           ///< as the network takes it, 3 channels
+  int stored_size = kKeypointCropSize;  ///< px, side of the crop in its folder
   /// px of a crop of 64 x 64 whatever the image has, may lie outside.
   std::array<Eigen::Vector2d, kNumKeypoints> points = {};
   std::array<KeypointVisibility, kNumKeypoints> visibility = {};
@@ -27,7 +28,7 @@ struct KeypointCropTruth {
 
 /// The crops of a folder of `camber keypoints synthesise`; how high their boxes would be in an
 /// image is not known.
-/// @param size  px, of the crops in the folder.
+/// @param size  px, to which crops of another size are resampled.
 /// @param most  crops, at most: the first ones.
 /// @throws InputError.
 std::vector<KeypointCropTruth> read_keypoint_crops(

@@ -44,7 +44,7 @@ Box2 read_box(const JsonCursor& cursor) {
 }
 
 int read_id(JsonObject& object) {
-  const char* expectation = "an integer of at least 0";
+  const char* expectation = "an integer from 0 to 2000000000";
   return object.require("id", expectation).integer(0, kMaxId, expectation);
 }
 

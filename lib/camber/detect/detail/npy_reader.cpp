@@ -66,14 +66,20 @@ NpyArray<Value> read(const std::filesystem::path& path, const std::string& type,
   const auto shape = shape_of(after_key(header, "shape"));
   const std::string_view found_type = after_key(header, "descr").substr(0, type.size() + 2);
   const bool row_major = after_key(header, "fortran_order").substr(0, 5) == "False";
+  const auto fits = [](std::size_t wanted, std::size_t found) {
+    return wanted == kAnySide ? found >= 1 && found <= 1024 : wanted == found;
+  };
   if (!shape || found_type != "'" + type + "'" || !row_major ||
       shape->size() != columns.size() + 1 ||
-      !std::equal(columns.begin(), columns.end(), shape->begin() + 1)) {
+      !std::equal(columns.begin(), columns.end(), shape->begin() + 1, fits)) {
+    std::vector<std::string> wanted;
+    for (const std::size_t n : columns) wanted.push_back(n == kAnySide ? "any" : std::to_string(n));
     fail(fmt::format("found the header {}, expected type {} and the shape (N, {})",
-                     printable(header, 120), type, fmt::join(columns, ", ")));
+                     printable(header.substr(0, header.find_last_not_of(" \n") + 1), 120), type,
+                     fmt::join(wanted, ", ")));
   }
   std::size_t row = 1;  // values
-  for (const std::size_t n : columns) row *= n;
+  for (std::size_t k = 1; k < shape->size(); ++k) row *= (*shape)[k];
   const std::uintmax_t stored =
       (std::filesystem::file_size(path) - sizeof start - length) / (row * sizeof(Value));
   if (shape->front() > stored) {

@@ -16,8 +16,10 @@ struct NpyArray {
   std::vector<Value> values;
 };
 
+constexpr std::size_t kAnySide = 0;
+
 /// @param rows     of the result, at most: the first ones of the array.
-/// @param columns  what the shape must be after its first number.
+/// @param columns  what the shape must be after its first number; kAnySide: any from 1 to 1024.
 /// @throws InputError for a file that is missing or damaged, of another type or shape.
 NpyArray<std::uint8_t> read_npy_bytes(const std::filesystem::path& path,
                                       const std::vector<std::size_t>& columns, std::size_t rows);

@@ -21,7 +21,7 @@ SET = 20000  # crops of a folder
 # Those of the network that ships (../models/README.md).
 WIDTHS = {
     "middle": 80, "coarse": 96, "fine_blocks": 3, "middle_blocks": 3, "coarse_blocks": 3,
-    "middle_up_blocks": 2, "fine_up_blocks": 3, "stem_blocks": 1, "head": 128,
+    "middle_up_blocks": 2, "fine_up_blocks": 3, "stem_blocks": 1, "head": 128, "detail": 16,
 }  # fmt: skip
 
 
@@ -41,10 +41,12 @@ def script(name: str, *arguments: object) -> None:
     run(sys.executable, "-B", HERE / name, *arguments)
 
 
-def synthesise(camber: str, folder: Path, count: int, first: int, seed: int, split: str) -> None:
+def synthesise(
+    camber: str, folder: Path, count: int, first: int, seed: int, split: str, size: int
+) -> None:
     if not folder.exists():  # it is exchanged in one step: what is there is whole
         run(camber, "keypoints", "synthesise", "--count", count, "--first", first, "--seed", seed,
-            "--split", split, "--out", folder)  # fmt: skip
+            "--split", split, "--size", size, "--out", folder)  # fmt: skip
 
 
 def positive(text: str) -> int:
@@ -75,11 +77,12 @@ def main() -> None:
     os.nice(10)
     args.out.mkdir(parents=True, exist_ok=True)
     validation = args.out / "validation"
-    synthesise(args.camber, validation, args.validation_crops, 0, args.seed, "validation")
+    size = 128 if json.loads(args.widths).get("detail") else 64
+    synthesise(args.camber, validation, args.validation_crops, 0, args.seed, "validation", size)
     for first in range(0, args.crops, SET):
         count = min(SET, args.crops - first)
         folder = args.out / f"train_{first // SET:02d}"
-        synthesise(args.camber, folder, count, first, args.seed, "training")
+        synthesise(args.camber, folder, count, first, args.seed, "training", size)
     length = ("--steps", args.steps) if args.steps else ("--minutes", args.minutes)
     script("train.py", "--train", args.out / "train_*", "--validation", validation,
            "--out", args.out / "run", *length, "--batch", 32, "--rate", 2e-3, "--muon", "--bf16",
