@@ -189,6 +189,22 @@ TEST_F(ImportOwn, WhatCannotBeIsRefusedInOneSentence) {
   expect_refused({"--fov", "90"}, "found an image of 40 x 30 pixels, expected 80 x 60");
 }
 
+TEST_F(ImportOwn, PicturesThatNoImportWroteAreKept) {
+  FilmWriter film(path("drive.avi"), 10.0);
+  for (int i = 0; i < 3; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});
+  film.finish();
+  fs::create_directories(path("mine/image"));
+  write_bytes(path("mine/image/000001.png"), "precious");
+  const std::vector<std::string> words = {"import", "video",     path("drive.avi"), "--fov",
+                                          "90",     "--extract", "--out",           path("mine")};
+  EXPECT_ONE_SENTENCE(run_camber(words), 3, "000001.png: is there already");
+  EXPECT_EQ(test::read_bytes(path("mine/image/000001.png")), "precious");
+  EXPECT_FALSE(fs::exists(path("mine/scene.json")));
+  fs::remove(path("mine/image/000001.png"));
+  EXPECT_EQ(run_camber(words).exit_code, 0);
+  EXPECT_EQ(run_camber(words).exit_code, 0);  // its own are replaced
+}
+
 TEST_F(ImportOwn, ASignalLeavesNoFolderOfFramesBehind) {
   FilmWriter film(path("drive.avi"), 10.0);
   for (int i = 0; i < 3; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});

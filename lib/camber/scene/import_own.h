@@ -105,7 +105,8 @@ struct OwnImport {
 
 /// Writes the converted masks to segmentation/ and the frames that are no files yet to image/
 /// beside the manifest, and the manifest; all or nothing.
-/// @throws InputError for masks of other colours or sizes; OutputError.
+/// @throws InputError for masks of other colours or sizes; OutputError, also where it would replace
+///         a picture in a folder without a manifest of an import.
 void write_own_import(OwnImport& import, const std::filesystem::path& manifest);
 
 /// The camera of the scene's image files: the lens's where there is one.

@@ -319,7 +319,8 @@ void put_own_detections(Scene& scene, const OwnDetections& options, OwnImport& o
     throw InputError(
         options.file.string(),
         fmt::format(
-            "found {} boxes wholly outside the images of {} x {} pixels, expected boxes in them",
+            "found {} boxes wholly outside the images of {} x {} pixels or of no extent, expected "
+            "boxes in them",
             tally.outside, scene.camera.width, scene.camera.height));
   }
   scene.detections_source = options.source;
