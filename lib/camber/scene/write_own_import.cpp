@@ -32,11 +32,12 @@ void write_own_import(OwnImport& import, const fs::path& manifest) {
   const bool own = is_a_scene(manifest);
   AtomicFiles files;
   const auto stage = [&](const fs::path& path) {
+    const fs::path staged = files.stage(path);  // first: that it is an input is the better reason
     std::error_code ignored;
     if (!own && fs::exists(path, ignored)) {
       throw OutputError(path.string(), "is there already, and no import wrote it");
     }
-    return files.stage(path);
+    return staged;
   };
   std::optional<MadeFolder> masks, images;
   if (!import.conversions.empty()) masks.emplace(folder / "segmentation");
