@@ -189,7 +189,7 @@ TEST_F(ImportOwn, WhatCannotBeIsRefusedInOneSentence) {
   expect_refused({"--fov", "90"}, "found an image of 40 x 30 pixels, expected 80 x 60");
 }
 
-TEST_F(ImportOwn, PicturesThatNoImportWroteAreKept) {
+TEST_F(ImportOwn, WhatNoImportWroteIsKept) {
   FilmWriter film(path("drive.avi"), 10.0);
   for (int i = 0; i < 3; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});
   film.finish();
@@ -201,6 +201,10 @@ TEST_F(ImportOwn, PicturesThatNoImportWroteAreKept) {
   EXPECT_EQ(test::read_bytes(path("mine/image/000001.png")), "precious");
   EXPECT_FALSE(fs::exists(path("mine/scene.json")));
   fs::remove(path("mine/image/000001.png"));
+  write_bytes(path("mine/scene.json"), R"({"my": "file"})");
+  EXPECT_ONE_SENTENCE(run_camber(words), 3, "scene.json: is there already");
+  EXPECT_EQ(test::read_bytes(path("mine/scene.json")), R"({"my": "file"})");
+  fs::remove(path("mine/scene.json"));
   EXPECT_EQ(run_camber(words).exit_code, 0);
   EXPECT_EQ(run_camber(words).exit_code, 0);  // its own are replaced
 }

@@ -106,7 +106,7 @@ struct OwnImport {
 /// Writes the converted masks to segmentation/ and the frames that are no files yet to image/
 /// beside the manifest, and the manifest; all or nothing.
 /// @throws InputError for masks of other colours or sizes; OutputError, also where it would replace
-///         a picture in a folder without a manifest of an import.
+///         a manifest or a picture that no import wrote.
 void write_own_import(OwnImport& import, const std::filesystem::path& manifest);
 
 /// The camera of the scene's image files: the lens's where there is one.

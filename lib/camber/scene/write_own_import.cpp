@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 namespace camber {
 namespace {
 
-/// Whether an import wrote the folder's manifest: its pictures may be replaced by another's.
+/// Whether an import wrote the manifest: it and the pictures beside it may be replaced.
 bool is_a_scene(const fs::path& manifest) {
   std::error_code ignored;
   if (!fs::is_regular_file(manifest, ignored)) return false;
@@ -58,7 +58,7 @@ void write_own_import(OwnImport& import, const fs::path& manifest) {
     write_file_atomically(stage(path), content);
   };
   if (import.write_images) import.write_images(write);
-  write_scene(scene, files.stage(manifest));
+  write_scene(scene, stage(manifest));
   files.commit();
   if (masks) masks->keep();
   if (images) images->keep();
