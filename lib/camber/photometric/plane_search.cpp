@@ -552,9 +552,12 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
       out.best = h;
     }
   }
+  std::stable_sort(ends.begin(), ends.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
   for (const auto& [correlation, h] : ends) {
     if (std::abs(h.log_baseline - out.best.log_baseline) > 0.1) {
       out.rival = std::max(out.rival, correlation);
+      out.others.push_back(h);
     }
   }
   out.lead = out.correlation - out.rival;
@@ -580,6 +583,7 @@ PlaneSearchResult PlaneSearch::search(const MotionEstimate& motion) const {
   out.informative = out.correlation > options_.least_correlation &&
                     out.lead > options_.least_lead && out.samples > options_.least_samples &&
                     out.interval < options_.widest_interval;
+  out.ambiguous = out.correlation > options_.road_correlation && out.lead <= options_.least_lead;
   return out;
 }
 

@@ -38,6 +38,8 @@ struct PlaneSearchOptions {
   double least_lead = 0.2;  ///< of the best correlation over that of any other baseline
   int least_samples = 1000;
   double widest_interval = 0.16;
+  /// Correlation from which on the best and one that it does not lead by that are both roads.
+  double road_correlation = 0.6;
   int num_threads = 0;  ///< <= 0: see resolve_num_threads
 };
 
@@ -50,6 +52,10 @@ struct PlaneSearchResult {
   double lead = 0.0;         ///< of the best over that, at the same resolution
   double interval = 0.0;     ///< width in the logarithm within 0.05 of the best correlation
   bool informative = false;  ///< the near road fixes the baseline
+  bool ambiguous = false;    ///< another baseline fits the near road nearly as well
+  /// Other maxima of the correlation, whose baselines are not the best one's: where a texture
+  /// repeats one of them may be right. At half the resolution, best first.
+  std::vector<RoadHypothesis> others;
 };
 
 /// Searches for the length of the baselines, in camera heights, with which the intensities of the

@@ -36,6 +36,9 @@ struct ScaleNoise {
   /// The same where the plane search finds no road either (even numbers: right ones from 0.39 on;
   /// one at 0.32 is 90 % off).
   double least_found_alone = 0.35;
+  /// The same where the plane search finds two roads: another one may be found at (rendered roads
+  /// whose texture repeats, even numbers: right ones from 0.46 on, wrong ones 0.25 to 0.77).
+  double least_found_ambiguous = 0.65;
   /// Share of what is matched over the driven path that may stand on it or lie below it where no
   /// mask shows the road: with more it is likely another layer (steep and made scenes, even
   /// numbers: two of 160 have more, 84 and 30 % off, and one 10 % off). Then likewise.

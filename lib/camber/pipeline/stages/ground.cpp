@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
@@ -329,20 +330,23 @@ double lead_over(const LoadedFrames& frames, const MotionEstimate& motion,
 
 Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
                     const MotionEstimate& motion, GroundPoints points,
-                    const PlaneSearchResult& search, const GroundOptions& options) {
+                    const PlaneSearchResult& search, const GroundOptions& options,
+                    const std::optional<RoadHypothesis>& start) {
   Ground out;
   out.seen = std::move(points);
   out.search = search;
   GroundObservations observed = detail::ground_observations(matches, out.seen.points);
   constexpr int kLeastSamples = 1000;
-  const auto start_from_search = [&] {
-    out.ego = detail::ego_of(frames, motion, search.best, options);
+  const auto start_from = [&](const RoadHypothesis& road) {
+    out.ego = detail::ego_of(frames, motion, road, options);
     out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_baseline);
-    detail::down_weight_off(frames, motion, search.best, &observed);
-    detail::add_hypothesis(frames, motion, search.best, &observed);
+    detail::down_weight_off(frames, motion, road, &observed);
+    detail::add_hypothesis(frames, motion, road, &observed);
   };
-  if (search.informative) {
-    start_from_search();
+  if (start) {
+    start_from(*start);
+  } else if (search.informative) {
+    start_from(search.best);
   } else {
     EgoPlane ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
     const std::string reason = ego.reason;
@@ -352,7 +356,7 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
       if (!(search.correlation > options.searched_correlation) || search.samples < kLeastSamples) {
         throw NoAnswerError("no road plane under the camera: " + reason);
       }
-      start_from_search();
+      start_from(search.best);
     }
   }
   GroundFieldOptions field;
@@ -379,6 +383,18 @@ Ground ground(const LoadedFrames& frames, const Correspondences& matches,
   detail::set_ego(motion, std::move(ego), &out);
   out.field = std::move(field);
   return out;
+}
+
+double found_share(const GroundPoints& seen) {
+  const auto found = static_cast<double>(seen.points.size());
+  const auto dropped = static_cast<double>(
+      std::accumulate(seen.points.dropped.begin(), seen.points.dropped.end(), 0L));
+  return found + dropped > 0.0 ? found / (found + dropped) : 0.0;
+}
+
+double road_support(const Ground& ground) {
+  const EgoPlane& ego = ground.ego;
+  return ego.compared > 0 ? found_share(ground.seen) * ego.points / ego.compared : 0.0;
 }
 
 std::vector<std::uint8_t> ground_pixels(const LoadedFrames& frames, const Correspondences& matches,

@@ -92,10 +92,19 @@ GroundPoints triangulate(const LoadedFrames& frames, const Correspondences& matc
                          const GroundOptions& options);
 
 /// The first ground: by the plane search where that is informative, and by the points.
+/// @param start  the near road to begin with in place of either.
 /// @throws NoAnswerError where there is no plane under the camera.
 Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
                     const MotionEstimate& motion, GroundPoints points,
-                    const PlaneSearchResult& search, const GroundOptions& options);
+                    const PlaneSearchResult& search, const GroundOptions& options,
+                    const std::optional<RoadHypothesis>& start = std::nullopt);
+
+/// Share of the wanted points of the ground that are found in the other images.
+double found_share(const GroundPoints& seen);
+
+/// That share times the share of the points near the driven path that agree with the ego plane's
+/// road: little where what is matched lies on another layer.
+double road_support(const Ground& ground);
 
 /// Fits the tangent plane under the camera and the ground field.
 /// @param before  of an earlier round: the field starts from its field, and its ego plane stays

@@ -362,14 +362,6 @@ double path_curvature(const MotionEstimate& motion, std::size_t reference,
   return along != 0.0 ? std::atan2(axis.x(), axis.z()) / along : 0.0;
 }
 
-/// Share of the wanted points that were triangulated.
-double found_share(const TriangulatedPoints& points) {
-  const auto found = static_cast<double>(points.size());
-  const auto dropped =
-      static_cast<double>(std::accumulate(points.dropped.begin(), points.dropped.end(), 0L));
-  return found + dropped > 0.0 ? found / (found + dropped) : 0.0;
-}
-
 void widen(double variance, ScaledRoad* scaled) {
   scaled->contradiction_variance = std::max(scaled->contradiction_variance, variance);
 }
@@ -495,8 +487,11 @@ void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noi
 void admit_unfound_road(const LoadedFrames& frames, const Ground& ground, const ScaleNoise& noise,
                         ScaledRoad* scaled) {
   if (!frames.has_masks()) return;
-  const double found = found_share(ground.seen.points);
-  if (found >= (ground.search.informative ? noise.least_found : noise.least_found_alone)) return;
+  const double found = found_share(ground.seen);
+  const double least = ground.search.ambiguous     ? noise.least_found_ambiguous
+                       : ground.search.informative ? noise.least_found
+                                                   : noise.least_found_alone;
+  if (found >= least) return;
   widen(noise.unfound_scale * noise.unfound_scale, scaled);
   contradict(fmt::format("matches: only {:.0f} % of the masked road is found in the other images",
                          100.0 * found),
