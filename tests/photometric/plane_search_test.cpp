@@ -2,6 +2,7 @@
 
 #include "camber/photometric/plane_search.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,6 +15,8 @@ namespace camber {
 namespace {
 
 using test::DrawnRoad;
+using ::testing::Contains;
+using ::testing::DoubleNear;
 
 /// Wide and low: sees the road from 2 m on.
 const PinholeCamera kCamera{480, 300, 260.0, 260.0, 240.0, 90.0};
@@ -124,6 +127,30 @@ TEST(PlaneSearch, WhatStandsThereTakesNoPart) {
     EXPECT_LT(PlaneSearch(kCamera, images, 1, {}).correlation(drive.motion, truth), part - 0.1)
         << which;
   }
+}
+
+TEST(PlaneSearch, NamesTheOtherRoadsThatARepeatingTextureShows) {
+  constexpr double kPeriod = 0.6, kStep = 1.2;  // m
+  DrawnRoad road = road_of([](double, double) { return kHeight; });
+  road.light = [](double x, double z, int) {
+    const double turns = 2.0 * M_PI / kPeriod;
+    return 1.0 + 0.5 * std::sin(turns * z) * std::sin(turns * x) +
+           0.45 * std::sin(2.0 * turns * z + 1.0);
+  };
+  const Drive drive(road, kStep);
+  const PlaneSearchResult found = drive.searcher().search(drive.motion);
+  EXPECT_TRUE(found.ambiguous);
+  EXPECT_FALSE(found.informative);
+  ASSERT_FALSE(found.others.empty());
+  std::vector<double> steps = {kHeight * std::exp(found.best.log_baseline)};
+  for (const RoadHypothesis& other : found.others) {
+    steps.push_back(kHeight * std::exp(other.log_baseline));
+    EXPECT_GT(std::abs(other.log_baseline - found.best.log_baseline), 0.1);
+  }
+  EXPECT_THAT(steps, Contains(DoubleNear(kStep, 0.05)));
+
+  const Drive plain(road_of(road.ground), kStep);
+  EXPECT_FALSE(plain.searcher().search(plain.motion).ambiguous);
 }
 
 TEST(PlaneSearch, WithoutTextureIsNotInformative) {

@@ -418,6 +418,10 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_THAT(contradictions(false)[0].text, HasSubstr("only 25 % of the masked road is found"));
   points.dropped[0] = found;
   EXPECT_THAT(contradictions(false), IsEmpty());
+  ground.ground.search.ambiguous = true;  // another road may have been found
+  ASSERT_EQ(contradictions(false).size(), 1u);
+  EXPECT_THAT(contradictions(false)[0].text, HasSubstr("only 50 % of the masked road is found"));
+  ground.ground.search.ambiguous = false;
   points.dropped[0] = 9 * found;
   const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
   ASSERT_EQ(scaled.contradictions.size(), 1u);
@@ -425,6 +429,20 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("only 10 % of the masked road is found"));
   EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 1e-9);
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
+}
+
+TEST(GroundStage, SupportIsWhatIsFoundAndAgreesWithOneRoad) {
+  const MadeDrive drive = make_drive({});
+  Ground ground = exact_ground(drive);
+  ground.ego.points = ground.ego.compared = 100;
+  EXPECT_DOUBLE_EQ(stages::road_support(ground), 1.0);
+  ground.ego.points = 50;
+  EXPECT_DOUBLE_EQ(stages::road_support(ground), 0.5);
+  ground.seen.points.dropped[0] = 3 * static_cast<long>(ground.seen.points.size());
+  EXPECT_DOUBLE_EQ(stages::found_share(ground.seen), 0.25);
+  EXPECT_DOUBLE_EQ(stages::road_support(ground), 0.125);
+  ground.ego.points = ground.ego.compared = 0;
+  EXPECT_DOUBLE_EQ(stages::road_support(ground), 0.0);
 }
 
 TEST(ScaleStage, ARoadWithMuchElseOverItDoesNotGiveTheScaleWithoutAMask) {
