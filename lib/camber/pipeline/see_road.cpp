@@ -1,6 +1,7 @@
 #include "camber/pipeline/see_road.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -26,6 +27,8 @@ constexpr double kPlainSupport = 0.65;
 /// Support of a road in place of the first: so much, and by so much more. From other starts the
 /// same road has up to 1.16 times as much, the right one in place of a wrong one 1.3 to 7 times.
 constexpr double kLeastSupport = 0.3, kPlainlyMore = 1.2;
+/// Share of its support from which on another road may be as right.
+constexpr double kAsMuch = 0.95;
 /// Whether the near road may be another one than that seen.
 bool is_doubtful(const PlaneSearchResult& search, const LoadedFrames& frames, double support) {
   return search.ambiguous || (frames.has_masks() && support < kPlainSupport);
@@ -35,6 +38,28 @@ bool is_doubtful(const PlaneSearchResult& search, const LoadedFrames& frames, do
 std::vector<RoadHypothesis> other_starts(const PlaneSearchResult& search) {
   std::vector<RoadHypothesis> out = search.others;
   if (!search.informative && search.samples > 0) out.insert(out.begin(), search.best);
+  return out;
+}
+
+/// The first road, or one that has plainly more support.
+Candidate& best_of(std::vector<Candidate>& roads) {
+  Candidate* best = &roads.front();
+  for (Candidate& road : roads) {
+    if (road.support > std::max(kLeastSupport, kPlainlyMore * best->support)) best = &road;
+  }
+  return *best;
+}
+
+/// See Ground::start_spread.
+double spread_about(const Candidate& best, const std::vector<Candidate>& roads) {
+  const auto log_height = [](const Candidate& road) {
+    return std::log(road.seen.ground.ego.height);
+  };
+  double out = 0.0;
+  for (const Candidate& road : roads) {
+    if (!(road.support > 0.0) || road.support < kAsMuch * best.support) continue;
+    out = std::max(out, std::abs(log_height(road) - log_height(best)));
+  }
   return out;
 }
 
@@ -78,19 +103,19 @@ SeenRoad see_road(const Scene& scene, LoadedFrames& frames, const ReconstructOpt
     const double support = stages::road_support(seen.ground);
     return Candidate{std::move(seen), frames.reference_masks(), support};
   };
-  Candidate best = see_from(std::nullopt);
-  if (is_doubtful(search, frames, best.support)) {
+  std::vector<Candidate> roads;
+  roads.push_back(see_from(std::nullopt));
+  if (is_doubtful(search, frames, roads.front().support)) {
     for (const RoadHypothesis& start : other_starts(search)) {
       try {
-        Candidate other = see_from(start);
-        if (other.support > std::max(kLeastSupport, kPlainlyMore * best.support)) {
-          best = std::move(other);
-        }
+        roads.push_back(see_from(start));
       } catch (const NoAnswerError&) {
         continue;  // no road there
       }
     }
   }
+  Candidate& best = best_of(roads);
+  best.seen.ground.start_spread = spread_about(best, roads);
   frames.masks[frames.reference] = std::move(best.masks);
   return std::move(best.seen);
 }

@@ -536,6 +536,7 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
   admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
   admit_rejected_intensities(ground, noise, scaled);
   admit_unfound_road(frames, ground.ground, noise, scaled);
+  widen(std::pow(ground.ground.start_spread, 2), scaled);
   admit_contested_road(ground, noise, scaled);
   admit_search(check_search(frames, ground, options), scaled);
   admit_focal_length(check_focal_length(frames, matches, ground.motion, noise), scaled);
