@@ -92,6 +92,37 @@ TEST_F(ImportOwn, ImagesOfAnyNamesInNaturalOrder) {
       HasSubstr("missing: no camera height, speed or poses: the result is up to scale (--height)"));
 }
 
+TEST_F(ImportOwn, PipesAmongTheFilesArePassedOver) {
+  for (const char* folder : {"masks", "boxes", "poses"}) fs::create_directories(path(folder));
+  write_png(path("masks/drive 2.png"), 80, 60, 0, 8, std::vector<std::uint8_t>(80 * 60, 1));
+  write_bytes(path("boxes/drive 2.txt"), "2 0.5 0.5 0.2 0.2\n");
+  for (const char* name : {"drive 1", "drive 2", "drive 10"}) {
+    write_bytes(path("poses/") + name + ".txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  }
+  // Nobody writes them: opening one never ends by itself.
+  for (const char* pipe : {"images/drive 5.png", "masks/drive 1.png", "boxes/drive 1.txt",
+                           "poses/drive 0.txt", "pipe.png"}) {
+    ASSERT_EQ(::mkfifo(path(pipe).c_str(), 0600), 0);
+  }
+  test::Surroundings limited;
+  limited.limit_s = 60.0;
+  for (const std::string& images : {path("images"), path("images") + "/*.png"}) {
+    const auto result = test::run_camber_in(
+        limited,
+        {"import", "images", images, "--fov", "90", "--masks", path("masks"), "--class-map",
+         "binary", "--detections", path("boxes"), "--poses", path("poses"), "--out", path("out")});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    const Scene scene = read_scene(path("out"));
+    ASSERT_EQ(scene.frames.size(), 3u);
+    EXPECT_EQ(scene.frames[1].vehicles.size(), 1u);
+    EXPECT_FALSE(scene.frames[1].road_mask.empty() && scene.frames[1].segmentation.empty());
+  }
+  EXPECT_ONE_SENTENCE(test::run_camber_in(limited, {"import", "images", path("pipe.png"), "--fov",
+                                                    "90", "--out", path("other")}),
+                      2, "pipe.png: is a pipe or a device, expected an image");
+  EXPECT_FALSE(fs::exists(path("other")));
+}
+
 TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
   write_bytes(path("boxes.json"),
               R"({"images": [{"id": 7, "file_name": "drive 10.png", "width": 80, "height": 60},
