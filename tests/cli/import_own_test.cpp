@@ -123,6 +123,16 @@ TEST_F(ImportOwn, PipesAmongTheFilesArePassedOver) {
   EXPECT_FALSE(fs::exists(path("other")));
 }
 
+TEST_F(ImportOwn, NamesThatAManifestCannotHoldAreRefused) {
+  const std::string image = path("images") + "/drive \xfc.png";
+  write_png(image, 80, 60, 2, 8, picture(80, 60, 3));
+  expect_refused(
+      {"--fov", "90"},
+      "drive \xfc.png: the name is not valid UTF-8, expected one that a manifest can hold");
+  fs::rename(image, path("images") + "/drive \u00fc.png");
+  EXPECT_EQ(imported({"--fov", "90"}).frames[3].image.filename(), "drive \u00fc.png");
+}
+
 TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
   write_bytes(path("boxes.json"),
               R"({"images": [{"id": 7, "file_name": "drive 10.png", "width": 80, "height": 60},

@@ -471,7 +471,14 @@ std::string manifest_path(const fs::path& path, const fs::path& folder) {
   const fs::path whole = fs::absolute(path).lexically_normal();
   const fs::path relative = whole.lexically_relative(folder);
   const bool below = !relative.empty() && *relative.begin() != "..";
-  return (below ? relative : whole).generic_string();
+  const std::string name = (below ? relative : whole).generic_string();
+  try {
+    (void)json(name).dump();
+  } catch (const json::type_error&) {
+    throw InputError(path.string(),
+                     "the name is not valid UTF-8, expected one that a manifest can hold");
+  }
+  return name;
 }
 
 json detection_json(const VehicleDetection& vehicle) {
