@@ -8,6 +8,7 @@
 #include "camber/scene/import_kitti.h"
 #include "camber/scene/import_own.h"
 #include "camber/scene/import_synthia.h"
+#include "camber/scene/validate_scene.h"
 #include "command.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
@@ -78,7 +79,7 @@ void register_kitti(App& import) {
                  "camera of the images; default: by a folder name like image_02")
       ->check(in_range(0, 3));
   app.add_option("--height,--camera-height", a.options.camera_height, "metres above the road")
-      ->check(positive_number())
+      ->check(in_range(1e-3, kMostCameraHeight))
       ->capture_default_str();
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number());
@@ -181,7 +182,7 @@ void register_synthia_sf(App& import) {
                "take the true labels as segmentation and say so");
   app.add_option("--height,--camera-height", a.camera_height,
                  "metres above the road; without it results are up to scale")
-      ->check(positive_number());
+      ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number());
   app.add_option("--rate,--frame-rate", a.frame_rate, "frames a second")->check(positive_number());

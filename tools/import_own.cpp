@@ -7,6 +7,7 @@
 #include "camber/core/made_folder.h"
 #include "camber/core/protected_inputs.h"
 #include "camber/scene/import_own.h"
+#include "camber/scene/validate_scene.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
 #include "plugins/bag_reader.h"
@@ -61,7 +62,7 @@ void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
   app.add_option(
          "--height,--camera-height", a.height,
          "of the camera above the road, m; without a source of metres results are up to scale")
-      ->check(positive_number());
+      ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number())
       ->needs("--height");
@@ -357,7 +358,7 @@ void register_import_colmap(App& import) {
   app.add_option(
          "--height,--camera-height", a.height,
          "of the camera above the road, m; without a source of metres results are up to scale")
-      ->check(positive_number());
+      ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number())
       ->needs("--height");

@@ -133,6 +133,10 @@ TEST_F(ImportOwn, NamesThatAManifestCannotHoldAreRefused) {
   EXPECT_EQ(imported({"--fov", "90"}).frames[3].image.filename(), "drive \u00fc.png");
 }
 
+TEST_F(ImportOwn, HeightsThatNoManifestTakesAreRefused) {
+  expect_refused({"--fov", "90", "--height", "1e9"}, "--height: Value 1e9 not in range");
+}
+
 TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
   write_bytes(path("boxes.json"),
               R"({"images": [{"id": 7, "file_name": "drive 10.png", "width": 80, "height": 60},
