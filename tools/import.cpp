@@ -87,7 +87,8 @@ void register_kitti(App& import) {
   app.add_option("--up-sigma-deg", a.up_sigma_deg,
                  "standard deviation of --up, and of headings in --gnss, degrees")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   add_gnss_options(app, a.gnss);
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
       ->no_name()
@@ -102,6 +103,7 @@ void register_kitti(App& import) {
   command->run = [arguments, command]() {
     KittiArguments& given = *arguments;
     KittiImportOptions& options = given.options;
+    check_up_sigma(*command->app, given.up, given.gnss);
     options.images = given.images;
     options.calibration.assign(given.calibration.begin(), given.calibration.end());
     options.labels = given.labels;
@@ -184,7 +186,8 @@ void register_synthia_sf(App& import) {
                  "metres above the road; without it results are up to scale")
       ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
-      ->check(positive_number());
+      ->check(positive_number())
+      ->needs("--height");
   app.add_option("--rate,--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
       ->no_name()

@@ -202,6 +202,13 @@ bool is_excluded(const CLI::Option& option) {
                      [](const CLI::Option* other) { return other->count() > 0; });
 }
 
+/// Whether an option that it needs is not given.
+bool lacks_needed(const CLI::Option& option) {
+  const auto& needed = option.get_needs();
+  return std::any_of(needed.begin(), needed.end(),
+                     [](const CLI::Option* other) { return other->count() == 0; });
+}
+
 /// All options of a command as a table of a configuration file.
 /// @param varying  whose defaults are no choice that the file could make
 void print_config(const Line& line, const DefaultNumbers& numbers,
@@ -213,7 +220,8 @@ void print_config(const Line& line, const DefaultNumbers& numbers,
     if (option->get_lnames().empty()) continue;
     const std::string& name = option->get_lnames().front();
     if (name == "help" || name == "config" || name == "print-config") continue;
-    const bool open = option->count() == 0 && (varying.count(option) > 0 || is_excluded(*option));
+    const bool open = option->count() == 0 &&
+                      (varying.count(option) > 0 || is_excluded(*option) || lacks_needed(*option));
     if (open) std::cout << "# ";
     if (is_flag(*option)) {
       std::cout << name << " = " << (option->count() > 0 ? "true" : "false") << "\n";

@@ -225,6 +225,10 @@ int run(const Command& command, const Arguments& args) {
     if (!args.plot.empty()) throw UsageError("--plot: found an OpenCRG file, which has no bands");
     return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
   }
+  if (args.as_stored) {
+    throw UsageError("--as-stored: found '" + args.surface +
+                     "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
+  }
   ProfileOptions options = args.options;
   options.levelling_sigma = args.levelling_sigma_deg * kDegree;
   if (!(options.step > 0.0)) {

@@ -133,6 +133,22 @@ TEST_F(ImportOwn, NamesThatAManifestCannotHoldAreRefused) {
   EXPECT_EQ(imported({"--fov", "90"}).frames[3].image.filename(), "drive \u00fc.png");
 }
 
+TEST_F(ImportOwn, OptionsThatBelongToAnotherAreRefusedWithoutIt) {
+  expect_refused({"--fov", "90", "--pose-scale", "2"}, "--pose-scale requires --poses");
+  expect_refused({"--fov", "90", "--gnss-sigma", "2"}, "--gnss-sigma requires --gnss");
+  expect_refused({"--fov", "90", "--up-sigma-deg", "2"},
+                 "--up-sigma-deg: found neither --up nor --gnss, expected one of them");
+  EXPECT_ONE_SENTENCE(run_camber({"import", "synthia-sf", "--sequence", path("images"),
+                                  "--height-sigma", "0.1", "--out", path("out")}),
+                      2, "--height-sigma requires --height");
+  // As --print-config has them they are no choice.
+  const auto printed = import({"--fov", "90", "--print-config"});
+  EXPECT_THAT(printed.out, HasSubstr("\n# up-sigma-deg = 1\n"));
+  EXPECT_THAT(printed.out, HasSubstr("\n# pose-scale = 1\n"));
+  write_bytes(path("c.toml"), printed.out);
+  EXPECT_EQ(import({"--config", path("c.toml")}).exit_code, 0);
+}
+
 TEST_F(ImportOwn, HeightsThatNoManifestTakesAreRefused) {
   expect_refused({"--fov", "90", "--height", "1e9"}, "--height: Value 1e9 not in range");
 }

@@ -441,6 +441,7 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   EXPECT_ONE_SENTENCE(with({}), 2, "--plot");
   EXPECT_ONE_SENTENCE(with({"--step", "0", "--json"}), 2,
                       "--step: found 0, expected a number of metres above 0");
+  EXPECT_ONE_SENTENCE(with({"--as-stored", "--json"}), 2, "--as-stored: found");
   EXPECT_ONE_SENTENCE(with({"--plot", path("old.gif")}), 2, "FILE.png or FILE.svg");
   EXPECT_ONE_SENTENCE(with({"--plot", path("missing/plot.png")}), 3, "plot.png");
   std::ofstream(path("elsewhere.csv")) << "x y z\n9000 0 0\n9010 0 0\n";
