@@ -136,6 +136,13 @@ std::vector<std::string> words_of(const ConfigItem& item, const CLI::Option& opt
     return {name + "=" + joined};
   }
   if (item.values.size() == 1) return {name + "=" + item.values[0]};
+  const auto most = static_cast<std::size_t>(option.get_items_expected_max());
+  if (item.values.size() > most) {
+    throw InputError(file, place,
+                     item.key + ": found an array of " + std::to_string(item.values.size()) +
+                         " values, expected " +
+                         (most == 1 ? "one value" : "at most " + std::to_string(most)));
+  }
   std::vector<std::string> words = {name};
   words.insert(words.end(), item.values.begin(), item.values.end());
   return words;
