@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "camber/core/errors.h"
 #include "crs.h"
 
 namespace camber::tools {
@@ -28,7 +29,8 @@ void add_gnss_options(App& app, GnssArguments& a) {
   app.add_option("--gnss-sigma", a.options.sigma,
                  "standard deviation of a position east and north, m, where the file states none")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--gnss");
   app.add_option("--antenna", a.antenna, "place x,y,z of the receiver in the camera's frame, m")
       ->delimiter(',')
       ->expected(3)
@@ -38,6 +40,11 @@ void add_gnss_options(App& app, GnssArguments& a) {
          "projected coordinate system of the map: EPSG:n, well-known text, a PROJ string or "
          "a file; default: the UTM zone of the first position")
       ->needs("--gnss");
+}
+
+void check_up_sigma(const App& app, const std::string& up, const GnssArguments& gnss) {
+  if (app.count("--up-sigma-deg") == 0 || !up.empty() || !gnss.file.empty()) return;
+  throw UsageError("--up-sigma-deg: found neither --up nor --gnss, expected one of them");
 }
 
 void add_gnss_json(const GnssArguments& a, nlohmann::json* options) {

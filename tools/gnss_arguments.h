@@ -23,6 +23,9 @@ struct GnssArguments {
 /// `arguments` must live as long as the app.
 void add_gnss_options(App& app, GnssArguments& arguments);
 
+/// @param up  --up. @throws UsageError where --up-sigma-deg is given without what it belongs to.
+void check_up_sigma(const App& app, const std::string& up, const GnssArguments& gnss);
+
 /// Adds them to the options that --json repeats.
 void add_gnss_json(const GnssArguments& arguments, nlohmann::json* options);
 

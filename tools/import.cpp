@@ -8,6 +8,7 @@
 #include "camber/scene/import_kitti.h"
 #include "camber/scene/import_own.h"
 #include "camber/scene/import_synthia.h"
+#include "camber/scene/validate_scene.h"
 #include "command.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
@@ -78,7 +79,7 @@ void register_kitti(App& import) {
                  "camera of the images; default: by a folder name like image_02")
       ->check(in_range(0, 3));
   app.add_option("--height,--camera-height", a.options.camera_height, "metres above the road")
-      ->check(positive_number())
+      ->check(in_range(1e-3, kMostCameraHeight))
       ->capture_default_str();
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number());
@@ -86,7 +87,8 @@ void register_kitti(App& import) {
   app.add_option("--up-sigma-deg", a.up_sigma_deg,
                  "standard deviation of --up, and of headings in --gnss, degrees")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   add_gnss_options(app, a.gnss);
   app.add_option("--classes", a.options.classes, "types that count as vehicles")
       ->no_name()
@@ -101,6 +103,7 @@ void register_kitti(App& import) {
   command->run = [arguments, command]() {
     KittiArguments& given = *arguments;
     KittiImportOptions& options = given.options;
+    check_up_sigma(*command->app, given.up, given.gnss);
     options.images = given.images;
     options.calibration.assign(given.calibration.begin(), given.calibration.end());
     options.labels = given.labels;
@@ -181,9 +184,10 @@ void register_synthia_sf(App& import) {
                "take the true labels as segmentation and say so");
   app.add_option("--height,--camera-height", a.camera_height,
                  "metres above the road; without it results are up to scale")
-      ->check(positive_number());
+      ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
-      ->check(positive_number());
+      ->check(positive_number())
+      ->needs("--height");
   app.add_option("--rate,--frame-rate", a.frame_rate, "frames a second")->check(positive_number());
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
       ->no_name()

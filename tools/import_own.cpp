@@ -7,6 +7,7 @@
 #include "camber/core/made_folder.h"
 #include "camber/core/protected_inputs.h"
 #include "camber/scene/import_own.h"
+#include "camber/scene/validate_scene.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
 #include "plugins/bag_reader.h"
@@ -61,7 +62,7 @@ void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
   app.add_option(
          "--height,--camera-height", a.height,
          "of the camera above the road, m; without a source of metres results are up to scale")
-      ->check(positive_number());
+      ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number())
       ->needs("--height");
@@ -103,7 +104,8 @@ void add_known_options(App& app, OwnArguments& a) {
                  "known poses of the camera in metres: TUM, EuRoC, KITTI, COLMAP, 4 x 4 matrices");
   app.add_option("--pose-scale", a.options.pose_scale, "metres per unit of --poses")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--poses");
   app.add_option("--speed", a.speed,
                  "speeds: CSV of time and m/s, GPX, NMEA, or a folder of KITTI's oxts");
   app.add_option(
@@ -117,7 +119,8 @@ void add_known_options(App& app, OwnArguments& a) {
   app.add_option("--up-sigma-deg", a.up_sigma_deg,
                  "standard deviation of --up, and of headings in --gnss, degrees")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   add_gnss_options(app, a.gnss);
 }
 
@@ -276,6 +279,7 @@ void register_import_images(App& import) {
       ->no_name();
   add_output_options(app, a);
   command->run = [arguments, command]() {
+    check_up_sigma(*command->app, arguments->up, arguments->gnss);
     const OwnDataOptions& options = take(*arguments);
     json used = options_json(*arguments);
     used["images"] = arguments->places;
@@ -318,6 +322,7 @@ void register_import_video(App& import) {
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
+    check_up_sigma(*command->app, given.up, given.gnss);
     const OwnDataOptions& options = take(given);
     json used = options_json(given);
     take_time_range(given.times, &given.choice, &used);
@@ -357,7 +362,7 @@ void register_import_colmap(App& import) {
   app.add_option(
          "--height,--camera-height", a.height,
          "of the camera above the road, m; without a source of metres results are up to scale")
-      ->check(positive_number());
+      ->check(in_range(1e-3, kMostCameraHeight));
   app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
       ->check(positive_number())
       ->needs("--height");
@@ -417,6 +422,7 @@ void register_import_rosbag(App& import) {
   add_output_options(app, a);
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
+    check_up_sigma(*command->app, given.up, given.gnss);
     const OwnDataOptions& options = take(given);
     BagChoice& choice = given.choice;
     json used = options_json(given);

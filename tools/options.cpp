@@ -136,6 +136,13 @@ std::vector<std::string> words_of(const ConfigItem& item, const CLI::Option& opt
     return {name + "=" + joined};
   }
   if (item.values.size() == 1) return {name + "=" + item.values[0]};
+  const auto most = static_cast<std::size_t>(option.get_items_expected_max());
+  if (item.values.size() > most) {
+    throw InputError(file, place,
+                     item.key + ": found an array of " + std::to_string(item.values.size()) +
+                         " values, expected " +
+                         (most == 1 ? "one value" : "at most " + std::to_string(most)));
+  }
   std::vector<std::string> words = {name};
   words.insert(words.end(), item.values.begin(), item.values.end());
   return words;
@@ -202,6 +209,13 @@ bool is_excluded(const CLI::Option& option) {
                      [](const CLI::Option* other) { return other->count() > 0; });
 }
 
+/// Whether an option that it needs is not given.
+bool lacks_needed(const CLI::Option& option) {
+  const auto& needed = option.get_needs();
+  return std::any_of(needed.begin(), needed.end(),
+                     [](const CLI::Option* other) { return other->count() == 0; });
+}
+
 /// All options of a command as a table of a configuration file.
 /// @param varying  whose defaults are no choice that the file could make
 void print_config(const Line& line, const DefaultNumbers& numbers,
@@ -213,7 +227,8 @@ void print_config(const Line& line, const DefaultNumbers& numbers,
     if (option->get_lnames().empty()) continue;
     const std::string& name = option->get_lnames().front();
     if (name == "help" || name == "config" || name == "print-config") continue;
-    const bool open = option->count() == 0 && (varying.count(option) > 0 || is_excluded(*option));
+    const bool open = option->count() == 0 &&
+                      (varying.count(option) > 0 || is_excluded(*option) || lacks_needed(*option));
     if (open) std::cout << "# ";
     if (is_flag(*option)) {
       std::cout << name << " = " << (option->count() > 0 ? "true" : "false") << "\n";

@@ -220,17 +220,26 @@ void write(const Arguments& args, const std::vector<ProfilePoint>& profile,
   files.commit();
 }
 
+/// @throws UsageError where an option is too small for the line; the library names it as we do.
+std::vector<ProfilePoint> profile_of(const Inputs& in, const ProfileOptions& options) {
+  try {
+    return road_profile(in.surface, in.line, options);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(std::string("--") + error.what());
+  }
+}
+
 int run(const Command& command, const Arguments& args) {
   if (is_crg(args.surface)) {
     if (!args.plot.empty()) throw UsageError("--plot: found an OpenCRG file, which has no bands");
     return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
   }
+  if (args.as_stored) {
+    throw UsageError("--as-stored: found '" + args.surface +
+                     "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
+  }
   ProfileOptions options = args.options;
   options.levelling_sigma = args.levelling_sigma_deg * kDegree;
-  if (!(options.step > 0.0)) {
-    throw UsageError(
-        fmt::format("--step: found {:g}, expected a number of metres above 0", options.step));
-  }
   options.validate();
   check_outputs(args);
   Timings timings;
@@ -244,7 +253,7 @@ int run(const Command& command, const Arguments& args) {
   load_timer.stop();
   check_line(in, args);
   StageTimer compute(timings, "compute");
-  const std::vector<ProfilePoint> profile = road_profile(in.surface, in.line, options);
+  const std::vector<ProfilePoint> profile = profile_of(in, options);
   compute.stop();
   const std::size_t covered = covered_stations(profile);
   if (covered == 0) {
@@ -280,22 +289,28 @@ void add_arguments(App& app, Arguments& a) {
       "forward), of patches the cloud's, in metres; default: the driven line of the result. Of an "
       "OpenCRG file: places, columns u, v or "
       "x, y; default: its reference line");
-  app.add_option("--step", a.options.step, "metres between stations")->capture_default_str();
+  app.add_option("--step", a.options.step, "metres between stations")
+      ->check(positive_number())
+      ->capture_default_str();
   app.add_option(
          "--length", a.options.length,
          "metres of road over which grade and vertical radius are measured, on heights every "
          "tenth of it or closer")
+      ->check(positive_number())
       ->capture_default_str();
   app.add_option("--reach", a.options.reach,
                  "metres that a station may lie beyond a patch's boundary")
+      ->check(non_negative_number())
       ->capture_default_str();
   app.add_option("--levelling-sigma-deg", a.levelling_sigma_deg,
                  "how well the cloud's up is known, degrees: part of the bands; default: as the "
                  "surface states it")
+      ->check(non_negative_number())
       ->capture_default_str()
       ->default_varies();
   app.add_option("--drift-sigma", a.options.drift_sigma,
                  "metres by which the cloud's heights may drift along the road: part of the bands")
+      ->check(non_negative_number())
       ->capture_default_str();
   app.add_flag("--as-stored", a.as_stored,
                "of an OpenCRG file: without its modifiers, unknown cells left unknown");

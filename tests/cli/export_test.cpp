@@ -314,6 +314,8 @@ TEST_F(ExportProgram, Refusals) {
                       "--step: found 0.0005, expected 0 or 0.001 to 100 metres");
   EXPECT_ONE_SENTENCE(with("--step-across", "1e-9"), 2,
                       "--step-across: found 1e-09, expected 0 or 0.001 to 100 metres");
+  EXPECT_ONE_SENTENCE(with("--step-across", "50"), 2,
+                      "--step-across: found 50 m, expected at most 4.00 m, as far as the road");
   EXPECT_ONE_SENTENCE(with("--widest", "nan"), 2, "--widest: found 'nan', expected a number");
   EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "trajectory", "--out",
                                   file("cameras.tum")}),

@@ -92,6 +92,67 @@ TEST_F(ImportOwn, ImagesOfAnyNamesInNaturalOrder) {
       HasSubstr("missing: no camera height, speed or poses: the result is up to scale (--height)"));
 }
 
+TEST_F(ImportOwn, PipesAmongTheFilesArePassedOver) {
+  for (const char* folder : {"masks", "boxes", "poses"}) fs::create_directories(path(folder));
+  write_png(path("masks/drive 2.png"), 80, 60, 0, 8, std::vector<std::uint8_t>(80 * 60, 1));
+  write_bytes(path("boxes/drive 2.txt"), "2 0.5 0.5 0.2 0.2\n");
+  for (const char* name : {"drive 1", "drive 2", "drive 10"}) {
+    write_bytes(path("poses/") + name + ".txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  }
+  // Nobody writes them: opening one never ends by itself.
+  for (const char* pipe : {"images/drive 5.png", "masks/drive 1.png", "boxes/drive 1.txt",
+                           "poses/drive 0.txt", "pipe.png"}) {
+    ASSERT_EQ(::mkfifo(path(pipe).c_str(), 0600), 0);
+  }
+  test::Surroundings limited;
+  limited.limit_s = 60.0;
+  for (const std::string& images : {path("images"), path("images") + "/*.png"}) {
+    const auto result = test::run_camber_in(
+        limited,
+        {"import", "images", images, "--fov", "90", "--masks", path("masks"), "--class-map",
+         "binary", "--detections", path("boxes"), "--poses", path("poses"), "--out", path("out")});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    const Scene scene = read_scene(path("out"));
+    ASSERT_EQ(scene.frames.size(), 3u);
+    EXPECT_EQ(scene.frames[1].vehicles.size(), 1u);
+    EXPECT_FALSE(scene.frames[1].road_mask.empty() && scene.frames[1].segmentation.empty());
+  }
+  EXPECT_ONE_SENTENCE(test::run_camber_in(limited, {"import", "images", path("pipe.png"), "--fov",
+                                                    "90", "--out", path("other")}),
+                      2, "pipe.png: is a pipe or a device, expected an image");
+  EXPECT_FALSE(fs::exists(path("other")));
+}
+
+TEST_F(ImportOwn, NamesThatAManifestCannotHoldAreRefused) {
+  const std::string image = path("images") + "/drive \xfc.png";
+  write_png(image, 80, 60, 2, 8, picture(80, 60, 3));
+  expect_refused(
+      {"--fov", "90"},
+      "drive \xfc.png: the name is not valid UTF-8, expected one that a manifest can hold");
+  fs::rename(image, path("images") + "/drive \u00fc.png");
+  EXPECT_EQ(imported({"--fov", "90"}).frames[3].image.filename(), "drive \u00fc.png");
+}
+
+TEST_F(ImportOwn, OptionsThatBelongToAnotherAreRefusedWithoutIt) {
+  expect_refused({"--fov", "90", "--pose-scale", "2"}, "--pose-scale requires --poses");
+  expect_refused({"--fov", "90", "--gnss-sigma", "2"}, "--gnss-sigma requires --gnss");
+  expect_refused({"--fov", "90", "--up-sigma-deg", "2"},
+                 "--up-sigma-deg: found neither --up nor --gnss, expected one of them");
+  EXPECT_ONE_SENTENCE(run_camber({"import", "synthia-sf", "--sequence", path("images"),
+                                  "--height-sigma", "0.1", "--out", path("out")}),
+                      2, "--height-sigma requires --height");
+  // As --print-config has them they are no choice.
+  const auto printed = import({"--fov", "90", "--print-config"});
+  EXPECT_THAT(printed.out, HasSubstr("\n# up-sigma-deg = 1\n"));
+  EXPECT_THAT(printed.out, HasSubstr("\n# pose-scale = 1\n"));
+  write_bytes(path("c.toml"), printed.out);
+  EXPECT_EQ(import({"--config", path("c.toml")}).exit_code, 0);
+}
+
+TEST_F(ImportOwn, HeightsThatNoManifestTakesAreRefused) {
+  expect_refused({"--fov", "90", "--height", "1e9"}, "--height: Value 1e9 not in range");
+}
+
 TEST_F(ImportOwn, BoxesAreClippedAndCounted) {
   write_bytes(path("boxes.json"),
               R"({"images": [{"id": 7, "file_name": "drive 10.png", "width": 80, "height": 60},

@@ -168,7 +168,7 @@ TEST_F(ImportKitti, BrokenInputIsRefusedAndNothingIsLeft) {
   expect_refused({"--frames", "zero"}, "found 'zero'");
   expect_refused({"--camera", "7"}, "--camera");
   expect_refused({"--camera", "0"}, "calib.txt: found P2, expected P0");
-  expect_refused({"--camera-height", "-1"}, "--height: found '-1'");
+  expect_refused({"--camera-height", "-1"}, "--height: Value -1 not in range");
   expect_refused({"--reference", "8"}, "reference frame 8");
   expect_refused({"--calib", path("labels.txt")}, "labels.txt: line 1");
   expect_refused({"--velodyne", path("none")}, "none: is not a folder");

@@ -440,7 +440,12 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   };
   EXPECT_ONE_SENTENCE(with({}), 2, "--plot");
   EXPECT_ONE_SENTENCE(with({"--step", "0", "--json"}), 2,
-                      "--step: found 0, expected a number of metres above 0");
+                      "--step: found '0', expected a number above 0");
+  for (const char* option : {"--length", "--reach", "--levelling-sigma-deg", "--drift-sigma"}) {
+    const std::string given = option;
+    EXPECT_ONE_SENTENCE(with({given + "=-1", "--json"}), 2, given + ": found '-1', expected");
+  }
+  EXPECT_ONE_SENTENCE(with({"--as-stored", "--json"}), 2, "--as-stored: found");
   EXPECT_ONE_SENTENCE(with({"--plot", path("old.gif")}), 2, "FILE.png or FILE.svg");
   EXPECT_ONE_SENTENCE(with({"--plot", path("missing/plot.png")}), 3, "plot.png");
   std::ofstream(path("elsewhere.csv")) << "x y z\n9000 0 0\n9010 0 0\n";
@@ -453,7 +458,10 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   std::ofstream(path("still.csv")) << "x y z\n1 0 0\n1 0 0\n1 0 2\n";
   EXPECT_ONE_SENTENCE(run("out", "still.csv", "old.csv"), 1, "does not leave its first point");
   fs::remove(path("still.csv"));
-  EXPECT_ONE_SENTENCE(with({"--out", path("old.csv"), "--step", "1e-9"}), 2, "step is 1e-09");
+  EXPECT_ONE_SENTENCE(with({"--out", path("old.csv"), "--step", "1e-9"}), 2,
+                      "--step: found 1e-09 m, expected more than 6.25613e-05 m for a line of");
+  EXPECT_ONE_SENTENCE(with({"--out", path("old.csv"), "--length", "1e-7"}), 2,
+                      "--length: found 1e-07 m, expected more than");
   EXPECT_ONE_SENTENCE(with({"--plot", path("plot.png"), "--out", path("missing/p.csv")}), 3,
                       "missing/p.csv");
   EXPECT_EQ(test::snapshot(folder_.path()), before);

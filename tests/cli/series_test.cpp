@@ -102,6 +102,15 @@ TEST(RenderSeries, FramesToFilesSheetsAndFilms) {
   EXPECT_ONE_SENTENCE(
       run_camber({"render", path("result/road.ply"), "--view", "timings", "--out", path("x.png")}),
       1, "no result folder");
+  // As a full disk does: the encoder gives no reason.
+  test::Surroundings small;
+  small.shell = "ulimit -f 8";
+  for (const char* name : {"x.avi", "x.mp4"}) {
+    EXPECT_ONE_SENTENCE(
+        test::run_camber_in(small, {"render", path("result"), "--scene", scene, "--view", "overlay",
+                                    "--frames", "all", "--out", path(name)}),
+        3, std::string(name) + ": writing failed: File too large");
+  }
   EXPECT_EQ(snapshot(folder.path()), before);
 }
 

@@ -67,6 +67,18 @@ TEST(PrintedConfiguration, GivenBackIsTheSameLine) {
               testing::HasSubstr("\n# levelling-sigma-deg = "));
 }
 
+TEST(Configuration, AnArrayForOneValueIsNamedWithItsLine) {
+  const test::TemporaryFolder folder;
+  const std::string config = folder.path() / "c.toml";
+  std::ofstream(config) << "# steps\nstep = [1, 2]\n";
+  EXPECT_ONE_SENTENCE(run_camber({"profile", "--config", config, "--out", folder.path() / "p.csv"}),
+                      2, config + ": line 2: step: found an array of 2 values, expected one value");
+  std::ofstream(config) << "antenna = [1, 2, 3, 4]\n";
+  EXPECT_ONE_SENTENCE(run_camber({"import", "kitti", "--images", "i", "--config", config, "--out",
+                                  folder.path() / "out"}),
+                      2, config + ": line 1: ");
+}
+
 TEST(StatedOptions, SeedOfAPriorIsTheOneInUse) {
   const test::TemporaryFolder folder;
   const auto path = [&](const char* name) { return (folder.path() / name).string(); };

@@ -340,7 +340,10 @@ TEST_F(SceneFile, SaysWhatIsWrong) {
   EXPECT_EQ(error_with("/camera/width", 0),
             "camera.width: found 0, expected a whole number of pixels from 1 to 65535");
   EXPECT_EQ(error_with("/camera/height_above_road", 0),
-            "camera.height_above_road: found 0, expected a positive number of metres");
+            "camera.height_above_road: found 0, expected a positive number of metres up to 1000");
+  EXPECT_EQ(error_with("/camera/height_above_road", 1e200),
+            "camera.height_above_road: found 1e+200, expected a positive number of metres up to "
+            "1000");
   EXPECT_EQ(error_with("/camera/height_sigma", -0.1),
             "camera.height_sigma: found -0.1, expected a positive number of metres");
   EXPECT_EQ(error_with("/frames", json::array()),

@@ -54,7 +54,9 @@ TEST(ValidateScene, NamesFrameFieldAndValue) {
   EXPECT_THAT(problem([](Scene& s) { s.camera.fx = -1; }), StartsWith("fx = -1"));
   EXPECT_THAT(problem([](Scene& s) { s.distortion.coefficients = {0.1}; }), StartsWith("width"));
   EXPECT_EQ(problem([](Scene& s) { s.height_above_road = -1.0; }),
-            "height_above_road: found -1, expected a positive number of metres");
+            "height_above_road: found -1, expected a positive number of metres up to 1000");
+  EXPECT_EQ(problem([](Scene& s) { s.height_above_road = 1001.0; }),
+            "height_above_road: found 1001, expected a positive number of metres up to 1000");
   EXPECT_THAT(problem([](Scene& s) { s.height_sigma = 0.0; }), StartsWith("height_sigma: found 0"));
   EXPECT_THAT(problem([](Scene& s) { s.frame_rate = kNan; }), StartsWith("frame_rate: found nan"));
   EXPECT_THAT(problem([](Scene& s) { s.box_sigma_px = 0.0; }), StartsWith("box_sigma_px: found 0"));

@@ -13,6 +13,7 @@
 #include "camber/core/detail/paths.h"
 #include "camber/core/detail/staging.h"
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/protected_inputs.h"
 
 namespace fs = std::filesystem;
@@ -28,13 +29,6 @@ fs::path link_target(const fs::path& path) {
   if (!fs::is_symlink(path, error)) return path;
   fs::path target = fs::canonical(path, error);
   return error ? path : target;
-}
-
-/// A device, a pipe or a socket: nothing that a file could replace.
-bool is_special(const fs::path& path) {
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
 }
 
 std::string last_error() { return std::strerror(errno); }
@@ -134,7 +128,7 @@ void check_folder(const fs::path& folder, const std::string& name) {
 
 void write_file_atomically(const fs::path& path, const std::function<void(std::ostream&)>& write) {
   if (path.empty()) throw UsageError("found an empty name, expected a file to write");
-  if (is_special(path) || staging::holds(path)) {
+  if (is_special_file(path) || staging::holds(path)) {
     write_stream(path, staging::final_name(path).string(), write);
     return;
   }
@@ -158,7 +152,7 @@ void AtomicFiles::discard() noexcept {
 
 void check_output_file(const fs::path& path) {
   std::error_code error;
-  if (path.empty() || is_special(path)) return;
+  if (path.empty() || is_special_file(path)) return;
   refuse_protected_file(path);
   if (fs::is_directory(path, error)) {
     throw OutputError(path.string(), "a folder of that name is there");
@@ -182,7 +176,7 @@ void check_output_folder(const fs::path& path, bool overwrite,
 
 fs::path AtomicFiles::stage(const fs::path& path) {
   std::error_code error;
-  if (path.empty() || is_special(path)) return path;  // written directly, or refused then
+  if (path.empty() || is_special_file(path)) return path;  // written directly, or refused then
   refuse_protected_file(path);
   if (fs::is_directory(path, error)) {
     throw OutputError(path.string(), "a folder of that name is there");

@@ -291,6 +291,13 @@ CrgData make_crg(const HeightSource& ground, const SmoothLine& line,
   const auto columns_right = static_cast<long>(right / step_v + 1e-6);
   const auto columns_left = static_cast<long>(left / step_v + 1e-6);
   if (columns_right + columns_left < 1) {
+    const double beside = std::max(left, right);
+    if (options.step_v > 0.0 && beside >= grid_step(ground.resolution())) {
+      throw UsageError(
+          fmt::format("--step-across: found {:g} m, expected at most {:.2f} m, as far as the road "
+                      "reaches beside the line",
+                      step_v, std::floor(100.0 * beside) / 100.0));
+    }
     const bool bent =
         tight_bend(ground, line, options.left, options.right, options.widest).has_value();
     throw NoAnswerError(bent ? "no road fits beside the line"

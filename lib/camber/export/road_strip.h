@@ -71,7 +71,8 @@ double grid_step(double resolution);
 /// The ground beside a line as an OpenCRG road. Grid points are where a reader of the file has
 /// them, after its reference line of rounded headings; heights are relative to that line's
 /// elevation and banking, so that 4 bytes hold them. What is not seen is unknown.
-/// @throws NoAnswerError where the line is shorter than two steps or nothing beside it is seen.
+/// @throws NoAnswerError where the line is shorter than two steps or nothing beside it is seen;
+///         UsageError for a step across that is wider than what is seen.
 CrgData make_crg(const HeightSource& ground, const SmoothLine& line, const CrgGridOptions& options);
 
 }  // namespace camber

@@ -1,6 +1,9 @@
 #include "camber/render/film.h"
 
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
@@ -19,6 +22,20 @@ struct Codec {
   const char* name;
   const char* letters;
 };
+
+/// Why a file takes no further byte, as on a full disk; empty: it does. The encoder is silent.
+std::string why_not_longer(const fs::path& path) {
+  std::error_code error;
+  std::uintmax_t size = fs::file_size(path, error);
+  if (error) size = 0;  // an encoder that could not begin has removed it
+  errno = 0;
+  std::ofstream file(path, std::ios::binary | std::ios::app);
+  file << '\0' << std::flush;
+  const std::string reason = file ? "" : std::strerror(errno);
+  file.close();
+  fs::resize_file(path, size, error);
+  return reason;
+}
 
 }  // namespace
 
@@ -77,6 +94,8 @@ void FilmWriter::add(const Image& picture) {
       }
     }
     if (!film.encoder) {
+      const std::string reason = why_not_longer(film.temporary);
+      if (!reason.empty()) throw OutputError(film.path.string(), "writing failed: " + reason);
       throw MachineError(film.path.string() + ": OpenCV has no encoder for " +
                          film.path.extension().string() + " films of " +
                          std::to_string(size.width) + " x " + std::to_string(size.height) +
@@ -101,7 +120,8 @@ void FilmWriter::finish() {
   Impl& film = *impl_;
   if (film.count == 0) throw std::invalid_argument("film: found no picture, expected one");
   film.encoder.reset();
-  // The encoder does not report a full disk.
+  const std::string reason = why_not_longer(film.temporary);
+  if (!reason.empty()) throw OutputError(film.path.string(), "writing failed: " + reason);
   const int found = count_film_pictures(film.temporary, film.count + 1);
   if (found != film.count) {
     throw OutputError(film.path.string(), "the film was not written whole: found " +

@@ -215,8 +215,8 @@ std::vector<Sample> find_samples(const RoadSurface& surface, const std::vector<V
   const auto require = [total](const char* field, double value, double least) {
     if (value > least) return;
     throw std::invalid_argument(
-        fmt::format("ProfileOptions::{} is {:g}, expected more than {:g} m for a line of {:g} m",
-                    field, value, least, total));
+        fmt::format("{}: found {:g} m, expected more than {:g} m for a line of {:g} m", field,
+                    value, least, total));
   };
   require("step", options.step, total / kMost);
   if (!(total / sampling.spacing < kMost)) {

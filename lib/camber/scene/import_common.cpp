@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/lower_case.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/json_reader.h"
@@ -37,8 +38,7 @@ std::map<int, fs::path> numbered_files(const fs::path& folder,
                      fmt::format("is not a folder, expected a folder of {}", what));
   }
   std::map<int, fs::path> out;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    const fs::path& file = at->path();
+  for (const fs::path& file : files_in(folder)) {
     const std::string extension = lower_case(file.extension().string());
     if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end()) continue;
     const std::optional<int> number = frame_number(file);
@@ -51,7 +51,6 @@ std::map<int, fs::path> numbered_files(const fs::path& folder,
                                    printable(file.filename().string()), *number));
     }
   }
-  if (error) throw InputError(folder.string(), "cannot be listed: " + error.message());
   if (out.empty()) {
     throw InputError(folder.string(),
                      fmt::format("found no {} named by frame number, expected files like 000048{}",

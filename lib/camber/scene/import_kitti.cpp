@@ -21,6 +21,7 @@
 #include "camber/scene/kitti_keypoints.h"
 #include "camber/scene/kitti_labels.h"
 #include "camber/scene/text_rows.h"
+#include "camber/scene/validate_scene.h"
 
 namespace fs = std::filesystem;
 
@@ -325,7 +326,7 @@ void KittiImportOptions::validate() const {
       throw std::invalid_argument(fmt::format("{} {}, expected a positive number", what, value));
     }
   };
-  positive(camera_height, "camera_height");
+  validate_camera_height(camera_height);
   positive(frame_rate, "frame_rate");
   positive(up_sigma, "up_sigma");
   positive(gnss.sigma, "gnss.sigma");

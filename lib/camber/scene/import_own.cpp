@@ -15,6 +15,7 @@
 #include "camber/scene/formats/calibration.h"
 #include "camber/scene/formats/frame_files.h"
 #include "camber/scene/import_common.h"
+#include "camber/scene/validate_scene.h"
 
 namespace fs = std::filesystem;
 
@@ -105,7 +106,7 @@ void OwnDataOptions::validate() const {
   positive(camera.fx, "fx");
   positive(camera.fy, "fy");
   positive(times.rate, "rate");
-  positive(height, "height");
+  if (height) validate_camera_height(*height);
   positive(height_sigma, "height_sigma");
   positive(pose_scale, "pose_scale");
   positive(up_sigma, "up_sigma");

@@ -16,6 +16,7 @@
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/scene/import_common.h"
+#include "camber/scene/validate_scene.h"
 #include "camber/scene/vehicles_from_depth.h"
 
 namespace fs = std::filesystem;
@@ -169,7 +170,7 @@ void SynthiaSfImportOptions::validate() const {
       throw std::invalid_argument(fmt::format("{} {}, expected a positive number", what, *value));
     }
   };
-  positive(camera_height, "camera_height");
+  if (camera_height) validate_camera_height(*camera_height);
   positive(frame_rate, "frame_rate");
   if (classes.empty()) throw std::invalid_argument("classes is empty, expected at least one type");
 }

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/image/image_io.h"
@@ -59,10 +60,9 @@ std::map<std::string, fs::path> masks_in(const fs::path& folder, const std::stri
   std::error_code error;
   if (!fs::is_directory(folder, error))
     throw InputError(folder.string(), "is not a folder, expected a folder of masks");
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    if (lower_case(at->path().extension().string()) != ".png") continue;
-    const std::string ending = ending_of(at->path().stem().string());
-    found[shared_stem(at->path())].emplace(ending, at->path());
+  for (const fs::path& file : files_in(folder)) {
+    if (lower_case(file.extension().string()) != ".png") continue;
+    found[shared_stem(file)].emplace(ending_of(file.stem().string()), file);
   }
   if (found.empty())
     throw InputError(folder.string(),

@@ -16,6 +16,7 @@
 #include "camber/scene/detail/map_position.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/marking_presets.h"
+#include "camber/scene/validate_scene.h"
 
 namespace fs = std::filesystem;
 
@@ -167,7 +168,9 @@ PinholeCamera read_camera(const JsonCursor& cursor, Scene* scene) {
   const PinholeCamera out = read_intrinsics(object);
   if (auto v = object.find("distortion")) scene->distortion = read_distortion(*v, out);
   if (auto v = object.find("height_above_road")) {
-    scene->height_above_road = v->positive("a positive number of metres");
+    const char* metres = "a positive number of metres up to 1000";
+    if (!(v->positive(metres) <= kMostCameraHeight)) v->fail(metres);
+    scene->height_above_road = v->number();
   }
   if (auto v = object.find("height_sigma")) {
     scene->height_sigma = v->positive("a positive number of metres");
@@ -471,7 +474,14 @@ std::string manifest_path(const fs::path& path, const fs::path& folder) {
   const fs::path whole = fs::absolute(path).lexically_normal();
   const fs::path relative = whole.lexically_relative(folder);
   const bool below = !relative.empty() && *relative.begin() != "..";
-  return (below ? relative : whole).generic_string();
+  const std::string name = (below ? relative : whole).generic_string();
+  try {
+    (void)json(name).dump();
+  } catch (const json::type_error&) {
+    throw InputError(path.string(),
+                     "the name is not valid UTF-8, expected one that a manifest can hold");
+  }
+  return name;
 }
 
 json detection_json(const VehicleDetection& vehicle) {

@@ -120,13 +120,17 @@ void validate(const SceneFrame& frame) {
   }
 }
 
+void validate_camera_height(double height) {
+  if (height > 0.0 && height <= kMostCameraHeight) return;
+  refuse("height_above_road", height, "a positive number of metres up to 1000");
+}
+
 void validate(const Scene& scene) {
   scene.camera.validate();
   if (scene.distortion.model != LensModel::kNone || !scene.distortion.coefficients.empty()) {
     scene.distortion.validate();
   }
-  if (scene.height_above_road)
-    require_positive(*scene.height_above_road, "height_above_road", "metres");
+  if (scene.height_above_road) validate_camera_height(*scene.height_above_road);
   require_positive(scene.height_sigma, "height_sigma", "metres");
   if (scene.frame_rate) require_positive(*scene.frame_rate, "frame_rate", "frames a second");
   if (scene.box_sigma_px) require_positive(*scene.box_sigma_px, "box_sigma_px", "pixels");

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/formats/detail/delimited_lines.h"
@@ -48,15 +49,13 @@ bool is_companion(const fs::path& file) {
 
 DetectionFile read_folder(const fs::path& folder, const DetectionOptions& options) {
   std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    const std::string extension = lower_case(at->path().extension().string());
+  for (const fs::path& file : files_in(folder)) {
+    const std::string extension = lower_case(file.extension().string());
     if ((extension == ".txt" || extension == ".xml" || extension == ".json") &&
-        !is_companion(at->path())) {
-      files.push_back(at->path());
+        !is_companion(file)) {
+      files.push_back(file);
     }
   }
-  if (error) throw InputError(folder.string(), "cannot be listed: " + error.message());
   if (files.empty()) {
     throw InputError(folder.string(),
                      "found no .txt, .xml or .json file, expected one of boxes for each image");

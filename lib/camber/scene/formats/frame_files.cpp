@@ -10,6 +10,7 @@
 #include <set>
 
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/formats/detail/delimited_lines.h"
@@ -31,11 +32,9 @@ bool is_image_name(const fs::path& file) {
 
 std::vector<fs::path> images_in(const fs::path& folder) {
   std::vector<fs::path> out;
-  std::error_code error;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    if (is_image_name(at->path())) out.push_back(at->path());
+  for (const fs::path& file : files_in(folder)) {
+    if (is_image_name(file)) out.push_back(file);
   }
-  if (error) throw InputError(folder.string(), "cannot be listed: " + error.message());
   return out;
 }
 
@@ -44,7 +43,8 @@ std::vector<fs::path> images_of_pattern(const std::string& pattern) {
   std::vector<fs::path> out;
   if (::glob(pattern.c_str(), 0, nullptr, &found) == 0) {
     for (std::size_t i = 0; i < found.gl_pathc; ++i) {
-      if (is_image_name(found.gl_pathv[i])) out.emplace_back(found.gl_pathv[i]);
+      const fs::path file = found.gl_pathv[i];
+      if (is_image_name(file) && !is_special_file(file)) out.push_back(file);
     }
   }
   ::globfree(&found);
@@ -108,6 +108,8 @@ std::vector<fs::path> list_images(const std::vector<std::string>& places) {
     std::vector<fs::path> here;
     if (fs::is_directory(place, error)) {
       here = images_in(place);
+    } else if (is_special_file(place)) {
+      throw InputError(place, "is a pipe or a device, expected an image or a folder of images");
     } else if (fs::exists(place, error)) {
       here = {place};
     } else if (place.find_first_of("*?[") != std::string::npos) {

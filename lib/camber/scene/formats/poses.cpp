@@ -7,6 +7,7 @@
 
 #include "camber/cloud/colmap.h"
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/formats/detail/delimited_lines.h"
 #include "camber/scene/formats/frame_files.h"
@@ -183,9 +184,8 @@ PoseFile colmap(const fs::path& path, const std::string& text) {
 
 PoseFile folder_of_matrices(const fs::path& folder) {
   std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    if (at->path().extension() == ".txt") files.push_back(at->path());
+  for (const fs::path& file : files_in(folder)) {
+    if (file.extension() == ".txt") files.push_back(file);
   }
   if (files.empty())
     throw InputError(folder.string(), "found no .txt file, expected one pose a file");
