@@ -29,6 +29,7 @@ constexpr double kPlainSupport = 0.65;
 constexpr double kLeastSupport = 0.3, kPlainlyMore = 1.2;
 /// Share of its support from which on another road may be as right.
 constexpr double kAsMuch = 0.95;
+
 /// Whether the near road may be another one than that seen.
 bool is_doubtful(const PlaneSearchResult& search, const LoadedFrames& frames, double support) {
   return search.ambiguous || (frames.has_masks() && support < kPlainSupport);
@@ -56,8 +57,9 @@ double spread_about(const Candidate& best, const std::vector<Candidate>& roads) 
     return std::log(road.seen.ground.ego.height);
   };
   double out = 0.0;
+  if (!(best.support > 0.0)) return out;  // of none is known how right it is
   for (const Candidate& road : roads) {
-    if (!(road.support > 0.0) || road.support < kAsMuch * best.support) continue;
+    if (road.support < kAsMuch * best.support) continue;
     out = std::max(out, std::abs(log_height(road) - log_height(best)));
   }
   return out;

@@ -12,7 +12,9 @@ struct SeenRoad {
   Ground ground;
 };
 
-/// The road from nothing: match, motion, a first ground, and see_road_again().
+/// The road from nothing: match, motion, a first ground, and see_road_again(). Where another near
+/// road may be the right one, also from those that the plane search found; the one with the most
+/// support is taken (stages::road_support).
 /// @throws NoAnswerError as the stages do.
 /// @param frames  those out of reach are taken out (stages/reach.h); what lies off the
 ///                road is taken off the masks of a network (fuse_masks.h).
