@@ -431,6 +431,18 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
 }
 
+TEST(ScaleStage, WhatRoadsFromOtherStartsDifferByIsInItsSigma) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  const ScaledRoad before = stages::scale(drive.frames, drive.matches, ground, {});
+  EXPECT_LT(before.contradiction_variance, 1e-6);
+  ground.ground.start_spread = 0.07;
+  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
+  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.07, 1e-9);
+  EXPECT_THAT(scaled.contradictions, IsEmpty());
+  EXPECT_NEAR(scaled.road.metres_per_baseline(), before.road.metres_per_baseline(), 1e-9);
+}
+
 TEST(GroundStage, SupportIsWhatIsFoundAndAgreesWithOneRoad) {
   const MadeDrive drive = make_drive({});
   Ground ground = exact_ground(drive);

@@ -37,7 +37,7 @@ struct ScaleNoise {
   /// one at 0.32 is 90 % off).
   double least_found_alone = 0.35;
   /// The same where the plane search finds two roads: another one may be found at (rendered roads
-  /// whose texture repeats, even numbers: right ones from 0.46 on, wrong ones 0.25 to 0.77).
+  /// whose texture repeats, even numbers, masks: wrong ones have 0.40 to 0.76).
   double least_found_ambiguous = 0.65;
   /// Share of what is matched over the driven path that may stand on it or lie below it where no
   /// mask shows the road: with more it is likely another layer (steep and made scenes, even
