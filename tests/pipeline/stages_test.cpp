@@ -350,6 +350,15 @@ TEST(GroundStage, TheEgoPlaneStaysWhereNoPointIsOnTheRoadway) {
   EXPECT_LT(worst_field(drive, *found.field), 0.003);
 }
 
+TEST(GroundStage, WithoutPointsThereIsNoAnswer) {
+  const MadeDrive drive = make_drive({});
+  const Ground before = exact_ground(drive);
+  GroundPoints none = before.seen;
+  none.points = {};
+  EXPECT_THROW(stages::ground(drive.frames, drive.matches, drive.motion, none, before, {}),
+               NoAnswerError);
+}
+
 TEST(GroundStage, PixelsOfTheGroundAreTheMasksOrTheGridPointsCells) {
   MadeDrive drive = make_drive({});
   const Ground ground = exact_ground(drive);

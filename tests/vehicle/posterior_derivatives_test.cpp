@@ -260,8 +260,7 @@ Eigen::MatrixXd shape_information(const VehiclePosterior& posterior, const Vehic
       own[i] += c.transpose() * weight * c;
       cross[i] += c.transpose() * weight * rows.transpose();
     }
-    for (int i = 0; i < sides[at_view].count; ++i) {
-      const BoxLikelihood::Side& side = sides[at_view].side[static_cast<std::size_t>(i)];
+    for (const BoxLikelihood::Side& side : sides[at_view]) {
       const Eigen::VectorXd row = by_shape(side.point).col(side.axis);
       out += side.information * row * row.transpose();
     }

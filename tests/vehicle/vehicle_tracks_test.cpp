@@ -176,6 +176,60 @@ TEST(FindTracks, JoinsParkedAndMovingVehiclesThroughGaps) {
   }
 }
 
+/// A car of 4.2 m on a road that climbs by 20 degrees, its bottom at `bottom`; what is seen of it
+/// is its detection, and its estimate is right.
+void add_climbing_car(const PinholeCamera& camera, const Eigen::Vector3d& bottom, int id,
+                      TrackFrame* frame) {
+  const double s = std::sin(20.0 / 180.0 * M_PI), c = std::cos(20.0 / 180.0 * M_PI);
+  Eigen::Matrix3d rotation;
+  rotation.col(0) = Eigen::Vector3d(0.0, -s, c);
+  rotation.col(1) = Eigen::Vector3d(0.0, -c, -s);
+  rotation.col(2) = rotation.col(0).cross(rotation.col(1));
+  VehicleEstimate estimate;
+  estimate.status = Status::kOk;
+  estimate.pose.camera_from_vehicle = SE3(rotation, bottom);
+  estimate.pose.dimensions = {4.2, 1.7, 1.5};
+  const auto corners = estimate.pose.corners();
+  Box2 box{1e9, 1e9, -1e9, -1e9};
+  for (int k = 0; k < 8; ++k) {
+    const Eigen::Vector2d p = camera.project(corners.col(k)).value();
+    box = {std::min(box.x1, p.x()), std::min(box.y1, p.y()), std::max(box.x2, p.x()),
+           std::max(box.y2, p.y())};
+  }
+  VehicleDetection detection;
+  detection.id = id;
+  detection.box = box.clipped(camera.width, camera.height);
+  frame->detections.push_back(detection);
+  frame->supports.emplace_back();
+  frame->estimates.push_back(estimate);
+}
+
+// Two cars climb one behind the other as fast as the camera goes: the second appears where the
+// first one, which the image then no longer holds, was before, far from where it would be parked.
+TEST(FindTracks, ACarThatClimbsIsNotTakenForTheOneBeforeIt) {
+  const PinholeCamera camera{1242, 468, 1700.0, 1700.0, 600.0, 260.0};
+  constexpr double kSlow = 0.2;  // s
+  const double step = 3.6;       // m an image
+  const Eigen::Vector3d climb(0.0, -step * std::sin(20.0 / 180.0 * M_PI),
+                              step * (std::cos(20.0 / 180.0 * M_PI) - 1.0));
+  const Eigen::Vector3d ahead(0.0, -2.22, 6.11);  // of the first car from the second
+  const Eigen::Vector3d second(0.0, -1.6, 24.0);
+  std::vector<TrackFrame> frames(2);
+  for (int k = 0; k < 2; ++k) {
+    frames[k].world_from_camera =
+        SE3(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, step * k));
+    frames[k].time_s = kSlow * k;
+    add_climbing_car(camera, second + k * climb, 0, &frames[k]);
+  }
+  add_climbing_car(camera, second + ahead, 1, &frames[0]);
+  const auto tracks = find_tracks(camera, frames);
+  EXPECT_EQ(tracks[0], (std::vector<int>{0, 1}));
+  EXPECT_EQ(tracks[1], std::vector<int>{0});
+  AssociationGates parked;
+  parked.speed = 0.1;
+  EXPECT_EQ(find_tracks(camera, frames, parked)[1], std::vector<int>{1});
+}
+
 TEST(FindTracks, GivenTracksAreTaken) {
   Clip clip = make_clip({}, {{1, 0.0}, {2, 0.0}});
   for (TrackFrame& frame : clip.frames) {

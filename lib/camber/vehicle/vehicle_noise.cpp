@@ -42,6 +42,7 @@ void VehicleNoise::validate() const {
                  {"registration.min_correlation", registration.min_correlation},
                  {"answer.agreeing_share", answer.agreeing_share},
                  {"answer.box_overlap", answer.box_overlap},
+                 {"answer.least_size", answer.least_size},
                  {"association.overlap", association.overlap}});
   require_positive({{"keypoint.min_cell_px", keypoint.min_cell_px},
                     {"keypoint.seen", keypoint.seen},
@@ -78,7 +79,8 @@ void VehicleNoise::validate() const {
                     {"hypotheses.start_height_sigma", hypotheses.start_height_sigma},
                     {"answer.source_contradicts", answer.source_contradicts},
                     {"answer.relative_sigma", answer.relative_sigma},
-                    {"message.gate", message.gate}});
+                    {"message.gate", message.gate},
+                    {"association.speed", association.speed}});
   for (const Field& f :
        {Field{"keypoint.confidence_log_odds", keypoint.confidence_log_odds},
         Field{"keypoint.confidence_evidence", keypoint.confidence_evidence},

@@ -40,10 +40,11 @@ struct SharedGround {
 
 /// Track numbers of all detections, [frame][detection], from 0 in order of appearance.
 ///
-/// Detections of neighbouring frames belong together if the box that the earlier vehicle, parked,
-/// would have in the later image overlaps the later box, or the boxes overlap as they are
-/// (vehicles that move with the camera); greedily, best overlap first, at least gates.overlap; one
-/// missing frame is bridged. Detections with a `track` are joined by it alone.
+/// Detections of neighbouring frames belong together if a box that the earlier vehicle would have
+/// in the later image overlaps the later box: parked, driving along its heading (the faster, the
+/// less the overlap counts, gates.speed), or as it is (vehicles that move with the camera);
+/// greedily, best overlap first, at least gates.overlap; one missing frame is bridged. Detections
+/// with a `track` are joined by it alone.
 /// @throws std::invalid_argument if a frame's lists differ in length.
 std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
                                           const std::vector<TrackFrame>& frames,

@@ -173,6 +173,16 @@ EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, Profi
                        Eigen::Vector3d(0, -1, 0), motion.covariance, ego);
 }
 
+void require_found(const GroundObservations& observed) {
+  constexpr std::size_t kFewest = 3;
+  if (observed.size() < kFewest) {
+    throw NoAnswerError(
+        fmt::format("no road plane under the camera: {} points of the road are found in the other "
+                    "images",
+                    observed.size()));
+  }
+}
+
 void require_seen(const EgoPlane& ego) {
   if (ego.points == 0) {
     throw NoAnswerError("no road plane under the camera: no match shows the road near it");
@@ -359,6 +369,7 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
       start_from(search.best);
     }
   }
+  detail::require_found(observed);
   GroundFieldOptions field;
   field.metres_per_baseline = out.metres_per_baseline;
   field.num_threads = options.num_threads;
@@ -371,11 +382,13 @@ Ground ground(const LoadedFrames& frames, const Correspondences& matches,
               const GroundOptions& options) {
   Ground out = before;
   out.seen = std::move(points);
+  const GroundObservations observed = detail::ground_observations(matches, out.seen.points);
+  detail::require_found(observed);
   auto field = std::make_shared<GroundField>(*before.field);
   EgoPlane ego;
   parallel_for(2, options.num_threads, [&](std::size_t task) {
     if (task == 0) {
-      field->update(detail::ground_observations(matches, out.seen.points), 2);
+      field->update(observed, 2);
     } else {
       ego = detail::fit_ego(frames, motion, detail::matched_profile(out.seen), options);
     }

@@ -198,6 +198,7 @@ PhotometricGround refine_photometrically(const LoadedFrames& frames, const Corre
   }
   // Matches and intensities together, at the refined motion, and the matches alone.
   const GroundObservations matched = detail::ground_observations(matches, now.seen.points);
+  detail::require_found(matched);
   GroundObservations down_weighted = matched;
   down_weight_beside(frames, result.contradicted, down_weighted);
   GroundObservations both =

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <stdexcept>
 
@@ -14,33 +15,54 @@ namespace {
 
 using namespace internal;
 
-/// Overlap of an earlier vehicle's box with a later detection: as if it were parked, or as it was.
-double track_overlap(const PinholeCamera& camera, const TrackFrame& from, std::size_t i,
-                     const TrackFrame& to, std::size_t j) {
-  const Box2& later = to.detections[j].box;
-  const double best = intersection_over_union(from.detections[i].box, later);
+/// A box that an earlier vehicle may have in a later image, and how likely its motion is, at
+/// most 1.
+struct Prediction {
+  Box2 box;
+  double weight = 1.0;
+};
+
+/// As it was, as if it were parked, and driving along its heading.
+std::vector<Prediction> predictions(const PinholeCamera& camera, const TrackFrame& from,
+                                    std::size_t i, const TrackFrame& to,
+                                    const AssociationGates& gates) {
+  constexpr double kStep = 2.0;  // m/s: 0.2 m between images of 10 a second
+  const Box2& box = from.detections[i].box;
+  std::vector<Prediction> out = {{box}};
   const VehicleEstimate& e = from.estimates[i];
-  if (e.status == Status::kFailed || e.status == Status::kNotRun) return best;
+  if (e.status == Status::kFailed || e.status == Status::kNotRun) return out;
   const SE3 to_from_from = to.world_from_camera.inverse() * from.world_from_camera;
   const auto corners = e.pose.corners();
-  PixelBounds here, there;
+  PixelBounds here;
   for (int k = 0; k < 8; ++k) {
-    const Eigen::Vector3d x = corners.col(k);
-    const auto before = camera.project(x), after = camera.project(to_from_from * x);
-    if (!before || !after) return best;
-    here.include(*before);
-    there.include(*after);
+    const auto pixel = camera.project(corners.col(k));
+    if (!pixel) return out;
+    here.include(*pixel);
   }
-  // The box's own edges moved as the vehicle's corners do: their errors cancel.
-  const Box2& box = from.detections[i].box;
-  const Box2 moved{box.x1 + there.box.x1 - here.box.x1, box.y1 + there.box.y1 - here.box.y1,
-                   box.x2 + there.box.x2 - here.box.x2, box.y2 + there.box.y2 - here.box.y2};
-  return std::max(best, intersection_over_union(moved.clipped(camera.width, camera.height), later));
+  const Eigen::Vector3d ahead = e.pose.camera_from_vehicle.rotation_matrix().col(0);
+  for (double speed = 0.0; speed < 2.0 * gates.speed; speed += kStep) {
+    const Eigen::Vector3d shift = speed * (to.time_s - from.time_s) * ahead;
+    PixelBounds there;
+    bool visible = true;
+    for (int k = 0; k < 8 && visible; ++k) {
+      const auto pixel = camera.project(to_from_from * (corners.col(k) + shift));
+      visible = pixel.has_value();
+      if (visible) there.include(*pixel);
+    }
+    if (!visible) continue;
+    // The box's own edges moved as the vehicle's corners do: their errors cancel.
+    const Box2 moved{box.x1 + there.box.x1 - here.box.x1, box.y1 + there.box.y1 - here.box.y1,
+                     box.x2 + there.box.x2 - here.box.x2, box.y2 + there.box.y2 - here.box.y2};
+    out.push_back({moved.clipped(camera.width, camera.height),
+                   std::exp(-0.5 * std::pow(speed / gates.speed, 2))});
+  }
+  return out;
 }
 
 /// Gives detections of frame t without a number those of frame s that they overlap best, greedily.
 void join_frames(const PinholeCamera& camera, const std::vector<TrackFrame>& frames, std::size_t s,
-                 std::size_t t, double min_overlap, std::vector<std::vector<int>>* numbers) {
+                 std::size_t t, const AssociationGates& gates,
+                 std::vector<std::vector<int>>* numbers) {
   struct Pair {
     double overlap;
     std::size_t i, j;
@@ -55,11 +77,15 @@ void join_frames(const PinholeCamera& camera, const std::vector<TrackFrame>& fra
       const std::vector<int>& between = (*numbers)[t - 1];
       if (std::find(between.begin(), between.end(), number) != between.end()) continue;
     }
+    const std::vector<Prediction> predicted = predictions(camera, frames[s], i, frames[t], gates);
     for (std::size_t j = 0; j < now.size(); ++j) {
       if (own[j] >= 0 || now[j].track >= 0) continue;
       if (now[j].vehicle_class != earlier[i].vehicle_class) continue;
-      const double overlap = track_overlap(camera, frames[s], i, frames[t], j);
-      if (overlap >= min_overlap) pairs.push_back({overlap, i, j});
+      double overlap = 0.0;
+      for (const Prediction& p : predicted) {
+        overlap = std::max(overlap, p.weight * intersection_over_union(p.box, now[j].box));
+      }
+      if (overlap >= gates.overlap) pairs.push_back({overlap, i, j});
     }
   }
   std::stable_sort(pairs.begin(), pairs.end(),
@@ -97,7 +123,7 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
       out[t][j] = it->second;
     }
     for (std::size_t back = 1; back <= 2 && back <= t; ++back) {
-      join_frames(camera, frames, t - back, t, gates.overlap, &out);
+      join_frames(camera, frames, t - back, t, gates, &out);
     }
     for (std::size_t j = 0; j < now.size(); ++j) {
       if (out[t][j] < 0) out[t][j] = next++;

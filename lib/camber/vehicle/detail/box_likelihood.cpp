@@ -16,10 +16,11 @@ BoxLikelihood::BoxLikelihood(const PinholeCamera& camera, const Box2& box, const
                      num_views * body * body);
   };
   const double su = sigma(box.width()), sv = sigma(box.height());
-  edges_[0] = {0, -1.0, box.x1, su, box.x1 <= noise.border_px};
-  edges_[1] = {0, 1.0, box.x2, su, box.x2 >= camera.width - 1 - noise.border_px};
-  edges_[2] = {1, -1.0, box.y1, sv, box.y1 <= noise.border_px};
-  edges_[3] = {1, 1.0, box.y2, sv, box.y2 >= camera.height - 1 - noise.border_px};
+  const double right = camera.width - 1, bottom = camera.height - 1;
+  edges_[0] = {0, -1.0, box.x1, su, 0.0, box.x1 <= noise.border_px};
+  edges_[1] = {0, 1.0, box.x2, su, right, box.x2 >= right - noise.border_px};
+  edges_[2] = {1, -1.0, box.y1, sv, 0.0, box.y1 <= noise.border_px};
+  edges_[3] = {1, 1.0, box.y2, sv, bottom, box.y2 >= bottom - noise.border_px};
 }
 
 Box2 BoxLikelihood::cuts() const {
@@ -46,12 +47,13 @@ BoxLikelihood::Sides BoxLikelihood::sides(const BodyView& at) const {
   Sides out;
   for (std::size_t e = 0; e < 4; ++e) {
     const Edge& edge = edges_[e];
-    const double outwards = extreme[e] - edge.sign * edge.pixel;  // px
-    if (edge.at_border && outwards >= 0.0) continue;
+    const bool beyond = extreme[e] > edge.sign * edge.border;
+    double outwards = std::min(extreme[e], edge.sign * edge.border) - edge.sign * edge.pixel;  // px
+    if (edge.at_border && beyond) outwards = 0.0;
     const double r = outwards / edge.sigma;
-    const double weight = 1.0 / (1.0 + r * r / gate_squared_);
-    out.side[static_cast<std::size_t>(out.count++)] = {point_of[e], edge.axis, edge.sign * outwards,
-                                                       weight / (edge.sigma * edge.sigma), r * r};
+    const double weight = beyond ? 0.0 : 1.0 / (1.0 + r * r / gate_squared_);
+    out[e] = {point_of[e], edge.axis, edge.sign * outwards, weight / (edge.sigma * edge.sigma),
+              r * r};
   }
   return out;
 }
@@ -61,8 +63,7 @@ double BoxLikelihood::add(const BodyView& at, NormalEquations* equations) const 
   double cost = 0.0;
   Eigen::MatrixXd jacobian;  // columns u, v
   if (equations) jacobian.resize(at.num_parameters(), 2);
-  for (int i = 0; i < found.count; ++i) {
-    const Side& side = found.side[static_cast<std::size_t>(i)];
+  for (const Side& side : found) {
     cost += 0.5 * gate_squared_ * std::log1p(side.squared / gate_squared_);
     if (!equations) continue;
     at.jacobian(side.point, jacobian.col(0).data(), jacobian.col(1).data());

@@ -1,6 +1,8 @@
 #pragma once
 
-// Likelihood of a detection box: each of its sides is made by the body's outermost point.
+// Likelihood of a detection box, which holds what the image shows of the vehicle: each of its sides
+// is made by the body's outermost point, or, where the body reaches beyond the image, by the
+// border.
 
 #include <array>
 
@@ -19,15 +21,13 @@ class BoxLikelihood {
   /// A side of the box and the point of the body that makes it.
   struct Side {
     int point = 0;
-    int axis = 0;              ///< 0: u, 1: v
-    double residual = 0.0;     ///< of the point's pixel along the axis, px
-    double information = 0.0;  ///< 1 / px^2, with its robust weight
-    double squared = 0.0;      ///< residual in standard deviations, squared
+    int axis = 0;           ///< 0: u, 1: v
+    double residual = 0.0;  ///< of the point's pixel along the axis, px
+    /// 1 / px^2, with its robust weight; 0: the image's border makes the side
+    double information = 0.0;
+    double squared = 0.0;  ///< residual in standard deviations, squared
   };
-  struct Sides {
-    std::array<Side, 4> side;
-    int count = 0;  ///< without sides that the image cuts and the body reaches beyond
-  };
+  using Sides = std::array<Side, 4>;  ///< left, right, upper, lower
   Sides sides(const BodyView& at) const;
 
   /// Where the image's border cuts the box, px; infinite at sides that it does not cut.
@@ -42,7 +42,8 @@ class BoxLikelihood {
     double sign;  // the body's largest sign * pixel coordinate makes this edge
     double pixel;
     double sigma;    // px
-    bool at_border;  // cut by the image: the body may reach farther out
+    double border;   // px, of the image there
+    bool at_border;  // cut by the image, however far from its border the detector has the side
   };
   std::array<Edge, 4> edges_;
   double gate_squared_;

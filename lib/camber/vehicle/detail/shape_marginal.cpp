@@ -47,9 +47,7 @@ std::vector<ShapeTerm> shape_terms(const KeypointLikelihood& keypoints, const Bo
     term.weight.col(1) *= weights[j].y() / keypoints.cell_v();
     out.push_back(std::move(term));
   }
-  const BoxLikelihood::Sides sides = box.sides(at);
-  for (int i = 0; i < sides.count; ++i) {
-    const BoxLikelihood::Side& side = sides.side[static_cast<std::size_t>(i)];
+  for (const BoxLikelihood::Side& side : box.sides(at)) {
     ShapeTerm term;
     term.point = side.point;
     term.weight = Eigen::MatrixXd::Zero(at.num_coefficients(), 2);

@@ -56,6 +56,9 @@ std::string unreliable_reason(const VehiclePosterior& posterior, int view,
       std::max(gates.agreeing_keypoints, gates.agreeing_share * count)) {
     return "too few keypoints agree";
   }
+  if ((state.form.size.array() < gates.least_size * posterior.mean_size().array()).any()) {
+    return "the keypoints ask for too small a vehicle";
+  }
   if (at.in_front() &&
       intersection_over_union(outline(at).clipped(camera.width, camera.height),
                               box.clipped(camera.width, camera.height)) < gates.box_overlap) {

@@ -18,6 +18,9 @@ ProfilePoints matched_profile(const GroundPoints& seen);
 EgoPlane fit_ego(const LoadedFrames& frames, const MotionEstimate& motion, ProfilePoints points,
                  const GroundOptions& options);
 
+/// @throws NoAnswerError for fewer points than a plane has parameters: no field follows from them.
+void require_found(const GroundObservations& observed);
+
 /// @throws NoAnswerError where no road point carries the ego plane: it is the plane search's alone.
 void require_seen(const EgoPlane& ego);
 
