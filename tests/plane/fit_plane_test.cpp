@@ -504,6 +504,64 @@ TEST(RepeatedValues, StepsAreFoundAmongRoundedNumbersAlone) {
   EXPECT_EQ(step_of(4000, [&](std::size_t i) { return 1.0 + 1e-7 * random.uniform(i); }), 0.0);
 }
 
+TEST(FitPlane, NoiseIsThePointsStandardDeviation) {
+  constexpr double kTrue = 0.02;
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    RoadCloud cloud = sheet(20000, kTrue / kSheetNormal.z(), 2.0, seed);
+    // 3 % is more than five standard deviations at the points that are looked at.
+    for (const double threshold : {0.0, 1.5 * kTrue, 2.5 * kTrue, 5.0 * kTrue, 50.0 * kTrue}) {
+      PlaneFitOptions options;
+      options.inlier_threshold = threshold;
+      EXPECT_NEAR(fit_plane(cloud, options).noise, kTrue, 0.03 * kTrue) << threshold;
+    }
+    // Stated along any direction: as they are, and half as large as they are.
+    for (const float stated : {1.0f, 0.5f}) {
+      const float variance = stated * stated * static_cast<float>(kTrue * kTrue);
+      cloud.covariances.assign(cloud.size(), {variance, 0, 0, variance, 0, variance});
+      EXPECT_NEAR(fit_plane(cloud, {}).noise, kTrue, 0.03 * kTrue) << stated;
+    }
+    cloud.covariances.clear();
+    cloud.sigmas.assign(cloud.size(), static_cast<float>(kTrue));
+    EXPECT_NEAR(fit_plane(cloud, {}).noise, kTrue, 0.03 * kTrue);
+    // Among outliers, too.
+    const CounterRandom random(seed, 9);
+    for (std::size_t i = 0; i < cloud.size(); i += 4)
+      cloud.points[i].z() = static_cast<float>(random.uniform(i, -1.0, 5.0));
+    EXPECT_NEAR(fit_plane(cloud, {}).noise, kTrue, 0.03 * kTrue);
+    cloud.sigmas.clear();
+    EXPECT_NEAR(fit_plane(cloud, {}).noise, kTrue, 0.03 * kTrue);
+  }
+}
+
+TEST(FitPlane, NoiseOfUnequalPointsIsTheirVariancesHarmonicMean) {
+  const CounterRandom random(4, 6);
+  RoadCloud cloud = sheet(20000, 0.0);
+  double weight = 0.0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const double sigma = i % 2 == 0 ? 0.01 : 0.04;
+    cloud.points[i] += (sigma * random.normal(i) * kSheetNormal).cast<float>();
+    const float variance = static_cast<float>(sigma * sigma);
+    cloud.covariances.push_back({variance, 0, 0, variance, 0, variance});
+    weight += 1.0 / (sigma * sigma);
+  }
+  const double expected = std::sqrt(static_cast<double>(cloud.size()) / weight);
+  EXPECT_NEAR(fit_plane(cloud, {}).noise, expected, 0.03 * expected);
+}
+
+TEST(FitPlane, NoiseOfFewPointsIsMeasuredToo) {
+  // Mean of many small clouds: each by itself is known to 20 %.
+  double squares = 0.0;
+  constexpr int kClouds = 200;
+  for (int k = 0; k < kClouds; ++k) {
+    const RoadCloud cloud =
+        sheet(15, 0.02 / kSheetNormal.z(), 2.0, 100 + static_cast<std::uint64_t>(k));
+    PlaneFitOptions options;
+    options.inlier_threshold = 0.2;
+    squares += std::pow(fit_plane(cloud, options).noise, 2) / kClouds;
+  }
+  EXPECT_NEAR(std::sqrt(squares), 0.02, 0.05 * 0.02);
+}
+
 TEST(RepeatedValues, WhatRoundingSharesFadesWithNoiseAndSlope) {
   EXPECT_NEAR(detail::shared_rounding(0.01, 0.0, 0.0), 0.01 / std::sqrt(12.0), 1e-12);
   EXPECT_LT(detail::shared_rounding(0.01, 0.01, 0.0), 1e-4);
@@ -519,16 +577,16 @@ TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {
   full.vv = -200.0;
   plane_kernels::Moments influence = full;
   influence.i1 = influence.iuu = influence.ivv = 1.0;
-  const PlaneEstimate bent = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+  const PlaneEstimate bent = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence, 0.1,
                                                  Vector3d::UnitZ(), std::nullopt);
   EXPECT_EQ(bent.status, Status::kNotObservable);
   EXPECT_EQ(bent.reason, "the points bend away from any plane");
   full.uu = 300.0;
   const PlaneEstimate one_axis = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
-                                                     Vector3d::UnitZ(), std::nullopt);
+                                                     0.1, Vector3d::UnitZ(), std::nullopt);
   EXPECT_EQ(one_axis.reason, "the points bend away from any plane");
   full.vv = 0.0;
-  const PlaneEstimate line = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+  const PlaneEstimate line = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence, 0.1,
                                                  Vector3d::UnitZ(), std::nullopt);
   EXPECT_EQ(line.status, Status::kNotObservable);
   EXPECT_EQ(line.reason, "the points lie on a line");

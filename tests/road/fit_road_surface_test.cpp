@@ -423,6 +423,28 @@ TEST(FitRoadSurface, ACamerasRoadLiesAheadOfItEvenBesideALargerSquare) {
   EXPECT_EQ(fit.surface.find(square.patch)->kind, PatchKind::kPavement);
 }
 
+TEST(FitRoadSurface, NoiseIsThePointsStandardDeviation) {
+  constexpr double kTrue = 0.03;
+  RoadCloud cloud;
+  const CounterRandom random(7);
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    cloud.points.push_back(Vector3d(random.uniform(2 * i, 0.0, 20.0),
+                                    random.uniform(2 * i + 1, -5.0, 5.0), kTrue * random.normal(i))
+                               .cast<float>());
+  }
+  for (const double threshold : {0.0, 2.5 * kTrue, 5.0 * kTrue}) {
+    RoadSurfaceOptions options;
+    options.inlier_threshold = threshold;
+    const RoadSurfaceFit fit = fit_road_surface(cloud, options);
+    ASSERT_EQ(fit.surface.patches.size(), 1u) << threshold;
+    EXPECT_NEAR(fit.noise, kTrue, 0.03 * kTrue) << threshold;
+    EXPECT_NEAR(fit.surface.patches[0].noise, kTrue, 0.03 * kTrue) << threshold;
+  }
+  const float variance = static_cast<float>(kTrue * kTrue);
+  cloud.covariances.assign(cloud.size(), {variance, 0, 0, variance, 0, variance});
+  EXPECT_NEAR(fit_road_surface(cloud, {}).noise, kTrue, 0.03 * kTrue);
+}
+
 TEST(FitRoadSurface, OptionsAreChecked) {
   RoadSurfaceOptions options;
   options.max_slope = 2.0;

@@ -121,6 +121,7 @@ void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full, ker
                       PlaneFit* fit) {
   std::optional<UnknownRays> rays;  // sample_.subset is weighed for the plane
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(sample_.subset, c.plane, c.window);
+  const double noise = measured_noise(sample_.subset, c.plane, c.window);
   detail::count_places_once(sample_.copies, &s);
   // How far the points' plane runs along the axis of the steps, as of points spread evenly.
   const double step = step_ * std::abs(c.plane.n[step_axis_]);
@@ -133,7 +134,7 @@ void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full, ker
   const double rounding = detail::shared_rounding(
       step_, std::sqrt(full.count / full.weight) / std::abs(c.plane.n[step_axis_]), range);
   const PlaneEstimate estimate =
-      estimate_covariance(c.plane, c.window, full, s, up_, rays,
+      estimate_covariance(c.plane, c.window, full, s, noise, up_, rays,
                           std::hypot(shared_, rounding * std::abs(c.plane.n[step_axis_])));
   constexpr double kExact = 0.1;  // of a step; rounding gives 0.29
   steps_are_exact_ = step > 0.0 && range > 2.0 * step_ && fit->rmse < kExact * step;

@@ -11,12 +11,38 @@
 #include <stdexcept>
 
 #include "camber/plane/detail/quiet_pcl.h"
+#include "camber/plane/plane_covariance.h"
 #include "camber/plane/plane_solver.h"
 
 namespace camber {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+
+namespace {
+
+/// See measured_noise(). @param normal  unit, of the plane through `middle`
+double noise_about(const pcl::PointCloud<pcl::PointXYZ>& cloud, const Vector3d& middle,
+                   const Vector3d& normal, double threshold) {
+  PointArrays points;
+  points.resize(cloud.size(), false, false);
+  for (std::size_t k = 0; k < cloud.size(); ++k) {
+    const Eigen::Vector3f p = (cloud[k].getVector3fMap().cast<double>() - middle).cast<float>();
+    points.x[k] = p.x();
+    points.y[k] = p.y();
+    points.z[k] = p.z();
+  }
+  PivotPlane plane;
+  plane.n = normal;
+  NoiseModel noise;
+  noise.scale = threshold / kInlierSigmas;
+  points.weigh(noise, plane);
+  PlaneWindow window;
+  align(plane, &window);
+  return measured_noise(points, plane, window);
+}
+
+}  // namespace
 
 PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
                        double default_threshold) {
@@ -98,10 +124,10 @@ PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
   UncertainPlane::make_axes(plane.normal, solver.eigenvectors().col(2), &out.axis1, &out.axis2);
   fit.num_inliers = fit.inliers.size();
   fit.rmse = std::sqrt(squares / count);
-  fit.noise = std::sqrt(squares / std::max(count - 3.0, 1.0));
+  fit.noise = noise_about(*input, plane.foot(mean), plane.normal, threshold);
   const double wide = solver.eigenvalues()[2], thin = solver.eigenvalues()[1];
   fit.condition = wide / std::max(thin, 1e-300);
-  const double variance = fit.noise * fit.noise;
+  const double variance = squares / std::max(count - 3.0, 1.0);
   // A turn about axis1 raises what lies along axis2, and the other way round.
   out.covariance = Vector3d(variance / std::max(thin, 1e-300), variance / std::max(wide, 1e-300),
                             variance / count)

@@ -6,6 +6,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <vector>
 
 namespace camber {
 
@@ -30,9 +32,11 @@ bool covers_area(const Eigen::Matrix2d& scatter) {
 /// @param scatter  m^2, smaller and larger eigenvalue in the plane, by the curvature of the loss:
 ///                 negative where more points leave the plane than lie on it
 /// @param area     whether the points themselves are spread over an area
-void judge(const Eigen::Vector2d& scatter, bool area, const Vector3d& up, PlaneEstimate* result) {
+/// @param one      m, standard deviation of a point by the curvature of the loss
+void judge(const Eigen::Vector2d& scatter, bool area, double one, const Vector3d& up,
+           PlaneEstimate* result) {
   UncertainPlane& out = result->plane;
-  const double thin = std::max(scatter[0], 0.0), wide = scatter[1], one = result->noise;
+  const double thin = std::max(scatter[0], 0.0), wide = scatter[1];
   const double points = std::max(result->points, 1.0);
   // Sums in float distinguish the two to about 1e-6.
   const bool line = !(thin > 1e-6 * wide) || !out.covariance.allFinite() ||
@@ -98,10 +102,44 @@ UnknownRays unknown_rays(const PointArrays& s, const PivotPlane& plane, const Pl
   return out;
 }
 
+double measured_noise(const PointArrays& s, const PivotPlane& plane, const PlaneWindow& window) {
+  constexpr float kLimit = static_cast<float>(kBiweight);
+  std::vector<float> residuals(s.x.size()), u(s.x.size()), v(s.x.size());
+  kernels::project({s.x.data(), s.y.data(), s.z.data(), s.w.data(), s.x.size()}, plane.as_float(),
+                   window.as_float(), residuals.data(), u.data(), v.data());
+  const float half_u = static_cast<float>(window.half_u),
+              half_v = static_cast<float>(window.half_v);
+  std::size_t filled = 0;
+  double count = 0.0, weight = 0.0, squares = 0.0;
+  for (std::size_t k = 0; k < s.size; ++k) {
+    const float r = residuals[k];
+    if (!(r < 1e29f) || std::abs(u[k]) > half_u || std::abs(v[k]) > half_v) continue;
+    residuals[filled++] = r;
+    if (!(std::abs(r) < kLimit)) continue;
+    count += 1.0;
+    weight += static_cast<double>(s.w[k]);
+    squares += static_cast<double>(r) * static_cast<double>(r);
+  }
+  constexpr double kFree = 3.0, kFewest = 20.0, kReach = 6.0;
+  if (!(weight > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+  const double stated = std::sqrt(count / weight);
+  if (count <= kFree) return stated;
+  const double free = std::sqrt(count / (count - kFree));
+  if (count < kFewest) return stated * free * std::sqrt(squares / count);
+  // Weights of a threshold may be far from the noise: the histogram's bins then are, too.
+  double deviation = 1.0;
+  for (int round = 0; round < 4; ++round) {
+    const double before = deviation;
+    deviation = core_deviation(residuals.data(), filled, before, kReach * before);
+    if (std::abs(deviation - before) < 0.05 * before) break;
+  }
+  return stated * free * deviation;
+}
+
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const kernels::Moments& full, const kernels::Moments& s,
-                                  const Vector3d& up, const std::optional<UnknownRays>& rays,
-                                  double shared) {
+                                  double noise, const Vector3d& up,
+                                  const std::optional<UnknownRays>& rays, double shared) {
   PlaneEstimate result;
   // Everything about the weighted centroid (mu, mv) of the window's coordinates.
   const double mu = full.u / full.weight, mv = full.v / full.weight;
@@ -144,7 +182,7 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   const double points = std::max(full.count, 1.0);
   const double one = std::sqrt(full.count / std::max(full.weight, 1e-300));
   result.points = full.count;
-  result.noise = one;
+  result.noise = std::isfinite(noise) ? noise : one;
   Matrix3d covariance;
   if (points < 12.0) {
     // Too few residuals to measure their spread.
@@ -174,7 +212,7 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   out.covariance = turn * covariance * turn.transpose();
   out.covariance = 0.5 * (out.covariance + out.covariance.transpose()).eval();
 
-  judge(in_plane.eigenvalues(), covers_area(spread.topLeftCorner<2, 2>()), up, &result);
+  judge(in_plane.eigenvalues(), covers_area(spread.topLeftCorner<2, 2>()), one, up, &result);
   return result;
 }
 

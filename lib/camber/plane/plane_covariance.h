@@ -15,7 +15,7 @@ inline constexpr double kWeakTilt = 0.02;  ///< rad, standard deviation above wh
 /// A fitted plane with its uncertainty, relative to the pivot.
 struct PlaneEstimate {
   UncertainPlane plane;
-  double noise = std::numeric_limits<double>::quiet_NaN();      ///< m, of a point
+  double noise = std::numeric_limits<double>::quiet_NaN();      ///< m, see measured_noise()
   double condition = std::numeric_limits<double>::quiet_NaN();  ///< >= 1
   double points = 0.0;                                          ///< that carry the fit
   /// Not observable since more points leave the plane, on both of its axes, than lie on it.
@@ -44,16 +44,25 @@ struct UnknownRays {
 UnknownRays unknown_rays(const PointArrays& points, const PivotPlane& plane,
                          const PlaneWindow& window);
 
+/// Standard deviation of the points about a plane inside a window, m: of the normal part of their
+/// residuals over an even background, whatever their weights were chosen as. Of points with unequal
+/// weights that of equal ones which would fix the plane's height as well: the harmonic mean of the
+/// weights' variances, times the residuals' own in standard deviations.
+/// @param points  weights up to date for the plane
+double measured_noise(const PointArrays& points, const PivotPlane& plane,
+                      const PlaneWindow& window);
+
 /// Covariance of the M-estimator, condition and status. axis1 is the direction of largest spread.
 /// @param full        kNewton sums at the plane over all points
 /// @param influence   kNewton sums with psi^2 over all or a part of them
+/// @param noise       m, of the points: see measured_noise()
 /// @param shared      m, standard deviation of an error that all points may share, and that may
 ///                    vary over them as slowly as a plane's height does; the covariance holds it
 /// @param rays        given where viewing rays are not known: the plane is lowered by the rise, and
 ///                    the covariance holds what is not known of it
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const plane_kernels::Moments& full,
-                                  const plane_kernels::Moments& influence,
+                                  const plane_kernels::Moments& influence, double noise,
                                   const Eigen::Vector3d& up, const std::optional<UnknownRays>& rays,
                                   double shared = 0.0);
 

@@ -34,7 +34,7 @@ constexpr double kStackedShare = 0.2;            // of the smaller one's area th
 constexpr double kBorderError = 0.3;             // m, how well the boundaries of patches are known
 constexpr double kUnseenCurvature = 1.0 / 60.0;  // 1/m, that ground may have where none is seen
 // A patch may be off the ground by so many standard deviations of a point, and at most so far, m.
-constexpr double kHiddenBend = 0.7, kMostHidden = 0.1;
+constexpr double kHiddenBend = 0.8, kMostHidden = 0.1;
 
 /// A surface seen in plan.
 struct PlanView {

@@ -113,8 +113,9 @@ void refine_region(const GroundTree& tree, double least_noise, double roughness,
   kernels::Moments influence = moments;
   detail::count_places_once(repetition.copies, &influence);
   const double in_common = shared * std::sqrt(moments.count / moments.weight);
+  const double noise = measured_noise(points, c.plane, c.window);
   region->estimate =
-      estimate_covariance(c.plane, c.window, moments, influence, kLevelUp, rays, in_common);
+      estimate_covariance(c.plane, c.window, moments, influence, noise, kLevelUp, rays, in_common);
 }
 
 /// Outline of a region in plan: the hull of its points in its own leaves, without the strays that
@@ -157,7 +158,8 @@ bool has_another_sheet(const GroundTree& tree, std::size_t leaf, const PlanarReg
   const std::size_t least = (l.end - l.begin) / 4;
   if (off.size() <= least) return false;
   std::sort(off.begin(), off.end());
-  const double width = 5.0 * region.estimate.noise;
+  constexpr double kWide = 5.75;  // standard deviations of a point
+  const double width = kWide * region.estimate.noise;
   std::size_t most = 0, from = 0;
   for (std::size_t to = 0; to < off.size(); ++to) {
     while (off[to] - off[from] > width) ++from;
@@ -306,8 +308,9 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   layer.typical = segmentation.typical_noise;
   if (known && known->typical > 0.0) {
     // What is left over by another layer may be rubbish: only what is as smooth counts.
+    constexpr double kRough = 2.2;
     for (PlanarRegion& region : segmentation.regions) {
-      if (region.estimate.noise > 2.5 * known->typical) region.estimate.status = Status::kFailed;
+      if (region.estimate.noise > kRough * known->typical) region.estimate.status = Status::kFailed;
     }
   }
   report(0.8);

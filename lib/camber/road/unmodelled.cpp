@@ -16,7 +16,7 @@ constexpr double kCell = 3.0;    // m
 constexpr double kFewest = 5.0;  // points of a cell whose scatter is measured
 // Share of a point's standard deviation that its neighbours may have in common. Found on the
 // forest road, docs/notes/cloud-toolkit.md.
-constexpr double kInCommon = 0.2;
+constexpr double kInCommon = 0.23;
 
 struct Cell {
   double count = 0.0, sum = 0.0, squares = 0.0;
