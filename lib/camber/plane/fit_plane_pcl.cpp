@@ -8,8 +8,10 @@
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 
+#include "camber/core/random.h"
 #include "camber/plane/detail/quiet_pcl.h"
 #include "camber/plane/plane_covariance.h"
 #include "camber/plane/plane_solver.h"
@@ -20,6 +22,23 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 namespace {
+
+/// Perpendicular planes whose samples are within the largest tilt, too, as msac.hpp needs them: a
+/// first sample that is steeper leaves no distances, whose sum of 0 no later plane is below, and
+/// later ones are not counted as trials.
+class PerpendicularPlanes : public pcl::SampleConsensusModelPerpendicularPlane<pcl::PointXYZ> {
+ public:
+  PerpendicularPlanes(const pcl::PointCloud<pcl::PointXYZ>::ConstPtr& points, std::uint64_t seed)
+      : SampleConsensusModelPerpendicularPlane(points) {
+    rng_alg_.seed(static_cast<std::uint32_t>(CounterRandom(seed).bits(0)));
+  }
+
+ protected:
+  bool isSampleGood(const pcl::Indices& sample) const override {
+    Eigen::VectorXf coefficients;
+    return computeModelCoefficients(sample, coefficients) && isModelValid(coefficients);
+  }
+};
 
 /// See measured_noise(). @param normal  unit, of the plane through `middle`
 double noise_about(const pcl::PointCloud<pcl::PointXYZ>& cloud, const Vector3d& middle,
@@ -74,8 +93,7 @@ PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,
   }
   const detail::QuietPcl quiet;
   const Vector3d up = options.up.normalized();
-  using Model = pcl::SampleConsensusModelPerpendicularPlane<pcl::PointXYZ>;
-  const Model::Ptr model(new Model(input));
+  const auto model = pcl::make_shared<PerpendicularPlanes>(input, options.seed);
   model->setAxis(up.cast<float>());
   model->setEpsAngle(options.max_tilt);
   pcl::MEstimatorSampleConsensus<pcl::PointXYZ> consensus(model, threshold);

@@ -6,7 +6,8 @@ namespace camber {
 
 /// The same question put to the Point Cloud Library, to check one engine against the other:
 /// MSAC over perpendicular planes, one threshold for all points, refined by least squares over the
-/// inliers. options.inlier_threshold 0 means `default_threshold`.
+/// inliers. options.inlier_threshold 0 means `default_threshold`. Status kFailed also where none of
+/// 1000 samples in a row is within max_tilt.
 /// The covariance is that of the least squares; sigmas, viewpoint and num_threads are not used.
 /// @throws std::invalid_argument if options.validate() fails or default_threshold is not positive
 ///         where it is needed.
