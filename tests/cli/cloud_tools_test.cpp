@@ -74,7 +74,7 @@ TEST_F(CloudTools, ThePeersLibraryPrintsNothingOfItsOwn) {
   for (int i = 0; i < 200; ++i) line += std::to_string(0.1 * i) + " 0 1\n";
   test::write_bytes(path("line.xyz"), line);
   EXPECT_ONE_SENTENCE(test::run_camber({"plane", path("line.xyz"), "--engine", "pcl"}), 1,
-                      "no plane within");
+                      "the points lie on a line");
 }
 
 TEST_F(CloudTools, ConvertsDepthImagesToClouds) {

@@ -83,5 +83,20 @@ TEST(FitPlanePcl, AWallIsNoPlaneNearLevel) {
   EXPECT_EQ(fit.reason, "no plane within 0.7 rad of the up direction");
 }
 
+TEST(FitPlanePcl, FewPlacesCarryNoCovariance) {
+  const Eigen::Vector3f a(0, 0, 1), b(3, 0, 1), c(0, 4, 1.5f);
+  RoadCloud cloud;
+  cloud.points.assign(20, a);
+  EXPECT_EQ(fit_plane_pcl(cloud, {}).reason, "all points lie at one place");
+  cloud.points.insert(cloud.points.end(), 20, b);
+  EXPECT_EQ(fit_plane_pcl(cloud, {}).status, Status::kFailed);
+  EXPECT_EQ(fit_plane_pcl(cloud, {}).reason, "the points lie on a line");
+  cloud.points.insert(cloud.points.end(), 20, c);
+  const PlaneFit fit = fit_plane_pcl(cloud, {});
+  EXPECT_EQ(fit.status, Status::kWeak);
+  EXPECT_EQ(fit.reason, "only 3 points lie on the plane");
+  EXPECT_GE(fit.plane.covariance.diagonal().minCoeff(), 1.0);
+}
+
 }  // namespace
 }  // namespace camber

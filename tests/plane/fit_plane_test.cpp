@@ -576,20 +576,75 @@ TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {
   full.uu = -300.0;
   full.vv = -200.0;
   plane_kernels::Moments influence = full;
+  PlanePointErrors errors;
+  errors.noise = 0.1;
+  errors.places = full.count;
   influence.i1 = influence.iuu = influence.ivv = 1.0;
-  const PlaneEstimate bent = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence, 0.1,
-                                                 Vector3d::UnitZ(), std::nullopt);
+  const PlaneEstimate bent = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+                                                 errors, Vector3d::UnitZ(), std::nullopt);
   EXPECT_EQ(bent.status, Status::kNotObservable);
   EXPECT_EQ(bent.reason, "the points bend away from any plane");
   full.uu = 300.0;
   const PlaneEstimate one_axis = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
-                                                     0.1, Vector3d::UnitZ(), std::nullopt);
+                                                     errors, Vector3d::UnitZ(), std::nullopt);
   EXPECT_EQ(one_axis.reason, "the points bend away from any plane");
   full.vv = 0.0;
-  const PlaneEstimate line = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence, 0.1,
-                                                 Vector3d::UnitZ(), std::nullopt);
+  const PlaneEstimate line = estimate_covariance(PivotPlane(), PlaneWindow(), full, influence,
+                                                 errors, Vector3d::UnitZ(), std::nullopt);
   EXPECT_EQ(line.status, Status::kNotObservable);
   EXPECT_EQ(line.reason, "the points lie on a line");
+}
+
+TEST(FitPlane, FewPlacesCarryNoCovariance) {
+  const Vector3f a(0, 0, 1), b(3, 0, 1), c(0, 4, 1.5f), d(3, 5, 3);
+  const auto copies_of = [](const std::vector<Vector3f>& places, std::size_t number) {
+    RoadCloud cloud;
+    for (std::size_t i = 0; i < number; ++i) cloud.points.push_back(places[i % places.size()]);
+    return cloud;
+  };
+  for (const double threshold : {0.0, 0.05}) {
+    PlaneFitOptions options;
+    options.inlier_threshold = threshold;
+    for (const std::size_t number : {0u, 1u, 2u}) {
+      const PlaneFit fit = fit_plane(copies_of({a, b}, number), options);
+      EXPECT_EQ(fit.status, Status::kFailed);
+      EXPECT_EQ(fit.reason, std::to_string(number) + " usable points, at least 3 are needed");
+    }
+    for (const std::size_t number : {3u, 20u, 40000u}) {
+      const PlaneFit one = fit_plane(copies_of({a}, number), options);
+      EXPECT_EQ(one.status, Status::kFailed);
+      EXPECT_EQ(one.reason, "all points lie at one place");
+      const PlaneFit two = fit_plane(copies_of({a, b}, number), options);
+      EXPECT_EQ(two.status, Status::kNotObservable);
+      EXPECT_EQ(two.reason, "the points lie on a line");
+    }
+    for (const std::size_t number : {3u, 20u, 2000u, 40000u}) {
+      const PlaneFit fit = fit_plane(copies_of({a, b, c}, number), options);
+      EXPECT_EQ(fit.status, Status::kWeak) << number;
+      EXPECT_EQ(fit.reason, "only 3 points lie on the plane") << number;
+      EXPECT_GE(fit.plane.covariance.diagonal().minCoeff(), 1.0) << number;
+      EXPECT_TRUE(std::isnan(fit.noise)) << number;
+    }
+    // Four places that lie on no plane: three of them do.
+    EXPECT_EQ(fit_plane(copies_of({a, b, c, d}, 2000), options).reason,
+              "only 3 points lie on the plane");
+    RoadCloud most_at_one = copies_of({a}, 2000);
+    most_at_one.points.insert(most_at_one.points.end(), {b, c});
+    EXPECT_EQ(fit_plane(most_at_one, options).reason, "only 3 points lie on the plane");
+  }
+}
+
+TEST(FitPlane, PointsWithoutNoiseAreKnownToTheRoundingOfFloats) {
+  for (const int side : {4, 10, 50}) {
+    RoadCloud cloud;
+    for (int i = 0; i < side * side; ++i)
+      cloud.points.emplace_back(static_cast<float>(i % side), static_cast<float>(i / side), 1.0f);
+    const PlaneFit fit = fit_plane(cloud, {});
+    EXPECT_EQ(fit.status, Status::kOk) << fit.reason;
+    EXPECT_GT(fit.plane.covariance.diagonal().minCoeff(), 1e-15) << side;
+    EXPECT_LT(fit.plane.covariance.diagonal().maxCoeff(), 1e-8) << side;
+    EXPECT_GT(fit.noise, 1e-7) << side;
+  }
 }
 
 }  // namespace

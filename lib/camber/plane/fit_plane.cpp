@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <set>
 #include <stdexcept>
 
 #include "camber/plane/detail/cloud_passes.h"
@@ -24,6 +26,8 @@ using detail::PlaneHypotheses;
 using detail::PlaneSample;
 using detail::PointColumns;
 
+constexpr std::size_t kFewPlaces = 12;       // at which residuals do not show their spread
+constexpr double kFloatRounding = 4e-7;      // of the spread, in sums of coordinates
 constexpr std::size_t kManyPasses = 262144;  // up to it all points are iterated to convergence
 
 /// Everything about one fit.
@@ -61,6 +65,7 @@ class Fitter {
                                  PlaneFit* fit) const;
   kernels::Moments all_moments(const PlaneCandidate& candidate, bool finish, double inlier_share,
                                PlaneFit* fit) const;
+  std::size_t few_places(const PlaneCandidate& candidate) const;
   void describe(const PlaneCandidate& candidate, const kernels::Moments& full,
                 kernels::Moments influence, PlaneFit* fit);
 
@@ -86,8 +91,9 @@ class Fitter {
   double shared_;
   bool may_round_;
   bool bends_ = false, steps_are_exact_ = false;
-  Eigen::Index step_axis_ = 2;  // along which rounding is looked for: the nearest to up
-  double step_ = 0.0;           // m; 0: none
+  Eigen::Index step_axis_ = 2;   // along which rounding is looked for: the nearest to up
+  double step_ = 0.0;            // m; 0: none
+  double float_rounding_ = 0.0;  // m, of coordinates and sums
   PlaneSample sample_;
   NoiseModel noise_;
 };
@@ -116,12 +122,29 @@ void Fitter::relearn_power_law(PointArrays* points, PlaneCandidate* c) const {
   learn_power_law(pairs, 4.0 * quantile(sizes, 0.5), sample_.least_noise, &c->noise);
 }
 
+/// At how many places the sample's points on a plane lie; not beyond kFewPlaces.
+std::size_t Fitter::few_places(const PlaneCandidate& c) const {
+  const PointArrays& s = sample_.subset;
+  std::set<std::array<float, 3>> places;
+  for (std::size_t k = 0; k < s.size && places.size() < kFewPlaces; ++k) {
+    const double r = c.plane.distance(s.point(k));
+    if (!(r * r * static_cast<double>(s.w[k]) < kBiweight * kBiweight) || !(s.w[k] > 0.0f))
+      continue;
+    places.insert({s.x[k], s.y[k], s.z[k]});
+  }
+  return places.size();
+}
+
 /// Covariance, condition, status.
 void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full, kernels::Moments s,
                       PlaneFit* fit) {
   std::optional<UnknownRays> rays;  // sample_.subset is weighed for the plane
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(sample_.subset, c.plane, c.window);
-  const double noise = measured_noise(sample_.subset, c.plane, c.window);
+  PlanePointErrors errors;
+  errors.noise = measured_noise(sample_.subset, c.plane, c.window);
+  errors.places = full.count / sample_.copies;
+  const std::size_t few = few_places(c);
+  if (few < kFewPlaces) errors.places = static_cast<double>(few);
   detail::count_places_once(sample_.copies, &s);
   // How far the points' plane runs along the axis of the steps, as of points spread evenly.
   const double step = step_ * std::abs(c.plane.n[step_axis_]);
@@ -133,9 +156,8 @@ void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full, ker
   const double range = std::sqrt(12.0 * std::max(variance, 0.0));
   const double rounding = detail::shared_rounding(
       step_, std::sqrt(full.count / full.weight) / std::abs(c.plane.n[step_axis_]), range);
-  const PlaneEstimate estimate =
-      estimate_covariance(c.plane, c.window, full, s, noise, up_, rays,
-                          std::hypot(shared_, rounding * std::abs(c.plane.n[step_axis_])));
+  errors.shared = std::hypot(shared_, rounding * std::abs(c.plane.n[step_axis_]), float_rounding_);
+  const PlaneEstimate estimate = estimate_covariance(c.plane, c.window, full, s, errors, up_, rays);
   constexpr double kExact = 0.1;  // of a step; rounding gives 0.29
   steps_are_exact_ = step > 0.0 && range > 2.0 * step_ && fit->rmse < kExact * step;
   bends_ = estimate.bends;
@@ -173,7 +195,8 @@ void Fitter::describe(const PlaneCandidate& c, const kernels::Moments& full, ker
       fit->extent.push_back(fit->plane.plane.foot(x));
     }
   }
-  fit->noise = estimate.noise;
+  fit->noise = std::max(errors.noise, float_rounding_);
+  if (std::isnan(errors.noise)) fit->noise = errors.noise;
   fit->condition = estimate.condition;
   fit->status = estimate.status;
   fit->reason = estimate.reason;
@@ -264,6 +287,7 @@ PlaneFit Fitter::run() {
                 fmt::format("{} usable points, at least 3 are needed", sample_.usable));
   }
   if (!(sample_.spread > 0.0)) return fail(Status::kFailed, "all points lie at one place");
+  float_rounding_ = kFloatRounding * sample_.spread;
   find_steps();
   detail::order_by_neighbourhood(up_, &sample_);
   choose_noise();

@@ -40,7 +40,8 @@ struct PlaneFit {
   std::vector<int> inliers;     ///< ascending indices into the input
   std::size_t num_inliers = 0;  ///< points within the inlier threshold of the plane
   /// m, standard deviation of a point about the plane, whatever the threshold is; of points with
-  /// unequal sigmas the root of their variances' harmonic mean. See measured_noise().
+  /// unequal sigmas the root of their variances' harmonic mean; NaN for up to three points. See
+  /// measured_noise().
   double noise = std::numeric_limits<double>::quiet_NaN();
   /// Corners, in order, of the part of the plane that carries the fit; empty unless one was fitted.
   std::vector<Eigen::Vector3d> extent;

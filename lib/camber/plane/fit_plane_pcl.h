@@ -8,7 +8,8 @@ namespace camber {
 /// MSAC over perpendicular planes, one threshold for all points, refined by least squares over the
 /// inliers. options.inlier_threshold 0 means `default_threshold`. Status kFailed also where none of
 /// 1000 samples in a row is within max_tilt.
-/// The covariance is that of the least squares; sigmas, viewpoint and num_threads are not used.
+/// The covariance is that of the least squares, wide where the inliers are at fewer than 12 places;
+/// sigmas, viewpoint and num_threads are not used.
 /// @throws std::invalid_argument if options.validate() fails or default_threshold is not positive
 ///         where it is needed.
 PlaneFit fit_plane_pcl(const RoadCloud& cloud, const PlaneFitOptions& options,

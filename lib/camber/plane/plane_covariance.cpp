@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kRangeNoise = 0.01;  // relative, along unknown rays
 constexpr double kRayTilt = 0.08;     // see UnknownRays
+constexpr double kFewPoints = 12.0;   // whose residuals do not show their spread
 
 /// Whether points with this scatter in the plane (m^2) are spread over an area, not along a line.
 bool covers_area(const Eigen::Matrix2d& scatter) {
@@ -54,12 +55,14 @@ void judge(const Eigen::Vector2d& scatter, bool area, double one, const Vector3d
       out.plane.offset = -out.plane.normal.dot(out.centroid);
       out.axis2 = out.plane.normal.cross(along);
     }
+    const double variance = points < kFewPoints ? std::max(one * one, wide) : one * one;
     out.covariance =
-        Vector3d(1.0, one * one / points / std::max(wide, 1e-300), one * one).asDiagonal();
+        Vector3d(1.0, std::min(variance / points / std::max(wide, 1e-300), 1.0), variance)
+            .asDiagonal();
     return;
   }
   const double tilt = std::sqrt(std::max(out.covariance(0, 0), out.covariance(1, 1)));
-  if (points < 12.0) {
+  if (points < kFewPoints) {
     result->status = Status::kWeak;
     result->reason = fmt::format("only {} points lie on the plane", std::lround(points));
   } else if (tilt > kWeakTilt) {
@@ -121,9 +124,8 @@ double measured_noise(const PointArrays& s, const PivotPlane& plane, const Plane
     squares += static_cast<double>(r) * static_cast<double>(r);
   }
   constexpr double kFree = 3.0, kFewest = 20.0, kReach = 6.0;
-  if (!(weight > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+  if (count <= kFree || !(weight > 0.0)) return std::numeric_limits<double>::quiet_NaN();
   const double stated = std::sqrt(count / weight);
-  if (count <= kFree) return stated;
   const double free = std::sqrt(count / (count - kFree));
   if (count < kFewest) return stated * free * std::sqrt(squares / count);
   // Weights of a threshold may be far from the noise: the histogram's bins then are, too.
@@ -138,8 +140,8 @@ double measured_noise(const PointArrays& s, const PivotPlane& plane, const Plane
 
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const kernels::Moments& full, const kernels::Moments& s,
-                                  double noise, const Vector3d& up,
-                                  const std::optional<UnknownRays>& rays, double shared) {
+                                  const PlanePointErrors& errors, const Vector3d& up,
+                                  const std::optional<UnknownRays>& rays) {
   PlaneEstimate result;
   // Everything about the weighted centroid (mu, mv) of the window's coordinates.
   const double mu = full.u / full.weight, mv = full.v / full.weight;
@@ -179,12 +181,12 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   out.axis2 = plane.n.cross(out.axis1);
 
   // Covariance of (alpha, beta, gamma): sandwich, with the small-sample factor.
-  const double points = std::max(full.count, 1.0);
+  const double points = std::max(errors.places, 1.0);
   const double one = std::sqrt(full.count / std::max(full.weight, 1e-300));
-  result.points = full.count;
-  result.noise = std::isfinite(noise) ? noise : one;
+  result.points = errors.places;
+  result.noise = std::isfinite(errors.noise) ? errors.noise : one;
   Matrix3d covariance;
-  if (points < 12.0) {
+  if (points < kFewPoints) {
     // Too few residuals to measure their spread.
     covariance = Vector3d(1.0, 1.0, std::max(one * one, wide)).asDiagonal();
   } else {
@@ -195,10 +197,11 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
       covariance(1, 1) += rays->slope_v * rays->slope_v;
       covariance(2, 2) += 0.25 * rays->rise * rays->rise;
     }
-    if (shared > 0.0 && thin > 0.0) {
+    if (errors.shared > 0.0 && thin > 0.0) {
       // As one point's at a root mean square distance from the middle, along either axis.
-      covariance.topLeftCorner<2, 2>() += shared * shared * scatter.inverse();
-      covariance(2, 2) += shared * shared;
+      const double variance = errors.shared * errors.shared;
+      covariance.topLeftCorner<2, 2>() += variance * scatter.inverse();
+      covariance(2, 2) += variance;
     }
   }
   // The surface raised by alpha u + beta v + gamma has the normal n - alpha a - beta b; a turn

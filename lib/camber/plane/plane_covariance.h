@@ -17,7 +17,7 @@ struct PlaneEstimate {
   UncertainPlane plane;
   double noise = std::numeric_limits<double>::quiet_NaN();      ///< m, see measured_noise()
   double condition = std::numeric_limits<double>::quiet_NaN();  ///< >= 1
-  double points = 0.0;                                          ///< that carry the fit
+  double points = 0.0;                                          ///< that carry the fit, copies once
   /// Not observable since more points leave the plane, on both of its axes, than lie on it.
   bool bends = false;
   Status status = Status::kNotRun;
@@ -45,25 +45,32 @@ UnknownRays unknown_rays(const PointArrays& points, const PivotPlane& plane,
                          const PlaneWindow& window);
 
 /// Standard deviation of the points about a plane inside a window, m: of the normal part of their
-/// residuals over an even background, whatever their weights were chosen as. Of points with unequal
-/// weights that of equal ones which would fix the plane's height as well: the harmonic mean of the
-/// weights' variances, times the residuals' own in standard deviations.
+/// residuals over an even background, whatever their weights were chosen as; NaN for three points
+/// or fewer, which lie on any plane. Of points with unequal weights that of equal ones which would
+/// fix the plane's height as well: the harmonic mean of the weights' variances, times the
+/// residuals' own in standard deviations.
 /// @param points  weights up to date for the plane
 double measured_noise(const PointArrays& points, const PivotPlane& plane,
                       const PlaneWindow& window);
 
+/// What is known of the errors of a plane's points.
+struct PlanePointErrors {
+  double noise = std::numeric_limits<double>::quiet_NaN();  ///< m, see measured_noise()
+  double places = 0.0;  ///< at which points carry the fit: copies of a point count once
+  /// m, standard deviation of an error that all points may share, and that may vary over them as
+  /// slowly as a plane's height does; the covariance holds it
+  double shared = 0.0;
+};
+
 /// Covariance of the M-estimator, condition and status. axis1 is the direction of largest spread.
 /// @param full        kNewton sums at the plane over all points
 /// @param influence   kNewton sums with psi^2 over all or a part of them
-/// @param noise       m, of the points: see measured_noise()
-/// @param shared      m, standard deviation of an error that all points may share, and that may
-///                    vary over them as slowly as a plane's height does; the covariance holds it
 /// @param rays        given where viewing rays are not known: the plane is lowered by the rise, and
 ///                    the covariance holds what is not known of it
 PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& window,
                                   const plane_kernels::Moments& full,
-                                  const plane_kernels::Moments& influence, double noise,
-                                  const Eigen::Vector3d& up, const std::optional<UnknownRays>& rays,
-                                  double shared = 0.0);
+                                  const plane_kernels::Moments& influence,
+                                  const PlanePointErrors& errors, const Eigen::Vector3d& up,
+                                  const std::optional<UnknownRays>& rays);
 
 }  // namespace camber

@@ -28,9 +28,10 @@ namespace kernels = plane_kernels;
 namespace {
 
 constexpr std::size_t kMostPoints = 262144;  // that take part in finding the patches
-constexpr double kRoughness = 0.01;  // m, of ground; its points lie on no plane more tightly
-constexpr int kFewInliers = 12;      // whose spread does not show the noise
-constexpr double kCrowded = 0.12;    // share of crowded leaves that shows another layer
+constexpr double kRoughness = 0.01;      // m, of ground; its points lie on no plane more tightly
+constexpr int kFewInliers = 12;          // whose spread does not show the noise
+constexpr double kFloatRounding = 4e-7;  // of the spread, of coordinates and their sums
+constexpr double kCrowded = 0.12;        // share of crowded leaves that shows another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
 
 /// Whether points that lie on a plane but for the ground's roughness lie farther off it than their
@@ -64,7 +65,7 @@ Repetition find_repetition(const RoadCloud& cloud, const GroundTree& tree) {
   for (const GroundTree::Leaf& leaf : tree.leaves()) {
     for (std::size_t k = leaf.begin; k < leaf.end; k += stride) heights.push_back(s.z[k]);
   }
-  out.step = detail::coordinate_step(heights, 4e-7 * tree.spread());
+  out.step = detail::coordinate_step(heights, kFloatRounding * tree.spread());
   std::vector<std::uint32_t> rows;
   for (std::size_t i = 0; i < cloud.size(); i += 1 + cloud.size() / detail::kPlaneSample) {
     // Rays that met nothing lie at zero.
@@ -112,10 +113,13 @@ void refine_region(const GroundTree& tree, double least_noise, double roughness,
   if (c.noise.kind != NoiseKind::kRays) rays = unknown_rays(points, c.plane, c.window);
   kernels::Moments influence = moments;
   detail::count_places_once(repetition.copies, &influence);
-  const double in_common = shared * std::sqrt(moments.count / moments.weight);
-  const double noise = measured_noise(points, c.plane, c.window);
+  PlanePointErrors errors;
+  errors.noise = measured_noise(points, c.plane, c.window);
+  errors.places = moments.count / repetition.copies;
+  errors.shared = std::hypot(shared * std::sqrt(moments.count / moments.weight),
+                             kFloatRounding * tree.spread());
   region->estimate =
-      estimate_covariance(c.plane, c.window, moments, influence, noise, kLevelUp, rays, in_common);
+      estimate_covariance(c.plane, c.window, moments, influence, errors, kLevelUp, rays);
 }
 
 /// Outline of a region in plan: the hull of its points in its own leaves, without the strays that
@@ -298,7 +302,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
     return layer;
   }
 
-  const double least_noise = std::max({4e-7 * tree.spread(), 1e-9, rounding});
+  const double least_noise = std::max({kFloatRounding * tree.spread(), 1e-9, rounding});
   parallel_for(segmentation.regions.size(), options.num_threads, [&](std::size_t region) {
     refine_region(tree, least_noise, segmentation_options.roughness, fixed_noise,
                   segmentation.shared, repetition, &segmentation.regions[region]);
