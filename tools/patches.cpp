@@ -149,6 +149,8 @@ int run(const Command& command, const Arguments& args) {
                            : fit_road_surface(file.cloud, options, make_progress(command.common));
   compute.stop();
   if (fit.status == Status::kFailed) throw NoAnswerError(args.input.cloud + ": " + fit.reason);
+  const LogSink warn = make_warning_sink(command.common);
+  if (warn && fit.status == Status::kWeak) warn(args.input.cloud + ": " + fit.reason);
 
   StageTimer write(timings, "write");
   json surface = to_json(fit.surface);
@@ -157,8 +159,7 @@ int run(const Command& command, const Arguments& args) {
       std::count_if(fit.labels.begin(), fit.labels.end(), [](int label) { return label >= 0; });
   file.cloud.labels["patch"] = fit.labels;
   const auto labelled =
-      with_crs(make_point_source(file.cloud),
-               crs_in_use(args.input.cloud, file.report, make_warning_sink(command.common)));
+      with_crs(make_point_source(file.cloud), crs_in_use(args.input.cloud, file.report, warn));
   write_points(*labelled, folder.staging() / "labels.ply");
   if (args.las) {
     write_labelled_copy(args.input.cloud, args.input.reading.read_options(), "patch", fit.labels,

@@ -4,12 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/core/random.h"
 #include "cli/run_program.h"
 #include "plane/road_scene_maker.h"
 #include "scene/write_image.h"
@@ -127,6 +129,33 @@ TEST_F(RoadClouds, LengthsUpToScaleAreNoMetres) {
   ASSERT_EQ(profile.exit_code, 0) << profile.error;
   EXPECT_THAT(profile.error, HasSubstr("surface.json: its lengths are in " + warning));
   EXPECT_EQ(json::parse(profile.out)["metric"], false);
+}
+
+TEST_F(RoadClouds, AThresholdBelowTheNoiseIsNamed) {
+  RoadCloud cloud;
+  const CounterRandom random(3);
+  for (std::uint64_t i = 0; i < 4000; ++i) {
+    cloud.points.push_back(Vector3d(random.uniform(2 * i, -5.0, 5.0),
+                                    random.uniform(2 * i + 1, -5.0, 5.0), 0.02 * random.normal(i))
+                               .cast<float>());
+  }
+  write_cloud(cloud, path("noisy.ply"));
+  const auto plane = run_camber({"plane", path("noisy.ply"), "--threshold", "0.008"});
+  ASSERT_EQ(plane.exit_code, 0) << plane.error;
+  EXPECT_THAT(plane.out, HasSubstr("status     weak: the points scatter about it by 0.02 m, which "
+                                   "the threshold of 0.008 m cannot show: this is of those "));
+  const std::vector<std::string> patches = {"patches",     path("noisy.ply"), "--out",
+                                            path("noisy"), "--threshold",     "0.008"};
+  const auto warned = run_camber(patches);
+  ASSERT_EQ(warned.exit_code, 0) << warned.error;
+  EXPECT_THAT(warned.error, HasSubstr("camber: warning: " + path("noisy.ply") +
+                                      ": points scatter about their planes by 0.0"));
+  EXPECT_EQ(std::count(warned.error.begin(), warned.error.end(), '\n'), 1);
+  std::vector<std::string> quiet = patches;
+  quiet.push_back("--quiet");
+  EXPECT_EQ(run_camber(quiet).error, "");
+  quiet = {"patches", path("noisy.ply"), "--out", path("noisy"), "--threshold", "0.05"};
+  EXPECT_EQ(run_camber(quiet).error, "");
 }
 
 TEST_F(RoadClouds, EnginesAgree) {

@@ -595,6 +595,65 @@ TEST(PlaneCovariance, ALossThatCurvesDownwardsIsNoLine) {
   EXPECT_EQ(line.reason, "the points lie on a line");
 }
 
+TEST(FitPlane, AThresholdBelowTheNoiseStillFindsThePlane) {
+  constexpr double kNoise = 0.02;
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    for (const std::size_t points : {300u, 20000u}) {
+      RoadCloud cloud = sheet(points, kNoise / kSheetNormal.z(), 2.0, seed);
+      const CounterRandom random(seed, 9);
+      for (std::size_t i = 0; i < points; i += 5)
+        cloud.points[i].z() = static_cast<float>(random.uniform(i, -1.0, 5.0));
+      for (const double share : {0.05, 0.2, 0.4, 0.6}) {
+        PlaneFitOptions options;
+        options.inlier_threshold = share * kNoise;
+        const PlaneFit fit = fit_plane(cloud, options);
+        ASSERT_EQ(fit.status, Status::kWeak) << share << ": " << fit.reason;
+        EXPECT_EQ(fit.reason.find("the points scatter about it by 0.0"), 0u) << fit.reason;
+        // Four standard deviations, by its own covariance, which is not much wider than needed.
+        const Vector3d off = fit.plane.plane.normal - kSheetNormal;
+        const Eigen::Matrix3d& c = fit.plane.covariance;
+        EXPECT_LT(std::abs(off.dot(fit.plane.axis2)), 4.0 * std::sqrt(c(0, 0)));
+        EXPECT_LT(std::abs(off.dot(fit.plane.axis1)), 4.0 * std::sqrt(c(1, 1)));
+        EXPECT_LT(std::sqrt(c(2, 2)), 2.0 * kNoise / std::sqrt(0.8 * static_cast<double>(points)));
+        EXPECT_NEAR(static_cast<double>(fit.num_inliers), 0.8 * static_cast<double>(points),
+                    0.05 * static_cast<double>(points));
+      }
+    }
+  }
+}
+
+TEST(FitPlane, AThresholdMayTellASmoothSurfaceFromARoughOne) {
+  // A road of 5 mm among grass of 80 mm, which most of the points are.
+  const CounterRandom random(6);
+  RoadCloud cloud;
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    const double x = random.uniform(2 * i, -10, 10), y = random.uniform(2 * i + 1, -10, 10);
+    const bool road = std::abs(y) < 4.0;
+    cloud.points.push_back(
+        Vector3d(x, y, road ? 0.005 * random.normal(i) : 0.05 + 0.08 * random.normal(i))
+            .cast<float>());
+  }
+  PlaneFitOptions options;
+  options.inlier_threshold = 0.015;
+  const PlaneFit fit = fit_plane(cloud, options);
+  EXPECT_EQ(fit.status, Status::kOk) << fit.reason;
+  EXPECT_NEAR(fit.plane.plane.offset, 0.0, 0.002);
+  EXPECT_LT(angle_between(fit.plane.plane.normal, Vector3d::UnitZ()), 1e-3);
+}
+
+TEST(FitPlane, AThresholdBelowTheBendIsWidened) {
+  const RoadCloud cloud = bending_road(100.0, 0.002, 3);
+  PlaneFitOptions options;
+  options.inlier_threshold = 0.005;
+  const PlaneFit fit = fit_plane(cloud, options);
+  ASSERT_EQ(fit.status, Status::kWeak) << fit.reason;
+  EXPECT_EQ(fit.reason.find("the points bend away from any plane by more than the threshold of "
+                            "0.005 m: this is of those within "),
+            0u)
+      << fit.reason;
+  EXPECT_GT(fit.num_inliers, 12u);
+}
+
 TEST(FitPlane, FewPlacesCarryNoCovariance) {
   const Vector3f a(0, 0, 1), b(3, 0, 1), c(0, 4, 1.5f), d(3, 5, 3);
   const auto copies_of = [](const std::vector<Vector3f>& places, std::size_t number) {

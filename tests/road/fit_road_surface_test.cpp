@@ -423,6 +423,28 @@ TEST(FitRoadSurface, ACamerasRoadLiesAheadOfItEvenBesideALargerSquare) {
   EXPECT_EQ(fit.surface.find(square.patch)->kind, PatchKind::kPavement);
 }
 
+TEST(FitRoadSurface, AThresholdBelowTheNoiseIsNamed) {
+  constexpr double kNoise = 0.02;
+  RoadCloud cloud;
+  const CounterRandom random(7);
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    cloud.points.push_back(Vector3d(random.uniform(2 * i, 0.0, 20.0),
+                                    random.uniform(2 * i + 1, -5.0, 5.0), kNoise * random.normal(i))
+                               .cast<float>());
+  }
+  RoadSurfaceOptions options;
+  options.inlier_threshold = 0.4 * kNoise;
+  const RoadSurfaceFit narrow = fit_road_surface(cloud, options);
+  EXPECT_EQ(narrow.status, Status::kWeak);
+  EXPECT_EQ(narrow.reason.find("points scatter about their planes by 0.0"), 0u) << narrow.reason;
+  EXPECT_GT(narrow.surface.patches.size(), 1u);
+  // As the reason advises.
+  options.inlier_threshold = 2.5 * kNoise;
+  const RoadSurfaceFit wide = fit_road_surface(cloud, options);
+  EXPECT_EQ(wide.status, Status::kOk) << wide.reason;
+  EXPECT_EQ(wide.surface.patches.size(), 1u);
+}
+
 TEST(FitRoadSurface, NoiseIsThePointsStandardDeviation) {
   constexpr double kTrue = 0.03;
   RoadCloud cloud;

@@ -51,6 +51,8 @@ class Fitter {
   /// points lie on it as none do that were rounded.
   bool steps_are_exact() const { return steps_are_exact_; }
   double spread() const { return sample_.spread; }  ///< m, of the points
+  /// After run() with a threshold: m, of the points about their neighbourhoods' planes.
+  double local_noise() const { return local_noise_; }
   /// m, inlier threshold of the noise; 0 where the points state their own.
   double threshold() const {
     return noise_.kind == NoiseKind::kSame ? kInlierSigmas * noise_.scale : 0.0;
@@ -59,6 +61,7 @@ class Fitter {
  private:
   void find_steps();
   void choose_noise();
+  void learn_noise(NoiseModel* model) const;
   PlaneCandidate choose_candidate(std::vector<PlaneCandidate>* candidates);
   void relearn_power_law(PointArrays* points, PlaneCandidate* candidate) const;
   kernels::Moments refine_on_all(double inlier_share, PlaneCandidate* candidate,
@@ -96,6 +99,7 @@ class Fitter {
   double float_rounding_ = 0.0;  // m, of coordinates and sums
   PlaneSample sample_;
   NoiseModel noise_;
+  double local_noise_ = 0.0;
 };
 
 /// The power law of sigmas again, from the points of the candidate's window.
@@ -227,10 +231,18 @@ void Fitter::choose_noise() {
     noise_.kind = source_.sigma ? NoiseKind::kPower : NoiseKind::kSame;
   }
   if (noise_.kind != NoiseKind::kSame && step_ > 0.0) noise_.least = sample_.least_noise;
-  if (!fixed_threshold() && (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower)) {
-    detail::learn_local_noise(sample_.ordered, sample_.leaves, {}, up_, options_.max_tilt,
-                              sample_.least_noise, options_.seed, options_.num_threads, &noise_);
+  if (fixed_threshold()) {
+    NoiseModel local;
+    learn_noise(&local);
+    local_noise_ = local.scale;
+  } else if (noise_.kind == NoiseKind::kSame || noise_.kind == NoiseKind::kPower) {
+    learn_noise(&noise_);
   }
+}
+
+void Fitter::learn_noise(NoiseModel* model) const {
+  detail::learn_local_noise(sample_.ordered, sample_.leaves, {}, up_, options_.max_tilt,
+                            sample_.least_noise, options_.seed, options_.num_threads, model);
 }
 
 /// Refines all candidates on the subset; the one that most points of the cloud support.
@@ -321,45 +333,101 @@ PlaneFit Fitter::run() {
   return fit;
 }
 
+bool is_plane(const PlaneFit& fit) {
+  return fit.status == Status::kOk || fit.status == Status::kWeak;
+}
+
+/// One fit, and what is known of why there is none.
+struct Attempt {
+  PlaneFit fit;
+  bool bends = false;        ///< see Fitter
+  double threshold = 0.0;    ///< m, of the noise; 0: not known
+  double spread = 0.0;       ///< m, of the points
+  double local_noise = 0.0;  ///< m, see Fitter
+};
+
+Attempt attempt(const PointColumns& source, const PlaneFitOptions& options) {
+  const auto result_of = [](const Fitter& fitter, PlaneFit fit) {
+    return Attempt{std::move(fit), fitter.bends(), fitter.threshold(), fitter.spread(),
+                   fitter.local_noise()};
+  };
+  Fitter fitter(source, options);
+  PlaneFit fit = fitter.run();
+  if (!fitter.steps_are_exact()) return result_of(fitter, std::move(fit));
+  Fitter exact(source, options, 0.0, false);
+  fit = exact.run();
+  return result_of(exact, std::move(fit));
+}
+
 /// What a plane holds within of a surface that bends away from it by more than its noise: the least
 /// of thresholds, each twice the last, within which more points lie on a plane than leave it.
-/// @param threshold  m, of the noise; 0: not known
-/// @param spread     m, of the points
 std::optional<PlaneFit> fit_bending(const PointColumns& source, const PlaneFitOptions& options,
-                                    double threshold, double spread) {
+                                    const Attempt& bent) {
   constexpr double kFirst = 1e-4, kLast = 0.05;  // of the spread
   constexpr std::size_t kLeastPoints = 12;
   PlaneFitOptions wider = options;
-  wider.inlier_threshold = std::max(kFirst * spread, 2.0 * threshold);
-  for (; wider.inlier_threshold <= kLast * spread; wider.inlier_threshold *= 2.0) {
+  wider.inlier_threshold = std::max(kFirst * bent.spread, 2.0 * bent.threshold);
+  for (; wider.inlier_threshold <= kLast * bent.spread; wider.inlier_threshold *= 2.0) {
     // The bend is an error that all points share.
     PlaneFit fit = Fitter(source, wider, wider.inlier_threshold / kInlierSigmas).run();
-    if (fit.status != Status::kOk && fit.status != Status::kWeak) continue;
-    if (fit.num_inliers < kLeastPoints) continue;
+    if (!is_plane(fit) || fit.num_inliers < kLeastPoints) continue;
     fit.status = Status::kWeak;
+    const std::string more = options.inlier_threshold > 0.0
+                                 ? fmt::format("the threshold of {:.2g} m", bent.threshold)
+                                 : "their noise";
     fit.reason = fmt::format(
-        "the points bend away from any plane by more than their noise: this is of those within "
-        "{:.2g} m of it",
-        wider.inlier_threshold);
+        "the points bend away from any plane by more than {}: this is of those within {:.2g} m of "
+        "it",
+        more, wider.inlier_threshold);
     return fit;
   }
   return std::nullopt;
 }
 
+/// Whether as many points lie within a threshold of a plane as of any that runs through the noise
+/// of another's points, or hardly more: the plane is a slice of those.
+bool is_slice_of(const PlaneFit& fit, double threshold, const PlaneFit& other) {
+  constexpr double kMore = 1.5, kSigmas = 5.0;
+  const double inside = std::erf(threshold / (std::sqrt(2.0) * other.noise));
+  const double expected = inside * static_cast<double>(other.num_inliers);
+  return static_cast<double>(fit.num_inliers) <= kMore * expected + kSigmas * std::sqrt(expected);
+}
+
+/// The plane of points that scatter about it by more than the threshold given. Within so little the
+/// loss is as flat as their density: what it finds there is a slice anywhere in the noise.
+std::optional<PlaneFit> fit_noisier(const PointColumns& source, const PlaneFitOptions& options,
+                                    const Attempt& narrow) {
+  PlaneFitOptions wider = options;
+  wider.inlier_threshold = 0.0;
+  const Attempt free = attempt(source, wider);
+  if (!is_plane(free.fit) || free.bends || !(free.fit.noise > options.inlier_threshold)) {
+    return std::nullopt;
+  }
+  if (is_plane(narrow.fit) && !is_slice_of(narrow.fit, options.inlier_threshold, free.fit)) {
+    return std::nullopt;
+  }
+  wider.inlier_threshold = kInlierSigmas * free.fit.noise;
+  Attempt found = attempt(source, wider);
+  if (!is_plane(found.fit)) return std::nullopt;
+  found.fit.status = Status::kWeak;
+  found.fit.reason = fmt::format(
+      "the points scatter about it by {:.2g} m, which the threshold of {:.2g} m cannot show: this "
+      "is of those within {:.2g} m of it",
+      free.fit.noise, options.inlier_threshold, wider.inlier_threshold);
+  return std::move(found.fit);
+}
+
 PlaneFit run_fit(const PointColumns& source, const PlaneFitOptions& options) {
   options.validate();
-  Fitter fitter(source, options);
-  PlaneFit fit = fitter.run();
-  Fitter exact(source, options, 0.0, false);
-  const bool is_exact = fitter.steps_are_exact();
-  if (is_exact) fit = exact.run();
-  const Fitter& last = is_exact ? exact : fitter;
-  if (last.bends() && options.inlier_threshold == 0.0) {
-    if (auto found = fit_bending(source, options, last.threshold(), last.spread())) {
-      return std::move(*found);
-    }
+  Attempt first = attempt(source, options);
+  const bool noisy = options.inlier_threshold > 0.0 && first.local_noise > options.inlier_threshold;
+  if (noisy) {
+    if (auto found = fit_noisier(source, options, first)) return std::move(*found);
   }
-  return fit;
+  if (first.bends) {
+    if (auto found = fit_bending(source, options, first)) return std::move(*found);
+  }
+  return std::move(first.fit);
 }
 
 }  // namespace

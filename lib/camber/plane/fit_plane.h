@@ -64,9 +64,11 @@ struct PlaneFit {
 /// Same seed, same answer, for any number of threads. Status kFailed with fewer than 3 usable
 /// points or no plane within max_tilt; kNotObservable where the points lie on a line (the plane
 /// through it that is nearest to level is given); kWeak where the tilt's standard deviation is
-/// above 0.02 rad, too few points are left to measure the noise, or the surface bends away from any
-/// plane by more than its noise: the fit is then of the points within the least threshold at which
-/// more of them lie on a plane than leave it, and the covariance holds the bend.
+/// above 0.02 rad, too few points are left to measure the noise, the surface bends away from any
+/// plane by more than its noise, or the threshold given: the fit is then of the points within the
+/// least threshold at which more of them lie on a plane than leave it, and the covariance holds the
+/// bend; or the points scatter by more than that threshold: the fit is of those within 2.5 standard
+/// deviations.
 /// @throws std::invalid_argument if options.validate() fails.
 PlaneFit fit_plane(const RoadCloud& cloud, const PlaneFitOptions& options);
 

@@ -183,6 +183,7 @@ struct PatchLayer {
   NoiseModel model;              ///< of the whole cloud
   double typical = 0.0;          ///< m
   double shared = 0.0;           ///< as in Segmentation
+  double local_noise = 0.0;      ///< as in Segmentation
 };
 
 /// A region's plane and outline in the cloud's frame.
@@ -309,6 +310,7 @@ PatchLayer find_patches(const RoadCloud& cloud, const Vector3d& up,
   });
   layer.model = segmentation.noise;
   layer.shared = segmentation.shared;
+  layer.local_noise = segmentation.local_noise;
   layer.typical = segmentation.typical_noise;
   if (known && known->typical > 0.0) {
     // What is left over by another layer may be rubbish: only what is as smooth counts.
@@ -457,6 +459,14 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
     if (patch && patch->kind == PatchKind::kRoad) surface.ego_patch = patch->id;
   }
   fit.status = Status::kOk;
+  if (first.local_noise > options.inlier_threshold && options.inlier_threshold > 0.0) {
+    fit.status = Status::kWeak;
+    fit.reason = fmt::format(
+        "points scatter about their planes by {:.2g} m, more than the threshold of {:.2g} m, "
+        "within "
+        "which planes break into many patches; with {:.2g} m they do not",
+        first.local_noise, options.inlier_threshold, kInlierSigmas * first.local_noise);
+  }
   report(1.0);
   return fit;
 }

@@ -38,7 +38,8 @@ struct RoadSurfaceOptions {
 };
 
 struct RoadSurfaceFit {
-  Status status = Status::kNotRun;  ///< kFailed: no patch; see reason
+  /// kFailed: no patch; kWeak: the threshold is below the points' noise; see reason.
+  Status status = Status::kNotRun;
   std::string reason;
   RoadSurface surface;      ///< in the cloud's true coordinates, origin included
   std::vector<int> labels;  ///< patch id of each point of the cloud, -1: none

@@ -136,6 +136,7 @@ Segmentation segment_planes(GroundTree& tree, NoiseModel start,
   out.noise = noise.stated;
   out.typical_noise = noise.typical;
   out.shared = noise.shared;
+  out.local_noise = noise.local;
   write_regions(evaluator, partition, &out);
   return out;
 }

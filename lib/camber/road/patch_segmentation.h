@@ -36,6 +36,9 @@ struct Segmentation {
   std::vector<int> leaf_region;  ///< index of a region, or -1
   NoiseModel noise;  ///< of the whole cloud, before the regions' own and without roughness
   double typical_noise = 0.0;  ///< m
+  /// m, of the points about their neighbourhoods' planes, where a threshold was given; 0: not
+  /// known.
+  double local_noise = 0.0;
   /// Share of the points' stated deviations that neighbours have in common, for they scatter less
   /// among themselves: 0 for independent errors, 1 at most.
   double shared = 0.0;

@@ -68,19 +68,27 @@ SegmentationNoise learn_segmentation_noise(const SegmentationOptions& options, N
   NoiseModel& noise = out.stated;
   if (options.noise_is_known) {
     out.shared = options.shared;
-  } else if (options.inlier_threshold > 0.0) {
-    noise.kind = NoiseKind::kSame;
-    noise.scale = options.inlier_threshold / kInlierSigmas;
-  } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {
-    PointArrays some;
-    some.take(s, rows);
-    std::vector<std::uint64_t> keys;
-    for (const auto& [first, last] : groups) {
-      const std::vector<std::uint64_t> more = tree->keys(first, last);
-      keys.insert(keys.end(), more.begin(), more.end());
+  } else {
+    const auto learn = [&](NoiseModel* model) {
+      PointArrays some;
+      some.take(s, rows);
+      std::vector<std::uint64_t> keys;
+      for (const auto& [first, last] : groups) {
+        const std::vector<std::uint64_t> more = tree->keys(first, last);
+        keys.insert(keys.end(), more.begin(), more.end());
+      }
+      learn_local_noise(some, pieces, keys, Vector3d::UnitZ(), options.max_slope, least,
+                        options.seed, options.num_threads, model);
+    };
+    if (options.inlier_threshold > 0.0) {
+      noise.kind = NoiseKind::kSame;
+      noise.scale = options.inlier_threshold / kInlierSigmas;
+      NoiseModel local;
+      learn(&local);
+      out.local = local.scale;
+    } else if (noise.kind == NoiseKind::kSame || noise.kind == NoiseKind::kPower) {
+      learn(&noise);
     }
-    learn_local_noise(some, pieces, keys, Vector3d::UnitZ(), options.max_slope, least, options.seed,
-                      options.num_threads, &noise);
   }
   out.noise = noise;
   if (!(options.inlier_threshold > 0.0)) out.noise.least = std::max(noise.least, options.roughness);

@@ -15,6 +15,7 @@ struct SegmentationNoise {
   double typical = 0.0;    ///< m; 0 where it depends on the plane (NoiseKind::kRays)
   double tolerance = 0.0;  ///< of a leaf's mean from its plane, standard deviations of a point
   double shared = 0.0;     ///< as in Segmentation
+  double local = 0.0;      ///< as in Segmentation
 };
 
 /// Learns what the start leaves open from neighbourhoods of the tree's points, and weighs these for
