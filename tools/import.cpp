@@ -192,7 +192,8 @@ void register_synthia_sf(App& import) {
   app.add_option("--classes", a.options.classes, "types of the detections that count as vehicles")
       ->no_name()
       ->delimiter(',')
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--detections");
   app.add_option("--name", a.options.name, "name of the scene; default: the sequence's folder")
       ->no_name();
   app.add_option("--out", a.out, "manifest to write (.json), or its folder")

@@ -79,19 +79,23 @@ void add_detection_options(App& app, OwnArguments& a) {
   app.add_option("--classes", a.options.detections.classes, "classes that count as vehicles")
       ->no_name()
       ->delimiter(',')
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--detections");
   app.add_option("--default-class", a.options.detections.default_class,
                  "class of boxes in files without classes")
       ->no_name()
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--detections");
   app.add_option("--least-score", a.options.detections.least_score,
                  "boxes with a lower score are left out")
       ->check(in_range(0.0, 1.0))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--detections");
   app.add_option("--detections-source", a.options.detections.source,
                  "what the manifest states as their source")
       ->no_name()
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs("--detections");
 }
 
 void add_known_options(App& app, OwnArguments& a) {

@@ -229,9 +229,24 @@ std::vector<ProfilePoint> profile_of(const Inputs& in, const ProfileOptions& opt
   }
 }
 
+/// Heights of an OpenCRG file are taken at places, without stations of a line or bands.
+/// @throws UsageError where an option has nothing there that it could change.
+void check_crg_options(const App& app, const Arguments& args) {
+  if (!args.plot.empty()) throw UsageError("--plot: found an OpenCRG file, which has no bands");
+  for (const char* name : {"--step", "--length", "--reach"}) {
+    if (app.count(name) == 0) continue;
+    throw UsageError(fmt::format(
+        "{}: found an OpenCRG file, whose heights are taken at places and not at stations", name));
+  }
+  for (const char* name : {"--levelling-sigma-deg", "--drift-sigma"}) {
+    if (app.count(name) == 0) continue;
+    throw UsageError(fmt::format("{}: found an OpenCRG file, which has no bands", name));
+  }
+}
+
 int run(const Command& command, const Arguments& args) {
   if (is_crg(args.surface)) {
-    if (!args.plot.empty()) throw UsageError("--plot: found an OpenCRG file, which has no bands");
+    check_crg_options(*command.app, args);
     return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
   }
   if (args.as_stored) {
@@ -291,17 +306,20 @@ void add_arguments(App& app, Arguments& a) {
       "x, y; default: its reference line");
   app.add_option("--step", a.options.step, "metres between stations")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option(
          "--length", a.options.length,
          "metres of road over which grade and vertical radius are measured, on heights every "
          "tenth of it or closer")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--reach", a.options.reach,
                  "metres that a station may lie beyond a patch's boundary")
       ->check(non_negative_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--levelling-sigma-deg", a.levelling_sigma_deg,
                  "how well the cloud's up is known, degrees: part of the bands; default: as the "
                  "surface states it")
@@ -311,7 +329,8 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--drift-sigma", a.options.drift_sigma,
                  "metres by which the cloud's heights may drift along the road: part of the bands")
       ->check(non_negative_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_flag("--as-stored", a.as_stored,
                "of an OpenCRG file: without its modifiers, unknown cells left unknown");
   app.add_flag("--json", a.json, "print the stations as JSON to stdout");

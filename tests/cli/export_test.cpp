@@ -80,6 +80,15 @@ TEST_F(ExportProgram, ProfileGivesHeightsAtPlaces) {
   ASSERT_EQ(run_camber({"profile", file("road.crg"), "--out", file("line.csv")}).exit_code, 0);
   EXPECT_THAT(test::read_text(file("line.csv")),
               ::testing::StartsWith("u_m,v_m,x_m,y_m,height_m,status\n0,0,"));
+  for (const std::string option :
+       {"--step", "--length", "--reach", "--drift-sigma", "--levelling-sigma-deg"}) {
+    EXPECT_ONE_SENTENCE(run_camber({"profile", file("road.crg"), "--json", option, "2"}), 2,
+                        option + ": found an OpenCRG file, ");
+  }
+  // As --print-config has them they are no choice.
+  std::ofstream(file("c.toml"))
+      << run_camber({"profile", file("road.crg"), "--json", "--print-config"}).out;
+  EXPECT_EQ(run_camber({"profile", file("road.crg"), "--config", file("c.toml")}).exit_code, 0);
 }
 
 TEST_F(ExportProgram, InfoAndCompareTakeRoads) {

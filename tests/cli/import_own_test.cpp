@@ -136,15 +136,26 @@ TEST_F(ImportOwn, NamesThatAManifestCannotHoldAreRefused) {
 TEST_F(ImportOwn, OptionsThatBelongToAnotherAreRefusedWithoutIt) {
   expect_refused({"--fov", "90", "--pose-scale", "2"}, "--pose-scale requires --poses");
   expect_refused({"--fov", "90", "--gnss-sigma", "2"}, "--gnss-sigma requires --gnss");
+  for (const auto& [option, value] :
+       std::vector<std::pair<std::string, std::string>>{{"--least-score", "0.5"},
+                                                        {"--classes", "car"},
+                                                        {"--default-class", "van"},
+                                                        {"--detections-source", "network:1"}}) {
+    expect_refused({"--fov", "90", option, value}, option + " requires --detections");
+  }
   expect_refused({"--fov", "90", "--up-sigma-deg", "2"},
                  "--up-sigma-deg: found neither --up nor --gnss, expected one of them");
   EXPECT_ONE_SENTENCE(run_camber({"import", "synthia-sf", "--sequence", path("images"),
                                   "--height-sigma", "0.1", "--out", path("out")}),
                       2, "--height-sigma requires --height");
+  EXPECT_ONE_SENTENCE(run_camber({"import", "synthia-sf", "--sequence", path("images"), "--classes",
+                                  "car", "--out", path("out")}),
+                      2, "--classes requires --detections");
   // As --print-config has them they are no choice.
   const auto printed = import({"--fov", "90", "--print-config"});
   EXPECT_THAT(printed.out, HasSubstr("\n# up-sigma-deg = 1\n"));
   EXPECT_THAT(printed.out, HasSubstr("\n# pose-scale = 1\n"));
+  EXPECT_THAT(printed.out, HasSubstr("\n# least-score = "));
   write_bytes(path("c.toml"), printed.out);
   EXPECT_EQ(import({"--config", path("c.toml")}).exit_code, 0);
 }
