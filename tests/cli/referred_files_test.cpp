@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
+
 #include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
@@ -213,6 +215,28 @@ TEST_F(ReferredFiles, ImagesAndVideosOfScenes) {
   scene_["truth"]["frames"][0]["depth_encoding"] = "kitti";
   put_scene();
   expect_refusal({"compare", path("result"), path("scene")}, "secret.txt");
+}
+
+TEST_F(ReferredFiles, PipesThatScenesNameAreNotWaitedFor) {
+  ASSERT_EQ(::mkfifo(path("scene/pipe.png").c_str(), 0600), 0);
+  test::Surroundings limited;
+  limited.limit_s = 60.0;
+  for (const char* key : {"image", "segmentation", "road_mask"}) {
+    const json image = scene_["frames"][0]["image"];
+    scene_["frames"][0][key] = "pipe.png";
+    put_scene();
+    for (const std::string verb : {"reconstruct", "detect", "triangulate"}) {
+      const std::string out = verb == "triangulate" ? "out.ply" : "out.json";
+      const std::string reason = std::string("scene.json: frames[0].") + key +
+                                 ": found \"pipe.png\", expected a file that is neither a pipe "
+                                 "nor a device";
+      EXPECT_ONE_SENTENCE(test::run_camber_in(limited, {verb, path("scene/scene.json"), "--out",
+                                                        path("elsewhere/" + out)}),
+                          2, reason);
+    }
+    scene_["frames"][0].erase(key);
+    scene_["frames"][0]["image"] = image;
+  }
 }
 
 TEST_F(ReferredFiles, ASystemOfAResultNamesNoFile) {

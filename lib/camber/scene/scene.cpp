@@ -10,6 +10,7 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/folder_files.h"
 #include "camber/core/referred_file.h"
 #include "camber/image/video.h"
 #include "camber/scene/camera_up.h"
@@ -300,6 +301,8 @@ class ManifestReader {
     if (paths_ == ScenePaths::kConfined && !stays_below(image_file_of(path))) {
       cursor.fail("a path that stays in the manifest's folder (--confine)");
     }
+    if (is_special_file(image_file_of(path)))
+      cursor.fail("a file that is neither a pipe nor a device");
     return path;
   }
 
