@@ -440,6 +440,22 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
 }
 
+TEST(ScaleStage, TheLessOfTheRoadIsFoundTheLessTheScaleIsKnown) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  TriangulatedPoints& points = ground.ground.seen.points;
+  const auto widened_where = [&](double share) {
+    points.dropped = {};
+    points.dropped[0] = std::lround(static_cast<double>(points.size()) * (1.0 / share - 1.0));
+    const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
+    EXPECT_THAT(scaled.contradictions, IsEmpty());
+    return std::sqrt(scaled.contradiction_variance);
+  };
+  EXPECT_NEAR(widened_where(1.0), 0.0, 1e-9);
+  EXPECT_NEAR(widened_where(0.9), 0.08 * 0.01, 1e-4);
+  EXPECT_NEAR(widened_where(0.4), 0.08 * 0.36, 1e-4);
+}
+
 TEST(ScaleStage, WhatRoadsFromOtherStartsDifferByIsInItsSigma) {
   const MadeDrive drive = make_drive({});
   PhotometricGround ground = exact_photometric(drive);

@@ -488,6 +488,7 @@ void admit_unfound_road(const LoadedFrames& frames, const Ground& ground, const 
                         ScaledRoad* scaled) {
   if (!frames.has_masks()) return;
   const double found = found_share(ground.seen);
+  widen(std::pow(noise.unfound_share * (1.0 - found) * (1.0 - found), 2), scaled);
   const double least = ground.search.ambiguous     ? noise.least_found_ambiguous
                        : ground.search.informative ? noise.least_found
                                                    : noise.least_found_alone;

@@ -65,7 +65,7 @@ class ProfileFit {
       normal_ = Eigen::MatrixXd::Zero(size, size);
       right_ = Eigen::VectorXd::Zero(size);
       shared_right_ = Eigen::MatrixXd::Zero(size, last ? shared_columns() : 0);
-      add_points(half_width(round), round > 0);
+      add_points(half_width(round), round);
       if (profile_.points < 30) {
         profile_.failure = fmt::format("too few road points within {:g} m ahead: {}",
                                        options_.reach, profile_.points);
@@ -111,14 +111,40 @@ class ProfileFit {
     return options_.start_half_width + grown * (options_.half_width - options_.start_half_width);
   }
 
-  void add_points(double half_width, bool robust) {
+  /// Factor that carries a point along its ray to the profile; 1 where the ray does not meet it
+  /// below the camera. What is normally distributed is a point's inverse distance: taken where the
+  /// profile has it, its standard deviation does not hang on its own error, by which points that
+  /// seem nearer would seem surer, and lift the road.
+  double carried_to_profile(const Eigen::Vector3d& p) const {
+    constexpr int kSteps = 3;
+    constexpr double kLeast = 0.5, kMost = 2.0;
+    const int nodes = profile_.nodes;
+    const Eigen::VectorXd& x = profile_.x;
+    double out = 1.0;
+    for (int k = 0; k < kSteps; ++k) {
+      const double at = out * p.y() / profile_.step + profile_.foot;
+      const int j = std::clamp(static_cast<int>(at), 0, nodes - 2);
+      const double f = at - j, slope = (x[j + 1] - x[j]) / profile_.step;
+      const double bank = (1 - f) * x[nodes + j] + f * x[nodes + j + 1];
+      const double off = out * p.z() - (x[j] + f * (x[j + 1] - x[j]) + bank * out * p.x());
+      const double lever = p.z() - slope * p.y() - bank * p.x();
+      if (!(lever < -kLeast * options_.camera_height)) return 1.0;
+      out = std::clamp(out - off / lever, kLeast, kMost);
+    }
+    return out;
+  }
+
+  void add_points(double half_width, int round) {
+    const bool robust = round > 0, at_profile = round >= kRounds / 2;
     const double step = profile_.step;
     const int nodes = profile_.nodes;
     const Eigen::VectorXd& x = profile_.x;
     profile_.points = profile_.compared = 0;
     std::vector<double> seen;  // m ahead
     for (std::size_t i = 0; i < measured_.points.size(); ++i) {
-      const Eigen::Vector3d p = profile_.metres_per_baseline * measured_.points[i];
+      const Eigen::Vector3d measured = profile_.metres_per_baseline * measured_.points[i];
+      const double carried = at_profile ? carried_to_profile(measured) : 1.0;
+      const Eigen::Vector3d p = carried * measured;
       const double at = p.y() / step + profile_.foot, side = p.x();
       if (!(p.y() > kNearest) || at >= nodes - 1 || std::abs(side) > half_width) continue;
       ++profile_.compared;
@@ -130,10 +156,10 @@ class ProfileFit {
       for (int k = 0; k < 4; ++k) predicted += row[k] * x[index[k]];
       const double slope = (x[j + 1] - x[j]) / step;
       // A change of the distance by a share e lifts the point off the profile by e (u - slope b).
-      const double lever = p.z() - slope * p.y() - x[nodes + j] * side;
+      const double lever = measured.z() - slope * measured.y() - x[nodes + j] * measured.x();
       const double sigma =
-          std::hypot(lever * measured_.road->relative_sigma[i], options_.surface_sigma);
-      const double residual = p.z() - predicted;
+          std::hypot(lever * carried * measured_.road->relative_sigma[i], options_.surface_sigma);
+      const double residual = at_profile ? -lever * (carried - 1.0) : p.z() - predicted;
       if (robust) {
         const double scale2 = kLossScale * kLossScale * sigma * sigma;
         weight_[i] = 1.0 / std::pow(1.0 + residual * residual / scale2, 2);
@@ -141,7 +167,7 @@ class ProfileFit {
       const double w = weight_[i] / (options_.correlation * sigma * sigma);
       for (int m = 0; m < 4; ++m) {
         for (int k = 0; k < 4; ++k) normal_(index[m], index[k]) += w * row[m] * row[k];
-        right_[index[m]] += w * row[m] * p.z();
+        right_[index[m]] += w * row[m] * (predicted + residual);
         if (shared_right_.cols() > 0) {
           shared_right_.row(index[m]) +=
               w * row[m] * lever *
