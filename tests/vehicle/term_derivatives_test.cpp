@@ -278,27 +278,31 @@ TEST(Derivatives, OfTheBoxLikelihood) {
 
 // What a box holds of a vehicle ends at the image's border, whatever the vehicle is beyond.
 TEST(BoxLikelihood, TheBorderMakesTheSideOfAVehicleThatReachesBeyondIt) {
-  constexpr double kSeen = 6.0;  // px from the border, where the detector has the upper side
+  constexpr double kSeen = 3.5;  // px from the border, where the detector has the upper side
   Scene s = make_scene(2, 20);
   const Body body(shipped_vehicle_prior().shape("car"), 20, true);
   PinholeCamera& camera = s.vehicle.camera;
-  const auto seen = [&](double beyond) {
+  const auto seen = [&](double beyond, double y1) {
     camera.cy -= outline(BodyView(body, camera, s.pose, s.form)).y1 + beyond;
     const BodyView at(body, camera, s.pose, s.form);
     Box2 box = outline(at);
-    box.y1 = kSeen;
+    box.y1 = y1;
     return BoxLikelihood(camera, box, {}, 1).sides(at);
   };
   const std::size_t upper = 2;
-  const BoxLikelihood::Side little = seen(1.0)[upper], far = seen(40.0)[upper];
+  const BoxLikelihood::Side little = seen(1.0, kSeen)[upper], far = seen(15.0, kSeen)[upper];
   EXPECT_EQ(little.residual, -kSeen);
   EXPECT_EQ(far.residual, -kSeen);
   EXPECT_EQ(little.information, 0.0);
   EXPECT_EQ(far.information, 0.0);
-  const BoxLikelihood::Side inside = seen(-2.0)[upper];
+  const BoxLikelihood::Side inside = seen(-2.0, kSeen)[upper];
   EXPECT_NEAR(inside.residual, 2.0 - kSeen, 1e-9);
   EXPECT_GT(inside.information, 0.0);
   EXPECT_LT(inside.squared, little.squared);
+  // A side that is seen far inside says that the vehicle ends there.
+  const BoxLikelihood::Side ends = seen(40.0, 30.0)[upper];
+  EXPECT_NEAR(ends.residual, -70.0, 1e-9);
+  EXPECT_GT(ends.information, 0.0);
 }
 
 TEST(Derivatives, OfTheSizeAndShapePrior) {

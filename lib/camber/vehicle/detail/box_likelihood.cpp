@@ -17,10 +17,16 @@ BoxLikelihood::BoxLikelihood(const PinholeCamera& camera, const Box2& box, const
   };
   const double su = sigma(box.width()), sv = sigma(box.height());
   const double right = camera.width - 1, bottom = camera.height - 1;
-  edges_[0] = {0, -1.0, box.x1, su, 0.0, box.x1 <= noise.border_px};
-  edges_[1] = {0, 1.0, box.x2, su, right, box.x2 >= right - noise.border_px};
-  edges_[2] = {1, -1.0, box.y1, sv, 0.0, box.y1 <= noise.border_px};
-  edges_[3] = {1, 1.0, box.y2, sv, bottom, box.y2 >= bottom - noise.border_px};
+  edges_[0] = {0, -1.0, box.x1, su, 0.0};
+  edges_[1] = {0, 1.0, box.x2, su, right};
+  edges_[2] = {1, -1.0, box.y1, sv, 0.0};
+  edges_[3] = {1, 1.0, box.y2, sv, bottom};
+  constexpr double kMayBeCut = 3.0;  // standard deviations of a side
+  for (Edge& edge : edges_) {
+    const double inside = edge.sign * (edge.border - edge.pixel);
+    edge.at_border = inside <= noise.border_px;
+    edge.may_be_cut = inside <= std::max(noise.border_px, kMayBeCut * edge.sigma);
+  }
 }
 
 Box2 BoxLikelihood::cuts() const {
@@ -47,8 +53,8 @@ BoxLikelihood::Sides BoxLikelihood::sides(const BodyView& at) const {
   Sides out;
   for (std::size_t e = 0; e < 4; ++e) {
     const Edge& edge = edges_[e];
-    const bool beyond = extreme[e] > edge.sign * edge.border;
-    double outwards = std::min(extreme[e], edge.sign * edge.border) - edge.sign * edge.pixel;  // px
+    const bool beyond = edge.may_be_cut && extreme[e] > edge.sign * edge.border;
+    double outwards = (beyond ? edge.sign * edge.border : extreme[e]) - edge.sign * edge.pixel;
     if (edge.at_border && beyond) outwards = 0.0;
     const double r = outwards / edge.sigma;
     const double weight = beyond ? 0.0 : 1.0 / (1.0 + r * r / gate_squared_);

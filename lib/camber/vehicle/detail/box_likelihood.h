@@ -41,9 +41,10 @@ class BoxLikelihood {
     int axis;     // 0: u, 1: v
     double sign;  // the body's largest sign * pixel coordinate makes this edge
     double pixel;
-    double sigma;    // px
-    double border;   // px, of the image there
-    bool at_border;  // cut by the image, however far from its border the detector has the side
+    double sigma;             // px
+    double border;            // px, of the image there
+    bool at_border = false;   // cut by the image, wherever within some px the detector has the side
+    bool may_be_cut = false;  // near enough that the body may reach beyond the image
   };
   std::array<Edge, 4> edges_;
   double gate_squared_;
