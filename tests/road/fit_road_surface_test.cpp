@@ -423,15 +423,21 @@ TEST(FitRoadSurface, ACamerasRoadLiesAheadOfItEvenBesideALargerSquare) {
   EXPECT_EQ(fit.surface.find(square.patch)->kind, PatchKind::kPavement);
 }
 
-TEST(FitRoadSurface, AThresholdBelowTheNoiseIsNamed) {
-  constexpr double kNoise = 0.02;
+/// 20,000 points of a level plane of 20 x 10 m. @param noise  m
+RoadCloud noisy_plane(double noise) {
   RoadCloud cloud;
-  const CounterRandom random(7);
+  const CounterRandom places(7), errors(8);
   for (std::uint64_t i = 0; i < 20000; ++i) {
-    cloud.points.push_back(Vector3d(random.uniform(2 * i, 0.0, 20.0),
-                                    random.uniform(2 * i + 1, -5.0, 5.0), kNoise * random.normal(i))
+    cloud.points.push_back(Vector3d(places.uniform(2 * i, 0.0, 20.0),
+                                    places.uniform(2 * i + 1, -5.0, 5.0), noise * errors.normal(i))
                                .cast<float>());
   }
+  return cloud;
+}
+
+TEST(FitRoadSurface, AThresholdBelowTheNoiseIsNamed) {
+  constexpr double kNoise = 0.02;
+  const RoadCloud cloud = noisy_plane(kNoise);
   RoadSurfaceOptions options;
   options.inlier_threshold = 0.4 * kNoise;
   const RoadSurfaceFit narrow = fit_road_surface(cloud, options);
@@ -447,13 +453,7 @@ TEST(FitRoadSurface, AThresholdBelowTheNoiseIsNamed) {
 
 TEST(FitRoadSurface, NoiseIsThePointsStandardDeviation) {
   constexpr double kTrue = 0.03;
-  RoadCloud cloud;
-  const CounterRandom random(7);
-  for (std::uint64_t i = 0; i < 20000; ++i) {
-    cloud.points.push_back(Vector3d(random.uniform(2 * i, 0.0, 20.0),
-                                    random.uniform(2 * i + 1, -5.0, 5.0), kTrue * random.normal(i))
-                               .cast<float>());
-  }
+  RoadCloud cloud = noisy_plane(kTrue);
   for (const double threshold : {0.0, 2.5 * kTrue, 5.0 * kTrue}) {
     RoadSurfaceOptions options;
     options.inlier_threshold = threshold;

@@ -305,6 +305,22 @@ TEST(BoxLikelihood, TheBorderMakesTheSideOfAVehicleThatReachesBeyondIt) {
   EXPECT_GT(ends.information, 0.0);
 }
 
+// Half as far away and half as large, it looks the same.
+TEST(VehicleAnswer, ATooSmallVehicleIsNotUsed) {
+  const SimulatedVehicle s = simulate_vehicle({}, 1);
+  VehiclePosterior posterior(s.camera, s.detection, s.support, {}, /*num_coefficients=*/0);
+  VehicleState state = posterior.mean_state();
+  state.poses.front() = {s.truth.camera_from_vehicle.rotation_matrix(), s.truth.bottom_center()};
+  state.form.size = {s.truth.dimensions.length, s.truth.dimensions.width,
+                     s.truth.dimensions.height};
+  posterior.update_visibility(state);
+  EXPECT_EQ(unreliable_reason(posterior, 0, state, s.detection.box), "");
+  state.poses.front().translation *= 0.5;
+  state.form.size *= 0.5;
+  EXPECT_EQ(unreliable_reason(posterior, 0, state, s.detection.box),
+            "the keypoints ask for too small a vehicle");
+}
+
 TEST(Derivatives, OfTheSizeAndShapePrior) {
   const SizeShapePrior prior(shipped_vehicle_prior(), "car", 20);
   const Scene s = make_scene(3, 20);

@@ -26,7 +26,6 @@ using detail::PlaneHypotheses;
 using detail::PlaneSample;
 using detail::PointColumns;
 
-constexpr std::size_t kFewPlaces = 12;       // at which residuals do not show their spread
 constexpr double kFloatRounding = 4e-7;      // of the spread, in sums of coordinates
 constexpr std::size_t kManyPasses = 262144;  // up to it all points are iterated to convergence
 

@@ -49,7 +49,6 @@ class PerpendicularPlanes : public pcl::SampleConsensusModelPerpendicularPlane<p
 
 constexpr double kFloatRounding = 1.2e-7;  // of a coordinate
 constexpr double kOnALine = 1e-8;          // variance across a line's points, of that along it
-constexpr std::size_t kFewPlaces = 12;     // at which residuals do not show their spread
 
 /// Sums of points' squares about their middle, m^2, along the axes of which they are largest.
 struct PointScatter {

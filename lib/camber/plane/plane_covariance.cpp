@@ -19,7 +19,6 @@ namespace {
 
 constexpr double kRangeNoise = 0.01;  // relative, along unknown rays
 constexpr double kRayTilt = 0.08;     // see UnknownRays
-constexpr double kFewPoints = 12.0;   // whose residuals do not show their spread
 
 /// Whether points with this scatter in the plane (m^2) are spread over an area, not along a line.
 bool covers_area(const Eigen::Matrix2d& scatter) {
@@ -55,14 +54,15 @@ void judge(const Eigen::Vector2d& scatter, bool area, double one, const Vector3d
       out.plane.offset = -out.plane.normal.dot(out.centroid);
       out.axis2 = out.plane.normal.cross(along);
     }
-    const double variance = points < kFewPoints ? std::max(one * one, wide) : one * one;
+    const double variance =
+        points < static_cast<double>(kFewPlaces) ? std::max(one * one, wide) : one * one;
     out.covariance =
         Vector3d(1.0, std::min(variance / points / std::max(wide, 1e-300), 1.0), variance)
             .asDiagonal();
     return;
   }
   const double tilt = std::sqrt(std::max(out.covariance(0, 0), out.covariance(1, 1)));
-  if (points < kFewPoints) {
+  if (points < static_cast<double>(kFewPlaces)) {
     result->status = Status::kWeak;
     result->reason = fmt::format("only {} points lie on the plane", std::lround(points));
   } else if (tilt > kWeakTilt) {
@@ -186,7 +186,7 @@ PlaneEstimate estimate_covariance(const PivotPlane& plane, const PlaneWindow& wi
   result.points = errors.places;
   result.noise = std::isfinite(errors.noise) ? errors.noise : one;
   Matrix3d covariance;
-  if (points < kFewPoints) {
+  if (points < static_cast<double>(kFewPlaces)) {
     // Too few residuals to measure their spread.
     covariance = Vector3d(1.0, 1.0, std::max(one * one, wide)).asDiagonal();
   } else {

@@ -10,6 +10,7 @@
 
 namespace camber {
 
+inline constexpr std::size_t kFewPlaces = 12;  ///< of points: residuals do not show their spread
 inline constexpr double kWeakTilt = 0.02;  ///< rad, standard deviation above which a fit is weak
 
 /// A fitted plane with its uncertainty, relative to the pivot.

@@ -29,7 +29,6 @@ namespace {
 
 constexpr std::size_t kMostPoints = 262144;  // that take part in finding the patches
 constexpr double kRoughness = 0.01;      // m, of ground; its points lie on no plane more tightly
-constexpr int kFewInliers = 12;          // whose spread does not show the noise
 constexpr double kFloatRounding = 4e-7;  // of the spread, of coordinates and their sums
 constexpr double kCrowded = 0.12;        // share of crowded leaves that shows another layer
 const Vector3d kLevelUp = Vector3d::UnitZ();
@@ -444,7 +443,7 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
   // What a patch alone leaves open its neighbours may fix.
   for (PlanePatch& patch : surface.patches) {
     const Eigen::Vector3d variance = patch.plane.covariance.diagonal();
-    if (patch.status == Status::kWeak && patch.inliers >= kFewInliers &&
+    if (patch.status == Status::kWeak && patch.inliers >= static_cast<int>(kFewPlaces) &&
         std::max(variance[0], variance[1]) <= kWeakTilt * kWeakTilt) {
       patch.status = Status::kOk;
       patch.reason.clear();

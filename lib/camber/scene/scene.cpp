@@ -301,8 +301,9 @@ class ManifestReader {
     if (paths_ == ScenePaths::kConfined && !stays_below(image_file_of(path))) {
       cursor.fail("a path that stays in the manifest's folder (--confine)");
     }
-    if (is_special_file(image_file_of(path)))
+    if (is_special_file(image_file_of(path))) {
       cursor.fail("a file that is neither a pipe nor a device");
+    }
     return path;
   }
 

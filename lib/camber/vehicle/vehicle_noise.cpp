@@ -57,6 +57,7 @@ void VehicleNoise::validate() const {
                     {"box.pixel_sigma", box.pixel_sigma},
                     {"box.network_pixel_sigma", box.network_pixel_sigma},
                     {"box.gate", box.gate},
+                    {"box.border_sigmas", box.border_sigmas},
                     {"contact.sigma_height", contact.sigma_height},
                     {"contact.sigma_tilt", contact.sigma_tilt},
                     {"contact.gate", contact.gate},

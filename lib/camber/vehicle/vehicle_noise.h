@@ -66,8 +66,9 @@ struct BoxNoise {
   /// The body's outline off the prior's points, as a share of the vehicle's height in the image
   /// (3 cm), the same in all views; assumed. [cover]
   double body_share = 0.02;
-  double gate = 3.0;       ///< boxes of hidden vehicles may be far off
-  double border_px = 3.0;  ///< px from the image's edge: the box is cut there; assumed
+  double gate = 3.0;           ///< boxes of hidden vehicles may be far off
+  double border_px = 3.0;      ///< px from the image's edge: the box is cut there; assumed
+  double border_sigmas = 3.0;  ///< of a side, likewise: it may be cut there; assumed
 };
 
 /// The vehicle against the plane below it.

@@ -135,6 +135,7 @@ class ProfileFit {
   }
 
   void add_points(double half_width, int round) {
+    // While the profile is still wrong, gross errors that seem nearer would count more.
     const bool robust = round > 0, at_profile = round >= kRounds / 2;
     const double step = profile_.step;
     const int nodes = profile_.nodes;

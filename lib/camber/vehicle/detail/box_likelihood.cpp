@@ -21,11 +21,10 @@ BoxLikelihood::BoxLikelihood(const PinholeCamera& camera, const Box2& box, const
   edges_[1] = {0, 1.0, box.x2, su, right};
   edges_[2] = {1, -1.0, box.y1, sv, 0.0};
   edges_[3] = {1, 1.0, box.y2, sv, bottom};
-  constexpr double kMayBeCut = 3.0;  // standard deviations of a side
   for (Edge& edge : edges_) {
     const double inside = edge.sign * (edge.border - edge.pixel);
     edge.at_border = inside <= noise.border_px;
-    edge.may_be_cut = inside <= std::max(noise.border_px, kMayBeCut * edge.sigma);
+    edge.may_be_cut = inside <= std::max(noise.border_px, noise.border_sigmas * edge.sigma);
   }
 }
 
