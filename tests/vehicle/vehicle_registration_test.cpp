@@ -5,7 +5,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <limits>
+#include <optional>
+#include <vector>
 
 #include "camber/core/random.h"
 #include "camber/vehicle/vehicle_tracks.h"
@@ -154,6 +158,30 @@ TEST(VehicleTemplate, LeavesOutWhatHidesTheVehicle) {
   EXPECT_LT((shift->displacement - expected).norm(), 0.1);
 }
 
+TEST(VehicleTemplate, LeavesOutWhatTheMaskDoesNotShow) {
+  const OrientedBox box = standing(2.0, 1.6, 25.0, 1.2), wall = standing(1.9, 1.6, 12.0, 0.0);
+  const SE3 motion(rotation_from_vector({0.0, -0.003, 0.0}), Eigen::Vector3d(0.0, 0.0, -1.2));
+  const GrayImage first = draw(kCamera, {wall, box}, 1.0),
+                  second = draw(kCamera, {moved(motion, wall), moved(motion, box)}, 1.0);
+  // Where the wall alone changes the picture, it hides the vehicle.
+  const GrayImage empty = draw(kCamera, {}, 1.0), alone = draw(kCamera, {wall}, 1.0);
+  std::vector<std::uint8_t> mask(first.pixels.size());
+  for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = alone.pixels[i] == empty.pixels[i];
+  const VehicleEstimate vehicle = boxed(kCamera, box);
+  const auto off = [&](const std::vector<std::uint8_t>* shown) {
+    const auto cut = VehicleTemplate::cut(kCamera, first, vehicle, {}, {}, shown);
+    const auto shift = cut ? cut->find_in(second, motion) : std::nullopt;
+    if (!shift) return std::numeric_limits<double>::quiet_NaN();
+    const Eigen::Vector2d expected =
+        *kCamera.project(motion * shift->anchor) - *kCamera.project(shift->anchor);
+    return (shift->displacement - expected).norm();
+  };
+  EXPECT_LT(off(&mask), 0.1);
+  EXPECT_GT(off(nullptr), 0.3);
+  const std::vector<std::uint8_t> nothing(mask.size(), 0);
+  EXPECT_FALSE(VehicleTemplate::cut(kCamera, first, vehicle, {}, {}, &nothing));
+}
+
 TEST(VehicleTemplate, SaysNothingWhereTheImagesDisagree) {
   const OrientedBox box = standing(2.0, 1.6, 25.0, 0.3);
   const VehicleEstimate vehicle = boxed(kCamera, box);
@@ -170,7 +198,8 @@ TEST(VehicleTemplate, SaysNothingWhereTheImagesDisagree) {
   EXPECT_FALSE(VehicleTemplate::cut(kCamera, first, far, {}));
 }
 
-/// Tracks of parked and moving vehicles with drawn images: a vehicle that stands is triangulated.
+/// Tracks of parked, slow and faster vehicles with drawn images: a vehicle that stands is
+/// triangulated.
 TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
   test::SimulationOptions options;
   options.min_distance = 22.0;
@@ -179,7 +208,7 @@ TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
   options.occluded_share = 0.0;
   constexpr int kViews = 4;
   const CounterRandom random(17);
-  for (const double speed : {0.0, 8.0}) {
+  for (const double speed : {0.0, 2.0, 8.0}) {
     double without = 0.0, with = 0.0, inside = 0.0, used = 0.0;
     const int count = speed > 0.0 ? 24 : 48;
     for (int i = 0; i < count; ++i) {
@@ -226,7 +255,11 @@ TEST(FitTracks, ImagesTellTheDistanceOfAParkedVehicle) {
       // 0.63 measured, of 56; 0.68 where the first image's error is not taken for a common one.
       EXPECT_LT(with, 0.66 * without);
     } else {
-      EXPECT_LT(with, 1.15 * without);  // 1.06 measured, of 24; 0.97 of 80
+      EXPECT_LT(with, 1.15 * without);  // 1.08 measured for both
+    }
+    // Not taken for parked: 1.10 m measured, 1.31 where a moving vehicle leaves its heading freely.
+    if (speed == 2.0) {
+      EXPECT_LT(with, 1.2 * used);
     }
     EXPECT_GT(inside, 0.84 * used) << speed;  // 0.96 measured
   }

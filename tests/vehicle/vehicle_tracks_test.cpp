@@ -560,5 +560,12 @@ TEST(FitTracks, AScaleWithoutSpreadIsRejected) {
   EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1, std::nan("")), std::invalid_argument);
 }
 
+TEST(FitTracks, AMaskOfAnotherSizeIsRejected) {
+  Clip clip = make_clip({}, {{1, 0.0}});
+  const std::vector<std::uint8_t> small(7, 1);
+  clip.frames[0].vehicle_mask = &small;
+  EXPECT_THROW(fit_tracks(clip.camera, clip.frames, {}, 1), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace camber

@@ -75,7 +75,9 @@ FrameMasks make_frame_masks(const PinholeCamera& camera, const MaskInputs& input
       vehicle[i] = (kind & kVehicle) != 0;
     }
     // Classes without vehicles: what is in a box and not ground is one.
-    if (classes.vehicle.empty()) {
+    if (!classes.vehicle.empty()) {
+      out.vehicle_class = vehicle;
+    } else {
       for (std::size_t i = 0; i < total; ++i) vehicle[i] = boxes[i] && !ground[i];
     }
     out.has_mask = true;

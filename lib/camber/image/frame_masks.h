@@ -33,6 +33,8 @@ struct FrameMasks {
   std::vector<std::uint8_t> ground_near;   ///< ground, vehicles and a margin of 4 px
   std::vector<std::uint8_t> vehicle;       ///< vehicles with a margin of 3 px
   std::vector<std::uint8_t> vehicle_near;  ///< vehicles and detection boxes with a margin of 4 px
+  /// Vehicles as the segmentation has them, without a margin; empty where it has no such class.
+  std::vector<std::uint8_t> vehicle_class;
 };
 
 /// Masks of a frame from its segmentation or road mask and its detections. Without either

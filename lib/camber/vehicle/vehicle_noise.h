@@ -95,10 +95,13 @@ struct MotionNoise {
   // to a half of the shift and a fifth of the turn changed little. [steep]
   double parked_shift = 0.002;  ///< m
   double parked_turn = 0.001;   ///< rad
-  // Of a moving one, for each second; assumed.
-  double sideways = 0.3;       ///< m / s, off its heading
-  double turning = 0.25;       ///< rad / s
-  double acceleration = 4.0;   ///< m / s^2
+  // Of a moving one, for each second. Wider ones (0.3, 0.3, 0.25, 0.25, 4) take twice as many slow
+  // vehicles for parked ones. [steep]
+  double sideways = 0.2;       ///< m / s, off its heading on the road: slip where it turns
+  double vertical = 0.1;       ///< m / s, off its heading, likewise
+  double turning = 0.25;       ///< rad / s, about its vertical axis
+  double tilting = 0.1;        ///< rad / s, about the other two
+  double acceleration = 2.0;   ///< m / s^2
   double speed = 15.0;         ///< m / s, standard deviation of its speed
   double min_interval = 1e-3;  ///< s, between views
 };

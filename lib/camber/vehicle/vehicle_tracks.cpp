@@ -158,6 +158,14 @@ TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& 
   if (!(scale_sigma > 0.0)) {
     throw std::invalid_argument(fmt::format("scale_sigma: {}, must be > 0", scale_sigma));
   }
+  const std::size_t pixels =
+      static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  for (const TrackFrame& f : frames) {
+    if (f.vehicle_mask && f.vehicle_mask->size() != pixels) {
+      throw std::invalid_argument(
+          fmt::format("vehicle_mask: of {} pixels, must be of {}", f.vehicle_mask->size(), pixels));
+    }
+  }
   const std::vector<Track> tracks =
       tracks_of(find_tracks(camera, frames, options.noise.association));
   const bool shared = ground && ground->covariance.size() > 0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <vector>
@@ -20,6 +21,8 @@ struct TrackFrame {
   std::vector<VehicleEstimate> estimates;  ///< one a detection, from fit_vehicle
   /// Not owned; where two frames have theirs, the vehicles are registered between them.
   const GrayImage* image = nullptr;
+  /// Of the image, one byte a pixel, row-major, non-zero: a vehicle. Not owned; null: not known.
+  const std::vector<std::uint8_t>* vehicle_mask = nullptr;
   /// Standard deviations of world_from_camera against the other frames', beside a scale that all
   /// frames share.
   double pose_sigma_turn = 6e-5;    ///< rad
@@ -103,7 +106,8 @@ struct TrackFit {
 ///                     std::invalid_argument.
 /// @param ground       not owned; nullptr: every vehicle by itself.
 /// @throws std::invalid_argument if the shared ground's covariance has another number of rows, or
-///                               its rows are others than the detections'.
+///                               its rows are others than the detections', or a vehicle mask
+///                               does not have the camera's number of pixels.
 TrackFit fit_tracks(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
                     const VehicleFitOptions& options, int num_threads = 0,
                     double scale_sigma = 0.01, const SharedGround* ground = nullptr);

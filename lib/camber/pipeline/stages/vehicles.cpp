@@ -200,6 +200,7 @@ std::vector<TrackFrame> views_of(const LoadedFrames& frames, const MotionEstimat
     view.world_from_camera = metric_pose(motion, k, metres_per_baseline).inverse();
     view.time_s = time_of(frame, frames.frame_rate);
     view.image = &frames.gray[k];
+    if (!frames.masks[k].vehicle_class.empty()) view.vehicle_mask = &frames.masks[k].vehicle_class;
     const Eigen::Index at = 6 * static_cast<Eigen::Index>(k - (k > frames.reference ? 1 : 0));
     const bool moved = k != frames.reference && at + 6 <= variances.size();
     view.pose_sigma_turn = moved ? std::sqrt(variances.segment(at, 3).mean()) : 0.0;

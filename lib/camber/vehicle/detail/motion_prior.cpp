@@ -62,8 +62,10 @@ Step MotionPrior::sigma(const VehicleState& state, int view) const {
   const double dt = interval(view);
   out[0] =
       view == 0 ? noise_.speed * dt : noise_.acceleration * 0.5 * (dt + interval(view - 1)) * dt;
-  out[1] = out[2] = noise_.sideways * dt;
-  out.tail<3>().setConstant(noise_.turning * dt);
+  // Vehicle frame: x ahead, y up.
+  out[1] = noise_.vertical * dt;
+  out[2] = noise_.sideways * dt;
+  out.tail<3>() << noise_.tilting * dt, noise_.turning * dt, noise_.tilting * dt;
   return out;
 }
 

@@ -98,8 +98,8 @@ void register_views(const std::vector<TrackFrame>& frames, const VehiclePrior& p
     if (i == from.detection || other.status == Status::kFailed) continue;
     if (other.pose.bottom_center().norm() < here.translation.norm()) nearer.push_back(&other);
   }
-  const auto pixels =
-      VehicleTemplate::cut(posterior.camera(), *first.image, vehicle, nearer, noise);
+  const auto pixels = VehicleTemplate::cut(posterior.camera(), *first.image, vehicle, nearer, noise,
+                                           first.vehicle_mask);
   if (!pixels) return;
   const SE3 vehicle_from_lead = SE3(here.rotation, here.translation).inverse();
   std::vector<RegisteredView> registered;

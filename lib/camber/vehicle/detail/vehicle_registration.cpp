@@ -24,7 +24,8 @@ constexpr double kLeastDepth = 0.05;     // over the anchor's
 class DepthGrid {
  public:
   DepthGrid(const PinholeCamera& camera, const Box2& inside, int step,
-            const std::vector<HalfSpace>& hull, std::vector<std::vector<HalfSpace>> hiding)
+            const std::vector<HalfSpace>& hull, std::vector<std::vector<HalfSpace>> hiding,
+            const std::vector<std::uint8_t>* vehicle_mask)
       : u0_(static_cast<int>(std::floor(inside.x1)) - step),
         v0_(static_cast<int>(std::floor(inside.y1)) - step),
         step_(step),
@@ -34,6 +35,10 @@ class DepthGrid {
     depths_.reserve(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
     for (int j = 0; j < rows_; ++j) {
       for (int i = 0; i < columns_; ++i) {
+        if (vehicle_mask && !shows(*vehicle_mask, camera, pixel(i, j))) {
+          depths_.push_back(0.0);
+          continue;
+        }
         const Eigen::Vector3d ray = camera.ray(pixel(i, j));
         double depth = hull_depth(hull, ray);
         for (const auto& other : hiding) {
@@ -71,6 +76,15 @@ class DepthGrid {
   }
 
  private:
+  /// Pixels beyond the image are taken for the vehicle's.
+  static bool shows(const std::vector<std::uint8_t>& mask, const PinholeCamera& camera,
+                    const Eigen::Vector2d& pixel) {
+    const int u = static_cast<int>(pixel.x()), v = static_cast<int>(pixel.y());
+    if (u < 0 || v < 0 || u >= camera.width || v >= camera.height) return true;
+    return mask[static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width) +
+                static_cast<std::size_t>(u)] != 0;
+  }
+
   int cells(double px) const { return std::max(1, static_cast<int>(std::lround(px / step_))); }
 
   int u0_, v0_, step_, columns_, rows_;
@@ -82,7 +96,8 @@ class DepthGrid {
 
 std::optional<VehicleTemplate> VehicleTemplate::cut(
     const PinholeCamera& camera, const GrayImage& image, const VehicleEstimate& vehicle,
-    const std::vector<const VehicleEstimate*>& nearer, const RegistrationNoise& noise) {
+    const std::vector<const VehicleEstimate*>& nearer, const RegistrationNoise& noise,
+    const std::vector<std::uint8_t>* vehicle_mask) {
   PixelBounds bounds;
   for (const Eigen::Vector3d& x : vehicle.keypoints) {
     const auto p = camera.project(x);
@@ -104,7 +119,7 @@ std::optional<VehicleTemplate> VehicleTemplate::cut(
   std::vector<std::vector<HalfSpace>> hiding;
   for (const VehicleEstimate* other : before) hiding.push_back(convex_hull(other->keypoints));
   const DepthGrid grid(camera, inside, static_cast<int>(out.step_), convex_hull(vehicle.keypoints),
-                       std::move(hiding));
+                       std::move(hiding), vehicle_mask);
 
   // Off the outlines, whose places are known to a pixel or two.
   const double inner = std::clamp(0.03 * box.width(), 1.0, 3.0), outer = 3.0;  // px

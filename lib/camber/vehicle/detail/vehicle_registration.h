@@ -2,6 +2,7 @@
 
 // Direct registration of one vehicle between two images.
 
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -41,11 +42,13 @@ class VehicleTemplate {
  public:
   /// @param vehicle  as it is in the image, with keypoints.
   /// @param nearer   vehicles that may hide it: their outlines are left out.
+  /// @param vehicle_mask  of the image, one byte a pixel; or null. Where it shows no vehicle,
+  ///                      something else hides this one.
   /// @return nothing where too little of the vehicle is seen.
-  static std::optional<VehicleTemplate> cut(const PinholeCamera& camera, const GrayImage& image,
-                                            const VehicleEstimate& vehicle,
-                                            const std::vector<const VehicleEstimate*>& nearer,
-                                            const RegistrationNoise& noise = {});
+  static std::optional<VehicleTemplate> cut(
+      const PinholeCamera& camera, const GrayImage& image, const VehicleEstimate& vehicle,
+      const std::vector<const VehicleEstimate*>& nearer, const RegistrationNoise& noise = {},
+      const std::vector<std::uint8_t>* vehicle_mask = nullptr);
 
   /// @param second_from_first  of points on the vehicle; the rotation is held, the translation is
   ///                           the start and should be right to a few pixels.
