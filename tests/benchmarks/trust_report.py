@@ -224,7 +224,8 @@ def fault_row(fault, entries, plain):
 # --- the page of results ---------------------------------------------------------------------------
 
 def document_of(report, program, command, load_before):
-    """The tables of make_benchmark_md.py."""
+    """The tables of make_benchmark_md.py: of the faults alone where there are any. The sound runs
+    among them only serve to compare; sound runs of their own have a file of their own."""
     share_of = lambda value: None if value is None else 100.0 * value
     scale = {"key": "trust.scale", "name": "Scales and what is stated of them", "command": command,
              "columns": [column("frames", label=True), column("runs"),
@@ -255,7 +256,7 @@ def document_of(report, program, command, load_before):
                           column("good of those contradicted", "%", better="higher")],
               "rows": [[r["fault"], *(r[key] for key in counts), share_of(r["good_of_these"])]
                        for r in report["faults"]]}
-    tables = [table for table in (scale, vehicles, faults) if table["rows"]]
+    tables = [faults] if faults["rows"] else [table for table in (scale, vehicles) if table["rows"]]
     return document(program, load_before, tables, report["options"]["seed"])
 
 
