@@ -218,6 +218,7 @@ TEST_F(ImportOwn, MasksPosesSpeedsAndGravity) {
   EXPECT_EQ(scene.frames[1].segmentation, path("out/segmentation/000001.png"));
   EXPECT_TRUE(fs::exists(scene.frames[1].segmentation));
   EXPECT_EQ(scene.segmentation_classes.at("road"), std::vector<int>{1});
+  EXPECT_EQ(scene.segmentation_classes.size(), 1u);  // the class map has no other
   ASSERT_TRUE(scene.frames[1].world_from_camera);
   EXPECT_NEAR(scene.frames[1].world_from_camera->translation().z(), 5.0, 1e-12);
   EXPECT_EQ(scene.frames[0].speed, 10.0);

@@ -33,6 +33,17 @@ TEST(FrameMasks, VehiclesOfTheSegmentationAreKeptWithoutTheirMargin) {
   EXPECT_EQ(masks.vehicle_class[9 * 40 + 5], 0);
 }
 
+TEST(FrameMasks, WhereNoVehicleIsShownBoxesSayWhereTheyAre) {
+  MaskInputs inputs = road_with_a_vehicle();
+  inputs.vehicle_boxes = {Box2{20.0, 10.0, 23.0, 12.0}};
+  for (std::uint8_t& label : inputs.segmentation->data) label = label == 3 ? 0 : label;
+  inputs.segmentation->data[11 * 40 + 21] = 0;  // not the road
+  const FrameMasks masks = make_frame_masks(kCamera, inputs);
+  EXPECT_TRUE(masks.vehicle_class.empty());
+  EXPECT_EQ(masks.vehicle[11 * 40 + 21], 1);
+  EXPECT_EQ(masks.vehicle[11 * 40 + 6], 0);
+}
+
 TEST(FrameMasks, WithoutAClassOfVehiclesNoneIsKnown) {
   MaskInputs inputs = road_with_a_vehicle();
   inputs.vehicle_boxes = {Box2{5.0, 10.0, 8.0, 12.0}};

@@ -74,8 +74,8 @@ FrameMasks make_frame_masks(const PinholeCamera& camera, const MaskInputs& input
       ground[i] = (kind & (kRoad | kPavement)) != 0;
       vehicle[i] = (kind & kVehicle) != 0;
     }
-    // Classes without vehicles: what is in a box and not ground is one.
-    if (!classes.vehicle.empty()) {
+    // A segmentation without vehicles: what is in a box and not ground is one.
+    if (std::find(vehicle.begin(), vehicle.end(), 1) != vehicle.end()) {
       out.vehicle_class = vehicle;
     } else {
       for (std::size_t i = 0; i < total; ++i) vehicle[i] = boxes[i] && !ground[i];

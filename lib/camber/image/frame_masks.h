@@ -33,7 +33,7 @@ struct FrameMasks {
   std::vector<std::uint8_t> ground_near;   ///< ground, vehicles and a margin of 4 px
   std::vector<std::uint8_t> vehicle;       ///< vehicles with a margin of 3 px
   std::vector<std::uint8_t> vehicle_near;  ///< vehicles and detection boxes with a margin of 4 px
-  /// Vehicles as the segmentation has them, without a margin; empty where it has no such class.
+  /// Vehicles as the segmentation has them, without a margin; empty where it shows none.
   std::vector<std::uint8_t> vehicle_class;
 };
 

@@ -110,6 +110,20 @@ int label_of(MaskRole role) {
   return 0;
 }
 
+/// Labels by role of masks that Camber writes from colours: of the roles that some class has.
+std::map<std::string, std::vector<int>> labels_by_role(const ClassMap& classes) {
+  std::map<std::string, std::vector<int>> out;
+  for (const auto& [name, role] :
+       {std::pair{"road", MaskRole::kRoad}, std::pair{"pavement", MaskRole::kPavement},
+        std::pair{"vehicle", MaskRole::kVehicle}}) {
+    const bool has =
+        std::any_of(classes.classes.begin(), classes.classes.end(),
+                    [role = role](const MaskClass& c) { return role_of_class(c.name) == role; });
+    if (has) out[name] = {label_of(role)};
+  }
+  return out;
+}
+
 /// Label values by role; the first of `use_train_ids` that fits the image decides nothing here.
 std::map<std::string, std::vector<int>> values_by_role(const ClassMap& classes, bool train_ids) {
   std::map<std::string, std::vector<int>> out;
@@ -249,10 +263,7 @@ void put_own_masks(Scene& scene, const fs::path& folder, const std::string& clas
     }
     out.mask_classes = classes;
     scene.segmentation_classes =
-        colors ? std::map<std::string, std::vector<int>>{{"road", {kRoadLabel}},
-                                                         {"pavement", {kPavementLabel}},
-                                                         {"vehicle", {kVehicleLabel}}}
-               : values_by_role(classes, train_ids);
+        colors ? labels_by_role(classes) : values_by_role(classes, train_ids);
     const bool road =
         std::any_of(classes.classes.begin(), classes.classes.end(),
                     [](const MaskClass& c) { return role_of_class(c.name) == MaskRole::kRoad; });

@@ -95,8 +95,8 @@ struct MotionNoise {
   // to a half of the shift and a fifth of the turn changed little. [steep]
   double parked_shift = 0.002;  ///< m
   double parked_turn = 0.001;   ///< rad
-  // Of a moving one, for each second. With wider ones (0.3, 0.3, 0.25, 0.25, 4) 14 and 26 tracks of
-  // rendered slow vehicles are taken for parked ones, with these 9 and 19. [steep]
+  // Of a moving one, for each second; assumed, and narrow enough that slow ones are seldom taken for
+  // parked (docs/notes/vehicles-several-views.md). Rendered vehicles drive at constant speed.
   double sideways = 0.2;       ///< m / s, off its heading on the road: slip where it turns
   double vertical = 0.1;       ///< m / s, off its heading, likewise
   double turning = 0.25;       ///< rad / s, about its vertical axis

@@ -21,7 +21,8 @@ struct TrackFrame {
   std::vector<VehicleEstimate> estimates;  ///< one a detection, from fit_vehicle
   /// Not owned; where two frames have theirs, the vehicles are registered between them.
   const GrayImage* image = nullptr;
-  /// Of the image, one byte a pixel, row-major, non-zero: a vehicle. Not owned; null: not known.
+  /// Of the image, one byte a pixel, row-major, non-zero: a vehicle. Of the view that leads a track
+  /// only such pixels are registered in the other images. Not owned; null: not known.
   const std::vector<std::uint8_t>* vehicle_mask = nullptr;
   /// Standard deviations of world_from_camera against the other frames', beside a scale that all
   /// frames share.

@@ -19,8 +19,8 @@ constexpr int kFewestPixels = 40;
 constexpr std::size_t kMostHiding = 16;  // behind more others' boxes a vehicle is not looked for
 constexpr double kLeastDepth = 0.05;     // over the anchor's
 
-/// Depths of a vehicle's hull on a grid of pixels; 0: not the vehicle, negative: another one hides
-/// it.
+/// Depths of a vehicle's hull on a grid of pixels; 0: not the vehicle, or by the mask none,
+/// negative: another one hides it.
 class DepthGrid {
  public:
   DepthGrid(const PinholeCamera& camera, const Box2& inside, int step,

@@ -43,7 +43,7 @@ class VehicleTemplate {
   /// @param vehicle  as it is in the image, with keypoints.
   /// @param nearer   vehicles that may hide it: their outlines are left out.
   /// @param vehicle_mask  of the image, one byte a pixel; or null. Where it shows no vehicle,
-  ///                      something else hides this one.
+  ///                      the pixels are left out: something else may hide this one.
   /// @return nothing where too little of the vehicle is seen.
   static std::optional<VehicleTemplate> cut(
       const PinholeCamera& camera, const GrayImage& image, const VehicleEstimate& vehicle,
