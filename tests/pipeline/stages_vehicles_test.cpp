@@ -339,7 +339,7 @@ TEST_F(ParkedCar, AssembleNamesAFocalLengthThatProportionsContradict) {
   EXPECT_TRUE(sound.run.constraints.back().accepted);
   EXPECT_TRUE(sound.run.warnings.empty());
 
-  placed.focal_length = {4, 0.5, 12.5};
+  placed.focal_length = {4, 0.5, 12.5, 0.0};
   const AssembledRoad wrong = assembled(drive, scaled, plan, placed);
   EXPECT_FALSE(wrong.run.constraints.back().accepted);
   EXPECT_NEAR(wrong.run.constraints.back().residual_sigma, 5.0, 1e-12);
@@ -365,6 +365,44 @@ TEST_F(ParkedCar, AssembleNamesAFocalLengthThatProportionsContradict) {
   stages::AssembleOptions later;
   later.noise.focal_length_gate = 100.0;
   EXPECT_TRUE(assembled(drive, scaled, plan, placed, later).run.warnings.empty());
+}
+
+TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLength) {
+  const MadeDrive drive = drive_past(0.05);
+  ScaledRoad scaled = exact_scaled(drive, 0.01);
+  const SurfacePlan plan = plan_of(drive, scaled);
+  const AssembledRoad sound = assembled(
+      drive, scaled, plan, stages::vehicles(drive.frames, drive.motion, scaled, plan, {}));
+
+  scaled.dash_focal_length = {0.5, 2};
+  PlacedVehicles placed = stages::vehicles(drive.frames, drive.motion, scaled, plan, {});
+  EXPECT_NE(placed.focal_length.asked_log_ratio, 0.0);  // the car was asked
+
+  // Cars with the proportions of the given focal length: it is the strokes that are longer.
+  placed.focal_length.asked_log_ratio = -2.1;
+  const AssembledRoad vetoed = assembled(drive, scaled, plan, placed);
+  EXPECT_TRUE(vetoed.run.warnings.empty());
+  EXPECT_EQ(vetoed.run.scale_sigma, sound.run.scale_sigma);
+  const auto by_strokes = std::find_if(
+      vetoed.run.constraints.begin(), vetoed.run.constraints.end(),
+      [](const ConstraintReport& r) { return r.source == "2 strokes of broken lines"; });
+  ASSERT_NE(by_strokes, vetoed.run.constraints.end());
+  EXPECT_FALSE(by_strokes->accepted);
+  EXPECT_THAT(by_strokes->reason, HasSubstr("are the known sizes right?"));
+
+  // Cars that say little leave them their say.
+  placed.focal_length.asked_log_ratio = -1.0;
+  const AssembledRoad named = assembled(drive, scaled, plan, placed);
+  ASSERT_EQ(named.run.warnings.size(), 1u);
+  EXPECT_EQ(named.run.warnings[0].code, "focal_length_contradicted");
+  EXPECT_THAT(named.run.warnings[0].text, HasSubstr("2 strokes of broken lines"));
+  EXPECT_NEAR(named.run.scale_sigma, std::hypot(sound.run.scale_sigma, std::log(2.0)), 1e-9);
+  // Both at once count once.
+  placed.focal_length.factor = 0.6;
+  placed.focal_length.gain = 12.5;
+  const AssembledRoad both = assembled(drive, scaled, plan, placed);
+  EXPECT_EQ(both.run.warnings.size(), 2u);
+  EXPECT_NEAR(both.run.scale_sigma, named.run.scale_sigma, 1e-12);
 }
 
 TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {

@@ -275,5 +275,27 @@ TEST(DashFocalLength, StrokesOfUnlikeLengthsProveNothing) {
   EXPECT_EQ(find_focal_length(alike, 1.0).strokes, 2);
 }
 
+TEST(DashFocalLength, OneLongStrokeNearTheCameraGivesOneThatIsTwiceOrHalfAsLong) {
+  const auto stroke = [](double from, double length) {
+    return draw([=](double x, double z) {
+      return std::abs(x + 1.2) < 0.06 && z > from && z < from + length;
+    });
+  };
+  const GrayImage one = stroke(8.0, 3.0);
+  for (const double wrong_by : {0.5, 2.0}) {
+    const DashFocalLength found = find_focal_length(one, wrong_by);
+    EXPECT_EQ(found.strokes, 1) << wrong_by;
+    EXPECT_NEAR(found.factor * wrong_by, 1.0, 0.05) << wrong_by;
+  }
+  // Nothing that is less wrong, far away, or of other lengths.
+  for (const double wrong_by : {0.75, 1.0, 1.4}) {
+    EXPECT_EQ(find_focal_length(one, wrong_by).strokes, 0) << wrong_by;
+  }
+  EXPECT_EQ(find_focal_length(stroke(28.0, 3.0), 2.0).strokes, 0);
+  for (const double length : {2.2, 4.2}) {
+    EXPECT_EQ(find_focal_length(stroke(8.0, length), 1.0).strokes, 0) << length;
+  }
+}
+
 }  // namespace
 }  // namespace camber

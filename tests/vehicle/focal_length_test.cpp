@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "vehicle/simulated_vehicle.h"
@@ -12,7 +13,8 @@ namespace {
 
 /// A street of simulated cars, as it is reconstructed with a focal length that is wrong by a
 /// factor: depths are multiplied by it, pixels stay.
-FocalLengthEvidence evidence_of_street(double factor, std::uint64_t seed, int threads = 1) {
+FocalLengthEvidence evidence_of_street(double factor, std::uint64_t seed, int threads = 1,
+                                       std::optional<double> asked = {}) {
   constexpr std::uint64_t kCars = 6;
   test::SimulationOptions simulation;
   simulation.seed = seed;
@@ -39,7 +41,7 @@ FocalLengthEvidence evidence_of_street(double factor, std::uint64_t seed, int th
   camera.fx *= factor;
   camera.fy *= factor;
   const std::vector<VehicleEstimate> estimates = fit_vehicles(camera, detections, supports, {}, 1);
-  return focal_length_evidence(camera, detections, supports, estimates, {}, threads);
+  return focal_length_evidence(camera, detections, supports, estimates, {}, threads, asked);
 }
 
 TEST(FocalLength, IsFoundWrongByProportions) {
@@ -61,6 +63,28 @@ TEST(FocalLength, ThatIsRightIsNotContradicted) {
     EXPECT_GE(sound.gain, 0.0);
     EXPECT_LT(sound.gain, 6.0) << seed;  // chance alone: 4.5 in one of 370
   }
+}
+
+TEST(FocalLength, ThatIsAskedForIsComparedWithTheGivenOne) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    EXPECT_LT(evidence_of_street(1.0, seed, 1, 0.5).asked_log_ratio, -8.0) << seed;
+    EXPECT_GT(evidence_of_street(2.0, seed, 1, 0.5).asked_log_ratio, 8.0) << seed;
+    const FocalLengthEvidence not_asked = evidence_of_street(2.0, seed);
+    EXPECT_EQ(not_asked.asked_log_ratio, 0.0);
+  }
+}
+
+TEST(FocalLength, OfOneVehicleIsGivenByNoMoreThanAVehicleMay) {
+  const test::SimulatedVehicle s = test::simulate_vehicle({}, 0);
+  const VehicleEstimate estimate = fit_vehicle(s.camera, s.detection, s.support, {});
+  VehicleEstimate unlikely = estimate;
+  unlikely.keypoint_cost += 100.0;
+  VehicleFitOptions options;
+  options.noise.hypotheses.focal_length_farthest = 100.0;
+  const FocalLengthEvidence found =
+      focal_length_evidence(s.camera, {s.detection}, {s.support}, {unlikely}, options);
+  EXPECT_EQ(found.vehicles, 1);
+  EXPECT_EQ(found.gain, options.noise.hypotheses.focal_length_most);
 }
 
 TEST(FocalLength, IsJudgedAlikeByAnyNumberOfThreads) {
@@ -85,6 +109,23 @@ TEST(FocalLength, IsNotJudgedByFarVehicles) {
         focal_length_evidence(s.camera, {s.detection}, {s.support}, {estimate}, options);
     EXPECT_EQ(near.vehicles, 1) << share;  // 0.7 times it: nearer by as much
   }
+}
+
+TEST(FocalLength, IsNotJudgedByKeypointsThatAgreeWithNoPose) {
+  const test::SimulatedVehicle s = test::simulate_vehicle({}, 0);
+  VehicleDetection mixed_up = s.detection;
+  const std::size_t count = mixed_up.keypoints.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    mixed_up.keypoints[i].pixel = s.detection.keypoints[(7 * i + 5) % count].pixel;
+  }
+  const VehicleEstimate estimate = fit_vehicle(s.camera, mixed_up, s.support, {});
+  EXPECT_TRUE(std::isnan(estimate.keypoint_cost));
+  VehicleFitOptions options;
+  options.noise.hypotheses.focal_length_farthest = 100.0;
+  const FocalLengthEvidence none =
+      focal_length_evidence(s.camera, {mixed_up}, {s.support}, {estimate}, options);
+  EXPECT_EQ(none.vehicles, 0);
+  EXPECT_EQ(none.gain, 0.0);
 }
 
 TEST(FocalLength, NeedsVehiclesWithKeypoints) {

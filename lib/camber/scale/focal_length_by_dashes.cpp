@@ -14,6 +14,8 @@ namespace {
 /// A stroke on the ground, m.
 struct Stroke {
   Eigen::Vector3d middle, along;
+  int rows = 0;                ///< of the image
+  double shorter_depth = 0.0;  ///< m, of those by the two focal lengths
 };
 
 /// Strokes that lie one period from another or two, along it, each with the length that belongs to
@@ -53,6 +55,21 @@ struct BrokenLines {
 
   int strokes() const { return static_cast<int>(std::count(in_line.begin(), in_line.end(), 1)); }
 };
+
+/// The longest stroke near the camera that has the known length; null: none.
+const Stroke* near_stroke(const std::vector<Stroke>& strokes, double dash_length) {
+  constexpr int kFewestRows = 20;
+  constexpr double kFarthest = 25.0, kMostOff = 0.1;  // m; of the logarithm
+  const Stroke* out = nullptr;
+  for (const Stroke& stroke : strokes) {
+    if (stroke.rows >= kFewestRows && stroke.shorter_depth < kFarthest &&
+        std::abs(std::log(stroke.along.norm() / dash_length)) < kMostOff &&
+        (!out || stroke.rows > out->rows)) {
+      out = &stroke;
+    }
+  }
+  return out;
+}
 
 /// A camera, ground and direction with the depths of another focal length.
 struct Stretched {
@@ -97,10 +114,15 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
   constexpr int kFewestRows = 5;
   constexpr double kFarthest = 40.0, kMostAside = 4.0;  // m
   constexpr std::array<double, 5> kFactors = {1.0, 0.5, M_SQRT1_2, M_SQRT2, 2.0};
+  // With these alone a single stroke counts: what has 0.7 times the known length may be a stroke on
+  // ground that is a third off.
+  constexpr std::array<bool, kFactors.size()> kGross = {false, true, false, false, true};
+  constexpr double kAlike = 0.3;  // of lengths' logarithms
   std::array<DashFocalLength, kFactors.size()> found;
+  std::array<std::vector<Stroke>, kFactors.size()> seen;
   parallel_for(kFactors.size(), num_threads, [&](std::size_t k) {
     const Stretched other(camera, ground, ahead, kFactors[k]);
-    std::vector<Stroke> strokes;
+    std::vector<Stroke>& strokes = seen[k];
     const LaneMarkings markings = detect_lane_markings(image, other.camera, other.ground,
                                                        other.ahead, of_dashes, scale_sigma, 1);
     for (const PaintedDash& dash : markings.dashes) {
@@ -111,7 +133,7 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
           std::abs(middle.x()) > kMostAside) {
         continue;
       }
-      strokes.push_back({middle, along});
+      strokes.push_back({middle, along, dash.rows, shorter_depth});
     }
     BrokenLines lines(strokes, of_dashes);
     found[k].strokes = lines.strokes();
@@ -122,6 +144,17 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
   });
   for (std::size_t k = 1; k < found.size(); ++k) {
     if (found[k].strokes > std::max(out.strokes, found[0].strokes)) out = found[k];
+  }
+  const bool fits = std::any_of(seen[0].begin(), seen[0].end(), [&](const Stroke& stroke) {
+    return std::abs(std::log(stroke.along.norm() / of_dashes.dash_length)) < kAlike;
+  });
+  if (out.strokes > 0 || found[0].strokes > 0 || fits) return out;
+  int most_rows = 0;
+  for (std::size_t k = 1; k < found.size(); ++k) {
+    const Stroke* stroke = kGross[k] ? near_stroke(seen[k], of_dashes.dash_length) : nullptr;
+    if (!stroke || stroke->rows <= most_rows) continue;
+    most_rows = stroke->rows;
+    out = {kFactors[k] * of_dashes.dash_length / stroke->along.norm(), 1};
   }
   return out;
 }

@@ -32,7 +32,8 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
                                           const std::vector<VehicleDetection>& detections,
                                           const std::vector<SupportPlane>& supports,
                                           const std::vector<VehicleEstimate>& estimates,
-                                          const VehicleFitOptions& options, int num_threads) {
+                                          const VehicleFitOptions& options, int num_threads,
+                                          std::optional<double> asked) {
   if (supports.size() != detections.size() || estimates.size() != detections.size()) {
     throw std::invalid_argument(fmt::format("{} detections, {} supports, {} estimates",
                                             detections.size(), supports.size(), estimates.size()));
@@ -69,6 +70,7 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
       out.gain = sum;
       out.factor = factor;
     }
+    return sum;
   };
   // Coarsely to both sides, then farther and nearer on the better one.
   for (const double factor : {1.0 / M_SQRT2, M_SQRT2}) compare(factor);
@@ -76,6 +78,7 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
     const double coarse = out.factor;
     for (const double power : {0.5, 2.0}) compare(std::pow(coarse, power));
   }
+  if (asked) out.asked_log_ratio = compare(*asked);
   return out;
 }
 

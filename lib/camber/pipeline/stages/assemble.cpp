@@ -85,28 +85,52 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
   final_road->reports.push_back(std::move(report));
 }
 
-/// The focal length against the vehicles' proportions: a wrong one stretches the road along the
-/// optical axis, and the scale with it.
-void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& evidence,
+/// The focal length against the vehicles' proportions and against broken lines: a wrong one
+/// stretches the road along the optical axis, and the scale with it.
+void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& vehicles,
                         const ScaleNoise& noise, FinalRoad* final_road) {
-  if (evidence.vehicles == 0) return;
-  const double sigmas = std::sqrt(2.0 * evidence.gain);
-  ConstraintReport report{"focal_length",
-                          fmt::format("proportions of {} vehicles", evidence.vehicles),
-                          sigmas,
-                          sigmas <= noise.focal_length_gate,
-                          {}};
-  if (!report.accepted) {
-    report.reason =
-        fmt::format("they fit {:.1f} standard deviations better with {:.2f} times the focal length",
-                    sigmas, evidence.factor);
+  double off = 0.0;  // of the focal length's logarithm
+  const auto contradict = [&](const ConstraintReport& report, double factor) {
     final_road->warnings.push_back(
         {"focal_length_contradicted", report.source + ": " + report.reason});
-    if (scaled.metric) {
-      final_road->widen_scale(std::pow(std::log(evidence.factor), 2));
+    off = std::max(off, std::abs(std::log(factor)));
+  };
+  const DashFocalLength& dashes = scaled.dash_focal_length;
+  if (dashes.strokes > 0) {
+    const bool one = dashes.strokes == 1;
+    const double sigmas = std::abs(std::log(dashes.factor)) / noise.dash_focal_length;
+    ConstraintReport report{"focal_length",
+                            one ? "a stroke of a broken line"
+                                : fmt::format("{} strokes of broken lines", dashes.strokes),
+                            sigmas,
+                            false,
+                            {}};
+    report.reason = fmt::format("{} with {:.2f} times the focal length, {:.1f} standard deviations",
+                                one ? "it has the known length" : "they have the known sizes",
+                                dashes.factor, sigmas);
+    if (vehicles.asked_log_ratio > -noise.vehicles_against_dashes) {
+      contradict(report, dashes.factor);
+    } else {
+      report.reason += "; the proportions of vehicles contradict that: are the known sizes right?";
     }
+    final_road->reports.push_back(std::move(report));
   }
-  final_road->reports.push_back(std::move(report));
+  if (vehicles.vehicles > 0) {
+    const double sigmas = std::sqrt(2.0 * vehicles.gain);
+    ConstraintReport report{"focal_length",
+                            fmt::format("proportions of {} vehicles", vehicles.vehicles),
+                            sigmas,
+                            sigmas <= noise.focal_length_gate,
+                            {}};
+    if (!report.accepted) {
+      report.reason = fmt::format(
+          "they fit {:.1f} standard deviations better with {:.2f} times the focal length", sigmas,
+          vehicles.factor);
+      contradict(report, vehicles.factor);
+    }
+    final_road->reports.push_back(std::move(report));
+  }
+  if (off > 0.0 && scaled.metric) final_road->widen_scale(off * off);
 }
 
 FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles,

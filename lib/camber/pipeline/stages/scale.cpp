@@ -16,7 +16,6 @@
 #include "camber/pipeline/stages/motion.h"
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/contradiction.h"
-#include "camber/scale/focal_length_by_dashes.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
 #include "camber/scale/speed_constraint.h"
@@ -329,24 +328,14 @@ std::optional<Check> check_focal_length(const LoadedFrames& frames, const Corres
   return Check{std::move(out), log_factor};
 }
 
-/// The focal length against broken lines of known sizes, of which no stroke fits.
-std::optional<Check> check_dashes(const LoadedFrames& frames, const GroundRaster& raster,
-                                  const Eigen::Vector3d& travel, const ScaledRoad& scaled,
-                                  const ScaleOptions& options) {
-  if (!options.use_markings || scaled.markings.dashes > 0) return std::nullopt;
-  const DashFocalLength found =
-      focal_length_by_dashes(frames.gray[frames.reference], frames.camera, raster, travel,
-                             frames.known.markings, scaled.road.scale_sigma(), options.num_threads);
-  if (found.strokes == 0) return std::nullopt;
-  const double log_factor = std::log(found.factor);
-  ConstraintReport out{
-      "focal_length", fmt::format("{} strokes of broken lines", found.strokes), 0.0, false, {}};
-  out.residual_sigma = std::abs(log_factor) / options.noise.dash_focal_length;
-  out.reason = fmt::format(
-      "they have the known sizes with {:.2f} times the focal length, {:.1f} "
-      "standard deviations",
-      found.factor, out.residual_sigma);
-  return Check{std::move(out), log_factor};
+/// The focal length by broken lines of known sizes, of which no stroke fits the given one.
+DashFocalLength find_dash_focal_length(const LoadedFrames& frames, const GroundRaster& raster,
+                                       const Eigen::Vector3d& travel, const ScaledRoad& scaled,
+                                       const ScaleOptions& options) {
+  if (!options.use_markings || scaled.markings.dashes > 0) return {};
+  return focal_length_by_dashes(frames.gray[frames.reference], frames.camera, raster, travel,
+                                frames.known.markings, scaled.road.scale_sigma(),
+                                options.num_threads);
 }
 
 /// rad per metre by which the camera turns to the right along its path, about the reference frame;
@@ -541,7 +530,7 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
   admit_contested_road(ground, noise, scaled);
   admit_search(check_search(frames, ground, options), scaled);
   admit_focal_length(check_focal_length(frames, matches, ground.motion, noise), scaled);
-  admit_focal_length(check_dashes(frames, raster, travel, *scaled, options), scaled);
+  scaled->dash_focal_length = find_dash_focal_length(frames, raster, travel, *scaled, options);
   admit_markings(noise, scaled);
 }
 

@@ -5,6 +5,7 @@
 #include "camber/pipeline/stages/ground.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/road/road_posterior.h"
+#include "camber/scale/focal_length_by_dashes.h"
 #include "camber/scale/lane_marking_constraint.h"
 #include "camber/scale/road_width_constraint.h"
 #include "camber/scale/scale_noise.h"
@@ -25,6 +26,8 @@ struct ScaledRoad {
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
   double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
+  /// Not among the contradictions: the vehicles may contradict it.
+  DashFocalLength dash_focal_length = {};
 };
 
 namespace stages {

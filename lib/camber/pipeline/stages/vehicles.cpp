@@ -285,8 +285,10 @@ PlacedVehicles vehicles(const LoadedFrames& frames, const MotionEstimate& motion
     if (constraint) out.constraints.push_back(std::move(*constraint));
   }
   const TrackFrame& reference = out.views[frames.reference];
-  out.focal_length = focal_length_evidence(frames.camera, reference.detections, reference.supports,
-                                           reference.estimates, options.fit, options.num_threads);
+  const DashFocalLength& dashes = scaled.dash_focal_length;
+  out.focal_length = focal_length_evidence(
+      frames.camera, reference.detections, reference.supports, reference.estimates, options.fit,
+      options.num_threads, dashes.strokes > 0 ? std::optional(dashes.factor) : std::nullopt);
   return out;
 }
 
