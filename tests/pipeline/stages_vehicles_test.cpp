@@ -388,7 +388,7 @@ TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLe
       [](const ConstraintReport& r) { return r.source == "2 strokes of broken lines"; });
   ASSERT_NE(by_strokes, vetoed.run.constraints.end());
   EXPECT_FALSE(by_strokes->accepted);
-  EXPECT_THAT(by_strokes->reason, HasSubstr("are the known sizes right?"));
+  EXPECT_THAT(by_strokes->reason, HasSubstr("the known sizes may be wrong"));
 
   // Cars that say little leave them their say.
   placed.focal_length.asked_log_ratio = -1.0;

@@ -287,14 +287,27 @@ TEST(DashFocalLength, OneLongStrokeNearTheCameraGivesOneThatIsTwiceOrHalfAsLong)
     EXPECT_EQ(found.strokes, 1) << wrong_by;
     EXPECT_NEAR(found.factor * wrong_by, 1.0, 0.05) << wrong_by;
   }
-  // Nothing that is less wrong, far away, or of other lengths.
-  for (const double wrong_by : {0.75, 1.0, 1.4}) {
-    EXPECT_EQ(find_focal_length(one, wrong_by).strokes, 0) << wrong_by;
-  }
-  EXPECT_EQ(find_focal_length(stroke(28.0, 3.0), 2.0).strokes, 0);
-  for (const double length : {2.2, 4.2}) {
+  EXPECT_EQ(find_focal_length(one, 1.0).strokes, 0);
+  // By itself a stroke of twice the length is the same; those of 0.7 to 1.75 times it are none.
+  EXPECT_EQ(find_focal_length(stroke(8.0, 6.0), 1.0).strokes, 1);
+  for (const double length : {2.2, 4.2, 5.25}) {
     EXPECT_EQ(find_focal_length(stroke(8.0, length), 1.0).strokes, 0) << length;
   }
+  // 13 rows of the image.
+  EXPECT_EQ(find_focal_length(stroke(15.0, 3.0), 2.0).strokes, 0);
+}
+
+TEST(DashFocalLength, OneLongStrokeGivesNoneBesideOneThatFits) {
+  const auto strokes = [](double other) {
+    return draw([=](double x, double z) {
+      return (std::abs(x + 1.2) < 0.06 && z > 8.0 && z < 14.0) ||
+             (std::abs(x - 1.2) < 0.06 && z > 9.0 && z < 9.0 + other);
+    });
+  };
+  EXPECT_EQ(find_focal_length(strokes(0.0), 1.0).strokes, 1);
+  EXPECT_EQ(find_focal_length(strokes(3.0), 1.0).strokes, 0);
+  // The other has the known length with twice the focal length.
+  EXPECT_EQ(find_focal_length(strokes(1.5), 1.0).strokes, 0);
 }
 
 }  // namespace

@@ -149,11 +149,10 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
     return std::abs(std::log(stroke.along.norm() / of_dashes.dash_length)) < kAlike;
   });
   if (out.strokes > 0 || found[0].strokes > 0 || fits) return out;
-  int most_rows = 0;
   for (std::size_t k = 1; k < found.size(); ++k) {
     const Stroke* stroke = kGross[k] ? near_stroke(seen[k], of_dashes.dash_length) : nullptr;
-    if (!stroke || stroke->rows <= most_rows) continue;
-    most_rows = stroke->rows;
+    if (!stroke) continue;
+    if (out.strokes > 0) return {};  // one stroke asks for half, another for twice
     out = {kFactors[k] * of_dashes.dash_length / stroke->along.norm(), 1};
   }
   return out;

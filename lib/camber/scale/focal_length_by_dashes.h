@@ -15,8 +15,9 @@ struct DashFocalLength {
 /// Looks for broken lines of known sizes with other focal lengths, from half to twice the camera's.
 /// A wrong one stretches the ground along the view and leaves what lies across it, as the camera's
 /// height and the width of a line, unchanged: strokes of the right width then have wrong lengths
-/// and periods. Strokes that lie a period apart, along each other, prove it, and where there are
-/// none one long stroke near the camera that has half or twice the known length.
+/// and periods. Strokes that lie a period apart, along each other, prove it; where there are none,
+/// and none has about the known length, one long stroke near the camera that has it with half or
+/// twice the focal length.
 /// @param ground, ahead  by the camera as it is given; see detect_lane_markings().
 /// @throws std::invalid_argument for sizes that disagree.
 DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCamera& camera,

@@ -130,9 +130,9 @@ std::string fit_keypoints(const PinholeCamera& camera, const VehicleDetection& d
   keypoints.adapt_noise(posterior.view(0, best));
   keypoints.update_visibility(posterior.view(0, best));
   const double cost = refine(posterior, &best, 20, 1e-4);
+  if (keypoints_agree(posterior, 0, best)) out->keypoint_cost = cost;
   std::string reason = unreliable_reason(posterior, 0, best, detection.box);
   if (!reason.empty()) return reason;
-  out->keypoint_cost = cost;
 
   const PosteriorMean answer = posterior_mean(posterior, best);
   if (answer.covariance.size() == 0) return "no pose fits the keypoints";

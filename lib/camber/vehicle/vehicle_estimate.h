@@ -81,7 +81,7 @@ struct VehicleEstimate {
       Eigen::Matrix<double, 9, 9>::Constant(std::numeric_limits<double>::quiet_NaN());
   double reprojection_rmse_px = std::numeric_limits<double>::quiet_NaN();
   /// Minus log posterior density of pose, size and shape at the maximum of one view's keypoints, up
-  /// to a constant of the detection. NaN: none was found that they agree with.
+  /// to a constant of the detection. NaN: none was found that enough of them agree with.
   double keypoint_cost = std::numeric_limits<double>::quiet_NaN();
 };
 

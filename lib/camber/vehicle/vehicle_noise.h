@@ -133,7 +133,7 @@ struct HypothesisGates {
   double same_axis = 0.9;       ///< cosine of the headings of views of one track, but for the sense
   double parked_pruned = 60.0;  ///< the parked hypothesis so much worse than the moving one
   /// That one vehicle may add to another focal length. With the true one the most was 5.2, with
-  /// twice it 12 (390 and 222 runs over rendered roads, even numbers).
+  /// twice it 12 (390 and 135 runs over rendered roads with near vehicles, even numbers).
   double focal_length_most = 8.0;
   /// m, of the vehicles that are compared the depth, the shorter of those with the two focal
   /// lengths

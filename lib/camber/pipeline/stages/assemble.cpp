@@ -20,7 +20,7 @@ namespace {
 /// The road given the vehicles, and the planes under them given all but those that contradict it.
 struct FinalRoad {
   RoadPosterior road;
-  std::vector<ConstraintReport> reports;  // of the vehicles, in their order, then of their sizes
+  std::vector<ConstraintReport> reports;  // of the vehicles, in their order, then of all
   std::vector<RunDocument::Warning> warnings;
   Eigen::VectorXd plane_changes;  // rows as in the graph's covariance; empty without vehicles
   Eigen::MatrixXd plane_covariance;
@@ -111,14 +111,16 @@ void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& veh
     if (vehicles.asked_log_ratio > -noise.vehicles_against_dashes) {
       contradict(report, dashes.factor);
     } else {
-      report.reason += "; the proportions of vehicles contradict that: are the known sizes right?";
+      report.reason += "; vehicles' proportions contradict that, the known sizes may be wrong";
     }
     final_road->reports.push_back(std::move(report));
   }
   if (vehicles.vehicles > 0) {
     const double sigmas = std::sqrt(2.0 * vehicles.gain);
+    const bool one = vehicles.vehicles == 1;
     ConstraintReport report{"focal_length",
-                            fmt::format("proportions of {} vehicles", vehicles.vehicles),
+                            one ? "proportions of a vehicle"
+                                : fmt::format("proportions of {} vehicles", vehicles.vehicles),
                             sigmas,
                             sigmas <= noise.focal_length_gate,
                             {}};
@@ -130,7 +132,9 @@ void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& veh
     }
     final_road->reports.push_back(std::move(report));
   }
-  if (off > 0.0 && scaled.metric) final_road->widen_scale(off * off);
+  // Of several that are contradicted, as by a turn, the largest counts.
+  const double more = off * off - final_road->contradiction_variance;
+  if (more > 0.0 && scaled.metric) final_road->widen_scale(more);
 }
 
 FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles,

@@ -26,7 +26,8 @@ struct ScaledRoad {
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
   double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
-  /// Not among the contradictions: the vehicles may contradict it.
+  /// No strokes: none speak against the given one, or none were looked for. Not among the
+  /// contradictions: the vehicles may contradict it, which assemble() compares.
   DashFocalLength dash_focal_length = {};
 };
 

@@ -58,7 +58,8 @@ struct PlacedVehicles {
   std::vector<TrackMessage> messages;                   ///< of the tracks, with a joint ground
   std::vector<VehicleConstraint> constraints;           ///< of a run's road, by those messages
   GroundGraph ground;                                   ///< before the vehicles
-  FocalLengthEvidence focal_length;                     ///< of the reference frame's vehicles
+  /// Of the reference frame's vehicles; asked for that of ScaledRoad::dash_focal_length.
+  FocalLengthEvidence focal_length;
 };
 
 namespace stages {

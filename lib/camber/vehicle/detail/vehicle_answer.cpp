@@ -45,17 +45,20 @@ void write_pose_and_form(const VehiclePrior& prior, const ViewPose& pose, const 
   }
 }
 
+bool keypoints_agree(const VehiclePosterior& posterior, int view, const VehicleState& state) {
+  const AnswerGates& gates = posterior.noise().answer;
+  const KeypointLikelihood& keypoints = posterior.keypoints(view);
+  const auto count = static_cast<double>(keypoints.points().size());
+  return keypoints.agreement(posterior.view(view, state)).count >=
+         std::max(gates.agreeing_keypoints, gates.agreeing_share * count);
+}
+
 std::string unreliable_reason(const VehiclePosterior& posterior, int view,
                               const VehicleState& state, const Box2& box) {
+  if (!keypoints_agree(posterior, view, state)) return "too few keypoints agree";
   const AnswerGates& gates = posterior.noise().answer;
   const PinholeCamera& camera = posterior.camera();
   const BodyView at = posterior.view(view, state);
-  const KeypointLikelihood& keypoints = posterior.keypoints(view);
-  const auto count = static_cast<double>(keypoints.points().size());
-  if (keypoints.agreement(at).count <
-      std::max(gates.agreeing_keypoints, gates.agreeing_share * count)) {
-    return "too few keypoints agree";
-  }
   if ((state.form.size.array() < gates.least_size * posterior.mean_size().array()).any()) {
     return "the keypoints ask for too small a vehicle";
   }

@@ -26,6 +26,9 @@ ReportCovariance report_covariance(const ViewPose& pose, const Form& form,
 void write_pose_and_form(const VehiclePrior& prior, const ViewPose& pose, const Form& form,
                          VehicleEstimate* out);
 
+/// Whether enough keypoints of a view are where the state has them.
+bool keypoints_agree(const VehiclePosterior& posterior, int view, const VehicleState& state);
+
 /// Why the keypoints' answer in one view is not reliable; empty if it is.
 std::string unreliable_reason(const VehiclePosterior& posterior, int view,
                               const VehicleState& state, const Box2& box);
