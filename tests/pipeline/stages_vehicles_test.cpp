@@ -403,6 +403,9 @@ TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLe
   const AssembledRoad both = assembled(drive, scaled, plan, placed);
   EXPECT_EQ(both.run.warnings.size(), 2u);
   EXPECT_NEAR(both.run.scale_sigma, named.run.scale_sigma, 1e-12);
+  // And so does what another source, as a turn, has contradicted by as much.
+  scaled.contradiction_variance = std::pow(std::log(2.0), 2);
+  EXPECT_NEAR(assembled(drive, scaled, plan, placed).run.scale_sigma, named.run.scale_sigma, 1e-9);
 }
 
 TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {

@@ -217,11 +217,12 @@ TEST(LaneMarkings, SizesThatAreNotKnownAreNotLookedFor) {
 }
 
 /// With the true ground stretched along the view, as a camera with a wrong focal length sees it.
-DashFocalLength find_focal_length(const GrayImage& image, double wrong_by, int num_threads = 1) {
+DashFocalLength find_focal_length(const GrayImage& image, double wrong_by, int num_threads = 1,
+                                  const LaneMarkingSizes& sizes = kSizes) {
   PinholeCamera camera = kCamera;
   camera.fx *= wrong_by;
   camera.fy *= wrong_by;
-  return focal_length_by_dashes(image, camera, level_ground(wrong_by), kAhead, kSizes, 0.012,
+  return focal_length_by_dashes(image, camera, level_ground(wrong_by), kAhead, sizes, 0.012,
                                 num_threads);
 }
 
@@ -295,6 +296,10 @@ TEST(DashFocalLength, OneLongStrokeNearTheCameraGivesOneThatIsTwiceOrHalfAsLong)
   }
   // 13 rows of the image.
   EXPECT_EQ(find_focal_length(stroke(15.0, 3.0), 2.0).strokes, 0);
+  // 40 and 24 rows of the image.
+  const LaneMarkingSizes longer{30.0, 30.0, 0.12, 0.5, 0.5};
+  EXPECT_EQ(find_focal_length(stroke(15.0, 30.0), 2.0, 1, longer).strokes, 1);
+  EXPECT_EQ(find_focal_length(stroke(26.0, 30.0), 2.0, 1, longer).strokes, 0);
 }
 
 TEST(DashFocalLength, OneLongStrokeGivesNoneBesideOneThatFits) {
