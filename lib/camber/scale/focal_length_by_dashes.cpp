@@ -18,6 +18,14 @@ struct Stroke {
   double shorter_depth = 0.0;  ///< m, of those by the two focal lengths
 };
 
+/// Whether a stroke's length differs by less than a limit, and what its ends may be off, of the
+/// logarithm.
+bool has_length(const Stroke& stroke, double length, double limit) {
+  constexpr double kEndRows = 1.5;  // both ends together
+  return std::abs(std::log(stroke.along.norm() / length)) <
+         std::hypot(limit, kEndRows / stroke.rows);
+}
+
 /// Strokes that lie one period from another or two, along it, each with the length that belongs to
 /// that period.
 struct BrokenLines {
@@ -26,8 +34,8 @@ struct BrokenLines {
 
   BrokenLines(const std::vector<Stroke>& strokes, const LaneMarkingSizes& sizes)
       : in_line(strokes.size(), 0) {
-    // Of logarithms; focal lengths are tried in steps of 0.35.
-    constexpr double kMostOff = 0.2, kMostUnlike = 0.2;
+    // Of logarithms; focal lengths are tried in steps of 0.35, and the ground has errors, too.
+    constexpr double kMostOff = 0.25, kMostUnlike = 0.2;
     constexpr double kMostTurn = 0.1;  // rad a period
     const double period = sizes.dash_length + sizes.dash_gap;
     for (std::size_t i = 0; i < strokes.size(); ++i) {
@@ -36,11 +44,10 @@ struct BrokenLines {
         // The stroke between them may be hidden.
         const int periods = step.norm() > M_SQRT2 * period ? 2 : 1;
         const double ratio = step.norm() / (periods * period);
-        const auto unlike = [&](const Stroke& stroke) {
-          return std::abs(std::log(stroke.along.norm() / (ratio * sizes.dash_length)));
-        };
+        const double length = ratio * sizes.dash_length;
         if (!(std::abs(std::log(ratio)) < kMostOff) ||
-            !(std::max(unlike(strokes[i]), unlike(strokes[j])) < kMostUnlike)) {
+            !has_length(strokes[i], length, kMostUnlike) ||
+            !has_length(strokes[j], length, kMostUnlike)) {
           continue;
         }
         const auto turn = [&](const Stroke& stroke) {
@@ -63,8 +70,7 @@ const Stroke* near_stroke(const std::vector<Stroke>& strokes, double dash_length
   const Stroke* out = nullptr;
   for (const Stroke& stroke : strokes) {
     if (stroke.rows >= kFewestRows && stroke.shorter_depth < kFarthest &&
-        std::abs(std::log(stroke.along.norm() / dash_length)) < kMostOff &&
-        (!out || stroke.rows > out->rows)) {
+        has_length(stroke, dash_length, kMostOff) && (!out || stroke.rows > out->rows)) {
       out = &stroke;
     }
   }
