@@ -59,6 +59,13 @@ TEST(VehicleSizes, ContradictAScaleThatIsWrong) {
   EXPECT_LT(less->sigmas_off, sizes->sigmas_off - 1.0);
 }
 
+TEST(VehicleSizes, ThreeUncertainCarsContradictAScaleThatIsASixthTooLarge) {
+  const RoadPosterior road = road_of_scale(0.02);
+  const auto sizes = compare_vehicle_sizes(road, vehicles_at(road, {-0.1, -0.2, -0.15}, 0.1), {});
+  ASSERT_TRUE(sizes);
+  EXPECT_GT(sizes->sigmas_off, ScaleNoise().vehicle_sizes_gate);
+}
+
 TEST(VehicleSizes, OneVanAmongCarsNeitherDecidesNorHidesThem) {
   const RoadPosterior road = road_of_scale(0.01);
   const auto right =
