@@ -103,7 +103,7 @@ struct ScaleNoise {
   double vehicle_size_spread = 0.9;
   /// Standard deviations, as contradiction_start, and from which on they are named: of 470 runs
   /// over rendered roads, even numbers, the two whose scales are 11 and 35 % off are beyond 1.7.
-  double vehicle_sizes_start = 1.5;
+  double vehicle_sizes_start = 1.6;
   double vehicle_sizes_gate = 1.9;
   double vehicle_contradicts = 3.0;  ///< standard deviations, of one vehicle and the road under it
   /// Standard deviations, of another focal length by the vehicles' proportions: with the true one
