@@ -422,6 +422,22 @@ TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {
   EXPECT_THAT(sizes.run.warnings[0].text, HasSubstr("by their sizes everything is"));
   EXPECT_EQ(sizes.run.scale_status, Status::kWeak);
 
+  // That three are beyond what the road takes may be chance; that each of four is, is not.
+  PlacedVehicles nearer = placed;
+  for (VehicleConstraint& v : nearer.constraints) v.constraint.residual *= 0.8;
+  for (const ConstraintReport& report : assembled(drive, scaled, plan, nearer).run.constraints) {
+    if (report.name != "vehicle") continue;
+    EXPECT_FALSE(report.accepted);
+    EXPECT_LT(report.residual_sigma, ScaleNoise().vehicle_contradicts);
+  }
+  nearer.constraints.resize(4, nearer.constraints[0]);
+  try {
+    assembled(drive, scaled, plan, nearer);
+    FAIL() << "an answer";
+  } catch (const NoAnswerError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("4 of 4 vehicles contradict the road"));
+  }
+
   // Farther off, each of them contradicts the road, and their sizes the scale.
   PlacedVehicles farther = placed;
   for (VehicleConstraint& v : farther.constraints) v.constraint.residual *= 3.0;

@@ -43,18 +43,22 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
     final_road->warnings.push_back({"scale_contradicted", std::move(text)});
     final_road->widen_scale(log_scale_variance);
   };
-  const auto contradicting = std::count_if(
-      final_road->reports.begin(), final_road->reports.end(), [&](const ConstraintReport& r) {
-        return !r.accepted && r.residual_sigma > noise.vehicle_contradicts;
-      });
+  const auto beyond = [&](double sigmas) {
+    return static_cast<std::size_t>(std::count_if(
+        final_road->reports.begin(), final_road->reports.end(),
+        [&](const ConstraintReport& r) { return !r.accepted && r.residual_sigma > sigmas; }));
+  };
+  const std::size_t refused = beyond(0.0), contradicting = beyond(noise.vehicle_contradicts);
   const auto sizes = compare_vehicle_sizes(scaled.road, vehicles, noise);
-  constexpr std::size_t kLeast = 3;
-  if (vehicles.size() >= kLeast &&
-      3 * static_cast<std::size_t>(contradicting) > 2 * vehicles.size()) {
+  // One may well be beyond what the fusion takes; that all are is the road.
+  constexpr std::size_t kLeast = 3, kLeastOfAll = 4;
+  const bool most = vehicles.size() >= kLeast && 3 * contradicting > 2 * vehicles.size();
+  const bool all = vehicles.size() >= kLeastOfAll && refused == vehicles.size();
+  if (most || all) {
     std::string text = fmt::format("{} of {} vehicles contradict the road under them",
-                                   contradicting, vehicles.size());
+                                   all ? refused : contradicting, vehicles.size());
     // That their sizes fit a scale that is hardly known proves nothing.
-    const bool sizes_fit = sizes && sizes->sigmas_off < 2.0 &&
+    const bool sizes_fit = sizes && sizes->sigmas_off <= noise.vehicle_sizes_gate &&
                            std::hypot(scaled.road.scale_sigma(), sizes->sigma) < noise.metric_limit;
     if (sizes_fit) {
       final_road->warnings.push_back({"road_contradicted", text + "; their sizes fit the scale"});
