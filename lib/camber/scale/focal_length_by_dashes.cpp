@@ -18,14 +18,6 @@ struct Stroke {
   double shorter_depth = 0.0;  ///< m, of those by the two focal lengths
 };
 
-/// Whether a stroke's length differs by less than a limit, and what its ends may be off, of the
-/// logarithm.
-bool has_length(const Stroke& stroke, double length, double limit) {
-  constexpr double kEndRows = 1.5;  // both ends together
-  return std::abs(std::log(stroke.along.norm() / length)) <
-         std::hypot(limit, kEndRows / stroke.rows);
-}
-
 /// Strokes that lie one period from another or two, along it, each with the length that belongs to
 /// that period.
 struct BrokenLines {
@@ -34,8 +26,8 @@ struct BrokenLines {
 
   BrokenLines(const std::vector<Stroke>& strokes, const LaneMarkingSizes& sizes)
       : in_line(strokes.size(), 0) {
-    // Of logarithms; focal lengths are tried in steps of 0.35, and the ground has errors, too.
-    constexpr double kMostOff = 0.25, kMostUnlike = 0.2;
+    // Of logarithms; focal lengths are tried in steps of 0.35.
+    constexpr double kMostOff = 0.2, kMostUnlike = 0.2;
     constexpr double kMostTurn = 0.1;  // rad a period
     const double period = sizes.dash_length + sizes.dash_gap;
     for (std::size_t i = 0; i < strokes.size(); ++i) {
@@ -44,10 +36,11 @@ struct BrokenLines {
         // The stroke between them may be hidden.
         const int periods = step.norm() > M_SQRT2 * period ? 2 : 1;
         const double ratio = step.norm() / (periods * period);
-        const double length = ratio * sizes.dash_length;
+        const auto unlike = [&](const Stroke& stroke) {
+          return std::abs(std::log(stroke.along.norm() / (ratio * sizes.dash_length)));
+        };
         if (!(std::abs(std::log(ratio)) < kMostOff) ||
-            !has_length(strokes[i], length, kMostUnlike) ||
-            !has_length(strokes[j], length, kMostUnlike)) {
+            !(std::max(unlike(strokes[i]), unlike(strokes[j])) < kMostUnlike)) {
           continue;
         }
         const auto turn = [&](const Stroke& stroke) {
@@ -70,7 +63,8 @@ const Stroke* near_stroke(const std::vector<Stroke>& strokes, double dash_length
   const Stroke* out = nullptr;
   for (const Stroke& stroke : strokes) {
     if (stroke.rows >= kFewestRows && stroke.shorter_depth < kFarthest &&
-        has_length(stroke, dash_length, kMostOff) && (!out || stroke.rows > out->rows)) {
+        std::abs(std::log(stroke.along.norm() / dash_length)) < kMostOff &&
+        (!out || stroke.rows > out->rows)) {
       out = &stroke;
     }
   }

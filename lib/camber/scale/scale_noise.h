@@ -114,6 +114,7 @@ struct ScaleNoise {
   double focal_length = 0.05;  ///< relative, of lenses and flow that bend what is straight
   double turned_focal_length_gate = 3.0;  ///< standard deviations
   double dash_focal_length = 0.1;         ///< relative, of one by the strokes of broken lines
+  double dash_focal_length_gate = 3.0;    ///< standard deviations
   /// Log likelihood of the vehicles' proportions against that one from which on the strokes are of
   /// other sizes (rendered roads, even numbers: of right ones at most 1.5 in 43 runs, of the
   /// three wrong ones 9.1, 2.2 and less).

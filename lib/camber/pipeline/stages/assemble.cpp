@@ -107,15 +107,17 @@ void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& veh
                             one ? "a stroke of a broken line"
                                 : fmt::format("{} strokes of broken lines", dashes.strokes),
                             sigmas,
-                            false,
+                            sigmas <= noise.dash_focal_length_gate,
                             {}};
-    report.reason = fmt::format("{} with {:.2f} times the focal length, {:.1f} standard deviations",
-                                one ? "it has the known length" : "they have the known sizes",
-                                dashes.factor, sigmas);
-    if (vehicles.asked_log_ratio > -noise.vehicles_against_dashes) {
-      contradict(report, dashes.factor);
-    } else {
-      report.reason += "; vehicles' proportions contradict that, the known sizes may be wrong";
+    if (!report.accepted) {
+      report.reason = fmt::format(
+          "{} with {:.2f} times the focal length, {:.1f} standard deviations",
+          one ? "it has the known length" : "they have the known sizes", dashes.factor, sigmas);
+      if (vehicles.asked_log_ratio > -noise.vehicles_against_dashes) {
+        contradict(report, dashes.factor);
+      } else {
+        report.reason += "; vehicles' proportions contradict that, the known sizes may be wrong";
+      }
     }
     final_road->reports.push_back(std::move(report));
   }
