@@ -440,6 +440,31 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
 }
 
+TEST(ScaleStage, AMaskedRoadOnWhichTheCameraWouldRunIntoTheWallsIsNone) {
+  const MadeDrive drive = make_drive({});
+  // Matched in steps that are a tenth as long as they are: the walls, 5 m aside, come to 0.5 m.
+  const auto at = [&](double times) {
+    MadeDriveOptions options;
+    options.height = times * 1.65;
+    PhotometricGround ground = exact_photometric(make_drive(options));
+    ground.ground.metres_per_baseline /= times;
+    ground.ground.ego.metres_per_baseline /= times;
+    return ground;
+  };
+  try {
+    stages::scale(drive.frames, drive.matches, at(10.0), {});
+    FAIL() << "a scale";
+  } catch (const NoAnswerError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("would stand in the camera's way"));
+  }
+  EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, at(3.0), {}));
+  // With poses the lengths do not come from the road.
+  PhotometricGround known = at(10.0);
+  known.motion.metres_per_baseline = 0.12;
+  known.motion.baseline_sigma = 0.001;
+  EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, known, {}));
+}
+
 TEST(ScaleStage, TheLessOfTheRoadIsFoundTheLessTheScaleIsKnown) {
   const MadeDrive drive = make_drive({});
   PhotometricGround ground = exact_photometric(drive);

@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "camber/core/errors.h"
 #include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/motion/self_calibration.h"
@@ -472,6 +473,60 @@ void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noi
              scaled);
 }
 
+/// Share of the matches of what stands still and is no road by the mask that would stand on the
+/// first metres of the driven path, in the camera's way.
+double share_in_the_way(const LoadedFrames& frames, const Correspondences& matches,
+                        const PhotometricGround& ground, double metres_per_baseline) {
+  constexpr std::size_t kStride = 4, kFewest = 200;    // matches
+  constexpr double kHalfWidth = 0.8, kFarthest = 6.0;  // m
+  constexpr double kLowest = 0.2, kHighest = 1.2;      // camera heights over the road
+  const EgoPlane& ego = ground.ground.ego;
+  const std::vector<Eigen::Vector3d>& line = ego.line;
+  if (line.size() < 2) return 0.0;
+  const std::vector<std::uint8_t> still = static_points(frames, matches);
+  const std::vector<std::uint8_t>& road = frames.reference_masks().ground_near;
+  std::vector<std::uint8_t> wanted(still.size(), 0);
+  for (std::size_t i = 0; i < wanted.size(); i += kStride) {
+    wanted[i] = still[i] && !road[matches.image_index(i, frames.camera.width)];
+  }
+  TriangulationOptions options;
+  options.with_pose_jacobian = false;
+  options.num_threads = 1;
+  const TriangulatedPoints points =
+      triangulate(frames.camera, matches, ground.motion, wanted, options);
+  if (points.size() < kFewest) return 0.0;
+  const Eigen::Vector3d up = ego.plane.plane.normal;
+  const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
+  const double step = forward.dot(line[1] - line[0]);
+  std::size_t in_the_way = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3d p = points.point(i);
+    const double ahead = forward.dot(p), height = 1.0 + up.dot(p) / ego.height;
+    if (!(ahead > 0.0) || !(metres_per_baseline * ahead < kFarthest)) continue;
+    const std::size_t at =
+        std::min(line.size() - 1, static_cast<std::size_t>(std::lround(ahead / step)));
+    in_the_way += metres_per_baseline * std::abs(right.dot(p - line[at])) < kHalfWidth &&
+                  height > kLowest && height < kHighest;
+  }
+  return static_cast<double>(in_the_way) / static_cast<double>(points.size());
+}
+
+/// What the camera is about to run into is passed beside it: the road was then found at another
+/// layer, in steps that are many times too short.
+/// @throws NoAnswerError
+void require_free_way(const LoadedFrames& frames, const Correspondences& matches,
+                      const PhotometricGround& ground, const ScaleNoise& noise,
+                      const ScaledRoad& scaled) {
+  if (!frames.has_masks() || ground.motion.metres_per_baseline) return;
+  const double share = share_in_the_way(frames, matches, ground, scaled.road.metres_per_baseline());
+  if (share <= noise.most_in_the_way) return;
+  throw NoAnswerError(
+      fmt::format("the scale is not known: {:.0f} % of what is matched beside the road would stand "
+                  "in the camera's way; the road is likely found at another layer, as what it "
+                  "mirrors or a texture that repeats",
+                  100.0 * share));
+}
+
 /// A masked road that the matches hardly find.
 void admit_unfound_road(const LoadedFrames& frames, const Ground& ground, const ScaleNoise& noise,
                         ScaledRoad* scaled) {
@@ -516,12 +571,14 @@ void admit_markings(const ScaleNoise& noise, ScaledRoad* scaled) {
 }
 
 /// Names what contradicts the result, and widens its scale by as much.
+/// @throws NoAnswerError where the camera would run into what it passes.
 void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
                           const PhotometricGround& ground, const GroundRaster& raster,
                           const Eigen::Vector3d& travel, const RoadPosterior& prior,
                           const std::vector<Constraint>& constraints, const ScaleOptions& options,
                           ScaledRoad* scaled) {
   const ScaleNoise& noise = options.noise;
+  require_free_way(frames, matches, ground, noise, *scaled);
   admit_sources(prior, constraints, noise, scaled);
   admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
   admit_rejected_intensities(ground, noise, scaled);
