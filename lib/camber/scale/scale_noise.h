@@ -44,7 +44,7 @@ struct ScaleNoise {
   /// numbers: two of 160 have more, 84 and 30 % off, and one 10 % off). Then likewise.
   double most_contested = 0.5;
   /// Share of what is matched beside a mask's road that may stand in the camera's way (steep and
-  /// made scenes, even numbers: at most 0.01 in 220 runs).
+  /// made scenes, even numbers: at most 0.011 in 220 runs).
   double most_in_the_way = 0.05;
   double unfound_scale = 0.3;  ///< relative (assumed)
   /// Relative, of the scale, times the square of the share of a mask's road that is not found: what
