@@ -455,7 +455,7 @@ TEST(ScaleStage, AMaskedRoadOnWhichTheCameraWouldRunIntoTheWallsIsNone) {
     stages::scale(drive.frames, drive.matches, at(10.0), {});
     FAIL() << "a scale";
   } catch (const NoAnswerError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("would stand in the camera's way"));
+    EXPECT_THAT(error.what(), HasSubstr("would obstruct the driven path"));
   }
   EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, at(3.0), {}));
   // With poses the lengths do not come from the road.

@@ -43,9 +43,9 @@ struct ScaleNoise {
   /// mask shows the road: with more it is likely another layer (steep and made scenes, even
   /// numbers: two of 160 have more, 84 and 30 % off, and one 10 % off). Then likewise.
   double most_contested = 0.5;
-  /// Share of what is matched beside a mask's road that may stand in the camera's way (steep and
+  /// Share of what is matched beside a mask's road that may obstruct the driven path (steep and
   /// made scenes, even numbers: at most 0.011 in 220 runs).
-  double most_in_the_way = 0.05;
+  double most_obstructing = 0.05;
   double unfound_scale = 0.3;  ///< relative (assumed)
   /// Relative, of the scale, times the square of the share of a mask's road that is not found: what
   /// is found of it may be what the road mirrors, or a neighbouring repetition of its texture (even

@@ -48,15 +48,15 @@ void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& 
         final_road->reports.begin(), final_road->reports.end(),
         [&](const ConstraintReport& r) { return !r.accepted && r.residual_sigma > sigmas; }));
   };
-  const std::size_t refused = beyond(0.0), contradicting = beyond(noise.vehicle_contradicts);
+  const std::size_t rejected = beyond(0.0), contradicting = beyond(noise.vehicle_contradicts);
   const auto sizes = compare_vehicle_sizes(scaled.road, vehicles, noise);
   // One may well be beyond what the fusion takes; that all are is the road.
   constexpr std::size_t kLeast = 3, kLeastOfAll = 4;
   const bool most = vehicles.size() >= kLeast && 3 * contradicting > 2 * vehicles.size();
-  const bool all = vehicles.size() >= kLeastOfAll && refused == vehicles.size();
+  const bool all = vehicles.size() >= kLeastOfAll && rejected == vehicles.size();
   if (most || all) {
     std::string text = fmt::format("{} of {} vehicles contradict the road under them",
-                                   all ? refused : contradicting, vehicles.size());
+                                   all ? rejected : contradicting, vehicles.size());
     // That their sizes fit a scale that is hardly known proves nothing.
     const bool sizes_fit = sizes && sizes->sigmas_off <= noise.vehicle_sizes_gate &&
                            std::hypot(scaled.road.scale_sigma(), sizes->sigma) < noise.metric_limit;

@@ -474,9 +474,9 @@ void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noi
 }
 
 /// Share of the matches of what stands still and is no road by the mask that would stand on the
-/// first metres of the driven path, in the camera's way.
-double share_in_the_way(const LoadedFrames& frames, const Correspondences& matches,
-                        const PhotometricGround& ground, double metres_per_baseline) {
+/// first metres of the driven path.
+double obstructing_share(const LoadedFrames& frames, const Correspondences& matches,
+                         const PhotometricGround& ground, double metres_per_baseline) {
   constexpr std::size_t kStride = 4, kFewest = 200;    // matches
   constexpr double kHalfWidth = 0.8, kFarthest = 6.0;  // m
   constexpr double kLowest = 0.2, kHighest = 1.2;      // camera heights over the road
@@ -498,31 +498,32 @@ double share_in_the_way(const LoadedFrames& frames, const Correspondences& match
   const Eigen::Vector3d up = ego.plane.plane.normal;
   const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
   const double step = forward.dot(line[1] - line[0]);
-  std::size_t in_the_way = 0;
+  std::size_t obstructing = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Eigen::Vector3d p = points.point(i);
     const double ahead = forward.dot(p), height = 1.0 + up.dot(p) / ego.height;
     if (!(ahead > 0.0) || !(metres_per_baseline * ahead < kFarthest)) continue;
     const std::size_t at =
         std::min(line.size() - 1, static_cast<std::size_t>(std::lround(ahead / step)));
-    in_the_way += metres_per_baseline * std::abs(right.dot(p - line[at])) < kHalfWidth &&
-                  height > kLowest && height < kHighest;
+    obstructing += metres_per_baseline * std::abs(right.dot(p - line[at])) < kHalfWidth &&
+                   height > kLowest && height < kHighest;
   }
-  return static_cast<double>(in_the_way) / static_cast<double>(points.size());
+  return static_cast<double>(obstructing) / static_cast<double>(points.size());
 }
 
-/// What the camera is about to run into is passed beside it: the road was then found at another
-/// layer, in steps that are many times too short.
+/// The road was found at another layer, in steps that are many times too short, where what it
+/// passes would obstruct it.
 /// @throws NoAnswerError
-void require_free_way(const LoadedFrames& frames, const Correspondences& matches,
-                      const PhotometricGround& ground, const ScaleNoise& noise,
-                      const ScaledRoad& scaled) {
+void require_clear_path(const LoadedFrames& frames, const Correspondences& matches,
+                        const PhotometricGround& ground, const ScaleNoise& noise,
+                        const ScaledRoad& scaled) {
   if (!frames.has_masks() || ground.motion.metres_per_baseline) return;
-  const double share = share_in_the_way(frames, matches, ground, scaled.road.metres_per_baseline());
-  if (share <= noise.most_in_the_way) return;
+  const double share =
+      obstructing_share(frames, matches, ground, scaled.road.metres_per_baseline());
+  if (share <= noise.most_obstructing) return;
   throw NoAnswerError(
-      fmt::format("the scale is not known: {:.0f} % of what is matched beside the road would stand "
-                  "in the camera's way; the road is likely found at another layer, as what it "
+      fmt::format("the scale is not known: {:.0f} % of what is matched beside the road would "
+                  "obstruct the driven path; the road is likely found at another layer, as what it "
                   "mirrors or a texture that repeats",
                   100.0 * share));
 }
@@ -571,14 +572,14 @@ void admit_markings(const ScaleNoise& noise, ScaledRoad* scaled) {
 }
 
 /// Names what contradicts the result, and widens its scale by as much.
-/// @throws NoAnswerError where the camera would run into what it passes.
+/// @throws NoAnswerError where what is beside the road would obstruct the driven path.
 void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
                           const PhotometricGround& ground, const GroundRaster& raster,
                           const Eigen::Vector3d& travel, const RoadPosterior& prior,
                           const std::vector<Constraint>& constraints, const ScaleOptions& options,
                           ScaledRoad* scaled) {
   const ScaleNoise& noise = options.noise;
-  require_free_way(frames, matches, ground, noise, *scaled);
+  require_clear_path(frames, matches, ground, noise, *scaled);
   admit_sources(prior, constraints, noise, scaled);
   admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
   admit_rejected_intensities(ground, noise, scaled);

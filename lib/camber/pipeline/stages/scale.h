@@ -47,8 +47,8 @@ struct ScaleOptions {
 };
 
 /// Collects what every source measures of the road and its scale, and fuses those that agree.
-/// @throws NoAnswerError where a masked road is found at another layer: the camera would run into
-/// what it passes.
+/// @throws NoAnswerError where a masked road is found at another layer: what is beside it would
+/// obstruct the driven path.
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options);
 
