@@ -412,6 +412,32 @@ void admit_rejected_intensities(const PhotometricGround& ground, const ScaleNois
   }
 }
 
+/// A point over the driven path, camera heights.
+struct PathPlace {
+  double ahead, up;  ///< up: over the ego plane
+};
+
+/// @param half_width  of the path, unit of the points.
+std::vector<PathPlace> over_path(const EgoPlane& ego, const TriangulatedPoints& points,
+                                 double half_width) {
+  std::vector<PathPlace> out;
+  const std::vector<Eigen::Vector3d>& line = ego.line;
+  if (line.size() < 2) return out;
+  const Eigen::Vector3d up = ego.plane.plane.normal;
+  const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
+  const double step = forward.dot(line[1] - line[0]);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3d p = points.point(i);
+    const double at = forward.dot(p) / step;
+    if (!(at > 0.0) || !(at < static_cast<double>(line.size() - 1))) continue;
+    const Eigen::Vector3d off = p - line[static_cast<std::size_t>(std::lround(at))];
+    if (std::abs(right.dot(off)) < half_width) {
+      out.push_back({forward.dot(p) / ego.height, 1.0 + up.dot(p) / ego.height});
+    }
+  }
+  return out;
+}
+
 /// Share of the matches over the driven path, up to where its road is seen well, that stand on it
 /// lower than the camera or lie below it; 0 where a mask shows the road.
 double contested_share(const Ground& ground, double metres_per_baseline) {
@@ -420,40 +446,21 @@ double contested_share(const Ground& ground, double metres_per_baseline) {
   constexpr double kPastMiddle = 1.5;  // of the distance to the middle one of the road's points
   constexpr std::size_t kFewest = 50;  // matches
   const EgoPlane& ego = ground.ego;
-  const std::vector<Eigen::Vector3d>& line = ego.line;
-  if (line.size() < 2) return 0.0;
-  const Eigen::Vector3d up = ego.plane.plane.normal;
-  const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
-  const double height = ego.height, step = forward.dot(line[1] - line[0]);
-  struct Place {
-    double ahead, up;  // camera heights, over the ego plane
-  };
-  const auto over_path = [&](const TriangulatedPoints& points) {
-    std::vector<Place> out;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Eigen::Vector3d p = points.point(i);
-      const double at = forward.dot(p) / step;
-      if (!(at > 0.0) || !(at < static_cast<double>(line.size() - 1))) continue;
-      const Eigen::Vector3d off = p - line[static_cast<std::size_t>(std::lround(at))];
-      if (metres_per_baseline * std::abs(right.dot(off)) < kHalfWidth) {
-        out.push_back({forward.dot(p) / height, 1.0 + up.dot(p) / height});
-      }
-    }
-    return out;
-  };
-  const std::vector<Place> road = over_path(ground.seen.points);
+  const double half_width = kHalfWidth / metres_per_baseline;
+  const std::vector<PathPlace> road = over_path(ego, ground.seen.points, half_width);
   std::vector<double> ahead;  // of the road; where the path shows hardly any, also beside it
   if (road.size() >= kFewest) {
-    for (const Place& p : road) ahead.push_back(p.ahead);
+    for (const PathPlace& p : road) ahead.push_back(p.ahead);
   } else {
+    const Eigen::Vector3d forward = ego.plane.axis1;
     for (std::size_t i = 0; i < ground.seen.points.size(); ++i) {
-      ahead.push_back(forward.dot(ground.seen.points.point(i)) / height);
+      ahead.push_back(forward.dot(ground.seen.points.point(i)) / ego.height);
     }
   }
   const double reach = ahead.empty() ? 0.0 : kPastMiddle * upper_median(&ahead);
-  const std::vector<Place> others = over_path(ground.seen.others);
+  const std::vector<PathPlace> others = over_path(ego, ground.seen.others, half_width);
   const auto contesting =
-      static_cast<std::size_t>(std::count_if(others.begin(), others.end(), [&](const Place& p) {
+      static_cast<std::size_t>(std::count_if(others.begin(), others.end(), [&](const PathPlace& p) {
         return p.ahead < reach && std::abs(p.up) > kOff && p.up < kBelowCamera;
       }));
   const std::size_t all = contesting + road.size();
@@ -476,13 +483,11 @@ void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noi
 /// Share of the matches of what stands still and is no road by the mask that would stand on the
 /// first metres of the driven path.
 double obstructing_share(const LoadedFrames& frames, const Correspondences& matches,
-                         const PhotometricGround& ground, double metres_per_baseline) {
+                         const PhotometricGround& ground, double metres_per_baseline,
+                         int num_threads) {
   constexpr std::size_t kStride = 4, kFewest = 200;    // matches
   constexpr double kHalfWidth = 0.8, kFarthest = 6.0;  // m
   constexpr double kLowest = 0.2, kHighest = 1.2;      // camera heights over the road
-  const EgoPlane& ego = ground.ground.ego;
-  const std::vector<Eigen::Vector3d>& line = ego.line;
-  if (line.size() < 2) return 0.0;
   const std::vector<std::uint8_t> still = static_points(frames, matches);
   const std::vector<std::uint8_t>& road = frames.reference_masks().ground_near;
   std::vector<std::uint8_t> wanted(still.size(), 0);
@@ -491,23 +496,16 @@ double obstructing_share(const LoadedFrames& frames, const Correspondences& matc
   }
   TriangulationOptions options;
   options.with_pose_jacobian = false;
-  options.num_threads = 1;
+  options.num_threads = num_threads;
   const TriangulatedPoints points =
       triangulate(frames.camera, matches, ground.motion, wanted, options);
   if (points.size() < kFewest) return 0.0;
-  const Eigen::Vector3d up = ego.plane.plane.normal;
-  const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
-  const double step = forward.dot(line[1] - line[0]);
-  std::size_t obstructing = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector3d p = points.point(i);
-    const double ahead = forward.dot(p), height = 1.0 + up.dot(p) / ego.height;
-    if (!(ahead > 0.0) || !(metres_per_baseline * ahead < kFarthest)) continue;
-    const std::size_t at =
-        std::min(line.size() - 1, static_cast<std::size_t>(std::lround(ahead / step)));
-    obstructing += metres_per_baseline * std::abs(right.dot(p - line[at])) < kHalfWidth &&
-                   height > kLowest && height < kHighest;
-  }
+  const EgoPlane& ego = ground.ground.ego;
+  const std::vector<PathPlace> places = over_path(ego, points, kHalfWidth / metres_per_baseline);
+  const double reach = kFarthest / (metres_per_baseline * ego.height);
+  const auto obstructing = std::count_if(places.begin(), places.end(), [&](const PathPlace& p) {
+    return p.ahead < reach && p.up > kLowest && p.up < kHighest;
+  });
   return static_cast<double>(obstructing) / static_cast<double>(points.size());
 }
 
@@ -515,12 +513,12 @@ double obstructing_share(const LoadedFrames& frames, const Correspondences& matc
 /// passes would obstruct it.
 /// @throws NoAnswerError
 void require_clear_path(const LoadedFrames& frames, const Correspondences& matches,
-                        const PhotometricGround& ground, const ScaleNoise& noise,
+                        const PhotometricGround& ground, const ScaleOptions& options,
                         const ScaledRoad& scaled) {
   if (!frames.has_masks() || ground.motion.metres_per_baseline) return;
-  const double share =
-      obstructing_share(frames, matches, ground, scaled.road.metres_per_baseline());
-  if (share <= noise.most_obstructing) return;
+  const double share = obstructing_share(frames, matches, ground, scaled.road.metres_per_baseline(),
+                                         options.num_threads);
+  if (share <= options.noise.most_obstructing) return;
   throw NoAnswerError(
       fmt::format("the scale is not known: {:.0f} % of what is matched beside the road would "
                   "obstruct the driven path; the road is likely found at another layer, as what it "
@@ -579,7 +577,7 @@ void admit_contradictions(const LoadedFrames& frames, const Correspondences& mat
                           const std::vector<Constraint>& constraints, const ScaleOptions& options,
                           ScaledRoad* scaled) {
   const ScaleNoise& noise = options.noise;
-  require_clear_path(frames, matches, ground, noise, *scaled);
+  require_clear_path(frames, matches, ground, options, *scaled);
   admit_sources(prior, constraints, noise, scaled);
   admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
   admit_rejected_intensities(ground, noise, scaled);
