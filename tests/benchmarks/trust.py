@@ -4,7 +4,8 @@
 Runs `camber reconstruct` over scenes of other makers and reports errors of the scale against what
 it states, refusals, warnings and vehicles; with faults put into what it is given, whether each was
 refused, warned of or inside three sigma. A scene's height is the true one with a draw of its
-height_sigma (0.01 m where it states none). For example:
+height_sigma (0.01 m where it states none). Errors in tables and JSON are logarithms of estimated
+over true, as the stated sigma is; the lists of the worst have per cent. For example:
 
   trust.py --maker synth --scenes made --numbers 0:99 --odd --frames 1:3,0:4,none --out trust
   trust.py --maker steep_scenes --steep-scenes make.py --scenes made --faults none,height+20,repeat

@@ -278,7 +278,9 @@ def table(header, rows):
 
 
 def text_of(report):
-    lines = [f"program {report['program']}", "", "scale, without a fault (error, sigma in %)"]
+    lines = [f"program {report['program']}", "",
+             "scale, without a fault (error: 100 times the logarithm of estimated over true; "
+             "sigma in %)"]
     lines += table(
         ["frames", "runs", "refused", "weak", "warned", "unmet", "median", "90 %", "worst", "sigma",
          "90 %", "in 2s", "in 3s", ">4s", "max z"],
@@ -326,7 +328,8 @@ def line_of(entry):
     words = "; ".join(text for _, text in entry["warnings"])
     if len(words) > 100:
         words = words[:97] + "..."
-    return (f"  {entry['scene']} {entry['frames']}{used}{fault}: error {100 * entry['error']:+.2f} "
+    error = 100 * math.expm1(entry["error"])
+    return (f"  {entry['scene']} {entry['frames']}{used}{fault}: error {error:+.2f} "
             f"sigma {100 * entry['sigma']:.2f} % z {entry['z']:.1f} {entry['status']}"
             f", {number(entry['motion'])} heights a frame, turn {number(entry['turn_deg'], 1)} deg"
             + (f" [{words}]" if words else ""))
