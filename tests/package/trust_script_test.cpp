@@ -221,7 +221,7 @@ TEST_F(TrustScript, FaultsAreRefusedWarnedOfInsideOrWrong) {
   EXPECT_EQ(report_["faults"][1]["warned"], 2);
   EXPECT_EQ(report_["faults"][2]["inside_3_sigma"], 2);
   EXPECT_EQ(report_["rows"][0]["runs"], 3);  // those without a fault
-  EXPECT_THAT(out_, HasSubstr("synth_000006 none (1 2 3) height+20: error +24.23 sigma 5.00 %"));
+  EXPECT_THAT(out_, HasSubstr("synth_000006 none (1 2 3) height+20: error +27.42 sigma 5.00 %"));
 }
 
 TEST_F(TrustScript, CalibrationIsContradictedByWhatIsSeenAlone) {
