@@ -14,7 +14,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/image/image_io.h"
-#include "camber/scene/depth_cloud.h"
+#include "camber/import/depth_cloud.h"
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
 #include "command.h"

@@ -9,7 +9,7 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/cloud/point_stream.h"
 #include "camber/core/progress.h"
-#include "camber/scene/import_own.h"
+#include "camber/import/import_own.h"
 
 namespace camber::tools {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "camber/scene/import_own.h"
+#include "camber/import/import_own.h"
 #include "options.h"
 
 namespace camber::tools {

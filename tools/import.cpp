@@ -5,9 +5,9 @@
 
 #include "camber/core/made_folder.h"
 #include "camber/core/stopwatch.h"
-#include "camber/scene/import_kitti.h"
-#include "camber/scene/import_own.h"
-#include "camber/scene/import_synthia.h"
+#include "camber/import/import_kitti.h"
+#include "camber/import/import_own.h"
+#include "camber/import/import_synthia.h"
 #include "camber/scene/validate_scene.h"
 #include "command.h"
 #include "gnss_arguments.h"

@@ -6,7 +6,7 @@
 
 #include "camber/core/made_folder.h"
 #include "camber/core/protected_inputs.h"
-#include "camber/scene/import_own.h"
+#include "camber/import/import_own.h"
 #include "camber/scene/validate_scene.h"
 #include "gnss_arguments.h"
 #include "import_output.h"

@@ -12,7 +12,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
-#include "camber/scene/import_synthia.h"
+#include "camber/import/import_synthia.h"
 #include "camber/synth/random_scene.h"
 #include "camber/synth/synthesise.h"
 #include "command.h"

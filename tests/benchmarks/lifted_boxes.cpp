@@ -11,9 +11,9 @@
 
 #include "benchmarks/report.h"
 #include "camber/core/random.h"
+#include "camber/import/import_kitti.h"
 #include "camber/pipeline/lift_box.h"
 #include "camber/pipeline/reconstruct.h"
-#include "camber/scene/import_kitti.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;

@@ -18,10 +18,10 @@
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/evaluate/metrics.h"
+#include "camber/import/import_kitti.h"
 #include "camber/pipeline/detect_frames.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/plane/fit_plane.h"
-#include "camber/scene/import_kitti.h"
 #include "huge_pages.h"
 #include "support/test_data.h"
 

@@ -18,11 +18,11 @@
 #include "camber/detect/shipped_networks.h"
 #include "camber/evaluate/metrics.h"
 #include "camber/image/image_io.h"
+#include "camber/import/import_kitti.h"
+#include "camber/import/kitti_labels.h"
 #include "camber/pipeline/detect_frames.h"
 #include "camber/pipeline/network_file.h"
 #include "camber/pipeline/reconstruct.h"
-#include "camber/scene/import_kitti.h"
-#include "camber/scene/kitti_labels.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;

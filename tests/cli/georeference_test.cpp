@@ -11,7 +11,7 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/export/opencrg.h"
 #include "camber/export/plan_frame.h"
-#include "camber/scene/formats/trajectory.h"
+#include "camber/import/formats/trajectory.h"
 #include "camber/scene/scene.h"
 #include "export_program.h"
 #include "scene/write_image.h"

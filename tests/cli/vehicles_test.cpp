@@ -8,7 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "camber/scene/kitti_labels.h"
+#include "camber/import/kitti_labels.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "cli/run_program.h"

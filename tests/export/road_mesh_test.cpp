@@ -14,7 +14,7 @@
 #include "camber/core/errors.h"
 #include "camber/export/trajectory.h"
 #include "camber/image/image_io.h"
-#include "camber/scene/formats/trajectory.h"
+#include "camber/import/formats/trajectory.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;

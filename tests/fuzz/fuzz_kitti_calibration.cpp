@@ -2,7 +2,7 @@
 // refused with an InputError.
 
 #include "camber/core/errors.h"
-#include "camber/scene/import_kitti.h"
+#include "camber/import/import_kitti.h"
 #include "memory_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,9 +1,9 @@
 // Any bytes as a KITTI label file, as its side file of tilts and as keypoints of its cars: rows
 // whose form is known, or refused with an InputError.
 
+#include "camber/import/kitti_keypoints.h"
+#include "camber/import/kitti_labels.h"
 #include "camber/pipeline/kitti_boxes.h"
-#include "camber/scene/kitti_keypoints.h"
-#include "camber/scene/kitti_labels.h"
 #include "memory_file.h"
 #include "read_or_refuse.h"
 

@@ -3,7 +3,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/geometry/lens_map.h"
-#include "camber/scene/formats/calibration.h"
+#include "camber/import/formats/calibration.h"
 #include "memory_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "camber/core/errors.h"
-#include "camber/scene/formats/detections.h"
+#include "camber/import/formats/detections.h"
 #include "memory_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -2,9 +2,9 @@
 // and as the names of frames of videos and of files that carry times.
 
 #include "camber/image/video.h"
-#include "camber/scene/formats/class_map.h"
-#include "camber/scene/formats/detections.h"
-#include "camber/scene/formats/frame_files.h"
+#include "camber/import/formats/class_map.h"
+#include "camber/import/formats/detections.h"
+#include "camber/import/formats/frame_files.h"
 #include "memory_file.h"
 #include "read_or_refuse.h"
 

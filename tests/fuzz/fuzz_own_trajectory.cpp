@@ -1,7 +1,7 @@
 // Any bytes as poses, speeds, positions or attitudes of another program: numbers that can be used,
 // or an InputError.
 
-#include "camber/scene/formats/trajectory.h"
+#include "camber/import/formats/trajectory.h"
 #include "memory_file.h"
 #include "read_or_refuse.h"
 

@@ -1,7 +1,7 @@
 // Any bytes as the messages of ROS 1 that are read.
 
 #include "camber/image/raw_pixels.h"
-#include "camber/scene/formats/ros_messages.h"
+#include "camber/import/formats/ros_messages.h"
 #include "read_or_refuse.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

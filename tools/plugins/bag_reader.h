@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "camber/scene/import_rosbag.h"
+#include "camber/import/import_rosbag.h"
 
 namespace camber::tools {
 

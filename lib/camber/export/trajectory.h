@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "camber/geometry/se3.h"
-#include "camber/scene/formats/trajectory.h"
+#include "camber/import/formats/trajectory.h"
 
 namespace camber {
 

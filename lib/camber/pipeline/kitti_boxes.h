@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "camber/core/status.h"
+#include "camber/import/import_kitti.h"
+#include "camber/import/kitti_labels.h"
 #include "camber/road/road_surface.h"
-#include "camber/scene/import_kitti.h"
-#include "camber/scene/kitti_labels.h"
 #include "camber/scene/results.h"
 
 namespace camber {

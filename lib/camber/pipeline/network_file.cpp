@@ -9,8 +9,8 @@
 #include "camber/core/errors.h"
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
-#include "camber/scene/formats/class_map.h"
-#include "camber/scene/formats/detections.h"
+#include "camber/import/formats/class_map.h"
+#include "camber/import/formats/detections.h"
 #include "camber/scene/json_reader.h"
 
 namespace camber {

@@ -8,8 +8,8 @@
 #include <stdexcept>
 
 #include "camber/core/atomic_file.h"
-#include "camber/scene/import_synthia.h"
-#include "camber/scene/kitti_labels.h"
+#include "camber/import/import_synthia.h"
+#include "camber/import/kitti_labels.h"
 #include "camber/scene/results.h"
 #include "camber/synth/synth_mesh.h"
 

@@ -14,7 +14,7 @@
 #include "camber/core/version.h"
 #include "camber/geometry/lens_map.h"
 #include "camber/image/image_io.h"
-#include "camber/scene/import_synthia.h"
+#include "camber/import/import_synthia.h"
 #include "camber/scene/results.h"
 #include "camber/synth/detail/scene_readme.h"
 

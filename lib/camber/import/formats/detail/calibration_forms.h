@@ -1,0 +1,28 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "camber/import/formats/calibration.h"
+#include "camber/import/formats/detail/document.h"
+
+namespace camber {
+
+// The forms of read_calibration() by family; nothing where the file is of none of them.
+
+/// YAML, JSON and OpenCV's XML.
+std::optional<CalibrationFile> calibration_of_document(const Document& document);
+
+/// Lines of text: COLMAP, kapture, KITTI, ROS INI, a bare 3 x 3 matrix.
+std::optional<CalibrationFile> calibration_of_text(const std::filesystem::path& path,
+                                                   const std::string& text);
+
+/// Sets the lens from coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]].
+void set_opencv_lens(CameraCalibration* camera, std::vector<double> coefficients);
+/// From k1 [k2 [k3 [k4]]] of the equidistant model.
+void set_fisheye_lens(CameraCalibration* camera, std::vector<double> coefficients);
+/// By the word that a file has for its model, over coefficients in OpenCV's order.
+void set_lens_by_word(CameraCalibration* camera, const std::string& word,
+                      const std::vector<double>& coefficients);
+
+}  // namespace camber
