@@ -15,7 +15,6 @@ namespace {
 const char* refusal_by_extension(const std::string& extension) {
   static const std::pair<const char*, const char*> kKnown[] = {
       {".laz", "LAZ (compressed LAS)"},
-      {".e57", "E57"},
       {".obj", "Wavefront OBJ"},
       {".stl", "STL"},
       {".off", "OFF"},
@@ -73,7 +72,7 @@ std::optional<CloudFormat> format_from_content(FileReader& file) {
     return CloudFormat::kPly;
   }
   if (starts_with(file, "LASF")) return CloudFormat::kLas;
-  if (starts_with(file, "ASTM-E57")) refuse(file.name(), "E57");
+  if (starts_with(file, "ASTM-E57")) return CloudFormat::kE57;
   if (looks_like_pcd(file)) return CloudFormat::kPcd;
   return std::nullopt;
 }
@@ -95,6 +94,10 @@ std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
                                          ", expected .pcd, .ply, .bin, .las, .xyz or .csv");
     }
   }
+  if ((options.scan || options.own_frame) && *format != CloudFormat::kE57) {
+    throw InputError(file->name(), "found a file without scans of a frame of their own (" +
+                                       std::string(to_string(*format)) + "), expected E57");
+  }
   switch (*format) {
     case CloudFormat::kPcd:
       return open_pcd(std::move(file), options);
@@ -104,6 +107,8 @@ std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
       return open_kitti_bin(std::move(file), options);
     case CloudFormat::kLas:
       return open_las(std::move(file), options);
+    case CloudFormat::kE57:
+      return open_e57(std::move(file), options);
     case CloudFormat::kColmap:
       return open_colmap_points(std::move(file), options);
     case CloudFormat::kText:
@@ -149,6 +154,8 @@ std::string_view to_string(CloudFormat format) {
       return "bin";
     case CloudFormat::kLas:
       return "las";
+    case CloudFormat::kE57:
+      return "e57";
     case CloudFormat::kColmap:
       return "colmap";
     case CloudFormat::kText:
@@ -165,6 +172,7 @@ std::optional<CloudFormat> format_from_extension(const std::filesystem::path& pa
   if (extension == ".ply") return CloudFormat::kPly;
   if (extension == ".bin") return CloudFormat::kKittiBin;
   if (extension == ".las") return CloudFormat::kLas;
+  if (extension == ".e57") return CloudFormat::kE57;
   for (const char* const text : {".xyz", ".txt", ".csv", ".asc", ".pts"}) {
     if (extension == text) return CloudFormat::kText;
   }
@@ -224,6 +232,8 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
         throw std::invalid_argument("LAS files have one encoding, binary");
       }
       return header.records ? make_las_copy_sink(out, header) : make_las_sink(out, header);
+    case CloudFormat::kE57:
+      throw std::invalid_argument("E57 files are read only, expected ply, pcd, bin, las or text");
     case CloudFormat::kColmap:
       throw std::invalid_argument(
           "COLMAP models are read only, expected ply, pcd, bin, las or text");

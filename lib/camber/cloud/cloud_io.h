@@ -19,15 +19,16 @@ enum class CloudFormat {
   kPly,       ///< Polygon files: ASCII, little or big endian; vertices are the points
   kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance
   kLas,       ///< LAS 1.0 to 1.5, uncompressed
+  kE57,       ///< ASTM E2807; read only
   kText,      ///< XYZ or CSV: one point a line; PTX (read only)
   kColmap,    ///< points3D.bin or points3D.txt of a COLMAP model; read only
 };
 
-/// "pcd", "ply", "bin", "las", "text", "colmap".
+/// "pcd", "ply", "bin", "las", "e57", "text", "colmap".
 std::string_view to_string(CloudFormat format);
 
-/// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, and .xyz,
-/// .txt, .csv, .asc, .pts for text (.ptx is read, not written); files named points3D.bin and
+/// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, .e57, and
+/// .xyz, .txt, .csv, .asc, .pts for text (.ptx is read, not written); files named points3D.bin and
 /// points3D.txt are COLMAP's; nothing for others.
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
 
@@ -44,6 +45,10 @@ struct ReadOptions {
   std::vector<std::string> columns;
   /// The coordinate system of the file, whatever it states itself.
   std::optional<CoordinateSystem> crs;
+  /// E57 only: the number of the scan to read, from 0; without it all scans are one cloud.
+  std::optional<std::size_t> scan;
+  /// E57 only: leave out the pose of the scan, which must be the file's only one or `scan`.
+  bool own_frame = false;
   /// PLY only: keep the faces, split into triangles (fans).
   bool triangles = false;
 };
@@ -81,12 +86,15 @@ struct ReadReport {
   /// Points with finite coordinates and a NaN or infinite attribute (a time stamp); kept.
   std::uint64_t non_finite_attributes = 0;
   /// Lenient reading: reason ("truncated", "not finite", ...) and number of points dropped for it.
+  /// Of E57 always "invalid in the file": points that the file itself marks so.
   std::vector<std::pair<std::string, std::uint64_t>> dropped;
   /// Remarks a user may want to see, one sentence each.
   std::vector<std::string> notes;
   std::optional<CoordinateSystem> crs;  ///< where the file, or ReadOptions, states one
   std::optional<TextLayout> text;       ///< of a text file
   std::vector<PtxScan> scans;           ///< of a PTX file, the first 64
+  /// E57: number of a scan that was read, and how many of its points the file marks as invalid.
+  std::vector<std::pair<std::size_t, std::uint64_t>> invalid_by_scan;
   /// What the points have that is not among their attributes and that only another LAS file keeps:
   /// "wave packets", ...
   std::vector<std::string> las_only;

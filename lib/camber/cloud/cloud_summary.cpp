@@ -86,6 +86,7 @@ CloudSummary summarise(PointSource& source) {
   out.origin = header.origin;
   out.crs = header.crs;
   out.las = header.las;
+  out.e57 = header.e57;
   for (const PointField& field : header.fields) {
     AttributeSummary attribute;
     attribute.name = field.name;

@@ -41,6 +41,7 @@ struct CloudSummary {
   Eigen::Vector3d mean = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   std::optional<CoordinateSystem> crs;
   std::shared_ptr<const LasFile> las;        ///< of a LAS file
+  std::shared_ptr<const E57File> e57;        ///< of an E57 file
   std::vector<AttributeSummary> attributes;  ///< coordinates included, in the file's order
 
   /// Of the attribute "sigma" where there is one, over its finite values; else NaN. The quantiles

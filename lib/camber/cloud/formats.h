@@ -17,6 +17,7 @@ namespace camber {
 std::unique_ptr<PointSource> open_pcd(std::unique_ptr<FileReader> file, const ReadOptions& options);
 std::unique_ptr<PointSource> open_ply(std::unique_ptr<FileReader> file, const ReadOptions& options);
 std::unique_ptr<PointSource> open_las(std::unique_ptr<FileReader> file, const ReadOptions& options);
+std::unique_ptr<PointSource> open_e57(std::unique_ptr<FileReader> file, const ReadOptions& options);
 std::unique_ptr<PointSource> open_text(std::unique_ptr<FileReader> file,
                                        const ReadOptions& options);
 std::unique_ptr<PointSource> open_ptx(std::unique_ptr<FileReader> file, const ReadOptions& options);

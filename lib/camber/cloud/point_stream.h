@@ -18,6 +18,7 @@
 /// made of. A file of any size passes through a few megabytes of memory.
 namespace camber {
 
+struct E57File;
 struct LasFile;
 
 enum class ScalarType : std::uint8_t {
@@ -125,6 +126,7 @@ struct PointStreamHeader {
   std::optional<PointGrid> grid;          ///< of a LAS file, so that another one keeps it
   std::optional<CoordinateSystem> crs;    ///< where the file, or who reads it, states one
   std::shared_ptr<const LasFile> las;     ///< what a LAS file has beside its points
+  std::shared_ptr<const E57File> e57;     ///< what an E57 file has beside its points
   bool records = false;                   ///< batches have the records of `las`
   std::optional<double> full_color;       ///< see GreatestColor; where all points were looked at
   /// Of the finite coordinates, as those of the points or wider; where all points were looked at.
