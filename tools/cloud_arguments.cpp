@@ -14,6 +14,7 @@ CloudFormat format_from_name(const std::string& name) {
   if (name == "ply") return CloudFormat::kPly;
   if (name == "bin") return CloudFormat::kKittiBin;
   if (name == "las") return CloudFormat::kLas;
+  if (name == "e57") return CloudFormat::kE57;
   if (name == "text" || name == "xyz" || name == "csv") return CloudFormat::kText;
   if (name == "colmap") return CloudFormat::kColmap;
   throw UsageError("found format '" + name + "', expected pcd, ply, bin, las or text");
@@ -26,6 +27,8 @@ ReadOptions CloudArguments::read_options() const {
   if (!format.empty()) options.format = format_from_name(format);
   if (!columns.empty() && !options.format) options.format = CloudFormat::kText;
   if (!crs.empty()) options.crs = crs_from_option(crs);
+  if (scan >= 0) options.scan = static_cast<std::size_t>(scan);
+  options.own_frame = own_frame;
   return options;
 }
 
@@ -33,7 +36,7 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
   app.add_flag("--lenient", arguments.lenient,
                "keep what can be read of a damaged file and say what was dropped");
   app.add_option("--input-format", arguments.format,
-                 "pcd, ply, bin, las or text; default: by content, then by extension")
+                 "pcd, ply, bin, las, e57 or text; default: by content, then by extension")
       ->no_name();
   app.add_option("--columns", arguments.columns,
                  "columns of a text file without a header line: x,y,z,intensity (_ skips one)")
@@ -42,6 +45,13 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
   app.add_option("--crs", arguments.crs,
                  "coordinate system of the input, in place of the one that it states: EPSG:n, "
                  "well-known text, a PROJ string, or a file with one of them");
+  app.add_option("--scan", arguments.scan,
+                 "of an E57 file: this scan alone, counted from 0 (info lists them); default: all, "
+                 "as one cloud")
+      ->no_name()
+      ->check(in_range(0, 1000000));
+  app.add_flag("--own-frame", arguments.own_frame,
+               "of an E57 file: the scan in its own frame, without its pose");
 }
 
 WriteOptions OutputArguments::write_options() const {

@@ -18,6 +18,8 @@ struct CloudArguments {
   std::string format;                ///< empty: by content, then by extension
   std::vector<std::string> columns;  ///< of text without a header line
   std::string crs;                   ///< empty: what the file states
+  int scan = -1;                     ///< of E57; -1: all
+  bool own_frame = false;
 
   ReadOptions read_options() const;
 };

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <variant>
 
+#include "camber/cloud/e57_file.h"
 #include "camber/cloud/las_file.h"
 
 using nlohmann::json;
@@ -144,6 +145,139 @@ json las_json(const LasFile& las, const CloudSummary& summary) {
   return out;
 }
 
+const char* to_string(E57Field::Kind kind) {
+  switch (kind) {
+    case E57Field::Kind::kInteger:
+      return "integer";
+    case E57Field::Kind::kScaledInteger:
+      return "scaled integer";
+    case E57Field::Kind::kFloat32:
+      return "float32";
+    case E57Field::Kind::kString:
+      return "text";
+    case E57Field::Kind::kFloat64:
+      break;
+  }
+  return "float64";
+}
+
+json pose_json(const std::optional<E57Pose>& pose) {
+  if (!pose) return nullptr;
+  return {{"rotation_wxyz", pose->rotation}, {"translation", pose->translation}};
+}
+
+json numbers_json(const E57Numbers& numbers) {
+  json out = json::object();
+  for (const auto& [name, value] : numbers) out[name] = number(value);
+  return out;
+}
+
+/// Points of a scan that the file marks as invalid; nothing where it was not read.
+std::optional<std::uint64_t> invalid_points(const ReadReport& report, std::size_t scan) {
+  for (const auto& [number, count] : report.invalid_by_scan) {
+    if (number == scan) return count;
+  }
+  return {};
+}
+
+json e57_json(const E57File& e57, const ReadReport& report) {
+  json scans = json::array(), images = json::array(), extensions = json::object();
+  for (std::size_t i = 0; i < e57.scans.size(); ++i) {
+    const E57Scan& scan = e57.scans[i];
+    json fields = json::array();
+    for (const E57Field& field : scan.fields) {
+      json entry = {{"name", field.name}, {"type", to_string(field.kind)}};
+      if (field.kind == E57Field::Kind::kInteger || field.kind == E57Field::Kind::kScaledInteger) {
+        entry["minimum"] = field.minimum;
+        entry["maximum"] = field.maximum;
+        entry["bits"] = field.bits();
+      }
+      if (field.kind == E57Field::Kind::kScaledInteger) {
+        entry["scale"] = field.scale;
+        entry["offset"] = field.offset;
+      }
+      fields.push_back(std::move(entry));
+    }
+    const std::optional<std::uint64_t> invalid = invalid_points(report, i);
+    scans.push_back({{"scan", i},
+                     {"guid", scan.guid},
+                     {"name", scan.name},
+                     {"description", scan.description},
+                     {"sensor", {scan.sensor_vendor, scan.sensor_model, scan.sensor_serial}},
+                     {"records", scan.points},
+                     {"invalid", invalid ? json(*invalid) : json(nullptr)},
+                     {"pose", pose_json(scan.pose)},
+                     {"bounds", numbers_json(scan.bounds)},
+                     {"limits", numbers_json(scan.limits)},
+                     {"fields", fields}});
+  }
+  for (const E57Image& image : e57.images) {
+    images.push_back(
+        {{"guid", image.guid},
+         {"name", image.name},
+         {"description", image.description},
+         {"scan_guid", image.scan_guid.empty() ? json(nullptr) : json(image.scan_guid)},
+         {"pose", pose_json(image.pose)},
+         {"representation", image.representation},
+         {"media", image.media},
+         {"bytes", image.length},
+         {"parameters", numbers_json(image.numbers)}});
+  }
+  for (const auto& [prefix, name] : e57.extensions) extensions[prefix] = name;
+  return {{"bytes", e57.bytes},
+          {"version", fmt::format("{}.{}", e57.version_major, e57.version_minor)},
+          {"guid", e57.guid},
+          {"library", e57.library},
+          {"coordinate_metadata", e57.coordinate_metadata},
+          {"page_size", e57.page_size},
+          {"pages", e57.pages},
+          {"extensions", extensions},
+          {"scans", scans},
+          {"images", images}};
+}
+
+void add_e57_lines(const E57File& e57, const ReadReport& report, Description* out) {
+  constexpr std::size_t kMost = 20;
+  if (!e57.library.empty()) out->line("written by", e57.library);
+  for (std::size_t i = 0; i < std::min(kMost, e57.scans.size()); ++i) {
+    const E57Scan& scan = e57.scans[i];
+    std::string line = scan.name.empty() ? std::string() : "'" + scan.name + "', ";
+    line += fmt::format("{} records", scan.points);
+    const std::optional<std::uint64_t> invalid = invalid_points(report, i);
+    if (invalid && *invalid > 0) line += fmt::format(", {} of them invalid", *invalid);
+    if (scan.pose) {
+      const std::array<double, 4>& q = scan.pose->rotation;
+      const double imaginary = std::sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+      const double angle = 2.0 * std::atan2(imaginary, std::abs(q[0])) * 180.0 / M_PI;
+      line += fmt::format(", at {:.3f} {:.3f} {:.3f} m, turned by {:.2f} deg",
+                          scan.pose->translation[0], scan.pose->translation[1],
+                          scan.pose->translation[2], angle);
+    } else {
+      line += ", no pose";
+    }
+    out->line(fmt::format("scan {}", i), line);
+  }
+  if (e57.scans.size() > kMost) {
+    out->line("scans", fmt::format("{} more (--json has all)", e57.scans.size() - kMost));
+  }
+  for (std::size_t i = 0; i < std::min(kMost, e57.images.size()); ++i) {
+    const E57Image& image = e57.images[i];
+    double width = 0.0, height = 0.0;
+    for (const auto& [name, value] : image.numbers) {
+      if (name == "imageWidth") width = value;
+      if (name == "imageHeight") height = value;
+    }
+    out->line(fmt::format("image {}", i),
+              fmt::format("{}{}, {:.0f} x {:.0f} px, {}, {} bytes{}",
+                          image.name.empty() ? "" : "'" + image.name + "', ", image.representation,
+                          width, height, image.media, image.length,
+                          image.scan_guid.empty() ? "" : ", of scan " + image.scan_guid));
+  }
+  if (e57.images.size() > kMost) {
+    out->line("images", fmt::format("{} more (--json has all)", e57.images.size() - kMost));
+  }
+}
+
 json text_json(const ReadReport& report) {
   const TextLayout& layout = *report.text;
   json columns = json::array();
@@ -245,6 +379,7 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
     o["last_point"] = last;
   }
   if (summary.las) o["las"] = las_json(*summary.las, summary);
+  if (summary.e57) o["e57"] = e57_json(*summary.e57, report);
   if (report.text) o["text"] = text_json(report);
   if (report.width > 0) o["organised"] = {{"width", report.width}, {"height", report.height}};
   if (report.faces > 0) o["faces"] = report.faces;
@@ -263,6 +398,7 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
            std::to_string(summary.points) +
                (summary.non_finite > 0 ? fmt::format(" ({} not finite)", summary.non_finite)
                                        : std::string()));
+  if (summary.e57) add_e57_lines(*summary.e57, report, &out);
   if (report.width > 0) out.line("organised", fmt::format("{} x {}", report.width, report.height));
   if (report.faces > 0) out.line("faces", std::to_string(report.faces));
   if (summary.points > summary.non_finite) {
