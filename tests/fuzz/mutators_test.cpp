@@ -54,14 +54,10 @@ double share(const std::string& seed, Mutator mutator,
 }
 
 TEST(Mutators, AreTheSameForTheSameSeedAndNotLongerThanAllowed) {
-  const std::pair<Mutator, const char*> all[] = {{mutate_json, "scene"},
-                                                 {mutate_text, "pcd"},
-                                                 {mutate_document, "own_detections"},
-                                                 {mutate_las, "las"},
-                                                 {mutate_image, "image"},
-                                                 {mutate_bag, "rosbag"},
-                                                 {mutate_numbers, "colmap"},
-                                                 {mutate_text_or_numbers, "colmap"}};
+  const std::pair<Mutator, const char*> all[] = {
+      {mutate_json, "scene"}, {mutate_text, "pcd"},       {mutate_document, "own_detections"},
+      {mutate_las, "las"},    {mutate_e57, "e57"},        {mutate_image, "image"},
+      {mutate_bag, "rosbag"}, {mutate_numbers, "colmap"}, {mutate_text_or_numbers, "colmap"}};
   for (const auto& [mutator, folder] : all) {
     for (const auto& [name, seed] : seeds(folder)) {
       for (std::uint64_t i = 0; i < 50; ++i) {
@@ -80,8 +76,9 @@ TEST(Mutators, AreTheSameForTheSameSeedAndNotLongerThanAllowed) {
 }
 
 TEST(Mutators, TakeAnyBytes) {
-  const Mutator all[] = {mutate_json,  mutate_text, mutate_document, mutate_las,
-                         mutate_image, mutate_bag,  mutate_numbers,  mutate_text_or_numbers};
+  const Mutator all[] = {mutate_json, mutate_text,    mutate_document,
+                         mutate_las,  mutate_e57,     mutate_image,
+                         mutate_bag,  mutate_numbers, mutate_text_or_numbers};
   std::vector<std::string> inputs{"",
                                   "\n",
                                   "{",
@@ -97,7 +94,7 @@ TEST(Mutators, TakeAnyBytes) {
   for (const char length : {0, 1, 2, 3}) {  // of a JPEG's segment, which counts its own two bytes
     inputs.push_back(std::string("\xFF\xD8\xFF\xE0") + '\0' + length + "JFIF");
   }
-  for (const char* const folder : {"las", "image", "rosbag"}) {
+  for (const char* const folder : {"las", "e57", "image", "rosbag"}) {
     for (const auto& [name, seed] : seeds(folder)) {
       for (const std::size_t n : {9, 40, 120, 227, 300}) inputs.push_back(seed.substr(0, n));
     }
@@ -167,6 +164,32 @@ bool whole_las(const std::string& las) {
 TEST(Mutators, KeepPlacesAndCountsOfLasTogether) {
   for (const auto& [name, seed] : seeds("las")) {
     EXPECT_GT(share(seed, mutate_las, whole_las), 0.8) << name;
+  }
+}
+
+/// Pages with right checksums, and XML within them.
+bool whole_e57(const std::string& file) {
+  if (file.size() < 48 || file.compare(0, 8, "ASTM-E57") != 0) return false;
+  const std::size_t page = get_number(file, 40, 8);
+  if (page != 256 || file.size() % page != 0 || get_number(file, 16, 8) != file.size())
+    return false;
+  for (std::size_t at = 0; at < file.size(); at += page) {
+    std::uint32_t crc = 0xffffffffu, stored = 0;
+    for (std::size_t i = at; i < at + page - 4; ++i) {
+      crc ^= static_cast<unsigned char>(file[i]);
+      for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ (0x82F63B78u & (0u - (crc & 1)));
+    }
+    for (std::size_t i = page - 4; i < page; ++i) {
+      stored = stored << 8 | static_cast<unsigned char>(file[at + i]);
+    }
+    if (~crc != stored) return false;
+  }
+  return get_number(file, 24, 8) < file.size();
+}
+
+TEST(Mutators, KeepPagesOfE57Whole) {
+  for (const auto& [name, seed] : seeds("e57")) {
+    EXPECT_GT(share(seed, mutate_e57, whole_e57), 0.8) << name;
   }
 }
 

@@ -48,6 +48,8 @@ std::string mutate_json(std::string_view input, Dice& dice, const ByteMutation& 
 std::string mutate_text(std::string_view input, Dice& dice, const ByteMutation& bytes);
 /// JSON where the input is JSON, else text.
 std::string mutate_document(std::string_view input, Dice& dice, const ByteMutation& bytes);
+/// E57 by its XML as text and its sections, with checksums that fit.
+std::string mutate_e57(std::string_view input, Dice& dice, const ByteMutation& bytes);
 std::string mutate_las(std::string_view input, Dice& dice, const ByteMutation& bytes);
 /// PNG by chunks with their check sums and compressed rows, JPEG by segments.
 std::string mutate_image(std::string_view input, Dice& dice, const ByteMutation& bytes);
