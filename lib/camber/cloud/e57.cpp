@@ -150,7 +150,7 @@ struct Attribute {
   ScalarType type = ScalarType::kFloat64;
   std::size_t axis = 0;             // of a position, colour or normal
   std::vector<std::size_t> fields;  // by chosen scan; kNone: it has none
-  /// Of a field that says which values are invalid; kNone: all are valid.
+  /// Of a field that states which values are invalid; kNone: all are valid.
   std::vector<std::size_t> flags;
   std::vector<ColorRange> colors;
   std::vector<unsigned char> values;  // of a batch

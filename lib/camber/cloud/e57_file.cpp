@@ -241,7 +241,7 @@ E57Image XmlReader::image(const pugi::xml_node& node, const std::string& path) c
       {"pinholeRepresentation", "pinhole"},
       {"sphericalRepresentation", "spherical"},
       {"cylindricalRepresentation", "cylindrical"}};
-  // Of an image with a visual reference beside a projection the latter says more.
+  // Of an image with a visual reference beside a projection the latter states more.
   for (const auto& [element, kind] : kKinds) {
     const pugi::xml_node found = node.child(element);
     if (!found) continue;
