@@ -29,6 +29,15 @@ ReadOptions CloudArguments::read_options() const {
   if (!crs.empty()) options.crs = crs_from_option(crs);
   if (scan >= 0) options.scan = static_cast<std::size_t>(scan);
   options.own_frame = own_frame;
+  if (!bounds.empty()) {
+    options.bounds = PlanBounds{bounds[0], bounds[1], bounds[2], bounds[3]};
+    if (!(bounds[0] < bounds[2] && bounds[1] < bounds[3])) {
+      throw UsageError(
+          fmt::format("--bounds: found {:.12g},{:.12g},{:.12g},{:.12g}, expected x0,y0,x1,y1 with "
+                      "x0 < x1 and y0 < y1",
+                      bounds[0], bounds[1], bounds[2], bounds[3]));
+    }
+  }
   return options;
 }
 
@@ -52,6 +61,12 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
       ->check(in_range(0, 1000000));
   app.add_flag("--own-frame", arguments.own_frame,
                "of an E57 file: the scan in its own frame, without its pose");
+  app.add_option("--bounds", arguments.bounds,
+                 "x0,y0,x1,y1: only points with x0 <= x < x1 and y0 <= y < y1, in the file's "
+                 "coordinates and units")
+      ->check(finite_number())
+      ->delimiter(',')
+      ->expected(4);
 }
 
 WriteOptions OutputArguments::write_options() const {

@@ -20,6 +20,7 @@ struct CloudArguments {
   std::string crs;                   ///< empty: what the file states
   int scan = -1;                     ///< of E57; -1: all
   bool own_frame = false;
+  std::vector<double> bounds;  ///< x0 y0 x1 y1; empty: everywhere
 
   ReadOptions read_options() const;
 };

@@ -323,6 +323,48 @@ std::string unit_mark(const CloudSummary& summary) {
   return h.metre() ? "m" : h.name;
 }
 
+/// The table of classes, with the names of ASPRS LAS 1.4 R15, table 17.
+void add_class_lines(const CloudSummary& summary, Description* out) {
+  static const char* const kNames[] = {"never classified",
+                                       "unclassified",
+                                       "ground",
+                                       "low vegetation",
+                                       "medium vegetation",
+                                       "high vegetation",
+                                       "building",
+                                       "low noise",
+                                       "reserved (model key)",
+                                       "water",
+                                       "rail",
+                                       "road surface",
+                                       "reserved (overlap)",
+                                       "wire guard",
+                                       "wire conductor",
+                                       "transmission tower",
+                                       "wire connector",
+                                       "bridge deck",
+                                       "high noise",
+                                       "overhead structure",
+                                       "ignored ground",
+                                       "snow",
+                                       "temporal exclusion"};
+  for (const AttributeSummary& attribute : summary.attributes) {
+    if (attribute.name != "classification" || attribute.counts.empty()) continue;
+    out->line("classes", "");
+    for (const auto& [value, count] : attribute.counts) {
+      const auto known = static_cast<std::size_t>(value) < std::size(kNames);
+      out->lines +=
+          fmt::format("    {:>3} {:<20} {:>12} {:>7.2f} %\n", value,
+                      known        ? kNames[value]
+                      : value < 64 ? "reserved"
+                                   : "user defined",
+                      count,
+                      100.0 * static_cast<double>(count) /
+                          static_cast<double>(std::max<std::uint64_t>(1, summary.points)));
+    }
+  }
+}
+
 }  // namespace
 
 void Description::line(const std::string& name, const std::string& value) {
@@ -388,6 +430,7 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
                   {"median_m", number(summary.sigma_median)},
                   {"quantile_95_m", number(summary.sigma_95)}};
   }
+  if (report.outside > 0) o["outside_bounds"] = report.outside;
   o["dropped"] = json::object();
   for (const auto& [reason, count] : report.dropped) o["dropped"][reason] = count;
   o["notes"] = report.notes;
@@ -398,6 +441,8 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
            std::to_string(summary.points) +
                (summary.non_finite > 0 ? fmt::format(" ({} not finite)", summary.non_finite)
                                        : std::string()));
+  if (report.outside > 0)
+    out.line("left out", fmt::format("{} outside of the bounds", report.outside));
   if (summary.e57) add_e57_lines(*summary.e57, report, &out);
   if (report.width > 0) out.line("organised", fmt::format("{} x {}", report.width, report.height));
   if (report.faces > 0) out.line("faces", std::to_string(report.faces));
@@ -424,6 +469,7 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
         attribute.minimum, attribute.maximum,
         attribute.non_finite > 0 ? fmt::format(", {} not finite", attribute.non_finite) : "");
   }
+  add_class_lines(summary, &out);
   for (const auto& [reason, count] : report.dropped) {
     out.line("dropped", fmt::format("{}: {}", reason, count));
   }

@@ -221,6 +221,33 @@ void use_metres(const std::string& path, RoadCloud* cloud, ReadReport* report,
                   same ? "" : ", the heights of " + with_length(crs.vertical)));
 }
 
+double in_units_of_file(const std::string& path, const ReadOptions& options, double metres) {
+  constexpr double kDegree = 111320.0;  // m, on the equator
+  const PointStreamHeader header = open_point_source(path, options)->header();
+  if (!header.crs) return metres;
+  CoordinateSystem crs = *header.crs;
+  complete_crs(&crs);
+  return crs.horizontal.angle ? metres / kDegree : metres / crs.horizontal.metres;
+}
+
+PlanBounds bounds_in_metres(const PlanBounds& bounds,
+                            const std::optional<CoordinateSystem>& system) {
+  if (!system) return bounds;
+  CoordinateSystem crs = *system;
+  complete_crs(&crs);
+  const double metre = crs.horizontal.angle ? 1.0 : crs.horizontal.metres;
+  return {bounds.x0 * metre, bounds.y0 * metre, bounds.x1 * metre, bounds.y1 * metre};
+}
+
+void require_inside(const std::string& path, const CloudFile& file, const PlanBounds& bounds) {
+  const PlanBounds wanted = bounds_in_metres(bounds, file.report.crs);
+  for (const Eigen::Vector3f& p : file.cloud.points) {
+    const Eigen::Vector3d x = file.cloud.origin + p.cast<double>();
+    if (wanted.contains(x.x(), x.y())) return;
+  }
+  throw NoAnswerError(path + ": no point lies within --bounds");
+}
+
 std::optional<CoordinateSystem> crs_in_use(const std::string& path, const ReadReport& report,
                                            const LogSink& warn) {
   if (!report.crs || report.crs->metric() || report.crs->horizontal.angle) return report.crs;

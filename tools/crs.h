@@ -55,6 +55,17 @@ void use_metres(const std::string& path, CloudFile* file, const LogSink& warn);
 /// The same of a cloud and the report of its reading, which leaves a cloud in metres as it is.
 void use_metres(const std::string& path, RoadCloud* cloud, ReadReport* report, const LogSink& warn);
 
+/// A length in metres in the units of a file's x and y; of degrees as on the equator.
+double in_units_of_file(const std::string& path, const ReadOptions& options, double metres);
+
+/// Bounds in metres of a cloud that use_metres() took. @param system  of the file
+PlanBounds bounds_in_metres(const PlanBounds& bounds,
+                            const std::optional<CoordinateSystem>& system);
+
+/// Throws a NoAnswerError where no point of a cloud that use_metres() took lies within bounds of
+/// its file.
+void require_inside(const std::string& path, const CloudFile& file, const PlanBounds& bounds);
+
 /// The system that a cloud's coordinates are in after use_metres(), with a warning where it was
 /// left out because they were converted.
 std::optional<CoordinateSystem> crs_in_use(const std::string& path, const ReadReport& report,

@@ -12,6 +12,7 @@
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/morton.h"
 #include "camber/cloud/normals.h"
+#include "camber/cloud/point_selection.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/cloud/voxel_grid.h"
 #include "camber/core/atomic_file.h"
@@ -22,6 +23,7 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
+#include "plan_area.h"
 #include "unknown_scale.h"
 
 using nlohmann::json;
@@ -31,6 +33,8 @@ namespace {
 
 struct Arguments {
   RewriteArguments files;
+  std::vector<int> classes, without_classes;
+  std::string returns, polygon;
   std::vector<double> box;
   bool outside = false;
   double range = 0.0;
@@ -146,6 +150,20 @@ std::unique_ptr<PointSource> cropped(std::unique_ptr<PointSource> source, const 
   });
 }
 
+/// The points that --class, --not-class, --returns and --polygon leave.
+std::unique_ptr<PointSource> selected(std::unique_ptr<PointSource> source, const Arguments& args) {
+  using Returns = PointSelection::Returns;
+  PointSelection selection;
+  selection.classes = args.classes;
+  selection.without_classes = args.without_classes;
+  if (args.returns == "first") selection.returns = Returns::kFirst;
+  if (args.returns == "last") selection.returns = Returns::kLast;
+  if (args.returns == "single") selection.returns = Returns::kSingle;
+  if (!args.polygon.empty()) selection.area = read_plan_area(args.polygon, source->header().crs);
+  if (!selection.selects()) return source;
+  return select_points(std::move(source), selection, args.files.input);
+}
+
 std::unique_ptr<VoxelGrid> thinned(PointSource& source, const Arguments& args, double metre) {
   require_no_waves(args.files.input, source.header());
   auto grid = std::make_unique<VoxelGrid>(source.header(), args.voxel * metre);
@@ -217,7 +235,11 @@ void print_json(const Command& command, const Arguments& args, const ReadReport&
                 bool metric, const Written& written, const Timings& timings) {
   json dropped = json::object();
   for (const auto& [reason, count] : report.dropped) dropped[reason] = count;
-  json options = {{"box", args.box},
+  json options = {{"class", args.classes},
+                  {"not_class", args.without_classes},
+                  {"returns", args.returns},
+                  {"polygon", args.polygon},
+                  {"box", args.box},
                   {"outside", args.outside},
                   {"range", args.range},
                   {"drop_non_finite", args.drop_non_finite},
@@ -259,6 +281,7 @@ int run(const Command& command, const Arguments& args) {
   const double metre = metres_in(*source, args, warn);
   if (args.files.cloud.lenient) source = drop_bad_points(std::move(source));
   const auto not_finite = std::make_shared<std::uint64_t>(0);  // points dropped for it
+  source = selected(std::move(source), args);
   source = cropped(std::move(source), args, metre, not_finite);
   std::unique_ptr<PointSource> input;  // keeps the reader and its report
   std::unique_ptr<VoxelGrid> grid;
@@ -302,6 +325,18 @@ int run(const Command& command, const Arguments& args) {
 
 void add_arguments(App& app, Arguments& a) {
   add_rewrite_arguments(app, a.files, "cloud file");
+  app.add_option("--class", a.classes, "keep points of these ASPRS classes: 2,9")
+      ->check(in_range(0, 255))
+      ->delimiter(',');
+  app.add_option("--not-class", a.without_classes, "drop points of these classes: 7,18")
+      ->check(in_range(0, 255))
+      ->delimiter(',');
+  app.add_option("--returns", a.returns,
+                 "first, last or single: keep these returns of their pulses (single: the only one)")
+      ->check(is_member({"first", "last", "single"}));
+  app.add_option("--polygon", a.polygon,
+                 "keep the inside of an area in plan: polygons of a GeoJSON file, or the points of "
+                 "any cloud format as its corners, in the input's coordinates");
   app.add_flag("--drop-non-finite", a.drop_non_finite,
                "drop points with NaN or infinite coordinates");
   app.add_option("--box", a.box, "keep the inside of a box: min x,y,z, max x,y,z, m")
@@ -349,6 +384,8 @@ void register_filter(App& root) {
       "  camber filter scan.ply --voxel 0.2 --out thin.ply\n"
       "  camber filter scan.pcd --box -20,-20,-3,20,20,1 --out near.pcd\n"
       "  camber filter road.ply --statistical 20,2 --normals 20 --out clean.ply\n"
+      "  camber filter map.las --class 2,9 --bounds 629000,4850000,629500,4850500 --out part.las\n"
+      "  camber filter map.las --returns last --polygon site.geojson --out site.las\n"
       "  camber filter map.las --radius 1,3 --morton --out sorted.las");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);

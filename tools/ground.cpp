@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -59,13 +60,28 @@ std::optional<std::vector<int>> points_to_judge(const RoadCloud& cloud,
   return judged;
 }
 
+/// Ground beside the bounds decides within them: openings with the largest object's width, and the
+/// surface through the cells around.
+double ground_margin(const GroundOptions& options) {
+  const double object =
+      options.largest_object > 0.0 ? options.largest_object : 30.0;  // from the air
+  const double cell = options.cell > 0.0 ? options.cell : 1.0;
+  return 2.0 * object + 10.0 * cell;
+}
+
+/// What was written.
+struct WrittenGround {
+  std::uint64_t points = 0, ground = 0;
+  std::vector<std::string> notes;  // on the output
+};
+
 /// The input with its ground: in LAS by the ASPRS classes, else by an int ground.
 /// @param judged  which points the labels are of, if not all
-/// @return        notes on the output
-std::vector<std::string> write_ground(const Arguments& arguments, const ReadOptions& read_options,
-                                      const WriteOptions& write_options, std::size_t points,
-                                      const std::optional<std::vector<int>>& judged,
-                                      std::vector<int> labels) {
+/// @param bounds  the part of what was read that is written
+WrittenGround write_ground(const Arguments& arguments, const ReadOptions& read_options,
+                           const WriteOptions& write_options, std::size_t points,
+                           const std::optional<std::vector<int>>& judged, std::vector<int> labels,
+                           const std::optional<PlanBounds>& bounds) {
   const std::optional<CloudFormat> format =
       write_options.format ? write_options.format : format_from_extension(arguments.out);
   const bool las = format == CloudFormat::kLas;
@@ -78,18 +94,38 @@ std::vector<std::string> write_ground(const Arguments& arguments, const ReadOpti
   } else {
     ground = std::move(labels);
   }
-  std::vector<std::string> notes;
-  if (!las) {
-    write_labelled_copy(arguments.cloud, read_options, "ground", ground, arguments.out,
-                        write_options, &notes);
-    return notes;
-  }
+  WrittenGround written;
   std::unique_ptr<PointSource> source = open_typed_source(arguments.cloud, read_options, format);
   if (read_options.lenient) source = drop_bad_points(std::move(source));
-  source = classify_ground(std::move(source), ground);
+  source = las ? classify_ground(std::move(source), ground)
+               : add_label(std::move(source), "ground", ground);
+  if (bounds) {
+    std::size_t place = 0;
+    const auto in_order = [&](const PointStreamHeader& header, const PointBatch& batch,
+                              std::vector<unsigned char>* keep) {
+      const std::array<int, 3> position = find_roles(header.fields).position;
+      const auto value = [&](std::size_t axis, std::size_t i) {
+        const auto field = static_cast<std::size_t>(position[axis]);
+        return batch.fields[field].number(header.fields[field].type, i);
+      };
+      for (std::size_t i = 0; i < batch.count; ++i, ++place) {
+        if (!bounds->contains(value(0, i), value(1, i))) {
+          (*keep)[i] = 0;
+        } else if (ground[place] > 0) {
+          ++written.ground;
+        }
+      }
+    };
+    source = select_rows(std::move(source), in_order);
+    source = with_complete_crs(std::move(source), arguments.out, write_options);
+    written.points = write_points(*source, arguments.out, write_options, {}, &written.notes);
+    return written;
+  }
+  written.ground = static_cast<std::uint64_t>(
+      std::count_if(ground.begin(), ground.end(), [](int g) { return g > 0; }));
   source = with_complete_crs(std::move(source), arguments.out, write_options);
-  write_points(*source, arguments.out, write_options, {}, &notes);
-  return notes;
+  written.points = write_points(*source, arguments.out, write_options, {}, &written.notes);
+  return written;
 }
 
 GroundSegmentation segment_by(const std::string& engine, const RoadCloud& cloud,
@@ -162,14 +198,20 @@ void register_ground(App& root) {
     const WriteOptions write_options = arguments->output.write_options();
     require_known_output(arguments->out, write_options);
     check_output_file(arguments->out);
-    const ReadOptions read_options = arguments->reading.read_options();
+    ReadOptions read_options = arguments->reading.read_options();
+    const std::optional<PlanBounds> bounds = read_options.bounds;
     Timings timings;
     StageTimer load(timings, "load");
+    if (bounds) {
+      read_options.bounds =
+          bounds->grown(in_units_of_file(arguments->cloud, read_options, ground_margin(options)));
+    }
     CloudFile file = read_cloud_file(arguments->cloud, read_options);
     const LogSink warn = make_warning_sink(command->common);
     warn_about(arguments->cloud, file.report, warn);
     use_metres(arguments->cloud, &file, warn);
     warn_of_unknown_scale(arguments->cloud, file.cloud.metric, file.report.crs, warn);
+    if (bounds) require_inside(arguments->cloud, file, *bounds);
     const std::optional<std::vector<int>> judged =
         points_to_judge(file.cloud, arguments->keep_classes);
     load.stop();
@@ -185,16 +227,16 @@ void register_ground(App& root) {
       throw NoAnswerError(arguments->cloud + ": " + found.reason);
     }
     StageTimer write(timings, "write");
-    const std::vector<std::string> notes =
+    const WrittenGround written =
         write_ground(*arguments, read_options, write_options, file.cloud.size(), judged,
-                     std::move(found.labels));
+                     std::move(found.labels), bounds);
     write.stop();
-    for (const std::string& note : notes) {
+    for (const std::string& note : written.notes) {
       if (warn) warn(arguments->out + ": " + note);
     }
     if (!arguments->as_json) {
       fmt::print("{}: {} of {} points are ground, within {:.2f} {} of its surface\n",
-                 arguments->out, found.ground, file.cloud.size(), found.tolerance,
+                 arguments->out, written.ground, written.points, found.tolerance,
                  file.cloud.metric ? "m" : "units");
       return 0;
     }
@@ -213,9 +255,9 @@ void register_ground(App& root) {
                 {"file", arguments->cloud},
                 {"out", arguments->out},
                 {"metric", file.cloud.metric},
-                {"points", file.cloud.size()},
+                {"points", written.points},
                 {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
-                {"ground", found.ground},
+                {"ground", written.ground},
                 {"from_air", found.from_air},
                 {"used",
                  {{"cell", found.cell},

@@ -15,6 +15,7 @@
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/road/cut_surface.h"
 #include "camber/road/fit_road_surface.h"
 #include "camber/scene/results.h"
 #include "cloud_arguments.h"
@@ -132,25 +133,54 @@ void print_table(const RoadSurfaceFit& fit, long on_patches, std::size_t points)
   }
 }
 
+/// Leaves of the cloud, its labels and its surface what lies within the bounds.
+void keep_within(const PlanBounds& of_file, CloudFile* file, RoadSurfaceFit* fit) {
+  const PlanBounds bounds = bounds_in_metres(of_file, file->report.crs);
+  std::vector<int> inside, labels;
+  for (std::size_t i = 0; i < file->cloud.size(); ++i) {
+    const Eigen::Vector3d x = file->cloud.origin + file->cloud.points[i].cast<double>();
+    if (!bounds.contains(x.x(), x.y())) continue;
+    inside.push_back(static_cast<int>(i));
+    labels.push_back(fit->labels[i]);
+  }
+  file->cloud = file->cloud.select(inside);
+  fit->labels = std::move(labels);
+  constexpr double kUpright = 0.99;
+  if (std::abs(fit->surface.up.normalized().z()) > kUpright) {
+    cut_surface(bounds, fit->labels, &fit->surface);
+  }
+}
+
 int run(const Command& command, const Arguments& args) {
   RoadSurfaceOptions options = surface_options(command, args);
   AtomicFolder folder(args.out, args.overwrite);
   Timings timings;
   StageTimer load(timings, "load");
-  CloudFile file = args.input.read(command.common);
+  // Patches beside the bounds decide with those within them: a few of their lengths.
+  constexpr double kMargin = 25.0;  // m
+  const std::optional<PlanBounds> bounds = args.input.reading.read_options().bounds;
+  ReadOptions reading = args.input.reading.read_options();
+  if (bounds) {
+    reading.bounds = bounds->grown(in_units_of_file(args.input.cloud, reading, kMargin));
+  }
+  CloudFile file = args.input.read(command.common, reading);
   if (!args.line.empty()) options.driven_line = read_line(args.line);
   load.stop();
   options.up = args.input.up.up(file.cloud);
   options.viewpoint = args.input.up.viewpoint();
+  if (bounds) require_inside(args.input.cloud, file, *bounds);
   throw_if_interrupted();
   StageTimer compute(timings, "compute");
-  const RoadSurfaceFit fit =
-      args.engine == "pcl" ? fit_by_pcl(file.cloud, options)
+  RoadSurfaceFit fit = args.engine == "pcl"
+                           ? fit_by_pcl(file.cloud, options)
                            : fit_road_surface(file.cloud, options, make_progress(command.common));
   compute.stop();
   if (fit.status == Status::kFailed) throw NoAnswerError(args.input.cloud + ": " + fit.reason);
   const LogSink warn = make_warning_sink(command.common);
   if (warn && fit.status == Status::kWeak) warn(args.input.cloud + ": " + fit.reason);
+
+  const std::vector<int> all_labels = fit.labels;
+  if (bounds) keep_within(*bounds, &file, &fit);
 
   StageTimer write(timings, "write");
   json surface = to_json(fit.surface);
@@ -162,8 +192,11 @@ int run(const Command& command, const Arguments& args) {
       with_crs(make_point_source(file.cloud), crs_in_use(args.input.cloud, file.report, warn));
   write_points(*labelled, folder.staging() / "labels.ply");
   if (args.las) {
-    write_labelled_copy(args.input.cloud, args.input.reading.read_options(), "patch", fit.labels,
-                        folder.staging() / "labels.las");
+    auto source = open_typed_source(args.input.cloud, reading, CloudFormat::kLas);
+    if (reading.lenient) source = drop_bad_points(std::move(source));
+    source = add_label(std::move(source), "patch", all_labels);
+    if (bounds) source = within_bounds(std::move(source), *bounds);
+    write_points(*source, folder.staging() / "labels.las");
   }
   RunDocument document;
   document.seed = options.seed;

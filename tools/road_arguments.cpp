@@ -46,7 +46,11 @@ void add_up_arguments(App& app, UpArguments& arguments) {
 }
 
 CloudFile RoadCloudArguments::read(const CommonOptions& common) const {
-  CloudFile file = read_cloud_file(cloud, reading.read_options());
+  return read(common, reading.read_options());
+}
+
+CloudFile RoadCloudArguments::read(const CommonOptions& common, const ReadOptions& options) const {
+  CloudFile file = read_cloud_file(cloud, options);
   const LogSink warn = make_warning_sink(common);
   warn_about(cloud, file.report, warn);
   use_metres(cloud, &file, warn);

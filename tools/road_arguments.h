@@ -36,6 +36,7 @@ struct RoadCloudArguments {
 
   /// Reads the cloud, in metres; warns of what its reader remarked.
   CloudFile read(const CommonOptions& common) const;
+  CloudFile read(const CommonOptions& common, const ReadOptions& options) const;
 };
 
 /// Adds the cloud, --up, --viewpoint, --threshold (metres, 0: none), how to read the cloud, and

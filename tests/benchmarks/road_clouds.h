@@ -30,6 +30,7 @@ struct Bench {
   PlaneFitOptions plane_options() const {
     PlaneFitOptions options;
     options.seed = report.seed();
+    options.largest_is_road = true;  // of clouds without a driven line, to tell it from pavements
     return options;
   }
   RoadSurfaceOptions surface_options() const {

@@ -32,6 +32,13 @@ test::PatchScore score(const test::RoadScene& scene, const RoadSurfaceFit& fit) 
   return test::score_patches(scene, planes_of(fit), fit.labels);
 }
 
+/// For clouds without a driven line whose road is to be told from pavements.
+RoadSurfaceOptions road_named() {
+  RoadSurfaceOptions options;
+  options.largest_is_road = true;
+  return options;
+}
+
 /// Of the points on patches called road, the share that is not.
 double not_road(const test::RoadScene& scene, const RoadSurfaceFit& fit) {
   double all = 0.0, wrong = 0.0;
@@ -56,7 +63,7 @@ TEST_P(FindsAllPlanes, OfAChain) {
   made.outlier_share = outliers;
   made.with_sigmas = sigmas;
   const test::RoadScene scene = test::make_road_scene(made);
-  const RoadSurfaceFit fit = fit_road_surface(scene.cloud, {});
+  const RoadSurfaceFit fit = fit_road_surface(scene.cloud, road_named());
   ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
   const test::PatchScore result = score(scene, fit);
   EXPECT_EQ(result.found, planes);
@@ -99,6 +106,7 @@ TEST(FitRoadSurface, BendingRoadHasNoHoles) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     RoadSurfaceOptions options;
     options.seed = seed;
+    options.largest_is_road = true;
     const RoadSurfaceFit fit = fit_road_surface(cloud, options);
     const auto left = std::count(fit.labels.begin(), fit.labels.end(), -1);
     EXPECT_LT(left, 144000 / 200) << seed;
@@ -162,7 +170,7 @@ void expect_same(const test::RoadScene& scene, bool shuffle, const Eigen::Matrix
     std::swap(order[i], order[random.below(i, i + 1)]);
   RoadCloud other = scene.cloud.select(order);
   for (Vector3f& p : other.points) p = (turn * p.cast<double>() + shift).cast<float>();
-  RoadSurfaceOptions options;
+  RoadSurfaceOptions options = road_named();
   const RoadSurfaceFit a = fit_road_surface(scene.cloud, options);
   options.up = turn * Vector3d::UnitZ();
   const RoadSurfaceFit b = fit_road_surface(other, options);
@@ -401,6 +409,34 @@ TEST(FitRoadSurface, CliffsAndWallsAreLeftOut) {
   ASSERT_EQ(fit.surface.patches.size(), 1u);
   const auto on_wall = std::count(fit.labels.begin() + 5000, fit.labels.end(), 0);
   EXPECT_LT(on_wall, 60);  // the wall's foot: 3 sigma of 6 m, and a margin
+}
+
+TEST(FitRoadSurface, WithoutADrivenLineNothingTellsRoadFromOtherGround) {
+  // A road and a pavement a kerb above it, seen from the air.
+  RoadCloud cloud;
+  cloud.frame = CloudFrame::kZUp;
+  const CounterRandom random(22, 5);
+  for (std::uint64_t i = 0; i < 24000; ++i) {
+    const double y = random.uniform(3 * i, -6, 6);
+    cloud.points.emplace_back(
+        static_cast<float>(random.uniform(3 * i + 2, 0, 30)), static_cast<float>(y),
+        static_cast<float>((y > 3 ? 0.15 : 0.0) + 0.01 * random.normal(3 * i + 1)));
+  }
+  const auto kinds_at = [](const RoadSurfaceFit& fit) {
+    const SurfaceQuery road = fit.surface.query({15.0, 0.0, 0.0}, 0.5);
+    const SurfaceQuery beside = fit.surface.query({15.0, 4.5, 0.15}, 0.5);
+    return std::pair(fit.surface.find(road.patch)->kind, fit.surface.find(beside.patch)->kind);
+  };
+  RoadSurfaceOptions options;
+  EXPECT_EQ(kinds_at(fit_road_surface(cloud, options)),
+            std::pair(PatchKind::kGround, PatchKind::kGround));
+  options.driven_line = {{1.0, 0.0, 0.0}, {29.0, 0.0, 0.0}};
+  EXPECT_EQ(kinds_at(fit_road_surface(cloud, options)),
+            std::pair(PatchKind::kRoad, PatchKind::kPavement));
+  options.driven_line.clear();
+  options.largest_is_road = true;
+  EXPECT_EQ(kinds_at(fit_road_surface(cloud, options)),
+            std::pair(PatchKind::kRoad, PatchKind::kPavement));
 }
 
 TEST(FitRoadSurface, ACamerasRoadLiesAheadOfItEvenBesideALargerSquare) {

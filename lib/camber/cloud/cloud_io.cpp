@@ -5,6 +5,7 @@
 
 #include "camber/cloud/formats.h"
 #include "camber/cloud/number_text.h"
+#include "camber/cloud/stream_filters.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/lower_case.h"
 
@@ -77,8 +78,8 @@ std::optional<CloudFormat> format_from_content(FileReader& file) {
   return std::nullopt;
 }
 
-std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
-                                         const ReadOptions& options) {
+std::unique_ptr<PointSource> open_whole(std::unique_ptr<FileReader> file,
+                                        const ReadOptions& options) {
   std::optional<CloudFormat> format = options.format;
   if (!format) format = format_from_content(*file);
   const bool text = format.value_or(CloudFormat::kText) == CloudFormat::kText;
@@ -115,6 +116,18 @@ std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
       break;
   }
   return open_text(std::move(file), options);
+}
+
+std::unique_ptr<PointSource> open_source(std::unique_ptr<FileReader> file,
+                                         const ReadOptions& options) {
+  if (!options.bounds) return open_whole(std::move(file), options);
+  options.bounds->validate();
+  const std::string name = file->name();
+  std::unique_ptr<PointSource> source = open_whole(std::move(file), options);
+  if (options.triangles && source->report().faces > 0) {
+    throw InputError(name, "found a mesh, which bounds do not cut, expected points");
+  }
+  return within_bounds(std::move(source), *options.bounds);
 }
 
 CloudFile collect(PointSource& source, const std::string& name, const ReadOptions& options) {

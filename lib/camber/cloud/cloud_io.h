@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "camber/cloud/coordinate_system.h"
+#include "camber/cloud/plan_bounds.h"
 #include "camber/cloud/road_cloud.h"
 
 namespace camber {
@@ -49,6 +50,8 @@ struct ReadOptions {
   std::optional<std::size_t> scan;
   /// E57 only: leave out the pose of the scan, which must be the file's only one or `scan`.
   bool own_frame = false;
+  /// Points outside are left out; see ReadReport::outside. Not of meshes.
+  std::optional<PlanBounds> bounds;
   /// PLY only: keep the faces, split into triangles (fans).
   bool triangles = false;
 };
@@ -81,6 +84,7 @@ struct ReadReport {
   std::uint32_t width = 0;     ///< columns of an organised PCD, else 0
   std::uint32_t height = 0;    ///< rows of an organised PCD, else 0
   std::uint64_t faces = 0;     ///< faces of a PLY
+  std::uint64_t outside = 0;   ///< points that were read and left out as outside of the bounds
   /// Points with a NaN or infinite coordinate. They are kept unless the reading is lenient.
   std::uint64_t non_finite = 0;
   /// Points with finite coordinates and a NaN or infinite attribute (a time stamp); kept.

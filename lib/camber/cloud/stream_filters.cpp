@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "camber/cloud/formats.h"
+#include "camber/cloud/number_text.h"
 #include "camber/core/atomic_file.h"
 
 namespace camber {
@@ -33,11 +34,10 @@ class Wrapper : public PointSource {
 
 class Selected : public Wrapper {
  public:
-  Selected(std::unique_ptr<PointSource> source, std::function<bool(const Eigen::Vector3d&)> keep)
-      : Wrapper(std::move(source)), keep_(std::move(keep)) {
+  Selected(std::unique_ptr<PointSource> source, RowChoice choose)
+      : Wrapper(std::move(source)), choose_(std::move(choose)) {
     header_.count.reset();
     report_.points = 0;
-    position_ = find_roles(header_.fields).position;
     columns_.resize(header_.fields.size());
   }
 
@@ -49,16 +49,11 @@ class Selected : public Wrapper {
         finished();
         return false;
       }
+      keep_.assign(inner_.count, 1);
+      choose_(header_, inner_, &keep_);
       rows_.clear();
       for (std::size_t i = 0; i < inner_.count; ++i) {
-        Eigen::Vector3d x = Eigen::Vector3d::Zero();
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          const int field = position_[axis];
-          if (field < 0) continue;
-          const std::size_t f = static_cast<std::size_t>(field);
-          x[static_cast<Eigen::Index>(axis)] = inner_.fields[f].number(header_.fields[f].type, i);
-        }
-        if (keep_(x)) rows_.push_back(i);
+        if (keep_[i] != 0) rows_.push_back(i);
       }
       if (!rows_.empty()) break;
     }
@@ -96,28 +91,78 @@ class Selected : public Wrapper {
   virtual void finished() {}
 
  private:
-  std::function<bool(const Eigen::Vector3d&)> keep_;
-  std::array<int, 3> position_;
+  RowChoice choose_;
   PointBatch inner_;
+  std::vector<unsigned char> keep_;
   std::vector<std::size_t> rows_;
   std::vector<std::vector<unsigned char>> columns_;
   std::vector<unsigned char> records_;
 };
 
+/// Chooses by the coordinates.
+RowChoice by_position(std::function<bool(const Eigen::Vector3d&)> keep) {
+  return [keep = std::move(keep)](const PointStreamHeader& header, const PointBatch& batch,
+                                  std::vector<unsigned char>* kept) {
+    const std::array<int, 3> position = find_roles(header.fields).position;
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      Eigen::Vector3d x = Eigen::Vector3d::Zero();
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const int field = position[axis];
+        if (field < 0) continue;
+        const auto f = static_cast<std::size_t>(field);
+        x[static_cast<Eigen::Index>(axis)] = batch.fields[f].number(header.fields[f].type, i);
+      }
+      if (!keep(x)) (*kept)[i] = 0;
+    }
+  };
+}
+
+class WithinBounds : public Selected {
+ public:
+  WithinBounds(std::unique_ptr<PointSource> source, const PlanBounds& bounds)
+      : Selected(std::move(source), by_position([this, bounds](const Eigen::Vector3d& x) {
+                   if (bounds.contains(x.x(), x.y())) return true;
+                   ++outside_;
+                   const Eigen::Vector2d place = x.head<2>();
+                   if (place.allFinite()) extent_.extend(place);
+                   return false;
+                 })) {
+    header_.bounds.reset();
+  }
+
+ protected:
+  void finished() override {
+    report_.outside = outside_;
+    if (noted_ || report_.points > 0 || extent_.isEmpty()) return;
+    noted_ = true;
+    std::string note = "no point lies within the bounds; x is from ";
+    append_number(note, extent_.min().x());
+    append_number(note += " to ", extent_.max().x());
+    append_number(note += ", y from ", extent_.min().y());
+    append_number(note += " to ", extent_.max().y());
+    report_.notes.push_back(std::move(note));
+  }
+
+ private:
+  std::uint64_t outside_ = 0;
+  Eigen::AlignedBox2d extent_;
+  bool noted_ = false;
+};
+
 class WithoutBadPoints : public Selected {
  public:
   explicit WithoutBadPoints(std::unique_ptr<PointSource> source)
-      : Selected(std::move(source), [this](const Eigen::Vector3d& x) {
-          if (!x.allFinite()) {
-            ++not_finite_;
-            return false;
-          }
-          if (x.cwiseAbs().maxCoeff() > kLargestCoordinate) {
-            ++out_of_range_;
-            return false;
-          }
-          return true;
-        }) {}
+      : Selected(std::move(source), by_position([this](const Eigen::Vector3d& x) {
+                   if (!x.allFinite()) {
+                     ++not_finite_;
+                     return false;
+                   }
+                   if (x.cwiseAbs().maxCoeff() > kLargestCoordinate) {
+                     ++out_of_range_;
+                     return false;
+                   }
+                   return true;
+                 })) {}
 
  protected:
   void finished() override {
@@ -352,7 +397,16 @@ class Retyped : public Wrapper {
 
 std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source,
                                            std::function<bool(const Eigen::Vector3d&)> keep) {
-  return std::make_unique<Selected>(std::move(source), std::move(keep));
+  return std::make_unique<Selected>(std::move(source), by_position(std::move(keep)));
+}
+
+std::unique_ptr<PointSource> select_rows(std::unique_ptr<PointSource> source, RowChoice choose) {
+  return std::make_unique<Selected>(std::move(source), std::move(choose));
+}
+
+std::unique_ptr<PointSource> within_bounds(std::unique_ptr<PointSource> source,
+                                           const PlanBounds& bounds) {
+  return std::make_unique<WithinBounds>(std::move(source), bounds);
 }
 
 std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source) {

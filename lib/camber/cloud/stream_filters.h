@@ -16,6 +16,19 @@ namespace camber {
 std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source,
                                            std::function<bool(const Eigen::Vector3d&)> keep);
 
+/// Passes on the points within bounds, and counts the others (ReadReport::outside); a note states
+/// where the points are if none is inside.
+std::unique_ptr<PointSource> within_bounds(std::unique_ptr<PointSource> source,
+                                           const PlanBounds& bounds);
+
+/// Gets the points of a batch and an array with a 1 for each of them, in which it sets 0 for those
+/// that go.
+using RowChoice = std::function<void(const PointStreamHeader&, const PointBatch&,
+                                     std::vector<unsigned char>* keep)>;
+
+/// Passes on the points that a choice leaves. The count is not known beforehand.
+std::unique_ptr<PointSource> select_rows(std::unique_ptr<PointSource> source, RowChoice choose);
+
 /// Leaves out points that are not finite or farther than 1e9 m from zero, as lenient reading does,
 /// and counts them in the report.
 std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source);

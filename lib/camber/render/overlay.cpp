@@ -387,6 +387,7 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
   for (const DrawnPatch& p : placed) {
     const Color ink = p.patch->kind == PatchKind::kRoad       ? Color{90, 170, 255, 1.0}
                       : p.patch->kind == PatchKind::kPavement ? Color{240, 170, 90, 1.0}
+                      : p.patch->kind == PatchKind::kGround   ? Color{130, 210, 130, 1.0}
                                                               : Color{200, 200, 200, 1.0};
     if (options.show_patches) draw_outline(canvas, camera, occluders, p, ink, unit);
     const Eigen::Vector3d& normal = p.patch->plane.plane.normal;

@@ -14,10 +14,11 @@ double legend_entry_width(const LegendEntry& entry, double text_size) {
 
 std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::string& cameras) {
   std::vector<LegendEntry> entries;
-  bool road = false, pavement = false, other = false;
+  bool road = false, pavement = false, ground = false, other = false;
   for (const PlacedPatch& patch : space.patches) {
     road |= patch.kind == PatchKind::kRoad;
     pavement |= patch.kind == PatchKind::kPavement;
+    ground |= patch.kind == PatchKind::kGround;
     other |= patch.kind == PatchKind::kOther;
   }
   using Mark = LegendEntry::Mark;
@@ -25,6 +26,7 @@ std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::strin
   if (pavement) {
     entries.push_back({Mark::kFill, patch_color(PatchKind::kPavement), "pavement patch"});
   }
+  if (ground) entries.push_back({Mark::kFill, patch_color(PatchKind::kGround), "ground patch"});
   if (other) entries.push_back({Mark::kFill, patch_color(PatchKind::kOther), "other patch"});
   if (!space.vehicles.empty()) {
     entries.push_back({Mark::kFill, categorical(1), "estimated vehicle"});

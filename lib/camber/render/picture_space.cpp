@@ -454,6 +454,8 @@ Color patch_color(PatchKind kind) {
       return {20, 60, 130, 1.0};
     case PatchKind::kPavement:
       return {150, 80, 20, 1.0};
+    case PatchKind::kGround:
+      return {60, 110, 60, 1.0};
     case PatchKind::kOther:
       break;
   }

@@ -372,7 +372,7 @@ void align_patches_with_road(RoadSurface* surface) {
     Vector2d mean = Vector2d::Zero();
     std::vector<Vector2d> places;
     for (const PlanePatch& patch : surface->patches) {
-      if (patch.kind != PatchKind::kRoad) continue;
+      if (patch.kind != PatchKind::kRoad && patch.kind != PatchKind::kGround) continue;
       for (const Vector3d& corner : patch.boundary) {
         places.push_back(axes(corner));
         mean += places.back();

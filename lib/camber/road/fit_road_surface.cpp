@@ -457,6 +457,8 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
     const PlanePatch* patch = surface.find(answer.patch);
     if (patch && patch->kind == PatchKind::kRoad) surface.ego_patch = patch->id;
   }
+  const bool road_is_known = !surface.driven_line.empty() || surface.frame == "camera";
+  if (!road_is_known && !options.largest_is_road) detail::name_ground(&surface);
   fit.status = Status::kOk;
   if (first.local_noise > options.inlier_threshold && options.inlier_threshold > 0.0) {
     fit.status = Status::kWeak;

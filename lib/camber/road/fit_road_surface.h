@@ -32,6 +32,10 @@ struct RoadSurfaceOptions {
   /// Foot points of the camera's path, in the cloud's true coordinates, in driving order: separates
   /// the road from other ground, and ahead from behind. May be empty.
   std::vector<Eigen::Vector3d> driven_line;
+  /// Of a cloud without a driven line that is not in a camera's frame nothing separates road from
+  /// other ground: its road and pavements are called ground. true: its largest smooth piece is the
+  /// road.
+  bool largest_is_road = false;
   ConsistencyOptions consistency;
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
@@ -48,8 +52,8 @@ struct RoadSurfaceFit {
 
 /// Models a road cloud by planar patches; the number of planes is not given. Patches end where the
 /// ground bends or steps; those that are not road (pavements; roofs of cars) are patches of
-/// another kind, walls are left out. Same seed, same answer, for any number of threads.
-/// Non-finite points are skipped.
+/// another kind, walls are left out. See also RoadSurfaceOptions::largest_is_road. Same seed, same
+/// answer, for any number of threads. Non-finite points are skipped.
 /// @throws std::invalid_argument if options.validate() or the cloud's array lengths fail.
 RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions& options,
                                 const Progress& progress = {});

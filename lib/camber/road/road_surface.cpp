@@ -10,6 +10,8 @@ std::string_view to_string(PatchKind kind) {
       return "road";
     case PatchKind::kPavement:
       return "pavement";
+    case PatchKind::kGround:
+      return "ground";
     case PatchKind::kOther:
       break;
   }

@@ -11,8 +11,9 @@
 
 namespace camber {
 
-enum class PatchKind { kRoad, kPavement, kOther };
-std::string_view to_string(PatchKind kind);  ///< "road", "pavement", "other"
+/// kGround: ground of which it is not known whether it is road.
+enum class PatchKind { kRoad, kPavement, kGround, kOther };
+std::string_view to_string(PatchKind kind);  ///< "road", "pavement", "ground", "other"
 
 /// One planar piece of the road. Frame and unit are those of the RoadSurface that holds it.
 struct PlanePatch {

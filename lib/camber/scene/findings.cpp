@@ -34,7 +34,7 @@ Finding find_road(const RoadSurface& surface) {
   double farthest = 0.0;
   for (const PlanePatch& patch : surface.patches) {
     ++counts[patch.status];
-    if (patch.kind != PatchKind::kRoad) continue;
+    if (patch.kind != PatchKind::kRoad && patch.kind != PatchKind::kGround) continue;
     for (const Eigen::Vector3d& corner : patch.boundary) farthest = std::max(farthest, corner.z());
   }
   std::string out = "Road: " + counted(surface.patches.size(), "planar patch", "planar patches");

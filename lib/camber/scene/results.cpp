@@ -29,6 +29,8 @@ const char* kind_word(PatchKind kind) {
       return "road";
     case PatchKind::kPavement:
       return "pavement";
+    case PatchKind::kGround:
+      return "ground";
     case PatchKind::kOther:
       break;
   }
@@ -218,10 +220,12 @@ PlanePatch read_patch(const JsonCursor& cursor, std::set<int>* ids) {
       out.kind = PatchKind::kRoad;
     } else if (word == "pavement") {
       out.kind = PatchKind::kPavement;
+    } else if (word == "ground") {
+      out.kind = PatchKind::kGround;
     } else if (word == "other") {
       out.kind = PatchKind::kOther;
     } else {
-      v->fail("\"road\", \"pavement\" or \"other\"");
+      v->fail("\"road\", \"pavement\", \"ground\" or \"other\"");
     }
   }
   out.plane = read_plane(object, complete);

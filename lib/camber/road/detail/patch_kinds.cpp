@@ -183,4 +183,10 @@ void classify_patches(const ConsistencyOptions& options, const PatchBorders& bor
   find_pavements(options, surface);
 }
 
+void name_ground(RoadSurface* surface) {
+  for (PlanePatch& patch : surface->patches) {
+    if (patch.kind != PatchKind::kOther) patch.kind = PatchKind::kGround;
+  }
+}
+
 }  // namespace camber::detail

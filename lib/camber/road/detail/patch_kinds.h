@@ -19,4 +19,7 @@ using PatchBorders = std::map<std::pair<int, int>, int>;
 void classify_patches(const ConsistencyOptions& options, const PatchBorders& borders,
                       RoadSurface* surface);
 
+/// Calls road and pavements ground.
+void name_ground(RoadSurface* surface);
+
 }  // namespace camber::detail
