@@ -16,6 +16,8 @@
 #include "camber/core/memory.h"
 #include "camber/core/protected_inputs.h"
 #include "camber/core/version.h"
+#include "camber/pipeline/stages/judge.h"
+#include "camber/scene/evidence_json.h"
 #include "camber/scene/findings.h"
 #include "command.h"
 #include "network_arguments.h"
@@ -25,8 +27,8 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, frames, method = "joint", preset = "default", terms = "meant",
-                                  scale = "ego";
+  std::string scene, out, frames, evidence, method = "joint", preset = "default", terms = "meant",
+                                            scale = "ego";
   int keypoint_set = 36;
   ReconstructOptions options;
   NetworkArguments networks;
@@ -99,6 +101,23 @@ Reconstruction with_frames(const Command& command, Arguments& a,
   // Wherever the result is looked at from.
   result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
   return result;
+}
+
+/// Runs, and writes the evidence, where asked for, if there is no answer.
+template <class Run>
+Reconstruction with_evidence(const std::string& file, const Run& run) {
+  if (file.empty()) return run();
+  try {
+    Reconstruction result = run();
+    write_evidence(result.run.extra["evidence"], "", file);
+    return result;
+  } catch (const UnknownScaleError& error) {
+    write_evidence(to_json(error.evidence()), error.what(), file);
+    throw;
+  } catch (const NoAnswerError& error) {
+    write_evidence(nlohmann::json::array(), error.what(), file);
+    throw;
+  }
 }
 
 /// @param check_output  throws if the result cannot be written, once all that is read is protected.
@@ -202,6 +221,11 @@ void register_reconstruct(App& root) {
   app.add_option("--keypoint-set", a.keypoint_set, "keypoints to use: 36 or 14")
       ->check(is_member({"36", "14"}))
       ->capture_default_str();
+  app.add_option(
+         "--evidence", a.evidence,
+         "also write what each source knows of the scale (.json), where there is no answer, "
+         "too")
+      ->output_file();
   app.add_flag("--no-pictures", a.no_pictures, "write no PNG, no scene.glb and no report.html");
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
   app.add_flag("--json", a.json, "print run.json to stdout");
@@ -218,8 +242,12 @@ void register_reconstruct(App& root) {
     args.options.paper.vehicles.terms = paper::terms_from_string(args.terms);
     args.options.paper.ground.scale = paper_scale_from_string(args.scale);
     Scene scene;
+    const auto check_outputs = [&] {
+      check_output_folder(args.out, args.overwrite);
+      if (!args.evidence.empty()) check_output_file(args.evidence);
+    };
     Reconstruction result =
-        run(*command, args, scene, [&] { check_output_folder(args.out, args.overwrite); });
+        with_evidence(args.evidence, [&] { return run(*command, args, scene, check_outputs); });
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;

@@ -290,6 +290,7 @@ def result_of(scene, folder):
         "markings_seen": bool(markings.get("accepted")) or
                          markings.get("residual_sigma") is not None,
         "dashes": run.get("markings", {}).get("dashes", 0),
+        "evidence": run.get("evidence", []),  # for replay_scale.py
         "vehicles": [[v.get(key) for key in trust_report.VEHICLE_COLUMNS]
                      for v in metrics.get("vehicles", [])],
     }

@@ -266,13 +266,26 @@ TEST(ReconstructWithoutFrames, NeighboursAnswerWhereFramesFartherApartDoNot) {
                          {"frames", frames}};
   write_bytes(folder.path() / "scene.json", manifest.dump());
   const std::string scene = folder.path() / "scene.json", out = folder.path() / "result";
-  const auto result = run_camber({"reconstruct", scene, "--out", out, "--no-pictures", "--json"});
+  const std::string evidence = folder.path() / "evidence.json";
+  const auto result = run_camber(
+      {"reconstruct", scene, "--out", out, "--no-pictures", "--json", "--evidence", evidence});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   EXPECT_THAT(result.error, HasSubstr("frames 0,1,2,3,4 give no answer"));
+  const json known = json::parse(read_bytes(evidence));
+  EXPECT_EQ(known["format"], "camber-evidence");
+  EXPECT_EQ(known["answered"], true);
+  EXPECT_EQ(known["evidence"], json::parse(result.out)["evidence"]);
+  ASSERT_FALSE(known["evidence"].empty());
+  EXPECT_EQ(known["evidence"][0]["name"], "camera_height");
   EXPECT_EQ(json::parse(result.out)["cameras"].size(), 3u);
   EXPECT_EQ(json::parse(result.out)["cameras"][0]["id"], 1);
   // Who asks for them gets the reason.
-  EXPECT_ONE_SENTENCE(run_camber({"reconstruct", scene, "--frames", "0,2,4", "--out", out}), 1, "");
+  const auto refused =
+      run_camber({"reconstruct", scene, "--frames", "0,2,4", "--out", out, "--evidence", evidence});
+  EXPECT_ONE_SENTENCE(refused, 1, "");
+  const json unknown = json::parse(read_bytes(evidence));
+  EXPECT_EQ(unknown["answered"], false);
+  EXPECT_THAT(refused.error, HasSubstr(unknown["reason"].get<std::string>()));
 }
 
 // 16 m of a drive at once: the flow does not follow the road over 8 m to each side, and what it

@@ -201,10 +201,17 @@ ScaledRoad exact_scaled(const MadeDrive& drive, double log_scale_sigma) {
           true,
           {},
           {},
-          0.0,
           {},
           {},
           0.0};
+}
+
+JudgedRoad judged_road(const LoadedFrames& frames, const Correspondences& matches,
+                       const PhotometricGround& ground) {
+  const ScaledRoad scaled = stages::scale(frames, matches, ground, {});
+  const RoadLayer layer =
+      stages::road_layer(frames, matches, ground, scaled.road.metres_per_baseline(), 0);
+  return stages::judge(scaled, layer, {}, {});
 }
 
 }  // namespace camber::test

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "camber/pipeline/stages/ground.h"
+#include "camber/pipeline/stages/judge.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/pipeline/stages/scale.h"
 
@@ -48,5 +49,12 @@ PhotometricGround exact_photometric(const MadeDrive& drive);
 
 /// The drive's road in metres, its scale known to `log_scale_sigma`.
 ScaledRoad exact_scaled(const MadeDrive& drive, double log_scale_sigma);
+
+/// A road as it is found, scaled and judged, without vehicles.
+JudgedRoad judged_road(const LoadedFrames& frames, const Correspondences& matches,
+                       const PhotometricGround& ground);
+inline JudgedRoad judged_road(const MadeDrive& drive, const PhotometricGround& ground) {
+  return judged_road(drive.frames, drive.matches, ground);
+}
 
 }  // namespace camber::test

@@ -371,7 +371,7 @@ TEST_F(DrawnStreet, PlaneSearchOnBlankImagesIsNotInformative) {
 }
 
 TEST_F(DrawnStreet, AnEgoPlaneThatThePlaneSearchContradictsWidensTheScale) {
-  const auto scaled_with = [&](double height) {
+  const auto judged_with = [&](double height) {
     test::MadeDriveOptions options;
     options.pitch = 0.0;
     options.height = height;
@@ -380,26 +380,27 @@ TEST_F(DrawnStreet, AnEgoPlaneThatThePlaneSearchContradictsWidensTheScale) {
     PhotometricGround ground = exact_photometric(found);
     ground.ground.metres_per_baseline = kStep * kHeight / height;  // by the camera's height
     ground.ground.search = stages::search_plane(drive_->frames, drive_->motion, {});
-    return stages::scale(drive_->frames, found.matches, ground, {});
+    return test::judged_road(drive_->frames, found.matches, ground);
   };
-  EXPECT_TRUE(scaled_with(kHeight).contradictions.empty());
+  EXPECT_TRUE(judged_with(kHeight).warnings.empty());
   // By an ego plane that is 30 % too low the same camera height gives a scale 30 % too small.
-  const ScaledRoad scaled = scaled_with(1.3 * kHeight);
-  EXPECT_NEAR(scaled.road.metres_per_baseline(), kStep / 1.3, 0.01);  // the given metres stand
-  ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("plane_search"));
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("larger"));
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), std::log(1.3),
+  const JudgedRoad judged = judged_with(1.3 * kHeight);
+  EXPECT_NEAR(judged.road.metres_per_baseline(), kStep / 1.3, 0.01);  // the given metres stand
+  ASSERT_EQ(judged.warnings.size(), 1u);
+  EXPECT_THAT(judged.warnings[0].text, HasSubstr("plane_search"));
+  EXPECT_THAT(judged.warnings[0].text, HasSubstr("larger"));
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), std::log(1.3),
               2.0 * ScaleNoise().searched_height);
 }
 
-TEST_F(DrawnStreet, PhotometricRefinementStartsFromNoGroundThatFewPointsAgreeOn) {
+TEST_F(DrawnStreet, PhotometricRefinementHandsOnHowManyPointsAgreedBefore) {
   Ground before = exact_ground(*drive_);
   before.ego.points = 195;
   before.ego.compared = 752;
-  EXPECT_THROW(
-      stages::refine_photometrically(drive_->frames, drive_->matches, drive_->motion, before, {}),
-      NoAnswerError);
+  EXPECT_DOUBLE_EQ(
+      stages::refine_photometrically(drive_->frames, drive_->matches, drive_->motion, before, {})
+          .agreeing_before,
+      195.0 / 752.0);
 }
 
 TEST_F(DrawnStreet, PhotometricRefinementMovesAWrongGroundToTheRightOne) {

@@ -22,6 +22,7 @@ namespace {
 using test::exact_ground;
 using test::exact_photometric;
 using test::exact_scaled;
+using test::judged_road;
 using test::MadeDrive;
 using test::MadeDriveOptions;
 using test::make_drive;
@@ -374,8 +375,9 @@ TEST(GroundStage, PixelsOfTheGroundAreTheMasksOrTheGridPointsCells) {
   }
 }
 
-const ConstraintReport* report_of(const ScaledRoad& scaled, const std::string& name) {
-  for (const ConstraintReport& report : scaled.reports) {
+const ConstraintReport* report_of(const std::vector<ConstraintReport>& reports,
+                                  const std::string& name) {
+  for (const ConstraintReport& report : reports) {
     if (report.name == name) return &report;
   }
   return nullptr;
@@ -386,9 +388,9 @@ TEST(ScaleStage, PointsThatAgreeOnNoRoadGiveNoScale) {
   PhotometricGround ground = exact_photometric(drive);
   ground.ground.ego.points = 400;
   ground.ground.ego.compared = 790;
-  EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, ground, {}));
+  EXPECT_NO_THROW(judged_road(drive, ground));
   ground.ground.ego.compared = 810;
-  EXPECT_THROW(stages::scale(drive.frames, drive.matches, ground, {}), NoAnswerError);
+  EXPECT_THROW(judged_road(drive, ground), NoAnswerError);
 }
 
 TEST(ScaleStage, TheCameraHeightGivesTheMetres) {
@@ -399,10 +401,12 @@ TEST(ScaleStage, TheCameraHeightGivesTheMetres) {
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);
   // 10 mm of 1.65 m, and the ego plane's 0.2 %.
   EXPECT_NEAR(scaled.road.scale_sigma(), std::hypot(0.01 / 1.65, 0.002), 3e-4);
-  ASSERT_TRUE(report_of(scaled, "camera_height"));
-  EXPECT_TRUE(report_of(scaled, "camera_height")->accepted);
-  EXPECT_THAT(scaled.contradictions, IsEmpty());
-  EXPECT_EQ(scaled.contradiction_variance, 0.0);
+  ASSERT_TRUE(report_of(scaled.reports, "camera_height"));
+  EXPECT_TRUE(report_of(scaled.reports, "camera_height")->accepted);
+  const JudgedRoad judged = judged_road(drive, ground);
+  EXPECT_THAT(judged.warnings, IsEmpty());
+  EXPECT_EQ(judged.contradiction_variance, 0.0);
+  EXPECT_EQ(judged.scale.sigma, scaled.road.scale_sigma());
   const UncertainPlane ego = scaled.road.ego();
   EXPECT_NEAR(ego.plane.offset, 1.65, 0.002);
   EXPECT_LT(angle_between(ego.plane.normal, drive.plane.normal), 1e-3);
@@ -420,7 +424,7 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   points.dropped[0] = 3 * found;  // a quarter is found
   const auto contradictions = [&](bool searched) {
     ground.ground.search.informative = searched;
-    return stages::scale(drive.frames, drive.matches, ground, {}).contradictions;
+    return judged_road(drive, ground).warnings;
   };
   EXPECT_THAT(contradictions(true), IsEmpty());
   ASSERT_EQ(contradictions(false).size(), 1u);
@@ -432,12 +436,12 @@ TEST(ScaleStage, ARoadThatIsHardlyFoundDoesNotGiveTheScale) {
   EXPECT_THAT(contradictions(false)[0].text, HasSubstr("only 50 % of the masked road is found"));
   ground.ground.search.ambiguous = false;
   points.dropped[0] = 9 * found;
-  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_EQ(scaled.contradictions[0].code, "scale_contradicted");
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("only 10 % of the masked road is found"));
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 1e-9);
-  EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
+  const JudgedRoad judged = judged_road(drive, ground);
+  ASSERT_EQ(judged.warnings.size(), 1u);
+  EXPECT_EQ(judged.warnings[0].code, "scale_contradicted");
+  EXPECT_THAT(judged.warnings[0].text, HasSubstr("only 10 % of the masked road is found"));
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.3, 1e-9);
+  EXPECT_NEAR(judged.road.metres_per_baseline(), 1.2, 1e-3);  // the answer stands
 }
 
 TEST(ScaleStage, AMaskedRoadOnWhichTheCameraWouldRunIntoTheWallsIsNone) {
@@ -452,17 +456,17 @@ TEST(ScaleStage, AMaskedRoadOnWhichTheCameraWouldRunIntoTheWallsIsNone) {
     return ground;
   };
   try {
-    stages::scale(drive.frames, drive.matches, at(10.0), {});
+    judged_road(drive, at(10.0));
     FAIL() << "a scale";
   } catch (const NoAnswerError& error) {
     EXPECT_THAT(error.what(), HasSubstr("would obstruct the driven path"));
   }
-  EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, at(3.0), {}));
+  EXPECT_NO_THROW(judged_road(drive, at(3.0)));
   // With poses the lengths do not come from the road.
   PhotometricGround known = at(10.0);
   known.motion.metres_per_baseline = 0.12;
   known.motion.baseline_sigma = 0.001;
-  EXPECT_NO_THROW(stages::scale(drive.frames, drive.matches, known, {}));
+  EXPECT_NO_THROW(judged_road(drive, known));
 }
 
 TEST(ScaleStage, TheLessOfTheRoadIsFoundTheLessTheScaleIsKnown) {
@@ -472,9 +476,9 @@ TEST(ScaleStage, TheLessOfTheRoadIsFoundTheLessTheScaleIsKnown) {
   const auto widened_where = [&](double share) {
     points.dropped = {};
     points.dropped[0] = std::lround(static_cast<double>(points.size()) * (1.0 / share - 1.0));
-    const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-    EXPECT_THAT(scaled.contradictions, IsEmpty());
-    return std::sqrt(scaled.contradiction_variance);
+    const JudgedRoad judged = judged_road(drive, ground);
+    EXPECT_THAT(judged.warnings, IsEmpty());
+    return std::sqrt(judged.contradiction_variance);
   };
   EXPECT_NEAR(widened_where(1.0), 0.0, 1e-9);
   EXPECT_NEAR(widened_where(0.9), 0.08 * 0.01, 1e-4);
@@ -484,13 +488,13 @@ TEST(ScaleStage, TheLessOfTheRoadIsFoundTheLessTheScaleIsKnown) {
 TEST(ScaleStage, WhatRoadsFromOtherStartsDifferByIsInItsSigma) {
   const MadeDrive drive = make_drive({});
   PhotometricGround ground = exact_photometric(drive);
-  const ScaledRoad before = stages::scale(drive.frames, drive.matches, ground, {});
+  const JudgedRoad before = judged_road(drive, ground);
   EXPECT_LT(before.contradiction_variance, 1e-6);
   ground.ground.start_spread = 0.07;
-  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.07, 1e-9);
-  EXPECT_THAT(scaled.contradictions, IsEmpty());
-  EXPECT_NEAR(scaled.road.metres_per_baseline(), before.road.metres_per_baseline(), 1e-9);
+  const JudgedRoad judged = judged_road(drive, ground);
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.07, 1e-9);
+  EXPECT_THAT(judged.warnings, IsEmpty());
+  EXPECT_NEAR(judged.road.metres_per_baseline(), before.road.metres_per_baseline(), 1e-9);
 }
 
 TEST(GroundStage, SupportIsWhatIsFoundAndAgreesWithOneRoad) {
@@ -524,16 +528,16 @@ TEST(ScaleStage, ARoadWithMuchElseOverItDoesNotGiveTheScaleWithoutAMask) {
     }
   };
   stand(20);
-  EXPECT_THAT(stages::scale(drive.frames, drive.matches, ground, {}).contradictions, IsEmpty());
+  EXPECT_THAT(judged_road(drive, ground).warnings, IsEmpty());
   stand(1);
-  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_EQ(scaled.contradictions[0].code, "scale_contradicted");
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("off the road that is found there"));
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 1e-9);
+  const JudgedRoad judged = judged_road(drive, ground);
+  ASSERT_EQ(judged.warnings.size(), 1u);
+  EXPECT_EQ(judged.warnings[0].code, "scale_contradicted");
+  EXPECT_THAT(judged.warnings[0].text, HasSubstr("off the road that is found there"));
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.3, 1e-9);
   // Beside the path they stand on no road that is driven.
   for (Eigen::Vector3d& ray : others.rays) ray.x() += 2.0;
-  EXPECT_THAT(stages::scale(drive.frames, drive.matches, ground, {}).contradictions, IsEmpty());
+  EXPECT_THAT(judged_road(drive, ground).warnings, IsEmpty());
 }
 
 TEST(ScaleStage, AHeightKnownBadlyIsSaidToBe) {
@@ -551,9 +555,9 @@ TEST(ScaleStage, WithoutASourceOfMetresLengthsAreInNominalHeights) {
       stages::scale(drive.frames, drive.matches, exact_photometric(drive), {});
   EXPECT_FALSE(scaled.metric);
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 2e-3);  // 1.65 m is the nominal height
-  ASSERT_TRUE(report_of(scaled, "camera_height"));
-  EXPECT_FALSE(report_of(scaled, "camera_height")->accepted);
-  EXPECT_EQ(report_of(scaled, "camera_height")->reason, "not given");
+  ASSERT_TRUE(report_of(scaled.reports, "camera_height"));
+  EXPECT_FALSE(report_of(scaled.reports, "camera_height")->accepted);
+  EXPECT_EQ(report_of(scaled.reports, "camera_height")->reason, "not given");
 }
 
 TEST(ScaleStage, KnownPosesTakeThePlaceOfTheCameraHeight) {
@@ -566,9 +570,9 @@ TEST(ScaleStage, KnownPosesTakeThePlaceOfTheCameraHeight) {
   EXPECT_TRUE(scaled.metric);
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.3, 1e-3);
   EXPECT_NEAR(scaled.road.scale_sigma(), 0.01, 2e-4);
-  ASSERT_TRUE(report_of(scaled, "known_poses"));
-  EXPECT_TRUE(report_of(scaled, "known_poses")->accepted);
-  EXPECT_FALSE(report_of(scaled, "camera_height"));
+  ASSERT_TRUE(report_of(scaled.reports, "known_poses"));
+  EXPECT_TRUE(report_of(scaled.reports, "known_poses")->accepted);
+  EXPECT_FALSE(report_of(scaled.reports, "camera_height"));
 }
 
 TEST(ScaleStage, AHeightBesideKnownPosesIsComparedWithThem) {
@@ -576,31 +580,31 @@ TEST(ScaleStage, AHeightBesideKnownPosesIsComparedWithThem) {
   PhotometricGround ground = exact_photometric(drive);
   ground.motion.metres_per_baseline = ground.ground.metres_per_baseline = 1.2;
   ground.motion.baseline_sigma = 0.01;
-  ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  EXPECT_THAT(scaled.contradictions, IsEmpty());
-  EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 2e-3);
-  EXPECT_LT(scaled.road.scale_sigma(), 0.007);  // the height's 0.006 and the poses' 0.01
+  JudgedRoad judged = judged_road(drive, ground);
+  EXPECT_THAT(judged.warnings, IsEmpty());
+  EXPECT_NEAR(judged.road.metres_per_baseline(), 1.2, 2e-3);
+  EXPECT_LT(judged.road.scale_sigma(), 0.007);  // the height's 0.006 and the poses' 0.01
   // 20 % too high: the poses stand, and what contradicts them is stated.
   *drive.frames.known.camera_height *= 1.2;
-  scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 2e-3);
-  ASSERT_TRUE(report_of(scaled, "camera_height"));
-  EXPECT_FALSE(report_of(scaled, "camera_height")->accepted);
-  EXPECT_TRUE(report_of(scaled, "known_poses")->accepted);
-  ASSERT_EQ(scaled.contradictions.size(), 1U);
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("camera_height"));
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), std::log(1.2), 0.02);
+  judged = judged_road(drive, ground);
+  EXPECT_NEAR(judged.road.metres_per_baseline(), 1.2, 2e-3);
+  ASSERT_TRUE(report_of(judged.reports, "camera_height"));
+  EXPECT_FALSE(report_of(judged.reports, "camera_height")->accepted);
+  EXPECT_TRUE(report_of(judged.reports, "known_poses")->accepted);
+  ASSERT_EQ(judged.warnings.size(), 1U);
+  EXPECT_THAT(judged.warnings[0].text, HasSubstr("camera_height"));
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), std::log(1.2), 0.02);
 }
 
 TEST(ScaleStage, APlaneSearchThatTheImagesDoNotBackIsNoContradiction) {
   const MadeDrive drive = make_drive({});  // blank images
   PhotometricGround ground = exact_photometric(drive);
   ground.ground.search = searched(std::log(1.2 / 1.65) + 0.3, true);
-  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  EXPECT_THAT(scaled.contradictions, IsEmpty());
-  ASSERT_TRUE(report_of(scaled, "plane_search"));
-  EXPECT_TRUE(report_of(scaled, "plane_search")->accepted);
-  EXPECT_GT(report_of(scaled, "plane_search")->residual_sigma, 3.0);
+  const JudgedRoad judged = judged_road(drive, ground);
+  EXPECT_THAT(judged.warnings, IsEmpty());
+  ASSERT_TRUE(report_of(judged.reports, "plane_search"));
+  EXPECT_TRUE(report_of(judged.reports, "plane_search")->accepted);
+  EXPECT_GT(report_of(judged.reports, "plane_search")->residual_sigma, 3.0);
 }
 
 TEST(ScaleStage, WhatRejectedIntensitiesDifferByWidensTheScale) {
@@ -608,15 +612,15 @@ TEST(ScaleStage, WhatRejectedIntensitiesDifferByWidensTheScale) {
   PhotometricGround ground = exact_photometric(drive);
   ground.rejection = "the motion would change by 5.00 standard deviations";
   ground.rejected_log_scale = 0.01;  // 1.5 sigma of the scale
-  ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  EXPECT_THAT(scaled.contradictions, IsEmpty());
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.01, 1e-9);
+  JudgedRoad judged = judged_road(drive, ground);
+  EXPECT_THAT(judged.warnings, IsEmpty());
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.01, 1e-9);
   ground.rejected_log_scale = std::log(0.6);
-  scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_THAT(scaled.contradictions[0].text,
+  judged = judged_road(drive, ground);
+  ASSERT_EQ(judged.warnings.size(), 1u);
+  EXPECT_THAT(judged.warnings[0].text,
               HasSubstr("5.00 standard deviations; by them everything is 40 % smaller"));
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), -std::log(0.6), 1e-9);
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), -std::log(0.6), 1e-9);
 }
 
 TEST(ScaleStage, ACameraThatLooksAsideIsNamed) {
@@ -625,10 +629,10 @@ TEST(ScaleStage, ACameraThatLooksAsideIsNamed) {
   // The same poses with the travel 0.3 rad to the right of the optical axis.
   const SE3 turn(rotation_from_vector({0.0, 0.3, 0.0}), Eigen::Vector3d::Zero());
   for (SE3& pose : ground.motion.frame_from_reference) pose = turn * pose * turn.inverse();
-  const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
-  ASSERT_EQ(scaled.contradictions.size(), 1u);
-  EXPECT_THAT(scaled.contradictions[0].text, HasSubstr("17 degrees to the right"));
-  EXPECT_NEAR(std::sqrt(scaled.contradiction_variance), 0.3, 0.01);
+  const JudgedRoad judged = judged_road(drive, ground);
+  ASSERT_EQ(judged.warnings.size(), 1u);
+  EXPECT_THAT(judged.warnings[0].text, HasSubstr("17 degrees to the right"));
+  EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.3, 0.01);
 }
 
 TEST(ScaleStage, WithoutAPlaneUnderTheCameraThereIsNoAnswer) {
@@ -674,9 +678,9 @@ TEST(ScaleStage, MarkingsOfKnownSizeGiveMetresWithoutACameraHeight) {
   ground.ground.metres_per_baseline = 1.1;  // all that is known is that a car carries the camera
   const ScaledRoad scaled = stages::scale(drive.frames, drive.matches, ground, {});
   EXPECT_TRUE(scaled.metric);
-  ASSERT_TRUE(report_of(scaled, "lane_markings"));
-  EXPECT_TRUE(report_of(scaled, "lane_markings")->accepted)
-      << report_of(scaled, "lane_markings")->reason;
+  ASSERT_TRUE(report_of(scaled.reports, "lane_markings"));
+  EXPECT_TRUE(report_of(scaled.reports, "lane_markings")->accepted)
+      << report_of(scaled.reports, "lane_markings")->reason;
   EXPECT_NEAR(scaled.road.metres_per_baseline(), 1.2, 0.03 * 1.2);
   EXPECT_LT(scaled.road.scale_sigma(), 0.05);
 }
@@ -685,15 +689,78 @@ TEST(ScaleStage, MarkingsThatContradictTheHeightAreNamedAndTheHeightStands) {
   MadeDrive drive = make_drive({});
   paint(&drive);
   drive.frames.known.markings = {3.0, 6.0, 0.12, 0.5, 0.5};
-  const ScaledRoad right = stages::scale(drive.frames, drive.matches, exact_photometric(drive), {});
-  EXPECT_THAT(right.contradictions, IsEmpty());
+  const JudgedRoad right = judged_road(drive, exact_photometric(drive));
+  EXPECT_THAT(right.warnings, IsEmpty());
   EXPECT_NEAR(right.road.metres_per_baseline(), 1.2, 0.01 * 1.2);
   drive.frames.known.markings = {3.75, 7.5, 0.15, 0.625, 0.625};
-  const ScaledRoad wrong = stages::scale(drive.frames, drive.matches, exact_photometric(drive), {});
+  const JudgedRoad wrong = judged_road(drive, exact_photometric(drive));
   EXPECT_NEAR(wrong.road.metres_per_baseline(), 1.2, 0.01 * 1.2);
-  ASSERT_EQ(wrong.contradictions.size(), 1u);
-  EXPECT_THAT(wrong.contradictions[0].text, HasSubstr("lane_markings"));
+  ASSERT_EQ(wrong.warnings.size(), 1u);
+  EXPECT_THAT(wrong.warnings[0].text, HasSubstr("lane_markings"));
   EXPECT_GT(std::sqrt(wrong.contradiction_variance), 0.15);
+}
+
+const ScaleEvidence* evidence_named(const std::vector<ScaleEvidence>& evidence,
+                                    const std::string& name) {
+  for (const ScaleEvidence& e : evidence) {
+    if (e.name == name) return &e;
+  }
+  return nullptr;
+}
+
+TEST(JudgeStage, TheEvidenceIsWhatEachSourceMeasuresByItself) {
+  MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  ground.motion.metres_per_baseline = ground.ground.metres_per_baseline = 1.2;
+  ground.motion.baseline_sigma = 0.01;
+  *drive.frames.known.camera_height *= 1.2;
+  const JudgedRoad judged = judged_road(drive, ground);
+  const ScaleEvidence* height = evidence_named(judged.evidence, "camera_height");
+  ASSERT_TRUE(height);
+  EXPECT_NEAR(height->log_scale, std::log(1.2),
+              0.005);  // over the scale of the poses, which stands
+  EXPECT_NEAR(height->sigma, std::hypot(0.01 / 1.65 / 1.2, 0.002), 1e-3);
+  EXPECT_EQ(height->cause, EvidenceCause::kHeight);
+  const ScaleEvidence* poses = evidence_named(judged.evidence, "known_poses");
+  ASSERT_TRUE(poses);
+  EXPECT_NEAR(poses->log_scale, 0.0, 1e-6);
+  EXPECT_NEAR(poses->sigma, 0.01, 1e-4);
+  const ScaleEvidence* layer = evidence_named(judged.evidence, "road_layer");
+  ASSERT_TRUE(layer);
+  EXPECT_TRUE(std::isnan(layer->sigma));
+  EXPECT_FALSE(layer->measured.empty());
+}
+
+TEST(JudgeStage, AnotherLayerIsTheLikelierTheLessOfTheRoadIsFoundAndAgrees) {
+  RoadLayer layer;
+  layer.masked = true;
+  layer.search = RoadLayer::Search::kInformative;
+  const double sound = layer.log_odds();
+  EXPECT_LT(sound, -3.0);
+  RoadLayer unfound = layer, disagreeing = layer, contested = layer, obstructed = layer;
+  unfound.found = 0.1;
+  disagreeing.agreeing = 0.3;
+  contested.contested = 0.7;
+  obstructed.obstructing = 0.2;
+  for (const RoadLayer& other : {unfound, disagreeing, contested, obstructed}) {
+    EXPECT_GT(other.log_odds(), 0.0);
+  }
+  EXPECT_NEAR(evidence_of(layer).wrong_share, 1.0 / (1.0 + std::exp(-sound)), 1e-12);
+}
+
+TEST(JudgeStage, WhereThereIsNoAnswerTheErrorHasTheEvidence) {
+  const MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  ground.ground.ego.points = 100;
+  ground.ground.ego.compared = 400;
+  try {
+    judged_road(drive, ground);
+    FAIL() << "an answer";
+  } catch (const UnknownScaleError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("25 % of the points near the driven path agree"));
+    EXPECT_TRUE(evidence_named(error.evidence(), "camera_height"));
+    EXPECT_TRUE(evidence_named(error.evidence(), "road_layer"));
+  }
 }
 
 /// The box of a detection whose bottom edge's middle is where a ground point of the drive is seen.

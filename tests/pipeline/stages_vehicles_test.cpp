@@ -146,9 +146,10 @@ class ParkedCar : public ::testing::Test {
 
   static AssembledRoad assembled(const MadeDrive& drive, const ScaledRoad& scaled,
                                  const SurfacePlan& plan, const PlacedVehicles& placed,
-                                 const stages::AssembleOptions& options = {}) {
+                                 const stages::JudgeOptions& options = {}) {
+    const JudgedRoad judged = stages::judge(scaled, RoadLayer(), placed, options);
     return stages::assemble(drive.frames, drive.matches, exact_photometric(drive), scaled, plan,
-                            placed, VehicleMethod::kJoint, options);
+                            placed, judged, VehicleMethod::kJoint, {});
   }
 };
 
@@ -267,8 +268,8 @@ TEST_F(ParkedCar, AssembleWidensTheScaleByWhatContradictsIt) {
   const MadeDrive drive = make_drive({});
   ScaledRoad scaled = exact_scaled(drive, 0.01);
   const SurfacePlan plan = plan_of(drive, scaled);
-  scaled.contradictions = {{"scale_contradicted", "plane_search: off"}};
-  scaled.contradiction_variance = 0.04;
+  scaled.evidence = {evidence_of("plane_search", "", 0.2, 0.05)};
+  scaled.evidence[0].against_others = Disagreement{0.2, 4.0, "off"};
   const AssembledRoad out = assembled(drive, scaled, plan, {});
   EXPECT_NEAR(out.run.scale_sigma, std::hypot(0.01, 0.2), 1e-9);
   EXPECT_EQ(out.surface.scale_sigma, out.run.scale_sigma);
@@ -362,7 +363,7 @@ TEST_F(ParkedCar, AssembleNamesAFocalLengthThatProportionsContradict) {
                 0.05 * height);
   }
 
-  stages::AssembleOptions later;
+  stages::JudgeOptions later;
   later.noise.focal_length_gate = 100.0;
   EXPECT_TRUE(assembled(drive, scaled, plan, placed, later).run.warnings.empty());
 }
@@ -410,7 +411,8 @@ TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLe
   EXPECT_EQ(both.run.warnings.size(), 2u);
   EXPECT_NEAR(both.run.scale_sigma, named.run.scale_sigma, 1e-12);
   // And so does what another source, as a turn, has contradicted by as much.
-  scaled.contradiction_variance = std::pow(std::log(2.0), 2);
+  scaled.evidence = {evidence_of("focal_length", "", std::log(2.0), 0.1)};
+  scaled.evidence[0].against_others = Disagreement{std::log(2.0), 6.9, "off"};
   EXPECT_NEAR(assembled(drive, scaled, plan, placed).run.scale_sigma, named.run.scale_sigma, 1e-9);
 }
 

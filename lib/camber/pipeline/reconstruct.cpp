@@ -8,6 +8,7 @@
 #include "camber/pipeline/see_road.h"
 #include "camber/pipeline/stage_runner.h"
 #include "camber/pipeline/stages/fuse_masks.h"
+#include "camber/pipeline/stages/judge.h"
 #include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/reach.h"
 #include "camber/scene/georeference.h"
@@ -85,8 +86,13 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
   PlacedVehicles vehicles = run("vehicles", 0.9, [&] {
     return stages::vehicles(frames, refined.motion, scaled, plan, o.vehicles);
   });
+  const JudgedRoad judged = run("scale", 0.97, [&] {
+    const RoadLayer layer = stages::road_layer(frames, seen.matches, refined,
+                                               scaled.road.metres_per_baseline(), o.num_threads);
+    return stages::judge(scaled, layer, vehicles, {o.scale.noise});
+  });
   AssembledRoad road = run("surface", 0.98, [&] {
-    return stages::assemble(frames, seen.matches, refined, scaled, plan, vehicles,
+    return stages::assemble(frames, seen.matches, refined, scaled, plan, vehicles, judged,
                             o.vehicles.method, {o.num_threads, o.scale.noise});
   });
   stages::level_by_gravity(scene, &road.run, &road.surface);

@@ -69,7 +69,8 @@ struct Reconstruction {
 /// @param frame_ids  ids of the scene, ascending. One alone: the road and its metres by markings of
 ///                   known size (Scene::markings_m); preset kPaper: planes and metres by the scene
 ///                   (given planes, or the camera's height).
-/// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture or road;
+/// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture or road, and
+///         UnknownScaleError (stages/judge.h) where what is known of the scale contradicts itself;
 ///         InputError for missing, damaged or mismatching images.
 Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids,
                            const ReconstructOptions& options, const Progress& progress = {});

@@ -2,10 +2,11 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "camber/pipeline/run_details.h"
 #include "camber/pipeline/stage_runner.h"
-#include "camber/pipeline/stages/detail/patch_status.h"
+#include "camber/pipeline/stages/judge.h"
 #include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/marked_ground.h"
 #include "camber/road/local_plane.h"
@@ -106,17 +107,13 @@ Reconstruction reconstruct_image(const Scene& scene, const std::vector<int>& fra
   PlacedVehicles vehicles = run("vehicles", 0.7, [&] {
     return stages::vehicles(frames, marked.ground.motion, scaled, plan, o.vehicles);
   });
+  const JudgedRoad judged = run("scale", 0.97, [&] {
+    return stages::judge(scaled, std::nullopt, vehicles, {o.scale.noise});
+  });
   AssembledRoad road = run("surface", 0.98, [&] {
-    return stages::assemble(frames, marked.pixels, marked.ground, scaled, plan, vehicles,
+    return stages::assemble(frames, marked.pixels, marked.ground, scaled, plan, vehicles, judged,
                             o.vehicles.method, {o.num_threads, o.scale.noise});
   });
-  // The scale of one image is that of the camera's height: the paint's own size is the least of it.
-  const UncertainPlane& ego = road.surface.patches.front().plane;
-  road.surface.scale_sigma = road.run.scale_sigma =
-      std::sqrt(ego.covariance(2, 2)) / ego.plane.offset;
-  const stages::detail::Judgement judged = stages::detail::scale_status(road.run.scale_sigma);
-  road.run.scale_status = judged.status;
-  road.run.scale_reason = judged.reason;
   stages::level_by_gravity(scene, &road.run, &road.surface);
   if (progress) progress("surface", 1.0);
 

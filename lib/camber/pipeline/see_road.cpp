@@ -9,6 +9,7 @@
 #include "camber/core/errors.h"
 #include "camber/pipeline/stages/fuse_masks.h"
 #include "camber/pipeline/stages/reach.h"
+#include "camber/pipeline/stages/road_layer.h"
 
 namespace camber {
 namespace {

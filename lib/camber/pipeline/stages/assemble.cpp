@@ -5,170 +5,43 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
-#include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/pipeline/stages/detail/ground_graph.h"
 #include "camber/pipeline/stages/detail/patch_status.h"
 #include "camber/road/plan_polygon.h"
 #include "camber/scale/fusion.h"
-#include "camber/scale/vehicle_sizes.h"
+#include "camber/scene/evidence_json.h"
 
 namespace camber::stages {
 namespace {
 
-/// The road given the vehicles, and the planes under them given all but those that contradict it.
-struct FinalRoad {
-  RoadPosterior road;
-  std::vector<ConstraintReport> reports;  // of the vehicles, in their order, then of all
-  std::vector<RunDocument::Warning> warnings;
-  Eigen::VectorXd plane_changes;  // rows as in the graph's covariance; empty without vehicles
-  Eigen::MatrixXd plane_covariance;
-  // Of the scale, by what contradicts it: in the road, not in what was placed on it before.
-  double contradiction_variance = 0.0;
-
-  void widen_scale(double log_scale_variance) {
-    road = road.with_wider_scale(log_scale_variance);
-    contradiction_variance += log_scale_variance;
-  }
+/// The planes of the graph given the vehicles that do not contradict them: functions of the road
+/// and of the unevenness under each vehicle.
+struct ChangedPlanes {
+  Eigen::VectorXd changes;  // rows as in the graph's covariance; empty without vehicles
+  Eigen::MatrixXd covariance;
 };
 
-/// The vehicles against the road and its scale, which know nothing of them: their sizes together,
-/// and how many of them contradict it one by one.
-/// @throws NoAnswerError where nearly all do, and their sizes do not fit either.
-void check_by_vehicles(const ScaledRoad& scaled, const std::vector<Constraint>& vehicles,
-                       const ScaleNoise& noise, FinalRoad* final_road) {
-  if (!scaled.metric) return;
-  const auto contradict = [&](std::string text, double log_scale_variance) {
-    final_road->warnings.push_back({"scale_contradicted", std::move(text)});
-    final_road->widen_scale(log_scale_variance);
-  };
-  const auto beyond = [&](double sigmas) {
-    return static_cast<std::size_t>(std::count_if(
-        final_road->reports.begin(), final_road->reports.end(),
-        [&](const ConstraintReport& r) { return !r.accepted && r.residual_sigma > sigmas; }));
-  };
-  const std::size_t rejected = beyond(0.0), contradicting = beyond(noise.vehicle_contradicts);
-  const auto sizes = compare_vehicle_sizes(scaled.road, vehicles, noise);
-  // One may well be beyond what the fusion takes; that all are is the road.
-  constexpr std::size_t kLeast = 3, kLeastOfAll = 4;
-  const bool most = vehicles.size() >= kLeast && 3 * contradicting > 2 * vehicles.size();
-  const bool all = vehicles.size() >= kLeastOfAll && rejected == vehicles.size();
-  if (most || all) {
-    std::string text = fmt::format("{} of {} vehicles contradict the road under them",
-                                   all ? rejected : contradicting, vehicles.size());
-    // That their sizes fit a scale that is hardly known proves nothing.
-    const bool sizes_fit = sizes && sizes->sigmas_off <= noise.vehicle_sizes_gate &&
-                           std::hypot(scaled.road.scale_sigma(), sizes->sigma) < noise.metric_limit;
-    if (sizes_fit) {
-      final_road->warnings.push_back({"road_contradicted", text + "; their sizes fit the scale"});
-    } else {
-      throw NoAnswerError("the scale is not known: " + text +
-                          ": are the camera's height and focal length right, and is the road near "
-                          "the camera in view?");
-    }
-  }
-  if (!sizes) return;
-  const double sigmas = sizes->sigmas_off, change = sizes->log_scale;
-  ConstraintReport report{"vehicle_sizes",
-                          fmt::format("{} vehicles", sizes->vehicles),
-                          sigmas,
-                          sigmas <= noise.vehicle_sizes_gate,
-                          {}};
-  const double share =
-      contradiction_share(sigmas, noise.vehicle_sizes_start, noise.vehicle_sizes_gate);
-  if (report.accepted && share > 0.0) {
-    final_road->widen_scale(share * change * change);
-  }
-  if (!report.accepted) {
-    report.reason = fmt::format(
-        "by their sizes everything is {:.0f} % {}, {:.1f} standard deviations",
-        100.0 * std::abs(std::expm1(change)), change > 0.0 ? "larger" : "smaller", sigmas);
-    contradict(report.source + ": " + report.reason, change * change);
-  }
-  final_road->reports.push_back(std::move(report));
-}
-
-/// The focal length against the vehicles' proportions and against broken lines: a wrong one
-/// stretches the road along the optical axis, and the scale with it.
-void check_focal_length(const ScaledRoad& scaled, const FocalLengthEvidence& vehicles,
-                        const ScaleNoise& noise, FinalRoad* final_road) {
-  double off = 0.0;  // of the focal length's logarithm
-  const auto contradict = [&](const ConstraintReport& report, double factor) {
-    final_road->warnings.push_back(
-        {"focal_length_contradicted", report.source + ": " + report.reason});
-    off = std::max(off, std::abs(std::log(factor)));
-  };
-  const DashFocalLength& dashes = scaled.dash_focal_length;
-  if (dashes.strokes > 0) {
-    const bool one = dashes.strokes == 1;
-    const double sigmas = std::abs(std::log(dashes.factor)) / noise.dash_focal_length;
-    ConstraintReport report{"focal_length",
-                            one ? "a stroke of a broken line"
-                                : fmt::format("{} strokes of broken lines", dashes.strokes),
-                            sigmas,
-                            sigmas <= noise.dash_focal_length_gate,
-                            {}};
-    if (!report.accepted) {
-      report.reason = fmt::format(
-          "{} with {:.2f} times the focal length, {:.1f} standard deviations",
-          one ? "it has the known length" : "they have the known sizes", dashes.factor, sigmas);
-      if (vehicles.asked_log_ratio > -noise.vehicles_against_dashes) {
-        contradict(report, dashes.factor);
-      } else {
-        report.reason += "; vehicles' proportions contradict that, the known sizes may be wrong";
-      }
-    }
-    final_road->reports.push_back(std::move(report));
-  }
-  if (vehicles.vehicles > 0) {
-    const double sigmas = std::sqrt(2.0 * vehicles.gain);
-    const bool one = vehicles.vehicles == 1;
-    ConstraintReport report{"focal_length",
-                            one ? "proportions of a vehicle"
-                                : fmt::format("proportions of {} vehicles", vehicles.vehicles),
-                            sigmas,
-                            sigmas <= noise.focal_length_gate,
-                            {}};
-    if (!report.accepted) {
-      report.reason = fmt::format(
-          "they fit {:.1f} standard deviations better with {:.2f} times the focal length", sigmas,
-          vehicles.factor);
-      contradict(report, vehicles.factor);
-    }
-    final_road->reports.push_back(std::move(report));
-  }
-  // Of several that are contradicted, as by a turn, the largest counts.
-  const double more = off * off - final_road->contradiction_variance;
-  if (more > 0.0 && scaled.metric) final_road->widen_scale(more);
-}
-
-FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& vehicles,
-                                const GroundGraph& graph, const ScaleNoise& noise) {
-  std::vector<Constraint> constraints;
-  for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
-  FusedRoad fused = fuse(scaled.road, constraints, noise.vehicle_population);
-  FinalRoad out{std::move(fused.road), std::move(fused.reports), {}, {}, graph.planes.covariance};
-  if (scaled.contradiction_variance > 0.0) {
-    out.widen_scale(scaled.contradiction_variance);
-  }
-  out.warnings = scaled.contradictions;
-  check_by_vehicles(scaled, constraints, noise, &out);
-  check_focal_length(scaled, vehicles.focal_length, noise, &out);
-  const Eigen::Index rows = out.plane_covariance.rows();
+ChangedPlanes planes_given_vehicles(const ScaledRoad& scaled, const JudgedRoad& judged,
+                                    const PlacedVehicles& vehicles, const GroundGraph& graph,
+                                    const ScaleNoise& noise) {
+  ChangedPlanes out;
+  out.covariance = graph.planes.covariance;
+  const Eigen::Index rows = out.covariance.rows();
   if (rows == 0) return out;
-  // The planes themselves: functions of the road and of the unevenness under each vehicle.
-  out.plane_changes = Eigen::VectorXd::Zero(rows);
+  out.changes = Eigen::VectorXd::Zero(rows);
   Eigen::Index count = 0;
-  for (std::size_t i = 0; i < constraints.size(); ++i) {
-    if (out.reports[i].accepted) count += constraints[i].size();
+  for (std::size_t i = 0; i < vehicles.constraints.size(); ++i) {
+    if (judged.of_vehicles[i].accepted) count += vehicles.constraints[i].constraint.size();
   }
   if (count == 0) return out;
   Eigen::MatrixXd by_ground = Eigen::MatrixXd::Zero(count, rows);
   Eigen::VectorXd residual(count), variance(count), by_scale(count);
   Eigen::Index at = 0;
-  for (std::size_t i = 0; i < constraints.size(); ++i) {
-    if (!out.reports[i].accepted) continue;
+  for (std::size_t i = 0; i < vehicles.constraints.size(); ++i) {
+    if (!judged.of_vehicles[i].accepted) continue;
     const VehicleConstraint& v = vehicles.constraints[i];
     const Eigen::Index size = v.variance.size();
     by_ground.block(at, rows - v.by_ground.cols(), size, v.by_ground.cols()) = v.by_ground;
@@ -178,13 +51,13 @@ FinalRoad condition_on_vehicles(const ScaledRoad& scaled, const PlacedVehicles& 
         noise.vehicle_population * by_whole_scale(scaled.road, v.constraint);
     at += size;
   }
-  const Eigen::MatrixXd side = out.plane_covariance * by_ground.transpose();
+  const Eigen::MatrixXd side = out.covariance * by_ground.transpose();
   Eigen::MatrixXd spread = by_ground * side;
   spread.diagonal() += variance;
   spread += by_scale * by_scale.transpose();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(spread);
-  out.plane_changes = side * ldlt.solve(residual);
-  out.plane_covariance -= side * ldlt.solve(side.transpose());
+  out.changes = side * ldlt.solve(residual);
+  out.covariance -= side * ldlt.solve(side.transpose());
   return out;
 }
 
@@ -334,16 +207,16 @@ void widen(const SupportPlane& support, const std::string& reason, UncertainPlan
 }
 
 /// For each detection why its vehicle contradicts its ground; empty: it does not.
-std::vector<std::vector<std::string>> contradictions(const FinalRoad& road,
+std::vector<std::vector<std::string>> contradictions(const JudgedRoad& judged,
                                                      const PlacedVehicles& placed) {
   std::vector<std::vector<std::string>> out;
   for (const TrackFrame& view : placed.views) out.emplace_back(view.detections.size());
   for (std::size_t i = 0; i < placed.constraints.size(); ++i) {
-    if (road.reports[i].accepted) continue;
+    if (judged.of_vehicles[i].accepted) continue;
     for (const TrackView& at : placed.constraints[i].views) {
       out[at.frame][at.detection] =
           fmt::format("the vehicle on it contradicts it by {:.1f} standard deviations",
-                      road.reports[i].residual_sigma);
+                      judged.of_vehicles[i].residual_sigma);
     }
   }
   return out;
@@ -351,10 +224,10 @@ std::vector<std::vector<std::string>> contradictions(const FinalRoad& road,
 
 /// Patches under vehicles with their links, and the vehicles' stated planes.
 void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& ground,
-                         const FinalRoad& final_road, const SurfacePlan& plan,
-                         const PlacedVehicles& placed, RoadSurface* surface,
-                         std::vector<std::vector<VehicleEstimate>>* out) {
-  const std::vector<std::vector<std::string>> contradicted = contradictions(final_road, placed);
+                         const JudgedRoad& judged, const ChangedPlanes& planes,
+                         const SurfacePlan& plan, const PlacedVehicles& placed,
+                         RoadSurface* surface, std::vector<std::vector<VehicleEstimate>>* out) {
+  const std::vector<std::vector<std::string>> contradicted = contradictions(judged, placed);
   const Eigen::Index before_vehicles =
       placed.ground.planes.covariance.rows() - placed.ground.under_detections.covariance.rows();
   for (std::size_t k = 0; k < placed.views.size(); ++k) {
@@ -366,13 +239,12 @@ void add_vehicle_patches(const LoadedFrames& frames, const PhotometricGround& gr
       VehicleEstimate& vehicle = (*out)[k][j];
       const Eigen::Index in_ground = placed.ground.under_detections.rows[k][j];
       const Eigen::Index row = in_ground + before_vehicles;
-      UncertainPlane here =
-          in_ground < 0 ? support.plane
-                        : plane_under(support, vehicle, final_road.plane_changes.segment<3>(row),
-                                      final_road.plane_covariance.block<3, 3>(row, row));
-      PlanePatch patch =
-          road_patch(ground, final_road.road, frames.camera, *footprint, surface->up);
-      widen_scale(final_road.contradiction_variance, &here);
+      UncertainPlane here = in_ground < 0
+                                ? support.plane
+                                : plane_under(support, vehicle, planes.changes.segment<3>(row),
+                                              planes.covariance.block<3, 3>(row, row));
+      PlanePatch patch = road_patch(ground, judged.road, frames.camera, *footprint, surface->up);
+      widen_scale(judged.contradiction_variance, &here);
       if (!contradicted[k][j].empty()) widen(support, contradicted[k][j], &here, &patch);
       patch.without_vehicle = support.plane.transformed(reference_from_frame);
       patch.plane = here.transformed(reference_from_frame);
@@ -488,32 +360,19 @@ VehicleDocument vehicle_document(const LoadedFrames& frames, const PlacedVehicle
   return out;
 }
 
-/// Why a run has no metres: markings of known sizes may be there and yet not give them.
-std::string without_metres(const LoadedFrames& frames, const ScaledRoad& scaled) {
-  const LaneMarkingSizes& sizes = frames.known.markings;
-  const std::string& why = scaled.markings.reason;
-  if ((!sizes.dashes() && !sizes.stripes()) || why.empty()) return "no source of metres";
-  return "no source of metres but lane markings: " + why;
-}
-
 RunDocument run_document(const LoadedFrames& frames, const PhotometricGround& ground,
-                         const ScaledRoad& scaled, const FinalRoad& final_road) {
+                         const JudgedRoad& judged) {
   RunDocument out;
-  const double m = final_road.road.metres_per_baseline();
+  const double m = judged.road.metres_per_baseline();
   for (std::size_t k = 0; k < frames.size(); ++k) {
     out.cameras.push_back({frames.frames[k].id, metric_pose(ground.motion, k, m).inverse()});
   }
   out.input_hashes = frames.input_hashes;
-  out.metric = scaled.metric;
+  out.metric = judged.metric;
   out.scale = m;
-  out.scale_sigma = final_road.road.scale_sigma();
-  const detail::Judgement judged = detail::scale_status(out.scale_sigma);
-  out.scale_status = scaled.metric ? judged.status : Status::kNotObservable;
-  out.scale_reason = scaled.metric ? judged.reason : without_metres(frames, scaled);
-  out.constraints = scaled.reports;
-  out.constraints.insert(out.constraints.end(), final_road.reports.begin(),
-                         final_road.reports.end());
-  out.warnings = final_road.warnings;
+  out.constraints = judged.reports;
+  (*out.extra)["evidence"] = to_json(judged.evidence);
+  out.warnings = judged.warnings;
   out.points_kept.emplace_back("road", static_cast<long>(ground.ground.seen.points.size()));
   out.points_kept.emplace_back("motion", ground.motion.points);
   for (std::size_t r = 0; r < kNumDropReasons; ++r) {
@@ -527,18 +386,18 @@ RunDocument run_document(const LoadedFrames& frames, const PhotometricGround& gr
 
 AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matches,
                        const PhotometricGround& ground, const ScaledRoad& scaled,
-                       const SurfacePlan& plan, const PlacedVehicles& placed, VehicleMethod method,
+                       const SurfacePlan& plan, const PlacedVehicles& placed,
+                       const JudgedRoad& judged, VehicleMethod method,
                        const AssembleOptions& options) {
   // Without vehicles in the joint problem the graph is that of the road alone.
   const GroundGraph graph = placed.ground.planes.covariance.size() > 0
                                 ? placed.ground
                                 : detail::ground_graph(scaled.road, plan, {});
-  const FinalRoad final_road = condition_on_vehicles(scaled, placed, graph, options.noise);
-  const RoadPosterior& road = final_road.road;
+  const ChangedPlanes planes = planes_given_vehicles(scaled, judged, placed, graph, options.noise);
+  const RoadPosterior& road = judged.road;
   AssembledRoad out;
   RoadSurface& surface = out.surface;
   surface.metric = scaled.metric;
-  surface.scale_sigma = road.scale_sigma();
   surface.ego_patch = 0;
   surface.patches.push_back(ego_patch(ground.ground.ego, road, surface.up));
   surface.patches.resize(1 + plan.road.size());
@@ -551,16 +410,17 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   }
   std::vector<std::vector<VehicleEstimate>> vehicles = placed.estimates;
   for (std::vector<VehicleEstimate>& of_frame : vehicles) {
-    for (VehicleEstimate& v : of_frame) widen_scale(final_road.contradiction_variance, &v);
+    for (VehicleEstimate& v : of_frame) widen_scale(judged.contradiction_variance, &v);
   }
   if (method == VehicleMethod::kJoint) {
-    add_vehicle_patches(frames, ground, final_road, plan, placed, &surface, &vehicles);
+    add_vehicle_patches(frames, ground, judged, planes, plan, placed, &surface, &vehicles);
   }
-  surface.links = links_of(graph, final_road.plane_changes, surface);
+  surface.links = links_of(graph, planes.changes, surface);
   out.vehicles = vehicle_document(frames, placed, std::move(vehicles), method, scaled.metric);
   out.cloud = road_cloud(frames, matches, ground, road, scaled.metric, surface, road_patches,
                          options.num_threads);
-  out.run = run_document(frames, ground, scaled, final_road);
+  out.run = run_document(frames, ground, judged);
+  state(judged.scale, &out.run, &surface);
   return out;
 }
 

@@ -4,6 +4,7 @@
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/pipeline/stages/ground.h"
+#include "camber/pipeline/stages/judge.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/pipeline/stages/scale.h"
 #include "camber/pipeline/stages/surface.h"
@@ -27,12 +28,12 @@ struct AssembleOptions {
   ScaleNoise noise;     ///< as that of ScaleOptions
 };
 
-/// Conditions the road on what the vehicles measure of it and writes all results.
-/// @throws NoAnswerError where nearly all vehicles contradict a metric road, and their sizes too.
+/// Writes all results by the judged road, which is that of `scaled` given the vehicles.
 AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matches,
                        const PhotometricGround& ground, const ScaledRoad& scaled,
                        const SurfacePlan& plan, const PlacedVehicles& vehicles,
-                       VehicleMethod method, const AssembleOptions& options);
+                       const JudgedRoad& judged, VehicleMethod method,
+                       const AssembleOptions& options);
 
 }  // namespace stages
 }  // namespace camber

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
@@ -186,16 +185,6 @@ void require_found(const GroundObservations& observed) {
 void require_seen(const EgoPlane& ego) {
   if (ego.points == 0) {
     throw NoAnswerError("no road plane under the camera: no match shows the road near it");
-  }
-}
-
-void require_one_road(const EgoPlane& ego) {
-  constexpr double kLeastAgreeing = 0.5;
-  if (ego.points < kLeastAgreeing * ego.compared) {
-    throw NoAnswerError(
-        fmt::format("no road plane under the camera: {:.0f} % of the points near the driven path "
-                    "agree with one road",
-                    100.0 * ego.points / ego.compared));
   }
 }
 
@@ -396,18 +385,6 @@ Ground ground(const LoadedFrames& frames, const Correspondences& matches,
   detail::set_ego(motion, std::move(ego), &out);
   out.field = std::move(field);
   return out;
-}
-
-double found_share(const GroundPoints& seen) {
-  const auto found = static_cast<double>(seen.points.size());
-  const auto dropped = static_cast<double>(
-      std::accumulate(seen.points.dropped.begin(), seen.points.dropped.end(), 0L));
-  return found + dropped > 0.0 ? found / (found + dropped) : 0.0;
-}
-
-double road_support(const Ground& ground) {
-  const EgoPlane& ego = ground.ego;
-  return ego.compared > 0 ? found_share(ground.seen) * ego.points / ego.compared : 0.0;
 }
 
 std::vector<std::uint8_t> ground_pixels(const LoadedFrames& frames, const Correspondences& matches,

@@ -63,6 +63,9 @@ struct PhotometricGround {
   /// By which the logarithm of the scale would change with intensities that contradict the motion
   /// of the matches; nothing where they do not.
   std::optional<double> rejected_log_scale = std::nullopt;
+  /// Share of the points near the driven path that agreed with the ego plane's road before the
+  /// refinement.
+  double agreeing_before = 1.0;
 };
 
 namespace stages {
@@ -102,13 +105,6 @@ Ground first_ground(const LoadedFrames& frames, const Correspondences& matches,
                     const PlaneSearchResult& search, const GroundOptions& options,
                     const std::optional<RoadHypothesis>& start = std::nullopt);
 
-/// Share of the wanted points of the ground that are found in the other images.
-double found_share(const GroundPoints& seen);
-
-/// That share times the share of the points near the driven path that agree with the ego plane's
-/// road: little where what is matched lies on another layer.
-double road_support(const Ground& ground);
-
 /// Fits the tangent plane under the camera and the ground field.
 /// @param before  of an earlier round: the field starts from its field, and its ego plane stays
 ///                where no new one is found.
@@ -118,7 +114,6 @@ Ground ground(const LoadedFrames& frames, const Correspondences& matches,
 
 /// Refines the motion and the ground on the intensities of all images; accepted where the pixels
 /// left out of it agree better than before.
-/// @throws NoAnswerError where the points near the driven path agree on no road.
 PhotometricGround refine_photometrically(const LoadedFrames& frames, const Correspondences& matches,
                                          const MotionEstimate& motion, const Ground& before,
                                          const GroundOptions& options);

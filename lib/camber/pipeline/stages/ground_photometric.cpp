@@ -155,8 +155,10 @@ double travelled(const MotionEstimate& motion, std::size_t reference) {
 PhotometricGround refine_photometrically(const LoadedFrames& frames, const Correspondences& matches,
                                          const MotionEstimate& motion, const Ground& before,
                                          const GroundOptions& options) {
-  detail::require_one_road(before.ego);
   PhotometricGround out{before, motion, nullptr, {}, {}, {}};
+  if (before.ego.compared > 0) {
+    out.agreeing_before = static_cast<double>(before.ego.points) / before.ego.compared;
+  }
   std::vector<DirectImage> images(frames.size());
   for (std::size_t k = 0; k < images.size(); ++k) {
     images[k].image = &frames.gray[k];

@@ -236,8 +236,8 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
                                0.0,
                                true,
                                {}};
-  ScaledRoad out{
-      prior(options.noise.painted_size), true, {}, {}, 0.0, std::move(markings), {}, 0.0};
+  ScaledRoad out{prior(options.noise.painted_size), true, {}, {}, std::move(markings), {}, 0.0};
+  out.by_ego_height = true;
   if (!frames.known.camera_height) {
     out.reports = {by_markings, {"camera_height", "", 0.0, false, "not given"}};
     return out;
@@ -249,9 +249,6 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
   FusedRoad fused = fuse(out.road, {height});
   ConstraintReport by_height = fused.reports.front();
   by_markings.residual_sigma = by_height.residual_sigma;
-  const double share =
-      contradiction_share(by_height.residual_sigma, options.noise.contradiction_start, height.gate);
-  out.contradiction_variance = share * off * off;
   if (by_height.accepted) {
     out.road = std::move(fused.road);
   } else {
@@ -263,12 +260,18 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
     const RoadPosterior open = prior(kOpenLogScale);
     out.road =
         open.conditioned(camera_height_constraint(open, given, frames.known.camera_height_sigma));
-    out.contradictions.push_back(
-        {"scale_contradicted",
-         fmt::format("lane_markings ({}): {}; by them everything is {:.0f} % {}",
-                     by_markings.source, by_markings.reason, 100.0 * std::abs(std::expm1(-off)),
-                     off < 0 ? "larger" : "smaller")});
   }
+  const double to_result = std::log(out.road.metres_per_baseline());
+  const double shape = ground.ego.relative_sigma;
+  ScaleEvidence paint =
+      evidence_of("lane_markings", by_markings.source, -to_result, options.noise.painted_size);
+  paint.against_others =
+      Disagreement{-off, by_markings.residual_sigma,
+                   fmt::format("lane_markings ({}): {}; by them {}", by_markings.source,
+                               by_markings.reason, larger_or_smaller(-off))};
+  out.evidence = {evidence_of("camera_height", by_height.source, off - to_result,
+                              std::hypot(frames.known.camera_height_sigma / given, shape)),
+                  std::move(paint)};
   out.scale_change = std::log(out.road.metres_per_baseline());
   out.reports = {by_height, by_markings};
   return out;

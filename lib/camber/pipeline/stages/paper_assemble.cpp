@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "camber/pipeline/stages/detail/patch_status.h"
+#include "camber/pipeline/stages/judge.h"
 #include "camber/road/consistency_graph.h"
 #include "camber/road/plan_polygon.h"
 #include "camber/vehicle/paper/joint_fit.h"
@@ -123,7 +124,7 @@ RoadCloud road_cloud(const LoadedFrames& frames, const Correspondences& matches,
 }
 
 RunDocument run_document(const LoadedFrames& frames, const MotionEstimate& motion,
-                         const GroundPoints& seen, const PaperGround& ground, double scale_sigma) {
+                         const GroundPoints& seen, const PaperGround& ground) {
   RunDocument out;
   for (std::size_t k = 0; k < frames.size(); ++k) {
     out.cameras.push_back(
@@ -132,12 +133,6 @@ RunDocument run_document(const LoadedFrames& frames, const MotionEstimate& motio
   out.input_hashes = frames.input_hashes;
   out.metric = ground.metric;
   out.scale = ground.metres_per_baseline;
-  out.scale_sigma = scale_sigma;
-  const detail::Judgement judged = detail::scale_status(scale_sigma);
-  out.scale_status = ground.metric ? judged.status : Status::kNotObservable;
-  out.scale_reason = ground.metric ? judged.reason
-                                   : "no source of metres: those of the paper's preset are the "
-                                     "camera's height and known poses";
   out.points_kept.emplace_back("road", static_cast<long>(seen.points.size()));
   out.points_kept.emplace_back("motion", motion.points);
   for (std::size_t r = 0; r < kNumDropReasons; ++r) {
@@ -155,7 +150,6 @@ AssembledRoad assemble_paper(const LoadedFrames& frames, const Correspondences& 
   AssembledRoad out;
   RoadSurface& surface = out.surface;
   surface.metric = ground.metric;
-  surface.scale_sigma = scale_sigma_of(frames, motion, ground);
   surface.ego_patch = 0;
   surface.patches.push_back(ego_patch(ground, surface, GroundAxes(surface.up)));
   for (const Eigen::Vector3d& p : ground.ego.line) {
@@ -170,7 +164,11 @@ AssembledRoad assemble_paper(const LoadedFrames& frames, const Correspondences& 
   surface.links = find_links(surface, links);
   align_patches_with_road(&surface);
   out.cloud = road_cloud(frames, matches, seen.points, ground);
-  out.run = run_document(frames, motion, seen, ground, surface.scale_sigma);
+  out.run = run_document(frames, motion, seen, ground);
+  state(judge_alone(scale_sigma_of(frames, motion, ground), ground.metric,
+                    "no source of metres: those of the paper's preset are the camera's height and "
+                    "known poses"),
+        &out.run, &surface);
   out.vehicles.method = to_string(method);
   out.vehicles.detections_source = frames.detections_source;
   out.vehicles.metric = ground.metric;

@@ -5,24 +5,25 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "camber/core/errors.h"
-#include "camber/core/median.h"
 #include "camber/core/threads.h"
 #include "camber/motion/self_calibration.h"
 #include "camber/pipeline/stages/detail/ground_steps.h"
 #include "camber/pipeline/stages/motion.h"
 #include "camber/scale/camera_height_constraint.h"
-#include "camber/scale/contradiction.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/known_poses_constraint.h"
 #include "camber/scale/speed_constraint.h"
 
 namespace camber::stages {
 namespace {
+
+constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
+/// Standard deviations, of what is contradicted altogether.
+constexpr double kPlainly = std::numeric_limits<double>::infinity();
 
 RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_baseline,
                          const ScaleOptions& options) {
@@ -273,21 +274,11 @@ FusedRoad fuse_with_given_metres(const RoadPosterior& prior, std::vector<Constra
   return fused;
 }
 
-std::string larger_or_smaller(double log_ratio) {
-  return fmt::format("everything is {:.0f} % {}", 100.0 * std::abs(std::expm1(log_ratio)),
-                     log_ratio > 0.0 ? "larger" : "smaller");
-}
-
-/// What is compared with the result without taking part in it.
-struct Check {
-  ConstraintReport report;
-  double log_ratio = 0.0;  ///< logarithm of what it finds over the result's
-};
-
 /// The plane search against the ego plane: both measure the camera's height in baselines, the
 /// one on the intensities near the camera, the other by the road ahead.
-std::optional<Check> check_search(const LoadedFrames& frames, const PhotometricGround& refined,
-                                  const ScaleOptions& options) {
+std::optional<ScaleEvidence> search_evidence(const LoadedFrames& frames,
+                                             const PhotometricGround& refined,
+                                             const ScaleOptions& options) {
   const Ground& ground = refined.ground;
   const ScaleNoise& noise = options.noise;
   if (!ground.search.informative || ground.search.correlation < noise.search_correlation ||
@@ -295,38 +286,42 @@ std::optional<Check> check_search(const LoadedFrames& frames, const PhotometricG
     return std::nullopt;
   }
   const double log_ratio = ground.search.best.log_baseline + std::log(ground.ego.height);
-  ConstraintReport out{"plane_search", "intensities of the near road", 0.0, true, {}};
-  out.residual_sigma =
-      std::abs(log_ratio) / std::hypot(noise.searched_height, ground.ego.relative_sigma);
+  const double sigma = std::hypot(noise.searched_height, ground.ego.relative_sigma);
+  ScaleEvidence out = evidence_of("plane_search", "intensities of the near road", log_ratio, sigma);
+  out.measured = {{"correlation", ground.search.correlation}, {"lead", ground.search.lead}};
+  Disagreement off;
+  off.log_ratio = log_ratio;
+  off.sigmas = std::abs(log_ratio) / sigma;
+  off.text = "the near road's intensities agree best if " + larger_or_smaller(log_ratio);
   // A search may have found the wrong one of two maxima: the ego plane's has to be plainly worse.
-  if (out.residual_sigma > noise.search_gate) {
-    out.accepted = lead_over(frames, refined.motion, ground.search, ground.ego.height,
-                             options.num_threads) <= noise.search_lead;
+  if (off.sigmas > noise.search_gate) {
+    off.plain = lead_over(frames, refined.motion, ground.search, ground.ego.height,
+                          options.num_threads) > noise.search_lead;
   }
-  if (!out.accepted) {
-    out.reason = "the near road's intensities agree best if " + larger_or_smaller(log_ratio);
-  }
-  return Check{std::move(out), log_ratio};
+  out.against_others = std::move(off);
+  return out;
 }
 
-/// The focal length against the epipolar geometry of a camera that turns.
-std::optional<Check> check_focal_length(const LoadedFrames& frames, const Correspondences& matches,
-                                        const MotionEstimate& motion, const ScaleNoise& noise) {
+/// The focal length by the epipolar geometry of a camera that turns.
+std::optional<ScaleEvidence> turn_evidence(const LoadedFrames& frames,
+                                           const Correspondences& matches,
+                                           const MotionEstimate& motion, const ScaleNoise& noise) {
   const FocalLengthEstimate found =
       estimate_focal_length(frames.camera, matches, static_points(frames, matches), motion);
   if (found.status != Status::kOk) return std::nullopt;
   const double log_factor = std::log(found.factor);
-  ConstraintReport out{
-      "focal_length", fmt::format("{} matches in a turn", found.matches), 0.0, true, {}};
+  const double sigma = std::hypot(noise.focal_length, found.sigma);
+  ScaleEvidence out = evidence_of(
+      "focal_length", fmt::format("{} matches in a turn", found.matches), log_factor, sigma);
+  out.measured = {{"gain", found.gain}};
+  Disagreement off;
+  off.log_ratio = log_factor;
   // Errors that neighbours share bend the one or the other: both have to agree.
-  out.residual_sigma = std::min(std::abs(log_factor) / std::hypot(noise.focal_length, found.sigma),
-                                std::sqrt(2.0 * found.gain));
-  if (out.residual_sigma > noise.turned_focal_length_gate) {
-    out.accepted = false;
-    out.reason = fmt::format("they fit {:.2f} times the focal length, {:.1f} standard deviations",
-                             found.factor, out.residual_sigma);
-  }
-  return Check{std::move(out), log_factor};
+  off.sigmas = std::min(std::abs(log_factor) / sigma, std::sqrt(2.0 * found.gain));
+  off.text = fmt::format("they fit {:.2f} times the focal length, {:.1f} standard deviations",
+                         found.factor, off.sigmas);
+  out.against_others = std::move(off);
+  return out;
 }
 
 /// The focal length by broken lines of known sizes, of which no stroke fits the given one.
@@ -352,242 +347,120 @@ double path_curvature(const MotionEstimate& motion, std::size_t reference,
   return along != 0.0 ? std::atan2(axis.x(), axis.z()) / along : 0.0;
 }
 
-void widen(double variance, ScaledRoad* scaled) {
-  scaled->contradiction_variance = std::max(scaled->contradiction_variance, variance);
-}
-
-void contradict(std::string text, ScaledRoad* scaled) {
-  scaled->contradictions.push_back({"scale_contradicted", std::move(text)});
-}
-
-/// The sources, each alone, before the ground is conditioned on all of them.
-void admit_sources(const RoadPosterior& prior, const std::vector<Constraint>& constraints,
-                   const ScaleNoise& noise, ScaledRoad* scaled) {
-  for (std::size_t i = 0; i < constraints.size(); ++i) {
-    const ConstraintReport& report = scaled->reports[i];
-    if (!(report.residual_sigma > noise.contradiction_start)) continue;
-    std::vector<const Constraint*> rest;
-    for (std::size_t j = 0; j < constraints.size(); ++j) {
-      if (j != i && scaled->reports[j].accepted) rest.push_back(&constraints[j]);
-    }
-    const RoadPosterior by_rest = prior.conditioned(stacked(rest));
-    if (by_rest.scale_sigma() > noise.contradicting_scale) continue;  // they know none
-    const double others = std::log(by_rest.metres_per_baseline() / prior.metres_per_baseline());
-    const auto other = contradicting_scale(prior, constraints[i], report, others, noise);
-    if (!other) continue;
-    widen(other->variance, scaled);
-    if (report.accepted) continue;
-    contradict(fmt::format("{} ({}): {}; by it {}", report.name, report.source, report.reason,
-                           larger_or_smaller(other->log_scale)),
-               scaled);
-  }
-}
-
-/// A direction of travel that no camera which looks ahead has, also in a turn.
-void admit_travel_aside(const MotionEstimate& motion, std::size_t reference,
-                        const Eigen::Vector3d& travel, const ScaleNoise& noise,
-                        ScaledRoad* scaled) {
-  const double aside = std::atan2(travel.x(), travel.z());
-  const double turn = noise.most_ahead_of_axle *
-                      path_curvature(motion, reference, travel, scaled->road.metres_per_baseline());
-  const bool beyond = aside > noise.most_aside + std::max(0.0, turn) ||
-                      aside < -noise.most_aside + std::min(0.0, turn);
-  if (!beyond) return;
-  widen(aside * aside, scaled);
-  contradict(
-      fmt::format("calibration: the camera travels {:.0f} degrees to the {} of where it "
-                  "looks: is its principal point right?",
-                  std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left"),
-      scaled);
-}
-
-void admit_rejected_intensities(const PhotometricGround& ground, const ScaleNoise& noise,
-                                ScaledRoad* scaled) {
-  if (!ground.rejected_log_scale) return;
-  const double off = *ground.rejected_log_scale;
-  widen(off * off, scaled);
-  if (std::abs(off) > noise.rejected_intensities_gate * scaled->road.scale_sigma()) {
-    contradict(fmt::format("intensities: {}; by them {}", ground.rejection, larger_or_smaller(off)),
-               scaled);
-  }
-}
-
-/// A point over the driven path, camera heights.
-struct PathPlace {
-  double ahead, up;  ///< up: over the ego plane
+/// What a source alone measures of the scale, the road's shape being known as far as it is.
+struct Alone {
+  double log_scale;  ///< change of the logarithm of the prior's scale
+  double sigma;      ///< without what the prior's own scale leaves open
 };
 
-/// @param half_width  of the path, unit of the points.
-std::vector<PathPlace> over_path(const EgoPlane& ego, const TriangulatedPoints& points,
-                                 double half_width) {
-  std::vector<PathPlace> out;
-  const std::vector<Eigen::Vector3d>& line = ego.line;
-  if (line.size() < 2) return out;
-  const Eigen::Vector3d up = ego.plane.plane.normal;
-  const Eigen::Vector3d forward = ego.plane.axis1, right = forward.cross(up);
-  const double step = forward.dot(line[1] - line[0]);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector3d p = points.point(i);
-    const double at = forward.dot(p) / step;
-    if (!(at > 0.0) || !(at < static_cast<double>(line.size() - 1))) continue;
-    const Eigen::Vector3d off = p - line[static_cast<std::size_t>(std::lround(at))];
-    if (std::abs(right.dot(off)) < half_width) {
-      out.push_back({forward.dot(p) / ego.height, 1.0 + up.dot(p) / ego.height});
-    }
+std::optional<Alone> alone(const RoadPosterior& prior, const Constraint& constraint) {
+  if (constraint.size() == 0) return std::nullopt;
+  const auto implied = implied_log_scale(prior, constraint);
+  if (!implied) return std::nullopt;
+  const double open = prior.scale_sigma();
+  return Alone{implied->mean, std::sqrt(std::max(0.0, implied->variance - open * open))};
+}
+
+/// A source against all others, each of which knows the scale.
+std::optional<Disagreement> against_others(const RoadPosterior& prior,
+                                           const std::vector<Constraint>& constraints,
+                                           std::size_t i, const Alone& source,
+                                           const std::vector<ConstraintReport>& reports,
+                                           const ScaleNoise& noise) {
+  const ConstraintReport& report = reports[i];
+  if (!(report.residual_sigma > noise.contradiction_start)) return {};
+  if (source.sigma > noise.contradicting_scale) return {};
+  std::vector<const Constraint*> rest;
+  for (std::size_t j = 0; j < constraints.size(); ++j) {
+    if (j != i && reports[j].accepted) rest.push_back(&constraints[j]);
   }
+  const RoadPosterior by_rest = prior.conditioned(stacked(rest));
+  if (by_rest.scale_sigma() > noise.contradicting_scale) return {};
+  Disagreement out;
+  out.log_ratio =
+      source.log_scale - std::log(by_rest.metres_per_baseline() / prior.metres_per_baseline());
+  out.sigmas = report.residual_sigma;
+  out.text = fmt::format("{} ({}): {}; by it {}", report.name, report.source, report.reason,
+                         larger_or_smaller(out.log_ratio));
   return out;
 }
 
-/// Share of the matches over the driven path, up to where its road is seen well, that stand on it
-/// lower than the camera or lie below it; 0 where a mask shows the road.
-double contested_share(const Ground& ground, double metres_per_baseline) {
-  constexpr double kHalfWidth = 1.2;                  // m
-  constexpr double kOff = 0.15, kBelowCamera = 0.95;  // camera heights
-  constexpr double kPastMiddle = 1.5;  // of the distance to the middle one of the road's points
-  constexpr std::size_t kFewest = 50;  // matches
-  const EgoPlane& ego = ground.ego;
-  const double half_width = kHalfWidth / metres_per_baseline;
-  const std::vector<PathPlace> road = over_path(ego, ground.seen.points, half_width);
-  std::vector<double> ahead;  // of the road; where the path shows hardly any, also beside it
-  if (road.size() >= kFewest) {
-    for (const PathPlace& p : road) ahead.push_back(p.ahead);
-  } else {
-    const Eigen::Vector3d forward = ego.plane.axis1;
-    for (std::size_t i = 0; i < ground.seen.points.size(); ++i) {
-      ahead.push_back(forward.dot(ground.seen.points.point(i)) / ego.height);
+/// Of the sources, each alone, before the ground is conditioned on all of them.
+void add_sources(const RoadPosterior& prior, const std::vector<Constraint>& constraints,
+                 const ScaleNoise& noise, ScaledRoad* scaled) {
+  const double change = std::log(scaled->road.metres_per_baseline() / prior.metres_per_baseline());
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    const auto source = alone(prior, constraints[i]);
+    if (!source) continue;
+    ScaleEvidence evidence = evidence_of(constraints[i].name, constraints[i].source,
+                                         source->log_scale - change, source->sigma);
+    if (scaled->metric) {
+      evidence.against_others =
+          against_others(prior, constraints, i, *source, scaled->reports, noise);
     }
+    scaled->evidence.push_back(std::move(evidence));
   }
-  const double reach = ahead.empty() ? 0.0 : kPastMiddle * upper_median(&ahead);
-  const std::vector<PathPlace> others = over_path(ego, ground.seen.others, half_width);
-  const auto contesting =
-      static_cast<std::size_t>(std::count_if(others.begin(), others.end(), [&](const PathPlace& p) {
-        return p.ahead < reach && std::abs(p.up) > kOff && p.up < kBelowCamera;
-      }));
-  const std::size_t all = contesting + road.size();
-  return all < kFewest ? 0.0 : static_cast<double>(contesting) / static_cast<double>(all);
 }
 
-/// A road found without a mask where much else is matched, as the source of the scale.
-void admit_contested_road(const PhotometricGround& ground, const ScaleNoise& noise,
-                          ScaledRoad* scaled) {
-  if (ground.motion.metres_per_baseline) return;
-  const double contested = contested_share(ground.ground, scaled->road.metres_per_baseline());
-  if (!(contested > noise.most_contested)) return;
-  widen(noise.unfound_scale * noise.unfound_scale, scaled);
-  contradict(fmt::format("matches: {:.0f} % of those over the driven path are off the road that is "
-                         "found there",
-                         100.0 * contested),
-             scaled);
+/// The direction of travel, against those that a camera which looks ahead may have, also in a turn.
+ScaleEvidence travel_evidence(const MotionEstimate& motion, std::size_t reference,
+                              const Eigen::Vector3d& travel, const ScaleNoise& noise,
+                              double metres_per_baseline) {
+  const double aside = std::atan2(travel.x(), travel.z());
+  const double turn =
+      noise.most_ahead_of_axle * path_curvature(motion, reference, travel, metres_per_baseline);
+  ScaleEvidence out = evidence_of("travel_direction", "", 0.0, kNotMeasured);
+  out.measured = {{"aside", aside}, {"by_turn", turn}};
+  const double same_side = aside > 0.0 ? turn : -turn;
+  out.against_others = Disagreement{
+      aside, std::abs(aside) / (noise.most_aside + std::max(0.0, same_side)),
+      fmt::format("calibration: the camera travels {:.0f} degrees to the {} of where it looks: is "
+                  "its principal point right?",
+                  std::abs(aside) * 180.0 / 3.14159265358979323846, aside > 0 ? "right" : "left")};
+  return out;
 }
 
-/// Share of the matches of what stands still and is no road by the mask that would stand on the
-/// first metres of the driven path.
-double obstructing_share(const LoadedFrames& frames, const Correspondences& matches,
-                         const PhotometricGround& ground, double metres_per_baseline,
-                         int num_threads) {
-  constexpr std::size_t kStride = 4, kFewest = 200;    // matches
-  constexpr double kHalfWidth = 0.8, kFarthest = 6.0;  // m
-  constexpr double kLowest = 0.2, kHighest = 1.2;      // camera heights over the road
-  const std::vector<std::uint8_t> still = static_points(frames, matches);
-  const std::vector<std::uint8_t>& road = frames.reference_masks().ground_near;
-  std::vector<std::uint8_t> wanted(still.size(), 0);
-  for (std::size_t i = 0; i < wanted.size(); i += kStride) {
-    wanted[i] = still[i] && !road[matches.image_index(i, frames.camera.width)];
-  }
-  TriangulationOptions options;
-  options.with_pose_jacobian = false;
-  options.num_threads = num_threads;
-  const TriangulatedPoints points =
-      triangulate(frames.camera, matches, ground.motion, wanted, options);
-  if (points.size() < kFewest) return 0.0;
-  const EgoPlane& ego = ground.ground.ego;
-  const std::vector<PathPlace> places = over_path(ego, points, kHalfWidth / metres_per_baseline);
-  const double reach = kFarthest / (metres_per_baseline * ego.height);
-  const auto obstructing = std::count_if(places.begin(), places.end(), [&](const PathPlace& p) {
-    return p.ahead < reach && p.up > kLowest && p.up < kHighest;
-  });
-  return static_cast<double>(obstructing) / static_cast<double>(points.size());
+ScaleEvidence intensity_evidence(const PhotometricGround& ground, const RoadPosterior& road) {
+  const double off = *ground.rejected_log_scale;
+  ScaleEvidence out =
+      evidence_of("intensities", ground.rejection, off, ground.ground.ego.relative_sigma);
+  out.against_others = Disagreement{
+      off, std::abs(off) / road.scale_sigma(),
+      fmt::format("intensities: {}; by them {}", ground.rejection, larger_or_smaller(off))};
+  return out;
 }
 
-/// The road was found at another layer, in steps that are many times too short, where what it
-/// passes would obstruct it.
-/// @throws NoAnswerError
-void require_clear_path(const LoadedFrames& frames, const Correspondences& matches,
-                        const PhotometricGround& ground, const ScaleOptions& options,
-                        const ScaledRoad& scaled) {
-  if (!frames.has_masks() || ground.motion.metres_per_baseline) return;
-  const double share = obstructing_share(frames, matches, ground, scaled.road.metres_per_baseline(),
-                                         options.num_threads);
-  if (share <= options.noise.most_obstructing) return;
-  throw NoAnswerError(
-      fmt::format("the scale is not known: {:.0f} % of what is matched beside the road would "
-                  "obstruct the driven path; the road is likely found at another layer, as what it "
-                  "mirrors or a texture that repeats",
-                  100.0 * share));
+/// Markings of which none has the known sizes.
+ScaleEvidence marking_evidence(const LaneMarkingConstraint& markings, const ScaleNoise& noise) {
+  ScaleEvidence out = evidence_of("unmatched_markings", markings.reason, 0.0, kNotMeasured);
+  out.against_others =
+      Disagreement{noise.contradicted_scale, kPlainly, "lane_markings: " + markings.reason};
+  return out;
 }
 
-/// A masked road that the matches hardly find.
-void admit_unfound_road(const LoadedFrames& frames, const Ground& ground, const ScaleNoise& noise,
-                        ScaledRoad* scaled) {
-  if (!frames.has_masks()) return;
-  const double found = found_share(ground.seen);
-  widen(std::pow(noise.unfound_share * (1.0 - found) * (1.0 - found), 2), scaled);
-  const double least = ground.search.ambiguous     ? noise.least_found_ambiguous
-                       : ground.search.informative ? noise.least_found
-                                                   : noise.least_found_alone;
-  if (found >= least) return;
-  widen(noise.unfound_scale * noise.unfound_scale, scaled);
-  contradict(fmt::format("matches: only {:.0f} % of the masked road is found in the other images",
-                         100.0 * found),
-             scaled);
-}
-
-void admit_search(std::optional<Check> check, ScaledRoad* scaled) {
-  if (!check) return;
-  ConstraintReport& report = check->report;
-  if (!report.accepted) {
-    widen(check->log_ratio * check->log_ratio, scaled);
-    contradict(report.name + ": " + report.reason, scaled);
-  }
-  scaled->reports.push_back(std::move(report));
-}
-
-void admit_focal_length(std::optional<Check> check, ScaledRoad* scaled) {
-  if (!check) return;
-  ConstraintReport& report = check->report;
-  if (!report.accepted) {
-    widen(check->log_ratio * check->log_ratio, scaled);
-    scaled->contradictions.push_back(
-        {"focal_length_contradicted", report.source + ": " + report.reason});
-  }
-  scaled->reports.push_back(std::move(report));
-}
-
-void admit_markings(const ScaleNoise& noise, ScaledRoad* scaled) {
-  if (!scaled->markings.contradicts) return;
-  widen(noise.contradicted_scale * noise.contradicted_scale, scaled);
-  contradict("lane_markings: " + scaled->markings.reason, scaled);
-}
-
-/// Names what contradicts the result, and widens its scale by as much.
-/// @throws NoAnswerError where what is beside the road would obstruct the driven path.
-void admit_contradictions(const LoadedFrames& frames, const Correspondences& matches,
-                          const PhotometricGround& ground, const GroundRaster& raster,
-                          const Eigen::Vector3d& travel, const RoadPosterior& prior,
-                          const std::vector<Constraint>& constraints, const ScaleOptions& options,
-                          ScaledRoad* scaled) {
-  const ScaleNoise& noise = options.noise;
-  require_clear_path(frames, matches, ground, options, *scaled);
-  admit_sources(prior, constraints, noise, scaled);
-  admit_travel_aside(ground.motion, frames.reference, travel, noise, scaled);
-  admit_rejected_intensities(ground, noise, scaled);
-  admit_unfound_road(frames, ground.ground, noise, scaled);
-  widen(std::pow(ground.ground.start_spread, 2), scaled);
-  admit_contested_road(ground, noise, scaled);
-  admit_search(check_search(frames, ground, options), scaled);
-  admit_focal_length(check_focal_length(frames, matches, ground.motion, noise), scaled);
+/// What is compared with the result without taking part in it.
+void add_checks(const LoadedFrames& frames, const Correspondences& matches,
+                const PhotometricGround& ground, const GroundRaster& raster,
+                const Eigen::Vector3d& travel, const ScaleOptions& options, ScaledRoad* scaled) {
+  const auto add = [&](std::optional<ScaleEvidence> evidence) {
+    if (evidence) scaled->evidence.push_back(std::move(*evidence));
+  };
+  add(travel_evidence(ground.motion, frames.reference, travel, options.noise,
+                      scaled->road.metres_per_baseline()));
+  if (ground.rejected_log_scale) add(intensity_evidence(ground, scaled->road));
+  add(search_evidence(frames, ground, options));
+  add(turn_evidence(frames, matches, ground.motion, options.noise));
+  if (scaled->markings.contradicts) add(marking_evidence(scaled->markings, options.noise));
   scaled->dash_focal_length = find_dash_focal_length(frames, raster, travel, *scaled, options);
-  admit_markings(noise, scaled);
+}
+
+/// Markings of known sizes may be there and yet not give the metres.
+std::string why_up_to_scale(const LoadedFrames& frames, const LaneMarkingConstraint& markings) {
+  const LaneMarkingSizes& sizes = frames.known.markings;
+  if ((!sizes.dashes() && !sizes.stripes()) || markings.reason.empty()) {
+    return "no source of metres";
+  }
+  return "no source of metres but lane markings: " + markings.reason;
 }
 
 bool accepted(const std::vector<ConstraintReport>& reports, const std::string& name) {
@@ -600,7 +473,6 @@ bool accepted(const std::vector<ConstraintReport>& reports, const std::string& n
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options) {
   detail::require_seen(ground.ground.ego);
-  detail::require_one_road(ground.ground.ego);
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;
@@ -663,11 +535,11 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     set_reason("road_width", width.reason, &fused.reports);
     const double scale_change = std::log(fused.road.metres_per_baseline() / start);
     ScaledRoad out{
-        std::move(fused.road), metric,      std::move(fused.reports), {}, 0.0, std::move(markings),
+        std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
         std::move(width),      scale_change};
-    if (metric)
-      admit_contradictions(frames, matches, ground, raster, travel, prior, constraints, options,
-                           &out);
+    if (!metric) out.without_metres = why_up_to_scale(frames, out.markings);
+    add_sources(prior, constraints, options.noise, &out);
+    if (metric) add_checks(frames, matches, ground, raster, travel, options, &out);
     return out;
   }
 }

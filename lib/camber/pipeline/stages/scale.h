@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "camber/pipeline/stages/ground.h"
@@ -8,6 +9,7 @@
 #include "camber/scale/focal_length_by_dashes.h"
 #include "camber/scale/lane_marking_constraint.h"
 #include "camber/scale/road_width_constraint.h"
+#include "camber/scale/scale_evidence.h"
 #include "camber/scale/scale_noise.h"
 #include "camber/scene/results.h"
 
@@ -16,19 +18,19 @@ namespace camber {
 /// The road with its metres: the posterior given all sources that agree.
 struct ScaledRoad {
   RoadPosterior road;
-  bool metric = true;  ///< false: lengths are in nominal camera heights
+  bool metric = true;  ///< false: lengths are in nominal camera heights, see without_metres
   std::vector<ConstraintReport> reports;
-  /// Sources that contradict each other or the result.
-  std::vector<RunDocument::Warning> contradictions;
-  /// Of the logarithm of the scale, by what sources differ; not in `road`, since vehicles would
-  /// take the place of the sources that disagree.
-  double contradiction_variance = 0.0;
+  /// What each source and check knows of the scale, by itself; what decides is the judge.
+  std::vector<ScaleEvidence> evidence;
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
   double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
   /// No strokes: none speak against the given one, or none were looked for. Not among the
-  /// contradictions: the vehicles may contradict it, which assemble() compares.
+  /// evidence: the vehicles may contradict it, which the judge compares.
   DashFocalLength dash_focal_length = {};
+  /// Of one image: the scale is that of the camera's height, the paint's own size the least of it.
+  bool by_ego_height = false;
+  std::string without_metres = {};  ///< why it is not metric
 };
 
 namespace stages {
@@ -47,8 +49,7 @@ struct ScaleOptions {
 };
 
 /// Collects what every source measures of the road and its scale, and fuses those that agree.
-/// @throws NoAnswerError where a masked road is found at another layer: what is beside it would
-/// obstruct the driven path.
+/// @throws NoAnswerError where no match shows the road near the camera.
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options);
 
