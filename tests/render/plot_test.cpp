@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <regex>
 
 #include "camber/core/errors.h"
@@ -433,6 +434,29 @@ TEST(ResultPlots, ProfileBandsAndTimingBars) {
     EXPECT_THAT(svg, HasSubstr(word));
   }
   EXPECT_TRUE(rim_is_white(draw_plots(timing_plots(timings, "times"))));
+}
+
+TEST(ResultPlots, TheEvidenceIsAnIntervalASource) {
+  RunDocument run;
+  run.scale_sigma = 0.02;
+  EXPECT_THROW(evidence_plots(run), NoAnswerError);
+  const auto evidence = [](const char* name, const char* cause, nlohmann::json log_scale,
+                           nlohmann::json sigma) {
+    return nlohmann::json{
+        {"name", name}, {"cause", cause}, {"log_scale", log_scale}, {"sigma", sigma}};
+  };
+  run.extra["evidence"] = {evidence("camera_height", "height", 0.1, 0.05),
+                           evidence("road_layer", "layer", 0.0, nullptr),
+                           evidence("focal_length", "focal_length", 0.7, 0.1), "no evidence",
+                           evidence("road_width", "markings", 0.1, 2.0)};
+  const Plot plot = evidence_plots(run).panels.at(0);
+  ASSERT_EQ(plot.y.names.size(), 2u);
+  EXPECT_EQ(plot.y.names[0].second, "camera height");
+  EXPECT_EQ(plot.y.names[1].second, "the result");
+  EXPECT_NEAR(plot.series[0].x[0], 100.0 * std::expm1(0.05), 1e-9);
+  EXPECT_NEAR(plot.series[0].right[0], 100.0 * std::expm1(0.15), 1e-9);
+  EXPECT_NEAR(plot.series[1].x[1], 0.0, 1e-9);
+  EXPECT_TRUE(rim_is_white(draw_plots(evidence_plots(run))));
 }
 
 /// Two results of the scene, the second placing all vehicles 6 m too near.

@@ -141,6 +141,16 @@ std::string plot_figure(const PlotSheet& sheet) {
          "</div><output class=said></output></div>\n";
 }
 
+/// What each source knows of the scale, where there are any.
+std::string evidence_section(const RunDocument& run) {
+  try {
+    return "<h2>What is known of the scale</h2>\n" + plot_figure(evidence_plots(run)) +
+           "<p class=n>Each source by itself, the road's shape being known as far as it is.</p>\n";
+  } catch (const NoAnswerError&) {
+    return {};
+  }
+}
+
 /// Height, grade and cross slope along the driven line, where the surface covers some of it.
 std::string profile_section(const RoadSurface& surface) {
   const auto& line = surface.driven_line;
@@ -602,7 +612,7 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   if (picture.vehicles) out += vehicle_section(*picture.vehicles, picture.frame, unit);
   out += metrics_section(*content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
-  if (picture.run) out += run_section(*picture.run);
+  if (picture.run) out += evidence_section(*picture.run) + run_section(*picture.run);
   out += origin_section(picture);
   if (options.embed_3d) out += std::string("<script>") + kReportAnswers + "</script>\n";
   return out + "</body></html>\n";

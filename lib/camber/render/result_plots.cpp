@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "camber/core/errors.h"
@@ -296,6 +297,58 @@ PlotSheet timing_plots(const Timings& timings, const std::string& title) {
   plot.x.high = std::max(1e-3, 1.16 * longest);  // room for the number behind the bar
   plot.y.low = row + 0.4;
   plot.y.high = 0.6;
+  sheet.panels.push_back(plot);
+  return sheet;
+}
+
+PlotSheet evidence_plots(const RunDocument& run) {
+  Plot plot;
+  PlotSeries intervals = line("one standard deviation", plot_color(0).with_alpha(0.45));
+  PlotSeries values = line("", plot_color(0));
+  intervals.kind = PlotSeries::Kind::kBoxes;
+  values.kind = PlotSeries::Kind::kPoints;
+  double row = 0.0;
+  const auto add = [&](const std::string& name, double log_scale, double sigma) {
+    const auto per_cent = [](double log_ratio) { return 100.0 * std::expm1(log_ratio); };
+    intervals.x.push_back(per_cent(log_scale - sigma));
+    intervals.right.push_back(per_cent(log_scale + sigma));
+    intervals.low.push_back(row - 0.3);
+    intervals.high.push_back(row + 0.3);
+    values.x.push_back(per_cent(log_scale));
+    values.y.push_back(row);
+    plot.y.names.emplace_back(row, name);
+    row -= 1.0;
+  };
+  constexpr double kHardly = 1.0;  // of the logarithm: what knows less would hide the others
+  const auto evidence = run.extra->find("evidence");
+  if (evidence != run.extra->end() && evidence->is_array()) {
+    for (const nlohmann::json& e : *evidence) {
+      if (!e.is_object()) continue;
+      const auto number = [&](const char* key) {
+        const auto v = e.find(key);
+        return v != e.end() && v->is_number() ? v->get<double>() : kNaN;
+      };
+      const auto text = [&](const char* key) {
+        const auto v = e.find(key);
+        return v != e.end() && v->is_string() ? v->get<std::string>() : std::string();
+      };
+      const double log_scale = number("log_scale"), sigma = number("sigma");
+      if (text("cause") == "focal_length" || !(sigma < kHardly) ||
+          !(std::abs(log_scale) < kHardly)) {
+        continue;
+      }
+      std::string name = text("name");
+      std::replace(name.begin(), name.end(), '_', ' ');
+      add(name, log_scale, sigma);
+    }
+  }
+  if (values.x.empty()) throw NoAnswerError("evidence: no source measures the scale");
+  add("the result", 0.0, std::min(run.scale_sigma, kHardly));
+  plot.series = {intervals, values};
+  plot.x.title = "scale against the result's, %";
+  plot.y.low = row + 0.4;
+  plot.y.high = 0.6;
+  PlotSheet sheet;
   sheet.panels.push_back(plot);
   return sheet;
 }

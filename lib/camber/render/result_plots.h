@@ -8,6 +8,7 @@
 #include "camber/evaluate/tables.h"
 #include "camber/render/plot.h"
 #include "camber/road/road_profile.h"
+#include "camber/scene/results.h"
 
 namespace camber {
 
@@ -20,6 +21,12 @@ PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
 /// A bar a stage.
 /// @throws NoAnswerError without a stage.
 PlotSheet timing_plots(const Timings& timings, const std::string& title);
+
+/// What each source measures of a run's scale by itself, in per cent off the result's, with one
+/// standard deviation to each side; the result's below. By `evidence` of run.json; what is not as
+/// Camber writes it is left out.
+/// @throws NoAnswerError where no source measures the scale.
+PlotSheet evidence_plots(const RunDocument& run);
 
 /// What is counted in error plots.
 enum class PlottedError {
