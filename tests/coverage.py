@@ -65,6 +65,7 @@ TARGETS = {
     "prior": ["vehicle/shape_prior.cpp"],
     "ros_messages": ["import/formats/ros_messages.cpp", "image/raw_pixels.cpp"],
     "rosbag": ["tools/plugins/bag_check.cpp", "tools/plugins/bag_reader.cpp"],
+    "drive": ["scene/drive_document.cpp"],
     "run": ["scene/results.cpp"],
     "scene": ["scene/scene.cpp"],
     "surface": ["scene/results.cpp"],
