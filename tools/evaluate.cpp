@@ -1,4 +1,5 @@
-// camber evaluate: the paper's tables, from results and the truth of their scenes.
+// camber evaluate: the paper's tables and the errors of drives, from results and the truth of their
+// scenes.
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -19,6 +20,8 @@
 #include "camber/core/read_file.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/tables.h"
+#include "camber/evaluate/track_errors.h"
+#include "camber/evaluate/trajectory_files.h"
 #include "camber/pipeline/kitti_boxes.h"
 #include "camber/render/result_plots.h"
 #include "command.h"
@@ -32,14 +35,20 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> truth, estimate;
-  std::string subset, out;
+  std::string subset, out, times;
   std::vector<fs::path> calibration;
   int camera = 2;
   std::vector<int> image_size{1242, 375};
   bool json = false, markdown = false, overwrite = false, confine = false;
 };
 
-bool is_kitti(const fs::path& path) { return path.extension() == ".txt"; }
+/// Whether a path is a file of KITTI labels.
+bool is_kitti(const fs::path& path) { return path.extension() == ".txt" && !is_trajectory(path); }
+
+/// Whether a truth is poses alone.
+bool is_pose_file(const std::string& truth) {
+  return !fs::is_directory(truth) && is_trajectory(truth) && fs::path(truth).extension() != ".json";
+}
 
 KittiCalibration::Camera kitti_camera(const Arguments& args, const std::string& path) {
   if (args.calibration.empty()) {
@@ -86,23 +95,18 @@ struct TruthContents {
   std::map<int, std::set<int>> vehicles;  ///< ids of the true vehicles by frame id
 };
 
-EvaluatedScene evaluate_one(const Arguments& args, const std::string& truth,
-                            const std::string& estimate, const LogSink& warn,
-                            TruthContents* contents) {
-  const Scene scene = read_truth(args, truth, warn);
-  protect_inputs(files_of(scene));
+EvaluatedScene evaluate_vehicles_of(const Scene& scene, const std::string& estimate,
+                                    const VehicleDocument& vehicles, TruthContents* contents) {
   std::map<int, double>& times = contents->times;
   for (const SceneFrame& frame : scene.frames) {
     if (frame.time_s) times[frame.id] = *frame.time_s;
   }
   if (times.size() < scene.frames.size()) times.clear();
-  if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
   for (const TruthFrame& frame : scene.truth->frames) {
     std::set<int>& ids = contents->vehicles[frame.id];
     for (const TruthVehicle& vehicle : frame.vehicles) ids.insert(vehicle.id);
   }
   const bool folder = fs::is_directory(estimate);
-  const VehicleDocument vehicles = read_estimate(args, estimate, *scene.truth);
   EvaluatedScene out;
   out.scene = scene.name;
   out.method = vehicles.method;
@@ -172,27 +176,92 @@ std::map<std::string, Image> draw_all_plots(const std::vector<EvaluatedScene>& s
   return plots;
 }
 
-/// All estimates beside their truths; a row of each list belongs together.
+/// All estimates beside their truths.
 struct Evaluation {
+  // Of estimates with vehicles; a row of each list belongs together.
   std::vector<EvaluatedScene> scenes;
   std::vector<std::string> truths;      ///< as given
   std::vector<TruthContents> contents;  ///< of the truths
+  // Of drives.
+  std::vector<EvaluatedTrajectory> trajectories;
+  std::vector<EvaluatedTracks> tracks;
 };
+
+EvaluatedTrajectory evaluate_trajectory(const TrueTrajectory& truth, const std::string& estimate,
+                                        const LogSink& warn) {
+  const ComparedTrajectory compared = read_compared_trajectory(estimate, truth, warn);
+  EvaluatedTrajectory out;
+  out.truth = truth.name;
+  out.estimate = estimate;
+  out.method = compared.method;
+  out.metric = compared.metric;
+  out.frames_taken = compared.frames_taken;
+  try {
+    out.errors = trajectory_errors(compared.poses, compared.options);
+  } catch (const NoAnswerError& error) {
+    throw NoAnswerError(estimate + ": " + error.what());
+  }
+  return out;
+}
+
+/// Adds one estimate's part to all.
+/// @param warn_truth  receives what is to be known of the truth; may be empty
+void evaluate_one(const Arguments& args, const std::string& truth, const std::string& estimate,
+                  const LogSink& warn_truth, const LogSink& warn, Evaluation* all) {
+  if (is_pose_file(truth)) {
+    if (!is_trajectory(estimate)) {
+      throw UsageError(estimate + ": is no trajectory, but " + truth + " holds poses alone");
+    }
+    all->trajectories.push_back(
+        evaluate_trajectory(read_true_trajectory(truth, args.times), estimate, warn));
+    return;
+  }
+  const Scene scene = read_truth(args, truth, warn_truth);
+  protect_inputs(files_of(scene));
+  if (!scene.truth) throw NoAnswerError(truth + ": the scene has no truth to compare with");
+  const bool drive = is_trajectory(estimate);
+  const bool vehicles_there = !drive || fs::exists(fs::path(estimate) / "vehicles.json");
+  const auto& frames = scene.truth->frames;
+  const bool poses = std::any_of(frames.begin(), frames.end(), [](const TruthFrame& frame) {
+    return frame.world_from_camera.has_value();
+  });
+  const bool true_vehicles = std::any_of(frames.begin(), frames.end(), [](const TruthFrame& frame) {
+    return !frame.vehicles.empty();
+  });
+  // A drive's poses and vehicles are evaluated as far as the truth has them.
+  if (drive && (poses || !vehicles_there || !true_vehicles)) {
+    all->trajectories.push_back(evaluate_trajectory(true_trajectory(scene, truth), estimate, warn));
+  }
+  if (drive && (!vehicles_there || !true_vehicles)) return;
+  const VehicleDocument vehicles = read_estimate(args, estimate, *scene.truth);
+  TruthContents contents;
+  EvaluatedScene evaluated = evaluate_vehicles_of(scene, estimate, vehicles, &contents);
+  const bool tracked =
+      std::any_of(vehicles.frames.begin(), vehicles.frames.end(), [](const VehicleFrame& frame) {
+        return std::any_of(frame.vehicles.begin(), frame.vehicles.end(),
+                           [](const VehicleEstimate& vehicle) { return vehicle.track >= 0; });
+      });
+  if (tracked) {
+    all->tracks.push_back({truth, estimate, evaluated.method, track_errors(scene, vehicles)});
+  }
+  all->truths.push_back(truth);
+  all->contents.push_back(std::move(contents));
+  all->scenes.push_back(std::move(evaluated));
+}
 
 Evaluation evaluate_all(const Arguments& args, const LogSink& warn) {
   Evaluation all;
-  all.contents.resize(args.estimate.size());
   std::map<std::pair<std::string, std::string>, std::string> by_label;  // of a truth and a method
   for (std::size_t i = 0; i < args.estimate.size(); ++i) {
     throw_if_interrupted();
     const std::string& truth = args.truth[i % args.truth.size()];
-    all.truths.push_back(truth);
-    // The same truth is read for every method; unknown keys need one warning.
-    all.scenes.push_back(evaluate_one(args, truth, args.estimate[i],
-                                      i < args.truth.size() ? warn : LogSink{}, &all.contents[i]));
-    if (!warn) continue;
-    const EvaluatedScene& scene = all.scenes.back();
     const std::string& estimate = args.estimate[i];
+    const std::size_t before = all.scenes.size();
+    // The same truth is read for every method; unknown keys need one warning.
+    const bool first_time = i < args.truth.size();
+    evaluate_one(args, truth, estimate, first_time ? warn : LogSink{}, warn, &all);
+    if (!warn || all.scenes.size() == before) continue;
+    const EvaluatedScene& scene = all.scenes.back();
     if (!scene.metric) warn(estimate + ": the result is up to scale");
     const std::string label = method_label(scene.method, scene.preset, scene.paper_terms);
     const auto [first, fresh] = by_label.emplace(std::make_pair(truth, label), estimate);
@@ -244,6 +313,17 @@ void check_subset(const std::string& path, const std::vector<SubsetEntry>& subse
   }
 }
 
+std::string tables_of(const std::vector<MethodTables>& tables, const Evaluation& all,
+                      bool markdown) {
+  std::string out = trajectory_text(all.trajectories, markdown);
+  for (const std::string& part : {markdown ? tables_markdown(tables) : tables_text(tables),
+                                  tracks_text(all.tracks, markdown)}) {
+    if (markdown && !out.empty() && !part.empty()) out += "\n";
+    out += part;
+  }
+  return out;
+}
+
 /// @param json  the tables, with the options that made them.
 void write_folder(const Command& command, const Arguments& args, const Evaluation& all,
                   const std::vector<MethodTables>& tables, const nlohmann::json& json,
@@ -251,8 +331,10 @@ void write_folder(const Command& command, const Arguments& args, const Evaluatio
   // Before the folder is there: where VTK's text has no memory, it may end the program.
   const std::map<std::string, Image> plots = draw_all_plots(all.scenes, all.truths, all.contents);
   AtomicFolder folder(args.out, args.overwrite);
-  write_file_atomically(folder.staging() / "tables.md", tables_markdown(tables));
-  write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
+  write_file_atomically(folder.staging() / "tables.md", tables_of(tables, all, true));
+  if (!all.scenes.empty()) {
+    write_file_atomically(folder.staging() / "vehicles.csv", vehicles_csv(all.scenes));
+  }
   write_json(json, folder.staging() / "tables.json");
   for (const auto& [name, plot] : plots) write_png(plot, folder.staging() / name);
   RunDocument run;
@@ -281,12 +363,17 @@ int run(const Command& command, const Arguments& args) {
   compute.stop();
   int counted = 0;
   for (const MethodTables& table : tables) counted += table.counted;
-  if (counted == 0) throw NoAnswerError("no true vehicle counts in the frames of the results");
+  if (counted == 0 && all.trajectories.empty())
+    throw NoAnswerError("no true vehicle counts in the frames of the results");
   nlohmann::json json = {
       {"version", kVersion},
       {"seed", command.common.seed},
       {"options", {{"truth", args.truth}, {"estimate", args.estimate}, {"subset", args.subset}}},
       {"tables", tables_json(tables)}};
+  for (const EvaluatedTrajectory& one : all.trajectories) {
+    json["trajectories"].push_back(to_json(one));
+  }
+  for (const EvaluatedTracks& one : all.tracks) json["tracks"].push_back(to_json(one));
   add_other_options(command, &json["options"]);
   if (!args.out.empty()) {
     const StageTimer write(timings, "write");
@@ -298,21 +385,25 @@ int run(const Command& command, const Arguments& args) {
     }
     std::printf("%s\n", json.dump(2).c_str());
   } else {
-    const std::string text = args.markdown ? tables_markdown(tables) : tables_text(tables);
-    std::printf("%s", text.c_str());
+    std::printf("%s", tables_of(tables, all, args.markdown).c_str());
   }
   return 0;
 }
 
 void add_arguments(App& app, Arguments& a) {
-  app.add_option("--truth", a.truth,
-                 "scene manifests (or their folders) with truth, or KITTI label files (.txt)")
-      ->required();
   app.add_option(
-         "--estimate", a.estimate,
-         "result folders, vehicles.json files, or KITTI label files (.txt; tilts from their "
-         ".tilt.csv, if there is one)")
+         "--truth", a.truth,
+         "scene manifests (or their folders) with truth, KITTI label files (.txt), or files "
+         "of poses (KITTI, TUM)")
       ->required();
+  app.add_option("--estimate", a.estimate,
+                 "result folders (of drives, too), vehicles.json, drive.json, trajectories (TUM, "
+                 "KITTI), or "
+                 "KITTI label files (.txt; tilts from their .tilt.csv, if there is one)")
+      ->required();
+  app.add_option("--times", a.times,
+                 "file of one time a row, s, of a --truth of poses without times, as KITTI's "
+                 "times.txt");
   app.add_option("--calib", a.calibration, "KITTI calibration file(s), for label files");
   app.add_option("--camera", a.camera, "camera of the label files' images")
       ->check(in_range(0, 3))
@@ -341,13 +432,20 @@ void register_evaluate(App& root) {
   Command* command = add_command(
       root, "evaluate",
       "The paper's tables: 3D localisation error of the vehicles by distance, recall, plane height "
-      "and normal under each vehicle, yaw, and whether the stated uncertainty holds. Estimates are "
+      "and normal under each vehicle, yaw, and whether the stated uncertainty holds. Of drives and "
+      "trajectories: KITTI's odometry measure, the length of the whole and of windows of 50 "
+      "frames, "
+      "ATE and RPE (joined at the first frame, aligned rigidly, and with scale), and CLEAR MOT "
+      "measures of the tracks. Estimates are "
       "paired with truths in order; with more estimates than truths (several methods), the truths "
       "start over.",
       "  camber evaluate --truth samples/steep_hill --estimate out/steep_hill\n"
       "  camber evaluate --truth a/scene.json b/scene.json --estimate a_joint b_joint a_flat "
       "b_flat --out tables\n"
-      "  camber evaluate --truth label_02/0009.txt --estimate lifted.txt --calib calib/0009.txt");
+      "  camber evaluate --truth label_02/0009.txt --estimate lifted.txt --calib calib/0009.txt\n"
+      "  camber evaluate --truth drive/scene.json --estimate out/drive\n"
+      "  camber evaluate --truth poses/03.txt --times 03/times.txt --estimate trajectory.tum "
+      "--json");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

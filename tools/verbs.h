@@ -22,7 +22,7 @@ inline constexpr Verb kVerbs[] = {
     {"lift", "clouds", "yaw-only 3D boxes of a detector put on a road surface"},
     {"export", "clouds", "the road for other programs: OpenCRG, OpenDRIVE, GeoTIFF, meshes"},
     {"compare", "frames", "an estimated cloud, mesh or result against dense truth"},
-    {"evaluate", "frames", "tables of vehicle localisation errors against truth"},
+    {"evaluate", "frames", "errors of vehicles, trajectories and tracks against truth"},
     {"render", "frames", "pictures, films, glTF or a report, without a display"},
     {"view", "clouds", "the interactive viewer"},
     {"import", "frames", "scene manifests from other data sets"},

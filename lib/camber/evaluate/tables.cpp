@@ -12,6 +12,7 @@
 
 #include "camber/core/csv_field.h"
 #include "camber/core/errors.h"
+#include "camber/evaluate/detail/text_table.h"
 
 namespace camber {
 
@@ -299,17 +300,7 @@ std::string tables_text(const std::vector<MethodTables>& tables) {
     if (!mark.empty()) out += mark + "\n";
     std::vector<std::vector<std::string>> lines{column_names()};
     for (const LocalisationRow& row : table.rows) lines.push_back(row_cells(row));
-    std::vector<std::size_t> widths(column_names().size());
-    for (const auto& line : lines) {
-      for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], line[i].size());
-    }
-    for (const auto& line : lines) {
-      out += "  " + fmt::format("{:<{}}", line[0], widths[0]);
-      for (std::size_t i = 1; i < line.size(); ++i) {
-        out += "  " + fmt::format("{:>{}}", line[i], widths[i]);
-      }
-      out += "\n";
-    }
+    out += detail::table_text(lines, false);
   }
   return out;
 }
@@ -321,16 +312,9 @@ std::string tables_markdown(const std::vector<MethodTables>& tables) {
     out += heading(table) + "\n\n";
     const std::string mark = marking(table);
     if (!mark.empty()) out += "**" + mark + "**\n\n";
-    out += "|";
-    for (const std::string& name : column_names()) out += " " + name + " |";
-    out += "\n|";
-    for (std::size_t i = 0; i < column_names().size(); ++i) out += i == 0 ? "---|" : "---:|";
-    out += "\n";
-    for (const LocalisationRow& row : table.rows) {
-      out += "|";
-      for (const std::string& text : row_cells(row)) out += " " + text + " |";
-      out += "\n";
-    }
+    std::vector<std::vector<std::string>> lines{column_names()};
+    for (const LocalisationRow& row : table.rows) lines.push_back(row_cells(row));
+    out += detail::table_text(lines, true);
   }
   return out;
 }

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace camber::detail {
+
+/// A table of cells, the first line its heading: columns to the right but for the first, indented
+/// by two blanks, or as a GitHub table.
+std::string table_text(const std::vector<std::vector<std::string>>& lines, bool markdown);
+
+}  // namespace camber::detail
