@@ -39,15 +39,16 @@ WEAK_MASS = 0.05
 # The belief's parameters: where the search begins, and whether it goes on in the logarithm (positive
 # numbers), in the logit (shares) or as it is.
 START = {
-    "noise.height": (0.01, "log"),
-    "noise.road_shape": (0.01, "log"),
-    "noise.size_population": (0.03, "log"),
+    "noise.height": (0.002, "log"),
+    "noise.road_shape": (0.002, "log"),
+    "noise.size_population": (0.04, "log"),
     "noise.wrong_focal_length": (0.02, "logit"),
     "noise.focal_length_spread": (0.5, "log"),
     "noise.vehicles_by_focal_length": (0.5, "plain"),
     "camera_height.spread": (1.0, "log"),
     "camera_height.freedom": (4.0, "log"),
     "camera_height.wrong_share": (0.01, "logit"),
+    "vehicle.freedom": (3.0, "log"),
     "lane_markings.spread": (1.0, "log"),
     "lane_markings.wrong_share": (0.05, "logit"),
     "plane_search.spread": (1.0, "log"),

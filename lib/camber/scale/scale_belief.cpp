@@ -120,8 +120,8 @@ std::vector<Node> focal_lengths(const std::vector<ScaleEvidence>& evidence,
   return likely;
 }
 
-/// The sources of the scale on a grid that reaches twice as far as the belief's, each way, so that
-/// they can be shifted.
+/// The sources of the scale on a grid that reaches twice as far as the belief's to each side, so
+/// that they can be shifted.
 class Sources {
  public:
   Sources(const std::vector<ScaleEvidence>& evidence, const ScaleBeliefNoise& noise)
@@ -218,7 +218,7 @@ class Sources {
   }
 
   const ScaleBeliefNoise& noise_;
-  int half_, margin_;  // points of the grid, each way
+  int half_, margin_;  // points of the grid, to each side
   std::vector<Source> sources_;
 };
 

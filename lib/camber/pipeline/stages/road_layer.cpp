@@ -15,8 +15,8 @@
 namespace camber {
 
 double RoadLayer::log_odds() const {
-  constexpr double kNothingSpeaksForIt = -4.0;
-  double out = kNothingSpeaksForIt + 8.0 * (1.0 - agreeing) + 8.0 * contested + 80.0 * obstructing;
+  constexpr double kNothingShowsOne = -4.0;
+  double out = kNothingShowsOne + 8.0 * (1.0 - agreeing) + 8.0 * contested + 80.0 * obstructing;
   if (!masked) return out;
   out += 6.15 * (1.0 - found);
   if (search == Search::kAmbiguous) out += 1.85;
