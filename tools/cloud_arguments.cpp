@@ -25,7 +25,6 @@ ReadOptions CloudArguments::read_options() const {
   options.lenient = lenient;
   options.columns = columns;
   if (!format.empty()) options.format = format_from_name(format);
-  if (!columns.empty() && !options.format) options.format = CloudFormat::kText;
   if (!crs.empty()) options.crs = crs_from_option(crs);
   if (scan >= 0) options.scan = static_cast<std::size_t>(scan);
   options.own_frame = own_frame;
@@ -48,7 +47,8 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
                  "pcd, ply, bin, las, e57 or text; default: by content, then by extension")
       ->no_name();
   app.add_option("--columns", arguments.columns,
-                 "columns of a text file without a header line: x,y,z,intensity (_ skips one)")
+                 "columns of a text file without a header line, or of a .bin: x,y,z,intensity (_ "
+                 "skips one)")
       ->no_name()
       ->delimiter(',');
   app.add_option("--crs", arguments.crs,
@@ -131,6 +131,17 @@ void warn_about_losses(const std::string& path, const PointStreamHeader& header,
     for (const std::string& what : report.las_only) {
       warn(fmt::format("{}: {} are not kept", path, what));
     }
+  }
+  const bool turned =
+      header.viewpoint && *header.viewpoint != std::array<double, 7>{0, 0, 0, 1, 0, 0, 0};
+  if (format != CloudFormat::kPcd && (header.height > 1 || turned)) {
+    const std::string rows =
+        fmt::format("that the points are in rows ({} x {})", header.width, header.height);
+    const std::string place = "where the sensor stood (VIEWPOINT)";
+    warn(fmt::format("{}: {} has no place in the output, which only PCD has", path,
+                     header.height <= 1 ? place
+                     : turned           ? rows + " and " + place
+                                        : rows));
   }
   const CoordinateSystem* const crs = header.crs ? &*header.crs : nullptr;
   const bool copied = las && header.records;

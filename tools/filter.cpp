@@ -217,8 +217,10 @@ json clean(const Arguments& args, double metre, int threads, Collected& kept,
 
 /// What is left in memory as a source: a LAS file's own records, else the cloud.
 std::unique_ptr<PointSource> source_of(Collected& kept, const PointStreamHeader& header,
-                                       bool with_normals) {
-  if (kept.records.empty()) return with_crs(make_point_source(kept.cloud), header.crs);
+                                       bool with_normals, bool same_order) {
+  if (kept.records.empty()) {
+    return with_layout(with_crs(make_point_source(kept.cloud), header.crs), header, same_order);
+  }
   auto source = make_las_rows(header, std::move(kept.records), std::move(kept.order));
   if (with_normals) source = add_normals(std::move(source), kept.cloud.normals);
   return source;
@@ -302,7 +304,8 @@ int run(const Command& command, const Arguments& args) {
   if (works_in_memory(args)) {
     written.steps = clean(args, metre, command.common.threads, kept, not_finite.get());
     if (!input) input = std::move(source);
-    source = source_of(kept, input->header(), args.normals > 0);
+    const bool same_order = !args.morton && args.voxel <= 0.0;
+    source = source_of(kept, input->header(), args.normals > 0, same_order);
   }
   compute.stop();
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "camber/cloud/detail/las_format.h"
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/stream_filters.h"
 #include "cloud/cloud_files.h"
@@ -296,6 +297,77 @@ INSTANTIATE_TEST_SUITE_P(Formats, LasCopy,
                            return "Version" + std::to_string(instance.param.first) + "Format" +
                                   std::to_string(instance.param.second);
                          });
+
+/// A file whose extra bytes two programs have described, each in a record of its own.
+/// @param second  descriptions of the second record
+/// @param behind  the second record is one behind the points
+std::string two_descriptions(const std::string& second, bool behind) {
+  constexpr std::size_t kPoints = 5, kRecord = 20 + 3, kHeader = 375;
+  const auto record = [](const std::string& content, bool extended) {
+    std::string out(extended ? 60 : 54, '\0');
+    out.replace(2, 9, "LASF_Spec");
+    out[18] = 4;
+    set(out, 20, static_cast<std::uint16_t>(content.size()));
+    return out + content;
+  };
+  const std::string first = detail::describe_extra_bytes("Deviation", ScalarType::kUint16);
+  std::string h(kHeader, '\0');
+  h.replace(0, 4, "LASF");
+  h[24] = 1;
+  h[25] = 4;
+  set(h, 94, static_cast<std::uint16_t>(kHeader));
+  h[100] = behind ? 1 : 2;
+  set(h, 105, static_cast<std::uint16_t>(kRecord));
+  set(h, 107, static_cast<std::uint32_t>(kPoints));
+  set(h, 247, static_cast<std::uint64_t>(kPoints));
+  for (std::size_t axis = 0; axis < 3; ++axis) set(h, 131 + 8 * axis, 0.01);
+  std::string records = record(first, false), points(kPoints * kRecord, '\0'), tail;
+  (behind ? tail : records) += record(second, behind);
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    set(points, i * kRecord, static_cast<std::int32_t>(100 * i));
+    set(points, i * kRecord + 20, static_cast<std::uint16_t>(1000 + i));
+    points[i * kRecord + 22] = static_cast<char>(50 + i);
+  }
+  set(h, 96, static_cast<std::uint32_t>(kHeader + records.size()));
+  if (behind) {
+    set(h, 235, static_cast<std::uint64_t>(kHeader + records.size() + points.size()));
+    h[243] = 1;
+  }
+  return h + records + points + tail;
+}
+
+TEST(LasExtraBytes, OfTwoRecordsAreAllThereAndOneDescribesThemWhereOneIsAdded) {
+  const std::string confidence = detail::describe_extra_bytes("confidence", ScalarType::kUint8);
+  const std::string both =
+      detail::describe_extra_bytes("Deviation", ScalarType::kUint16) + confidence;
+  for (const std::string& second : {confidence, both}) {
+    for (const bool behind : {false, true}) {
+      const std::string bytes = two_descriptions(second, behind);
+      const CloudFile file = read_from_memory(bytes, "a.las");
+      EXPECT_EQ(file.cloud.labels.at("Deviation"),
+                (std::vector<int>{1000, 1001, 1002, 1003, 1004}));
+      EXPECT_EQ(file.cloud.labels.at("confidence"), (std::vector<int>{50, 51, 52, 53, 54}));
+      EXPECT_EQ(copy(*open(bytes)), bytes);
+      const std::vector<int> patches = {3, 1, 4, 1, 5};
+      const std::string out = copy(*add_label(open(bytes), "patch", patches));
+      const auto again = open(out);
+      const LasFile& las = *again->header().las;
+      EXPECT_EQ(las.record_length, 20u + 3u + 4u);
+      int describing = 0;
+      for (const LasRecord& r : las.records) {
+        if (r.user_id != "LASF_Spec" || r.record_id != 4) continue;
+        ++describing;
+        EXPECT_EQ(r.length, 3u * 192u);
+        EXPECT_FALSE(r.extended);
+      }
+      EXPECT_EQ(describing, 1);
+      EXPECT_EQ(las.described_length(), las.extra_length());
+      const CloudFile labelled = read_from_memory(out, "a.las");
+      EXPECT_EQ(labelled.cloud.labels.at("confidence"), file.cloud.labels.at("confidence"));
+      EXPECT_EQ(labelled.cloud.labels.at("patch"), patches);
+    }
+  }
+}
 
 TEST(LasRows, InAnotherOrderWithNormals) {
   const Made made = make_file(4, 7);

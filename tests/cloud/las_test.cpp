@@ -197,6 +197,34 @@ TEST(Las, ExtraBytesWithScaleArraysAndNames) {
   EXPECT_THAT(read_error(bytes, "a.las"), HasSubstr("expected the 11 that are described"));
 }
 
+TEST(Las, TimesOfAnotherFormatKeepTheirKind) {
+  const auto kind = [](double time) {
+    PointStreamHeader header;
+    for (const char* const name : {"x", "y", "z", "gps_time"}) {
+      PointField field;
+      field.name = name;
+      field.type = ScalarType::kFloat64;
+      header.fields.push_back(field);
+    }
+    const double values[] = {1.0, 2.0, 3.0, time};
+    PointBatch batch;
+    batch.count = 1;
+    for (const double& value : values) {
+      batch.fields.push_back({reinterpret_cast<const unsigned char*>(&value), sizeof value});
+    }
+    std::ostringstream out;
+    const auto sink = make_point_sink(out, header, CloudFormat::kLas, CloudEncoding::kBinary);
+    sink->write(batch);
+    sink->finish();
+    EXPECT_EQ(get<double>(out.str(), out.str().size() - 8), time);
+    return get<std::uint16_t>(out.str(), 6) & 1;
+  };
+  EXPECT_EQ(kind(3.9e8), 1);
+  EXPECT_EQ(kind(-2.5e8), 1);
+  EXPECT_EQ(kind(604799.5), 0);
+  EXPECT_EQ(kind(0.0), 0);
+}
+
 TEST(Las, WriterFillsTheHeader) {
   RoadCloud cloud;
   cloud.points = {{1.0f, -2.0f, 3.0f}, {4.0f, 5.0f, -6.0f}};

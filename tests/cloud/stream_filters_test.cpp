@@ -378,6 +378,62 @@ class Endless : public PointSource {
   std::vector<float> values_;
 };
 
+/// What a PCD's header has behind a key.
+std::string pcd_header(const fs::path& file, const std::string& key) {
+  std::ifstream in(file);
+  for (std::string line; std::getline(in, line);) {
+    if (line.rfind(key + " ", 0) == 0) return line.substr(key.size() + 1);
+  }
+  return "none";
+}
+
+TEST(Streams, RowsAndViewpointOfAPcdAreKeptWhereNoPointIsLeftOut) {
+  const test::TemporaryFolder folder;
+  const fs::path in = folder.path() / "in.pcd";
+  std::ofstream(in) << "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 3\n"
+                       "HEIGHT 2\nVIEWPOINT 1 2 1.5 0 1 0 0\nPOINTS 6\nDATA ascii\n"
+                       "0 0 1\n1 0 1\nnan nan nan\n0 1 1\n1 1 1\n2 1 1\n";
+  const fs::path out = folder.path() / "out.pcd";
+  for (const CloudEncoding encoding :
+       {CloudEncoding::kAscii, CloudEncoding::kBinary, CloudEncoding::kCompressed}) {
+    WriteOptions options;
+    options.encoding = encoding;
+    std::vector<std::string> notes;
+    write_points(*open_point_source(in), out, options, {}, &notes);
+    EXPECT_TRUE(notes.empty());
+    EXPECT_EQ(pcd_header(out, "WIDTH"), "3");
+    EXPECT_EQ(pcd_header(out, "HEIGHT"), "2");
+    EXPECT_EQ(pcd_header(out, "VIEWPOINT"), "1 2 1.5 0 1 0 0");
+    const CloudFile file = read_cloud_file(out);
+    EXPECT_EQ(file.report.width, 3u);
+    EXPECT_EQ(file.cloud.points[5], Eigen::Vector3f(2, 1, 1));
+    // A selection does not know beforehand whether it leaves something out.
+    for (const bool all : {true, false}) {
+      write_points(*select_points(open_point_source(in),
+                                  [all](const Eigen::Vector3d& x) { return all || x.x() < 2.0; }),
+                   out, options, {}, &notes);
+      EXPECT_EQ(pcd_header(out, "HEIGHT"), all ? "2" : "1");
+      EXPECT_EQ(pcd_header(out, "VIEWPOINT"), "1 2 1.5 0 1 0 0");
+      EXPECT_EQ(notes.size(), all ? 0u : 1u);
+      EXPECT_EQ(read_cloud(out).size(), all ? 6u : 4u);
+    }
+  }
+  std::vector<int> values(6, 4);
+  write_labelled_copy(in, {}, "ground", values, out);
+  EXPECT_EQ(pcd_header(out, "HEIGHT"), "2");
+}
+
+TEST(Streams, AViewpointThatIsNoneIsPassedOver) {
+  const std::string head = "FIELDS x y\nSIZE 4 4\nTYPE F F\nCOUNT 1 1\nWIDTH 1\nHEIGHT 1\n";
+  const std::string tail = "POINTS 1\nDATA ascii\n1 2\n";
+  for (const std::string viewpoint : {"1 2 3", "1 2 3 4 5 6 nan", "a b c d e f g"}) {
+    const CloudFile file =
+        test::read_from_memory(head + "VIEWPOINT " + viewpoint + "\n" + tail, "a.pcd");
+    EXPECT_EQ(file.cloud.size(), 1u);
+    EXPECT_THAT(file.report.notes, ::testing::Contains(::testing::HasSubstr("VIEWPOINT")));
+  }
+}
+
 TEST(Streams, ConvertAndThinInConstantMemory) {
   const test::TemporaryFolder folder;
   constexpr std::uint64_t kCount = 3000000;  // 48 MB

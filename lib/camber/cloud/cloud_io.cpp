@@ -81,6 +81,11 @@ std::optional<CloudFormat> format_from_content(FileReader& file) {
 std::unique_ptr<PointSource> open_whole(std::unique_ptr<FileReader> file,
                                         const ReadOptions& options) {
   std::optional<CloudFormat> format = options.format;
+  // Names for columns are for files that have none themselves.
+  if (!format && !options.columns.empty()) {
+    const bool bin = format_from_extension(file->name()) == CloudFormat::kKittiBin;
+    format = bin ? CloudFormat::kKittiBin : CloudFormat::kText;
+  }
   if (!format) format = format_from_content(*file);
   const bool text = format.value_or(CloudFormat::kText) == CloudFormat::kText;
   if (text && extension_of(file->name()) == ".ptx") return open_ptx(std::move(file), options);

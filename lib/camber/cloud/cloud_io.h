@@ -18,7 +18,7 @@ namespace camber {
 enum class CloudFormat {
   kPcd,       ///< Point Cloud Library: ASCII, binary or binary_compressed
   kPly,       ///< Polygon files: ASCII, little or big endian; vertices are the points
-  kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance
+  kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance; others alike
   kLas,       ///< LAS 1.0 to 1.5, uncompressed
   kE57,       ///< ASTM E2807; read only
   kText,      ///< XYZ or CSV: one point a line; PTX (read only)
@@ -41,8 +41,9 @@ struct ReadOptions {
   /// Overrides the recognition by content and extension; for text this is needed where the
   /// extension is not one of text.
   std::optional<CloudFormat> format;
-  /// Text only: names of the columns of a file without a header line ("x", "y", "z", "intensity",
-  /// ...; "_" skips one). Empty: the header line, or x y z and further columns by number.
+  /// Names of the columns of a text file without a header line, or of the floats of a point of a
+  /// .bin ("x", "y", "z", "intensity", ...; "_" skips one). Empty: the header line, or x y z and
+  /// further columns by number; of a .bin what its numbers show (KITTI 4, nuScenes 5, others 3, 6).
   std::vector<std::string> columns;
   /// The coordinate system of the file, whatever it states itself.
   std::optional<CoordinateSystem> crs;

@@ -1,15 +1,20 @@
-// KITTI's velodyne scans: little-endian float32 x, y, z, reflectance and nothing else.
+// KITTI's velodyne scans: little-endian float32 x, y, z, reflectance and nothing else; on reading
+// also the like of other projects with more or fewer columns (nuScenes: a ring).
 
+#include <array>
 #include <cmath>
+#include <set>
 
+#include "camber/cloud/detail/bin_layout.h"
 #include "camber/cloud/formats.h"
+#include "camber/cloud/las_names.h"
 #include "camber/cloud/number_text.h"
+#include "camber/core/lower_case.h"
 
 namespace camber {
 namespace {
 
-constexpr std::size_t kRecord = 16;  // bytes
-constexpr float kLargest = 1e6f;     // m; no header distinguishes a scan from any other file
+constexpr float kLargest = 1e6f;  // m; no header distinguishes a scan from any other file
 
 class KittiBinSource : public FormatSource {
  public:
@@ -18,26 +23,25 @@ class KittiBinSource : public FormatSource {
     report_.format = CloudFormat::kKittiBin;
     take_crs({});
     report_.encoding = "binary little endian";
-    const std::uint64_t count = file_->size() / kRecord;
-    if (file_->size() % kRecord != 0) {
-      if (!options.lenient) {
-        throw InputError(file_->name(), "found " + std::to_string(file_->size()) +
-                                            " bytes, expected a multiple of 16 (float32 x y z "
-                                            "reflectance)");
-      }
-      report_.drop("truncated", 1);
-    }
+    const std::vector<std::string> columns = choose_columns();
+    record_ = columns.size() * sizeof(float);
+    const std::uint64_t count = file_->size() / record_;
+    if (file_->size() % record_ != 0) report_.drop("truncated", 1);
     header_.count = count;
     std::vector<RecordReader::Field> places;
-    for (const char* const name : {"x", "y", "z", "intensity"}) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      if (columns[c] == "_") continue;
       PointField field;
-      field.name = name;
+      field.name = columns[c];
       header_.fields.push_back(field);
       RecordReader::Field place;
-      place.offset = 4 * places.size();
+      place.offset = c * sizeof(float);
       places.push_back(place);
     }
-    records_ = RecordReader(kRecord, std::move(places), count, false);
+    check_fields("--columns");
+    position_ = find_roles(header_.fields).position;
+    for (const RecordReader::Field& place : places) offsets_.push_back(place.offset);
+    records_ = RecordReader(record_, std::move(places), count, false);
   }
 
   bool next(PointBatch& batch) override {
@@ -45,10 +49,12 @@ class KittiBinSource : public FormatSource {
     const bool more = records_.next(*file_, batch);
     report_.points += batch.count;
     for (std::size_t i = 0; i < batch.count && !options_.lenient; ++i) {
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const float value = batch.fields[axis].get<float>(i);
+      for (const int field : position_) {
+        if (field < 0) continue;
+        const std::size_t f = static_cast<std::size_t>(field);
+        const float value = batch.fields[f].get<float>(i);
         if (std::abs(value) < kLargest) continue;
-        file_->fail_at((first + i) * kRecord + 4 * axis,
+        file_->fail_at((first + i) * record_ + offsets_[f],
                        "found the coordinate " + std::to_string(value) +
                            ", expected one below 1000 km (is this a KITTI scan?)");
       }
@@ -57,7 +63,38 @@ class KittiBinSource : public FormatSource {
   }
 
  private:
+  /// Those of the options, else those that the numbers show.
+  std::vector<std::string> choose_columns() {
+    if (options_.columns.empty()) {
+      const detail::BinLayout layout = detail::find_bin_layout(*file_->bytes(), options_.lenient);
+      if (!layout.kitti) {
+        std::string names;
+        for (const std::string& name : layout.columns) names += " " + name;
+        report_.notes.push_back("its points have " + std::to_string(layout.columns.size()) +
+                                " floats, not KITTI's four, and are read as" + names);
+      }
+      return layout.columns;
+    }
+    std::set<std::string> names;
+    for (const std::string& name : options_.columns) {
+      if (name != "_" && !names.insert(name).second) {
+        throw InputError(file_->name(), "found the column '" + name +
+                                            "' twice in --columns, expected different names");
+      }
+    }
+    const std::size_t record = options_.columns.size() * sizeof(float);
+    if (file_->size() % record != 0 && !options_.lenient) {
+      throw InputError(file_->name(), "found " + std::to_string(file_->size()) +
+                                          " bytes, expected a multiple of " +
+                                          std::to_string(record) + ", the columns' float32");
+    }
+    return options_.columns;
+  }
+
   RecordReader records_;
+  std::size_t record_ = 0;            // bytes
+  std::vector<std::size_t> offsets_;  // of the fields in a record
+  std::array<int, 3> position_{-1, -1, -1};
 };
 
 class KittiBinSink : public PointSink {
@@ -65,11 +102,14 @@ class KittiBinSink : public PointSink {
   KittiBinSink(std::ostream& out, const PointStreamHeader& header) : out_(out), header_(header) {
     const FieldRoles roles = find_roles(header.fields);
     for (std::size_t axis = 0; axis < 3; ++axis) fields_[axis] = roles.position[axis];
-    for (const char* const name : {"intensity", "reflectance", "scalar_intensity", "Intensity"}) {
+    // An exact name goes before those of other programs, and those before "reflectance".
+    for (const int turn : {0, 1, 2}) {
       for (const int field : roles.others) {
-        if (fields_[3] < 0 && header.fields[static_cast<std::size_t>(field)].name == name) {
-          fields_[3] = field;
-        }
+        const std::string& name = header.fields[static_cast<std::size_t>(field)].name;
+        const bool good = turn == 0   ? name == "intensity"
+                          : turn == 1 ? las_attribute(name) == "intensity"
+                                      : lower_case(name) == "reflectance";
+        if (fields_[3] < 0 && good) fields_[3] = field;
       }
     }
   }

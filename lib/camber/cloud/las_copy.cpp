@@ -85,7 +85,7 @@ class LasCopySink : public PointSink {
   };
 
   void find_changes();
-  std::string describe_new() const;
+  std::string describe_extra_bytes() const;
   void write_head();
   std::string changed_records(std::uint32_t* count) const;
   void copy_bytes(std::uint64_t from, std::uint64_t to);
@@ -94,7 +94,11 @@ class LasCopySink : public PointSink {
   void count_in_header();
   bool is_replaced(const LasRecord& record) const {
     const bool crs = header_.crs && header_.crs->given;
-    return crs && detail::is_projection_record(record.user_id, record.record_id);
+    return (crs && detail::is_projection_record(record.user_id, record.record_id)) ||
+           (!new_fields_.empty() && describes_extra_bytes(record));
+  }
+  static bool describes_extra_bytes(const LasRecord& record) {
+    return record.user_id == "LASF_Spec" && record.record_id == 4;
   }
 
   void set_class(char* row, unsigned value) const {
@@ -170,10 +174,14 @@ void LasCopySink::find_changes() {
   }
 }
 
-/// Descriptions of what is appended. Bytes before them that nothing describes are described as
-/// such: descriptions count from the first extra byte.
-std::string LasCopySink::describe_new() const {
+/// The descriptions that the file has, of all its records, and those of what is appended. Bytes
+/// between them that nothing describes are described as such: descriptions count from the first
+/// extra byte.
+std::string LasCopySink::describe_extra_bytes() const {
   std::string out;
+  for (const LasExtraBytes& extra : las_.extra_bytes) {
+    out += las_.bytes->read(extra.content, kLasExtraDescription);
+  }
   const std::size_t described = las_.described_length(), there = las_.extra_length();
   if (described > there) {
     throw std::invalid_argument(
@@ -189,33 +197,33 @@ std::string LasCopySink::describe_new() const {
   for (const std::size_t f : new_fields_) {
     out += detail::describe_extra_bytes(header_.fields[f].name, header_.fields[f].type);
   }
+  if (out.size() > UINT16_MAX) {
+    throw std::invalid_argument("the file has too many extra attributes to add one");
+  }
   return out;
 }
 
-/// The records before the points with one of extra bytes that describes the new ones, and with the
-/// coordinate system that was given, if one was.
+/// The records before the points, with one of extra bytes that describes all of them where some are
+/// new, and with the coordinate system that was given, if one was.
 std::string LasCopySink::changed_records(std::uint32_t* count) const {
   std::string out;
   bool described = new_fields_.empty();
   for (const LasRecord& record : las_.records) {
-    if (record.extended || is_replaced(record)) continue;
-    std::string bytes = las_.bytes->read(record.start, kLasRecordHeader + record.length);
-    if (!described && record.user_id == "LASF_Spec" && record.record_id == 4) {
-      // Some writers leave a rest behind the last description.
-      const std::size_t whole = record.length / kLasExtraDescription * kLasExtraDescription;
-      bytes.resize(kLasRecordHeader + whole);
-      bytes += describe_new();
-      if (bytes.size() - kLasRecordHeader > UINT16_MAX) {
-        throw std::invalid_argument("the file has too many extra attributes to add one");
-      }
+    if (record.extended) continue;
+    if (!is_replaced(record)) {
+      out += las_.bytes->read(record.start, kLasRecordHeader + record.length);
+    } else if (!described && describes_extra_bytes(record)) {
+      std::string bytes = las_.bytes->read(record.start, kLasRecordHeader) + describe_extra_bytes();
       store(bytes, 20, static_cast<std::uint16_t>(bytes.size() - kLasRecordHeader));
+      out += bytes;
       described = true;
+    } else {
+      continue;
     }
-    out += bytes;
     ++*count;
   }
   if (!described) {
-    out += detail::las_record("LASF_Spec", 4, "extra bytes", describe_new());
+    out += detail::las_record("LASF_Spec", 4, "extra bytes", describe_extra_bytes());
     ++*count;
   }
   if (header_.crs && header_.crs->given) {
@@ -259,8 +267,8 @@ void LasCopySink::write_head() {
   copy_bytes(las_.records_end, las_.points_start);
 }
 
-/// What stands behind the points. A coordinate system there that another one replaces is marked as
-/// superseded (LASF_Spec 7).
+/// What stands behind the points. A coordinate system or a description of extra bytes there that
+/// another one replaces is marked as superseded (LASF_Spec 7).
 void LasCopySink::copy_tail() {
   std::uint64_t at = las_.points_end;
   for (const LasRecord& record : las_.records) {

@@ -56,6 +56,7 @@ class Reader {
   void find_points();
   void read_extended_records();
   void read_extra_descriptions();
+  std::vector<LasExtraBytes> read_extra_descriptions(const LasRecord& record) const;
   void read_coordinate_system();
   LasRecord read_record_header(std::uint64_t start, bool extended) const;
   const LasRecord* find(const char* user, int id) const;
@@ -262,20 +263,38 @@ std::string Reader::content(const LasRecord* record) const {
   return file_.read(record->content, std::min(record->length, kMostCrsBytes));
 }
 
+/// Where several programs have added attributes, each may have added a record. One that describes
+/// all bytes by itself stands for all of them.
 void Reader::read_extra_descriptions() {
-  const LasRecord* const record = find("LASF_Spec", 4);
-  if (!record) return;
-  const std::string all = file_.read(record->content, std::min(record->length, kMostDescriptions));
+  std::vector<std::vector<LasExtraBytes>> by_record;
+  for (const LasRecord& record : out_.records) {
+    if (record.user_id == "LASF_Spec" && record.record_id == 4) {
+      by_record.push_back(read_extra_descriptions(record));
+      out_.extra_bytes.insert(out_.extra_bytes.end(), by_record.back().begin(),
+                              by_record.back().end());
+    }
+  }
+  if (by_record.size() < 2 || out_.described_length() <= out_.extra_length()) return;
+  for (const std::vector<LasExtraBytes>& one : by_record) {
+    std::size_t length = 0;
+    for (const LasExtraBytes& extra : one) length += extra.size;
+    if (length == out_.extra_length()) out_.extra_bytes = one;
+  }
+}
+
+std::vector<LasExtraBytes> Reader::read_extra_descriptions(const LasRecord& record) const {
+  std::vector<LasExtraBytes> out;
+  const std::string all = file_.read(record.content, std::min(record.length, kMostDescriptions));
   for (std::size_t at = 0; at + kLasExtraDescription <= all.size(); at += kLasExtraDescription) {
     LasExtraBytes extra;
+    extra.content = record.content + at;
     extra.type = static_cast<unsigned char>(all[at + 2]);
     extra.options = static_cast<unsigned char>(all[at + 3]);
     extra.name = text(all, at + 4, 32);
     extra.description = text(all, at + 160, 32);
     if (extra.type > 30) {
-      file_.fail_at(
-          record->content + at + 2,
-          "found extra bytes of type " + std::to_string(extra.type) + ", expected 0 to 30");
+      file_.fail_at(record.content + at + 2, "found extra bytes of type " +
+                                                 std::to_string(extra.type) + ", expected 0 to 30");
     }
     if (extra.type == 0) {
       extra.size = static_cast<std::size_t>(extra.options);
@@ -288,8 +307,9 @@ void Reader::read_extra_descriptions() {
         if (extra.options & 0x10) extra.offset[k] = load<double>(all, at + 136 + 8 * k);
       }
     }
-    out_.extra_bytes.push_back(std::move(extra));
+    out.push_back(std::move(extra));
   }
+  return out;
 }
 
 /// The header's bit 4 decides which of the two kinds counts; the other is taken where there is one

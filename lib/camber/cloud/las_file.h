@@ -28,8 +28,9 @@ struct LasExtraBytes {
   std::string name, description;
   int type = 0;  ///< 1 to 30; 0: `options` bytes of which nothing is known
   int options = 0;
-  std::size_t elements = 0;  ///< 1 to 3; of type 0 none
-  std::size_t size = 0;      ///< bytes a point
+  std::size_t elements = 0;   ///< 1 to 3; of type 0 none
+  std::size_t size = 0;       ///< bytes a point
+  std::uint64_t content = 0;  ///< where the description starts in the file
   std::array<double, 3> scale{1.0, 1.0, 1.0}, offset{0.0, 0.0, 0.0};
 
   bool scaled() const { return (options & 0x18) != 0; }
@@ -46,11 +47,11 @@ struct LasFile {
   std::uint64_t legacy_count = 0, declared_count = 0;
   std::vector<std::uint64_t> points_by_return;  ///< 5, from version 1.4 on 15
   std::array<double, 3> scale{1, 1, 1}, offset{0, 0, 0}, minimum{0, 0, 0}, maximum{0, 0, 0};
-  std::vector<LasRecord> records;  ///< those before the points first
-  std::vector<LasExtraBytes> extra_bytes;
-  std::uint64_t records_end = 0;   ///< where the last record before the points ends
-  std::uint64_t points_start = 0;  ///< bytes
-  std::uint64_t points = 0;        ///< those that the file has room for
+  std::vector<LasRecord> records;          ///< those before the points first
+  std::vector<LasExtraBytes> extra_bytes;  ///< of all records that describe some, in their order
+  std::uint64_t records_end = 0;           ///< where the last record before the points ends
+  std::uint64_t points_start = 0;          ///< bytes
+  std::uint64_t points = 0;                ///< those that the file has room for
   std::uint64_t points_end = 0;
   CoordinateSystem crs;
   std::shared_ptr<const FileBytes> bytes;

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "camber/cloud/detail/las_format.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/las_file.h"
+#include "camber/cloud/las_names.h"
 #include "camber/cloud/number_text.h"
 
 namespace camber {
@@ -27,6 +29,8 @@ constexpr double kMostSteps = std::numeric_limits<std::int32_t>::max();
 /// Coordinates within it may be degrees: a square of 111 km at most, m or degrees.
 constexpr double kSmallExtent = 1.0;
 
+constexpr double kWeek = 604800.0;  // s
+
 constexpr double kEarthRadius = 6378137.0;  // m, of WGS 84
 constexpr double kEquator = 2.0 * M_PI * kEarthRadius;
 
@@ -45,9 +49,12 @@ class LasSink : public PointSink {
     color_ = roles.color;
     packed_ = roles.packed_color;
     std::vector<bool> standard(header.fields.size(), false);
-    const auto find = [&](const char* name) {
-      for (std::size_t f = 0; f < header.fields.size(); ++f) {
-        if (header.fields[f].name == name) {
+    // An exact name goes before those of other programs.
+    const auto find = [&](std::string_view name) {
+      for (const bool exact : {true, false}) {
+        for (std::size_t f = 0; f < header.fields.size(); ++f) {
+          const std::string& own = header.fields[f].name;
+          if (exact ? own != name : las_attribute(own) != name) continue;
           standard[f] = true;
           return static_cast<int>(f);
         }
@@ -68,9 +75,12 @@ class LasSink : public PointSink {
     source_id_ = find("point_source_id");
     time_ = find("gps_time");
     infrared_ = find("nir");
+    flags_ = {find("synthetic"), find("key_point"), find("withheld"), find("overlap")};
     // An intensity in other units is kept as it is, beside the standard field.
-    if (intensity_ >= 0 && is_float(type(intensity_))) {
+    if (intensity_ >= 0 && is_float(type(intensity_)) &&
+        !header.fields[static_cast<std::size_t>(intensity_)].fits_uint16) {
       standard[static_cast<std::size_t>(intensity_)] = false;
+      other_intensity_ = header.fields[static_cast<std::size_t>(intensity_)].name;
       intensity_ = -1;
     }
     for (const int f : position_) mark(standard, f);
@@ -79,8 +89,12 @@ class LasSink : public PointSink {
     if (!full_color_) full_color_ = header.full_color;
     mark(standard, packed_);
     const bool has_color = color_[0] >= 0 || packed_ >= 0;
-    const bool extended =
-        angle_ >= 0 || channel_ >= 0 || infrared_ >= 0 || (classification_ >= 0 && angle_rank_ < 0);
+    // The older formats are for what comes from them: their classes end at 31, their angles are
+    // whole.
+    const bool old = angle_rank_ >= 0 && !is_float(type(angle_rank_)) &&
+                     header.fields[static_cast<std::size_t>(angle_rank_)].name == "scan_angle_rank";
+    const bool extended = angle_ >= 0 || channel_ >= 0 || infrared_ >= 0 || flags_[3] >= 0 ||
+                          (classification_ >= 0 && !old);
     format_id_ = extended ? (infrared_ >= 0 ? 8
                              : has_color    ? 7
                                             : 6)
@@ -128,6 +142,15 @@ class LasSink : public PointSink {
 
   std::vector<std::string> notes() const override {
     std::vector<std::string> notes;
+    if (!other_intensity_.empty() && count_ > 0) {
+      notes.push_back("the intensities '" + other_intensity_ +
+                      "' are not all whole numbers from 0 to 65535, as LAS's own field holds: they "
+                      "are extra bytes, and that field is 0");
+    }
+    for (const auto& [name, count] : cut_) {
+      notes.push_back("of the attribute '" + name + "' " + std::to_string(count) +
+                      " values are not as LAS's own field holds them and are rounded or cut");
+    }
     if (header_.grid || count_ == 0) return notes;
     const auto rounded = [](const char* what, double step) {
       std::string note = std::string("the ") + what + " are rounded to multiples of ";
@@ -160,9 +183,21 @@ class LasSink : public PointSink {
                      : batch.fields[static_cast<std::size_t>(field)].number(type(field), i);
   }
   double clamped(const PointBatch& batch, int field, std::size_t i, double largest,
-                 double otherwise = 0.0) const {
+                 double otherwise = 0.0) {
     const double v = value(batch, field, i, otherwise);
-    return v > 0.0 ? std::min(std::floor(v + 0.5), largest) : 0.0;
+    const double kept = v > 0.0 ? std::min(std::floor(v + 0.5), largest) : 0.0;
+    if (kept != v && field >= 0) ++cut_[header_.fields[static_cast<std::size_t>(field)].name];
+    return kept;
+  }
+
+  /// Those of one attribute, and those that have attributes of their own.
+  unsigned class_flags(const PointBatch& batch, std::size_t i) {
+    unsigned flags =
+        static_cast<unsigned>(clamped(batch, class_flags_, i, format_.extended ? 15.0 : 7.0));
+    for (std::size_t bit = 0; bit < flags_.size(); ++bit) {
+      if (clamped(batch, flags_[bit], i, 1.0) > 0.0) flags |= 1u << bit;
+    }
+    return flags;
   }
 
   /// As fine as the step in metres and no finer than the extent allows: 1, 2 or 5 times a power of
@@ -234,10 +269,9 @@ class LasSink : public PointSink {
     const unsigned edge = static_cast<unsigned>(clamped(batch, edge_, i, 1.0));
     if (format_.extended) {
       text_[at + 14] = static_cast<char>(number | returns << 4);
-      text_[at + 15] =
-          static_cast<char>(static_cast<unsigned>(clamped(batch, class_flags_, i, 15.0)) |
-                            static_cast<unsigned>(clamped(batch, channel_, i, 3.0)) << 4 |
-                            direction << 6 | edge << 7);
+      text_[at + 15] = static_cast<char>(
+          class_flags(batch, i) | static_cast<unsigned>(clamped(batch, channel_, i, 3.0)) << 4 |
+          direction << 6 | edge << 7);
       text_[at + 16] =
           static_cast<char>(static_cast<std::uint8_t>(clamped(batch, classification_, i, 255.0)));
       text_[at + 17] =
@@ -252,16 +286,19 @@ class LasSink : public PointSink {
       text_[at + 14] = static_cast<char>(number | returns << 3 | direction << 6 | edge << 7);
       text_[at + 15] =
           static_cast<char>(static_cast<unsigned>(clamped(batch, classification_, i, 31.0)) |
-                            static_cast<unsigned>(clamped(batch, class_flags_, i, 7.0)) << 5);
+                            class_flags(batch, i) << 5);
       const double rank = value(batch, angle_rank_, i);
-      text_[at + 16] = static_cast<char>(
-          static_cast<std::int8_t>(std::isfinite(rank) ? std::clamp(rank, -128.0, 127.0) : 0.0));
+      text_[at + 16] = static_cast<char>(static_cast<std::int8_t>(
+          std::isfinite(rank) ? std::clamp(std::round(rank), -128.0, 127.0) : 0.0));
       text_[at + 17] =
           static_cast<char>(static_cast<std::uint8_t>(clamped(batch, user_data_, i, 255.0)));
       store(text_, at + 18, static_cast<std::uint16_t>(clamped(batch, source_id_, i, 65535.0)));
     }
-    if (format_.time >= 0)
-      store(text_, at + static_cast<std::size_t>(format_.time), value(batch, time_, i));
+    if (format_.time >= 0) {
+      const double time = value(batch, time_, i);
+      beyond_week_ = beyond_week_ || time < 0.0 || time > kWeek;
+      store(text_, at + static_cast<std::size_t>(format_.time), time);
+    }
     if (format_.color >= 0) {
       for (std::size_t c = 0; c < 3; ++c) {
         store(text_, at + static_cast<std::size_t>(format_.color) + 2 * c,
@@ -351,7 +388,10 @@ class LasSink : public PointSink {
     store(h, 58, "Camber", 6);
     // Formats 6 and later ask for the coordinate system in well-known text, if there is one.
     const bool wkt = header_.crs && detail::takes_wkt(*header_.crs, format_id_);
-    const unsigned time_kind = header_.las ? header_.las->global_encoding & 1u : 0u;
+    // Bit 0: seconds since 1980, less a milliard; clear: seconds of the week.
+    const unsigned time_kind = header_.las    ? header_.las->global_encoding & 1u
+                               : beyond_week_ ? 1u
+                                              : 0u;
     store(h, 6, static_cast<std::uint16_t>((format_.extended || wkt ? 16u : 0u) | time_kind));
     store(h, 94, static_cast<std::uint16_t>(header_size));
     store(h, 96, static_cast<std::uint32_t>(header_size + records.size()));
@@ -397,7 +437,11 @@ class LasSink : public PointSink {
   Eigen::Vector3d scale_{1e-4, 1e-4, 1e-4}, offset_{0, 0, 0};
   Eigen::Vector3d low_{0, 0, 0}, high_{0, 0, 0};
   bool grid_set_ = false;
-  bool angles_ = false;  // x and y
+  bool angles_ = false;                       // x and y
+  bool beyond_week_ = false;                  // some GPS time is
+  std::array<int, 4> flags_{-1, -1, -1, -1};  // of the class, in the order of their bits
+  std::string other_intensity_;               // one that LAS's own field does not hold
+  std::map<std::string, std::uint64_t> cut_;  // attribute: values that changed
   std::array<std::uint64_t, 15> by_return_{};
   std::uint64_t count_ = 0;
   std::ostream::pos_type start_ = 0;

@@ -50,6 +50,9 @@ class PcdSource : public FormatSource {
     take_crs({});
     pcd_ = detail::read_pcd_header(
         *file_, lines_, [this](std::string_view text) { read_comment(text); }, &report_);
+    header_.width = report_.width;
+    header_.height = report_.height;
+    header_.viewpoint = pcd_.viewpoint;
     lay_out();
     start_body();
   }

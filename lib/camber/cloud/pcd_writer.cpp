@@ -1,5 +1,6 @@
 // PCD files of version 0.7 as PCL's own writer makes them: the packed rgb field, LZF.
 
+#include <array>
 #include <cmath>
 
 #include "camber/cloud/formats.h"
@@ -8,6 +9,8 @@
 
 namespace camber {
 namespace {
+
+constexpr std::array<double, 7> kNoViewpoint{0, 0, 0, 1, 0, 0, 0};
 
 class PcdSink : public PointSink {
  public:
@@ -120,6 +123,11 @@ class PcdSink : public PointSink {
   std::vector<std::string> notes() const override {
     std::vector<std::string> notes = name_notes_;
     colors_.add_note(&notes);
+    if (header_.height > 1 && count_ != std::uint64_t{header_.width} * header_.height) {
+      notes.push_back("the points were in rows (" + std::to_string(header_.width) + " x " +
+                      std::to_string(header_.height) +
+                      ") and some are left out: the output is one row of points");
+    }
     if (doubles_) {
       notes.emplace_back(
           "the coordinates are 8-byte floats, which hold those of maps; PCL's own point types have "
@@ -196,14 +204,24 @@ class PcdSink : public PointSink {
       fields_.push_back(field);
     }
     const std::string number = count ? std::to_string(*count) : std::string(kDigits, '0');
+    const bool organised =
+        header_.height > 1 && count == std::uint64_t{header_.width} * header_.height;
+    const std::string width = organised ? std::to_string(header_.width) : number;
+    const std::string height = organised ? std::to_string(header_.height) : "1";
+    std::string viewpoint;
+    for (const double value : header_.viewpoint.value_or(kNoViewpoint)) {
+      viewpoint += ' ';
+      append_number(viewpoint, value);
+    }
     std::string head = "# .PCD v0.7 - Point Cloud Data file format\n";
     for (const std::string& comment : camber_comments(header_)) head += "# " + comment + "\n";
     if (!header_.count && encoding_ != CloudEncoding::kCompressed) {
-      head += "# " + std::string(2 * (kDigits - number.size()), '-') + "\n";
+      const std::size_t used = number.size() + width.size() + height.size();
+      head += "# " + std::string(2 * kDigits + 1 - used, '-') + "\n";
     }
     head += "VERSION 0.7\nFIELDS" + names + "\nSIZE" + sizes + "\nTYPE" + types + "\nCOUNT" +
-            counts + "\nWIDTH " + number + "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + number +
-            "\nDATA " +
+            counts + "\nWIDTH " + width + "\nHEIGHT " + height + "\nVIEWPOINT" + viewpoint +
+            "\nPOINTS " + number + "\nDATA " +
             (encoding_ == CloudEncoding::kAscii    ? "ascii"
              : encoding_ == CloudEncoding::kBinary ? "binary"
                                                    : "binary_compressed") +

@@ -7,6 +7,7 @@
 #include <limits>
 #include <unordered_map>
 
+#include "camber/cloud/las_names.h"
 #include "camber/cloud/number_text.h"
 #include "camber/core/lower_case.h"
 
@@ -77,6 +78,10 @@ FieldRoles find_roles(const std::vector<PointField>& fields) {
     if (!used[i]) roles.others.push_back(static_cast<int>(i));
   }
   return roles;
+}
+
+bool is_uint16(double value) {
+  return value >= 0.0 && value <= 65535.0 && value == std::floor(value);
 }
 
 std::optional<double> full_color_by_type(const std::vector<PointField>& fields) {
@@ -590,6 +595,8 @@ class CloudSource : public PointSource {
     for (const auto& [name, values] : cloud.labels) add(name, ScalarType::kInt32, values.data(), 4);
     for (const auto& [name, values] : cloud.scalars) {
       add(name, ScalarType::kFloat32, values.data(), 4);
+      header_.fields.back().fits_uint16 = las_attribute(name) == "intensity" &&
+                                          std::all_of(values.begin(), values.end(), is_uint16);
     }
     for (std::size_t i = 0; i < header_.fields.size(); ++i) {
       if (header_.fields[i].name.empty()) {

@@ -73,6 +73,8 @@ struct PointField {
   bool text = false;
   /// Not (or no longer) as in the LAS record that the point comes from.
   bool changed = false;
+  /// A float one whose values are all whole numbers from 0 to 65535; where all were looked at.
+  bool fits_uint16 = false;
 };
 
 /// The values of one field in a batch, in the machine's byte order, at any alignment.
@@ -124,11 +126,16 @@ struct PointStreamHeader {
   bool metric = true;
   std::optional<Eigen::Vector3d> origin;  ///< recorded by the writer; coordinates include it
   std::optional<PointGrid> grid;          ///< of a LAS file, so that another one keeps it
-  std::optional<CoordinateSystem> crs;    ///< where the file, or who reads it, states one
-  std::shared_ptr<const LasFile> las;     ///< what a LAS file has beside its points
-  std::shared_ptr<const E57File> e57;     ///< what an E57 file has beside its points
-  bool records = false;                   ///< batches have the records of `las`
-  std::optional<double> full_color;       ///< see GreatestColor; where all points were looked at
+  /// Of an organised PCD: the points are rows of `width`, `height` of them; 0 of others. Holds as
+  /// long as no point is left out.
+  std::uint32_t width = 0, height = 0;
+  /// Of a PCD: where the sensor stood, x y z and a quaternion w x y z.
+  std::optional<std::array<double, 7>> viewpoint;
+  std::optional<CoordinateSystem> crs;  ///< where the file, or who reads it, states one
+  std::shared_ptr<const LasFile> las;   ///< what a LAS file has beside its points
+  std::shared_ptr<const E57File> e57;   ///< what an E57 file has beside its points
+  bool records = false;                 ///< batches have the records of `las`
+  std::optional<double> full_color;     ///< see GreatestColor; where all points were looked at
   /// Of the finite coordinates, as those of the points or wider; where all points were looked at.
   std::optional<Eigen::AlignedBox3d> bounds;
 };
@@ -144,6 +151,9 @@ struct FieldRoles {
   std::vector<int> others;
 };
 FieldRoles find_roles(const std::vector<PointField>& fields);
+
+/// Whether a value is a whole number from 0 to 65535.
+bool is_uint16(double value);
 
 /// What counts as full in red, green and blue: 255 of bytes, 65535 of 16 bits; nothing where there
 /// are none, or where their types leave it open.

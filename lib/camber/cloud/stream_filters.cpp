@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "camber/cloud/formats.h"
+#include "camber/cloud/las_names.h"
 #include "camber/cloud/number_text.h"
 #include "camber/core/atomic_file.h"
 
@@ -242,6 +243,22 @@ class WithCrs : public Wrapper {
   }
 };
 
+class WithLayout : public Wrapper {
+ public:
+  WithLayout(std::unique_ptr<PointSource> source, const PointStreamHeader& header, bool same_order)
+      : Wrapper(std::move(source)) {
+    header_.viewpoint = header.viewpoint;
+    if (!same_order) return;
+    header_.width = header.width;
+    header_.height = header.height;
+  }
+  bool next(PointBatch& batch) override {
+    const bool more = source_->next(batch);
+    report_ = source_->report();
+    return more;
+  }
+};
+
 class WithNormals : public Wrapper {
  public:
   WithNormals(std::unique_ptr<PointSource> source, const std::vector<Eigen::Vector3f>& normals)
@@ -296,7 +313,8 @@ class Classified : public Wrapper {
   Classified(std::unique_ptr<PointSource> source, const std::vector<int>& ground)
       : Wrapper(std::move(source)), ground_(ground) {
     for (std::size_t f = 0; f < header_.fields.size(); ++f) {
-      if (header_.fields[f].name != "classification") continue;
+      const std::string& name = header_.fields[f].name;
+      if (las_attribute(name) != "classification" || (had_ && name != "classification")) continue;
       place_ = f;
       old_type_ = header_.fields[f].type;
       had_ = true;
@@ -356,7 +374,8 @@ class Classified : public Wrapper {
 class Retyped : public Wrapper {
  public:
   /// @param whole  columns of text that are integer ones
-  Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole,
+  /// @param intensity  the column of intensities that fit into LAS's own field, -1 for none
+  Retyped(std::unique_ptr<PointSource> source, const std::vector<bool>& whole, int intensity,
           const std::optional<double>& full_color, const std::optional<Eigen::AlignedBox3d>& bounds)
       : Wrapper(std::move(source)), whole_(whole), columns_(whole.size()) {
     header_.full_color = full_color;
@@ -366,6 +385,7 @@ class Retyped : public Wrapper {
       header_.fields[f].text = false;
       if (whole_[f]) header_.fields[f].type = ScalarType::kInt32;
     }
+    if (intensity >= 0) header_.fields[static_cast<std::size_t>(intensity)].fits_uint16 = true;
   }
 
   bool next(PointBatch& batch) override {
@@ -428,6 +448,11 @@ std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source,
   return std::make_unique<WithCrs>(std::move(source), crs);
 }
 
+std::unique_ptr<PointSource> with_layout(std::unique_ptr<PointSource> source,
+                                         const PointStreamHeader& header, bool same_order) {
+  return std::make_unique<WithLayout>(std::move(source), header, same_order);
+}
+
 std::unique_ptr<PointSource> classify_ground(std::unique_ptr<PointSource> source,
                                              const std::vector<int>& ground) {
   return std::make_unique<Classified>(std::move(source), ground);
@@ -449,7 +474,16 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
   const bool open_coordinates =
       (output == CloudFormat::kPcd && doubles) ||
       (output == CloudFormat::kLas && !header.grid && may_be_angles(header));
-  if (source->report().format != CloudFormat::kText && !open_colors && !open_coordinates) {
+  int intensity = -1;  // in floats, for LAS, whose own field holds whole numbers
+  for (const int field : roles.others) {
+    const PointField& f = header.fields[static_cast<std::size_t>(field)];
+    if (output == CloudFormat::kLas && is_float(f.type) && las_attribute(f.name) == "intensity" &&
+        (intensity < 0 || f.name == "intensity")) {
+      intensity = field;
+    }
+  }
+  if (source->report().format != CloudFormat::kText && !open_colors && !open_coordinates &&
+      intensity < 0) {
     return source;
   }
   std::vector<bool> whole;
@@ -474,6 +508,10 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
         bounds.max()[a] = std::max(bounds.max()[a], x);
       }
     }
+    for (std::size_t i = 0; intensity >= 0 && i < batch.count; ++i) {
+      const auto f = static_cast<std::size_t>(intensity);
+      if (!is_uint16(batch.fields[f].number(header.fields[f].type, i))) intensity = -1;
+    }
     for (std::size_t f = 0; f < whole.size(); ++f) {
       if (!whole[f]) continue;
       bool good = !batch.fields[f].fractional;
@@ -487,7 +525,8 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
   std::optional<Eigen::AlignedBox3d> box;
   if (open_colors) full_color = greatest.full_color();
   if (open_coordinates) box = bounds;
-  return std::make_unique<Retyped>(open_point_source(path, options), whole, full_color, box);
+  return std::make_unique<Retyped>(open_point_source(path, options), whole, intensity, full_color,
+                                   box);
 }
 
 std::uint64_t write_points(PointSource& source, const std::filesystem::path& path,

@@ -47,6 +47,11 @@ std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,
 std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source,
                                       const std::optional<CoordinateSystem>& crs);
 
+/// Gives a stream the rows and the view point of the file that its points come from.
+/// @param same_order  the points are in the file's order, some perhaps left out
+std::unique_ptr<PointSource> with_layout(std::unique_ptr<PointSource> source,
+                                         const PointStreamHeader& header, bool same_order);
+
 /// Sets the ASPRS class of ground points to 2, and to 1 where a point was 0 or 2 and is no ground;
 /// other classes stay. Adds the attribute "classification" where it is not there.
 /// @param ground 1 for ground, 0 for none, -1 for points whose class is left as it is; one a point.

@@ -103,6 +103,7 @@ VoxelGrid::VoxelGrid(const PointStreamHeader& header, double size)
   }
   State& s = *state_;
   s.header = header;
+  s.header.width = s.header.height = 0;
   s.inverse_size = 1.0 / size;
   s.roles = find_roles(header.fields);
   s.table.assign(std::size_t{1} << 12, {0, 0, 0, -1});

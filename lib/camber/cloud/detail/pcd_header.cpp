@@ -1,5 +1,6 @@
 #include "camber/cloud/detail/pcd_header.h"
 
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <set>
@@ -54,6 +55,7 @@ class PcdHeaderReader {
   void read_sizes(const std::vector<std::string_view>& values);
   void read_types(const std::vector<std::string_view>& values);
   void read_counts(const std::vector<std::string_view>& values);
+  void read_viewpoint(const std::vector<std::string_view>& values);
   void read_data(std::string_view line, const std::vector<std::string_view>& values);
   void count_points();
 
@@ -127,6 +129,24 @@ void PcdHeaderReader::read_counts(const std::vector<std::string_view>& values) {
     if (!parse_unsigned(values[i], header_.fields[i].count) || header_.fields[i].count > 1u << 24) {
       lines_.fail("found count " + shown(values[i]) + ", expected a number below 16777217");
     }
+  }
+}
+
+/// Nothing here hangs on it: what is no view point is passed over.
+void PcdHeaderReader::read_viewpoint(const std::vector<std::string_view>& values) {
+  std::array<double, 7> out{};
+  bool good = values.size() == out.size();
+  for (std::size_t i = 0; i < out.size() && good; ++i) {
+    const char* const end = values[i].data() + values[i].size();
+    const ParsedNumber number = parse_number(values[i].data(), end);
+    good = number.end == end && std::isfinite(number.value);
+    out[i] = number.value;
+  }
+  if (good) {
+    header_.viewpoint = out;
+  } else {
+    report_->notes.emplace_back(
+        "the VIEWPOINT is not seven numbers (x y z and a quaternion w x y z) and is not kept");
   }
 }
 
@@ -206,6 +226,8 @@ PcdHeader PcdHeaderReader::read() {
       width_ = number(values, "WIDTH");
     } else if (key == "height") {
       height_ = number(values, "HEIGHT");
+    } else if (key == "viewpoint") {
+      read_viewpoint(values);
     } else if (key == "points") {
       points_ = number(values, "POINTS");
     } else if (key == "data") {

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,6 +30,7 @@ struct PcdHeader {
   std::vector<PcdField> fields;  ///< in the file's order; names may repeat
   std::uint64_t points = 0;      ///< not checked against the file's size
   PcdBody body = PcdBody::kAscii;
+  std::optional<std::array<double, 7>> viewpoint;  ///< x y z and a quaternion w x y z
 };
 
 /// Reads a PCD header up to and including the DATA line. The report receives encoding, declared
