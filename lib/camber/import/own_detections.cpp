@@ -256,9 +256,10 @@ std::optional<std::size_t> frame_of(const DetectedImage& image, DetectionForm fo
     if (const auto at = index.by_name(image.file_name)) return at;
   }
   if (!image.number) return std::nullopt;
-  const bool by_place = form == DetectionForm::kMot || form == DetectionForm::kCvatVideo;
+  const bool from_one = form == DetectionForm::kMot || form == DetectionForm::kVisDroneVideo;
+  const bool by_place = from_one || form == DetectionForm::kCvatVideo;
   if (by_place) {
-    const std::int64_t at = *image.number - (form == DetectionForm::kMot ? 1 : 0);
+    const std::int64_t at = *image.number - (from_one ? 1 : 0);
     if (ids_of_recording) return index.by_id(at);
     if (at < 0 || at >= static_cast<std::int64_t>(frames)) return std::nullopt;
     return static_cast<std::size_t>(at);

@@ -160,6 +160,43 @@ TEST_F(Calibration, OfOpenCvInJsonAndXmlAndAsAStereoPair) {
   EXPECT_EQ(choose_camera(pair, "2", "x").fx, 5.0);
 }
 
+TEST_F(Calibration, CoefficientsThatAreNotFoundAreNotTakenForNone) {
+  const std::string matrix =
+      "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, "
+      "0, 510, 240, 0, 0, 1]}\n";
+  // A model without coefficients, however their key is misspelt.
+  for (const char* const key : {"distortion_coefficents", "distorsion_coeficients", "foo"}) {
+    for (const char* const model : {"plumb_bob", "equidistant", "rational_polynomial"}) {
+      EXPECT_THAT(error_of("c.yaml", matrix + "distortion_model: " + model + "\n" + key +
+                                         ": {rows: 1, cols: 4, data: [-0.3, 0.1, 0, 0]}\n"),
+                  HasSubstr("expected distortion_coefficients"))
+          << key << " " << model;
+    }
+  }
+  // Keys beside a matrix that are called like coefficients.
+  EXPECT_THAT(error_of("c.json", R"({"IntrinsicMatrix": [[500, 0, 320], [0, 510, 240], [0, 0, 1]],
+                                    "RadialDistortion": [-0.3, 0.1], "TangentialDistortion": [0, 0]})"),
+              HasSubstr("found 'RadialDistortion'"));
+  EXPECT_THAT(
+      error_of("c.yaml", "fx: 500\nfy: 510\ncx: 320\ncy: 240\nlens_distortion: [-0.3, 0.1]\n"),
+      HasSubstr("found 'lens_distortion'"));
+  EXPECT_THAT(error_of("c.json", R"({"front": {"K": [500, 0, 320, 0, 510, 240, 0, 0, 1],
+                                     "distort_coef": [-0.3, 0.1, 0, 0]}})"),
+              HasSubstr("found 'distort_coef'"));
+  EXPECT_THAT(error_of("c.yaml",
+                       "%YAML:1.0\n---\nmodel_type: PINHOLE\nimage_width: 640\nimage_height: 480\n"
+                       "distortion_parameter:\n   k1: -0.3\nprojection_parameters:\n"
+                       "   fx: 500\n   fy: 510\n   cx: 320\n   cy: 240\n"),
+              HasSubstr("found 'distortion_parameter'"));
+  // What states that there is none.
+  for (const char* const lines :
+       {"distortion_model: plumb_bob\nD: []\n", "distortion_model: none\n",
+        "distortion_model: ''\n", "distortion_coefficients: none\n", "viewing_distance: 3\n",
+        "distortion_model: plumb_bob\nD: [0, 0, 0, 0, 0]\n", "RadialDistortion: [0, 0]\n"}) {
+    EXPECT_EQ(only("c.yaml", matrix + lines).lens, LensModel::kNone) << lines;
+  }
+}
+
 TEST_F(Calibration, OfOtherPrograms) {
   const CameraCalibration euroc =
       only("sensor.yaml",

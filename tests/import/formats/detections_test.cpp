@@ -311,6 +311,90 @@ TEST_F(Detections, CvatVideoBddTracksAndMotTruth) {
   EXPECT_TRUE(truth.images[0].boxes[1].ignored);
 }
 
+TEST_F(Detections, OtherListsAreNotTakenForCocoOrBdd) {
+  // Label Studio, a detector of its own making, Cityscapes, a list of frames of something else.
+  for (const char* const text :
+       {R"([{"id": 1, "data": {"image": "f0.jpg"}, "annotations": [{"result": [{"value":
+          {"x": 10, "y": 20, "width": 5, "height": 6, "rectanglelabels": ["Car"]}}]}]}])",
+        R"([{"image_id": 1, "category_id": 3, "box": [1, 2, 30, 40]}])",
+        R"([{"file": "f0.jpg", "detections": [{"label": "car", "box": [1, 2, 3, 4]}]}])",
+        R"({"imgHeight": 100, "imgWidth": 200, "objects": [{"label": "car", "polygon":
+          [[1, 2], [3, 4], [5, 6]]}]})",
+        R"([{"name": "f0.jpg", "boxes": [{"class": "car", "x": 1, "y": 2, "w": 3, "h": 4}]}])",
+        R"([{"name": "f0.jpg", "labels": [{"class": "car", "x": 1, "y": 2, "w": 3, "h": 4}]}])",
+        R"({"images": [{"id": 1, "file_name": "f0.jpg"}], "annotations": [{"id": 1, "label": "car",
+          "image_id": 1, "box": [1, 2, 3, 4]}]})",
+        R"({"images": [{"id": 1, "file_name": "f0.jpg"}], "annotations": [{"id": 1, "image_id": 1,
+          "caption": "a road"}]})"}) {
+    EXPECT_THAT(error_of("a.json", text), HasSubstr("expected")) << text;
+  }
+  // A detector that found nothing.
+  EXPECT_EQ(read("a.json", "[]").box_count(), 0u);
+  EXPECT_EQ(read("a.json", R"([{"name": "a.jpg", "labels": null}])").images.size(), 1u);
+}
+
+TEST_F(Detections, IdsThatAreTextNameFiles) {
+  const DetectionFile found =
+      read("a.json",
+           R"([{"image_id": "f00", "category_id": 3, "bbox": [1, 2, 30, 40], "score": 0.9},
+          {"image_id": "f01", "file_name": "front/f01.jpg", "category_id": 3, "bbox": [1, 2, 3, 4]},
+          {"image_id": "f00", "category_id": 8, "bbox": [5, 6, 7, 8]},
+          {"image_id": "000042", "category_id": 3, "bbox": [1, 2, 3, 4]}])");
+  ASSERT_EQ(found.images.size(), 3u);
+  EXPECT_EQ(found.images[0].file_name, "f00");
+  EXPECT_EQ(found.images[0].boxes.size(), 2u);
+  EXPECT_FALSE(found.images[0].number);
+  EXPECT_EQ(found.images[1].file_name, "front/f01.jpg");
+  EXPECT_EQ(found.images[2].number, 42);
+  const DetectionFile set =
+      read("b.json",
+           R"({"images": [{"id": "a", "file_name": "x.png"}, {"id": "b", "file_name": "y.png"}],
+          "categories": [{"id": 1, "name": "car"}],
+          "annotations": [{"image_id": "b", "category_id": 1, "bbox": [1, 2, 3, 4]}]})");
+  EXPECT_TRUE(set.images[0].boxes.empty());
+  EXPECT_EQ(set.images[1].boxes.size(), 1u);
+}
+
+TEST_F(Detections, OfVisDroneAreNotMot) {
+  const DetectionFile image =
+      read("f07.txt", "100,20,80,60,1,4,0,0\n10,20,30,40,0,0,0,0\n1,2,30,40,1,9,1,2\n");
+  EXPECT_EQ(image.form, DetectionForm::kVisDrone);
+  ASSERT_EQ(image.images.size(), 1u);
+  EXPECT_EQ(image.images[0].file_name, "f07");
+  const std::vector<DetectedBox>& boxes = image.images[0].boxes;
+  ASSERT_EQ(boxes.size(), 3u);
+  EXPECT_EQ(corners(boxes[0].box), (std::vector<double>{100, 20, 180, 80}));
+  EXPECT_EQ(boxes[0].class_name, "car");
+  EXPECT_FALSE(boxes[0].ignored);
+  EXPECT_TRUE(boxes[1].ignored);
+  EXPECT_EQ(boxes[2].class_name, "bus");
+  const DetectionFile found = read("f08.txt", "100,20,80,60,0.75,6,-1,-1\n");
+  EXPECT_EQ(found.images[0].boxes[0].class_name, "truck");
+  EXPECT_EQ(found.images[0].boxes[0].score, 0.75);
+  const DetectionFile video =
+      read("v.txt", "1,0,593,43,174,190,0,0,0,0\n2,7,100,20,80,60,1,5,0,1\n");
+  EXPECT_EQ(video.form, DetectionForm::kVisDroneVideo);
+  ASSERT_EQ(video.images.size(), 2u);
+  EXPECT_TRUE(video.images[0].boxes[0].ignored);
+  EXPECT_EQ(video.images[1].number, 2);
+  EXPECT_EQ(video.images[1].boxes[0].class_name, "van");
+  EXPECT_EQ(video.images[1].boxes[0].track, 7);
+  // MOT's own detections.
+  EXPECT_EQ(read("m.txt", "1,-1,593,43,174,190,0.9,-1,-1,-1\n").form, DetectionForm::kMot);
+}
+
+TEST_F(Detections, ColumnsInAnotherOrderAreRefused) {
+  // left top right bottom score class; class left top right bottom score
+  for (const char* const rows :
+       {"10,20,80,60,0.9,2\n50,20,90,60,0.8,2\n", "2,10,20,80,60,0.9\n2,50,20,90,60,0.8\n",
+        "car 10 20 80 60 0.9\ncar 50 20 90 60 0.8\n",
+        // class score left top right bottom: within 200 x 100 as corners alone
+        "car 0.9 120 20 180 60\ncar 0.8 130 40 190 90\n"}) {
+    EXPECT_THAT(error_of("a.txt", rows), HasSubstr("expected")) << rows;
+  }
+  EXPECT_EQ(read("a.txt", "car 0.9 120 20 70 60\ncar 0.8 13 4 19 9\n").box_count(), 2u);
+}
+
 TEST_F(Detections, ThatAreBrokenAreRefusedWithTheirPosition) {
   EXPECT_THAT(
       error_of("a.json", "[{\"image_id\": 1, \"category_id\": 3, \"bbox\": [1, 2, -3, 4]}]"),

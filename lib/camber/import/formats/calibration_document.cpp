@@ -211,6 +211,58 @@ class DocumentReader {
     return out;
   }
 
+  /// Whether a value is coefficients other than zeros: numbers, a list of some, a map of some.
+  static bool holds_coefficients(const YAML::Node& node, int depth = 0) {
+    if (node.IsScalar()) {
+      try {
+        return node.as<double>() != 0.0;
+      } catch (const YAML::Exception&) {
+        return false;
+      }
+    }
+    if (depth > 2 || !(node.IsSequence() || node.IsMap())) return false;
+    for (const auto& entry : node) {
+      if (holds_coefficients(node.IsMap() ? entry.second : entry, depth + 1)) return true;
+    }
+    return false;
+  }
+
+  /// A key that is not known, holds numbers and is called as coefficients of a lens are; "" if
+  /// none.
+  static std::string unknown_coefficients(const YAML::Node& map) {
+    if (!map.IsMap()) return "";
+    for (const auto& entry : map) {
+      const std::string name = plain_name(text_of(entry.first));
+      const bool alike =
+          name.find("distor") != std::string::npos || name.find("radial") != std::string::npos ||
+          name.find("tangential") != std::string::npos || name.find("coef") != std::string::npos ||
+          (name.rfind("dist", 0) == 0 && name.find("distance") == std::string::npos);
+      if (alike && holds_coefficients(entry.second)) return text_of(entry.first);
+    }
+    return "";
+  }
+
+  /// No coefficients were found: fails where the file has some all the same, by the model that it
+  /// names or by a key that is not known.
+  /// @param word  the model; empty: none is named
+  void require_no_lens(const YAML::Node& map, const YAML::Node& intrinsics,
+                       const std::string& word) const {
+    std::string key = unknown_coefficients(map);
+    if (key.empty() && intrinsics.IsMap()) key = unknown_coefficients(intrinsics);
+    if (!key.empty()) {
+      d_.fail(map, fmt::format("found '{}', which is no name known for the coefficients of a lens, "
+                               "expected distortion_coefficients (or dist_coeffs, D, k1 ...)",
+                               printable(key)));
+    }
+    const std::string model = plain_name(word);
+    if (!model.empty() && model != "none" && model != "pinhole" && model != "null" &&
+        model != "0" && model != "perspective" && model != "rectified") {
+      d_.fail(map, fmt::format("found the lens model '{}' without its coefficients, expected "
+                               "distortion_coefficients beside it (of zeros for no distortion)",
+                               printable(word)));
+    }
+  }
+
   void set_distortion(const YAML::Node& map, const YAML::Node& intrinsics,
                       const std::string& suffix, CameraCalibration* out) const {
     std::string word;
@@ -221,18 +273,21 @@ class DocumentReader {
     const auto flag = find(map, {"fisheyemodel"});
     const bool fisheye_flag = flag && text_of(*flag) != "0" && text_of(*flag) != "false";
     const auto given = find(map, with("", kDistortionNames, suffix));
+    const bool listed = given && !given->IsScalar() && !given->IsNull();
     if (given && given->IsMap() && !find(*given, {"data"})) {
       if (const auto model = find(*given, {"model", "type"})) word = text_of(*model);
       const auto values = find(*given, {"coefficients", "parameters", "coeffs"});
       out->coefficients =
           values ? d_.numbers(*values, "distortion coefficients") : named_coefficients(*given);
-    } else if (given && !given->IsScalar()) {
+      if (!values && out->coefficients.empty()) require_no_lens(map, *given, word);
+    } else if (listed) {
       out->coefficients = d_.numbers(*given, "distortion coefficients");
     } else {
       out->coefficients = named_coefficients(map);
       if (out->coefficients.empty() && intrinsics.IsMap()) {
         out->coefficients = named_coefficients(intrinsics);
       }
+      if (out->coefficients.empty() && !omni) require_no_lens(map, intrinsics, word);
     }
     out->model = word.empty() ? (fisheye_flag ? "fisheye" : "opencv") : word;
     if (omni || out->unsupported.empty()) set_lens_by_word(out, out->model, out->coefficients);
@@ -448,6 +503,7 @@ class DocumentReader {
       camera.model = "opencv";
       const auto distortion = find(root, {"distortionparameters"});
       if (distortion) camera.coefficients = named_coefficients(*distortion);
+      if (camera.coefficients.empty() && !distortion) require_no_lens(root, *projection, "");
       set_opencv_lens(&camera, camera.coefficients);
     } else {
       camera.model = type;
@@ -477,6 +533,7 @@ class DocumentReader {
       camera.cy = require(root, {prefix + "cy"}, "cy");
       if (second) camera.name = prefix == "camera2" ? "Camera2" : "Camera1";
       camera.coefficients = named_coefficients(root, prefix, fisheye);
+      if (camera.coefficients.empty()) require_no_lens(root, YAML::Node(), fisheye ? type : "");
       camera.model = plain_name(type) == "pinhole" ? "opencv" : type;
       set_lens_by_word(&camera, camera.model, camera.coefficients);
       set_size(root, &camera, "camera");

@@ -78,9 +78,9 @@ DetectionFile read_folder(const fs::path& folder, const DetectionOptions& option
                        fmt::format("found boxes as {}, expected {} as in {}", to_string(one.form),
                                    to_string(out.form), printable(first.filename().string())));
     }
-    const bool by_number = one.form == DetectionForm::kMot ||
-                           one.form == DetectionForm::kKittiTracking ||
-                           one.form == DetectionForm::kCvatVideo;
+    const bool by_number =
+        one.form == DetectionForm::kMot || one.form == DetectionForm::kVisDroneVideo ||
+        one.form == DetectionForm::kKittiTracking || one.form == DetectionForm::kCvatVideo;
     if (!empty && by_number && files.size() > 1) {
       throw InputError(file.string(),
                        fmt::format("found boxes as {} in a folder of several files, expected "
@@ -156,6 +156,10 @@ std::string to_string(DetectionForm form) {
       return "Pascal VOC";
     case DetectionForm::kMot:
       return "MOT";
+    case DetectionForm::kVisDrone:
+      return "VisDrone";
+    case DetectionForm::kVisDroneVideo:
+      return "VisDrone video";
     case DetectionForm::kKittiObject:
       return "KITTI objects";
     case DetectionForm::kKittiTracking:
@@ -180,6 +184,14 @@ DetectionFile read_detections(const fs::path& path, const DetectionOptions& opti
   std::error_code error;
   DetectionFile out =
       fs::is_directory(path, error) ? read_folder(path, options) : read_one(path, options);
+  // Things that stand there, none of them a box: captions, outlines or something else.
+  const bool coco =
+      out.form == DetectionForm::kCocoDataset || out.form == DetectionForm::kCocoResults;
+  if (coco && out.box_count() == 0 && !out.other_shapes.empty()) {
+    const auto& [kind, count] = *out.other_shapes.begin();
+    throw InputError(path.string(), fmt::format("found no box (of {}: {}), expected boxes",
+                                                printable(kind), count));
+  }
   name_classes(path, options, &out);
   return out;
 }

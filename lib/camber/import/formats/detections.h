@@ -21,6 +21,8 @@ enum class DetectionForm {
   kAbsoluteText,   ///< text: class score left top width height, pixels
   kVoc,            ///< Pascal VOC XML, a file an image
   kMot,            ///< MOTChallenge: frame, id, left, top, width, height, score, ...
+  kVisDrone,       ///< left,top,width,height,score,class,truncation,occlusion, a file an image
+  kVisDroneVideo,  ///< the same behind frame and target, a file a sequence
   kKittiObject,    ///< KITTI labels, a file an image
   kKittiTracking,  ///< KITTI labels, a file a sequence
   kBdd,            ///< BDD100K and Scalabel JSON

@@ -57,21 +57,53 @@ DetectedBox coco_annotation(JsonObject& object) {
   return out;
 }
 
+/// Whether an object without a box is one of COCO that has something else.
+bool has_other_shape(JsonObject& object) {
+  for (const char* const key : {"segmentation", "keypoints", "caption", "densepose"}) {
+    if (object.find(key)) return true;
+  }
+  return false;
+}
+
+/// An image's id: a number, also as text ("000042"), or the name of its file, as some detectors
+/// write.
+struct ImageId {
+  std::string key;  // one an image
+  std::optional<std::int64_t> number;
+};
+ImageId image_id(const JsonCursor& cursor) {
+  const json& value = cursor.value();
+  const bool name =
+      value.is_string() && !value.get_ref<const std::string&>().empty() &&
+      (value.get_ref<const std::string&>().size() > 15 ||
+       value.get_ref<const std::string&>().find_first_not_of("0123456789") != std::string::npos);
+  if (name) return {cursor.text(), std::nullopt};
+  const std::int64_t number = id_of(cursor);
+  return {std::to_string(number), number};
+}
+
 DetectionFile coco_results(const JsonCursor& root) {
+  const char* const expectation =
+      "a detection {\"image_id\", \"category_id\", \"bbox\", \"score\"}";
   DetectionFile out;
   out.form = DetectionForm::kCocoResults;
-  std::unordered_map<std::int64_t, std::size_t> index;
+  std::unordered_map<std::string, std::size_t> index;
   for (const JsonCursor& cursor : root.items("an array of detections")) {
-    JsonObject object(cursor, "a detection {\"image_id\", \"category_id\", \"bbox\", \"score\"}");
+    JsonObject object(cursor, expectation);
     if (!object.find("bbox")) {
+      if (!object.find("image_id") || !has_other_shape(object)) {
+        cursor.fail_because(fmt::format("found no bbox, expected {}", expectation));
+      }
       ++out.other_shapes["detection without a box"];
       continue;
     }
-    const std::int64_t image = id_of(object.require("image_id", "an image's id"));
-    const auto [at, fresh] = index.emplace(image, out.images.size());
+    const ImageId image = image_id(object.require("image_id", "an image's id"));
+    const auto file = object.find("file_name");
+    const auto [at, fresh] = index.emplace(image.key, out.images.size());
     if (fresh) {
       out.images.emplace_back();
-      out.images.back().number = image;
+      out.images.back().number = image.number;
+      out.images.back().file_name = file ? file->text() : image.number ? "" : image.key;
     }
     out.images[at->second].boxes.push_back(coco_annotation(object));
   }
@@ -88,18 +120,19 @@ DetectionFile coco_dataset(JsonObject& root) {
       out.classes[id] = category.require("name", "a name").text();
     }
   }
-  std::unordered_map<std::int64_t, std::size_t> index;
+  std::unordered_map<std::string, std::size_t> index;
   for (const JsonCursor& cursor :
        root.require("images", "an array of images").items("an array of images")) {
     JsonObject image(cursor, "an image {\"id\", \"file_name\"}");
     DetectedImage one;
-    one.number = id_of(image.require("id", "a whole number"));
+    const ImageId id = image_id(image.require("id", "a whole number or a name"));
+    one.number = id.number;
     one.file_name = image.require("file_name", "a file name").text();
     if (auto v = image.find("width")) one.width = side_of(*v);
     if (auto v = image.find("height")) one.height = side_of(*v);
-    if (!index.emplace(*one.number, out.images.size()).second) {
-      cursor.fail_because(
-          fmt::format("found the id {} a second time, expected ids that differ", *one.number));
+    if (!index.emplace(id.key, out.images.size()).second) {
+      cursor.fail_because(fmt::format("found the id {} a second time, expected ids that differ",
+                                      printable(id.key)));
     }
     out.images.push_back(std::move(one));
   }
@@ -108,11 +141,15 @@ DetectionFile coco_dataset(JsonObject& root) {
     JsonObject object(cursor, "an annotation {\"image_id\", \"category_id\", \"bbox\"}");
     const auto box = object.find("bbox");
     if (!box || (box->value().is_array() && box->value().empty())) {
+      if (!box && (!object.find("image_id") || !has_other_shape(object))) {
+        cursor.fail_because(
+            "found no bbox, expected an annotation {\"image_id\", \"category_id\", \"bbox\"}");
+      }
       ++out.other_shapes["annotation without a box"];
       continue;
     }
     const JsonCursor image = object.require("image_id", "an image's id");
-    const auto at = index.find(id_of(image));
+    const auto at = index.find(image_id(image).key);
     if (at == index.end()) image.fail("the id of one of the images");
     out.images[at->second].boxes.push_back(coco_annotation(object));
   }
@@ -141,6 +178,7 @@ void bdd_labels(const JsonCursor& labels, std::unordered_map<std::string, std::i
     JsonObject label(cursor, "a label {\"category\", \"box2d\"}");
     const auto box = label.find("box2d");
     if (!box) {
+      label.require("category", "a category");  // of BDD100K each label has one
       const char* kind = label.find("poly2d")  ? "poly2d"
                          : label.find("box3d") ? "box3d"
                                                : "label without a box";
@@ -163,7 +201,7 @@ DetectionFile bdd(const JsonCursor& frames) {
   DetectionFile out;
   out.form = DetectionForm::kBdd;
   std::unordered_map<std::string, std::int64_t> tracks;
-  bool by_video = false;
+  bool by_video = false, labelled = false;
   for (const JsonCursor& cursor : frames.items("an array of frames")) {
     JsonObject frame(cursor, "a frame {\"name\", \"labels\"}");
     DetectedImage image;
@@ -177,14 +215,22 @@ DetectionFile bdd(const JsonCursor& frames) {
       image.width = side_of(size.require("width", "pixels"));
       image.height = side_of(size.require("height", "pixels"));
     }
-    if (auto v = frame.find("labels")) bdd_labels(*v, &tracks, &image, &out);
-    if (auto old = frame.find("frames")) {  // the first form: one object per image, objects within
+    for (const char* const key : {"labels", "objects"}) {
+      const auto v = frame.find(key);
+      if (v) bdd_labels(*v, &tracks, &image, &out);
+      labelled |= cursor.value().contains(key);  // null where there are none
+    }
+    if (auto old = frame.find("frames")) {
+      labelled = true;  // the first form: one object per image, objects within
       for (const JsonCursor& inner : old->items("an array of frames")) {
         JsonObject within(inner);
         if (auto v = within.find("objects")) bdd_labels(*v, &tracks, &image, &out);
       }
     }
     out.images.push_back(std::move(image));
+  }
+  if (!labelled && !out.images.empty()) {
+    frames.fail("frames {\"name\", \"labels\"} of BDD100K, or a COCO list of results");
   }
   if (by_video) return out;
   // Ids of single images join nothing.

@@ -17,8 +17,10 @@ namespace camber {
 namespace {
 
 constexpr double kMaxPixel = 1e7;
-constexpr double kMaxTrack = 9e15;     // whole numbers are exact in a double
-constexpr double kShareMargin = 0.02;  // shares of boxes that stick out, rounded or by a detector
+constexpr double kMaxTrack = 9e15;       // whole numbers are exact in a double
+constexpr double kLargestScore = 100.0;  // in per cent
+constexpr double kThin = 2.0;            // pixels; a score or a class in the place of a box's side
+constexpr double kShareMargin = 0.02;    // shares of boxes that stick out, rounded or by a detector
 
 std::int64_t track_id(const DelimitedLines& lines, const DelimitedLine& line) {
   const double id = lines.number(line, 1, "a track's id");
@@ -29,10 +31,87 @@ std::int64_t track_id(const DelimitedLines& lines, const DelimitedLine& line) {
   return static_cast<std::int64_t>(id);
 }
 
+/// Number of a column from 0 if it is whole and from `low` to `high`.
+bool is_whole(const DelimitedLine& line, std::size_t column, double low, double high) {
+  double value = 0.0;
+  return column < line.fields.size() && parse_number(line.fields[column], &value) &&
+         value == std::floor(value) && value >= low && value <= high;
+}
+
+/// Whether the columns from `first` on are those of VisDrone: class 0 to 11, truncation and
+/// occlusion in steps (-1: none), and before them a score up to 1.
+bool is_visdrone(const DelimitedLines& lines, std::size_t first) {
+  const auto fits = [&](const DelimitedLine& line) {
+    double score = 0.0;
+    return line.fields.size() == first + 8 && parse_number(line.fields[first + 4], &score) &&
+           score >= 0.0 && score <= 1.0 && is_whole(line, first + 5, 0.0, 11.0) &&
+           is_whole(line, first + 6, -1.0, 1.0) && is_whole(line, first + 7, -1.0, 2.0);
+  };
+  const auto classed = [&](const DelimitedLine& line) {
+    return is_whole(line, first + 5, 1.0, 11.0);
+  };
+  const auto& all = lines.lines();
+  return std::all_of(all.begin(), all.end(), fits) && std::any_of(all.begin(), all.end(), classed);
+}
+
+DetectedBox visdrone_box(const DelimitedLines& lines, const DelimitedLine& line,
+                         std::size_t first) {
+  static const char* const kNames[] = {
+      "ignored region", "pedestrian", "people",          "bicycle", "car",       "van",
+      "truck",          "tricycle",   "awning-tricycle", "bus",     "motorbike", "other"};
+  DetectedBox box;
+  double side[4];
+  for (std::size_t i = 0; i < 4; ++i) {
+    side[i] = lines.number(line, first + i, "a box side in pixels");
+    if (!(std::abs(side[i]) <= kMaxPixel) || (i > 1 && side[i] < 0.0)) {
+      lines.fail(line, first + i,
+                 fmt::format("found {}, expected pixels, of sizes not negative", side[i]));
+    }
+  }
+  box.box = {side[0], side[1], side[0] + side[2], side[1] + side[3]};
+  box.score = lines.number(line, first + 4, "a score");
+  const int number = lines.integer(line, first + 5, 0, 11, "a class from 0 to 11");
+  box.class_number = number;
+  box.class_name = kNames[number];
+  box.ignored = number == 0 || box.score == 0.0;
+  return box;
+}
+
+DetectionFile visdrone(const DelimitedLines& lines, const std::string& stem) {
+  DetectionFile out;
+  out.form = DetectionForm::kVisDrone;
+  out.images.emplace_back();
+  out.images.back().file_name = stem;
+  for (const DelimitedLine& line : lines.lines()) {
+    out.images.back().boxes.push_back(visdrone_box(lines, line, 0));
+  }
+  return out;
+}
+
+DetectionFile visdrone_video(const DelimitedLines& lines) {
+  DetectionFile out;
+  out.form = DetectionForm::kVisDroneVideo;
+  std::map<int, std::size_t> index;
+  for (const DelimitedLine& line : lines.lines()) {
+    const int frame = lines.integer(line, 0, 1, 2000000000, "a frame number from 1");
+    if (index.emplace(frame, out.images.size()).second) {
+      out.images.emplace_back();
+      out.images.back().number = frame;
+    }
+    DetectedBox box = visdrone_box(lines, line, 2);
+    box.track = track_id(lines, line);
+    out.images[index[frame]].boxes.push_back(std::move(box));
+  }
+  return out;
+}
+
 /// frame, id, left, top, width, height[, score[, class or x[, visibility or y[, z]]]]
 DetectionFile mot(const fs::path& path) {
   const DelimitedLines lines(path, ',');
+  if (is_visdrone(lines, 0)) return visdrone(lines, path.stem().string());
+  if (is_visdrone(lines, 2)) return visdrone_video(lines);
   DetectionFile out;
+  std::size_t thin = 0;
   out.form = DetectionForm::kMot;
   std::map<std::int64_t, std::size_t> index;
   // MOT16 and later: truth has 9 columns, the 8th a class (3: car), and a score of 0 takes a row
@@ -59,6 +138,7 @@ DetectionFile mot(const fs::path& path) {
                  fmt::format("found a box of {} x {} pixels, expected no negative size", side[2],
                              side[3]));
     }
+    thin += side[2] < kThin || side[3] < kThin ? 1 : 0;
     box.box = {side[0], side[1], side[0] + side[2], side[1] + side[3]};
     if (line.fields.size() > 6) box.score = lines.number(line, 6, "a score");
     if (truth) {
@@ -79,6 +159,12 @@ DetectionFile mot(const fs::path& path) {
       out.images.back().number = frame;
     }
     out.images[at->second].boxes.push_back(std::move(box));
+  }
+  if (2 * thin > lines.lines().size()) {
+    throw InputError(path.string(),
+                     fmt::format("found boxes less than {} pixels wide or high in {} of {} rows, "
+                                 "expected MOT's columns: frame, id, left, top, width, height, ...",
+                                 kThin, thin, lines.lines().size()));
   }
   return out;
 }
@@ -178,8 +264,10 @@ DetectedImage yolo(const TextRows& rows, const std::pair<int, int>& size) {
 }
 
 /// class score left top width height, pixels.
-DetectedImage absolute(const TextRows& rows) {
+/// @param size  of the image, where it is known
+DetectedImage absolute(const TextRows& rows, const std::optional<std::pair<int, int>>& size) {
   DetectedImage out;
+  std::size_t thin = 0, beyond = 0, corners = 0;
   for (const TextRow& row : rows.rows()) {
     if (row.words.size() != 6) {
       rows.fail(row, fmt::format("found {} columns, expected class score left top width height",
@@ -196,8 +284,22 @@ DetectedImage absolute(const TextRows& rows) {
     }
     if (v[2] < 0.0 || v[3] < 0.0)
       rows.fail(row, "found a negative width or height, expected pixels");
+    thin += v[2] < kThin || v[3] < kThin || box.score > kLargestScore ? 1 : 0;
+    corners += v[2] > v[0] && v[3] > v[1] ? 1 : 0;
+    beyond += size && (v[0] + v[2] > size->first * (1.0 + kShareMargin) ||
+                       v[1] + v[3] > size->second * (1.0 + kShareMargin))
+                  ? 1
+                  : 0;
     box.box = {v[0], v[1], v[0] + v[2], v[1] + v[3]};
     out.boxes.push_back(std::move(box));
+  }
+  if (2 * thin > rows.rows().size() || (corners == rows.rows().size() && 2 * beyond > corners)) {
+    rows.fail(
+        rows.rows().front(),
+        fmt::format("found columns that are no class score left top width height ({} of {} "
+                    "boxes are thin or scored beyond {}, {} reach out of the image), expected "
+                    "these",
+                    thin, rows.rows().size(), kLargestScore, beyond));
   }
   return out;
 }
@@ -246,7 +348,9 @@ DetectionFile detections_of_text(const fs::path& path, const DetectionOptions& o
     out.images.push_back(yolo(rows, *size));
   } else {
     out.form = DetectionForm::kAbsoluteText;
-    out.images.push_back(absolute(rows));
+    const std::string stem = path.stem().string();
+    out.images.push_back(
+        absolute(rows, options.image_size ? options.image_size(stem) : std::nullopt));
   }
   out.images.back().file_name = path.stem().string();
   return out;
