@@ -19,7 +19,8 @@ GnssOptions GnssArguments::take(double up_sigma) const {
 
 void add_gnss_options(App& app, GnssArguments& a) {
   app.add_option("--gnss", a.file,
-                 "positions on the earth: GPX, NMEA, CSV (latitude, longitude, altitude by time or "
+                 "positions on the earth: GPX, NMEA, RTKLIB's .pos, CSV (latitude, longitude, "
+                 "altitude by time or "
                  "frame), or KITTI's oxts, which has headings, too");
   app.add_option("--gnss-offset", a.options.offset,
                  "seconds to add to the times of --gnss; first: the log starts with the first "

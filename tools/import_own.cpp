@@ -40,7 +40,7 @@ void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
   app.add_option(
       "--calib", a.calibration,
       "calibration file: OpenCV, ROS, Kalibr, EuRoC, camodocal, ORB-SLAM, COLMAP, kapture, "
-      "KITTI, nuScenes, OpenSfM, ...");
+      "KITTI, nuScenes, OpenSfM, Metashape, nerfstudio, ZED, ...");
   app.add_option("--camera", a.options.camera.name,
                  "name or index of the camera in that file, where it has several")
       ->no_name();
@@ -69,10 +69,10 @@ void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
 }
 
 void add_detection_options(App& app, OwnArguments& a) {
-  app.add_option(
-      "--detections", a.detections,
-      "boxes of vehicles: COCO, YOLO, Pascal VOC, MOT, KITTI, BDD100K, CVAT; a file, or a "
-      "folder of a file an image");
+  app.add_option("--detections", a.detections,
+                 "boxes of vehicles: COCO, YOLO, Pascal VOC, MOT, KITTI, BDD100K, CVAT, VisDrone; "
+                 "a file, or a "
+                 "folder of a file an image");
   app.add_option("--class-names", a.class_names,
                  "names of the class numbers in --detections: a list, a .data or a YAML file")
       ->needs("--detections");
@@ -111,7 +111,7 @@ void add_known_options(App& app, OwnArguments& a) {
       ->capture_default_str()
       ->needs("--poses");
   app.add_option("--speed", a.speed,
-                 "speeds: CSV of time and m/s, GPX, NMEA, or a folder of KITTI's oxts");
+                 "speeds: CSV of time and m/s, GPX, NMEA, RTKLIB, or a folder of KITTI's oxts");
   app.add_option(
          "--speed-offset", a.options.speed_offset,
          "seconds to add to the times of --speed; first: the log starts with the first frame")

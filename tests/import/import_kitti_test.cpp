@@ -232,6 +232,34 @@ TEST_F(KittiClip, CalibrationForms) {
             expected);
 }
 
+TEST_F(KittiClip, AllThreeFilesOfARawDay) {
+  write_bytes(path("cam.txt"),
+              "R_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_02: 100 0 40 6 0 100 30 0 0 0 1 0\n");
+  write_bytes(path("velo.txt"),
+              "calib_time: 01-Jan-2024\nR: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.08 -0.27\ndelta_f: 0 0\n"
+              "delta_c: 0 0\n");
+  write_bytes(path("other.txt"),
+              "calib_time: 01-Jan-2024\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n");
+  write_bytes(path("calib_imu_to_velo.txt"), "R: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n");
+  for (const std::string imu : {"other.txt", "calib_imu_to_velo.txt"}) {
+    for (const bool first : {false, true}) {
+      std::vector<fs::path> files = {path("cam.txt"), path("velo.txt")};
+      files.insert(first ? files.begin() : files.end(), path(imu));
+      const KittiCalibration calibration = read_kitti_calibration(files);
+      EXPECT_NEAR(calibration.camera_from_laser(2)(2, 3), -0.27, 1e-12);
+      ASSERT_TRUE(calibration.antenna(2));
+      // Its origin in the laser is (-0.8, 0.3, -0.8): x is ahead there.
+      EXPECT_LT(
+          (*calibration.antenna(2) - Eigen::Vector3d(-0.3 + 0.06, 0.8 - 0.08, -0.8 - 0.27)).norm(),
+          1e-12);
+    }
+  }
+  EXPECT_FALSE(read_kitti_calibration({path("cam.txt"), path("velo.txt")}).antenna(2));
+  write_bytes(path("velo2.txt"), "R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\ndelta_f: 0 0\n");
+  EXPECT_THROW(read_kitti_calibration({path("cam.txt"), path("velo.txt"), path("velo2.txt")}),
+               InputError);
+}
+
 TEST_F(KittiClip, CalibrationErrors) {
   const auto with = [&](const std::string& text) {
     write_bytes(path("calib.txt"), text);

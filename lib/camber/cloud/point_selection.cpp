@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "camber/cloud/las_names.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/errors.h"
 
@@ -10,8 +11,11 @@ namespace camber {
 namespace {
 
 std::size_t field_of(const PointStreamHeader& header, const char* wanted, const std::string& name) {
-  for (std::size_t f = 0; f < header.fields.size(); ++f) {
-    if (header.fields[f].name == wanted) return f;
+  for (const bool exact : {true, false}) {
+    for (std::size_t f = 0; f < header.fields.size(); ++f) {
+      const std::string& own = header.fields[f].name;
+      if (exact ? own == wanted : las_attribute(own) == wanted) return f;
+    }
   }
   throw InputError(name, std::string("found no attribute '") + wanted + "', expected one");
 }

@@ -70,10 +70,17 @@ void put_once(const TextRows& text, const TextRow& row, const std::string& key,
   to = value;
 }
 
-void read_calibration_file(const fs::path& path, KittiCalibration& out,
-                           std::optional<Eigen::Matrix3d>& laser_rotation,
-                           std::optional<Eigen::Vector3d>& laser_translation) {
+/// R and T of one of KITTI raw's files, which name neither of the two frames.
+struct RawTransform {
+  fs::path file;
+  std::optional<Eigen::Matrix3d> rotation;
+  std::optional<Eigen::Vector3d> translation;
+  bool of_camera = false;  // with delta_f and delta_c: calib_velo_to_cam.txt
+};
+
+void read_calibration_file(const fs::path& path, KittiCalibration& out, RawTransform& raw) {
   const TextRows text(path);
+  raw.file = path;
   std::size_t bare_rows = 0;
   for (const TextRow& row : text.rows()) {
     double ignored = 0.0;
@@ -118,9 +125,13 @@ void read_calibration_file(const fs::path& path, KittiCalibration& out,
       put_once(text, row, key, out.rectified_from_laser,
                read_matrix<3, 4>(text, numbers, first, key));
     } else if (key == "R") {
-      put_once(text, row, key, laser_rotation, read_matrix<3, 3>(text, numbers, first, key));
+      put_once(text, row, key, raw.rotation, read_matrix<3, 3>(text, numbers, first, key));
     } else if (key == "T") {
-      put_once(text, row, key, laser_translation, read_matrix<3, 1>(text, numbers, first, key));
+      put_once(text, row, key, raw.translation, read_matrix<3, 1>(text, numbers, first, key));
+    } else if (key == "delta_f" || key == "delta_c") {
+      raw.of_camera = true;
+    } else if (key == "Tr_imu_to_velo" || key == "Tr_imu_velo") {
+      put_once(text, row, key, out.laser_from_imu, read_matrix<3, 4>(text, numbers, first, key));
     }
   }
 }
@@ -288,19 +299,39 @@ Eigen::Matrix4d KittiCalibration::camera_from_laser(int index) const {
   return rectified;
 }
 
+std::optional<Eigen::Vector3d> KittiCalibration::antenna(int index) const {
+  if (!laser_from_imu || !(rectified_from_laser || (camera0_from_laser && rectification)))
+    return std::nullopt;
+  const Eigen::Vector3d in_laser = laser_from_imu->col(3);
+  return Eigen::Vector3d((camera_from_laser(index) * in_laser.homogeneous()).head<3>());
+}
+
 KittiCalibration read_kitti_calibration(const std::vector<fs::path>& files) {
   if (files.empty()) throw std::invalid_argument("read_kitti_calibration: no file is given");
   KittiCalibration out;
-  std::optional<Eigen::Matrix3d> rotation;
-  std::optional<Eigen::Vector3d> translation;
+  std::vector<RawTransform> raw;
   for (const fs::path& file : files) {
     out.file += (out.file.empty() ? "" : ", ") + file.string();
-    read_calibration_file(file, out, rotation, translation);
+    RawTransform one;
+    read_calibration_file(file, out, one);
+    if (one.rotation && one.translation) raw.push_back(std::move(one));
   }
-  if (rotation && translation && !out.camera0_from_laser) {
-    Projection laser;
-    laser << *rotation, *translation;
-    out.camera0_from_laser = laser;
+  // The inertial unit's file is told by its name, else by what the laser's has and it has not.
+  const bool one_of_camera =
+      std::any_of(raw.begin(), raw.end(), [](const auto& r) { return r.of_camera; });
+  for (const RawTransform& one : raw) {
+    const std::string name = lower_case(one.file.filename().string());
+    const bool imu =
+        name.find("imu") != std::string::npos ||
+        (name.find("velo_to_cam") == std::string::npos && one_of_camera && !one.of_camera);
+    std::optional<Projection>& to = imu ? out.laser_from_imu : out.camera0_from_laser;
+    if (to) {
+      throw InputError(one.file.string(),
+                       fmt::format("found R and T of {} a second time, expected them once",
+                                   imu ? "an inertial unit" : "a laser"));
+    }
+    to.emplace();
+    *to << *one.rotation, *one.translation;
   }
   return out;
 }
@@ -431,7 +462,12 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
   OwnImport sensors;
   sensors.scene = std::move(scene);
   if (!options.up.empty()) put_own_up(sensors.scene, options.up, options.up_sigma, sensors);
-  if (!options.gnss.file.empty()) put_gnss(sensors.scene, options.gnss, sensors);
+  if (!options.gnss.file.empty()) {
+    GnssOptions gnss = options.gnss;
+    if (const auto place = calibration.antenna(index); place && gnss.antenna.isZero(0.0))
+      gnss.antenna = *place;
+    put_gnss(sensors.scene, gnss, sensors);
+  }
   return std::move(sensors.scene);
 }
 

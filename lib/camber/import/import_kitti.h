@@ -20,6 +20,7 @@ struct KittiCalibration {
   std::optional<Eigen::Matrix3d> rectification;          ///< R0_rect
   std::optional<Projection> camera0_from_laser;          ///< Tr_velo_to_cam, before rectification
   std::optional<Projection> rectified_from_laser;        ///< Tr of the odometry files, after it
+  std::optional<Projection> laser_from_imu;              ///< Tr_imu_to_velo
   std::string file;                                      ///< for messages
 
   /// Intrinsics and the offset of a camera: x_in_camera = x_in_rectified_camera0 + offset (m).
@@ -32,6 +33,10 @@ struct KittiCalibration {
 
   /// The rigid part that takes laser points to a camera. @throws InputError if a key is missing.
   Eigen::Matrix4d camera_from_laser(int index) const;
+
+  /// Where the inertial unit, which the positions of oxts are of, is in a camera, m; nothing where
+  /// the files do not say.
+  std::optional<Eigen::Vector3d> antenna(int index) const;
 };
 
 /// Reads calibrations of the tracking and object benchmarks ("P2: ...", "R0_rect: ...",

@@ -168,6 +168,7 @@ void put_calibration(Scene& scene, const CameraCalibration& camera, const std::s
       camera.name.empty() ? "" : printable(camera.name, 64) + " ", form, scene.camera.fx,
       scene.camera.fy, scene.camera.cx, scene.camera.cy,
       model == LensModel::kNone ? std::string("no distortion") : to_string(model) + " distortion"));
+  if (!camera.note.empty()) out.found.back() += "; " + camera.note;
 }
 
 std::string off_centre_camera(const PinholeCamera& camera) {
@@ -182,8 +183,8 @@ void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out) {
   const int width = scene.camera.width, height = scene.camera.height;
   if (!camera.calibration.empty()) {
     const CalibrationFile file = read_calibration(camera.calibration);
-    put_calibration(scene, choose_camera(file, camera.name, camera.calibration), file.form,
-                    camera.rectified, camera.calibration, out);
+    put_calibration(scene, choose_camera(file, camera.name, camera.calibration, width, height),
+                    file.form, camera.rectified, camera.calibration, out);
     return;
   }
   if (!camera.fx && !camera.fov_deg) {

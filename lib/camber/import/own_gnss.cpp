@@ -30,6 +30,7 @@ struct GnssSample {
 struct GnssLog {
   std::string form;
   std::vector<GeoPoint> points;
+  double leap_seconds = 0.0;     // of GeoLog
   std::vector<double> headings;  // rad from true east, counterclockwise; or empty
 };
 
@@ -51,6 +52,7 @@ GnssLog read_log(const fs::path& file) {
   }
   const GeoLog log = read_geo_log(file);
   out.form = log.form;
+  out.leap_seconds = log.leap_seconds;
   for (const auto& segment : log.segments) {
     out.points.insert(out.points.end(), segment.begin(), segment.end());
   }
@@ -86,7 +88,8 @@ std::vector<GnssSample> on_the_map(const GnssLog& log, const std::string& crs,
     out[i].time_s = point.time_s;
     at.position = {places[i].east, places[i].north, point.altitude};
     at.sigma = std::isfinite(point.sigma) ? point.sigma : options.sigma;
-    at.height_sigma = kHeightFactor * at.sigma;
+    at.height_sigma =
+        std::isfinite(point.height_sigma) ? point.height_sigma : kHeightFactor * at.sigma;
     at.heading_sigma = options.heading_sigma;
     if (!log.headings.empty()) {
       at.heading = std::remainder(log.headings[i] + places[i].convergence, 2.0 * M_PI);
@@ -116,6 +119,7 @@ void put_gnss(Scene& scene, const GnssOptions& options, OwnImport& out) {
                               : options.crs;
   std::vector<GnssSample> samples = on_the_map(log, crs, options);
   std::size_t count = 0;
+  std::string clock;  // what was made of the log's
   if (log.points.front().frame >= 0) {
     std::map<int, const MapPosition*> by_frame;
     for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -142,6 +146,12 @@ void put_gnss(Scene& scene, const GnssOptions& options, OwnImport& out) {
     for (GnssSample& sample : samples) sample.time_s += shift;
     std::stable_sort(samples.begin(), samples.end(),
                      [](const GnssSample& a, const GnssSample& b) { return a.time_s < b.time_s; });
+    if (options.offset.empty() && log.leap_seconds != 0.0) {
+      const double leap = gps_time_shift(samples, scene, log.leap_seconds, kLongestGap);
+      for (GnssSample& sample : samples) sample.time_s += leap;
+      clock = leap == 0.0 ? "; its GPS times are taken for the frames' own"
+                          : fmt::format("; GPS time, {:.0f} s ahead of the frames' UTC", -leap);
+    }
     for (SceneFrame& frame : scene.frames) {
       if (!frame.time_s) continue;
       const auto place = place_in(samples, *frame.time_s, kLongestGap);
@@ -155,9 +165,9 @@ void put_gnss(Scene& scene, const GnssOptions& options, OwnImport& out) {
   }
   scene.map_crs = crs;
   scene.antenna = options.antenna;
-  out.found.push_back(fmt::format("positions of {} of {} frames from {} ({}), on the map of {}",
-                                  count, scene.frames.size(),
-                                  printable(options.file.filename().string(), 64), log.form, crs));
+  out.found.push_back(fmt::format(
+      "positions of {} of {} frames from {} ({}), on the map of {}{}", count, scene.frames.size(),
+      printable(options.file.filename().string(), 64), log.form, crs, clock));
 }
 
 }  // namespace camber

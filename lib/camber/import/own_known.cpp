@@ -349,6 +349,8 @@ void put_own_poses(Scene& scene, const fs::path& file, double scale, OwnImport& 
   }
 }
 
+constexpr double kLongestGap = 3.0;  // s, between speeds
+
 void put_own_speeds(Scene& scene, const fs::path& file, const std::string& offset, OwnImport& out) {
   std::size_t count = 0;
   if (is_oxts(file)) {
@@ -376,9 +378,13 @@ void put_own_speeds(Scene& scene, const fs::path& file, const std::string& offse
     }
   }
   for (SpeedSample& sample : log.samples) sample.time_s += shift;
+  if (offset.empty()) {
+    shift = gps_time_shift(log.samples, scene, log.leap_seconds, kLongestGap);
+    for (SpeedSample& sample : log.samples) sample.time_s += shift;
+  }
   for (SceneFrame& frame : scene.frames) {
     if (!frame.time_s) continue;
-    const auto place = place_in(log.samples, *frame.time_s, 3.0);
+    const auto place = place_in(log.samples, *frame.time_s, kLongestGap);
     if (!place) continue;
     const auto& [at, share] = *place;
     const SpeedSample& a = log.samples[at];

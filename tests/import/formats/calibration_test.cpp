@@ -197,6 +197,154 @@ TEST_F(Calibration, CoefficientsThatAreNotFoundAreNotTakenForNone) {
   }
 }
 
+TEST_F(Calibration, OfMetashape) {
+  const std::string lens =
+      "<f>3042.5</f><cx>-12.25</cx><cy>8.5</cy><b1>1.5</b1><k1>0.021</k1><k2>-0.055</k2>"
+      "<k3>0.031</k3><p1>-0.0004</p1><p2>0.0007</p2>";
+  const CameraCalibration one =
+      only("c.xml",
+           "<?xml version=\"1.0\"?>\n<calibration><projection>frame</projection>"
+           "<width>4000</width><height>3000</height>" +
+               lens + "<date>2024-05-01T10:00:00Z</date></calibration>");
+  EXPECT_EQ(one.width, 4000);
+  EXPECT_DOUBLE_EQ(one.fx, 3044.0);
+  EXPECT_DOUBLE_EQ(one.fy, 3042.5);
+  // Lengths from the middle of the image; pixel centres at integers.
+  const LensDistortion lens_of_one = lens_of(one, false, 4000, 3000, "c.xml");
+  EXPECT_DOUBLE_EQ(lens_of_one.raw.cx, 1999.5 - 12.25);
+  EXPECT_DOUBLE_EQ(lens_of_one.raw.cy, 1499.5 + 8.5);
+  EXPECT_THAT(one.lens_coefficients, ElementsAre(0.021, -0.055, 0.0007, -0.0004, 0.031));
+  const CameraCalibration sensor = only(
+      "d.xml",
+      "<document version=\"1.5.0\"><chunk><sensors><sensor id=\"0\" label=\"DJI\" type=\"frame\">"
+      "<resolution width=\"4000\" height=\"3000\"/><calibration type=\"frame\" class=\"adjusted\">"
+      "<resolution width=\"4000\" height=\"3000\"/>" +
+          lens + "</calibration></sensor></sensors></chunk></document>");
+  EXPECT_EQ(sensor.name, "DJI");
+  EXPECT_DOUBLE_EQ(sensor.cx, one.cx);
+  EXPECT_EQ(sensor.lens_coefficients, one.lens_coefficients);
+  EXPECT_THAT(only("e.xml",
+                   "<calibration><width>40</width><height>30</height><f>30</f><k4>0.1</k4>"
+                   "</calibration>")
+                  .unsupported,
+              HasSubstr("k4"));
+  EXPECT_THAT(error_of("f.xml", "<calibration><width>40</width><height>30</height></calibration>"),
+              HasSubstr("f"));
+  EXPECT_THAT(error_of("g.xml", "<html/>"), HasSubstr("found <html>"));
+}
+
+TEST_F(Calibration, OfNerfstudio) {
+  const std::string numbers =
+      R"("fl_x": 912.5, "fl_y": 911.0, "cx": 641.2, "cy": 358.9, "w": 1280, "h": 720, )";
+  const CameraCalibration camera =
+      only("t.json", R"({"camera_model": "OPENCV", )" + numbers +
+                         R"("k1": -0.21, "k2": 0.05, "p1": 0.0003, "p2": -0.0002, "frames": []})");
+  EXPECT_EQ(camera.fx, 912.5);
+  EXPECT_EQ(camera.height, 720);
+  EXPECT_EQ(camera.first_pixel, 0.5);
+  EXPECT_THAT(camera.lens_coefficients, ElementsAre(-0.21, 0.05, 0.0003, -0.0002));
+  const CameraCalibration fisheye =
+      only("u.json", R"({"camera_model": "OPENCV_FISHEYE", )" + numbers +
+                         R"("k1": 0.021, "k2": 0.005, "k3": 0.001, "k4": -0.0002, "frames": []})");
+  EXPECT_EQ(fisheye.lens, LensModel::kFisheye);
+  EXPECT_THAT(fisheye.lens_coefficients, ElementsAre(0.021, 0.005, 0.001, -0.0002));
+  // A camera a frame: those that differ.
+  const CalibrationFile frames = read_calibration(
+      file("v.json", R"({"camera_model": "PINHOLE", "frames": [{"file_path": "a.jpg", )" + numbers +
+                         R"("t": 0}, {"file_path": "b.jpg", )" + numbers + R"("t": 0}]})"));
+  EXPECT_EQ(frames.cameras.size(), 1u);
+  EXPECT_DOUBLE_EQ(
+      only("w.json", R"({"camera_angle_x": 1.5707963267948966, "w": 800, "h": 600})").fx, 400.0);
+}
+
+TEST_F(Calibration, OfZedByTheImagesSize) {
+  const std::string text =
+      "[LEFT_CAM_FHD]\nfx=1399.5\nfy=1399\ncx=975.1\ncy=560.2\nk1=-0.171\nk2=0.0254\np1=0.0003\n"
+      "p2=0.0001\nk3=0\n\n[LEFT_CAM_HD]\nfx=699.75\nfy=699.5\ncx=652.3\ncy=370.1\nk1=-0.171\n"
+      "[RIGHT_CAM_HD]\nfx=699.1\nfy=699.2\ncx=650.3\ncy=371.1\n[STEREO]\nBaseline=120.0\n";
+  const CalibrationFile read = read_calibration(file("SN1.conf", text));
+  ASSERT_EQ(read.cameras.size(), 3u);
+  EXPECT_EQ(choose_camera(read, "", "SN1.conf", 1280, 720).fx, 699.75);
+  EXPECT_EQ(choose_camera(read, "", "SN1.conf", 1920, 1080).fx, 1399.5);
+  EXPECT_EQ(choose_camera(read, "RIGHT_CAM_HD", "SN1.conf", 1280, 720).fx, 699.1);
+  EXPECT_THROW(choose_camera(read, "", "SN1.conf", 640, 480), InputError);
+  EXPECT_THAT(read.cameras[0].lens_coefficients, ElementsAre(-0.171, 0.0254, 0.0003, 0.0001, 0.0));
+  EXPECT_THAT(error_of("b.conf", "[LEFT_CAM_HD]\nfx=699.75\nfy=699.5\ncx=652.3\n"),
+              HasSubstr("found no cy"));
+}
+
+TEST_F(Calibration, OfOkvisVikitAndArgoverse) {
+  const CameraCalibration okvis =
+      only("okvis.yaml",
+           "cameras:\n  - {T_SC: [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0], "
+           "image_dimension: [752, 480], distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00002], "
+           "distortion_type: radialtangential, focal_length: [458.6, 457.3], principal_point: "
+           "[367.2, 248.4]}\n");
+  EXPECT_EQ(okvis.width, 752);
+  EXPECT_EQ(okvis.fy, 457.3);
+  EXPECT_EQ(okvis.cx, 367.2);
+  EXPECT_THAT(okvis.lens_coefficients, ElementsAre(-0.28, 0.07, 0.0002, 0.00002));
+  const CameraCalibration vikit =
+      only("v.yaml",
+           "cam_model: Pinhole\ncam_width: 1280\ncam_height: 1024\nscale: 1.0\n"
+           "cam_fx: 1290.5\ncam_fy: 1290.3\ncam_cx: 626.9\ncam_cy: 522.8\n"
+           "cam_d0: -0.076\ncam_d1: 0.12\ncam_d2: -0.001\ncam_d3: 0.0002\n");
+  EXPECT_EQ(vikit.cy, 522.8);
+  EXPECT_EQ(vikit.height, 1024);
+  EXPECT_THAT(vikit.lens_coefficients, ElementsAre(-0.076, 0.12, -0.001, 0.0002));
+  const CameraCalibration argoverse =
+      only("a.json",
+           R"({"camera_data_": [{"key": "image_raw_ring_front_center", "value": {
+          "focal_length_x_px_": 1392.1, "focal_length_y_px_": 1392.2, "focal_center_x_px_": 980.2,
+          "focal_center_y_px_": 604.3, "skew_": 0, "distortion_coefficients_": [-0.172, 0.12, -0.028],
+          "vehicle_SE3_camera_": {"rotation": {"coefficients": [0.5, -0.5, 0.5, -0.5]},
+          "translation": [1.6, 0, 1.4]}}}]})");
+  EXPECT_EQ(argoverse.name, "ring_front_center");
+  EXPECT_EQ(argoverse.fy, 1392.2);
+  EXPECT_THAT(argoverse.lens_coefficients, ElementsAre(-0.172, 0.12, 0.0, 0.0, -0.028));
+}
+
+TEST_F(Calibration, MatricesInBrackets) {
+  for (const char* const text :
+       {"[[910, 0, 582],\n [0, 911, 437],\n [0,   0,   1]]\n",
+        "[[910.   0. 582.]\n [  0. 911. 437.]\n [  0.   0.   1.]]\n",
+        "K = np.array([[910, 0, 582], [0, 911, 437], [0, 0, 1]])\n",
+        "K = [910 0 582; 0 911 437; 0 0 1];\n", "[910, 0, 582, 0, 911, 437, 0, 0, 1]"}) {
+    const CameraCalibration camera = only("k.txt", text);
+    EXPECT_EQ(camera.fx, 910.0) << text;
+    EXPECT_EQ(camera.fy, 911.0) << text;
+    EXPECT_EQ(camera.cx, 582.0) << text;
+    EXPECT_EQ(camera.cy, 437.0) << text;
+  }
+  EXPECT_NE(error_of("k.txt", "[[910, 0, 582], [0, 911, 437]]"), "");
+}
+
+TEST_F(Calibration, ASkewOfAPixelIsLeftOutAndSaid) {
+  const auto ros = [](const char* skew) {
+    return std::string(
+               "image_width: 1640\nimage_height: 1232\ncamera_matrix: {rows: 3, cols: 3, "
+               "data: [410.5, ") +
+           skew +
+           ", 860.25, 0, 411.25, 598.5, 0, 0, 1]}\ncamera_model: fisheye\n"
+           "distortion_coefficients: {rows: 1, cols: 4, data: [0.17, -0.03, 0.0004, -0.0007]}\n";
+  };
+  const CameraCalibration small = only("a.yaml", ros("-0.9"));
+  EXPECT_EQ(small.unsupported, "");
+  EXPECT_THAT(small.note, HasSubstr("skew of -0.9"));
+  EXPECT_EQ(small.lens, LensModel::kFisheye);
+  EXPECT_EQ(only("b.yaml", ros("0.0")).note, "");
+  EXPECT_THAT(only("c.yaml", ros("25")).unsupported, HasSubstr("skewed"));
+}
+
+TEST_F(Calibration, OfSeveralMatricesTheOneThatCountsIsNamed) {
+  const CalibrationFile read = read_calibration(
+      file("a.json", R"({"camera_matrix": [[500, 0, 320], [0, 510, 240], [0, 0, 1]],
+                         "dist_coeffs": [-0.3, 0.1, 0, 0],
+                         "new_camera_matrix": [[450, 0, 320], [0, 460, 240], [0, 0, 1]]})"));
+  EXPECT_THAT(read.form, HasSubstr("the camera of 'camera_matrix', not of new_camera_matrix"));
+  EXPECT_EQ(read.cameras.at(0).fx, 500.0);
+}
+
 TEST_F(Calibration, OfOtherPrograms) {
   const CameraCalibration euroc =
       only("sensor.yaml",

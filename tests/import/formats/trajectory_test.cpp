@@ -331,6 +331,110 @@ TEST_F(Tracks, SpeedsOfTablesAndLogs) {
       HasSubstr("found no time with a speed"));
 }
 
+TEST_F(Tracks, SpeedsWithoutNamesMustLookLikeThem) {
+  for (const char* const rows :
+       {"0.0,48.1,11.5,10\n1.0,48.2,11.6,11\n",  // more columns than there are meanings
+        "10,0.0\n11,0.1\n10.5,0.2\n",            // speed, time
+        "0,90\n1,120\n",                         // km/h
+        "48.10001,11.5\n48.10002,11.6\n",        // latitude, longitude
+        "0.0,0.3,25\n1.0,0.4,26\n"}) {
+    EXPECT_THAT(error_of([&] { read_speeds(file("s.csv", rows)); }),
+                HasSubstr("without a line of names"))
+        << rows;
+  }
+  EXPECT_EQ(read_speeds(file("s.csv", "0.0,20,0.5\n0.1,20.5,0.5\n")).samples[1].sigma, 0.5);
+}
+
+TEST_F(Tracks, SentencesInTimeStampsAsDashCamerasWriteThem) {
+  const std::string text =
+      "[1714564800000]$GPRMC,120000.00,A,4807.038,N,01131.000,E,022.4,084.4,010524,003.1,W*47"
+      "[1714564800000]\r\n[1714564801000]$GPRMC,120001.00,A,4807.050,N,01131.000,E,022.4,084.4,"
+      "010524,003.1,W*48[1714564801000]\r\n";
+  const SpeedLog speeds = read_speeds(file("n.nmea", text));
+  ASSERT_EQ(speeds.samples.size(), 2u);
+  EXPECT_EQ(speeds.samples[1].time_s, 1714564801.0);
+  // Without GGA the places are RMC's.
+  const GeoLog log = read_geo_log(file("n.nmea", text));
+  ASSERT_EQ(log.segments.at(0).size(), 2u);
+  EXPECT_NEAR(log.segments[0][0].latitude, 48.1173, 1e-9);
+  EXPECT_EQ(log.segments[0][1].time_s, 1714564801.0);
+  EXPECT_EQ(log.wrong_checksums, 0);
+}
+
+TEST_F(Tracks, PositionsOfRtklib) {
+  const std::string head =
+      "% program   : RTKPOST\n"
+      "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)  "
+      " "
+      "sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio\n";
+  const GeoLog log = read_geo_log(file(
+      "r.pos", head + "2024/05/01 23:59:58.000   48.000000000   -9.500000000   323.2000   1  12   "
+                      "0.0100   0.0080   0.0400   0 0 0 0.00 99.0\n"
+                      "2024/05/01 23:59:58.100   48.000008993   -9.500000000   323.2000   5   9   "
+                      "2.0000   1.0000   3.0000   0 0 0 0.00 0.0\n"));
+  EXPECT_EQ(log.form, "RTKLIB");
+  const std::vector<GeoPoint>& points = log.segments.at(0);
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].time_s, 1714607998.0);
+  EXPECT_EQ(points[1].longitude, -9.5);
+  EXPECT_EQ(points[0].altitude, 323.2);
+  EXPECT_LT(points[0].sigma, 0.05);  // a fix, not the metres of a single receiver
+  EXPECT_EQ(points[0].height_sigma, 0.04);
+  EXPECT_NEAR(points[1].sigma, std::sqrt(2.5), 1e-12);
+  EXPECT_EQ(log.leap_seconds, 18.0);
+  EXPECT_EQ(read_geo_log(file("u.pos",
+                              "%  UTC  latitude(deg) longitude(deg) height(m) Q ns\n"
+                              "2312 345598.0 48.0 -9.5 323.2 2 8\n"))
+                .leap_seconds,
+            0.0);
+  EXPECT_EQ(read_geo_log(file("u.pos",
+                              "%  UTC  latitude(deg) longitude(deg) height(m) Q ns\n"
+                              "2312 345598.0 48.0 -9.5 323.2 2 8\n"))
+                .segments.at(0)
+                .at(0)
+                .time_s,
+            1714607998.0);
+  EXPECT_THAT(error_of([&] {
+                read_geo_log(file("e.pos",
+                                  "%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q ns\n"
+                                  "2312 345598.0 1 2 3 1 8\n"));
+              }),
+              HasSubstr("line 1: found other columns"));
+  EXPECT_THAT(
+      error_of([&] { read_geo_log(file("f.pos", head + "2024/05/01 23:59:58 48.0 x 1\n")); }),
+      HasSubstr("line 3: found 'x'"));
+}
+
+TEST_F(Tracks, FixesOfRtkInNmeaHaveCentimetres) {
+  const GeoLog log = read_geo_log(
+      file("g.nmea",
+           "$GPGGA,120000.00,4807.038,N,01131.000,E,4,12,0.6,545.4,M,46.9,M,1.0,0000*49\n"
+           "$GPGGA,120001.00,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*66\n"));
+  ASSERT_EQ(log.segments.at(0).size(), 2u);
+  EXPECT_LT(log.segments[0][0].sigma, 0.05);
+  EXPECT_TRUE(std::isnan(log.segments[0][1].sigma));
+}
+
+TEST_F(Tracks, TablesOfDatesAndDecimalCommas) {
+  const std::string table =
+      "Time (UTC);Latitude;Longitude;Speed (km/h)\n2024-05-01 23:59:58;48.0;-9.5;36,0\n"
+      "2024-05-01 23:59:59;48.0001;-9.5;37,8\n";
+  const SpeedLog speeds = read_speeds(file("iso.csv", table));
+  ASSERT_EQ(speeds.samples.size(), 2u);
+  EXPECT_EQ(speeds.samples[0].time_s, 1714607998.0);
+  EXPECT_DOUBLE_EQ(speeds.samples[1].speed, 10.5);
+  const GeoLog log = read_geo_log(file("iso.csv", table));
+  EXPECT_EQ(log.segments.at(0).at(1).time_s, 1714607999.0);
+}
+
+TEST_F(Tracks, PosesInNanosecondsWithDecimals) {
+  for (const char* const row :
+       {"1317043079287203072.000000 0.0 0.0 0.9 0 0 0 1\n", "1317043079287203072 0 0 0.9 0 0 0 1\n",
+        "1317043079287203.0 0 0 0.9 0 0 0 1\n", "1317043079.287203072 0 0 0.9 0 0 0 1\n"}) {
+    EXPECT_NEAR(read_poses(file("t.txt", row)).poses.at(0).time_s, 1317043079.287203, 1e-5) << row;
+  }
+}
+
 TEST_F(Tracks, AttitudesBecomeUp) {
   EXPECT_LT((up_in_camera(0, 0) - Eigen::Vector3d(0, -1, 0)).norm(), 1e-15);
   // Front down by 10 degrees: up leans away from where the camera looks; left side up: to the

@@ -31,6 +31,21 @@ std::optional<std::pair<std::size_t, double>> place_in(const Samples& samples, d
                         (time - before->time_s) / span);
 }
 
+/// What to add to the times of a log in GPS time: what makes them UTC, as frames' times are; 0
+/// where only the times as written are those of frames.
+/// @param gap  s, as in place_in()
+template <typename Samples>
+double gps_time_shift(const Samples& samples, const Scene& scene, double leap_seconds, double gap) {
+  if (leap_seconds == 0.0) return 0.0;
+  std::size_t as_written = 0, as_utc = 0;
+  for (const SceneFrame& frame : scene.frames) {
+    if (!frame.time_s) continue;
+    as_written += place_in(samples, *frame.time_s, gap) ? 1 : 0;
+    as_utc += place_in(samples, *frame.time_s + leap_seconds, gap) ? 1 : 0;
+  }
+  return as_written > 0 && as_utc == 0 ? 0.0 : -leap_seconds;
+}
+
 /// Refuses where no frame got anything, with the ranges of both clocks.
 template <typename Samples>
 void require_some(std::size_t count, const Scene& scene, const Samples& samples,

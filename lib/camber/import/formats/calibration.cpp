@@ -110,6 +110,7 @@ void set_lens_by_word(CameraCalibration* camera, const std::string& word,
                                               "radtan8",
                                               "normal",
                                               "pinholeradialtangential",
+                                              "radialtangential8",
                                               "distortedpinhole"};
   static const std::set<std::string> fisheye = {
       "equidistant",    "equi",          "fisheye", "kannalabrandt", "kannalabrandt4",
@@ -132,21 +133,37 @@ void set_lens_by_word(CameraCalibration* camera, const std::string& word,
   }
 }
 
+void set_skew(CameraCalibration* camera, double skew) {
+  constexpr double kLargest = 2.0;  // pixels where y is 1, 45 degrees off the axis
+  if (skew == 0.0 || std::abs(skew) <= 1e-6 * std::abs(camera->fx)) return;
+  if (std::abs(skew) > std::max(kLargest, 1e-3 * std::abs(camera->fx))) {
+    camera->unsupported = fmt::format("its pixels are skewed by {}", skew);
+    return;
+  }
+  camera->note = fmt::format("its skew of {:.2g} pixels is left out", skew);
+}
+
 CalibrationFile read_calibration(const fs::path& path) {
   const std::string text = read_whole_file(path, kMaxBytes);
-  std::optional<CalibrationFile> out = calibration_of_text(path, text);
+  const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
+  const bool xml = first != std::string::npos && text[first] == '<';
+  std::optional<CalibrationFile> out;
+  if (xml && text.find("<opencv_storage") == std::string::npos)
+    out = calibration_of_xml(text, path);
+  if (!out) out = calibration_of_text(path, text);
   if (!out) out = calibration_of_document(Document::parse(text, path.string()));
   if (!out) {
     throw InputError(path.string(),
                      "found no camera, expected a calibration of OpenCV, ROS, Kalibr, EuRoC, "
-                     "camodocal, ORB-SLAM, Basalt, COLMAP, kapture, KITTI, nuScenes or OpenSfM");
+                     "camodocal, ORB-SLAM, Basalt, COLMAP, kapture, KITTI, nuScenes, OpenSfM, "
+                     "Metashape, nerfstudio, ZED, OKVIS, rpg_vikit or Argoverse");
   }
   for (const CameraCalibration& camera : out->cameras) check(camera, path.string());
   return *out;
 }
 
 const CameraCalibration& choose_camera(const CalibrationFile& file, const std::string& choice,
-                                       const fs::path& path) {
+                                       const fs::path& path, int width, int height) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < file.cameras.size() && i < 12; ++i) {
     const std::string& name = file.cameras[i].name;
@@ -157,6 +174,13 @@ const CameraCalibration& choose_camera(const CalibrationFile& file, const std::s
   if (file.cameras.empty()) throw InputError(path.string(), "found no camera, expected one");
   if (choice.empty()) {
     if (file.cameras.size() == 1) return file.cameras.front();
+    std::vector<const CameraCalibration*> fitting;
+    for (const CameraCalibration& camera : file.cameras) {
+      if (camera.width == width && camera.height == height) fitting.push_back(&camera);
+    }
+    const bool zed =
+        file.form == "ZED" && fitting.size() == 2 && fitting[0]->name.rfind("LEFT", 0) == 0;
+    if (fitting.size() == 1 || zed) return *fitting.front();
     throw InputError(path.string(),
                      fmt::format("found {} cameras ({}), expected --camera to name one",
                                  file.cameras.size(), listed));

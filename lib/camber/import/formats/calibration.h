@@ -29,6 +29,7 @@ struct CameraCalibration {
   /// The distortion in OpenCV's order, where Camber has the model.
   LensModel lens = LensModel::kNone;
   std::vector<double> lens_coefficients;
+  std::string note;         ///< what a person should know of how it was read; or ""
   std::string unsupported;  ///< why no pinhole camera with that distortion can stand for it; or ""
 };
 
@@ -42,14 +43,18 @@ struct CalibrationFile {
 /// Reads a calibration; the content decides the form: OpenCV FileStorage (YAML, XML, JSON), ROS
 /// camera_info (YAML, INI), Kalibr, EuRoC, camodocal (VINS), ORB-SLAM 2 and 3, Basalt, COLMAP
 /// cameras (.txt, .bin), kapture, KITTI (object, tracking, odometry, raw), nuScenes calibrated
-/// sensors, OpenSfM, Cityscapes, a JSON or YAML object with fx fy cx cy or K, by name or not.
+/// sensors, OpenSfM, Cityscapes, Metashape, nerfstudio, ZED, OKVIS, rpg_vikit, Argoverse, a JSON or
+/// YAML object with fx fy cx cy or K, by name or not, a 3 x 3 matrix alone, also in brackets.
 /// @throws InputError "file: position: found, expected".
 CalibrationFile read_calibration(const std::filesystem::path& path);
 
-/// The camera by its name, or by its index in the file; with an empty choice the only one.
+/// The camera by its name, or by its index in the file; with an empty choice the only one, or the
+/// only one of the images' size (of a ZED's file, which has both cameras in four sizes, the left).
+/// @param width, height  of the images; 0: not known
 /// @throws InputError that names the cameras where there is no such one, or several and no choice.
 const CameraCalibration& choose_camera(const CalibrationFile& file, const std::string& choice,
-                                       const std::filesystem::path& path);
+                                       const std::filesystem::path& path, int width = 0,
+                                       int height = 0);
 
 /// The camera in Camber's convention (pixel centres at integers) and the lens. The pinhole is that
 /// of the image files.

@@ -44,8 +44,8 @@ const Names kDistortionNames = {"distortioncoefficients",
                                 "coeffs"};
 const Names kModelNames = {"distortionmodel", "distortiontype"};
 const Names kProjectionNames = {"projectionmatrix", "projection", "p"};
-const Names kSizeNames = {"imagesize", "resolution",      "size",
-                          "imgsize",   "imageresolution", "imagesizewh"};
+const Names kSizeNames = {"imagesize",       "resolution",  "size",          "imgsize",
+                          "imageresolution", "imagesizewh", "imagedimension"};
 const Names kWidthNames = {"imagewidth", "width", "imgwidth", "framewidth", "w"};
 const Names kHeightNames = {"imageheight", "height", "imgheight", "frameheight", "h"};
 const Names kFxNames = {"fx", "focalx", "focallengthx"},
@@ -76,6 +76,12 @@ class DocumentReader {
         out = opensfm(root);
       } else if (find_by_plain_name(root, {"modeltype"})) {
         out = camodocal(root);
+      } else if (is_nerfstudio(root)) {
+        out = nerfstudio(root);
+      } else if (find(root, {"cameradata"})) {
+        out = argoverse(root);
+      } else if (find(root, {"cammodel"}) && find(root, {"camwidth"})) {
+        out = vikit(root);
       } else if (is_orb_slam(root)) {
         out = orb_slam(root);
       } else {
@@ -141,6 +147,15 @@ class DocumentReader {
     if (!map.IsMap()) return false;
     const auto one = find(map, {"f", "focal", "focallength"});
     const auto fx = find(map, kFxNames);
+    const auto point = find(map, {"principalpoint"});
+    if (one && one->IsSequence() && one->size() == 2 && point && point->IsSequence() &&
+        point->size() == 2) {  // OKVIS
+      camera->fx = d_.number((*one)[0], "a focal length in pixels");
+      camera->fy = d_.number((*one)[1], "a focal length in pixels");
+      camera->cx = d_.number((*point)[0], "a principal point in pixels");
+      camera->cy = d_.number((*point)[1], "a principal point in pixels");
+      return true;
+    }
     if ((!fx && !(one && one->IsScalar())) || !find(map, kCxNames)) return false;
     camera->fx = d_.number(fx ? *fx : *one, "a focal length in pixels");
     camera->fy = fx ? require(map, kFyNames, "fy") : camera->fx;
@@ -170,9 +185,7 @@ class DocumentReader {
     camera->fy = k[row + 1];
     camera->cx = by_columns ? k[6] : k[2];
     camera->cy = by_columns ? k[7] : k[row + 2];
-    if (!by_columns && std::abs(k[1]) > 1e-3 * std::abs(k[0])) {
-      camera->unsupported = fmt::format("its pixels are skewed by {}", k[1]);
-    }
+    if (!by_columns) set_skew(camera, k[1]);
   }
 
   static bool holds_matrix(const YAML::Node& node) {
@@ -311,17 +324,49 @@ class DocumentReader {
     CalibrationFile out;
     if (const auto one = camera_of(root)) {
       out.form = find(root, kModelNames) ? "ROS camera_info" : "OpenCV";
+      if (const std::string which = which_matrix(root); !which.empty()) out.form += ", " + which;
       out.cameras.push_back(*one);
       return out;
     }
     for (const std::string suffix : {"1", "2", "left", "right", "l", "r"}) {
-      if (!find(root, {"cameramatrix" + suffix, "k" + suffix, "m" + suffix, "mtx" + suffix}))
-        continue;
+      const auto matrix =
+          find(root, {"cameramatrix" + suffix, "k" + suffix, "m" + suffix, "mtx" + suffix});
+      if (!matrix || !holds_matrix(*matrix)) continue;  // k1 may be a coefficient
       out.form = "OpenCV stereo";
       out.cameras.push_back(stereo_camera(root, suffix));
     }
     if (out.cameras.empty()) nested(root, 0, &out);
     return out;
+  }
+
+  /// Of several camera matrices in a file (of the raw and the undistorted image), the one that
+  /// counts.
+  std::string which_matrix(const YAML::Node& map) const {
+    std::string taken, others;
+    const auto matrix = find(map, kMatrixNames);
+    for (const auto& entry : map) {
+      const YAML::Node& value = entry.second;
+      if (!entry.first.IsScalar() || !holds_matrix(value)) continue;
+      const YAML::Node data = value.IsMap() ? *find(value, {"data"}) : value;
+      if (!data.IsSequence()) continue;
+      std::vector<double> k;
+      for (const YAML::Node& row : data) {
+        if (row.IsSequence()) {
+          for (const YAML::Node& item : row) k.push_back(item.as<double>(0.0));
+        } else {
+          k.push_back(row.as<double>(0.0));
+        }
+      }
+      if (k.size() != 9 || !(k[0] > 1.0 && k[4] > 1.0) || k[3] != 0.0 || k[8] != 1.0) continue;
+      const std::string name = printable(text_of(entry.first), 64);
+      if (matrix && value.is(*matrix)) {
+        taken = name;
+      } else {
+        others += (others.empty() ? "" : ", ") + name;
+      }
+    }
+    if (taken.empty() || others.empty()) return "";
+    return fmt::format("the camera of '{}', not of {}", taken, others);
   }
 
   CameraCalibration stereo_camera(const YAML::Node& root, const std::string& suffix) const {
@@ -339,6 +384,7 @@ class DocumentReader {
   void nested(const YAML::Node& map, int depth, CalibrationFile* out) const {
     if (depth > 3 || !map.IsMap()) return;
     for (const auto& entry : map) {
+      if (entry.second.IsSequence()) listed(entry.second, depth + 1, out);
       if (!entry.second.IsMap() || out->cameras.size() > 256) continue;
       const std::string name = text_of(entry.first);
       auto camera = camera_of(entry.second);
@@ -359,6 +405,28 @@ class DocumentReader {
       const std::string inner = plain_name(out->cameras.back().name);
       if (inner == "intrinsic" || inner == "intrinsics" || inner == "calibration") {
         out->cameras.back().name = name;
+      }
+    }
+  }
+
+  /// Cameras in a list, by their names or places: OKVIS, Kalibr's rigs of SVO.
+  void listed(const YAML::Node& list, int depth, CalibrationFile* out) const {
+    for (std::size_t i = 0; i < list.size() && out->cameras.size() <= 256; ++i) {
+      if (!list[i].IsMap()) return;
+      auto camera = camera_of(list[i]);
+      const std::size_t before = out->cameras.size();
+      if (camera) {
+        out->form = find(list[i], {"tsc"}) ? "OKVIS" : "list of cameras";
+        out->cameras.push_back(std::move(*camera));
+      } else {
+        nested(list[i], depth + 1, out);
+      }
+      if (out->cameras.size() != before + 1) continue;
+      const auto name = find(list[i], {"name", "cameraname", "label", "key"});
+      if (name && name->IsScalar()) {
+        out->cameras.back().name = text_of(*name);
+      } else if (camera && out->cameras.back().name.empty()) {
+        out->cameras.back().name = std::to_string(i);
       }
     }
   }
@@ -508,6 +576,142 @@ class DocumentReader {
     } else {
       camera.model = type;
       camera.unsupported = "its camera model \"" + printable(type) + "\" is not supported";
+    }
+    out.cameras.push_back(std::move(camera));
+    return out;
+  }
+
+  static bool is_nerfstudio(const YAML::Node& root) {
+    if (find_by_plain_name(root, {"flx", "cameraanglex"})) return true;
+    const auto frames = find_by_plain_name(root, {"frames"});
+    return frames && frames->IsSequence() && frames->size() > 0 &&
+           find_by_plain_name((*frames)[0], {"flx"}).has_value();
+  }
+
+  /// transforms.json of nerfstudio and instant-ngp: one camera, or one for each frame.
+  CalibrationFile nerfstudio(const YAML::Node& root) const {
+    CalibrationFile out;
+    out.form = "nerfstudio";
+    if (!find(root, {"flx", "cameraanglex"})) {
+      const YAML::Node frames = *find(root, {"frames"});
+      for (const YAML::Node& frame : frames) {
+        CameraCalibration camera = nerfstudio_camera(frame, root);
+        if (const auto path = find(frame, {"filepath"})) camera.name = text_of(*path);
+        const auto same = [&](const CameraCalibration& other) {
+          return other.fx == camera.fx && other.fy == camera.fy && other.cx == camera.cx &&
+                 other.cy == camera.cy && other.lens_coefficients == camera.lens_coefficients;
+        };
+        if (std::none_of(out.cameras.begin(), out.cameras.end(), same))
+          out.cameras.push_back(std::move(camera));
+      }
+      return out;
+    }
+    out.cameras.push_back(nerfstudio_camera(root, root));
+    return out;
+  }
+
+  CameraCalibration nerfstudio_camera(const YAML::Node& map, const YAML::Node& root) const {
+    CameraCalibration out;
+    set_size(map, &out);
+    if (!out.width) set_size(root, &out);
+    out.first_pixel = 0.5;  // as COLMAP, which most of them come from
+    const auto angle = find(map, {"cameraanglex"});
+    if (const auto fx = find(map, {"flx"})) {
+      out.fx = d_.number(*fx, "a focal length in pixels");
+    } else {
+      if (!out.width) d_.expected(map, "fl_x, or camera_angle_x with w and h");
+      out.fx = 0.5 * *out.width / std::tan(0.5 * d_.number(*angle, "an angle in radians"));
+    }
+    const auto fy = find(map, {"fly"});
+    out.fy = fy ? d_.number(*fy, "a focal length in pixels") : out.fx;
+    const auto cx = find(map, {"cx"}), cy = find(map, {"cy"});
+    if (!(cx && cy) && !out.width) d_.expected(map, "cx and cy, or w and h");
+    out.cx = cx ? d_.number(*cx, "cx in pixels") : 0.5 * *out.width;
+    out.cy = cy ? d_.number(*cy, "cy in pixels") : 0.5 * *out.height;
+    auto model = find(map, {"cameramodel"});
+    if (!model) model = find(root, {"cameramodel"});
+    const auto flag = find(map, {"isfisheye"});
+    std::string word = model ? text_of(*model) : "OPENCV";
+    if (flag && (text_of(*flag) == "true" || text_of(*flag) == "1")) word = "OPENCV_FISHEYE";
+    out.model = word;
+    const std::string plain = plain_name(word);
+    const bool fisheye = plain.find("fisheye") != std::string::npos;
+    out.coefficients = named_coefficients(map, "", fisheye);
+    const bool opencv = plain == "simplepinhole" || plain == "simpleradial" || plain == "radial" ||
+                        plain == "fullopencv";
+    set_lens_by_word(&out, opencv ? "opencv" : word, out.coefficients);
+    return out;
+  }
+
+  /// Argoverse 1: cameras of a log with k1 k2 k3 and their mounting.
+  CalibrationFile argoverse(const YAML::Node& root) const {
+    CalibrationFile out;
+    out.form = "Argoverse";
+    const YAML::Node list = *find(root, {"cameradata"});
+    if (!list.IsSequence()) d_.expected(list, "a list of cameras");
+    for (const YAML::Node& entry : list) {
+      const auto value = find(entry, {"value"});
+      if (!value || !value->IsMap()) d_.expected(entry, "a camera {\"key\", \"value\"}");
+      CameraCalibration camera;
+      if (const auto key = find(entry, {"key"})) {
+        camera.name = text_of(*key);
+        const std::string prefix = "image_raw_";
+        if (camera.name.rfind(prefix, 0) == 0) camera.name.erase(0, prefix.size());
+      }
+      camera.fx = require(*value, {"focallengthxpx"}, "focal_length_x_px_");
+      camera.fy = require(*value, {"focallengthypx"}, "focal_length_y_px_");
+      camera.cx = require(*value, {"focalcenterxpx"}, "focal_center_x_px_");
+      camera.cy = require(*value, {"focalcenterypx"}, "focal_center_y_px_");
+      camera.model = "k1 k2 k3";
+      if (const auto d = find(*value, {"distortioncoefficients"})) {
+        camera.coefficients = d_.numbers(*d, "k1 k2 k3");
+        if (camera.coefficients.size() != 3) d_.expected(*d, "k1 k2 k3");
+        const std::vector<double>& k = camera.coefficients;
+        set_opencv_lens(&camera, {k[0], k[1], 0.0, 0.0, k[2]});
+      } else {
+        require_no_lens(*value, YAML::Node(), "k1 k2 k3");
+      }
+      if (const auto skew = find(*value, {"skew"})) set_skew(&camera, d_.number(*skew, "a skew"));
+      out.cameras.push_back(std::move(camera));
+    }
+    return out;
+  }
+
+  /// rpg_vikit, as SVO and FAST-LIVO take it.
+  CalibrationFile vikit(const YAML::Node& root) const {
+    CalibrationFile out;
+    out.form = "rpg_vikit";
+    CameraCalibration camera;
+    camera.model = text_of(*find(root, {"cammodel"}));
+    camera.width = side(*find(root, {"camwidth"}));
+    const auto height = find(root, {"camheight"});
+    if (!height) d_.expected(root, "cam_height beside cam_width");
+    camera.height = side(*height);
+    camera.fx = require(root, {"camfx"}, "cam_fx");
+    camera.fy = require(root, {"camfy"}, "cam_fy");
+    camera.cx = require(root, {"camcx"}, "cam_cx");
+    camera.cy = require(root, {"camcy"}, "cam_cy");
+    const std::string model = plain_name(camera.model);
+    const auto given = [&](const std::string& prefix, int from) {
+      std::vector<double> values;
+      std::size_t used = 0;
+      for (int i = 0; i < 4; ++i) {
+        const auto value = find(root, {prefix + std::to_string(from + i)});
+        values.push_back(value ? d_.number(*value, "a distortion coefficient") : 0.0);
+        if (value) used = values.size();
+      }
+      values.resize(used);
+      return values;
+    };
+    camera.coefficients = given("camd", 0);
+    if (model == "pinhole") {
+      set_opencv_lens(&camera, camera.coefficients);
+    } else if (model == "equidistantcamera" || model == "equidistant") {
+      if (camera.coefficients.empty()) camera.coefficients = given("k", 1);
+      if (camera.coefficients.empty()) require_no_lens(root, YAML::Node(), camera.model);
+      set_fisheye_lens(&camera, camera.coefficients);
+    } else {
+      camera.unsupported = "its camera model \"" + printable(camera.model) + "\" is not supported";
     }
     out.cameras.push_back(std::move(camera));
     return out;

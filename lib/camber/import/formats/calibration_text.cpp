@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -300,6 +301,116 @@ CalibrationFile ini_calibration(const TextRows& rows) {
   return out;
 }
 
+// ---- ZED ----------------------------------------------------------------------------------------
+
+/// Pixels of a resolution as Stereolabs names it.
+std::optional<std::pair<int, int>> zed_size(const std::string& word) {
+  static const std::map<std::string, std::pair<int, int>> sizes = {
+      {"2K", {2208, 1242}},      {"FHD", {1920, 1080}},    {"HD", {1280, 720}},
+      {"VGA", {672, 376}},       {"SVGA", {960, 600}},     {"FHD1200", {1920, 1200}},
+      {"HD1200", {1920, 1200}},  {"HD1080", {1920, 1080}}, {"4K", {3840, 2160}},
+      {"QHDPLUS", {3200, 1800}}, {"HD720", {1280, 720}}};
+  const auto at = sizes.find(word);
+  return at == sizes.end() ? std::nullopt : std::make_optional(at->second);
+}
+
+/// SNnnnn.conf: sections [LEFT_CAM_HD] with fx=, fy=, cx=, cy=, k1= ...; nothing where there is
+/// none.
+std::optional<CalibrationFile> zed_calibration(const DelimitedLines& lines) {
+  CalibrationFile out;
+  out.form = "ZED";
+  std::map<std::string, double> values;
+  const DelimitedLine* section = nullptr;
+  std::string name;
+  const auto finish = [&] {
+    if (!section) return;
+    CameraCalibration camera;
+    camera.name = name;
+    const auto require = [&](const char* key) {
+      const auto at = values.find(key);
+      if (at == values.end())
+        lines.fail(*section, fmt::format("found no {} of {}, expected it", key, printable(name)));
+      return at->second;
+    };
+    camera.fx = require("fx");
+    camera.fy = require("fy");
+    camera.cx = require("cx");
+    camera.cy = require("cy");
+    if (const auto size = zed_size(name.substr(name.rfind('_') + 1))) {
+      camera.width = size->first;
+      camera.height = size->second;
+    }
+    camera.model = "opencv";
+    for (const char* const key : {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}) {
+      camera.coefficients.push_back(values.count(key) ? values[key] : 0.0);
+    }
+    set_opencv_lens(&camera, camera.coefficients);
+    out.cameras.push_back(std::move(camera));
+  };
+  for (const DelimitedLine& line : lines.lines()) {
+    const std::string first(line.fields[0]);
+    if (first.size() > 2 && first.front() == '[' && first.back() == ']') {
+      finish();
+      name = first.substr(1, first.size() - 2);
+      values.clear();
+      section = name.find("_CAM_") != std::string::npos ? &line : nullptr;
+    } else if (section && line.fields.size() == 2) {
+      values[first] = lines.number(line, 1, "a number");
+    }
+  }
+  finish();
+  if (out.cameras.empty()) return std::nullopt;
+  return out;
+}
+
+// ---- a matrix alone -----------------------------------------------------------------------------
+
+/// A 3 x 3 matrix in brackets, as JSON, numpy or MATLAB print one, perhaps behind a name and
+/// "array(".
+std::optional<CalibrationFile> bracketed_matrix(const std::string& text) {
+  constexpr std::size_t kLongest = 4000;
+  const std::size_t open = text.find('['), close = text.rfind(']');
+  if (open == std::string::npos || close == std::string::npos || close < open ||
+      text.size() > kLongest) {
+    return std::nullopt;
+  }
+  static const std::regex before(
+      R"(^(\xEF\xBB\xBF)?\s*([A-Za-z_]\w*\s*[=:]\s*)?((np|numpy)\.)?(array|matrix|mat)?\s*\(?\s*$)");
+  static const std::regex behind(R"(^\s*(,\s*dtype\s*=\s*[\w.]+\s*)?\)?\s*;?\s*$)");
+  if (!std::regex_match(text.substr(0, open), before) ||
+      !std::regex_match(text.substr(close + 1), behind)) {
+    return std::nullopt;
+  }
+  std::vector<double> k;
+  std::string word;
+  for (std::size_t i = open; i <= close; ++i) {
+    const bool separates = std::string("[](),; \t\r\n").find(text[i]) != std::string::npos;
+    if (!separates) {
+      word += text[i];
+      continue;
+    }
+    if (word.empty()) continue;
+    double value = 0.0;
+    if (word.size() > 1 && word.back() == '.') word += '0';  // numpy's "910."
+    if (k.size() >= 9 || !parse_number(word, &value) || !std::isfinite(value)) return std::nullopt;
+    k.push_back(value);
+    word.clear();
+  }
+  if (k.size() != 9 || k[6] != 0.0 || k[7] != 0.0 || k[8] != 1.0 || k[3] != 0.0)
+    return std::nullopt;
+  CameraCalibration camera;
+  camera.model = "opencv";
+  camera.fx = k[0];
+  camera.fy = k[4];
+  camera.cx = k[2];
+  camera.cy = k[5];
+  set_skew(&camera, k[1]);
+  CalibrationFile out;
+  out.form = "camera matrix";
+  out.cameras.push_back(std::move(camera));
+  return out;
+}
+
 /// Nine numbers, row by row, and nothing else.
 std::optional<CalibrationFile> bare_matrix(const TextRows& rows) {
   std::vector<double> k;
@@ -332,6 +443,7 @@ std::optional<CalibrationFile> calibration_of_text(const fs::path& path, const s
     throw InputError(path.string(), "found an empty file, expected a calibration");
   if (text[first] == '<' || text[first] == '{' || text.compare(first, 5, "%YAML") == 0)
     return std::nullopt;
+  if (const auto matrix = bracketed_matrix(text)) return matrix;
   const TextRows rows(path);
   const TextRow* content = nullptr;  // the first line that is no comment
   bool ini = false, kapture = text.compare(first, 16, "# kapture format") == 0;
@@ -341,6 +453,10 @@ std::optional<CalibrationFile> calibration_of_text(const fs::path& path, const s
     if (!content && word[0] != '#' && word[0] != ';') content = &row;
   }
   if (ini) return ini_calibration(rows);
+  if (text[first] == '[' && text.find("_CAM_") != std::string::npos) {
+    const DelimitedLines lines(path, '=');
+    if (auto zed = zed_calibration(lines)) return zed;
+  }
   if (kapture) return kapture_calibration(DelimitedLines(path, ','));
   if (!content) return std::nullopt;
   if (content->words.size() >= 2 && colmap_forms().count(std::string(content->words[1].text))) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <regex>
 #include <sstream>
 
 #include "camber/core/errors.h"
@@ -21,6 +23,9 @@ namespace {
 
 constexpr double kRadians = 0.017453292519943295;  // of a degree
 constexpr double kKnot = 1852.0 / 3600.0;          // m/s
+
+/// Of a place: what receivers' makers state of solutions with fixed and with real ambiguities.
+constexpr double kRtkFixedSigma = 0.02, kRtkFloatSigma = 0.4;  // m
 
 bool is_place(double latitude, double longitude) {
   return std::abs(latitude) <= 90.0 && std::abs(longitude) <= 360.0;
@@ -105,7 +110,8 @@ class NmeaReader {
  public:
   explicit NmeaReader(GeoLog* out) : out_(*out) { out_.segments.emplace_back(); }
 
-  void take(const std::string& line) {
+  void take(const std::string& written) {
+    const std::string line = sentence_of(written);
     const std::size_t star = line.rfind('*');
     if (line.size() < 7 || (line[0] != '$' && line[0] != '!') || star == std::string::npos ||
         star + 3 > line.size()) {
@@ -135,9 +141,23 @@ class NmeaReader {
     if (type == "VTG" && f.size() >= 8) vtg(f);
   }
 
-  void finish() { out_.times_of_day = !dated_; }
+  void finish() {
+    out_.times_of_day = !dated_;
+    if (out_.segments[0].empty()) out_.segments[0] = std::move(of_rmc_);
+  }
 
  private:
+  /// Without what dash cameras and loggers put around it: "[1714607998000]$GPRMC,...*7F[...]".
+  static std::string sentence_of(const std::string& line) {
+    constexpr std::size_t kLongestPrefix = 40;
+    const std::size_t start = line.find_first_of("$!");
+    if (start == std::string::npos || start == 0 || start > kLongestPrefix) return line;
+    if (line.substr(0, start).find_first_not_of("[]() \t,;:.-+TZ0123456789") != std::string::npos)
+      return line;
+    const std::size_t star = line.find('*', start);
+    return line.substr(start, star == std::string::npos ? star : star + 3 - start);
+  }
+
   double clock(double of_day) {
     if (of_day < last_ - 43200.0) day_ += 86400.0;
     last_ = of_day;
@@ -153,6 +173,8 @@ class NmeaReader {
     point.latitude = *latitude;
     point.longitude = *longitude;
     parse_number(f[9], &point.altitude);
+    if (quality == 4.0) point.sigma = kRtkFixedSigma;
+    if (quality == 5.0) point.sigma = kRtkFloatSigma;
     point.time_text = f[1];
     point.time_s = clock(*time);
     out_.segments[0].push_back(std::move(point));
@@ -169,11 +191,22 @@ class NmeaReader {
                                             f[9].substr(0, 2) + "T000000");
       if (midnight) {
         for (GeoPoint& p : out_.segments[0]) p.time_s += *midnight - day_;
+        for (GeoPoint& p : of_rmc_) p.time_s += *midnight - day_;
         day_ = *midnight;
         dated_ = true;
       }
     }
-    if (time && parse_number(f[7], &speed) && speed >= 0.0) add_speed(clock(*time), speed * kKnot);
+    if (!time) return;
+    const double now = clock(*time);
+    if (parse_number(f[7], &speed) && speed >= 0.0) add_speed(now, speed * kKnot);
+    const auto latitude = nmea_angle(f[3], f[4]), longitude = nmea_angle(f[5], f[6]);
+    if (!latitude || !longitude) return;
+    GeoPoint point;
+    point.latitude = *latitude;
+    point.longitude = *longitude;
+    point.time_text = f[1];
+    point.time_s = now;
+    of_rmc_.push_back(std::move(point));
   }
 
   void vtg(const std::vector<std::string>& f) {
@@ -192,6 +225,7 @@ class NmeaReader {
   }
 
   GeoLog& out_;
+  std::vector<GeoPoint> of_rmc_;  // for logs without GGA
   double day_ = 0.0, last_ = 0.0;
   bool dated_ = false;
 };
@@ -206,6 +240,95 @@ GeoLog read_nmea(const std::string& text) {
     if (!line.empty()) reader.take(line);
   }
   reader.finish();
+  return out;
+}
+
+// ---- RTKLIB -------------------------------------------------------------------------------------
+
+/// What GPS time is ahead of UTC (IERS bulletins C), s.
+double gps_ahead_of_utc(double time_s) {
+  static const std::pair<const char*, double> kSteps[] = {{"2017-01-01T000000", 18.0},
+                                                          {"2015-07-01T000000", 17.0},
+                                                          {"2012-07-01T000000", 16.0},
+                                                          {"2009-01-01T000000", 15.0}};
+  for (const auto& [from, seconds] : kSteps) {
+    if (time_s >= *parse_date_time(from)) return seconds;
+  }
+  return 14.0;
+}
+
+/// .pos of RTKLIB: comments of '%', of which the last names the columns, then date, time, latitude,
+/// longitude, height, quality, satellites, standard deviations north, east and up.
+GeoLog read_rtklib(const std::string& text, const fs::path& path) {
+  GeoLog out;
+  out.form = "RTKLIB";
+  out.segments.emplace_back();
+  bool gps_time = false;
+  std::istringstream lines(text);
+  int number = 0;
+  for (std::string line; std::getline(lines, line);) {
+    ++number;
+    std::istringstream stream(line);
+    std::vector<std::string> words;
+    for (std::string word; stream >> word;) words.push_back(word);
+    if (words.empty()) continue;
+    const std::string place = fmt::format("line {}", number);
+    if (words[0][0] == '%') {
+      const bool names = line.find("latitude") != std::string::npos ||
+                         line.find("x-ecef") != std::string::npos ||
+                         line.find("e-baseline") != std::string::npos;
+      if (!names) continue;
+      if (line.find("latitude(deg)") == std::string::npos) {
+        throw InputError(path.string(), place,
+                         "found other columns than latitude(deg) and longitude(deg), expected "
+                         "RTKLIB's positions in degrees");
+      }
+      gps_time = line.find("GPST") != std::string::npos;
+      continue;
+    }
+    const auto value = [&](std::size_t i, const char* what) {
+      double read = 0.0;
+      if (i >= words.size() || !parse_number(words[i], &read) || !std::isfinite(read)) {
+        throw InputError(path.string(), place,
+                         fmt::format("found '{}', expected {}",
+                                     i < words.size() ? printable(words[i]) : "nothing", what));
+      }
+      return read;
+    };
+    GeoPoint point;
+    if (words.size() < 5)
+      throw InputError(path.string(), place,
+                       fmt::format("found {} columns, expected date, time, latitude, longitude, "
+                                   "height, ...",
+                                   words.size()));
+    point.time_text = words[0] + " " + words[1];
+    if (const auto time = parse_date_time(point.time_text)) {
+      point.time_s = *time;
+    } else {  // week and seconds of it
+      const double week = value(0, "a date, or a GPS week"),
+                   of_week = value(1, "seconds of the week");
+      point.time_s = *parse_date_time("1980-01-06T000000") + 604800.0 * week + of_week;
+    }
+    point.latitude = value(2, "a latitude in degrees");
+    point.longitude = value(3, "a longitude in degrees");
+    point.altitude = value(4, "a height");
+    if (!is_place(point.latitude, point.longitude)) {
+      throw InputError(path.string(), place, "found no latitude and longitude, expected degrees");
+    }
+    const double quality = words.size() > 5 ? value(5, "a quality") : 0.0;
+    const double least = quality == 1.0 ? kRtkFixedSigma : quality == 2.0 ? 0.1 : 0.5;
+    if (words.size() > 9) {
+      const double north = value(7, "a standard deviation"),
+                   east = value(8, "a standard deviation"), up = value(9, "a standard deviation");
+      point.sigma = std::max(std::hypot(north, east) / std::sqrt(2.0), least);
+      point.height_sigma = std::max(up, 1.5 * least);
+    } else if (quality == 1.0) {
+      point.sigma = kRtkFixedSigma;
+    }
+    out.segments[0].push_back(std::move(point));
+  }
+  if (gps_time && !out.segments[0].empty())
+    out.leap_seconds = gps_ahead_of_utc(out.segments[0].front().time_s);
   return out;
 }
 
@@ -230,8 +353,29 @@ struct Columns {
 class TimeColumns {
  public:
   explicit TimeColumns(const Columns& columns)
-      : time_(columns.find({"times", "time", "t", "timestamp", "sec", "seconds", "utc", "datetime",
-                            "gpstime", "timesec"})),
+      : time_(columns.find({"times",
+                            "time",
+                            "t",
+                            "timestamp",
+                            "sec",
+                            "seconds",
+                            "utc",
+                            "datetime",
+                            "gpstime",
+                            "timesec",
+                            "time(s)",
+                            "time[s]",
+                            "time(utc)",
+                            "time[utc]",
+                            "timeutc",
+                            "utctime",
+                            "timestamp(s)",
+                            "timestamp[s]",
+                            "timestamp(utc)",
+                            "datetime(utc)",
+                            "datetimeutc",
+                            "dateandtime",
+                            "date/time"})),
         nanoseconds_(columns.find(
             {"timestampns", "timestamp[ns]", "timens", "#timestamp[ns]", "#timestamp"})),
         date_(columns.find({"date"})) {}
@@ -309,6 +453,8 @@ GeoLog read_csv(const fs::path& path, char separator) {
 /// tenths of a metre from one second to the next.
 constexpr double kFixDifferenceSigma = 0.5;  // m
 
+constexpr double kFastest = 100.0;  // m/s
+
 double speed_sigma(double speed) { return std::max(0.1, 0.02 * speed); }
 
 void add_segment(const std::vector<GeoPoint>& points, std::vector<SpeedSample>* out) {
@@ -330,6 +476,40 @@ void add_segment(const std::vector<GeoPoint>& points, std::vector<SpeedSample>* 
   }
 }
 
+/// Rows without names of columns are time, speed and perhaps its standard deviation; what is not
+/// like these needs names.
+void require_bare_speeds(const DelimitedLines& lines) {
+  constexpr double kLeastStep = 1e-3;  // s, on average
+  const auto fail = [&](const DelimitedLine& line, const std::string& found) {
+    lines.fail(line, "found " + found +
+                         " in a table without a line of names, expected one: time and speed (m/s), "
+                         "speed_kmh or speed_mph");
+  };
+  std::vector<double> times;
+  for (const DelimitedLine& line : lines.lines()) {
+    std::size_t count = line.fields.size();
+    if (count > 2 && line.fields.back().empty()) --count;  // a separator at the end
+    if (count > 3 || count < 2) fail(line, fmt::format("{} columns", count));
+    times.push_back(lines.number(line, 0, "a time in seconds"));
+    const std::size_t n = times.size();
+    const bool turns =
+        n > 2 && !((times[n - 1] - times[n - 2]) * (times[n - 2] - times[n - 3]) > 0.0);
+    if (turns || (n == 2 && times[1] == times[0])) {
+      fail(line, fmt::format("{} behind {} in the place of a time", times[n - 1], times[n - 2]));
+    }
+    const double speed = std::abs(lines.number(line, 1, "a speed"));
+    if (speed > kFastest) fail(line, fmt::format("{}, no speed of a vehicle in m/s,", speed));
+    if (count == 3) {
+      const double sigma = lines.number(line, 2, "a standard deviation");
+      if (!(sigma > 0.0 && sigma <= std::max(1.0, speed)))
+        fail(line, fmt::format("{} in the place of a standard deviation", sigma));
+    }
+  }
+  const double span = std::abs(times.back() - times.front());
+  if (times.size() > 1 && span < kLeastStep * static_cast<double>(times.size() - 1))
+    fail(lines.lines().back(), fmt::format("times that span {} s", span));
+}
+
 SpeedLog speeds_of_table(const fs::path& path, char separator) {
   const DelimitedLines lines(path, separator);
   SpeedLog out;
@@ -342,6 +522,7 @@ SpeedLog speeds_of_table(const fs::path& path, char separator) {
   double unit = 1.0;
   std::optional<TimeColumns> times;
   if (bare) {
+    require_bare_speeds(lines);
     if (first.fields.size() > 2) sigma = 2;
   } else {
     const Columns columns(first);
@@ -390,6 +571,23 @@ double great_circle_distance(const GeoPoint& a, const GeoPoint& b) {
   return 2.0 * 6371008.8 * std::asin(std::min(1.0, std::sqrt(h)));
 }
 
+namespace {
+
+/// Whether the first line is a sentence of NMEA behind a time stamp in brackets or alone.
+bool has_stamped_sentences(const std::string& text) {
+  static const std::regex pattern(R"(^[\[\]() \t,;:.+TZ0-9-]{1,40}\$[A-Z]{5},)");
+  const std::string start = text.substr(0, std::min<std::size_t>(text.find('\n'), 120));
+  return std::regex_search(start, pattern);
+}
+
+/// Whether a file is a log of a receiver rather than a table.
+bool is_log(const std::string& text, std::size_t first) {
+  return text[first] == '<' || text[first] == '$' || text[first] == '%' ||
+         text.find("\n$G") != std::string::npos || has_stamped_sentences(text);
+}
+
+}  // namespace
+
 GeoLog read_geo_log(const fs::path& path) {
   const std::string text = read_whole_file(path);
   const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
@@ -398,6 +596,8 @@ GeoLog read_geo_log(const fs::path& path) {
   if (text[first] == '<') return read_gpx(text, path);
   if (text[first] == '$' || text[first] == '!' || text.find("\n$G") != std::string::npos)
     return read_nmea(text);
+  if (has_stamped_sentences(text)) return read_nmea(text);
+  if (text[first] == '%') return read_rtklib(text, path);
   return read_csv(path, separator_of(text));
 }
 
@@ -407,12 +607,11 @@ SpeedLog read_speeds(const fs::path& path) {
   if (first == std::string::npos)
     throw InputError(path.string(), "found an empty file, expected times and speeds");
   SpeedLog out;
-  const bool log =
-      text[first] == '<' || text[first] == '$' || text.find("\n$G") != std::string::npos;
-  if (log) {
+  if (is_log(text, first)) {
     const GeoLog read = read_geo_log(path);
     out.form = read.form;
     out.times_of_day = read.form == "NMEA" && read.times_of_day;
+    out.leap_seconds = read.leap_seconds;
     if (!read.speeds.empty()) {
       add_segment(read.speeds, &out.samples);
     } else {

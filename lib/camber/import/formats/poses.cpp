@@ -72,6 +72,15 @@ TimedPose matrix_pose(const std::vector<double>& v,
   return out;
 }
 
+/// Seconds; what cannot be such is ms, us or ns, which ORB-SLAM writes with decimals behind.
+double tum_time(const std::string& text, double value) {
+  constexpr double kNoSeconds = 1e11;  // the year 5138
+  if (!(value >= kNoSeconds)) return value;
+  const std::string whole = text.substr(0, text.find('.'));
+  if (const auto time = time_from_name(whole)) return *time;
+  return value * (value >= 1e17 ? 1e-9 : value >= 1e14 ? 1e-6 : 1e-3);
+}
+
 /// TUM: eight columns; KITTI: twelve.
 PoseFile rows_of_numbers(const DelimitedLines& lines) {
   PoseFile out;
@@ -88,7 +97,7 @@ PoseFile rows_of_numbers(const DelimitedLines& lines) {
     if (columns == 12) {
       pose = matrix_pose(v, fail);
     } else {
-      pose.time_s = v[0];
+      pose.time_s = tum_time(std::string(line.fields[0]), v[0]);
       pose.position = {v[1], v[2], v[3]};
       pose.rotation = checked(v[7], v[4], v[5], v[6], fail);
     }

@@ -37,18 +37,19 @@ PoseFile read_poses(const std::filesystem::path& path);
 
 /// A place on the earth.
 struct GeoPoint {
-  double latitude = 0.0, longitude = 0.0;                      ///< degrees
-  double altitude = std::numeric_limits<double>::quiet_NaN();  ///< m
-  std::string time_text;                                       ///< as written, or empty
-  double time_s = std::numeric_limits<double>::quiet_NaN();    ///< since 1970, or of the day
-  double speed = std::numeric_limits<double>::quiet_NaN();     ///< m/s
-  int frame = -1;                                              ///< id; -1: by its time
-  double sigma = std::numeric_limits<double>::quiet_NaN();     ///< m, of the place
+  double latitude = 0.0, longitude = 0.0;                          ///< degrees
+  double altitude = std::numeric_limits<double>::quiet_NaN();      ///< m
+  std::string time_text;                                           ///< as written, or empty
+  double time_s = std::numeric_limits<double>::quiet_NaN();        ///< since 1970, or of the day
+  double speed = std::numeric_limits<double>::quiet_NaN();         ///< m/s
+  int frame = -1;                                                  ///< id; -1: by its time
+  double sigma = std::numeric_limits<double>::quiet_NaN();         ///< m, of the place
+  double height_sigma = std::numeric_limits<double>::quiet_NaN();  ///< m, of the altitude
 };
 
 /// A log of a receiver.
 struct GeoLog {
-  std::string form;                             ///< "GPX", "NMEA" or "CSV"
+  std::string form;                             ///< "GPX", "NMEA", "RTKLIB" or "CSV"
   std::string version, creator;                 ///< of GPX
   std::size_t tracks = 0;                       ///< of GPX
   std::vector<std::vector<GeoPoint>> segments;  ///< of tracks; NMEA and CSV: one
@@ -59,11 +60,14 @@ struct GeoLog {
   int wrong_checksums = 0, other_lines = 0, valid_rmc = 0;
   std::vector<std::string> columns;  ///< of CSV
   bool times_of_day = false;         ///< NMEA without a date: seconds since midnight
+  /// RTKLIB in GPS time: what it is ahead of UTC, s. The points' times are as written.
+  double leap_seconds = 0.0;
 };
 
-/// Reads GPX 1.0 and 1.1, NMEA 0183 (positions of GGA with a fix, speeds of RMC and VTG; sentences
-/// with a wrong checksum are counted and left out) or CSV with latitude and longitude, by time or
-/// frame.
+/// Reads GPX 1.0 and 1.1, NMEA 0183 (positions of GGA with a fix, else of RMC, speeds of RMC and
+/// VTG; sentences with a wrong checksum are counted and left out; a time stamp in brackets may
+/// stand around a sentence, as dash cameras write), RTKLIB's .pos (degrees) or CSV with latitude
+/// and longitude, by time or frame. Fixes that the log calls RTK have sigmas of centimetres.
 /// @throws InputError "file: position: found, expected".
 GeoLog read_geo_log(const std::filesystem::path& path);
 
@@ -83,6 +87,7 @@ struct SpeedLog {
   std::string form;
   std::vector<SpeedSample> samples;
   bool times_of_day = false;
+  double leap_seconds = 0.0;  ///< as GeoLog's
 };
 SpeedLog read_speeds(const std::filesystem::path& path);
 

@@ -26,7 +26,7 @@ std::string_view trimmed(std::string_view text) {
 }  // namespace
 
 DelimitedLines::DelimitedLines(const std::filesystem::path& path, char separator)
-    : file_(path.string()), text_(read_whole_file(path)) {
+    : file_(path.string()), text_(read_whole_file(path)), separator_(separator) {
   int number = 0;
   std::size_t start = text_.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
   while (start < text_.size()) {
@@ -81,7 +81,13 @@ double DelimitedLines::number(const DelimitedLine& line, std::size_t field,
                            expectation, field + 1));
   }
   double value = 0.0;
-  if (!parse_number(line.fields[field], &value) || !std::isfinite(value)) {
+  std::string text(line.fields[field]);
+  const std::size_t comma = separator_ == ';' ? text.find(',') : std::string::npos;
+  if (comma != std::string::npos && text.find_first_of(",.", comma + 1) == std::string::npos &&
+      text.find('.') == std::string::npos) {
+    text[comma] = '.';
+  }
+  if (!parse_number(text, &value) || !std::isfinite(value)) {
     fail(line, field,
          fmt::format("found '{}', expected {}", printable(line.fields[field]), expectation));
   }

@@ -32,13 +32,15 @@ class DelimitedLines {
                          const std::string& reason) const;
   [[noreturn]] void fail(const DelimitedLine& line, const std::string& reason) const;
 
-  /// A finite number, or an InputError "found 'word', expected (expectation)".
+  /// Where ';' separates, a comma may be the decimal sign. A finite number, or an InputError "found
+  /// 'word', expected (expectation)".
   double number(const DelimitedLine& line, std::size_t field, const std::string& expectation) const;
   int integer(const DelimitedLine& line, std::size_t field, int low, int high,
               const std::string& expectation) const;
 
  private:
   std::string file_, text_;
+  char separator_;
   std::vector<DelimitedLine> lines_;
   std::vector<std::string_view> comments_;
 };
