@@ -316,7 +316,7 @@ KittiCalibration read_kitti_calibration(const std::vector<fs::path>& files) {
     read_calibration_file(file, out, one);
     if (one.rotation && one.translation) raw.push_back(std::move(one));
   }
-  // The inertial unit's file is told by its name, else by what the laser's has and it has not.
+  // The inertial unit's file is known by its name, else by what the laser's has and it has not.
   const bool one_of_camera =
       std::any_of(raw.begin(), raw.end(), [](const auto& r) { return r.of_camera; });
   for (const RawTransform& one : raw) {

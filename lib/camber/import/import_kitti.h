@@ -35,7 +35,7 @@ struct KittiCalibration {
   Eigen::Matrix4d camera_from_laser(int index) const;
 
   /// Where the inertial unit, which the positions of oxts are of, is in a camera, m; nothing where
-  /// the files do not say.
+  /// the files do not state it.
   std::optional<Eigen::Vector3d> antenna(int index) const;
 };
 

@@ -16,7 +16,7 @@ constexpr std::size_t kNamed = 6;              // beyond it no program's columns
 constexpr std::size_t kKitti = 4;
 constexpr std::size_t kPeriod = 840;  // floats; a multiple of each number that is tried
 constexpr std::size_t kBlocks = 16, kPeriodsInBlock = 2;
-constexpr std::uint64_t kFewFloats = 64;    // too few to tell columns by their spread
+constexpr std::uint64_t kFewFloats = 64;    // too few for columns to differ by their spread
 constexpr double kLargestCoordinate = 1e6;  // m
 constexpr double kLeastSpread = 1e-3;       // of a column; the precision of a laser scanner, m
 
