@@ -37,9 +37,9 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 # What the static libraries link and the headers include.
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libavcodec-dev, libavformat-dev, libavutil-dev, libceres-dev, libegl-dev, libeigen3-dev (>= 3.4), \
-libembree-dev, libfmt-dev, libgdal-dev, libgl-dev, libjpeg-dev, liblzf-dev, libopencv-dev, libopenmpi-dev, \
-libpcl-dev, libpng-dev, libproj-dev, libpugixml-dev, libswscale-dev, libtbb-dev, libvtk9-dev, \
-libxxhash-dev, libyaml-cpp-dev, nlohmann-json3-dev")
+libembree-dev, libfmt-dev, libgdal-dev, libgl-dev, libjpeg-dev, liblz4-dev, liblzf-dev, libopencv-dev, libopenmpi-dev, \
+libpcl-dev, libpng-dev, libproj-dev, libpugixml-dev, libsqlite3-dev, libswscale-dev, libtbb-dev, libvtk9-dev, \
+libxxhash-dev, libyaml-cpp-dev, libzstd-dev, nlohmann-json3-dev, zlib1g-dev")
 set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION
     "metric road surfaces from one moving camera - development files
 Headers, static libraries and the CMake package of Camber, a component for

@@ -8,14 +8,14 @@ set -euo pipefail
 program_packages=(
   cmake g++ ninja-build
   libavcodec-dev libavformat-dev libavutil-dev libceres-dev libcli11-dev libeigen3-dev libembree-dev libfmt-dev libgdal-dev libjpeg-dev liblzf-dev
-  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libproj-dev libpugixml-dev librosbag-storage-dev libswscale-dev libtbb-dev libtomlplusplus-dev libvtk9-dev libxxhash-dev libyaml-cpp-dev
+  libopencv-dev libopenmpi-dev libpcl-dev libpng-dev libproj-dev libpugixml-dev liblz4-dev librosbag-storage-dev libsqlite3-dev libswscale-dev libtbb-dev libtomlplusplus-dev libvtk9-dev libxxhash-dev libyaml-cpp-dev libzstd-dev zlib1g-dev
   nlohmann-json3-dev pybind11-dev python3-dev python3-numpy
   libegl-dev libgl-dev libegl1 libegl-mesa0 libgl1-mesa-dri
 )
 # Besides, to build and to run the tests and the benchmarks; Chromium opens the report, the viewer
 # opens on a display in memory, Python compares benchmarks and runs the samples, whose types mypy checks.
 test_packages=(
-  chromium doxygen dpkg-dev gdal-bin libbenchmark-dev libflann-dev libgmock-dev libgtest-dev liblz4-dev mypy python3 python3-matplotlib xdotool xvfb
+  chromium doxygen dpkg-dev gdal-bin libbenchmark-dev libflann-dev libgmock-dev libgtest-dev mypy python3 python3-matplotlib xdotool xvfb
 )
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.

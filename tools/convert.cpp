@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "bag_clouds.h"
 #include "camber/cloud/number_text.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/atomic_file.h"
@@ -20,6 +21,7 @@
 #include "command.h"
 #include "crs.h"
 #include "own_inputs.h"
+#include "plugins/recording_plugin.h"
 #include "result_map.h"
 
 namespace fs = std::filesystem;
@@ -34,6 +36,8 @@ struct Arguments {
   bool confine = false;
   double baseline = 0.0;
   bool to_map = false;
+  BagClouds bag;
+  bool overwrite = false;
   double largest_depth = std::numeric_limits<double>::infinity();
 };
 
@@ -104,6 +108,45 @@ RoadCloud read_on_map(const Arguments& a, const LogSink& warn, CoordinateSystem*
   return std::move(file.cloud);
 }
 
+/// Clouds of a recording.
+int run_on_bag(const Command& command, const Arguments& args, const WriteOptions& write) {
+  const LogSink warn = make_warning_sink(command.common);
+  std::error_code error;
+  const std::string& out_name = args.files.out;
+  if (out_name.empty() || (out_name.back() != '/' && !fs::is_directory(out_name, error))) {
+    require_known_output(out_name, write);
+    check_output_file(out_name);
+  }
+  Timings timings;
+  StageTimer writing(timings, "write");
+  const BagCloudsWritten written =
+      write_bag_clouds(args.files.input, args.bag, args.files.out, write, args.overwrite);
+  writing.stop();
+  for (const std::string& note : written.notes) {
+    if (warn) warn(args.files.out + ": " + note);
+  }
+  if (args.files.as_json) {
+    json out = {{"version", kVersion},
+                {"seed", command.common.seed},
+                {"options",
+                 {{"topic", args.bag.topic},
+                  {"message", args.bag.message},
+                  {"merge", args.bag.merge},
+                  {"encoding", args.files.output.encoding},
+                  {"format", args.files.output.format}}},
+                {"timings_ms", cloud_timings(timings)},
+                {"input", args.files.input},
+                {"out", args.files.out},
+                {"files", written.files},
+                {"messages", written.messages},
+                {"points", written.points},
+                {"output_notes", written.notes}};
+    add_other_options(command, &out["options"]);
+    fmt::print("{}\n", out.dump(2, ' ', false, json::error_handler_t::replace));
+  }
+  return 0;
+}
+
 }  // namespace
 
 void register_convert(App& root) {
@@ -118,6 +161,8 @@ void register_convert(App& root) {
       "  camber convert depth.png --depth kitti --camera 721.5,721.5,609.6,172.9 --out depth.ply\n"
       "  camber convert DepthLeft/000001.png --depth synthia --camera scene.json "
       "--image RGBLeft/000001.png --out truth.ply\n"
+      "  camber convert drive.mcap --topic /lidar/points --out clouds/\n"
+      "  camber convert drive.mcap --merge --out map.ply\n"
       "  camber convert results/road.ply --to-map --out road.las");
   const auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
@@ -139,10 +184,23 @@ void register_convert(App& root) {
                "a cloud of reconstruct in map coordinates, with their system, where the scene had "
                "positions (import --gnss)");
 
+  app.add_option("--topic", a.bag.topic,
+                 "of a recording (MCAP, rosbag2, bag of ROS 1): topic of PointCloud2; default: the "
+                 "only one. --out FOLDER/ writes a file a message, named by its stamp")
+      ->no_name();
+  app.add_option("--message", a.bag.message, "of a recording: this message alone, from 0")
+      ->check(in_range(0, 1000000000));
+  app.add_flag("--merge", a.bag.merge,
+               "of a recording: all messages as one cloud, placed by /tf or odometry");
+  app.add_flag("--overwrite", a.overwrite, "replace a folder that is not a Camber result");
+
   command->run = [command, arguments] {
     const Arguments& args = *arguments;
     const LogSink warn = make_warning_sink(command->common);
     const WriteOptions write = args.files.output.write_options();
+    if (!args.bag.topic.empty() || args.bag.merge || looks_like_bag(args.files.input)) {
+      return run_on_bag(*command, args, write);
+    }
     require_known_output(args.files.out, write);
     check_output_file(args.files.out);
     Timings timings;

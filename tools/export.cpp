@@ -23,6 +23,7 @@
 #include "command.h"
 #include "crs.h"
 #include "export_inputs.h"
+#include "export_mcap.h"
 #include "own_inputs.h"
 #include "plugins/gdal_plugin.h"
 #include "plugins/plugin.h"
@@ -33,12 +34,11 @@ using nlohmann::json;
 namespace camber::tools {
 namespace {
 
-enum class Target { kOpenCrg, kOpenDrive, kGeoTiff, kMesh, kTrajectory };
-const std::map<std::string, Target> kTargets = {{"opencrg", Target::kOpenCrg},
-                                                {"opendrive", Target::kOpenDrive},
-                                                {"geotiff", Target::kGeoTiff},
-                                                {"mesh", Target::kMesh},
-                                                {"trajectory", Target::kTrajectory}};
+enum class Target { kOpenCrg, kOpenDrive, kGeoTiff, kMesh, kTrajectory, kMcap };
+const std::map<std::string, Target> kTargets = {
+    {"opencrg", Target::kOpenCrg},       {"opendrive", Target::kOpenDrive},
+    {"geotiff", Target::kGeoTiff},       {"mesh", Target::kMesh},
+    {"trajectory", Target::kTrajectory}, {"mcap", Target::kMcap}};
 const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kText},
                                                        {"binary", CrgEncoding::kBinary}};
 
@@ -327,8 +327,9 @@ void check_arguments(const ExportArguments& args) {
                      "', expected a result folder of reconstruct");
   }
   check_extension(args);
-  if (args.target == "trajectory" && fs::is_regular_file(args.input, ignored)) {
-    throw UsageError("--to trajectory: found the file '" + args.input +
+  const bool of_cameras = args.target == "trajectory" || args.target == "mcap";
+  if (of_cameras && fs::is_regular_file(args.input, ignored)) {
+    throw UsageError("--to " + args.target + ": found the file '" + args.input +
                      "', expected a result folder, whose run.json has the cameras");
   }
   if (args.target == "geotiff") gdal();
@@ -428,6 +429,7 @@ int run(const Command& command, const ExportArguments& given) {
   check_output_file(args.out);
   Timings timings;
   json result = args.target == "trajectory" ? export_trajectory(command.common, args, timings)
+                : args.target == "mcap"     ? export_mcap(command.common, args, timings)
                                             : export_road(command.common, &args, timings);
   result["version"] = kVersion;
   result["seed"] = command.common.seed;

@@ -7,10 +7,11 @@
 #include "camber/core/made_folder.h"
 #include "camber/core/protected_inputs.h"
 #include "camber/import/import_own.h"
+#include "camber/import/import_rosbag.h"
 #include "camber/scene/validate_scene.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
-#include "plugins/bag_reader.h"
+#include "plugins/recording_plugin.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -391,11 +392,13 @@ void register_import_colmap(App& import) {
 void register_import_rosbag(App& import) {
   Command* command = add_command(
       import, "rosbag",
-      "Writes the scene manifest of a bag of ROS 1: the images of a topic (Image or "
-      "CompressedImage) are written beside it, times are those of their headers, the camera is "
-      "that of CameraInfo unless one is given. Needs Debian's librosbag-storage-dev when the "
-      "program is built.",
-      "  camber import rosbag drive.bag --height 1.4 --out scene\n"
+      "Writes the scene manifest of a recording: an MCAP file, a folder or .db3 file of rosbag2, "
+      "or a bag of ROS 1 (which needs Debian's librosbag-storage-dev when the program is built). "
+      "The images of a topic (Image or CompressedImage) are written beside it, times are those of "
+      "their headers, the camera is that of CameraInfo unless one is given; positions "
+      "(NavSatFix), gravity (Imu), speeds (Odometry) and the camera's height above base_footprint "
+      "(/tf_static) are taken where no option gives them.",
+      "  camber import rosbag drive.mcap --height 1.4 --out scene\n"
       "  camber import rosbag drive.bag --topic /camera/image_raw/compressed --calib camera.yaml "
       "\\\n      --from 12.5 --to 20 --every 3 --out scene");
   struct Arguments : OwnArguments {
@@ -407,11 +410,20 @@ void register_import_rosbag(App& import) {
   Arguments& a = *arguments;
   App& app = *command->app;
   command->foreign_folders = true;
-  app.add_option("bag", a.bag, "file of the bag")->required();
+  app.add_option("bag", a.bag, "file of the bag, or folder of rosbag2")->required();
   app.add_option("--topic", a.choice.topic, "topic of the images, where the bag has several")
       ->no_name();
   app.add_option("--info-topic", a.choice.info_topic,
                  "topic of their CameraInfo; default: camera_info beside them")
+      ->no_name();
+  app.add_option("--fix-topic", a.choice.fix_topic,
+                 "topic of positions (NavSatFix), or none; default: the only one")
+      ->no_name();
+  app.add_option("--imu-topic", a.choice.imu_topic,
+                 "topic of gravity (Imu), or none; default: the only one")
+      ->no_name();
+  app.add_option("--odometry-topic", a.choice.odometry_topic,
+                 "topic of speeds (Odometry), or none; default: the only one")
       ->no_name();
   app.add_option("--every", a.choice.frames.every, "take each n-th image")
       ->check(in_range(1, 1000000))
@@ -435,9 +447,12 @@ void register_import_rosbag(App& import) {
     used["bag"] = given.bag;
     used["topic"] = choice.topic;
     used["info_topic"] = choice.info_topic;
+    used["fix_topic"] = choice.fix_topic;
+    used["imu_topic"] = choice.imu_topic;
+    used["odometry_topic"] = choice.odometry_topic;
     used["every"] = choice.frames.every;
     return write_import(*command, given, std::move(used), [&](const fs::path& manifest) {
-      return import_rosbag(open_bag(given.bag), given.bag, choice, options, manifest);
+      return import_rosbag(open_any_bag(given.bag), given.bag, choice, options, manifest);
     });
   };
 }

@@ -15,6 +15,7 @@ namespace camber::tools {
 ///   pcl     patches and ground by the Point Cloud Library
 ///   video   films and videos: OpenCV's videoio, FFmpeg
 ///   networks  detectors and segmenters: OpenCV's DNN
+///   bags    recordings of ROS 2 and MCAP: SQLite, zstd, lz4
 ///   rosbag  bags: ROS's rosbag_storage; built only where that is installed
 ///
 /// @return what a plugin exports under that name, not nullptr.

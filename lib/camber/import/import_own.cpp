@@ -222,7 +222,7 @@ void finish_import(const OwnDataOptions& options, OwnImport& out) {
   if (!options.poses.empty()) put_own_poses(scene, options.poses, options.pose_scale, out);
   if (!options.speed.empty()) put_own_speeds(scene, options.speed, options.speed_offset, out);
   if (!options.up.empty()) put_own_up(scene, options.up, options.up_sigma, out);
-  if (!options.gnss.file.empty()) put_gnss(scene, options.gnss, out);
+  if (!options.gnss.file.empty() || !options.gnss.points.empty()) put_gnss(scene, options.gnss, out);
   const std::vector<int> selected = keep_frames(scene, options.frames);
   if (options.reference_frame) {
     if (!scene.find_frame(*options.reference_frame)) {

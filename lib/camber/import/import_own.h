@@ -52,7 +52,9 @@ using MapProjection = std::function<std::vector<MapPlace>(const std::string& crs
 
 /// Positions on the earth; empty: none.
 struct GnssOptions {
-  std::filesystem::path file;     ///< read_geo_log(), or KITTI's oxts
+  std::filesystem::path file;    ///< read_geo_log(), or KITTI's oxts
+  std::vector<GeoPoint> points;  ///< where there is no file; `form` is what they are of
+  std::string form;
   std::string offset;             ///< s, added to the log's times; "first": its start is frame 0
   double sigma = 2.5;             ///< m, > 0, east and north each, where the file states none
   double heading_sigma = 0.0175;  ///< rad, > 0, of headings (oxts), the camera's mounting included

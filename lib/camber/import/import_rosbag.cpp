@@ -10,6 +10,8 @@
 #include "camber/image/image_io.h"
 #include "camber/image/raw_pixels.h"
 #include "camber/import/detail/own_data.h"
+#include "camber/import/detail/recorded_motion.h"
+#include "camber/import/detail/samples_in_time.h"
 #include "camber/import/formats/ros_messages.h"
 
 namespace fs = std::filesystem;
@@ -76,6 +78,22 @@ class Bag {
                                          printable(beside, 80), listed(infos)));
   }
 
+  /// The topic of a type that a choice names, or the only one.
+  /// @param option  that chooses; where there are several a phrase names it
+  std::optional<Topic> motion_topic(const char* type, const std::string& choice, const char* what,
+                                    const char* option, OwnImport& out) const {
+    if (choice == "none") return std::nullopt;
+    const std::vector<Topic> found = topics([&](const Topic& t) { return t.type == type; });
+    if (!choice.empty()) return named(found, choice, what);
+    if (found.size() == 1) return found.front();
+    if (!found.empty()) {
+      out.missing.push_back(
+          fmt::format("{}: there are {} topics of them: {}; {} chooses one, or none", what,
+                      found.size(), listed(found), option));
+    }
+    return std::nullopt;
+  }
+
   /// Hands out the messages of a topic with their numbers, from 0.
   void read(const Topic& topic,
             const std::function<bool(int number, const BagMessage&, const RosBytes&)>& take) const {
@@ -83,7 +101,8 @@ class Bag {
     reader_->read(topic.name, [&](const BagMessage& message) {
       throw_if_interrupted();
       const RosBytes bytes{message.data, message.size, name(),
-                           fmt::format("message {} of {}", number, printable(topic.name, 80))};
+                           fmt::format("message {} of {}", number, printable(topic.name, 80)),
+                           topic.cdr};
       return take(number++, message, bytes);
     });
   }
@@ -236,9 +255,10 @@ std::string image_file(const Topic& topic, const RosBytes& bytes, const PinholeC
                                  "first",
                                  width, height, camera.width, camera.height));
   };
-  const auto encoded = [&](const std::string& encoding, std::size_t step,
-                           const std::uint8_t* data) {
-    const auto decoded = decode_raw_pixels({camera.width, camera.height, encoding, step, data});
+  const auto encoded = [&](const std::string& encoding, std::size_t step, const std::uint8_t* data,
+                           bool big_endian) {
+    const auto decoded =
+        decode_raw_pixels({camera.width, camera.height, encoding, step, data, big_endian});
     if (!decoded) {
       throw InputError(bytes.file, bytes.position,
                        fmt::format("found the encoding \"{}\" with {} bytes a row, expected {}",
@@ -249,7 +269,7 @@ std::string image_file(const Topic& topic, const RosBytes& bytes, const PinholeC
   if (topic.type == kImage) {
     const RosImage image = read_ros_image(bytes);
     check(static_cast<int>(image.width), static_cast<int>(image.height));
-    return encoded(image.encoding, image.step, image.data);
+    return encoded(image.encoding, image.step, image.data, image.big_endian);
   }
   const RosCompressedImage image = read_ros_compressed_image(bytes);
   std::string content = file_of(image);
@@ -259,7 +279,73 @@ std::string image_file(const Topic& topic, const RosBytes& bytes, const PinholeC
   const Image decoded = decode_color_image(content, name_of(bytes));
   const std::string mosaic = mosaic_of(image, info);
   if (mosaic.empty()) return content;
-  return encoded(mosaic, static_cast<std::size_t>(info.width), to_grey(decoded).data.data());
+  return encoded(mosaic, static_cast<std::size_t>(info.width), to_grey(decoded).data.data(), false);
+}
+
+/// The frame that a topic's images state; may be empty.
+std::string camera_frame(const Bag& bag, const Topic& topic) {
+  std::string out;
+  bag.read(topic, [&](int, const BagMessage&, const RosBytes& bytes) {
+    out = topic.type == kImage ? read_ros_image(bytes).stamp.frame
+                               : read_ros_compressed_image(bytes).stamp.frame;
+    return false;
+  });
+  return out;
+}
+
+/// The options with what the recording has: positions, and the camera's height.
+OwnDataOptions with_recorded(const Bag& bag, const BagChoice& choice, const TransformTree& frames,
+                             const std::string& camera, const OwnDataOptions& options,
+                             OwnImport& out) {
+  OwnDataOptions all = options;
+  if (options.gnss.file.empty() && options.gnss.projection) {
+    const auto topic = bag.motion_topic("sensor_msgs/NavSatFix", choice.fix_topic, "positions",
+                                        "--fix-topic", out);
+    if (topic) {
+      std::vector<GeoPoint> points = read_fixes(bag.reader(), *topic, bag.name());
+      std::stable_sort(points.begin(), points.end(),
+                       [](const GeoPoint& l, const GeoPoint& r) { return l.time_s < r.time_s; });
+      constexpr double kLongestGap = 3.0;  // s, as of other logs
+      const std::vector<SceneFrame>& all_frames = out.scene.frames;
+      const bool of_frames =
+          std::any_of(all_frames.begin(), all_frames.end(), [&](const SceneFrame& frame) {
+            return place_in(points, *frame.time_s, kLongestGap).has_value();
+          });
+      if (!of_frames) {
+        out.missing.push_back(fmt::format("positions: those of {} have no {}",
+                                          printable(topic->name, 80),
+                                          points.empty() ? "fix" : "times of the frames"));
+      } else {
+        all.gnss.points = std::move(points);
+        all.gnss.form = "NavSatFix of " + printable(topic->name, 80);
+        all.gnss.file = bag.name();
+      }
+    }
+  }
+  if (!options.height) {
+    all.height = height_over_footprint(frames, camera);
+    if (all.height) {
+      out.found.emplace_back("the camera's height is that above base_footprint by /tf_static");
+    }
+  }
+  return all;
+}
+
+/// Gravity and speeds of the recording, where no files give them.
+void put_recorded(const Bag& bag, const BagChoice& choice, const TransformTree& frames,
+                  const std::string& camera, const OwnDataOptions& options, OwnImport& out) {
+  if (options.up.empty()) {
+    const auto topic =
+        bag.motion_topic("sensor_msgs/Imu", choice.imu_topic, "gravity", "--imu-topic", out);
+    if (topic) {
+      put_recorded_up(bag.reader(), *topic, bag.name(), frames, camera, options.up_sigma, out);
+    }
+  }
+  if (options.speed.empty()) {
+    const auto topic = bag.motion_topic("nav_msgs/Odometry", choice.odometry_topic, "speeds",
+                                        "--odometry-topic", out);
+    if (topic) put_recorded_speeds(bag.reader(), *topic, bag.name(), out);
+  }
 }
 
 /// "/cam/image_rect_color", by ROS's convention.
@@ -331,7 +417,10 @@ OwnImport import_rosbag(const std::shared_ptr<BagReader>& reader, const fs::path
   scene.camera.width = entries.width;
   scene.camera.height = entries.height;
   put_bag_camera(bag, topic, choice, options.camera, out);
-  finish_import(options, out);
+  const TransformTree frames = read_transforms(bag.reader(), bag.name(), false);
+  const std::string camera = camera_frame(bag, topic);
+  put_recorded(bag, choice, frames, camera, options, out);
+  finish_import(with_recorded(bag, choice, frames, camera, options, out), out);
 
   std::vector<std::pair<int, fs::path>> wanted;  // message, file
   for (const SceneFrame& frame : scene.frames) {

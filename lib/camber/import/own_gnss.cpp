@@ -113,7 +113,13 @@ void put_gnss(Scene& scene, const GnssOptions& options, OwnImport& out) {
   if (!options.projection) {
     throw std::invalid_argument("GnssOptions::projection is empty, expected a function");
   }
-  const GnssLog log = read_log(options.file);
+  GnssLog log;
+  if (options.points.empty()) {
+    log = read_log(options.file);
+  } else {
+    log.form = options.form;
+    log.points = options.points;
+  }
   const std::string crs = options.crs.empty()
                               ? utm_crs(log.points.front().latitude, log.points.front().longitude)
                               : options.crs;
