@@ -1,0 +1,27 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "camber/cloud/las_file.h"
+
+/// The index of COPC files: "COPC - Cloud Optimized Point Cloud, 1.0", copc.io. The points are the
+/// nodes of an octree, a chunk of LAZ each.
+namespace camber::laz {
+
+struct CopcQuery {
+  /// Nodes that reach into x0 <= x < x1, y0 <= y < y1 of the file's coordinates: x0, y0, x1, y1.
+  std::optional<std::array<double, 4>> bounds;
+  /// Levels down to the first whose points are no farther apart; 0: all.
+  double resolution = 0.0;
+};
+
+/// Whether a file says that it is one.
+bool is_copc(const LasFile& las);
+
+/// Leaves those nodes in the file's `laz` that a query asks for, in the order of the file, reading
+/// no more of the index than that takes. Points of a node may lie outside of the bounds.
+/// @throws InputError where the index is damaged
+void select_nodes(LasFile* las, const CopcQuery& query);
+
+}  // namespace camber::laz
