@@ -15,9 +15,10 @@ CloudFormat format_from_name(const std::string& name) {
   if (name == "bin") return CloudFormat::kKittiBin;
   if (name == "las") return CloudFormat::kLas;
   if (name == "e57") return CloudFormat::kE57;
+  if (name == "laz") return CloudFormat::kLaz;
   if (name == "text" || name == "xyz" || name == "csv") return CloudFormat::kText;
   if (name == "colmap") return CloudFormat::kColmap;
-  throw UsageError("found format '" + name + "', expected pcd, ply, bin, las or text");
+  throw UsageError("found format '" + name + "', expected pcd, ply, bin, las, laz or text");
 }
 
 ReadOptions CloudArguments::read_options() const {
@@ -37,6 +38,7 @@ ReadOptions CloudArguments::read_options() const {
                       bounds[0], bounds[1], bounds[2], bounds[3]));
     }
   }
+  options.resolution = resolution;
   return options;
 }
 
@@ -44,8 +46,13 @@ void add_cloud_arguments(App& app, CloudArguments& arguments) {
   app.add_flag("--lenient", arguments.lenient,
                "keep what can be read of a damaged file and say what was dropped");
   app.add_option("--input-format", arguments.format,
-                 "pcd, ply, bin, las, e57 or text; default: by content, then by extension")
+                 "pcd, ply, bin, las, laz, e57 or text; default: by content, then by extension")
       ->no_name();
+  app.add_option(
+         "--resolution", arguments.resolution,
+         "of a COPC file its levels down to the first whose points are no farther apart, in "
+         "its units; default: all")
+      ->check(positive_number());
   app.add_option("--columns", arguments.columns,
                  "columns of a text file without a header line, or of a .bin: x,y,z,intensity (_ "
                  "skips one)")
@@ -82,7 +89,7 @@ WriteOptions OutputArguments::write_options() const {
 
 void add_output_arguments(App& app, OutputArguments& arguments) {
   app.add_option("--format", arguments.format,
-                 "of the output: pcd, ply, bin, las, text or csv; default: by its extension")
+                 "of the output: pcd, ply, bin, las, laz, text or csv; default: by its extension")
       ->no_name();
   app.add_option("--encoding", arguments.encoding,
                  "binary (default), ascii, big-endian (PLY), compressed (PCD) or commas (text)")
@@ -91,7 +98,8 @@ void add_output_arguments(App& app, OutputArguments& arguments) {
 
 void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* input_help) {
   app.add_option("input", arguments.input, input_help)->required();
-  app.add_option("--out", arguments.out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+  app.add_option("--out", arguments.out,
+                 "file to write: .ply, .pcd, .bin, .las, .laz, .xyz or .csv")
       ->output_file()
       ->required();
   add_cloud_arguments(app, arguments.cloud);
@@ -100,10 +108,17 @@ void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* in
 }
 
 void require_known_output(const std::string& path, const WriteOptions& options) {
-  if (options.format || format_from_extension(path)) return;
+  const std::optional<CloudFormat> format =
+      options.format ? options.format : format_from_extension(path);
+  if (format == CloudFormat::kLaz && is_copc_name(path)) {
+    throw UsageError(
+        "--out: found '" + path +
+        "', a COPC file, which is not written; expected a name that ends in .laz alone");
+  }
+  if (format) return;
   throw UsageError("--out: found '" + path +
-                   "', expected a name that ends in .ply, .pcd, .bin, .las, .xyz or .csv, or "
-                   "--format");
+                   "', expected a name that ends in .ply, .pcd, .bin, .las, .laz, .xyz or .csv, "
+                   "or --format");
 }
 
 nlohmann::json cloud_timings(const Timings& timings) {
@@ -126,7 +141,7 @@ void warn_about_losses(const std::string& path, const PointStreamHeader& header,
   if (!warn) return;
   const std::optional<CloudFormat> format =
       output.format ? output.format : format_from_extension(out);
-  const bool las = format == CloudFormat::kLas;
+  const bool las = is_las(format);
   if (!las || !header.records) {
     for (const std::string& what : report.las_only) {
       warn(fmt::format("{}: {} are not kept", path, what));

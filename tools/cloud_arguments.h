@@ -21,6 +21,7 @@ struct CloudArguments {
   int scan = -1;                     ///< of E57; -1: all
   bool own_frame = false;
   std::vector<double> bounds;  ///< x0 y0 x1 y1; empty: everywhere
+  double resolution = 0.0;     ///< of COPC, in the file's units; 0: all
 
   ReadOptions read_options() const;
 };

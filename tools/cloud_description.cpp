@@ -476,7 +476,7 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
   for (const std::string& note : report.notes) out.line("note", note);
   if (summary.las) {
     for (const std::string& what : report.las_only) {
-      out.line("note", what + ": kept from LAS to LAS alone");
+      out.line("note", what + ": kept from LAS to LAS (or LAZ) alone");
     }
     for (const std::string& what : contradictions(*summary.las, summary)) out.line("note", what);
   }

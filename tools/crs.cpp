@@ -170,7 +170,7 @@ std::unique_ptr<PointSource> with_complete_crs(std::unique_ptr<PointSource> sour
   const std::optional<CloudFormat> format =
       options.format ? options.format : format_from_extension(out);
   const PointStreamHeader& header = source->header();
-  if (format != CloudFormat::kLas || !header.crs || header.records) return source;
+  if (!is_las(format) || !header.crs || header.records) return source;
   CoordinateSystem crs = *source->header().crs;
   complete_crs(&crs);
   return with_crs(std::move(source), crs);

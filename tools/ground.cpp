@@ -84,7 +84,7 @@ WrittenGround write_ground(const Arguments& arguments, const ReadOptions& read_o
                            const std::optional<PlanBounds>& bounds) {
   const std::optional<CloudFormat> format =
       write_options.format ? write_options.format : format_from_extension(arguments.out);
-  const bool las = format == CloudFormat::kLas;
+  const bool las = is_las(format);
   std::vector<int> ground;
   if (judged) {
     ground.assign(points, las ? -1 : 0);
@@ -142,7 +142,8 @@ void register_ground(App& root) {
   Command* command = add_command(
       root, "ground",
       "Tells ground from what stands on it: the output is the input cloud, in its order, with an "
-      "int ground (1 or 0); LAS gets the ASPRS classes 2 and 1 (of points that were 0 or 2). For "
+      "int ground (1 or 0); LAS and LAZ get the ASPRS classes 2 and 1 (of points that were 0 or "
+      "2). For "
       "single laser scans, clouds of a camera and airborne scans, in "
       "metres.",
       "  camber ground 000000.bin --out ground.ply --sensor-height 1.73\n"
@@ -152,8 +153,9 @@ void register_ground(App& root) {
   const auto arguments = std::make_shared<Arguments>();
   GroundOptions& bound = arguments->options;
   App& app = *command->app;
-  app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
-  app.add_option("--out", arguments->out, "file to write: .ply, .pcd, .bin, .las, .xyz or .csv")
+  app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS, LAZ or text")->required();
+  app.add_option("--out", arguments->out,
+                 "file to write: .ply, .pcd, .bin, .las, .laz, .xyz or .csv")
       ->output_file()
       ->required();
   app.add_option("--sensor-height", bound.sensor_height,
@@ -206,7 +208,9 @@ void register_ground(App& root) {
       read_options.bounds =
           bounds->grown(in_units_of_file(arguments->cloud, read_options, ground_margin(options)));
     }
-    CloudFile file = read_cloud_file(arguments->cloud, read_options);
+    ReadOptions what_counts = read_options;
+    what_counts.attributes = {"classification", "class_flags"};
+    CloudFile file = read_cloud_file(arguments->cloud, what_counts);
     const LogSink warn = make_warning_sink(command->common);
     warn_about(arguments->cloud, file.report, warn);
     use_metres(arguments->cloud, &file, warn);

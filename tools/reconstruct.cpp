@@ -289,7 +289,7 @@ void register_triangulate(App& root) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   add_scene_options(*command->app, a);
-  command->app->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv or .las")
+  command->app->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv, .las or .laz")
       ->output_file()
       ->required();
   command->app->add_flag("--json", a.json, "print what was done as JSON to stdout");
@@ -298,7 +298,7 @@ void register_triangulate(App& root) {
     if (!format_from_extension(args.out)) {
       throw UsageError("--out " + args.out +
                        ": unknown extension, expected .ply, .pcd, .bin, "
-                       ".xyz, .csv or .las");
+                       ".xyz, .csv, .las or .laz");
     }
     Scene scene;
     Reconstruction result = run(*command, args, scene, [&] { check_output_file(args.out); });

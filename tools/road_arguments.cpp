@@ -59,7 +59,7 @@ CloudFile RoadCloudArguments::read(const CommonOptions& common, const ReadOption
 }
 
 void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& threshold) {
-  app.add_option("cloud", arguments.cloud, "PCD, PLY, KITTI .bin, LAS or text")->required();
+  app.add_option("cloud", arguments.cloud, "PCD, PLY, KITTI .bin, LAS, LAZ or text")->required();
   add_up_arguments(app, arguments.up);
   app.add_option("--threshold", threshold,
                  "metres from a plane that make an inlier; 0: from the points' own uncertainty, or "

@@ -74,7 +74,7 @@ TEST_P(RoundTrip, KeepsEveryAttributeBitForBit) {
     const RoadCloud cloud = make_full_cloud(count);
     const std::string bytes = write_to_memory(cloud, GetParam().format, GetParam().encoding);
     CloudFile file = read_from_memory(bytes, name());
-    if (GetParam().format == CloudFormat::kLas) drop_standard_las_labels(file.cloud);
+    if (is_las(GetParam().format)) drop_standard_las_labels(file.cloud);
     expect_equal(cloud, file.cloud, GetParam().tolerance);
     EXPECT_EQ(file.report.format, GetParam().format);
     EXPECT_EQ(file.report.points, count);
@@ -88,7 +88,7 @@ TEST_P(RoundTrip, KeepsTheEmptyCloud) {
   cloud.frame = CloudFrame::kZUp;
   CloudFile file =
       read_from_memory(write_to_memory(cloud, GetParam().format, GetParam().encoding), name());
-  if (GetParam().format == CloudFormat::kLas) drop_standard_las_labels(file.cloud);
+  if (is_las(GetParam().format)) drop_standard_las_labels(file.cloud);
   expect_equal(cloud, file.cloud);
 }
 
@@ -118,7 +118,7 @@ TEST_P(RoundTrip, KeepsAndCountsPointsThatAreNotFinite) {
   cloud.points[5].y() = infinity;
   cloud.points[6].z() = -infinity;
   cloud.scalars["intensity"][7] = nan;
-  if (GetParam().format == CloudFormat::kLas) {
+  if (is_las(GetParam().format)) {
     EXPECT_THROW(write_to_memory(cloud, GetParam().format), std::invalid_argument);
     return;
   }
@@ -206,6 +206,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Encoding{"PlyAscii", CloudFormat::kPly, CloudEncoding::kAscii},
                       // Steps of 0.1 mm, half of one and the rounding of a float near 50.
                       Encoding{"Las", CloudFormat::kLas, CloudEncoding::kBinary, 5.3e-5f},
+                      Encoding{"Laz", CloudFormat::kLaz, CloudEncoding::kBinary, 5.3e-5f},
                       Encoding{"TextBlanks", CloudFormat::kText, CloudEncoding::kBinary},
                       Encoding{"TextCommas", CloudFormat::kText, CloudEncoding::kCommas}),
     [](const auto& instance) { return std::string(instance.param.name); });

@@ -8,6 +8,7 @@
 #include "../own_inputs.h"
 #include "../signals.h"
 #include "../standard_streams.h"
+#include "camber/core/default_threads.h"
 #include "camber/core/errors.h"
 
 namespace camber::tools {
@@ -43,6 +44,7 @@ int run_verb(int argc, char** argv,
     Command* command = parsed_command();
     command->common.command_line = command_line;
     refuse_own_inputs(*command);
+    set_default_num_threads(command->common.threads);
     const int exit_code = command->run();
     ends_interrupted();  // done: a signal from now on changes nothing
     return exit_code;

@@ -15,18 +15,9 @@ namespace {
 /// Formats that are known, not read, and what to do about them.
 const char* refusal_by_extension(const std::string& extension) {
   static const std::pair<const char*, const char*> kKnown[] = {
-      {".laz", "LAZ (compressed LAS)"},
-      {".obj", "Wavefront OBJ"},
-      {".stl", "STL"},
-      {".off", "OFF"},
-      {".npy", "NumPy"},
-      {".npz", "NumPy"},
-      {".zip", "ZIP"},
-      {".gz", "gzip"},
-      {".rcp", "Autodesk RCP"},
-      {".fls", "FARO FLS"},
-      {".drc", "Draco"},
-      {".xyzn", nullptr},
+      {".obj", "Wavefront OBJ"}, {".stl", "STL"},   {".off", "OFF"},    {".npy", "NumPy"},
+      {".npz", "NumPy"},         {".zip", "ZIP"},   {".gz", "gzip"},    {".rcp", "Autodesk RCP"},
+      {".fls", "FARO FLS"},      {".drc", "Draco"}, {".xyzn", nullptr},
   };
   for (const auto& [known, name] : kKnown) {
     if (extension == known) return name;
@@ -37,7 +28,7 @@ const char* refusal_by_extension(const std::string& extension) {
 [[noreturn]] void refuse(const std::string& path, const std::string& format) {
   throw InputError(path, std::string("found ") + (format[0] == 'E' ? "an " : "a ") + format +
                              " file, which is not supported; expected PCD, PLY, KITTI .bin, "
-                             "uncompressed LAS or text (other programs convert it)");
+                             "LAS, LAZ or text (other programs convert it)");
 }
 
 std::string extension_of(const std::filesystem::path& path) {
@@ -97,7 +88,7 @@ std::unique_ptr<PointSource> open_whole(std::unique_ptr<FileReader> file,
       if (refused != nullptr) refuse(file->name(), refused);
       throw InputError(file->name(), "found no known format in its first bytes and the extension " +
                                          shown(extension) +
-                                         ", expected .pcd, .ply, .bin, .las, .xyz or .csv");
+                                         ", expected .pcd, .ply, .bin, .las, .laz, .xyz or .csv");
     }
   }
   if ((options.scan || options.own_frame) && *format != CloudFormat::kE57) {
@@ -112,6 +103,7 @@ std::unique_ptr<PointSource> open_whole(std::unique_ptr<FileReader> file,
     case CloudFormat::kKittiBin:
       return open_kitti_bin(std::move(file), options);
     case CloudFormat::kLas:
+    case CloudFormat::kLaz:
       return open_las(std::move(file), options);
     case CloudFormat::kE57:
       return open_e57(std::move(file), options);
@@ -141,7 +133,7 @@ CloudFile collect(PointSource& source, const std::string& name, const ReadOption
     throw InputError(name, "found " + std::to_string(*source.header().count) +
                                " points, expected at most " + std::to_string(kMost));
   }
-  CloudBuilder builder(source.header(), options.lenient && !options.triangles);
+  CloudBuilder builder(source.header(), options.lenient && !options.triangles, options);
   PointBatch batch;
   while (source.next(batch)) {
     builder.add(batch);
@@ -174,6 +166,8 @@ std::string_view to_string(CloudFormat format) {
       return "las";
     case CloudFormat::kE57:
       return "e57";
+    case CloudFormat::kLaz:
+      return "laz";
     case CloudFormat::kColmap:
       return "colmap";
     case CloudFormat::kText:
@@ -191,10 +185,15 @@ std::optional<CloudFormat> format_from_extension(const std::filesystem::path& pa
   if (extension == ".bin") return CloudFormat::kKittiBin;
   if (extension == ".las") return CloudFormat::kLas;
   if (extension == ".e57") return CloudFormat::kE57;
+  if (extension == ".laz") return CloudFormat::kLaz;
   for (const char* const text : {".xyz", ".txt", ".csv", ".asc", ".pts"}) {
     if (extension == text) return CloudFormat::kText;
   }
   return std::nullopt;
+}
+
+bool is_copc_name(const std::filesystem::path& path) {
+  return extension_of(path) == ".laz" && extension_of(path.stem()) == ".copc";
 }
 
 std::unique_ptr<PointSource> open_point_source(const std::filesystem::path& path,
@@ -246,15 +245,20 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
       }
       return make_kitti_bin_sink(out, header);
     case CloudFormat::kLas:
+    case CloudFormat::kLaz: {
       if (encoding != CloudEncoding::kBinary) {
-        throw std::invalid_argument("LAS files have one encoding, binary");
+        throw std::invalid_argument("LAS and LAZ files have one encoding, binary");
       }
-      return header.records ? make_las_copy_sink(out, header) : make_las_sink(out, header);
+      const bool compress = format == CloudFormat::kLaz;
+      return header.records ? make_las_copy_sink(out, header, compress)
+                            : make_las_sink(out, header, compress);
+    }
     case CloudFormat::kE57:
-      throw std::invalid_argument("E57 files are read only, expected ply, pcd, bin, las or text");
+      throw std::invalid_argument(
+          "E57 files are read only, expected ply, pcd, bin, las, laz or text");
     case CloudFormat::kColmap:
       throw std::invalid_argument(
-          "COLMAP models are read only, expected ply, pcd, bin, las or text");
+          "COLMAP models are read only, expected ply, pcd, bin, las, laz or text");
     case CloudFormat::kText:
       break;
   }
@@ -263,6 +267,11 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
 
 CloudEncoding encoding_for(const std::filesystem::path& path, CloudFormat format,
                            CloudEncoding asked) {
+  if (format == CloudFormat::kLaz && is_copc_name(path)) {
+    throw std::invalid_argument("output " + path.string() +
+                                ": found the name of a COPC file, which is not written, expected "
+                                "one that ends in .laz alone");
+  }
   const bool commas = format == CloudFormat::kText && extension_of(path) == ".csv" &&
                       (asked == CloudEncoding::kBinary || asked == CloudEncoding::kAscii);
   return commas ? CloudEncoding::kCommas : asked;
@@ -273,9 +282,10 @@ void write_cloud(const RoadCloud& cloud, const std::filesystem::path& path,
   const std::optional<CloudFormat> format =
       options.format ? options.format : format_from_extension(path);
   if (!format) {
-    throw std::invalid_argument("output " + path.string() +
-                                ": found an unknown extension, expected .ply, .pcd, .bin, .las, "
-                                ".xyz or .csv");
+    throw std::invalid_argument(
+        "output " + path.string() +
+        ": found an unknown extension, expected .ply, .pcd, .bin, .las, .laz, "
+        ".xyz or .csv");
   }
   const std::unique_ptr<PointSource> source = make_point_source(cloud);
   const CloudEncoding encoding = encoding_for(path, *format, options.encoding);

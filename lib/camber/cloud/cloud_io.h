@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -20,18 +21,27 @@ enum class CloudFormat {
   kPly,       ///< Polygon files: ASCII, little or big endian; vertices are the points
   kKittiBin,  ///< KITTI's velodyne scans: little-endian float32 x y z reflectance; others alike
   kLas,       ///< LAS 1.0 to 1.5, uncompressed
+  kLaz,       ///< LAS compressed by LASzip
   kE57,       ///< ASTM E2807; read only
   kText,      ///< XYZ or CSV: one point a line; PTX (read only)
   kColmap,    ///< points3D.bin or points3D.txt of a COLMAP model; read only
 };
 
-/// "pcd", "ply", "bin", "las", "e57", "text", "colmap".
+/// "pcd", "ply", "bin", "las", "laz", "e57", "text", "colmap".
 std::string_view to_string(CloudFormat format);
 
-/// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, .e57, and
-/// .xyz, .txt, .csv, .asc, .pts for text (.ptx is read, not written); files named points3D.bin and
-/// points3D.txt are COLMAP's; nothing for others.
+/// Whether a format's files have LAS records: LAS itself, and LAZ.
+inline bool is_las(std::optional<CloudFormat> format) {
+  return format == CloudFormat::kLas || format == CloudFormat::kLaz;
+}
+
+/// The format that a file name's extension stands for (any case): .pcd, .ply, .bin, .las, .laz,
+/// .e57, .xyz, .txt, .csv, .asc, .pts for text (.ptx is read, not written); files named
+/// points3D.bin and points3D.txt are COLMAP's; nothing for others.
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
+
+/// Whether a name ends as those of COPC files do, which are read, not written: .copc.laz.
+bool is_copc_name(const std::filesystem::path& path);
 
 struct ReadOptions {
   /// false: anything unsound is an error. true: what can be read is kept, what cannot (truncated
@@ -55,6 +65,19 @@ struct ReadOptions {
   std::optional<PlanBounds> bounds;
   /// PLY only: keep the faces, split into triangles (fans).
   bool triangles = false;
+  /// LAZ only: threads that decode; <= 0: all, see resolve_num_threads.
+  int num_threads = 0;
+  /// COPC only: levels of the octree down to the first whose points are no farther apart, in the
+  /// units of the file; 0: all.
+  double resolution = 0.0;
+  /// Attributes to read beside the coordinates, by their names in the file; none: all. Layers of
+  /// LAZ that hold no others are not decoded, and points have no records.
+  std::optional<std::vector<std::string>> attributes;
+
+  bool wants(const std::string& attribute) const {
+    return !attributes ||
+           std::find(attributes->begin(), attributes->end(), attribute) != attributes->end();
+  }
 };
 
 /// How a text file is laid out.

@@ -33,9 +33,12 @@ std::unique_ptr<PointSink> make_pcd_sink(std::ostream& out, const PointStreamHea
 std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHeader& header,
                                          CloudEncoding encoding);
 std::unique_ptr<PointSink> make_kitti_bin_sink(std::ostream& out, const PointStreamHeader& header);
-std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header);
+/// @param compress  LAZ
+std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header,
+                                         bool compress);
 /// The points of a LAS file into another one: for headers with records.
-std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header);
+std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header,
+                                              bool compress);
 std::unique_ptr<PointSink> make_text_sink(std::ostream& out, const PointStreamHeader& header,
                                           CloudEncoding encoding);
 

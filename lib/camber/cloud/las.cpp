@@ -1,4 +1,4 @@
-// Points of LAS files, versions 1.0 to 1.5, point formats 0 to 10, uncompressed: the ASPRS
+// Points of LAS and LAZ files, versions 1.0 to 1.5, point formats 0 to 10: the ASPRS
 // specifications ("LAS Specification 1.4 - R15", 2019, its predecessors, and 1.5).
 
 #include <algorithm>
@@ -6,6 +6,8 @@
 #include <set>
 
 #include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/detail/laz/copc.h"
+#include "camber/cloud/detail/laz/laz_reader.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/number_text.h"
@@ -34,14 +36,17 @@ struct Column {
 class LasColumns {
  public:
   /// @throws InputError where the extra bytes do not fit their description, unless lenient.
-  LasColumns(const LasFile& las, bool lenient, ReadReport* report)
+  LasColumns(const LasFile& las, const ReadOptions& options, ReadReport* report)
       : las_(las), record_size_(las.record_length) {
     const LasPointFormat format = las_point_format(las.point_format);
     add_standard_columns(format, report);
-    add_extra_columns(format, lenient, report);
+    add_extra_columns(format, options.lenient, report);
+    leave_out(options);
   }
 
   const std::vector<PointField>& fields() const { return fields_; }
+  /// The layers of LAZ that hold them.
+  std::uint32_t layers() const;
 
   /// Views into `data`, which holds `count` records, or into values that stay until the next call.
   void decode(const unsigned char* data, std::size_t count, PointBatch& batch) {
@@ -81,6 +86,7 @@ class LasColumns {
  private:
   void add_standard_columns(const LasPointFormat& format, ReadReport* report);
   void add_extra_columns(const LasPointFormat& format, bool lenient, ReadReport* report);
+  void leave_out(const ReadOptions& options);
   void add(const std::string& name, ScalarType type, const Column& column);
   void add_plain(const std::string& name, ScalarType type, std::size_t offset);
   void add_bits(const std::string& name, std::size_t offset, unsigned shift, unsigned mask);
@@ -99,6 +105,39 @@ void LasColumns::add(const std::string& name, ScalarType type, const Column& col
   fields_.push_back(field);
   columns_.push_back(column);
   values_.emplace_back();
+}
+
+void LasColumns::leave_out(const ReadOptions& options) {
+  for (std::size_t f = fields_.size(); f-- > 3;) {
+    if (options.wants(fields_[f].name)) continue;
+    fields_.erase(fields_.begin() + static_cast<std::ptrdiff_t>(f));
+    columns_.erase(columns_.begin() + static_cast<std::ptrdiff_t>(f));
+    values_.pop_back();
+  }
+}
+
+std::uint32_t LasColumns::layers() const {
+  const LasPointFormat format = las_point_format(las_.point_format);
+  const auto first = [](int offset) {
+    return offset < 0 ? SIZE_MAX : static_cast<std::size_t>(offset);
+  };
+  std::uint32_t layers = laz::kWantZ;
+  for (const Column& column : columns_) {
+    const std::size_t at = column.offset;
+    layers |= at < 12                        ? 0u
+              : at < 14                      ? laz::kWantIntensity
+              : at == 14                     ? 0u
+              : at == 15                     ? laz::kWantFlags
+              : at == 16                     ? laz::kWantClass
+              : at == 17                     ? laz::kWantUser
+              : at == 18                     ? laz::kWantAngle
+              : at == 20                     ? laz::kWantSource
+              : at == first(format.time)     ? laz::kWantTime
+              : at >= format.size            ? laz::kWantBytes
+              : at == first(format.infrared) ? laz::kWantInfrared
+                                             : laz::kWantColor;
+  }
+  return layers;
 }
 
 void LasColumns::add_plain(const std::string& name, ScalarType type, std::size_t offset) {
@@ -227,6 +266,15 @@ void LasColumns::add_extra_columns(const LasPointFormat& format, bool lenient, R
   }
 }
 
+/// What compresses the points, for the report.
+std::string describe(const laz::LazLayout& layout) {
+  const std::string chunks = layout.sequential
+                                 ? "in one stream"
+                                 : "in " + std::to_string(layout.chunks.size()) + " chunks";
+  return ", LASzip " + layout.version + " compressor " +
+         std::to_string(static_cast<int>(layout.compressor)) + " " + chunks;
+}
+
 class LasSource : public FormatSource {
  public:
   LasSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
@@ -239,6 +287,7 @@ class LasSource : public FormatSource {
     batch.clear();
     file_->consume(pending_);
     pending_ = 0;
+    if (laz_) return next_of_laz(batch);
     if (left_ == 0) return false;
     const std::size_t record_size = header_.las->record_length;
     file_->fill(record_size);
@@ -254,22 +303,33 @@ class LasSource : public FormatSource {
  private:
   void read_header();
   void read_comments(const LasRecord& record);
+  bool next_of_laz(PointBatch& batch);
 
+  std::unique_ptr<laz::LazReader> laz_;
   std::uint64_t left_ = 0;
   std::size_t pending_ = 0;
+  std::ptrdiff_t noted_ = 0;  // remarks of the LAZ reader that are in the report
   std::unique_ptr<LasColumns> columns_;
 };
 
 void LasSource::read_header() {
-  const auto las = std::make_shared<const LasFile>(
-      read_las_file(file_->bytes(), options_.lenient, &report_.notes));
+  const auto las =
+      std::make_shared<LasFile>(read_las_file(file_->bytes(), options_.lenient, &report_.notes));
+  if (options_.resolution > 0.0) {
+    if (!laz::is_copc(*las)) {
+      throw InputError(file_->name(), "found a file without levels of detail, expected COPC");
+    }
+    laz::CopcQuery query;
+    query.resolution = options_.resolution;
+    laz::select_nodes(las.get(), query);
+  }
   left_ = las->points;
   report_.encoding = "version 1." + std::to_string(las->minor) + ", point format " +
                      std::to_string(las->point_format);
   report_.declared = las->declared_count;
   report_.drop("truncated", las->declared_count - left_);
   header_.las = las;
-  header_.records = true;
+  header_.records = !options_.attributes;
   for (const LasRecord& record : las->records) {
     if (record.user_id == "Camber" && record.record_id == 1) read_comments(record);
   }
@@ -277,11 +337,41 @@ void LasSource::read_header() {
     return Eigen::Vector3d(v[0], v[1], v[2]);
   };
   header_.grid = PointGrid{vector(las->scale), vector(las->offset)};
-  header_.count = left_;
+  // How many points of damaged LAZ are whole is known at the end.
+  if (!las->laz || !options_.lenient) header_.count = left_;
   take_crs(las->crs);
-  columns_ = std::make_unique<LasColumns>(*las, options_.lenient, &report_);
+  columns_ = std::make_unique<LasColumns>(*las, options_, &report_);
   header_.fields = columns_->fields();
+  if (las->laz) {
+    laz::LazReadOptions options;
+    options.lenient = options_.lenient;
+    options.num_threads = options_.num_threads;
+    if (options_.attributes) options.wanted = columns_->layers();
+    constexpr std::uint64_t kPointsOfByte = 8;  // more than of any survey
+    header_.most_reserved = kPointsOfByte * (las->points_end - las->points_start);
+    laz_ = std::make_unique<laz::LazReader>(*las, options);
+    report_.format = CloudFormat::kLaz;
+    report_.encoding += describe(*las->laz);
+    return;
+  }
   file_->skip(las->points_start);
+}
+
+bool LasSource::next_of_laz(PointBatch& batch) {
+  const unsigned char* records = nullptr;
+  const std::size_t count = laz_->next(&records, kBatchSize);
+  if (count == 0) {
+    if (left_ > 0) report_.drop("damaged", left_);
+    left_ = 0;
+    report_.notes.insert(report_.notes.end(), laz_->notes().begin() + noted_, laz_->notes().end());
+    noted_ = static_cast<std::ptrdiff_t>(laz_->notes().size());
+    return false;
+  }
+  columns_->decode(records, count, batch);
+  if (!header_.records) batch.records = {};
+  left_ -= count;
+  report_.points += count;
+  return true;
 }
 
 /// The comments that Camber puts into a record of its own.
@@ -302,7 +392,7 @@ class LasRows : public PointSource {
   LasRows(const PointStreamHeader& header, std::string records, std::vector<int> order)
       : records_(std::move(records)),
         order_(std::move(order)),
-        columns_(*header.las, true, &report_) {
+        columns_(*header.las, lenient_options(), &report_) {
     header_ = header;
     header_.fields = columns_.fields();
     header_.count = order_.size();
@@ -325,6 +415,12 @@ class LasRows : public PointSource {
   }
 
  private:
+  static ReadOptions lenient_options() {
+    ReadOptions options;
+    options.lenient = true;
+    return options;
+  }
+
   std::string records_, rows_;
   std::vector<int> order_;
   LasColumns columns_;

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/detail/laz/laz_writer.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/las_file.h"
 
@@ -22,15 +23,19 @@ constexpr std::uint64_t kChunk = 1 << 20;  // bytes
 
 class LasCopySink : public PointSink {
  public:
-  LasCopySink(std::ostream& out, const PointStreamHeader& header)
+  LasCopySink(std::ostream& out, const PointStreamHeader& header, bool compress)
       : out_(out),
         header_(header),
+        compress_(compress),
         las_(*header.las),
         format_(las_point_format(las_.point_format)) {
     find_changes();
     start_ = out_.tellp();
     head_ = las_.bytes->read(0, las_.header_size);
     write_head();
+    if (compress_) {
+      laz_ = std::make_unique<laz::LazWriter>(out_, start_, las_.point_format, record_length_);
+    }
   }
 
   void write(const PointBatch& batch) override {
@@ -51,11 +56,17 @@ class LasCopySink : public PointSink {
       }
       count_point(reinterpret_cast<const unsigned char*>(row));
     }
-    out_.write(rows_.data(), static_cast<std::streamsize>(rows_.size()));
+    if (laz_) {
+      laz_->write(rows_.data(), batch.count);
+    } else {
+      out_.write(rows_.data(), static_cast<std::streamsize>(rows_.size()));
+    }
   }
 
   void finish() override {
-    const std::uint64_t points_end = points_start_ + count_ * record_length_;
+    if (laz_) laz_->finish();
+    const auto points_end =
+        static_cast<std::uint64_t>(static_cast<std::streamoff>(out_.tellp() - start_));
     copy_tail();
     move_extended_records(points_end);
     // Where all points are there, the header keeps its counts and bounds.
@@ -92,6 +103,10 @@ class LasCopySink : public PointSink {
   void copy_tail();
   void move_extended_records(std::uint64_t points_end);
   void count_in_header();
+  /// How the input's points are compressed says nothing of the output's.
+  static bool is_dropped(const LasRecord& record) {
+    return record.user_id == laz::kRecordUser && record.record_id == laz::kRecordId;
+  }
   bool is_replaced(const LasRecord& record) const {
     const bool crs = header_.crs && header_.crs->given;
     return (crs && detail::is_projection_record(record.user_id, record.record_id)) ||
@@ -128,6 +143,8 @@ class LasCopySink : public PointSink {
 
   std::ostream& out_;
   PointStreamHeader header_;
+  bool compress_;
+  std::unique_ptr<laz::LazWriter> laz_;
   const LasFile& las_;
   detail::LasPointFormat format_;
   std::vector<Change> changes_;
@@ -209,7 +226,7 @@ std::string LasCopySink::changed_records(std::uint32_t* count) const {
   std::string out;
   bool described = new_fields_.empty();
   for (const LasRecord& record : las_.records) {
-    if (record.extended) continue;
+    if (record.extended || ((las_.laz || compress_) && is_dropped(record))) continue;
     if (!is_replaced(record)) {
       out += las_.bytes->read(record.start, kLasRecordHeader + record.length);
     } else if (!described && describes_extra_bytes(record)) {
@@ -229,6 +246,10 @@ std::string LasCopySink::changed_records(std::uint32_t* count) const {
   if (header_.crs && header_.crs->given) {
     out += detail::projection_records(*header_.crs, las_.point_format, count);
   }
+  if (compress_) {
+    out += laz::writer_record(las_.point_format, record_length_);
+    ++*count;
+  }
   return out;
 }
 
@@ -242,7 +263,7 @@ void LasCopySink::copy_bytes(std::uint64_t from, std::uint64_t to) {
 
 void LasCopySink::write_head() {
   const bool crs = header_.crs && header_.crs->given;
-  if (new_fields_.empty() && !crs) {
+  if (new_fields_.empty() && !crs && !las_.laz && !compress_) {
     points_start_ = las_.points_start;
     out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
     return copy_bytes(las_.header_size, las_.points_start);
@@ -256,6 +277,7 @@ void LasCopySink::write_head() {
   }
   store(head_, 96, static_cast<std::uint32_t>(points_start_));
   store(head_, 100, count);
+  store(head_, 104, static_cast<std::uint8_t>(las_.point_format | (compress_ ? 0x80 : 0)));
   store(head_, 105, static_cast<std::uint16_t>(record_length_));
   if (crs && las_.minor >= 4) {
     const bool wkt = detail::takes_wkt(*header_.crs, las_.point_format);
@@ -280,7 +302,7 @@ void LasCopySink::copy_tail() {
     out_.write(h.data(), static_cast<std::streamsize>(h.size()));
     at = record.content;
   }
-  copy_bytes(at, las_.bytes->size());
+  copy_bytes(at, las_.tail_end);
 }
 
 void LasCopySink::move_extended_records(std::uint64_t points_end) {
@@ -324,8 +346,9 @@ void LasCopySink::count_in_header() {
 
 }  // namespace
 
-std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header) {
-  return std::make_unique<LasCopySink>(out, header);
+std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header,
+                                              bool compress) {
+  return std::make_unique<LasCopySink>(out, header, compress);
 }
 
 }  // namespace camber

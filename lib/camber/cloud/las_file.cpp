@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/detail/laz/laz_format.h"
 #include "camber/core/errors.h"
 
 namespace camber {
@@ -70,6 +71,7 @@ class Reader {
   std::vector<std::string>* notes_;
   std::string header_;
   std::uint32_t record_count_ = 0;
+  bool compressed_ = false;
   LasFile out_;
 };
 
@@ -111,12 +113,9 @@ void Reader::read_header() {
   out_.creation_year = load<std::uint16_t>(h, 92);
   out_.points_start = load<std::uint32_t>(h, 96);
   record_count_ = load<std::uint32_t>(h, 100);
-  const int format = static_cast<unsigned char>(h[104]);
-  if ((format & 0xc0) != 0) {
-    throw InputError(file_.name(),
-                     "found LAZ (compressed LAS), which is not supported; expected uncompressed "
-                     "LAS (laszip or pdal convert it)");
-  }
+  // LASzip marks its files here.
+  compressed_ = (h[104] & 0xc0) != 0;
+  const int format = static_cast<unsigned char>(h[104]) & 0x3f;
   if (format > 10) {
     file_.fail_at(104, "found point format " + std::to_string(format) + ", expected 0 to 10");
   }
@@ -211,8 +210,21 @@ void Reader::read_records() {
 
 void Reader::find_points() {
   const std::uint64_t fitting = (file_.size() - out_.points_start) / out_.record_length;
+  const LasRecord* const compression = find(laz::kRecordUser, laz::kRecordId);
+  if (compressed_ && compression == nullptr) {
+    file_.fail_at(104,
+                  "found compressed points (LAZ) without LASzip's record, expected one among the " +
+                      std::to_string(out_.records.size()) + " variable-length records");
+  }
+  if (compression != nullptr && !compressed_ && fitting < out_.declared_count) {
+    compressed_ = true;
+    notes_->emplace_back(
+        "the header does not say that the points are compressed (LAZ), their record does");
+  }
+  if (compressed_) return laz::read_layout(&out_, *compression, lenient_, notes_);
   out_.points = std::min(out_.declared_count, fitting);
   out_.points_end = out_.points_start + out_.points * out_.record_length;
+  out_.tail_end = file_.size();
   if (out_.points < out_.declared_count && !lenient_) {
     file_.fail_at(file_.size(), "found the end of the file after at most " +
                                     std::to_string(fitting) + " points, expected " +

@@ -11,6 +11,9 @@
 #include "camber/cloud/file_reader.h"
 
 namespace camber {
+namespace laz {
+struct LazLayout;
+}
 
 /// A variable-length record of a LAS file, before the points or (extended) behind them.
 struct LasRecord {
@@ -47,12 +50,14 @@ struct LasFile {
   std::uint64_t legacy_count = 0, declared_count = 0;
   std::vector<std::uint64_t> points_by_return;  ///< 5, from version 1.4 on 15
   std::array<double, 3> scale{1, 1, 1}, offset{0, 0, 0}, minimum{0, 0, 0}, maximum{0, 0, 0};
-  std::vector<LasRecord> records;          ///< those before the points first
-  std::vector<LasExtraBytes> extra_bytes;  ///< of all records that describe some, in their order
-  std::uint64_t records_end = 0;           ///< where the last record before the points ends
-  std::uint64_t points_start = 0;          ///< bytes
-  std::uint64_t points = 0;                ///< those that the file has room for
-  std::uint64_t points_end = 0;
+  std::vector<LasRecord> records;             ///< those before the points first
+  std::vector<LasExtraBytes> extra_bytes;     ///< of all records that describe some, in their order
+  std::uint64_t records_end = 0;              ///< where the last record before the points ends
+  std::uint64_t points_start = 0;             ///< bytes
+  std::uint64_t points = 0;                   ///< those that the file has room for
+  std::uint64_t points_end = 0;               ///< of LAZ: with the table of its chunks
+  std::uint64_t tail_end = 0;                 ///< of what stands behind the points
+  std::shared_ptr<const laz::LazLayout> laz;  ///< how the points are compressed; none: they are not
   CoordinateSystem crs;
   std::shared_ptr<const FileBytes> bytes;
 

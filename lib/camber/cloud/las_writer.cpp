@@ -7,6 +7,7 @@
 #include <map>
 
 #include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/detail/laz/laz_writer.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/las_names.h"
@@ -43,7 +44,8 @@ double metres_on_ground(const CoordinateUnit& angle) {
 
 class LasSink : public PointSink {
  public:
-  LasSink(std::ostream& out, const PointStreamHeader& header) : out_(out), header_(header) {
+  LasSink(std::ostream& out, const PointStreamHeader& header, bool compress)
+      : out_(out), header_(header), compress_(compress) {
     const FieldRoles roles = find_roles(header.fields);
     position_ = roles.position;
     color_ = roles.color;
@@ -118,6 +120,7 @@ class LasSink : public PointSink {
       grid_set_ = true;
     }
     write_head();
+    if (compress_) laz_ = std::make_unique<laz::LazWriter>(out_, start_, format_id_, record_size_);
   }
 
   void write(const PointBatch& batch) override {
@@ -129,11 +132,16 @@ class LasSink : public PointSink {
     }
     text_.assign(batch.count * record_size_, '\0');
     for (std::size_t i = 0; i < batch.count; ++i) pack(batch, i, i * record_size_);
-    out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
+    if (laz_) {
+      laz_->write(text_.data(), batch.count);
+    } else {
+      out_.write(text_.data(), static_cast<std::streamsize>(text_.size()));
+    }
     count_ += batch.count;
   }
 
   void finish() override {
+    if (laz_) laz_->finish();
     const std::ostream::pos_type end = out_.tellp();
     out_.seekp(start_);
     write_head();
@@ -379,6 +387,10 @@ class LasSink : public PointSink {
     }
     records += projection;
     record_count += projection_count;
+    if (compress_) {
+      records += laz::writer_record(format_id_, record_size_);
+      ++record_count;
+    }
     const std::size_t header_size = minor_ == 4 ? 375 : 227;
     std::string h(header_size, '\0');
     store(h, 0, "LASF", 4);
@@ -396,7 +408,7 @@ class LasSink : public PointSink {
     store(h, 94, static_cast<std::uint16_t>(header_size));
     store(h, 96, static_cast<std::uint32_t>(header_size + records.size()));
     store(h, 100, record_count);
-    h[104] = static_cast<char>(format_id_);
+    h[104] = static_cast<char>(format_id_ | (compress_ ? 0x80 : 0));
     store(h, 105, static_cast<std::uint16_t>(record_size_));
     const bool old_counts = !format_.extended && count_ <= UINT32_MAX;
     if (minor_ < 4 && count_ > UINT32_MAX) {
@@ -425,6 +437,8 @@ class LasSink : public PointSink {
 
   std::ostream& out_;
   PointStreamHeader header_;
+  bool compress_;
+  std::unique_ptr<laz::LazWriter> laz_;
   std::array<int, 3> position_, color_;
   std::optional<double> full_color_;  // of red, green and blue; decided once for all points
   int packed_ = -1, intensity_ = -1, return_number_ = -1, number_of_returns_ = -1,
@@ -449,8 +463,9 @@ class LasSink : public PointSink {
 };
 }  // namespace
 
-std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header) {
-  return std::make_unique<LasSink>(out, header);
+std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header,
+                                         bool compress) {
+  return std::make_unique<LasSink>(out, header, compress);
 }
 
 }  // namespace camber

@@ -197,6 +197,27 @@ bool look_like_angles(std::vector<double>& values) {
   return width > 0.0 && std::abs(median(values)) > kFar * width;
 }
 
+/// The roles without those of attributes that are left out.
+FieldRoles wanted_roles(const std::vector<PointField>& fields, const ReadOptions& options) {
+  FieldRoles roles = find_roles(fields);
+  if (!options.attributes) return roles;
+  const auto wanted = [&](int field) {
+    return field >= 0 && options.wants(fields[static_cast<std::size_t>(field)].name);
+  };
+  const auto keep = [&](auto& group) {
+    if (!std::all_of(group.begin(), group.end(), wanted)) group.fill(-1);
+  };
+  keep(roles.color);
+  keep(roles.normal);
+  keep(roles.covariance);
+  if (!wanted(roles.packed_color)) roles.packed_color = -1;
+  if (!wanted(roles.sigma)) roles.sigma = -1;
+  roles.others.erase(std::remove_if(roles.others.begin(), roles.others.end(),
+                                    [&](int field) { return !wanted(field); }),
+                     roles.others.end());
+  return roles;
+}
+
 }  // namespace
 
 struct CloudBuilder::State {
@@ -224,12 +245,12 @@ struct CloudBuilder::State {
   void drop_bad_points(ReadReport& report);
 };
 
-CloudBuilder::CloudBuilder(const PointStreamHeader& header, bool lenient)
+CloudBuilder::CloudBuilder(const PointStreamHeader& header, bool lenient, const ReadOptions& wanted)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
   s.header = header;
   s.lenient = lenient;
-  s.roles = find_roles(header.fields);
+  s.roles = wanted_roles(header.fields, wanted);
   s.cloud.frame = header.frame;
   s.cloud.metric = header.metric;
   for (const int field : s.roles.others) {
@@ -240,7 +261,7 @@ CloudBuilder::CloudBuilder(const PointStreamHeader& header, bool lenient)
     s.others.push_back(std::move(other));
   }
   if (header.count) {
-    const std::size_t count = static_cast<std::size_t>(*header.count);
+    const auto count = static_cast<std::size_t>(std::min(*header.count, header.most_reserved));
     reserve_large(s.cloud.points, count);
     if (s.roles.packed_color >= 0) reserve_large(s.cloud.colors, count);
     if (s.roles.color[0] >= 0) {

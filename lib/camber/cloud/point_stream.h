@@ -122,6 +122,9 @@ struct PointStreamHeader {
   std::vector<PointField> fields;  ///< names are unique
   /// Number of points. Readers have checked it against the file's size; text does not know it.
   std::optional<std::uint64_t> count;
+  /// Points for which memory may be taken in advance: of compressed ones the file's size says
+  /// little about their number.
+  std::uint64_t most_reserved = UINT64_MAX;
   CloudFrame frame = CloudFrame::kUnknown;
   bool metric = true;
   std::optional<Eigen::Vector3d> origin;  ///< recorded by the writer; coordinates include it
@@ -228,13 +231,15 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
                                            CloudFormat format, CloudEncoding encoding);
 
 /// The encoding to write a file with: commas for text in a file that ends in .csv.
+/// @throws std::invalid_argument for the name of a COPC file.
 CloudEncoding encoding_for(const std::filesystem::path& path, CloudFormat format,
                            CloudEncoding asked);
 
 /// Collects batches into a RoadCloud, choosing its origin from the first one.
 class CloudBuilder {
  public:
-  CloudBuilder(const PointStreamHeader& header, bool lenient);
+  /// @param wanted  attributes to collect beside the coordinates, see ReadOptions
+  CloudBuilder(const PointStreamHeader& header, bool lenient, const ReadOptions& wanted = {});
   ~CloudBuilder();
   void add(const PointBatch& batch);
   /// The cloud; counts what it finds (and, if lenient, drops) in the report.

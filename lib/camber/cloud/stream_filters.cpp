@@ -471,13 +471,12 @@ std::unique_ptr<PointSource> open_typed_source(const std::filesystem::path& path
     return field >= 0 &&
            header.fields[static_cast<std::size_t>(field)].type == ScalarType::kFloat64;
   });
-  const bool open_coordinates =
-      (output == CloudFormat::kPcd && doubles) ||
-      (output == CloudFormat::kLas && !header.grid && may_be_angles(header));
+  const bool open_coordinates = (output == CloudFormat::kPcd && doubles) ||
+                                (is_las(output) && !header.grid && may_be_angles(header));
   int intensity = -1;  // in floats, for LAS, whose own field holds whole numbers
   for (const int field : roles.others) {
     const PointField& f = header.fields[static_cast<std::size_t>(field)];
-    if (output == CloudFormat::kLas && is_float(f.type) && las_attribute(f.name) == "intensity" &&
+    if (is_las(output) && is_float(f.type) && las_attribute(f.name) == "intensity" &&
         (intensity < 0 || f.name == "intensity")) {
       intensity = field;
     }
@@ -535,9 +534,10 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
   const std::optional<CloudFormat> format =
       options.format ? options.format : format_from_extension(path);
   if (!format) {
-    throw std::invalid_argument("output " + path.string() +
-                                ": found an unknown extension, expected .ply, .pcd, .bin, .las, "
-                                ".xyz or .csv");
+    throw std::invalid_argument(
+        "output " + path.string() +
+        ": found an unknown extension, expected .ply, .pcd, .bin, .las, .laz, "
+        ".xyz or .csv");
   }
   const CloudEncoding encoding = encoding_for(path, *format, options.encoding);
   std::uint64_t count = 0;

@@ -1,18 +1,26 @@
 #include "camber/core/threads.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <thread>
 
+#include "camber/core/default_threads.h"
 #include "camber/core/detail/side_by_side.h"
 #include "camber/core/interruption.h"
 
 namespace camber {
+namespace {
+std::atomic<int> default_num_threads{0};
+}
+
+void set_default_num_threads(int count) noexcept { default_num_threads = count; }
 
 int resolve_num_threads(int requested) {
   const unsigned count = std::thread::hardware_concurrency();
   const int machine = count > 0 ? static_cast<int>(count) : 1;
   const int most = std::max(64, 4 * machine);
+  if (requested <= 0) requested = default_num_threads;
   if (requested > 0) return std::min(requested, most);
   if (const char* text = std::getenv("OMP_NUM_THREADS")) {
     const int value = std::atoi(text);

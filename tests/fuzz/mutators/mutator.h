@@ -51,6 +51,8 @@ std::string mutate_document(std::string_view input, Dice& dice, const ByteMutati
 /// E57 by its XML as text and its sections, with checksums that fit.
 std::string mutate_e57(std::string_view input, Dice& dice, const ByteMutation& bytes);
 std::string mutate_las(std::string_view input, Dice& dice, const ByteMutation& bytes);
+/// LAS's header and records, LASzip's record, chunks and their table.
+std::string mutate_laz(std::string_view input, Dice& dice, const ByteMutation& bytes);
 /// PNG by chunks with their check sums and compressed rows, JPEG by segments.
 std::string mutate_image(std::string_view input, Dice& dice, const ByteMutation& bytes);
 std::string mutate_bag(std::string_view input, Dice& dice, const ByteMutation& bytes);
