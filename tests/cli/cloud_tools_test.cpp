@@ -163,6 +163,33 @@ TEST_F(CloudTools, ConvertsBetweenFormatsAndLeavesNothingHalfWritten) {
   EXPECT_GT(read_cloud(path("g.ply")).size(), cloud.size() - 20);
 }
 
+TEST_F(CloudTools, LazIsTakenWhereLasIs) {
+  write_cloud(make_square(0.02), path("a.las"));
+  run({"convert", path("a.las"), "--out", path("a.laz")});
+  run({"convert", path("a.laz"), "--out", path("back.las"), "--threads", "1"});
+  EXPECT_TRUE(test::read_text(path("back.las")) == test::read_text(path("a.las")));
+  EXPECT_LT(fs::file_size(path("a.laz")), fs::file_size(path("a.las")) / 2);
+  const json info = run_json({"info", path("a.laz")});
+  EXPECT_EQ(info["files"][0]["format"], "laz") << info;
+  EXPECT_EQ(info["files"][0]["points"], 12000);
+  // What is told by the content needs no extension.
+  fs::copy_file(path("a.laz"), path("a.unknown"));
+  EXPECT_EQ(run_json({"info", path("a.unknown")})["files"][0]["points"], 12000);
+  for (const char* const kind : {"las", "laz"}) {
+    run({"ground", path(std::string("a.") + kind), "--out", path(std::string("ground.") + kind)});
+  }
+  run({"convert", path("ground.laz"), "--out", path("ground_of_laz.las")});
+  EXPECT_TRUE(test::read_text(path("ground_of_laz.las")) == test::read_text(path("ground.las")));
+  EXPECT_ONE_SENTENCE(run_camber({"convert", path("a.laz"), "--out", path("a.copc.laz")}), 2,
+                      "a COPC file, which is not written");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"convert", path("a.laz"), "--out", path("b.ply"), "--resolution", "1"}), 2,
+      "found a file without levels of detail, expected COPC");
+  const std::string bytes = test::read_text(path("a.laz"));
+  write_text("cut.laz", bytes.substr(0, bytes.size() / 2));
+  EXPECT_ONE_SENTENCE(run_camber({"info", path("cut.laz")}), 2, "in chunk 1, behind");
+}
+
 TEST_F(CloudTools, FilterTakesItsStepsInOrder) {
   RoadCloud cloud = make_square(0.02);
   for (int i = 0; i < 50; ++i) {

@@ -158,7 +158,12 @@ TEST_P(RoundTrip, CutAtEveryLengthNeverCrashesAndNeverPassesForWhole) {
       // The last number of a text may lose digits, or the line its end, without leaving a trace.
       const std::size_t last_blank = bytes.find_last_of(' ');
       // Text does not say how many points it has.
-      EXPECT_TRUE(GetParam().format == CloudFormat::kText || (ascii && length > last_blank + 1))
+      // LAZ without its table of chunks has all points, and a note.
+      const bool without_table = GetParam().format == CloudFormat::kLaz &&
+                                 read_from_memory(cut, name).cloud.size() == 3 &&
+                                 !read_from_memory(cut, name).report.notes.empty();
+      EXPECT_TRUE(GetParam().format == CloudFormat::kText || without_table ||
+                  (ascii && length > last_blank + 1))
           << "cut at " << length;
     } else {
       EXPECT_THAT(error, HasSubstr(name + ": "));

@@ -147,7 +147,9 @@ TEST(LazChunk, RecordsOfAllFormatsAndVersionsComeBack) {
           ASSERT_EQ(decode(items, coded, kCount, size, &suspicious), records)
               << "format " << format << " version " << version << " noise " << noise;
           EXPECT_FALSE(suspicious);
-          if (noise == 0.0) EXPECT_LT(coded.size(), records.size() / 2);
+          if (noise == 0.0) {
+            EXPECT_LT(coded.size(), records.size() / 2);
+          }
         }
       }
     }
@@ -313,7 +315,9 @@ TEST(LazFile, EveryCutIsRefusedOrLenientlyAPrefix) {
         const std::string cut = bytes.substr(0, length);
         const std::string error = error_of(cut);
         // The table alone may be gone.
-        if (error.empty()) EXPECT_TRUE(records_in(cut) == records) << length;
+        if (error.empty()) {
+          EXPECT_TRUE(records_in(cut) == records) << length;
+        }
         std::string some;
         try {
           some = records_in(cut, lenient);
@@ -342,7 +346,9 @@ TEST(LazFile, EveryBitOfItsHeadersFlippedIsRefusedOrRead) {
       for (const bool lenient : {false, true}) {
         options.lenient = lenient;
         const std::string error = error_of(flipped, options);
-        if (!error.empty()) EXPECT_THAT(error, HasSubstr("a.laz: "));
+        if (!error.empty()) {
+          EXPECT_THAT(error, HasSubstr("a.laz: "));
+        }
       }
     }
   }
@@ -377,6 +383,31 @@ TEST(LazFile, CopcNodesAreChosenByLevel) {
   EXPECT_TRUE(records_in(bytes, options) == records.substr(0, 11 * 30));
   options.resolution = 9.0;
   EXPECT_TRUE(records_in(bytes, options) == records);
+}
+
+TEST(LazFile, AnotherFileOfCopcPointsHasNoIndex) {
+  test::MadeLaz what;
+  what.point_format = 7;
+  what.minor = 4;
+  what.compressor = 3;
+  what.copc = true;
+  std::string records;
+  const std::string bytes = test::make_laz(what, &records);
+  for (const CloudFormat format : {CloudFormat::kLas, CloudFormat::kLaz}) {
+    const auto source = open_point_source(bytes.data(), bytes.size(), "a.laz");
+    std::ostringstream out;
+    const auto sink = make_point_sink(out, source->header(), format, CloudEncoding::kBinary);
+    PointBatch batch;
+    while (source->next(batch)) sink->write(batch);
+    sink->finish();
+    EXPECT_THAT(sink->notes(), ::testing::ElementsAre(HasSubstr("index")));
+    const std::string copy = out.str();
+    EXPECT_TRUE(records_in(copy) == records);
+    const auto again = open_point_source(copy.data(), copy.size(), "b.las");
+    for (const LasRecord& record : again->header().las->records) {
+      EXPECT_NE(record.user_id, "copc");
+    }
+  }
 }
 
 // --- survey files ------------------------------------------------------------------------------

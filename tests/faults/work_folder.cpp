@@ -93,7 +93,7 @@ void WorkFolder::clear_out() const {
 void WorkFolder::make_clouds() const {
   write_cloud(level_square(0.0), path() / "cloud.ply");
   write_cloud(level_square(1.0), path() / "other.ply");
-  for (const char* kind : {"pcd", "las", "csv", "bin"}) {
+  for (const char* kind : {"pcd", "las", "laz", "csv", "bin"}) {
     must_run({"convert", "cloud.ply", "--out", std::string("cloud.") + kind});
   }
   write_bytes(path() / "line.xyz", "x y z\n-15 0 0\n-5 0 0\n5 1 0\n15 2 0\n");
@@ -196,6 +196,7 @@ void WorkFolder::add_cases() {
         "out/patches"},
        {"cloud.ply", "line.xyz", "options.toml"}},
       {{"ground", "cloud.las", "--out", "out/ground.las"}, {"cloud.las"}},
+      {{"ground", "cloud.laz", "--out", "out/ground.laz"}, {"cloud.laz"}},
       {{"profile", "surface", "--out", "out/profile.csv", "--plot", "out/profile.svg"},
        {"surface"}},
       {{"profile", "road.crg", "--out", "out/road.json"}, {"road.crg"}},

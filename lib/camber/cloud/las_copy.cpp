@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "camber/cloud/detail/las_format.h"
+#include "camber/cloud/detail/laz/copc.h"
 #include "camber/cloud/detail/laz/laz_writer.h"
 #include "camber/cloud/formats.h"
 #include "camber/cloud/las_file.h"
@@ -29,6 +30,7 @@ class LasCopySink : public PointSink {
         compress_(compress),
         las_(*header.las),
         format_(las_point_format(las_.point_format)) {
+    copc_ = laz::is_copc(las_);
     find_changes();
     start_ = out_.tellp();
     head_ = las_.bytes->read(0, las_.header_size);
@@ -84,6 +86,7 @@ class LasCopySink : public PointSink {
       notes.emplace_back(
           "the waveforms are in a .wdp file of the input's name, which is not copied");
     }
+    if (copc_) notes.emplace_back("COPC's index of the points is not kept");
     return notes;
   }
 
@@ -103,9 +106,11 @@ class LasCopySink : public PointSink {
   void copy_tail();
   void move_extended_records(std::uint64_t points_end);
   void count_in_header();
-  /// How the input's points are compressed says nothing of the output's.
-  static bool is_dropped(const LasRecord& record) {
-    return record.user_id == laz::kRecordUser && record.record_id == laz::kRecordId;
+  /// How the input's points are compressed, and COPC's index of them, say nothing of the output's.
+  bool is_dropped(const LasRecord& record) const {
+    const bool compression = (las_.laz || compress_) && record.user_id == laz::kRecordUser &&
+                             record.record_id == laz::kRecordId;
+    return compression || (copc_ && record.user_id == laz::kCopcUser);
   }
   bool is_replaced(const LasRecord& record) const {
     const bool crs = header_.crs && header_.crs->given;
@@ -146,6 +151,8 @@ class LasCopySink : public PointSink {
   bool compress_;
   std::unique_ptr<laz::LazWriter> laz_;
   const LasFile& las_;
+  bool copc_ = false;
+  std::uint32_t dropped_records_ = 0;  // behind the points
   detail::LasPointFormat format_;
   std::vector<Change> changes_;
   std::vector<std::size_t> new_fields_;  // that become extra bytes
@@ -226,7 +233,7 @@ std::string LasCopySink::changed_records(std::uint32_t* count) const {
   std::string out;
   bool described = new_fields_.empty();
   for (const LasRecord& record : las_.records) {
-    if (record.extended || ((las_.laz || compress_) && is_dropped(record))) continue;
+    if (record.extended || is_dropped(record)) continue;
     if (!is_replaced(record)) {
       out += las_.bytes->read(record.start, kLasRecordHeader + record.length);
     } else if (!described && describes_extra_bytes(record)) {
@@ -294,8 +301,13 @@ void LasCopySink::write_head() {
 void LasCopySink::copy_tail() {
   std::uint64_t at = las_.points_end;
   for (const LasRecord& record : las_.records) {
-    if (!record.extended || !is_replaced(record)) continue;
+    if (!record.extended || (!is_replaced(record) && !is_dropped(record))) continue;
     copy_bytes(at, record.start);
+    at = record.content + record.length;
+    if (is_dropped(record)) {
+      ++dropped_records_;
+      continue;
+    }
     std::string h = las_.bytes->read(record.start, detail::kLasExtendedHeader);
     store(h, 2, "LASF_Spec\0\0\0\0\0\0\0", 16);
     store(h, 18, std::uint16_t{7});
@@ -313,6 +325,10 @@ void LasCopySink::move_extended_records(std::uint64_t points_end) {
   };
   if (las_.minor >= 3) move(227);  // wave packets
   if (las_.minor >= 4) move(235);  // extended records
+  if (dropped_records_ == 0) return;
+  const auto count = load<std::uint32_t>(reinterpret_cast<const unsigned char*>(&head_[243]));
+  store(head_, 243, count - dropped_records_);
+  if (count == dropped_records_) store(head_, 235, std::uint64_t{0});
 }
 
 /// Counts and bounds of the points that were written.

@@ -241,8 +241,8 @@ std::string encode_layers(const std::vector<LazItem>& items, const unsigned char
   for (std::size_t i = 0; i < record.layers().size(); ++i) {
     Layer<ArithmeticEncoder>& layer = record.layers()[i];
     at += 4;
-    // The first has what every point has; the others are there if they say something.
-    if (i > 0 && !layer.changed) continue;
+    // As LASzip does: coordinates are always there, other attributes where they change.
+    if (i > 1 && !layer.changed) continue;
     const std::string coded = layer.coder.finish();
     detail::store(out, at, static_cast<std::uint32_t>(coded.size()));
     content += coded;

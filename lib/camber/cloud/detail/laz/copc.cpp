@@ -31,7 +31,7 @@ T load(const std::string& bytes, std::size_t at) {
 
 const LasRecord* find_info(const LasFile& las) {
   for (const LasRecord& record : las.records) {
-    if (record.user_id == "copc" && record.record_id == 1 && !record.extended &&
+    if (record.user_id == kCopcUser && record.record_id == 1 && !record.extended &&
         record.length >= kInfoSize) {
       return &record;
     }

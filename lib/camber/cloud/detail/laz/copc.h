@@ -9,6 +9,8 @@
 /// nodes of an octree, a chunk of LAZ each.
 namespace camber::laz {
 
+inline constexpr const char* kCopcUser = "copc";  ///< of its records
+
 struct CopcQuery {
   /// Nodes that reach into x0 <= x < x1, y0 <= y < y1 of the file's coordinates: x0, y0, x1, y1.
   std::optional<std::array<double, 4>> bounds;
