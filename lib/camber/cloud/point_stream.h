@@ -122,8 +122,8 @@ struct PointStreamHeader {
   std::vector<PointField> fields;  ///< names are unique
   /// Number of points. Readers have checked it against the file's size; text does not know it.
   std::optional<std::uint64_t> count;
-  /// Points for which memory may be taken in advance: of compressed ones the file's size says
-  /// little about their number.
+  /// Points for which memory may be taken in advance: of compressed ones the file's size gives
+  /// little hint of their number.
   std::uint64_t most_reserved = UINT64_MAX;
   CloudFrame frame = CloudFrame::kUnknown;
   bool metric = true;

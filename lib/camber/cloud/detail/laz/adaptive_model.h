@@ -5,7 +5,7 @@
 #include <vector>
 
 /// What LASzip's files are coded with: M. Isenburg, "LASzip: lossless compression of LiDAR data",
-/// PE&RS 79(2), 2013, and A. Said, "Introduction to Arithmetic Coding Theory and Practice", HP Labs
+/// PE&RS 79(2), 2013, and "Introduction to Arithmetic Coding Theory and Practice", HP Labs report
 /// HPL-2004-76, 2004. docs/notes/laz.md has the facts of the format with their sources.
 namespace camber::laz {
 

@@ -49,7 +49,7 @@ std::unique_ptr<ChunkDecoder> make_pointwise_decoder(const std::vector<LazItem>&
 /// @param bytes   the whole chunk; must outlive the decoder
 /// @param points  of the chunk; its head must have the same number
 /// @param wanted  Wanted
-/// @return        null where the chunk's head is damaged; `reason` says why
+/// @return        null where the chunk's head is damaged; `reason` is why
 std::unique_ptr<ChunkDecoder> make_layered_decoder(const std::vector<LazItem>& items,
                                                    const std::string& bytes, std::uint64_t points,
                                                    std::uint32_t wanted, std::string* reason);

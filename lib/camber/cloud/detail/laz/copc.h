@@ -18,7 +18,7 @@ struct CopcQuery {
   double resolution = 0.0;
 };
 
-/// Whether a file says that it is one.
+/// Whether a file has the record of one.
 bool is_copc(const LasFile& las);
 
 /// Leaves those nodes in the file's `laz` that a query asks for, in the order of the file, reading

@@ -272,7 +272,7 @@ bool LayoutReader::read_chunk_sizes(std::uint64_t table, std::uint32_t count) {
   return true;
 }
 
-/// Each chunk of layers says how many points and bytes it has.
+/// Each chunk of layers has its number of points and bytes in its head.
 bool LayoutReader::scan_chunk(std::uint64_t at, LazChunk* chunk) const {
   const std::uint64_t head = las_.record_length + 4 + 4 * layout_.layers();
   if (at > layout_.data_end || layout_.data_end - at < head) return false;
@@ -311,7 +311,7 @@ void LayoutReader::set_points_of_chunks() {
   std::uint64_t least = fixed && !chunks.empty() ? room - chunks.back().points + 1 : room;
   std::uint64_t declared = las_.declared_count;
   if (declared > room && lenient_) {
-    // How many points the last chunk has its head says, or the number of points by return.
+    // The points of the last chunk are counted in its head, or by return.
     if (layout_.compressor == Compressor::kLayers && !chunks.empty()) {
       LazChunk last;
       if (scan_chunk(chunks.back().start, &last) && last.points <= chunks.back().points) {

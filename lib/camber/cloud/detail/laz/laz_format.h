@@ -64,7 +64,7 @@ std::vector<LazItem> items_of(int point_format, std::size_t extra_bytes);
 
 /// Reads how a file's points are compressed; sets its `laz`, `points` and `points_end`.
 /// @param record  LASzip's record
-/// @param lenient what is whole is kept; notes say what is not
+/// @param lenient what is whole is kept; notes name what is not
 /// @throws InputError "file: byte N: found ..., expected ...".
 void read_layout(LasFile* las, const LasRecord& record, bool lenient,
                  std::vector<std::string>* notes);
