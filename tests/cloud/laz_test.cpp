@@ -368,7 +368,13 @@ TEST(LazFile, FalseNumbersTakeNeitherMemoryNorTime) {
   EXPECT_THAT(error_of(many), HasSubstr("found the end of the bytes in chunk 1 of 1"));
 }
 
-TEST(LazFile, CopcNodesAreChosenByLevel) {
+std::int32_t laz_number(const std::string& bytes, std::size_t at) {
+  std::int32_t value;
+  std::memcpy(&value, bytes.data() + at, sizeof value);
+  return value;
+}
+
+TEST(LazFile, CopcNodesAreChosenByLevelAndBounds) {
   test::MadeLaz what;
   what.point_format = 6;
   what.minor = 4;
@@ -383,6 +389,20 @@ TEST(LazFile, CopcNodesAreChosenByLevel) {
   EXPECT_TRUE(records_in(bytes, options) == records.substr(0, 11 * 30));
   options.resolution = 9.0;
   EXPECT_TRUE(records_in(bytes, options) == records);
+  // Nodes 1, 2 and 3 are quarters of the plan: low, right of it, and behind it.
+  options.resolution = 0.0;
+  options.bounds = PlanBounds{60.0, 5.0, 100.0, 45.0};
+  const auto source = open_point_source(bytes.data(), bytes.size(), "a.laz", options);
+  const std::string some = records_of(*source);
+  std::size_t inside = 0;
+  for (std::size_t i = 0; i < records.size() / 30; ++i) {
+    const double x = 0.001 * laz_number(records, 30 * i),
+                 y = 0.001 * laz_number(records, 30 * i + 4);
+    inside += options.bounds->contains(x, y) ? 1 : 0;
+  }
+  EXPECT_GT(inside, 0u);
+  EXPECT_EQ(some.size(), 30 * inside);
+  EXPECT_LE(inside + source->report().outside, 11u + 13u);  // of the root and one node
 }
 
 TEST(LazFile, AnotherFileOfCopcPointsHasNoIndex) {

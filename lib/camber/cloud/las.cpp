@@ -315,12 +315,14 @@ class LasSource : public FormatSource {
 void LasSource::read_header() {
   const auto las =
       std::make_shared<LasFile>(read_las_file(file_->bytes(), options_.lenient, &report_.notes));
-  if (options_.resolution > 0.0) {
-    if (!laz::is_copc(*las)) {
-      throw InputError(file_->name(), "found a file without levels of detail, expected COPC");
-    }
+  const bool copc = laz::is_copc(*las);
+  if (options_.resolution > 0.0 && !copc) {
+    throw InputError(file_->name(), "found a file without levels of detail, expected COPC");
+  }
+  if (copc && (options_.resolution > 0.0 || options_.bounds)) {
     laz::CopcQuery query;
     query.resolution = options_.resolution;
+    query.bounds = options_.bounds;
     laz::select_nodes(las.get(), query);
   }
   left_ = las->points;

@@ -1,6 +1,7 @@
 #include "camber/cloud/detail/laz/copc.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <vector>
@@ -157,11 +158,12 @@ bool NodeSearch::wanted(std::int32_t level, const std::array<std::int32_t, 3>& c
   // Writers round: points lie up to so much outside of their node.
   constexpr double kMargin = 1e-4;
   const double size = 2.0 * info_.half_size / std::ldexp(1.0, level);
+  const std::array<double, 2> low_bounds = {query_.bounds->x0, query_.bounds->y0};
+  const std::array<double, 2> high_bounds = {query_.bounds->x1, query_.bounds->y1};
   for (std::size_t axis = 0; axis < 2; ++axis) {
     const double margin = kMargin * info_.half_size + 2.0 * std::abs(las_.scale[axis]);
     const double low = info_.centre[axis] - info_.half_size + size * cell[axis];
-    if (low - margin >= (*query_.bounds)[axis + 2] ||
-        low + size + margin < (*query_.bounds)[axis]) {
+    if (low - margin >= high_bounds[axis] || low + size + margin < low_bounds[axis]) {
       return false;
     }
   }

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <array>
 #include <optional>
 
 #include "camber/cloud/las_file.h"
+#include "camber/cloud/plan_bounds.h"
 
 /// The index of COPC files: "COPC - Cloud Optimized Point Cloud, 1.0", copc.io. The points are the
 /// nodes of an octree, a chunk of LAZ each.
@@ -12,8 +12,8 @@ namespace camber::laz {
 inline constexpr const char* kCopcUser = "copc";  ///< of its records
 
 struct CopcQuery {
-  /// Nodes that reach into x0 <= x < x1, y0 <= y < y1 of the file's coordinates: x0, y0, x1, y1.
-  std::optional<std::array<double, 4>> bounds;
+  /// Nodes that reach into them.
+  std::optional<PlanBounds> bounds;
   /// Levels down to the first whose points are no farther apart; 0: all.
   double resolution = 0.0;
 };
