@@ -1,34 +1,22 @@
 // The road without vehicles: only the stages up to the surface, each a function of its own.
 //   05_road_alone samples/steep_hill
 #include <camber/core/errors.h>
-#include <camber/pipeline/stages/ground.h>
-#include <camber/pipeline/stages/load.h>
-#include <camber/pipeline/stages/match.h>
-#include <camber/pipeline/stages/motion.h>
+#include <camber/pipeline/stages/find_road.h>
 #include <camber/pipeline/stages/scale.h>
 #include <camber/pipeline/stages/surface.h>
 
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace stages = camber::stages;
 
 int main(int argc, char** argv) try {
   const camber::Scene scene = camber::read_scene(argc > 1 ? argv[1] : "samples/steep_hill");
 
-  // Images and masks; where each pixel of the reference is seen in the others; the camera's motion.
-  const auto frames = stages::load(scene, camber::select_frames(scene, ""), {});
-  auto matches = stages::match(frames, {});
-  auto motion = stages::motion(frames, matches, {});
-
-  // A first ground, then once more with matches that know it, then on the intensities.
-  const auto search = stages::search_plane(frames, motion, {});
-  auto points = stages::triangulate(frames, matches, motion, nullptr, {});
-  auto ground = stages::first_ground(frames, matches, motion, points, search, {});
-  matches = stages::match_again(frames, matches, motion, ground, true, {});
-  motion = stages::motion_again(frames, matches, motion, {});
-  points = stages::triangulate(frames, matches, motion, &ground.seen, {});
-  ground = stages::ground(frames, matches, motion, points, ground, {});
+  // Images and masks; the road by matches alone, then on the intensities.
+  auto loaded = stages::load(scene, camber::select_frames(scene, ""), {});
+  const auto [frames, matches, motion, ground] = stages::find_road(scene, std::move(loaded), {});
   const auto refined = stages::refine_photometrically(frames, matches, motion, ground, {});
 
   // Metres, and which patches there are; their planes are read off the road's posterior.

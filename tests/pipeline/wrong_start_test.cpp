@@ -4,7 +4,8 @@
 
 #include <cmath>
 
-#include "camber/pipeline/see_road.h"
+#include "camber/pipeline/reconstruct.h"
+#include "camber/pipeline/stages/find_road.h"
 #include "pipeline/half_scene.h"
 #include "pipeline/made_drive.h"
 #include "support/test_data.h"
@@ -39,8 +40,9 @@ TEST_P(WrongStart, IsMended) {
   // The last look is by a search of its own, which knows nothing of the start.
   first.search = stages::search_plane(frames, motion, options.ground);
 
-  const SeenRoad seen = see_road_again(
-      frames, {std::move(matches), std::move(motion), std::move(first)}, options, run);
+  const FoundRoad seen =
+      stages::find_road_from({frames, std::move(matches), std::move(motion), std::move(first)},
+                             {options.rounds, options.match, options.motion, options.ground}, run);
   const PhotometricGround refined = stages::refine_photometrically(
       frames, seen.matches, seen.motion, seen.ground, options.ground);
   const ScaledRoad scaled = stages::scale(frames, seen.matches, refined, options.scale);

@@ -1,10 +1,11 @@
 #include "camber/pipeline/reconstruct_paper.h"
 
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "camber/core/errors.h"
 #include "camber/pipeline/run_details.h"
-#include "camber/pipeline/see_road.h"
+#include "camber/pipeline/stages/find_road.h"
 #include "camber/pipeline/stages/level.h"
 #include "camber/pipeline/stages/paper_assemble.h"
 #include "camber/scene/georeference.h"
@@ -14,13 +15,13 @@ namespace {
 
 /// A single image: no points; the plane under the camera is the scene's, or a level one at the
 /// camera's height.
-SeenRoad single_image(const LoadedFrames& frames, const ReconstructOptions& o) {
+FoundRoad single_image(LoadedFrames frames, const ReconstructOptions& o) {
   const SceneFrame& frame = frames.frames.front();
   if (!frame.ego_plane && !frames.known.camera_height) {
     throw NoAnswerError(
         "one image has no parallax: it needs camera.height_above_road, or frames[].ego_plane");
   }
-  SeenRoad out;
+  FoundRoad out;
   out.motion.status = Status::kOk;
   out.motion.frame_from_reference = {SE3()};
   EgoPlane& ego = out.ground.ego;
@@ -31,6 +32,7 @@ SeenRoad single_image(const LoadedFrames& frames, const ReconstructOptions& o) {
   ego.height = support.plane.plane.offset;
   ego.status = Status::kWeak;
   ego.reason = frame.ego_plane ? "given" : "level, at the camera's height";
+  out.frames = std::move(frames);
   return out;
 }
 
@@ -79,8 +81,12 @@ Reconstruction reconstruct_paper(const Scene& scene, const std::vector<int>& fra
   const StageRunner run(timings, progress);
   stages::LoadOptions load = o.load;
   load.single_image = true;
-  LoadedFrames frames = run("load", 0.0, [&] { return stages::load(scene, frame_ids, load); });
-  const SeenRoad seen = frames.size() == 1 ? single_image(frames, o) : see_road(scene, frames, o, run);
+  LoadedFrames loaded = run("load", 0.0, [&] { return stages::load(scene, frame_ids, load); });
+  FoundRoad seen = loaded.size() == 1
+                       ? single_image(std::move(loaded), o)
+                       : stages::find_road(scene, std::move(loaded),
+                                           {o.rounds, o.match, o.motion, o.ground}, run);
+  LoadedFrames& frames = seen.frames;
   const PaperGround ground = run("surface", 0.85, [&] {
     return stages::paper_ground(frames, seen.matches, seen.motion, seen.ground, o.paper.ground);
   });
