@@ -227,6 +227,26 @@ Eigen::VectorXd BandedLdlt::solve_vector(const Eigen::VectorXd& right) const {
   return out;
 }
 
+SymmetricBand BandedLdlt::inverse_in_band() const {
+  const Eigen::Index size = factor_.size(), band = factor_.band();
+  SymmetricBand out(size, band);
+  for (Eigen::Index j = size - 1; j >= 0; --j) {
+    const double* const l = factor_.column(j);
+    const Eigen::Index last = std::min(size - 1, j + band);
+    for (Eigen::Index i = last; i > j; --i) {
+      double sum = 0.0;
+      for (Eigen::Index k = j + 1; k <= last; ++k) {
+        sum += l[k - j] * out.at(std::max(i, k), std::min(i, k));
+      }
+      out.at(i, j) = -sum;
+    }
+    double own = 1.0 / l[0];
+    for (Eigen::Index k = j + 1; k <= last; ++k) own -= l[k - j] * out.at(k, j);
+    out.at(j, j) = own;
+  }
+  return out;
+}
+
 SparseLdlt::SparseLdlt(const SymmetricBand& matrix) {
   std::vector<Eigen::Triplet<double>> entries;
   for (Eigen::Index j = 0; j < matrix.size(); ++j) {

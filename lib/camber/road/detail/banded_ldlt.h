@@ -40,6 +40,10 @@ class BandedLdlt {
   Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
   Eigen::VectorXd solve_vector(const Eigen::VectorXd& right) const;
 
+  /// The entries of the inverse within the band (Takahashi, Fagan, Chin, "Formation of a Sparse Bus
+  /// Impedance Matrix", 1973): in a chain's order the covariance of what is near each other.
+  SymmetricBand inverse_in_band() const;
+
  private:
   SymmetricBand factor_;  // L below the diagonal, D on it
 };
