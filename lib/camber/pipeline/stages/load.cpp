@@ -109,15 +109,16 @@ std::vector<FrameImage> images_of(const std::vector<SceneFrame>& frames, const U
 using InputHashes = std::vector<std::pair<std::string, std::string>>;
 
 /// Hashes of what is read of each frame: files, a video with the first of its frames, and memory.
+/// @param videos  those that are hashed already; grows.
 std::vector<InputHashes> hashes_of(const std::vector<SceneFrame>& frames,
                                    const std::vector<FramePixels>& pixels,
-                                   const LoadOptions& options) {
+                                   const LoadOptions& options,
+                                   std::set<std::filesystem::path>* videos) {
   std::vector<std::filesystem::path> image_files(frames.size());
-  std::set<std::filesystem::path> videos;
   for (std::size_t k = 0; k < frames.size(); ++k) {
     if (!pixels[k].image.empty()) continue;
     const auto video = video_frame_name(frames[k].image);
-    if (!video || videos.insert(video->file).second) {
+    if (!video || videos->insert(video->file).second) {
       image_files[k] = image_file_of(frames[k].image);
     }
   }
@@ -215,6 +216,18 @@ void cut(const FrameRange& range, std::vector<T>* entries) {
   entries->erase(entries->begin(), entries->begin() + static_cast<std::ptrdiff_t>(range.first));
 }
 
+/// What a run knows of all its frames, none of them loaded.
+LoadedFrames of_scene(const Scene& scene, const std::vector<int>& frame_ids) {
+  LoadedFrames out;
+  out.camera = scene.camera;
+  out.detections_source = scene.detections_source;
+  out.masks_by_network = scene.segmentation_source.rfind("network:", 0) == 0;
+  out.box_sigma_px = scene.box_sigma_px;
+  out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
+  out.known = known_metres(scene, frame_ids, out.frame_rate);
+  return out;
+}
+
 void require_different_images(const LoadedFrames& frames) {
   for (std::size_t a = 0; a < frames.size(); ++a) {
     for (std::size_t b = 0; b < a; ++b) {
@@ -244,13 +257,7 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   }
   check_frame_count(frame_ids.size());
   validate(scene);
-  LoadedFrames out;
-  out.camera = scene.camera;
-  out.detections_source = scene.detections_source;
-  out.masks_by_network = scene.segmentation_source.rfind("network:", 0) == 0;
-  out.box_sigma_px = scene.box_sigma_px;
-  out.frame_rate = scene.frame_rate.value_or(out.frame_rate);
-  out.known = known_metres(scene, frame_ids, out.frame_rate);
+  LoadedFrames out = of_scene(scene, frame_ids);
   const int reference = choose_reference_frame(scene, frame_ids);
   for (const int id : frame_ids) {
     const SceneFrame* frame = scene.find_frame(id);
@@ -263,7 +270,8 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   out.color.resize(count);
   out.masks.resize(count);
   std::vector<FramePixels> pixels = pixels_of(out.frames, options);
-  for (auto& list : hashes_of(out.frames, pixels, options)) {
+  std::set<std::filesystem::path> videos;
+  for (auto& list : hashes_of(out.frames, pixels, options, &videos)) {
     out.input_hashes.insert(out.input_hashes.end(), list.begin(), list.end());
   }
   const Undistortion lens(scene.camera, scene.distortion);
@@ -280,6 +288,64 @@ LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
   for (std::size_t k = 0; k < count; ++k) {
     out.gray[k] = std::move(images[k].gray);
     out.color[k] = std::move(images[k].color);
+  }
+  require_different_images(out);
+  return out;
+}
+
+struct FrameLoader::Impl {
+  Impl(const Scene& of_scene, LoadOptions load_options)
+      : scene(of_scene),
+        options(std::move(load_options)),
+        lens(of_scene.camera, of_scene.distortion) {}
+
+  const Scene& scene;
+  LoadOptions options;
+  Undistortion lens;
+  FrameImageReader images;
+  std::set<std::filesystem::path> videos;  // hashed
+};
+
+FrameLoader::FrameLoader(const Scene& scene, LoadOptions options) {
+  validate(scene);
+  impl_ = std::make_unique<Impl>(scene, std::move(options));
+}
+FrameLoader::~FrameLoader() = default;
+
+std::shared_ptr<const LoadedFrame> FrameLoader::load(int frame_id) {
+  const SceneFrame* frame = impl_->scene.find_frame(frame_id);
+  if (!frame) throw std::invalid_argument("the scene has no frame " + std::to_string(frame_id));
+  auto out = std::make_shared<LoadedFrame>();
+  out->frame = *frame;
+  std::vector<FramePixels> pixels = pixels_of({*frame}, impl_->options);
+  out->input_hashes = hashes_of({*frame}, pixels, impl_->options, &impl_->videos).front();
+  out->masks = read_masks(impl_->scene, *frame, pixels.front(), impl_->lens, impl_->options);
+  FrameImage image = pixels.front().image.empty()
+                         ? impl_->images.read(frame->image, impl_->lens)
+                         : make_frame_image(std::move(pixels.front().image), impl_->lens, frame_id);
+  out->gray = std::move(image.gray);
+  out->color = std::move(image.color);
+  return out;
+}
+
+LoadedFrames frame_window(const Scene& scene,
+                          const std::vector<std::shared_ptr<const LoadedFrame>>& frames,
+                          std::size_t reference) {
+  if (reference >= frames.size()) {
+    throw std::invalid_argument(
+        fmt::format("reference {} of a window of {} frames", reference, frames.size()));
+  }
+  std::vector<int> ids;
+  for (const auto& frame : frames) ids.push_back(frame->frame.id);
+  LoadedFrames out = of_scene(scene, ids);
+  out.reference = reference;
+  for (const auto& frame : frames) {
+    out.frames.push_back(frame->frame);
+    out.gray.push_back(frame->gray);
+    out.color.push_back(frame->color);
+    out.masks.push_back(frame->masks);
+    out.input_hashes.insert(out.input_hashes.end(), frame->input_hashes.begin(),
+                            frame->input_hashes.end());
   }
   require_different_images(out);
   return out;

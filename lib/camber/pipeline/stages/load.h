@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -88,6 +89,37 @@ struct LoadOptions {
 ///         with the same image.
 LoadedFrames load(const Scene& scene, const std::vector<int>& frame_ids,
                   const LoadOptions& options);
+
+/// One frame of a drive, read once for all windows that show it.
+struct LoadedFrame {
+  SceneFrame frame;
+  GrayImage gray;
+  Image color;
+  FrameMasks masks;
+  std::vector<std::pair<std::string, std::string>> input_hashes;  ///< as LoadedFrames's
+};
+
+/// Reads frames one after the other: the lens's map is made once, a video is read on as long as the
+/// ids ascend.
+class FrameLoader {
+ public:
+  /// @param scene  kept by reference; validated, else std::invalid_argument.
+  FrameLoader(const Scene& scene, LoadOptions options);
+  ~FrameLoader();
+  /// @throws InputError for an image that is missing, damaged or of another size; NoAnswerError for
+  ///         a frame without an image; std::invalid_argument for an id that the scene does not
+  ///         have.
+  std::shared_ptr<const LoadedFrame> load(int frame_id);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// A window of frames as load() gives it. @param reference  index into `frames`.
+LoadedFrames frame_window(const Scene& scene,
+                          const std::vector<std::shared_ptr<const LoadedFrame>>& frames,
+                          std::size_t reference);
 
 /// Indices of frames, both ends included.
 struct FrameRange {
