@@ -12,6 +12,7 @@ struct Verb {
 /// All commands, in the order of the list.
 inline constexpr Verb kVerbs[] = {
     {"reconstruct", "frames", "a few frames of one moving camera to a metric road with vehicles"},
+    {"drive", "frames", "a whole drive: trajectory, the road along it, vehicles as tracks"},
     {"triangulate", "frames", "the road cloud alone"},
     {"vehicles", "frames", "vehicles alone, from a scene's detections, keypoints and planes"},
     {"detect", "frames", "boxes and road masks of a scene's frames by networks (ONNX)"},

@@ -184,6 +184,7 @@ void WorkFolder::add_cases() {
        {"scene"},
        kSlow,
        kDraws},
+      {{"drive", "scene", "--frames", "0,1", "--out", "out/drive"}, {"scene"}, kSlow},
       {{"triangulate", "scene", "--frames", "0,1", "--out", "out/road.ply"}, {"scene"}, kSlow},
       {{"vehicles", "scene", "--out", "out/vehicles.json", "--kitti-labels", "out/vehicles.txt",
         "--prior", "prior.json"},

@@ -107,8 +107,8 @@ TEST(Start, CommandsOnCloudsLoadNoOpenCvAndNoVtk) {
 
 TEST(Start, NoCommandLoadsWhatDrawsBeforeItDraws) {
   for (const char* command :
-       {"detect", "reconstruct", "triangulate", "vehicles", "profile", "compare", "evaluate",
-        "render", "import kitti", "prior info", "synth"}) {
+       {"detect", "reconstruct", "drive", "triangulate", "vehicles", "profile", "compare",
+        "evaluate", "render", "import kitti", "prior info", "synth"}) {
     SCOPED_TRACE(command);
     EXPECT_THAT(loaded_by(std::string(command) + " --help"), Each(Not(is_for_drawing)));
   }

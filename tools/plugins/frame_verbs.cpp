@@ -4,6 +4,7 @@ CAMBER_EXPORT int camber_run(int argc, char** argv) {
   using namespace camber::tools;
   return run_verb(argc, argv,
                   {{"reconstruct", register_reconstruct},
+                   {"drive", register_drive},
                    {"triangulate", register_triangulate},
                    {"vehicles", register_vehicles},
                    {"detect", register_detect},

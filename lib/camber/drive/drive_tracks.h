@@ -1,0 +1,45 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "camber/drive/drive_window.h"
+#include "camber/drive/trajectory.h"
+#include "camber/scene/results.h"
+
+namespace camber {
+
+/// One vehicle over a whole drive.
+struct DriveTrack {
+  int id = 0;  ///< from 1 in order of appearance
+  std::string vehicle_class;
+  bool parked = false;
+  struct View {
+    int frame = 0, detection = 0;
+    double time_s = 0.0;
+    SE3 world_from_vehicle;
+  };
+  std::vector<View> views;  ///< by frame
+  Dimensions dimensions;    ///< one for all views
+  /// Of the position in the world (m), of a parked one.
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
+struct DriveTracks {
+  std::vector<DriveTrack> tracks;
+  /// Every estimate, frame by frame, with its track and moved to where the track has it.
+  VehicleDocument vehicles;
+};
+
+/// Joins the vehicles of windows into tracks: detections that a window takes for one vehicle are
+/// one, never two of one frame. Parked ones have one place in the world, by all their views; a
+/// moving one keeps its own estimates with the size of all.
+/// @param windows   in the order of their references.
+/// @param time_of   s, by frame id.
+DriveTracks join_tracks(const std::vector<DriveWindow>& windows, const Trajectory& trajectory,
+                        const std::map<int, double>& time_of);
+
+}  // namespace camber

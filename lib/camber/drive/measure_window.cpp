@@ -1,0 +1,149 @@
+#include "camber/drive/measure_window.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "camber/core/errors.h"
+#include "camber/pipeline/estimate_window.h"
+#include "camber/pipeline/stages/detail/relative_sigma.h"
+#include "camber/pipeline/stages/motion.h"
+
+namespace camber {
+namespace {
+
+DriveWindow of_frames(const LoadedFrames& frames) {
+  DriveWindow out;
+  out.reference = frames.frames[frames.reference].id;
+  out.vehicles.id = out.reference;
+  for (const SceneFrame& frame : frames.frames) out.frames.push_back(frame.id);
+  return out;
+}
+
+void put_motion(const MotionEstimate& motion, DriveWindow* out) {
+  out->frame_from_reference = motion.frame_from_reference;
+  out->covariance = motion.covariance;
+}
+
+/// The ground at the pixels that show it, a sample a cell of the plan.
+std::vector<RoadSample> road_samples(const WindowEstimate& window, const UncertainPlane& ego,
+                                     double metres_per_baseline, const RoadSampleOptions& options) {
+  struct Sum {
+    Eigen::Vector3d point = Eigen::Vector3d::Zero();
+    double sigma = 0.0;
+    std::array<double, 3> color{0, 0, 0};
+    int roadway = 0, count = 0;
+  };
+  const LoadedFrames& frames = window.road.frames;
+  const RoadPosterior& road = window.scaled.road;
+  const stages::detail::RelativeSigma sigma(road, frames.camera);
+  // Vehicles may have moved the metres after that road was made.
+  const double factor = metres_per_baseline / road.metres_per_baseline();
+  const TriangulatedPoints& points = window.refined.ground.seen.points;
+  const Image& image = frames.color[frames.reference];
+  const FrameMasks& masks = frames.reference_masks();
+  std::map<std::pair<int, int>, Sum> cells;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto grid = static_cast<std::size_t>(points.grid[i]);
+    const Eigen::Vector2d at = window.road.matches.pixels[grid].cast<double>();
+    const double rho = road.inverse_depth(at);
+    if (!(rho > 0.0)) continue;
+    const Eigen::Vector3d x = factor / rho * points.rays[i];
+    const Eigen::Vector3d from_foot = x - ego.centroid;
+    const double along = ego.axis1.dot(from_foot), across = ego.axis2.dot(from_foot);
+    if (along < 0.0 || along > options.reach || std::abs(across) > options.half_width) continue;
+    Sum& sum = cells[{static_cast<int>(std::floor(along / options.cell)),
+                      static_cast<int>(std::floor(across / options.cell))}];
+    const std::size_t pixel = window.road.matches.image_index(grid, frames.camera.width);
+    sum.point += x;
+    // Along the ray, seen from the side: what it is off in height.
+    sum.sigma += sigma.at(at) * std::abs(ego.plane.normal.dot(x));
+    for (std::size_t c = 0; c < 3; ++c) sum.color[c] += image.data[3 * pixel + c];
+    sum.roadway += masks.roadway[pixel] != 0 ? 1 : 0;
+    ++sum.count;
+  }
+  std::vector<RoadSample> out;
+  out.reserve(cells.size());
+  for (const auto& [place, sum] : cells) {
+    RoadSample sample;
+    sample.point = (sum.point / sum.count).cast<float>();
+    sample.sigma = static_cast<float>(sum.sigma / sum.count);
+    sample.label = 2 * sum.roadway >= sum.count ? 1 : 2;
+    for (std::size_t c = 0; c < 3; ++c) {
+      sample.color[c] = static_cast<std::uint8_t>(std::lround(sum.color[c] / sum.count));
+    }
+    out.push_back(sample);
+  }
+  return out;
+}
+
+void put_metres(const Scene& scene, const RunDocument& run, DriveWindow* out) {
+  out->metric = run.metric;
+  out->log_scale = std::log(run.scale);
+  const double common =
+      scene.height_above_road ? scene.height_sigma / *scene.height_above_road : 0.0;
+  out->common_scale_sigma = run.metric ? common : 0.0;
+  out->scale_sigma = std::sqrt(std::max(
+      run.scale_sigma * run.scale_sigma - out->common_scale_sigma * out->common_scale_sigma, 0.0));
+  if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
+}
+
+void put_vehicles(const WindowEstimate& window, DriveWindow* out) {
+  const std::vector<VehicleFrame>& frames = window.assembled.vehicles.frames;
+  for (const VehicleFrame& frame : frames) {
+    for (const VehicleEstimate& v : frame.vehicles) {
+      if (v.track >= 0) out->tracked.push_back({frame.id, v.id, v.track});
+    }
+    if (frame.id == out->reference) out->vehicles = frame;
+  }
+}
+
+}  // namespace
+
+DriveWindow measure_motion(const Scene& scene,
+                           const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+                           std::size_t reference, const ReconstructOptions& options,
+                           Timings* timings) {
+  const Progress silent;
+  const StageRunner run(*timings, silent);
+  DriveWindow out;
+  out.reference = out.vehicles.id = frames[reference]->frame.id;
+  for (const auto& frame : frames) out.frames.push_back(frame->frame.id);
+  try {
+    const LoadedFrames window = stages::frame_window(scene, frames, reference);
+    const Correspondences matches =
+        run("correspondences", 0.0, [&] { return stages::match(window, options.match); });
+    put_motion(run("motion", 0.0, [&] { return stages::motion(window, matches, options.motion); }),
+               &out);
+  } catch (const NoAnswerError& error) {
+    out.reason = error.what();
+  }
+  return out;
+}
+
+DriveWindow measure_window(const Scene& scene,
+                           const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+                           std::size_t reference, const ReconstructOptions& options,
+                           const RoadSampleOptions& samples, Timings* timings) {
+  const Progress silent;
+  const StageRunner run(*timings, silent);
+  try {
+    const WindowEstimate window =
+        estimate_window(scene, stages::frame_window(scene, frames, reference), options, run);
+    const RunDocument& document = window.assembled.run;
+    DriveWindow out = of_frames(window.road.frames);
+    put_motion(window.refined.motion, &out);
+    put_metres(scene, document, &out);
+    out.ego = window.assembled.surface.patches.front().plane;
+    out.road = road_samples(window, *out.ego, document.scale, samples);
+    put_vehicles(window, &out);
+    return out;
+  } catch (const NoAnswerError& error) {
+    DriveWindow out = measure_motion(scene, frames, reference, options, timings);
+    if (out.reason.empty()) out.reason = error.what();
+    return out;
+  }
+}
+
+}  // namespace camber

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "camber/core/progress.h"
+#include "camber/drive/drive_tracks.h"
+#include "camber/drive/measure_window.h"
+#include "camber/drive/trajectory.h"
+#include "camber/drive/window_log.h"
+#include "camber/pipeline/reconstruct.h"
+#include "camber/road/road_strip.h"
+
+namespace camber {
+
+struct DriveOptions {
+  ReconstructOptions window;  ///< of the stages in each window; seed and threads too
+  RoadSampleOptions samples;
+  TrajectoryNoise noise;
+  RoadStripOptions strip;
+  int each_side = 2;      ///< key frames to each side of a window's reference, 1 to 4
+  void validate() const;  ///< throws std::invalid_argument
+};
+
+/// How the camera sits over the road, by all windows: as seen along the direction of travel.
+struct CameraMounting {
+  double height = 0.0, height_sigma = 0.0;  ///< m
+  double pitch = 0.0, pitch_sigma = 0.0;    ///< rad, positive: looks up
+  double roll = 0.0, roll_sigma = 0.0;      ///< rad, positive: right side down
+  int windows = 0;                          ///< that it is of; 0: not known
+};
+
+/// What a drive comes to beside its road and its vehicles, frame by frame.
+struct DriveFrame {
+  TrajectoryPose pose;
+  double s = 0.0;  ///< m along the path from the first frame
+  /// Of the camera over the road under it (m; rad): by the window whose reference the frame is;
+  /// NaN where it has none. Grade and bank are the road's, against `up`.
+  double height, height_sigma, pitch, pitch_sigma, roll, roll_sigma, grade, grade_sigma, bank,
+      bank_sigma;
+  double speed, speed_sigma;  ///< m/s; NaN at frames without times
+};
+
+struct DriveResult {
+  Trajectory trajectory;
+  Eigen::Vector3d up{0, -1, 0};    ///< unit, world (the first frame's camera)
+  bool level_by_gravity = false;   ///< `up` is gravity's; false: the mean of the road's normals
+  std::vector<DriveFrame> frames;  ///< as trajectory.poses
+  CameraMounting mounting;
+  RoadStrip strip;
+  DriveTracks tracks;
+  Timings timings;
+};
+
+/// Reads the frames one after the other, measures windows of them and writes these to `log`; then
+/// estimates the whole drive from the log. Memory is that of a window's images and of what the
+/// windows measured, whatever the length of the drive.
+/// @param frame_ids  ascending ids of the scene.
+/// @throws NoAnswerError where the camera never moves; InterruptedError: the log holds what was
+///         done, and another call with it goes on from there.
+DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
+                      const DriveOptions& options, WindowLog* log, const Progress& progress = {});
+
+}  // namespace camber

@@ -1,0 +1,434 @@
+#include "camber/drive/trajectory.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "camber/road/detail/banded_ldlt.h"
+
+namespace camber {
+namespace {
+
+using detail::BandedLdlt;
+using detail::SymmetricBand;
+
+constexpr Eigen::Index kPose = 6, kBlock = 7;  // of a frame: pose, logarithm of its window's scale
+
+/// A window with the places of its frames in the trajectory.
+struct Measurement {
+  const DriveWindow* window = nullptr;
+  std::vector<std::size_t> at;  // of its frames
+  std::size_t reference = 0;    // index into the window's frames
+  Eigen::MatrixXd information;  // of its relative poses, baselines
+
+  std::size_t place() const { return at[reference]; }
+};
+
+/// Weight of a residual under Student's distribution against a normal one.
+/// @param squared  sum over `dimension` of squared normalised residuals.
+double student_weight(double squared, double dimension, double freedom) {
+  return (freedom + dimension) / (freedom + squared);
+}
+
+std::vector<Measurement> measurements_of(const std::vector<int>& ids,
+                                         const std::vector<DriveWindow>& windows,
+                                         const TrajectoryNoise& noise) {
+  std::vector<Measurement> out;
+  for (const DriveWindow& window : windows) {
+    if (window.frame_from_reference.size() < 2) continue;
+    Measurement m;
+    m.window = &window;
+    m.reference = window.index_of_reference();
+    for (const int id : window.frames) {
+      const auto found = std::lower_bound(ids.begin(), ids.end(), id);
+      m.at.push_back(static_cast<std::size_t>(found - ids.begin()));
+    }
+    Eigen::MatrixXd covariance = noise.motion_inflation * window.covariance;
+    for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
+      const double floor = i % kPose < 3 ? noise.rotation_floor : noise.translation_floor;
+      covariance(i, i) += floor * floor;
+    }
+    m.information =
+        covariance.ldlt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+    out.push_back(std::move(m));
+  }
+  return out;
+}
+
+Eigen::Vector3d center_in_reference(const DriveWindow& w, std::size_t k) {
+  return w.frame_from_reference[k].inverse().translation();
+}
+
+/// Logarithm by which two windows' lengths between frames that both have differ; nothing where no
+/// two are in both or they stand.
+std::optional<double> log_length_ratio(const DriveWindow& a, const DriveWindow& b) {
+  std::vector<std::pair<std::size_t, std::size_t>> both;
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    const auto found = std::find(b.frames.begin(), b.frames.end(), a.frames[i]);
+    if (found != b.frames.end()) both.emplace_back(i, found - b.frames.begin());
+  }
+  if (both.size() < 2) return std::nullopt;
+  const auto length = [&](const DriveWindow& w, std::size_t i, std::size_t j) {
+    return (center_in_reference(w, i) - center_in_reference(w, j)).norm();
+  };
+  const double in_a = length(a, both.front().first, both.back().first);
+  const double in_b = length(b, both.front().second, both.back().second);
+  if (!(in_a > 1e-3) || !(in_b > 1e-3)) return std::nullopt;
+  return std::log(in_a / in_b);
+}
+
+/// Scales of all windows by their own and by the lengths that neighbours share.
+std::vector<double> start_scales(const std::vector<Measurement>& measured,
+                                 const TrajectoryNoise& noise) {
+  constexpr double kRatioSigma = 0.02;  // of a length in two windows
+  constexpr int kIterations = 30;
+  const std::size_t count = measured.size();
+  struct Tie {
+    std::size_t a, b;
+    double difference;  // scale of b less that of a
+  };
+  std::vector<Tie> ties;
+  std::size_t band = 1;
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = i + 1; j < std::min(count, i + 3); ++j) {
+      const auto ratio = log_length_ratio(*measured[i].window, *measured[j].window);
+      if (!ratio) continue;
+      ties.push_back({i, j, *ratio});
+      band = std::max(band, j - i);
+    }
+  }
+  std::vector<double> scale(count, 0.0);
+  for (std::size_t i = 0; i < count; ++i) scale[i] = measured[i].window->log_scale.value_or(0.0);
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    SymmetricBand normal(static_cast<Eigen::Index>(count), static_cast<Eigen::Index>(band));
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      const DriveWindow& w = *measured[i].window;
+      double information = 1e-8;
+      if (w.log_scale) {
+        const double variance =
+            w.scale_sigma * w.scale_sigma + noise.scale_floor * noise.scale_floor;
+        const double off = scale[i] - *w.log_scale;
+        information =
+            (iteration == 0 ? 1.0
+                            : student_weight(off * off / variance, 1.0, noise.scale_freedom)) /
+            variance;
+      }
+      normal.at(at, at) += information;
+      right[at] += information * w.log_scale.value_or(0.0);
+    }
+    for (const Tie& tie : ties) {
+      const auto a = static_cast<Eigen::Index>(tie.a), b = static_cast<Eigen::Index>(tie.b);
+      const double off = (scale[tie.b] - scale[tie.a] - tie.difference) / kRatioSigma;
+      const double information =
+          (iteration == 0 ? 1.0 : student_weight(off * off, 1.0, noise.motion_freedom)) /
+          (kRatioSigma * kRatioSigma);
+      normal.at(a, a) += information;
+      normal.at(b, b) += information;
+      normal.at(b, a) -= information;
+      right[b] += information * tie.difference;
+      right[a] -= information * tie.difference;
+    }
+    BandedLdlt factor;
+    if (!factor.factorise(std::move(normal))) break;
+    const Eigen::VectorXd solved = factor.solve_vector(right);
+    for (std::size_t i = 0; i < count; ++i) scale[i] = solved[static_cast<Eigen::Index>(i)];
+  }
+  return scale;
+}
+
+/// What joins frames that no window joins: a camera goes on as it did.
+struct Bridge {
+  std::size_t from = 0, to = 0;
+  SE3 to_from_from;  // m
+  double turn_sigma = 0.0, shift_sigma = 0.0;
+};
+
+class Smoother {
+ public:
+  Smoother(const std::vector<int>& ids, const std::vector<DriveWindow>& windows,
+           const TrajectoryNoise& noise)
+      : ids_(ids), noise_(noise), measured_(measurements_of(ids, windows, noise)) {
+    poses_.resize(ids.size());
+    joined_.assign(ids.size(), false);
+    scales_.assign(ids.size(), 0.0);
+    if (!ids.empty()) start();
+  }
+
+  Trajectory solve() {
+    constexpr int kIterations = 12;
+    constexpr double kSettled = 1e-7;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      assemble(iteration > 1);
+      if (!factor_.factorise(normal_)) break;
+      if (apply(factor_.solve_vector(right_)) < kSettled) break;
+    }
+    assemble(true);
+    return factor_.factorise(normal_) ? handed_out() : Trajectory();
+  }
+
+ private:
+  void start() {
+    const std::vector<double> scale = start_scales(measured_, noise_);
+    for (std::size_t i = 0; i < measured_.size(); ++i) scales_[measured_[i].place()] = scale[i];
+    std::vector<const Measurement*> joining(ids_.size(), nullptr);  // a frame and the one before
+    for (const Measurement& m : measured_) {
+      for (std::size_t k = 1; k < m.at.size(); ++k) {
+        if (m.at[k] != m.at[k - 1] + 1) continue;
+        const Measurement*& best = joining[m.at[k]];
+        const auto away = [&](const Measurement& x) {
+          return x.place() > m.at[k] ? x.place() - m.at[k] : m.at[k] - x.place();
+        };
+        if (!best || away(m) < away(*best)) best = &m;
+      }
+    }
+    SE3 step;  // from the frame before
+    for (std::size_t k = 1; k < ids_.size(); ++k) {
+      if (const Measurement* m = joining[k]) {
+        const auto index = [&](std::size_t place) {
+          return static_cast<std::size_t>(std::find(m->at.begin(), m->at.end(), place) -
+                                          m->at.begin());
+        };
+        step = scaled(*m, index(k)) * scaled(*m, index(k - 1)).inverse();
+        joined_[k] = true;
+      } else {
+        const double shift = step.translation().norm();
+        bridges_.push_back({k - 1, k, step, 0.05, 0.3 * shift + 0.05});
+      }
+      poses_[k] = poses_[k - 1] * step.inverse();
+    }
+  }
+
+  SE3 scaled(const Measurement& m, std::size_t k) const {
+    const SE3& pose = m.window->frame_from_reference[k];
+    return {pose.rotation(), std::exp(scales_[m.place()]) * pose.translation()};
+  }
+
+  /// Residual and derivative of the pose of a frame from another's camera, lengths divided by
+  /// `unit`: columns are those of `from`, of `to` and of the logarithm of the unit.
+  static void relative(const SE3& world_from_from, const SE3& world_from_to, const SE3& measured,
+                       double unit, Eigen::Matrix<double, 6, 1>* residual,
+                       Eigen::Matrix<double, 6, 13>* by) {
+    const SE3 to_from_from = world_from_to.inverse() * world_from_from;
+    const Eigen::Matrix3d turn = to_from_from.rotation_matrix();
+    const Eigen::Vector3d shift = to_from_from.translation();
+    residual->head<3>() =
+        rotation_to_vector(to_from_from.rotation() * measured.rotation().inverse());
+    residual->tail<3>() = shift / unit - measured.translation();
+    by->setZero();
+    by->block<3, 3>(0, 0) = turn;
+    by->block<3, 3>(0, 6) = -Eigen::Matrix3d::Identity();
+    by->block<3, 3>(3, 3) = turn / unit;
+    by->block<3, 3>(3, 6) = skew(shift) / unit;
+    by->block<3, 3>(3, 9) = -Eigen::Matrix3d::Identity() / unit;
+    by->block<3, 1>(3, 12) = -shift / unit;
+  }
+
+  void assemble(bool robust) {
+    std::size_t span = 1;
+    for (const Measurement& m : measured_) span = std::max(span, m.at.back() - m.at.front());
+    const auto size = static_cast<Eigen::Index>(ids_.size()) * kBlock;
+    normal_.set_zero(size, static_cast<Eigen::Index>(span + 1) * kBlock - 1);
+    right_ = Eigen::VectorXd::Zero(size);
+    for (Eigen::Index i = 0; i < kPose; ++i) normal_.at(i, i) += 1e12;  // the world
+    for (Eigen::Index k = 0; k < static_cast<Eigen::Index>(ids_.size()); ++k) {
+      const Eigen::Index at = kBlock * k + kPose;
+      normal_.at(at, at) += 1e-9;
+      for (Eigen::Index i = 0; i < kPose; ++i) normal_.at(kBlock * k + i, kBlock * k + i) += 1e-9;
+    }
+    weights_.clear();
+    residuals_.clear();
+    for (const Measurement& m : measured_) add(m, robust);
+    for (const Bridge& bridge : bridges_) add(bridge);
+  }
+
+  void add(const Measurement& m, bool robust) {
+    const auto others = static_cast<Eigen::Index>(m.at.size() - 1);
+    const auto frames = static_cast<Eigen::Index>(m.at.size());
+    Eigen::VectorXd residual(kPose * others);
+    Eigen::MatrixXd by = Eigen::MatrixXd::Zero(kPose * others, kBlock * frames);
+    const std::size_t reference = m.place();
+    const double unit = std::exp(scales_[reference]);
+    const auto r = static_cast<Eigen::Index>(m.reference);
+    Eigen::Index row = 0;
+    for (std::size_t k = 0; k < m.at.size(); ++k) {
+      if (k == m.reference) continue;
+      Eigen::Matrix<double, 6, 1> e;
+      Eigen::Matrix<double, 6, 13> d;
+      relative(poses_[reference], poses_[m.at[k]], m.window->frame_from_reference[k], unit, &e, &d);
+      residual.segment<6>(row) = e;
+      by.block<6, 6>(row, kBlock * r) = d.leftCols<6>();
+      by.block<6, 6>(row, kBlock * static_cast<Eigen::Index>(k)) = d.middleCols<6>(6);
+      by.block<6, 1>(row, kBlock * r + kPose) = d.col(12);
+      row += kPose;
+    }
+    const double squared = residual.dot(m.information * residual);
+    const double weight =
+        robust ? std::min(1.0, student_weight(squared, static_cast<double>(residual.size()),
+                                              noise_.motion_freedom))
+               : 1.0;
+    const Eigen::MatrixXd weighted = weight * (m.information * by);
+    const Eigen::MatrixXd own = by.transpose() * weighted;
+    const Eigen::VectorXd down = -(weighted.transpose() * residual);
+    for (Eigen::Index a = 0; a < frames; ++a) {
+      const Eigen::Index at_a =
+          kBlock * static_cast<Eigen::Index>(m.at[static_cast<std::size_t>(a)]);
+      right_.segment(at_a, kBlock) += down.segment(kBlock * a, kBlock);
+      for (Eigen::Index b = 0; b <= a; ++b) {
+        const Eigen::Index at_b =
+            kBlock * static_cast<Eigen::Index>(m.at[static_cast<std::size_t>(b)]);
+        for (Eigen::Index i = 0; i < kBlock; ++i) {
+          for (Eigen::Index j = 0; j < (a == b ? i + 1 : kBlock); ++j) {
+            normal_.at(at_a + i, at_b + j) += own(kBlock * a + i, kBlock * b + j);
+          }
+        }
+      }
+    }
+    add_scale(m, robust);
+  }
+
+  void add_scale(const Measurement& m, bool robust) {
+    const DriveWindow& w = *m.window;
+    const Eigen::Index at = kBlock * static_cast<Eigen::Index>(m.place()) + kPose;
+    if (!w.log_scale) return;
+    const double variance = w.scale_sigma * w.scale_sigma + noise_.scale_floor * noise_.scale_floor;
+    const double off = scales_[m.place()] - *w.log_scale;
+    const double weight =
+        robust ? student_weight(off * off / variance, 1.0, noise_.scale_freedom) : 1.0;
+    const double information = weight / (variance * noise_.scale_correlation);
+    normal_.at(at, at) += information;
+    right_[at] -= information * off;
+    weights_[m.place()] = std::min(1.0, weight);
+    residuals_[m.place()] = off / std::sqrt(variance);
+  }
+
+  void add(const Bridge& bridge) {
+    Eigen::Matrix<double, 6, 1> residual;
+    Eigen::Matrix<double, 6, 13> by;
+    relative(poses_[bridge.from], poses_[bridge.to], bridge.to_from_from, 1.0, &residual, &by);
+    Eigen::Matrix<double, 6, 1> information;
+    information.head<3>().setConstant(1.0 / (bridge.turn_sigma * bridge.turn_sigma));
+    information.tail<3>().setConstant(1.0 / (bridge.shift_sigma * bridge.shift_sigma));
+    const Eigen::Matrix<double, 12, 12> own =
+        by.leftCols<12>().transpose() * information.asDiagonal() * by.leftCols<12>();
+    const Eigen::Matrix<double, 12, 1> down =
+        -by.leftCols<12>().transpose() * information.asDiagonal() * residual;
+    const auto place = [&](Eigen::Index i) {
+      const std::size_t at = i < kPose ? bridge.from : bridge.to;
+      return kBlock * static_cast<Eigen::Index>(at) + i % kPose;
+    };
+    for (Eigen::Index i = 0; i < 12; ++i) {
+      right_[place(i)] += down[i];
+      for (Eigen::Index j = 0; j <= i; ++j) normal_.at(place(i), place(j)) += own(i, j);
+    }
+  }
+
+  /// @return the largest change of a pose, rad or m.
+  double apply(const Eigen::VectorXd& change) {
+    double most = 0.0;
+    for (std::size_t k = 0; k < poses_.size(); ++k) {
+      const auto at = kBlock * static_cast<Eigen::Index>(k);
+      const Eigen::Vector3d turn = change.segment<3>(at), shift = change.segment<3>(at + 3);
+      SE3& pose = poses_[k];
+      pose = SE3(pose.rotation() * rotation_from_vector(turn),
+                 pose.translation() + pose.rotation() * shift);
+      scales_[k] += change[at + kPose];
+      most = std::max({most, turn.norm(), shift.norm()});
+    }
+    return most;
+  }
+
+  /// Of the length of a stretch, by the poses alone.
+  Trajectory::Stretch stretch(std::size_t first, std::size_t last, double common) const {
+    Trajectory::Stretch out;
+    out.first = ids_[first];
+    out.last = ids_[last];
+    out.common = common;
+    Eigen::VectorXd by = Eigen::VectorXd::Zero(right_.size());
+    for (std::size_t k = first + 1; k <= last; ++k) {
+      const Eigen::Vector3d step = poses_[k].translation() - poses_[k - 1].translation();
+      const double length = step.norm();
+      out.length += length;
+      if (!(length > 1e-9)) continue;
+      const auto at = kBlock * static_cast<Eigen::Index>(k);
+      by.segment<3>(at + 3) += poses_[k].rotation().inverse() * (step / length);
+      by.segment<3>(at - kBlock + 3) -= poses_[k - 1].rotation().inverse() * (step / length);
+    }
+    out.own_sigma = std::sqrt(std::max(0.0, by.dot(factor_.solve_vector(by))));
+    return out;
+  }
+
+  Trajectory handed_out() const {
+    Trajectory out;
+    double common = 0.0;
+    bool metric = false;
+    for (const Measurement& m : measured_) {
+      metric = metric || (m.window->log_scale && m.window->metric);
+      common = std::max(common, m.window->common_scale_sigma);
+    }
+    out.metric = metric;
+    out.common_sigma = common;
+    const SymmetricBand covariance = factor_.inverse_in_band();
+    SymmetricBand readable = covariance;
+    for (std::size_t k = 0; k < ids_.size(); ++k) {
+      TrajectoryPose pose;
+      pose.frame = ids_[k];
+      pose.world_from_camera = poses_[k];
+      pose.measured = joined_[k] || (k + 1 < ids_.size() && joined_[k + 1]);
+      pose.status = pose.measured ? Status::kOk : Status::kNotObservable;
+      if (!pose.measured) pose.reason = "no picture shows how the camera moved here";
+      const auto at = kBlock * static_cast<Eigen::Index>(k);
+      for (Eigen::Index i = 0; i < kPose; ++i) {
+        for (Eigen::Index j = 0; j <= i; ++j) {
+          pose.covariance(i, j) = pose.covariance(j, i) = readable.at(at + i, at + j);
+        }
+      }
+      out.poses.push_back(std::move(pose));
+    }
+    for (const auto& [place, weight] : weights_) {
+      out.scales.push_back({ids_[place], residuals_.at(place), weight, scales_[place]});
+    }
+    if (ids_.size() > 1) out.whole = stretch(0, ids_.size() - 1, common);
+    for (std::size_t first = 0; first + Trajectory::kWindow < ids_.size();
+         first += Trajectory::kEvery) {
+      out.windows.push_back(stretch(first, first + Trajectory::kWindow, common));
+    }
+    return out;
+  }
+
+  const std::vector<int>& ids_;
+  const TrajectoryNoise& noise_;
+  std::vector<Measurement> measured_;
+  std::vector<Bridge> bridges_;
+  std::vector<SE3> poses_;  // world_from_camera
+  std::vector<bool> joined_;
+  std::vector<double> scales_;  // of the window whose reference the frame is
+  SymmetricBand normal_;
+  Eigen::VectorXd right_;
+  BandedLdlt factor_;
+  std::map<std::size_t, double> weights_, residuals_;
+};
+
+}  // namespace
+
+double Trajectory::Stretch::sigma() const { return std::hypot(own_sigma, common * length); }
+
+const TrajectoryPose* Trajectory::find(int frame) const {
+  const auto found =
+      std::lower_bound(poses.begin(), poses.end(), frame,
+                       [](const TrajectoryPose& pose, int id) { return pose.frame < id; });
+  return found != poses.end() && found->frame == frame ? &*found : nullptr;
+}
+
+Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
+                             const std::vector<DriveWindow>& windows,
+                             const TrajectoryNoise& noise) {
+  if (frame_ids.empty()) return {};
+  return Smoother(frame_ids, windows, noise).solve();
+}
+
+}  // namespace camber

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "camber/core/status.h"
+#include "camber/drive/drive_window.h"
+#include "camber/geometry/se3.h"
+
+namespace camber {
+
+/// Noise of the smoother, where it was measured: docs/notes/drives.md.
+struct TrajectoryNoise {
+  /// Windows overlap: the same pictures measure a step several times with nearly the same error.
+  /// Factor on the covariance of a window's motion, >= 1.
+  double motion_inflation = 5.0;
+  double rotation_floor = 1e-4;      ///< rad, of a relative pose, > 0
+  double translation_floor = 0.003;  ///< of the longest baseline, > 0
+  /// Degrees of freedom of Student's distribution of a window's own error of the scale: a window
+  /// that took another layer for the road is outvoted by its neighbours.
+  double scale_freedom = 3.0;
+  double scale_floor = 0.01;  ///< relative, of a window's own scale, > 0
+  /// Of the logarithm of the scale: neighbouring windows' own errors are alike over so many of
+  /// them.
+  double scale_correlation = 5.0;
+  double motion_freedom = 4.0;  ///< the same of a window's motion
+};
+
+struct TrajectoryPose {
+  int frame = 0;  ///< id
+  Status status = Status::kNotRun;
+  std::string reason;  ///< empty for kOk
+  SE3 world_from_camera;
+  /// Of (rotation vector, rad; translation, m) in the camera's own frame, against the first frame,
+  /// without what all windows share of the scale.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  bool measured = false;  ///< false: held or interpolated, no window shows it
+};
+
+struct Trajectory {
+  bool metric = false;
+  std::vector<TrajectoryPose> poses;  ///< of every frame taken, ascending
+  double common_sigma = 0.0;          ///< relative: what all windows share of the scale
+  /// By reference frame: how far each window's own scale is from the smoothed one, in standard
+  /// deviations, and its weight in (0, 1].
+  struct WindowScale {
+    int reference = 0;
+    double residual_sigma = 0.0, weight = 1.0;
+    double log_scale = 0.0;  ///< smoothed
+  };
+  std::vector<WindowScale> scales;
+
+  /// The whole, and every kWindow steps, one every kEvery frames.
+  struct Stretch {
+    int first = 0, last = 0;  ///< frame ids
+    double length = 0.0;      ///< m, sum of the steps
+    double own_sigma = 0.0;   ///< m, without common_sigma
+    double sigma() const;     ///< m
+    double common = 0.0;      ///< common_sigma, relative
+  };
+  static constexpr std::size_t kWindow = 50, kEvery = 10;
+  Stretch whole;
+  std::vector<Stretch> windows;
+  const TrajectoryPose* find(int frame) const;
+};
+
+/// The trajectory that all windows of a drive agree on best: a maximum a posteriori estimate over
+/// the poses of all frames and the scale of each window. The windows' relative poses are known by
+/// their motion up to their scale, their scales by the road; both with heavy tails. The world is
+/// the first frame's camera.
+/// @param frame_ids  every frame taken, ascending.
+/// @param windows    in the order of their references.
+Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
+                             const std::vector<DriveWindow>& windows,
+                             const TrajectoryNoise& noise = {});
+
+}  // namespace camber

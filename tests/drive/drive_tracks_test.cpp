@@ -1,0 +1,99 @@
+#include "camber/drive/drive_tracks.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace camber {
+namespace {
+
+/// A camera that drives 1 m a frame at 10 Hz past a vehicle, as windows of three frames see it.
+struct Pass {
+  std::vector<DriveWindow> windows;
+  Trajectory trajectory;
+  std::map<int, double> times;
+};
+
+/// @param place   m, of the vehicle in the first camera. @param speed  m/s, ahead.
+/// @param factor  by which every estimate's distance is off.
+Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double factor) {
+  Pass out;
+  out.trajectory.metric = true;
+  for (int k = 0; k < frames; ++k) {
+    TrajectoryPose pose;
+    pose.frame = k;
+    pose.status = Status::kOk;
+    pose.world_from_camera = SE3(Eigen::Quaterniond::Identity(), {0, 0, 1.0 * k});
+    out.trajectory.poses.push_back(pose);
+    out.times[k] = 0.1 * k;
+    DriveWindow w;
+    w.reference = w.vehicles.id = k;
+    w.frames = {k};
+    VehicleEstimate v;
+    v.id = 1;
+    v.vehicle_class = "car";
+    const Eigen::Vector3d here = place + Eigen::Vector3d(0, 0, (0.1 * speed - 1.0) * k);
+    v.pose.camera_from_vehicle = SE3(rotation_from_vector({0, -M_PI / 2, 0}), factor * here);
+    v.pose.dimensions = {4.2, 1.8, 1.5};
+    v.covariance = Eigen::Matrix<double, 9, 9>::Identity() * std::pow(0.03 * here.norm(), 2);
+    w.vehicles.vehicles = {v};
+    for (const int other : {k - 1, k, k + 1}) {
+      if (other >= 0 && other < frames) w.tracked.push_back({other, 1, 0});
+    }
+    out.windows.push_back(std::move(w));
+  }
+  return out;
+}
+
+TEST(DriveTracks, AParkedVehicleIsMeasuredByTheWayBetweenItsViews) {
+  const Eigen::Vector3d place(3.0, 1.5, 30.0);
+  const Pass pass = make_pass(22, place, 0.0, 0.96);  // each view is 4 % too near
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  ASSERT_EQ(found.tracks.size(), 1U);
+  EXPECT_TRUE(found.tracks[0].parked);
+  EXPECT_EQ(found.tracks[0].views.size(), 22U);
+  const Eigen::Vector3d at = found.tracks[0].views[0].world_from_vehicle.translation();
+  EXPECT_LT((at - place).norm(), 0.3);  // single views are 1.2 m off
+  // The frame's own estimate is moved there as well.
+  const VehicleEstimate& first = found.vehicles.frames[0].vehicles[0];
+  EXPECT_LT((first.pose.bottom_center() - at).norm(), 1e-9);
+  EXPECT_EQ(first.track, found.tracks[0].id);
+}
+
+TEST(DriveTracks, AMovingVehicleKeepsItsOwnPlaces) {
+  const Pass pass = make_pass(15, {-2.0, 1.5, 20.0}, 12.0, 1.0);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  ASSERT_EQ(found.tracks.size(), 1U);
+  EXPECT_FALSE(found.tracks[0].parked);
+  const auto& views = found.tracks[0].views;
+  EXPECT_NEAR((views.back().world_from_vehicle.translation() -
+               views.front().world_from_vehicle.translation())
+                  .norm(),
+              12.0 * 1.4, 1e-6);
+}
+
+TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
+  Pass pass = make_pass(4, {0, 1.5, 20}, 0.0, 1.0);
+  for (DriveWindow& w : pass.windows) {
+    w.vehicles.vehicles.push_back(w.vehicles.vehicles[0]);
+    w.vehicles.vehicles[1].id = 2;
+    w.tracked.push_back({w.reference, 2, 1});
+  }
+  pass.windows[2].tracked.push_back({2, 2, 0});  // one window mistakes it
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  for (const VehicleFrame& frame : found.vehicles.frames) {
+    ASSERT_EQ(frame.vehicles.size(), 2U);
+    EXPECT_NE(frame.vehicles[0].track, frame.vehicles[1].track);
+  }
+}
+
+TEST(DriveTracks, EveryFrameHasItsEntry) {
+  Pass pass = make_pass(6, {0, 1.5, 20}, 0.0, 1.0);
+  pass.windows.erase(pass.windows.begin() + 3);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  ASSERT_EQ(found.vehicles.frames.size(), 6U);
+  EXPECT_TRUE(found.vehicles.frames[3].vehicles.empty());
+}
+
+}  // namespace
+}  // namespace camber

@@ -1,0 +1,99 @@
+// The whole of a drive on the embedded sample, at half its size.
+
+#include "camber/drive/run_drive.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/errors.h"
+#include "camber/drive/write_drive.h"
+#include "pipeline/half_scene.h"
+#include "support/test_data.h"
+
+namespace camber {
+namespace {
+
+class RunDrive : public ::testing::Test {
+ protected:
+  RunDrive()
+      : scene_(test::half_size(read_scene(test::source_dir() / "samples" / "steep_hill"),
+                               folder_.path())) {
+    options_.each_side = 1;
+    options_.window.num_threads = 1;
+  }
+
+  DriveResult run(const std::string& log_name, const Progress& progress = {}) {
+    WindowLog log(folder_.path() / log_name, header_, true);
+    return run_drive(scene_, {0, 1, 2}, options_, &log, progress);
+  }
+
+  static std::string numbers_of(const DriveResult& result) {
+    return to_json(result).dump() + to_json(result.tracks).dump() +
+           std::to_string(result.strip.cells.size());
+  }
+
+  test::TemporaryFolder folder_;
+  Scene scene_;
+  DriveOptions options_;
+  const nlohmann::json header_ = {{"test", 1}};
+};
+
+TEST_F(RunDrive, GivesTheDriveItsLengthRoadAndVehicles) {
+  const DriveResult result = run("windows.log");
+  ASSERT_EQ(result.frames.size(), 3U);
+  EXPECT_TRUE(result.trajectory.metric);
+  double truth = 0.0;
+  for (std::size_t k = 1; k < 3; ++k) {
+    truth += (scene_.truth->frames[k].world_from_camera->translation() -
+              scene_.truth->frames[k - 1].world_from_camera->translation())
+                 .norm();
+  }
+  const Trajectory::Stretch& whole = result.trajectory.whole;
+  EXPECT_NEAR(whole.length, truth, 3.0 * whole.sigma());
+  EXPECT_LT(whole.sigma() / whole.length, 0.05);
+  EXPECT_NEAR(result.mounting.height, *scene_.height_above_road,
+              3.0 * result.mounting.height_sigma);
+  // What all windows see of the road is where the truth has it, under the vehicles as well.
+  EXPECT_GT(result.strip.cells.size(), 300U);
+  const auto vehicles =
+      std::count_if(result.tracks.vehicles.frames.begin(), result.tracks.vehicles.frames.end(),
+                    [](const VehicleFrame& frame) { return !frame.vehicles.empty(); });
+  EXPECT_EQ(vehicles, 3);
+  EXPECT_LT(result.tracks.tracks.size(), 8U);  // of 13 detections
+}
+
+TEST_F(RunDrive, AnInterruptedOneGoesOnToTheSameNumbers) {
+  const std::string whole = numbers_of(run("whole.log"));
+  // Stopped when the third frame is about to be read: the first window is measured by then.
+  const Progress stop = [](const std::string& stage, double share) {
+    if (stage == "windows" && share > 0.5) throw InterruptedError();
+  };
+  EXPECT_THROW(run("part.log", stop), InterruptedError);
+  {
+    const WindowLog log(folder_.path() / "part.log", header_, true);
+    EXPECT_TRUE(log.has_window(0));
+    EXPECT_FALSE(log.has_window(2));
+  }
+  EXPECT_EQ(numbers_of(run("part.log")), whole);
+  options_.window.num_threads = 3;
+  EXPECT_EQ(numbers_of(run("threads.log")), whole);
+}
+
+TEST_F(RunDrive, NamesFramesThatCannotBeRead) {
+  scene_.frames[2].image = folder_.path() / "missing.png";
+  const DriveResult result = run("windows.log");
+  ASSERT_EQ(result.frames.size(), 3U);
+  EXPECT_EQ(result.frames[2].pose.status, Status::kWeak);
+  EXPECT_NE(result.frames[2].pose.reason.find("missing.png"), std::string::npos);
+  EXPECT_EQ(result.frames[1].pose.status, Status::kOk);
+}
+
+TEST_F(RunDrive, ACameraThatNeverMovesIsNoDrive) {
+  for (SceneFrame& frame : scene_.frames) frame.image = scene_.frames[0].image;
+  EXPECT_THROW(run("windows.log"), NoAnswerError);
+}
+
+}  // namespace
+}  // namespace camber

@@ -1,0 +1,169 @@
+#include "camber/drive/trajectory.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <vector>
+
+#include "camber/core/random.h"
+
+namespace camber {
+namespace {
+
+/// A drive of frames 1 m apart on a curve, and what windows of five of them measure of it.
+struct MadeWindows {
+  std::vector<int> ids;
+  std::vector<SE3> truth;  // world (first camera) from camera
+  std::vector<DriveWindow> windows;
+};
+
+constexpr double kTurnSigma = 3e-4;    // rad, of a relative pose
+constexpr double kShiftSigma = 0.003;  // baselines
+constexpr double kScaleSigma = 0.02;   // of a window's own scale
+
+MadeWindows make_windows(int frames, std::uint64_t seed, double noise = 1.0) {
+  const CounterRandom random(seed);
+  std::uint64_t draw = 0;
+  const auto normal = [&] { return random.normal(draw++); };
+  MadeWindows out;
+  SE3 pose;
+  for (int k = 0; k < frames; ++k) {
+    out.ids.push_back(10 + k);
+    out.truth.push_back(pose);
+    pose = pose * SE3(rotation_from_vector({0.002 * std::sin(0.1 * k), 0.01, 0.0}),
+                      Eigen::Vector3d(0.0, 0.0, 1.0));
+  }
+  for (int r = 0; r < frames; ++r) {
+    DriveWindow w;
+    w.reference = out.ids[static_cast<std::size_t>(r)];
+    double longest = 0.0;
+    std::vector<SE3> poses;
+    for (int k = std::max(0, r - 2); k <= std::min(frames - 1, r + 2); ++k) {
+      w.frames.push_back(out.ids[static_cast<std::size_t>(k)]);
+      poses.push_back(out.truth[static_cast<std::size_t>(k)].inverse() *
+                      out.truth[static_cast<std::size_t>(r)]);
+      longest = std::max(longest, poses.back().translation().norm());
+    }
+    const auto size = static_cast<Eigen::Index>(6 * (poses.size() - 1));
+    w.covariance = Eigen::MatrixXd::Zero(size, size);
+    Eigen::Index at = 0;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      SE3 measured(poses[i].rotation(), poses[i].translation() / longest);
+      if (w.frames[i] != w.reference) {
+        Eigen::Vector3d turn, shift;
+        for (int c = 0; c < 3; ++c) {
+          turn[c] = noise * kTurnSigma * normal();
+          shift[c] = noise * kShiftSigma * normal();
+          w.covariance(at + c, at + c) = kTurnSigma * kTurnSigma;
+          w.covariance(at + 3 + c, at + 3 + c) = kShiftSigma * kShiftSigma;
+        }
+        at += 6;
+        measured =
+            SE3(rotation_from_vector(turn) * measured.rotation(), measured.translation() + shift);
+      }
+      w.frame_from_reference.push_back(measured);
+    }
+    w.log_scale = std::log(longest) + noise * kScaleSigma * normal();
+    w.scale_sigma = kScaleSigma;
+    w.common_scale_sigma = 0.006;
+    out.windows.push_back(std::move(w));
+  }
+  return out;
+}
+
+/// Windows' errors as they are drawn here: neither alike nor shared.
+TrajectoryNoise independent() {
+  TrajectoryNoise out;
+  out.motion_inflation = out.scale_correlation = 1.0;
+  out.rotation_floor = out.translation_floor = out.scale_floor = 1e-6;
+  return out;
+}
+
+double true_length(const MadeWindows& made) { return static_cast<double>(made.truth.size()) - 1.0; }
+
+TEST(Trajectory, OfExactWindowsIsTheDrive) {
+  const MadeWindows made = make_windows(40, 1, 0.0);
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  ASSERT_EQ(found.poses.size(), made.truth.size());
+  EXPECT_TRUE(found.metric);
+  for (std::size_t k = 0; k < made.truth.size(); ++k) {
+    const SE3 off = made.truth[k].inverse() * found.poses[k].world_from_camera;
+    EXPECT_LT(off.translation().norm(), 1e-6) << k;
+    EXPECT_LT(rotation_to_vector(off.rotation()).norm(), 1e-7) << k;
+    EXPECT_EQ(found.poses[k].status, Status::kOk);
+  }
+  EXPECT_NEAR(found.whole.length, true_length(made), 1e-6);
+}
+
+TEST(Trajectory, StatesLengthsAndPosesAsTheyScatter) {
+  // Mean squares over their variances, of 30 drives: within three standard errors of one.
+  constexpr int kDrives = 30;
+  double length = 0.0, window = 0.0, pose = 0.0;
+  int windows = 0;
+  for (int d = 0; d < kDrives; ++d) {
+    const MadeWindows made = make_windows(71, 100 + static_cast<std::uint64_t>(d));
+    const Trajectory found = smooth_trajectory(made.ids, made.windows, independent());
+    length += std::pow((found.whole.length - true_length(made)) / found.whole.own_sigma, 2);
+    for (const Trajectory::Stretch& w : found.windows) {
+      window += std::pow((w.length - 50.0) / w.own_sigma, 2);
+      ++windows;
+    }
+    const SE3 off = made.truth.back().inverse() * found.poses.back().world_from_camera;
+    Eigen::Matrix<double, 6, 1> error;
+    error << rotation_to_vector(off.rotation()), off.translation();
+    pose += error.dot(found.poses.back().covariance.ldlt().solve(error));
+  }
+  EXPECT_NEAR(length / kDrives, 1.0, 3.0 * std::sqrt(2.0 / kDrives));
+  EXPECT_NEAR(window / windows, 1.0, 3.0 * std::sqrt(2.0 / kDrives));
+  EXPECT_NEAR(pose / kDrives, 6.0, 3.0 * std::sqrt(12.0 / kDrives));
+}
+
+TEST(Trajectory, OutvotesWindowsThatTookAnotherRoad) {
+  MadeWindows made = make_windows(60, 7);
+  for (const std::size_t wrong : {12U, 13U, 30U, 45U}) {
+    made.windows[wrong].log_scale = *made.windows[wrong].log_scale - 0.7;  // half as long
+  }
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  EXPECT_NEAR(found.whole.length / true_length(made), 1.0, 0.01);
+  for (const Trajectory::WindowScale& scale : found.scales) {
+    const bool wrong = scale.reference == 22 || scale.reference == 23 || scale.reference == 40 ||
+                       scale.reference == 55;
+    EXPECT_EQ(std::abs(scale.residual_sigma) > 10.0, wrong) << scale.reference;
+  }
+}
+
+TEST(Trajectory, KeepsWhatAllWindowsShareApart) {
+  const MadeWindows made = make_windows(200, 3);
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  EXPECT_DOUBLE_EQ(found.common_sigma, 0.006);
+  EXPECT_GT(found.whole.sigma(), 0.006 * found.whole.length);
+  EXPECT_LT(found.whole.own_sigma, 0.006 * found.whole.length);  // of 200 windows
+}
+
+TEST(Trajectory, BridgesFramesThatNoWindowJoins) {
+  MadeWindows made = make_windows(30, 5, 0.0);
+  std::vector<DriveWindow> kept;
+  for (const DriveWindow& w : made.windows) {
+    // A cut between 24 and 25: windows on either side of it.
+    const bool across = w.frames.front() <= 24 && w.frames.back() >= 25;
+    if (!across) kept.push_back(w);
+  }
+  const Trajectory found = smooth_trajectory(made.ids, kept);
+  ASSERT_EQ(found.poses.size(), 30U);
+  // As fast as before.
+  const double step = (found.poses[15].world_from_camera.translation() -
+                       found.poses[14].world_from_camera.translation())
+                          .norm();
+  EXPECT_NEAR(step, 1.0, 0.05);
+  EXPECT_GT(found.poses.back().covariance(5, 5), 0.01);  // a step of 0.3 m is open
+}
+
+TEST(Trajectory, WithoutMetresIsUpToScale) {
+  MadeWindows made = make_windows(20, 9, 0.0);
+  for (DriveWindow& w : made.windows) w.metric = false;
+  EXPECT_FALSE(smooth_trajectory(made.ids, made.windows).metric);
+}
+
+}  // namespace
+}  // namespace camber

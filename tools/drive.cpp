@@ -1,0 +1,156 @@
+// camber drive: a whole drive of one moving camera to a metric trajectory, the road and vehicles.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/core/memory.h"
+#include "camber/core/protected_inputs.h"
+#include "camber/core/version.h"
+#include "camber/drive/write_drive.h"
+#include "camber/scene/results.h"
+#include "command.h"
+#include "own_inputs.h"
+
+namespace fs = std::filesystem;
+
+namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string scene, out, frames;
+  bool no_masks = false, confine = false, overwrite = false, resume = false, json = false;
+};
+
+/// What has to be equal for a part of a drive to be gone on with.
+nlohmann::json header_of(const Scene& scene, const fs::path& manifest, const std::vector<int>& ids,
+                         const Command& command, const Arguments& a) {
+  return {{"version", kVersion},
+          {"scene", hash_file(fs::is_directory(manifest) ? manifest / "scene.json" : manifest)},
+          {"images", scene.frames.empty() ? "" : scene.frames.front().image.filename().string()},
+          {"frames", ids},
+          {"no_masks", a.no_masks},
+          {"seed", command.common.seed}};
+}
+
+nlohmann::json run_json(const Command& command, const Arguments& a, const Scene& scene,
+                        bool complete) {
+  return {
+      {"version", kVersion},
+      {"seed", command.common.seed},
+      {"complete", complete},
+      {"command", command.common.command_line},
+      {"scene", fs::absolute(a.scene).lexically_normal().string()},
+      {"options", {{"frames", a.frames.empty() ? "all" : a.frames}, {"use_masks", !a.no_masks}}},
+      {"frames_given", scene.frames.size()}};
+}
+
+/// What an earlier drive left; nothing else is touched.
+void remove_earlier(const fs::path& folder) {
+  std::error_code none;
+  for (const char* name : {"drive.json", "trajectory.tum", "poses.txt", "vehicles.json",
+                           "tracks.json", "tracks.csv", "strip", "surface", "windows.log"}) {
+    fs::remove_all(folder / name, none);
+  }
+}
+
+int run(const Command& command, Arguments& a) {
+  const Progress progress = make_progress(command.common);
+  const Scene scene =
+      read_scene(a.scene, make_warning_sink(command.common), scene_paths(a.confine));
+  std::vector<fs::path> inputs = files_of(scene);
+  protect_inputs(inputs);
+  const std::vector<int> ids = select_frames(scene, a.frames);
+  const fs::path folder = a.out;
+  if (!a.resume || !fs::exists(folder)) check_output_folder(folder, a.overwrite, inputs);
+  DriveOptions options;
+  options.window.seed = command.common.seed;
+  options.window.num_threads = command.common.threads;
+  options.window.load.use_masks = !a.no_masks;
+  keep_freed_memory();
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw OutputError(folder.string(), error.message());
+  if (!a.resume) remove_earlier(folder);
+  write_json(run_json(command, a, scene, false), folder / "run.json");
+  DriveResult result;
+  {
+    WindowLog log(folder / "windows.log", header_of(scene, a.scene, ids, command, a), a.resume);
+    result = run_drive(scene, ids, options, &log, progress);
+  }
+  nlohmann::json document = run_json(command, a, scene, true);
+  document["resumed"] = a.resume;
+  for (const auto& [stage, ms] : result.timings.stages()) document["timings_ms"][stage] = ms;
+  nlohmann::json warnings = nlohmann::json::array();
+  std::size_t held = 0;
+  for (const DriveFrame& frame : result.frames) held += frame.pose.measured ? 0 : 1;
+  if (held > 0) {
+    warnings.push_back({{"code", "poses_held"},
+                        {"text", fmt::format("of {} frames no picture shows how the camera moved: "
+                                             "they are bridged",
+                                             held)}});
+  }
+  document["warnings"] = warnings;
+  document["metric"] = result.trajectory.metric;
+  nlohmann::json windows = nlohmann::json::array();
+  for (const auto& w : result.trajectory.scales) {
+    windows.push_back(
+        {{"reference", w.reference}, {"residual_sigma", w.residual_sigma}, {"weight", w.weight}});
+  }
+  document["windows"] = std::move(windows);
+  write_drive(scene, result, options, document, folder);
+  fs::remove(folder / "windows.log", error);
+  for (const auto& warning : warnings) {
+    std::fprintf(stderr, "camber: warning: %s\n", warning.at("text").get<std::string>().c_str());
+  }
+  if (a.json) {
+    std::printf("%s\n", document.dump(2).c_str());
+    return 0;
+  }
+  if (command.common.quiet) return 0;
+  const Trajectory::Stretch& whole = result.trajectory.whole;
+  std::printf("%s: %zu frames, %.1f %s +- %.1f %%, %zu cells of road, %zu tracks\n", a.out.c_str(),
+              result.frames.size(), whole.length, result.trajectory.metric ? "m" : "units",
+              100.0 * whole.sigma() / std::max(whole.length, 1e-9), result.strip.cells.size(),
+              result.tracks.tracks.size());
+  return 0;
+}
+
+}  // namespace
+
+void register_drive(App& root) {
+  Command* command = add_command(
+      root, "drive",
+      "Turns a whole drive of one moving camera into a metric trajectory, the road along it and "
+      "the vehicles on it as tracks: frames are read one after the other, windows of a few of them "
+      "go through the stages of reconstruct, and all windows together give the drive. An "
+      "interrupted run leaves what it measured; --resume goes on from there.",
+      "  camber drive kitti/scene.json --out out/drive\n"
+      "  camber drive kitti/scene.json --frames 0:200 --out out/drive --resume");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  app.add_option("--frames", a.frames,
+                 "frame ids: 48:200 (both ends), 0:400:2 or all; default: all")
+      ->no_name();
+  app.add_flag("--no-masks", a.no_masks,
+               "do not read segmentations and road masks: find the road by geometry");
+  add_confine_option(app, a.confine);
+  app.add_option("--out", a.out, "result folder; an earlier result there is replaced")
+      ->output_folder()
+      ->required();
+  app.add_flag("--resume", a.resume,
+               "go on with the part that an interrupted run of the same inputs left in --out");
+  app.add_flag("--overwrite", a.overwrite, "replace a folder that is no Camber result");
+  app.add_flag("--json", a.json, "print run.json to stdout");
+  command->run = [command, arguments] { return run(*command, *arguments); };
+}
+
+}  // namespace camber::tools
