@@ -89,7 +89,7 @@ int run(const Command& command, Arguments& a) {
   for (const auto& [stage, ms] : result.timings.stages()) document["timings_ms"][stage] = ms;
   nlohmann::json warnings = nlohmann::json::array();
   std::size_t held = 0;
-  for (const DriveFrame& frame : result.frames) held += frame.pose.measured ? 0 : 1;
+  for (const TrajectoryPose& pose : result.trajectory.poses) held += pose.measured ? 0 : 1;
   if (held > 0) {
     warnings.push_back({{"code", "poses_held"},
                         {"text", fmt::format("of {} frames no picture shows how the camera moved: "
@@ -104,7 +104,7 @@ int run(const Command& command, Arguments& a) {
         {{"reference", w.reference}, {"residual_sigma", w.residual_sigma}, {"weight", w.weight}});
   }
   document["windows"] = std::move(windows);
-  write_drive(scene, result, options, document, folder);
+  write_drive(result, options.strip, document, folder);
   fs::remove(folder / "windows.log", error);
   for (const auto& warning : warnings) {
     std::fprintf(stderr, "camber: warning: %s\n", warning.at("text").get<std::string>().c_str());
@@ -116,7 +116,7 @@ int run(const Command& command, Arguments& a) {
   if (command.common.quiet) return 0;
   const Trajectory::Stretch& whole = result.trajectory.whole;
   std::printf("%s: %zu frames, %.1f %s +- %.1f %%, %zu cells of road, %zu tracks\n", a.out.c_str(),
-              result.frames.size(), whole.length, result.trajectory.metric ? "m" : "units",
+              result.document.frames.size(), whole.length, result.trajectory.metric ? "m" : "units",
               100.0 * whole.sigma() / std::max(whole.length, 1e-9), result.strip.cells.size(),
               result.tracks.tracks.size());
   return 0;

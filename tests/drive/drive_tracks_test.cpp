@@ -9,7 +9,7 @@ namespace {
 
 /// A camera that drives 1 m a frame at 10 Hz past a vehicle, as windows of three frames see it.
 struct Pass {
-  std::vector<DriveWindow> windows;
+  std::vector<WindowMeasurement> windows;
   Trajectory trajectory;
   std::map<int, double> times;
 };
@@ -26,7 +26,7 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
     pose.world_from_camera = SE3(Eigen::Quaterniond::Identity(), {0, 0, 1.0 * k});
     out.trajectory.poses.push_back(pose);
     out.times[k] = 0.1 * k;
-    DriveWindow w;
+    WindowMeasurement w;
     w.reference = w.vehicles.id = k;
     w.frames = {k};
     VehicleEstimate v;
@@ -74,7 +74,7 @@ TEST(DriveTracks, AMovingVehicleKeepsItsOwnPlaces) {
 
 TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
   Pass pass = make_pass(4, {0, 1.5, 20}, 0.0, 1.0);
-  for (DriveWindow& w : pass.windows) {
+  for (WindowMeasurement& w : pass.windows) {
     w.vehicles.vehicles.push_back(w.vehicles.vehicles[0]);
     w.vehicles.vehicles[1].id = 2;
     w.tracked.push_back({w.reference, 2, 1});

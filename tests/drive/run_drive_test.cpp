@@ -30,7 +30,7 @@ class RunDrive : public ::testing::Test {
   }
 
   static std::string numbers_of(const DriveResult& result) {
-    return to_json(result).dump() + to_json(result.tracks).dump() +
+    return to_json(result.document).dump() + to_json(result.tracks).dump() +
            std::to_string(result.strip.cells.size());
   }
 
@@ -42,7 +42,7 @@ class RunDrive : public ::testing::Test {
 
 TEST_F(RunDrive, GivesTheDriveItsLengthRoadAndVehicles) {
   const DriveResult result = run("windows.log");
-  ASSERT_EQ(result.frames.size(), 3U);
+  ASSERT_EQ(result.document.frames.size(), 3U);
   EXPECT_TRUE(result.trajectory.metric);
   double truth = 0.0;
   for (std::size_t k = 1; k < 3; ++k) {
@@ -84,10 +84,10 @@ TEST_F(RunDrive, AnInterruptedOneGoesOnToTheSameNumbers) {
 TEST_F(RunDrive, NamesFramesThatCannotBeRead) {
   scene_.frames[2].image = folder_.path() / "missing.png";
   const DriveResult result = run("windows.log");
-  ASSERT_EQ(result.frames.size(), 3U);
-  EXPECT_EQ(result.frames[2].pose.status, Status::kWeak);
-  EXPECT_NE(result.frames[2].pose.reason.find("missing.png"), std::string::npos);
-  EXPECT_EQ(result.frames[1].pose.status, Status::kOk);
+  ASSERT_EQ(result.document.frames.size(), 3U);
+  EXPECT_EQ(result.document.frames[2].status, Status::kWeak);
+  EXPECT_NE(result.document.frames[2].reason.find("missing.png"), std::string::npos);
+  EXPECT_EQ(result.document.frames[1].status, Status::kOk);
 }
 
 TEST_F(RunDrive, ACameraThatNeverMovesIsNoDrive) {

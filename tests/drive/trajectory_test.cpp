@@ -15,7 +15,7 @@ namespace {
 struct MadeWindows {
   std::vector<int> ids;
   std::vector<SE3> truth;  // world (first camera) from camera
-  std::vector<DriveWindow> windows;
+  std::vector<WindowMeasurement> windows;
 };
 
 constexpr double kTurnSigma = 3e-4;    // rad, of a relative pose
@@ -35,7 +35,7 @@ MadeWindows make_windows(int frames, std::uint64_t seed, double noise = 1.0) {
                       Eigen::Vector3d(0.0, 0.0, 1.0));
   }
   for (int r = 0; r < frames; ++r) {
-    DriveWindow w;
+    WindowMeasurement w;
     w.reference = out.ids[static_cast<std::size_t>(r)];
     double longest = 0.0;
     std::vector<SE3> poses;
@@ -143,8 +143,8 @@ TEST(Trajectory, KeepsWhatAllWindowsShareApart) {
 
 TEST(Trajectory, BridgesFramesThatNoWindowJoins) {
   MadeWindows made = make_windows(30, 5, 0.0);
-  std::vector<DriveWindow> kept;
-  for (const DriveWindow& w : made.windows) {
+  std::vector<WindowMeasurement> kept;
+  for (const WindowMeasurement& w : made.windows) {
     // A cut between 24 and 25: windows on either side of it.
     const bool across = w.frames.front() <= 24 && w.frames.back() >= 25;
     if (!across) kept.push_back(w);
@@ -161,7 +161,7 @@ TEST(Trajectory, BridgesFramesThatNoWindowJoins) {
 
 TEST(Trajectory, WithoutMetresIsUpToScale) {
   MadeWindows made = make_windows(20, 9, 0.0);
-  for (DriveWindow& w : made.windows) w.metric = false;
+  for (WindowMeasurement& w : made.windows) w.metric = false;
   EXPECT_FALSE(smooth_trajectory(made.ids, made.windows).metric);
 }
 

@@ -14,8 +14,8 @@
 namespace camber {
 namespace {
 
-DriveWindow made_window(int reference) {
-  DriveWindow w;
+WindowMeasurement made_window(int reference) {
+  WindowMeasurement w;
   w.reference = reference;
   w.vehicles.id = reference;
   w.frames = {reference - 1, reference, reference + 1};
@@ -40,14 +40,14 @@ DriveWindow made_window(int reference) {
 
 std::vector<int> references_in(const WindowLog& log) {
   std::vector<int> out;
-  log.for_each_window([&](const DriveWindow& w) { out.push_back(w.reference); });
+  log.for_each_window([&](const WindowMeasurement& w) { out.push_back(w.reference); });
   return out;
 }
 
 TEST(WindowLog, KeepsWindowsExactly) {
-  const DriveWindow w = made_window(5);
+  const WindowMeasurement w = made_window(5);
   const std::vector<std::uint8_t> bytes = encode(w);
-  const DriveWindow back = decode_drive_window(bytes);
+  const WindowMeasurement back = decode_window(bytes);
   EXPECT_EQ(encode(back), bytes);
   EXPECT_EQ(back.frames, w.frames);
   EXPECT_EQ(back.covariance, w.covariance);
@@ -60,7 +60,7 @@ TEST(WindowLog, KeepsWindowsExactly) {
 }
 
 TEST(WindowLog, RefusesBytesOfNothing) {
-  EXPECT_THROW(decode_drive_window({1, 2, 3}), std::invalid_argument);
+  EXPECT_THROW(decode_window({1, 2, 3}), std::invalid_argument);
 }
 
 TEST(WindowLog, GoesOnAfterARecordThatIsNotWhole) {

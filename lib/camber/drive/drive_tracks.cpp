@@ -178,17 +178,17 @@ Eigen::Quaterniond mean_rotation(const std::vector<Seen>& seen) {
 
 }  // namespace
 
-DriveTracks join_tracks(const std::vector<DriveWindow>& windows, const Trajectory& trajectory,
+DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
                         const std::map<int, double>& time_of) {
   DriveTracks out;
   TrackSets sets;
-  for (const DriveWindow& window : windows) {
+  for (const WindowMeasurement& window : windows) {
     for (const VehicleEstimate& v : window.vehicles.vehicles) {
       sets.add({window.reference, v.id});
     }
     for (const auto& t : window.tracked) sets.add({t.frame, t.id});
   }
-  for (const DriveWindow& window : windows) {
+  for (const WindowMeasurement& window : windows) {
     std::map<int, Detection> first;
     for (const auto& t : window.tracked) {
       const auto [at, is_new] = first.emplace(t.track, Detection{t.frame, t.id});
@@ -197,7 +197,7 @@ DriveTracks join_tracks(const std::vector<DriveWindow>& windows, const Trajector
   }
   std::map<std::size_t, std::vector<Seen>> members;
   std::vector<std::size_t> order;
-  for (const DriveWindow& window : windows) {
+  for (const WindowMeasurement& window : windows) {
     const TrajectoryPose* pose = trajectory.find(window.reference);
     if (!pose) continue;
     for (const VehicleEstimate& v : window.vehicles.vehicles) {

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "camber/drive/drive_window.h"
 #include "camber/drive/trajectory.h"
+#include "camber/drive/window_measurement.h"
 #include "camber/scene/results.h"
 
 namespace camber {
@@ -39,7 +39,7 @@ struct DriveTracks {
 /// moving one keeps its own estimates with the size of all.
 /// @param windows   in the order of their references.
 /// @param time_of   s, by frame id.
-DriveTracks join_tracks(const std::vector<DriveWindow>& windows, const Trajectory& trajectory,
+DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
                         const std::map<int, double>& time_of);
 
 }  // namespace camber

@@ -13,22 +13,22 @@
 namespace camber {
 namespace {
 
-DriveWindow of_frames(const LoadedFrames& frames) {
-  DriveWindow out;
+WindowMeasurement of_frames(const LoadedFrames& frames) {
+  WindowMeasurement out;
   out.reference = frames.frames[frames.reference].id;
   out.vehicles.id = out.reference;
   for (const SceneFrame& frame : frames.frames) out.frames.push_back(frame.id);
   return out;
 }
 
-void put_motion(const MotionEstimate& motion, DriveWindow* out) {
+void put_motion(const MotionEstimate& motion, WindowMeasurement* out) {
   out->frame_from_reference = motion.frame_from_reference;
   out->covariance = motion.covariance;
 }
 
 /// The ground at the pixels that show it, a sample a cell of the plan.
 std::vector<RoadSample> road_samples(const WindowEstimate& window, const UncertainPlane& ego,
-                                     double metres_per_baseline, const RoadSampleOptions& options) {
+                                     const RoadSampleOptions& options) {
   struct Sum {
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
     double sigma = 0.0;
@@ -36,10 +36,8 @@ std::vector<RoadSample> road_samples(const WindowEstimate& window, const Uncerta
     int roadway = 0, count = 0;
   };
   const LoadedFrames& frames = window.road.frames;
-  const RoadPosterior& road = window.scaled.road;
+  const RoadPosterior& road = window.judged.road;
   const stages::detail::RelativeSigma sigma(road, frames.camera);
-  // Vehicles may have moved the metres after that road was made.
-  const double factor = metres_per_baseline / road.metres_per_baseline();
   const TriangulatedPoints& points = window.refined.ground.seen.points;
   const Image& image = frames.color[frames.reference];
   const FrameMasks& masks = frames.reference_masks();
@@ -49,7 +47,7 @@ std::vector<RoadSample> road_samples(const WindowEstimate& window, const Uncerta
     const Eigen::Vector2d at = window.road.matches.pixels[grid].cast<double>();
     const double rho = road.inverse_depth(at);
     if (!(rho > 0.0)) continue;
-    const Eigen::Vector3d x = factor / rho * points.rays[i];
+    const Eigen::Vector3d x = points.rays[i] / rho;
     const Eigen::Vector3d from_foot = x - ego.centroid;
     const double along = ego.axis1.dot(from_foot), across = ego.axis2.dot(from_foot);
     if (along < 0.0 || along > options.reach || std::abs(across) > options.half_width) continue;
@@ -78,7 +76,7 @@ std::vector<RoadSample> road_samples(const WindowEstimate& window, const Uncerta
   return out;
 }
 
-void put_metres(const Scene& scene, const RunDocument& run, DriveWindow* out) {
+void put_metres(const Scene& scene, const RunDocument& run, WindowMeasurement* out) {
   out->metric = run.metric;
   out->log_scale = std::log(run.scale);
   const double common =
@@ -89,7 +87,7 @@ void put_metres(const Scene& scene, const RunDocument& run, DriveWindow* out) {
   if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
 }
 
-void put_vehicles(const WindowEstimate& window, DriveWindow* out) {
+void put_vehicles(const WindowEstimate& window, WindowMeasurement* out) {
   const std::vector<VehicleFrame>& frames = window.assembled.vehicles.frames;
   for (const VehicleFrame& frame : frames) {
     for (const VehicleEstimate& v : frame.vehicles) {
@@ -101,13 +99,12 @@ void put_vehicles(const WindowEstimate& window, DriveWindow* out) {
 
 }  // namespace
 
-DriveWindow measure_motion(const Scene& scene,
-                           const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-                           std::size_t reference, const ReconstructOptions& options,
-                           Timings* timings) {
+WindowMeasurement measure_motion(
+    const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+    std::size_t reference, const ReconstructOptions& options, Timings* timings) {
   const Progress silent;
   const StageRunner run(*timings, silent);
-  DriveWindow out;
+  WindowMeasurement out;
   out.reference = out.vehicles.id = frames[reference]->frame.id;
   for (const auto& frame : frames) out.frames.push_back(frame->frame.id);
   try {
@@ -122,25 +119,25 @@ DriveWindow measure_motion(const Scene& scene,
   return out;
 }
 
-DriveWindow measure_window(const Scene& scene,
-                           const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-                           std::size_t reference, const ReconstructOptions& options,
-                           const RoadSampleOptions& samples, Timings* timings) {
+WindowMeasurement measure_window(
+    const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+    std::size_t reference, const ReconstructOptions& options, const RoadSampleOptions& samples,
+    Timings* timings) {
   const Progress silent;
   const StageRunner run(*timings, silent);
   try {
     const WindowEstimate window =
         estimate_window(scene, stages::frame_window(scene, frames, reference), options, run);
     const RunDocument& document = window.assembled.run;
-    DriveWindow out = of_frames(window.road.frames);
+    WindowMeasurement out = of_frames(window.road.frames);
     put_motion(window.refined.motion, &out);
     put_metres(scene, document, &out);
     out.ego = window.assembled.surface.patches.front().plane;
-    out.road = road_samples(window, *out.ego, document.scale, samples);
+    out.road = road_samples(window, *out.ego, samples);
     put_vehicles(window, &out);
     return out;
   } catch (const NoAnswerError& error) {
-    DriveWindow out = measure_motion(scene, frames, reference, options, timings);
+    WindowMeasurement out = measure_motion(scene, frames, reference, options, timings);
     if (out.reason.empty()) out.reason = error.what();
     return out;
   }

@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include "camber/drive/drive_window.h"
+#include "camber/drive/window_measurement.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/pipeline/stages/load.h"
 
@@ -20,15 +20,14 @@ struct RoadSampleOptions {
 /// @param reference  index into `frames`.
 /// @param options    handed_down(); of preset kDefault.
 /// @throws InterruptedError; InputError as load().
-DriveWindow measure_window(const Scene& scene,
-                           const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-                           std::size_t reference, const ReconstructOptions& options,
-                           const RoadSampleOptions& samples, Timings* timings);
+WindowMeasurement measure_window(
+    const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+    std::size_t reference, const ReconstructOptions& options, const RoadSampleOptions& samples,
+    Timings* timings);
 
 /// The motion alone, for frames between those that have a road of their own.
-DriveWindow measure_motion(const Scene& scene,
-                           const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-                           std::size_t reference, const ReconstructOptions& options,
-                           Timings* timings);
+WindowMeasurement measure_motion(
+    const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+    std::size_t reference, const ReconstructOptions& options, Timings* timings);
 
 }  // namespace camber

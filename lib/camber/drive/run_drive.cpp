@@ -4,10 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -16,11 +14,10 @@
 #include "camber/core/median.h"
 #include "camber/pipeline/estimate_window.h"
 #include "camber/pipeline/near_parallax.h"
+#include "camber/pipeline/stage_runner.h"
 
 namespace camber {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 using stages::LoadedFrame;
 using FramePtr = std::shared_ptr<const LoadedFrame>;
@@ -63,7 +60,7 @@ class Measurer {
   void run() {
     for (std::size_t i = 0; i < ids_.size(); ++i) {
       if (progress_)
-        progress_("windows", static_cast<double>(i) / static_cast<double>(ids_.size()));
+        progress_("windows", 0.95 * static_cast<double>(i) / static_cast<double>(ids_.size()));
       throw_if_interrupted();
       const FrameRecord record = i < log_.frames().size() ? log_.frames()[i] : look_at(ids_[i]);
       if (i >= log_.frames().size()) log_.append(record);
@@ -172,62 +169,58 @@ class Measurer {
   FramePtr last_, last_key_;
 };
 
-/// Camera over the road by one window.
+/// The camera over the road by one window: pitch is positive where the optical axis rises against
+/// the road, roll where its right side is down.
 struct OverRoad {
-  double height = 0.0, height_sigma = 0.0, pitch = 0.0, roll = 0.0, turn_sigma = 0.0;
+  DriveNumber height, pitch, roll;
 };
 
 OverRoad over_road(const UncertainPlane& ego, double scale_sigma) {
-  OverRoad out;
-  out.height = ego.plane.offset;
-  out.height_sigma =
-      std::hypot(std::sqrt(std::max(0.0, ego.covariance(2, 2))), scale_sigma * out.height);
   const Eigen::Vector3d& n = ego.plane.normal;
-  out.pitch = std::atan2(n.z(), -n.y());  // the optical axis rises against the road
-  out.roll = std::atan2(n.x(), -n.y());
-  out.turn_sigma = std::sqrt(std::max(ego.covariance(0, 0), ego.covariance(1, 1)));
-  return out;
+  const double height = ego.plane.offset;
+  const double turn = std::sqrt(std::max(ego.covariance(0, 0), ego.covariance(1, 1)));
+  const double own = std::sqrt(std::max(0.0, ego.covariance(2, 2)));
+  return {{height, std::hypot(own, scale_sigma * height)},
+          {std::atan2(n.z(), -n.y()), turn},
+          {std::atan2(n.x(), -n.y()), turn}};
 }
 
-CameraMounting mounting_of(const std::vector<DriveWindow>& windows) {
+/// The median over all windows. Neighbouring windows' errors are alike: the spread counts for a
+/// fifth of their number.
+DriveNumber middle(std::vector<double> values) {
+  constexpr double kAlike = 5.0;
+  if (values.empty()) return {};
+  const double effective = std::max(1.0, static_cast<double>(values.size()) / kAlike);
+  const double median = upper_median(values);
+  for (double& v : values) v = std::abs(v - median);
+  return {median, kSigmaFromMad * upper_median(&values) / std::sqrt(effective)};
+}
+
+void put_mounting(const std::vector<WindowMeasurement>& windows, double common,
+                  DriveDocument* out) {
   std::vector<double> height, pitch, roll;
-  double common = 0.0;
-  for (const DriveWindow& w : windows) {
+  for (const WindowMeasurement& w : windows) {
     if (!w.ego) continue;
     const OverRoad over = over_road(*w.ego, w.scale_sigma);
-    height.push_back(over.height);
-    pitch.push_back(over.pitch);
-    roll.push_back(over.roll);
-    common = std::max(common, w.common_scale_sigma);
+    height.push_back(over.height.value);
+    pitch.push_back(over.pitch.value);
+    roll.push_back(over.roll.value);
   }
-  CameraMounting out;
-  out.windows = static_cast<int>(height.size());
-  if (height.empty()) return out;
-  const auto middle = [](std::vector<double> values, double* sigma) {
-    const double median = upper_median(values);
-    for (double& v : values) v = std::abs(v - median);
-    *sigma = 1.4826 * upper_median(values);
-    return median;
-  };
-  out.height = middle(height, &out.height_sigma);
-  out.pitch = middle(pitch, &out.pitch_sigma);
-  out.roll = middle(roll, &out.roll_sigma);
-  const double effective = std::sqrt(std::max(1.0, out.windows / 5.0));
-  out.height_sigma = std::hypot(out.height_sigma / effective, common * out.height);
-  out.pitch_sigma /= effective;
-  out.roll_sigma /= effective;
-  return out;
+  out->height = middle(std::move(height));
+  out->height.sigma = std::hypot(out->height.sigma, common * out->height.value);
+  out->pitch = middle(std::move(pitch));
+  out->roll = middle(std::move(roll));
 }
 
 /// Up in the world: gravity's where frames know it, else the mean of the road's normals.
 Eigen::Vector3d up_of(const Scene& scene, const Trajectory& trajectory,
-                      const std::vector<DriveWindow>& windows, bool* by_gravity) {
+                      const std::vector<WindowMeasurement>& windows, bool* by_gravity) {
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero(), normals = Eigen::Vector3d::Zero();
   for (const TrajectoryPose& pose : trajectory.poses) {
     const SceneFrame* frame = scene.find_frame(pose.frame);
     if (frame && frame->up) gravity += pose.world_from_camera.rotation() * *frame->up;
   }
-  for (const DriveWindow& w : windows) {
+  for (const WindowMeasurement& w : windows) {
     const TrajectoryPose* pose = w.ego ? trajectory.find(w.reference) : nullptr;
     if (pose) normals += pose->world_from_camera.rotation() * w.ego->plane.normal;
   }
@@ -236,21 +229,27 @@ Eigen::Vector3d up_of(const Scene& scene, const Trajectory& trajectory,
   return normals.norm() > 0.5 ? Eigen::Vector3d(normals.normalized()) : Eigen::Vector3d(0, -1, 0);
 }
 
-/// The foot of every camera on the road under it, world; where a frame has no road of its own by
-/// the one before it.
-std::vector<Eigen::Vector3d> feet_of(const Trajectory& trajectory,
-                                     const std::map<int, const DriveWindow*>& window_of,
-                                     const CameraMounting& mounting) {
+using WindowOfFrame = std::map<int, const WindowMeasurement*>;
+
+const UncertainPlane* ego_of(const WindowOfFrame& window_of, int frame) {
+  const auto found = window_of.find(frame);
+  return found != window_of.end() && found->second->ego ? &*found->second->ego : nullptr;
+}
+
+/// The foot of every camera on the road under it, world. The height is the mounting's: what single
+/// windows are off is no bump of the road.
+std::vector<Eigen::Vector3d> feet_of(const Trajectory& trajectory, const WindowOfFrame& window_of,
+                                     const DriveDocument& mounting) {
+  const bool known = std::isfinite(mounting.height.value);
+  const double height = known ? mounting.height.value : 0.0;
+  const Eigen::Vector3d mounted =
+      known ? Eigen::Vector3d(std::tan(mounting.roll.value), -1.0, std::tan(mounting.pitch.value))
+                  .normalized()
+            : Eigen::Vector3d(0, -1, 0);
   std::vector<Eigen::Vector3d> out;
-  Eigen::Vector3d normal(std::sin(mounting.roll), -std::cos(mounting.pitch),
-                         std::sin(mounting.pitch));
-  normal.normalize();
-  const double height = mounting.windows > 0 ? mounting.height : 0.0;
   for (const TrajectoryPose& pose : trajectory.poses) {
-    const auto found = window_of.find(pose.frame);
-    const Eigen::Vector3d n =
-        found != window_of.end() && found->second->ego ? found->second->ego->plane.normal : normal;
-    out.push_back(pose.world_from_camera * (-height * n));
+    const UncertainPlane* ego = ego_of(window_of, pose.frame);
+    out.push_back(pose.world_from_camera * (-height * (ego ? ego->plane.normal : mounted)));
   }
   return out;
 }
@@ -271,27 +270,156 @@ SE3 strip_from_world(const Eigen::Vector3d& up, const std::vector<Eigen::Vector3
   return SE3(rows, Eigen::Vector3d::Zero());
 }
 
-double step_time(const std::map<int, double>& times, int from, int to) {
-  const auto a = times.find(from), b = times.find(to);
-  return a == times.end() || b == times.end() ? 0.0 : b->second - a->second;
+DriveFrame frame_of(const TrajectoryPose& pose, const WindowOfFrame& window_of,
+                    const Eigen::Vector3d& up, double common) {
+  DriveFrame out;
+  out.id = pose.frame;
+  out.world_from_camera = pose.world_from_camera;
+  out.covariance = pose.covariance;
+  out.status = pose.status;
+  out.reason = pose.reason;
+  const UncertainPlane* ego = ego_of(window_of, pose.frame);
+  if (!ego) return out;
+  const OverRoad over = over_road(*ego, window_of.at(pose.frame)->scale_sigma);
+  out.height = {over.height.value, std::hypot(over.height.sigma, common * over.height.value)};
+  out.pitch = over.pitch;
+  out.roll = over.roll;
+  const Eigen::Quaterniond turn = pose.world_from_camera.rotation();
+  const auto slope = [&](const Eigen::Vector3d& axis) {
+    return std::asin(std::clamp((turn * axis).dot(up), -1.0, 1.0));
+  };
+  out.grade = {slope(ego->axis1), std::sqrt(ego->covariance(1, 1) + pose.covariance(0, 0))};
+  out.bank = {slope(ego->axis2), std::sqrt(ego->covariance(0, 0) + pose.covariance(2, 2))};
+  return out;
 }
 
-void put_speeds(const std::map<int, double>& times, double common,
-                std::vector<DriveFrame>* frames) {
+/// Speeds by the steps to the frames beside, m/s.
+void put_speeds(double common, std::vector<DriveFrame>* frames) {
   for (std::size_t k = 0; k < frames->size(); ++k) {
-    DriveFrame& frame = (*frames)[k];
-    frame.speed = frame.speed_sigma = kNaN;
-    const std::size_t a = k > 0 ? k - 1 : k, b = std::min(k + 1, frames->size() - 1);
-    const double span = step_time(times, (*frames)[a].pose.frame, (*frames)[b].pose.frame);
+    const DriveFrame& before = (*frames)[k > 0 ? k - 1 : k];
+    const DriveFrame& after = (*frames)[std::min(k + 1, frames->size() - 1)];
+    const double span = after.time_s - before.time_s;
     if (!(span > 0.0)) continue;
-    const Eigen::Vector3d from = (*frames)[a].pose.world_from_camera.translation();
-    const Eigen::Vector3d here = frame.pose.world_from_camera.translation();
-    const Eigen::Vector3d to = (*frames)[b].pose.world_from_camera.translation();
-    frame.speed = ((here - from).norm() + (to - here).norm()) / span;
-    // Of the step: neighbouring poses differ by what the covariance grows between them.
-    const double grown = std::abs((*frames)[b].pose.covariance.bottomRightCorner<3, 3>().trace() -
-                                  (*frames)[a].pose.covariance.bottomRightCorner<3, 3>().trace());
-    frame.speed_sigma = std::hypot(std::sqrt(grown) / span, common * frame.speed);
+    DriveFrame& frame = (*frames)[k];
+    const double way = after.s.value - before.s.value;
+    // Neighbouring poses differ by what the covariance grows between them.
+    const double grown = std::abs(after.covariance->bottomRightCorner<3, 3>().trace() -
+                                  before.covariance->bottomRightCorner<3, 3>().trace());
+    frame.speed = {way / span, std::hypot(std::sqrt(grown), common * way) / span};
+  }
+}
+
+DriveDocument document_of(const Scene& scene, const Trajectory& trajectory,
+                          const std::vector<WindowMeasurement>& windows,
+                          const WindowOfFrame& window_of, const Eigen::Vector3d& up) {
+  DriveDocument out;
+  out.metric = trajectory.metric;
+  out.length = trajectory.whole.length;
+  out.length_sigma = trajectory.whole.sigma();
+  out.common_sigma = trajectory.common_sigma;
+  put_mounting(windows, trajectory.common_sigma, &out);
+  for (const Trajectory::Stretch& w : trajectory.windows) {
+    out.windows.push_back({w.first, w.last, w.length, w.sigma()});
+  }
+  const double rate = scene.frame_rate.value_or(10.0);
+  double s = 0.0;
+  for (std::size_t k = 0; k < trajectory.poses.size(); ++k) {
+    const TrajectoryPose& pose = trajectory.poses[k];
+    DriveFrame frame = frame_of(pose, window_of, up, trajectory.common_sigma);
+    if (k > 0) {
+      s += (pose.world_from_camera.translation() -
+            trajectory.poses[k - 1].world_from_camera.translation())
+               .norm();
+    }
+    frame.s.value = s;
+    frame.time_s = time_of(*scene.find_frame(pose.frame), rate);
+    out.frames.push_back(std::move(frame));
+  }
+  put_speeds(trajectory.common_sigma, &out.frames);
+  return out;
+}
+
+/// By how much the smoothed scale of each window is longer than its own, by reference.
+std::map<int, double> scale_factors(const Trajectory& trajectory,
+                                    const std::vector<WindowMeasurement>& windows) {
+  std::map<int, double> smoothed, out;
+  for (const auto& scale : trajectory.scales) smoothed[scale.reference] = scale.log_scale;
+  for (const WindowMeasurement& w : windows) {
+    const auto found = smoothed.find(w.reference);
+    if (w.log_scale && found != smoothed.end()) {
+      out[w.reference] = std::exp(found->second - *w.log_scale);
+    }
+  }
+  return out;
+}
+
+RoadStrip strip_of(const WindowLog& log, const Trajectory& trajectory,
+                   const std::map<int, double>& factors, const Eigen::Vector3d& up,
+                   const std::vector<Eigen::Vector3d>& feet, const RoadStripOptions& options) {
+  RoadStrip out;
+  out.strip_from_world = strip_from_world(up, feet);
+  std::vector<Eigen::Vector3d> turned;
+  for (const Eigen::Vector3d& foot : feet) turned.push_back(out.strip_from_world * foot);
+  out.line = DrivenLine(turned);
+  RoadStripBuilder builder(out.line, options);
+  log.for_each_window([&](const WindowMeasurement& w) {
+    const auto factor = factors.find(w.reference);
+    const TrajectoryPose* pose = trajectory.find(w.reference);
+    if (w.road.empty() || factor == factors.end() || !pose) return;
+    const SE3 strip_from_camera = out.strip_from_world * pose->world_from_camera;
+    const double s = out.line.lengths()[static_cast<std::size_t>(pose - trajectory.poses.data())];
+    for (const RoadSample& sample : w.road) {
+      builder.add(strip_from_camera * (factor->second * sample.point.cast<double>()),
+                  factor->second * sample.sigma, sample.label, sample.color, s);
+    }
+  });
+  out.cells = builder.finish();
+  return out;
+}
+
+/// Vehicles keep their sizes, which the prior holds, and move along their rays.
+void move_along_rays(double factor, std::vector<VehicleEstimate>* vehicles) {
+  for (VehicleEstimate& v : *vehicles) {
+    const Eigen::Vector3d shift = (factor - 1.0) * v.pose.bottom_center();
+    v.pose.camera_from_vehicle.set_translation(v.pose.bottom_center() + shift);
+    for (Eigen::Vector3d& k : v.keypoints) k += shift;
+  }
+}
+
+/// What is light of all windows, by reference.
+std::vector<WindowMeasurement> windows_without_roads(const WindowLog& log) {
+  std::vector<WindowMeasurement> out;
+  log.for_each_window([&](WindowMeasurement window) {
+    window.road = {};
+    out.push_back(std::move(window));
+  });
+  std::sort(out.begin(), out.end(), [](const WindowMeasurement& a, const WindowMeasurement& b) {
+    return a.reference < b.reference;
+  });
+  return out;
+}
+
+void require_motion(const std::vector<WindowMeasurement>& windows) {
+  if (windows.empty()) {
+    throw NoAnswerError(
+        "the camera does not move: no two frames of the drive show the road from different places");
+  }
+  for (const WindowMeasurement& w : windows) {
+    if (w.frame_from_reference.size() > 1) return;
+  }
+  throw NoAnswerError("no motion in any window of the drive: " + windows.front().reason);
+}
+
+void name_skipped_frames(const std::vector<FrameRecord>& records, Trajectory* trajectory) {
+  std::map<int, const FrameRecord*> skipped;
+  for (const FrameRecord& record : records) {
+    if (!record.reason.empty()) skipped[record.frame] = &record;
+  }
+  for (TrajectoryPose& pose : trajectory->poses) {
+    const auto found = skipped.find(pose.frame);
+    if (found == skipped.end()) continue;
+    pose.status = Status::kWeak;
+    pose.reason = found->second->reason;
   }
 }
 
@@ -314,126 +442,33 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
   }
   const ReconstructOptions window_options = handed_down(options.window);
   DriveResult out;
+  const StageRunner run(out.timings, progress);
   Measurer(scene, frame_ids, options, window_options, log, &out.timings, progress).run();
-  if (progress) progress("trajectory", 0.0);
 
-  std::vector<DriveWindow> windows;
-  log->for_each_window([&](DriveWindow window) {
-    window.road.clear();
-    window.road.shrink_to_fit();
-    windows.push_back(std::move(window));
+  std::vector<WindowMeasurement> windows = windows_without_roads(*log);
+  require_motion(windows);
+  out.trajectory =
+      run("motion", 0.95, [&] { return smooth_trajectory(frame_ids, windows, options.noise); });
+  name_skipped_frames(log->frames(), &out.trajectory);
+  WindowOfFrame window_of;
+  for (const WindowMeasurement& w : windows) window_of[w.reference] = &w;
+  out.up = up_of(scene, out.trajectory, windows, &out.level_by_gravity);
+  out.document = document_of(scene, out.trajectory, windows, window_of, out.up);
+  const std::map<int, double> factors = scale_factors(out.trajectory, windows);
+  out.strip = run("surface", 0.97, [&] {
+    return strip_of(*log, out.trajectory, factors, out.up,
+                    feet_of(out.trajectory, window_of, out.document), options.strip);
   });
-  std::sort(windows.begin(), windows.end(),
-            [](const DriveWindow& a, const DriveWindow& b) { return a.reference < b.reference; });
-  const bool moved = std::any_of(windows.begin(), windows.end(), [](const DriveWindow& w) {
-    return w.frame_from_reference.size() > 1;
+  out.tracks = run("vehicles", 0.98, [&] {
+    for (WindowMeasurement& w : windows) {
+      const auto factor = factors.find(w.reference);
+      if (factor != factors.end()) move_along_rays(factor->second, &w.vehicles.vehicles);
+    }
+    std::map<int, double> times;
+    for (const DriveFrame& frame : out.document.frames) times[frame.id] = frame.time_s;
+    return join_tracks(windows, out.trajectory, times);
   });
-  if (!moved) {
-    throw NoAnswerError(windows.empty()
-                            ? "the camera does not move: no two frames of the drive "
-                              "show the road from different places"
-                            : "no motion in any window of the drive: " + windows.front().reason);
-  }
-  {
-    const StageTimer timer(out.timings, "motion");
-    out.trajectory = smooth_trajectory(frame_ids, windows, options.noise);
-  }
-  Trajectory& trajectory = out.trajectory;
-  for (TrajectoryPose& pose : trajectory.poses) {
-    for (const FrameRecord& record : log->frames()) {
-      if (record.frame != pose.frame || record.reason.empty()) continue;
-      pose.status = Status::kWeak;
-      pose.reason = record.reason;
-    }
-  }
-  std::map<int, double> times;
-  const double rate = scene.frame_rate.value_or(10.0);
-  for (const int id : frame_ids) times[id] = time_of(*scene.find_frame(id), rate);
-
-  std::map<int, const DriveWindow*> window_of;
-  for (const DriveWindow& w : windows) window_of[w.reference] = &w;
-  out.mounting = mounting_of(windows);
-  out.up = up_of(scene, trajectory, windows, &out.level_by_gravity);
-  const std::vector<Eigen::Vector3d> feet = feet_of(trajectory, window_of, out.mounting);
-  out.strip.strip_from_world = strip_from_world(out.up, feet);
-  std::vector<Eigen::Vector3d> strip_feet;
-  for (const Eigen::Vector3d& foot : feet) {
-    strip_feet.push_back(out.strip.strip_from_world * foot);
-  }
-  out.strip.line = DrivenLine(strip_feet);
-  double s = 0.0;
-  for (std::size_t k = 0; k < trajectory.poses.size(); ++k) {
-    DriveFrame frame;
-    frame.pose = trajectory.poses[k];
-    if (k > 0) {
-      s += (frame.pose.world_from_camera.translation() -
-            trajectory.poses[k - 1].world_from_camera.translation())
-               .norm();
-    }
-    frame.s = s;
-    frame.height = frame.height_sigma = frame.pitch = frame.pitch_sigma = frame.roll =
-        frame.roll_sigma = frame.grade = frame.grade_sigma = frame.bank = frame.bank_sigma = kNaN;
-    const auto found = window_of.find(frame.pose.frame);
-    if (found != window_of.end() && found->second->ego) {
-      const UncertainPlane& ego = *found->second->ego;
-      const OverRoad over = over_road(ego, found->second->scale_sigma);
-      frame.height = over.height;
-      frame.height_sigma = std::hypot(over.height_sigma, trajectory.common_sigma * over.height);
-      frame.pitch = over.pitch;
-      frame.roll = over.roll;
-      frame.pitch_sigma = frame.roll_sigma = over.turn_sigma;
-      const Eigen::Quaterniond turn = frame.pose.world_from_camera.rotation();
-      const Eigen::Matrix3d turned = frame.pose.covariance.topLeftCorner<3, 3>();
-      frame.grade = std::asin(std::clamp((turn * ego.axis1).dot(out.up), -1.0, 1.0));
-      frame.bank = std::asin(std::clamp((turn * ego.axis2).dot(out.up), -1.0, 1.0));
-      frame.grade_sigma = std::sqrt(ego.covariance(1, 1) + turned(0, 0));
-      frame.bank_sigma = std::sqrt(ego.covariance(0, 0) + turned(2, 2));
-    }
-    out.frames.push_back(std::move(frame));
-  }
-  put_speeds(times, trajectory.common_sigma, &out.frames);
-
-  {
-    const StageTimer timer(out.timings, "surface");
-    RoadStripBuilder builder(out.strip.line, options.strip);
-    std::map<int, std::size_t> place;
-    for (std::size_t k = 0; k < frame_ids.size(); ++k) place[frame_ids[k]] = k;
-    std::map<int, double> log_scale;
-    for (const auto& scale : trajectory.scales) log_scale[scale.reference] = scale.log_scale;
-    log->for_each_window([&](const DriveWindow& w) {
-      if (w.road.empty() || !w.log_scale) return;
-      const std::size_t k = place.at(w.reference);
-      const SE3 strip_from_camera =
-          out.strip.strip_from_world * trajectory.poses[k].world_from_camera;
-      const auto smoothed = log_scale.find(w.reference);
-      const double factor =
-          smoothed == log_scale.end() ? 1.0 : std::exp(smoothed->second - *w.log_scale);
-      for (const RoadSample& sample : w.road) {
-        builder.add(strip_from_camera * (factor * sample.point.cast<double>()),
-                    factor * sample.sigma, sample.label, sample.color, out.strip.line.lengths()[k]);
-      }
-    });
-    out.strip.cells = builder.finish();
-  }
-  if (progress) progress("vehicles", 0.95);
-  {
-    const StageTimer timer(out.timings, "vehicles");
-    for (DriveWindow& w : windows) {
-      const auto scale =
-          std::find_if(trajectory.scales.begin(), trajectory.scales.end(),
-                       [&](const auto& entry) { return entry.reference == w.reference; });
-      if (scale == trajectory.scales.end() || !w.log_scale) continue;
-      const double factor = std::exp(scale->log_scale - *w.log_scale);
-      // Vehicles keep their sizes, which the prior holds, and move along their rays.
-      for (VehicleEstimate& v : w.vehicles.vehicles) {
-        const Eigen::Vector3d shift = (factor - 1.0) * v.pose.bottom_center();
-        v.pose.camera_from_vehicle.set_translation(v.pose.bottom_center() + shift);
-        for (Eigen::Vector3d& k : v.keypoints) k += shift;
-      }
-    }
-    out.tracks = join_tracks(windows, trajectory, times);
-    out.tracks.vehicles.detections_source = scene.detections_source;
-  }
+  out.tracks.vehicles.detections_source = scene.detections_source;
   if (progress) progress("vehicles", 1.0);
   return out;
 }

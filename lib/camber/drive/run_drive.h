@@ -11,6 +11,7 @@
 #include "camber/drive/window_log.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/road/road_strip.h"
+#include "camber/scene/drive_document.h"
 
 namespace camber {
 
@@ -23,31 +24,11 @@ struct DriveOptions {
   void validate() const;  ///< throws std::invalid_argument
 };
 
-/// How the camera sits over the road, by all windows: as seen along the direction of travel.
-struct CameraMounting {
-  double height = 0.0, height_sigma = 0.0;  ///< m
-  double pitch = 0.0, pitch_sigma = 0.0;    ///< rad, positive: looks up
-  double roll = 0.0, roll_sigma = 0.0;      ///< rad, positive: right side down
-  int windows = 0;                          ///< that it is of; 0: not known
-};
-
-/// What a drive comes to beside its road and its vehicles, frame by frame.
-struct DriveFrame {
-  TrajectoryPose pose;
-  double s = 0.0;  ///< m along the path from the first frame
-  /// Of the camera over the road under it (m; rad): by the window whose reference the frame is;
-  /// NaN where it has none. Grade and bank are the road's, against `up`.
-  double height, height_sigma, pitch, pitch_sigma, roll, roll_sigma, grade, grade_sigma, bank,
-      bank_sigma;
-  double speed, speed_sigma;  ///< m/s; NaN at frames without times
-};
-
 struct DriveResult {
   Trajectory trajectory;
-  Eigen::Vector3d up{0, -1, 0};    ///< unit, world (the first frame's camera)
-  bool level_by_gravity = false;   ///< `up` is gravity's; false: the mean of the road's normals
-  std::vector<DriveFrame> frames;  ///< as trajectory.poses
-  CameraMounting mounting;
+  DriveDocument document;         ///< drive.json: lengths, mounting, every frame
+  Eigen::Vector3d up{0, -1, 0};   ///< unit, world (the first frame's camera)
+  bool level_by_gravity = false;  ///< `up` is gravity's; false: the mean of the road's normals
   RoadStrip strip;
   DriveTracks tracks;
   Timings timings;

@@ -19,7 +19,7 @@ constexpr Eigen::Index kPose = 6, kBlock = 7;  // of a frame: pose, logarithm of
 
 /// A window with the places of its frames in the trajectory.
 struct Measurement {
-  const DriveWindow* window = nullptr;
+  const WindowMeasurement* window = nullptr;
   std::vector<std::size_t> at;  // of its frames
   std::size_t reference = 0;    // index into the window's frames
   Eigen::MatrixXd information;  // of its relative poses, baselines
@@ -34,10 +34,10 @@ double student_weight(double squared, double dimension, double freedom) {
 }
 
 std::vector<Measurement> measurements_of(const std::vector<int>& ids,
-                                         const std::vector<DriveWindow>& windows,
+                                         const std::vector<WindowMeasurement>& windows,
                                          const TrajectoryNoise& noise) {
   std::vector<Measurement> out;
-  for (const DriveWindow& window : windows) {
+  for (const WindowMeasurement& window : windows) {
     if (window.frame_from_reference.size() < 2) continue;
     Measurement m;
     m.window = &window;
@@ -58,20 +58,20 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
   return out;
 }
 
-Eigen::Vector3d center_in_reference(const DriveWindow& w, std::size_t k) {
+Eigen::Vector3d center_in_reference(const WindowMeasurement& w, std::size_t k) {
   return w.frame_from_reference[k].inverse().translation();
 }
 
 /// Logarithm by which two windows' lengths between frames that both have differ; nothing where no
 /// two are in both or they stand.
-std::optional<double> log_length_ratio(const DriveWindow& a, const DriveWindow& b) {
+std::optional<double> log_length_ratio(const WindowMeasurement& a, const WindowMeasurement& b) {
   std::vector<std::pair<std::size_t, std::size_t>> both;
   for (std::size_t i = 0; i < a.frames.size(); ++i) {
     const auto found = std::find(b.frames.begin(), b.frames.end(), a.frames[i]);
     if (found != b.frames.end()) both.emplace_back(i, found - b.frames.begin());
   }
   if (both.size() < 2) return std::nullopt;
-  const auto length = [&](const DriveWindow& w, std::size_t i, std::size_t j) {
+  const auto length = [&](const WindowMeasurement& w, std::size_t i, std::size_t j) {
     return (center_in_reference(w, i) - center_in_reference(w, j)).norm();
   };
   const double in_a = length(a, both.front().first, both.back().first);
@@ -107,7 +107,7 @@ std::vector<double> start_scales(const std::vector<Measurement>& measured,
     Eigen::VectorXd right = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
     for (std::size_t i = 0; i < count; ++i) {
       const auto at = static_cast<Eigen::Index>(i);
-      const DriveWindow& w = *measured[i].window;
+      const WindowMeasurement& w = *measured[i].window;
       double information = 1e-8;
       if (w.log_scale) {
         const double variance =
@@ -150,7 +150,7 @@ struct Bridge {
 
 class Smoother {
  public:
-  Smoother(const std::vector<int>& ids, const std::vector<DriveWindow>& windows,
+  Smoother(const std::vector<int>& ids, const std::vector<WindowMeasurement>& windows,
            const TrajectoryNoise& noise)
       : ids_(ids), noise_(noise), measured_(measurements_of(ids, windows, noise)) {
     poses_.resize(ids.size());
@@ -292,7 +292,7 @@ class Smoother {
   }
 
   void add_scale(const Measurement& m, bool robust) {
-    const DriveWindow& w = *m.window;
+    const WindowMeasurement& w = *m.window;
     const Eigen::Index at = kBlock * static_cast<Eigen::Index>(m.place()) + kPose;
     if (!w.log_scale) return;
     const double variance = w.scale_sigma * w.scale_sigma + noise_.scale_floor * noise_.scale_floor;
@@ -425,7 +425,7 @@ const TrajectoryPose* Trajectory::find(int frame) const {
 }
 
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
-                             const std::vector<DriveWindow>& windows,
+                             const std::vector<WindowMeasurement>& windows,
                              const TrajectoryNoise& noise) {
   if (frame_ids.empty()) return {};
   return Smoother(frame_ids, windows, noise).solve();

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "camber/core/status.h"
-#include "camber/drive/drive_window.h"
+#include "camber/drive/window_measurement.h"
 #include "camber/geometry/se3.h"
 
 namespace camber {
@@ -73,7 +73,7 @@ struct Trajectory {
 /// @param frame_ids  every frame taken, ascending.
 /// @param windows    in the order of their references.
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
-                             const std::vector<DriveWindow>& windows,
+                             const std::vector<WindowMeasurement>& windows,
                              const TrajectoryNoise& noise = {});
 
 }  // namespace camber

@@ -80,7 +80,7 @@ WindowLog::WindowLog(std::filesystem::path path, const nlohmann::json& header, b
       } else if (record->kind == 'F') {
         frames_.push_back(frame_of(record->bytes));
       } else if (record->kind == 'W') {
-        references_.push_back(decode_drive_window(record->bytes).reference);
+        references_.push_back(decode_window(record->bytes).reference);
       }
       end = in.tellg();
     }
@@ -121,7 +121,7 @@ void WindowLog::append(const FrameRecord& frame) {
   frames_.push_back(frame);
 }
 
-void WindowLog::append(const DriveWindow& window) {
+void WindowLog::append(const WindowMeasurement& window) {
   write('W', encode(window));
   references_.insert(std::upper_bound(references_.begin(), references_.end(), window.reference),
                      window.reference);
@@ -132,11 +132,11 @@ void WindowLog::flush() {
   if (!out_) throw OutputError(path_.string(), "cannot be written");
 }
 
-void WindowLog::for_each_window(const std::function<void(DriveWindow)>& visit) const {
+void WindowLog::for_each_window(const std::function<void(WindowMeasurement)>& visit) const {
   std::ifstream in(path_, std::ios::binary);
   in.seekg(static_cast<std::streamoff>(kMagic.size()));
   while (auto record = next_record(in)) {
-    if (record->kind == 'W') visit(decode_drive_window(record->bytes));
+    if (record->kind == 'W') visit(decode_window(record->bytes));
   }
 }
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "camber/drive/drive_window.h"
+#include "camber/drive/window_measurement.h"
 #include "camber/scene/json_value.h"
 
 namespace camber {
@@ -43,12 +43,12 @@ class WindowLog {
   bool has_window(int reference) const;
 
   void append(const FrameRecord& frame);
-  void append(const DriveWindow& window);
+  void append(const WindowMeasurement& window);
   /// Brings what was appended to the disk.
   void flush();
 
   /// Calls back for every window, in the order in which they were appended.
-  void for_each_window(const std::function<void(DriveWindow)>& visit) const;
+  void for_each_window(const std::function<void(WindowMeasurement)>& visit) const;
 
  private:
   void write(char kind, const std::vector<std::uint8_t>& bytes);

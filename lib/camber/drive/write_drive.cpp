@@ -20,54 +20,12 @@ namespace {
 
 using nlohmann::json;
 
-json number(double value) { return std::isfinite(value) ? json(value) : json(); }
-
 json matrix_json(const SE3& pose) {
   const Eigen::Matrix4d m = pose.matrix();
   json out = json::array();
   for (int r = 0; r < 4; ++r) {
     for (int c = 0; c < 4; ++c) out.push_back(m(r, c));
   }
-  return out;
-}
-
-json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
-json stretch_json(const Trajectory::Stretch& stretch) {
-  return {{"first", stretch.first},
-          {"last", stretch.last},
-          {"length", stretch.length},
-          {"length_sigma", stretch.sigma()}};
-}
-
-json frame_json(const DriveFrame& f, const std::map<int, double>& times) {
-  json covariance = json::array();
-  for (int r = 0; r < 6; ++r) {
-    for (int c = 0; c < 6; ++c) covariance.push_back(f.pose.covariance(r, c));
-  }
-  json out = {{"id", f.pose.frame},
-              {"time_s", times.count(f.pose.frame) > 0 ? json(times.at(f.pose.frame)) : json()},
-              {"world_from_camera", matrix_json(f.pose.world_from_camera)},
-              {"covariance", std::move(covariance)},
-              {"s", f.s},
-              {"status", std::string(to_string(f.pose.status))},
-              {"reason", f.pose.reason}};
-  for (const auto& [name, value, sigma] : {std::tuple("height", f.height, f.height_sigma),
-                                           {"pitch", f.pitch, f.pitch_sigma},
-                                           {"roll", f.roll, f.roll_sigma},
-                                           {"speed", f.speed, f.speed_sigma},
-                                           {"grade", f.grade, f.grade_sigma},
-                                           {"bank", f.bank, f.bank_sigma}}) {
-    out[name] = number(value);
-    out[fmt::format("{}_sigma", name)] = number(sigma);
-  }
-  return out;
-}
-
-std::map<int, double> times_of(const Scene& scene) {
-  std::map<int, double> out;
-  const double rate = scene.frame_rate.value_or(10.0);
-  for (const SceneFrame& frame : scene.frames) out[frame.id] = time_of(frame, rate);
   return out;
 }
 
@@ -131,26 +89,6 @@ void write_strip(const DriveResult& result, const RoadStripOptions& options,
 
 }  // namespace
 
-json to_json(const DriveResult& result) {
-  const Trajectory& t = result.trajectory;
-  json windows = json::array();
-  for (const Trajectory::Stretch& w : t.windows) windows.push_back(stretch_json(w));
-  const CameraMounting& m = result.mounting;
-  json camera = m.windows > 0 ? json{{"height", m.height},  {"height_sigma", m.height_sigma},
-                                     {"pitch", m.pitch},    {"pitch_sigma", m.pitch_sigma},
-                                     {"roll", m.roll},      {"roll_sigma", m.roll_sigma},
-                                     {"windows", m.windows}}
-                              : json();
-  return {{"metric", t.metric},
-          {"length", t.whole.length},
-          {"length_sigma", t.whole.sigma()},
-          {"common_sigma", t.common_sigma},
-          {"level", result.level_by_gravity ? "gravity" : "camera"},
-          {"up", vector_json(result.up)},
-          {"windows", std::move(windows)},
-          {"camera", std::move(camera)}};
-}
-
 json to_json(const DriveTracks& tracks) {
   json out = json::array();
   for (const DriveTrack& track : tracks.tracks) {
@@ -171,26 +109,22 @@ json to_json(const DriveTracks& tracks) {
   return {{"tracks", std::move(out)}};
 }
 
-void write_drive(const Scene& scene, const DriveResult& result, const DriveOptions& options,
-                 const json& run, const fs::path& folder) {
-  const std::map<int, double> times = times_of(scene);
-  json drive = to_json(result);
-  json frames = json::array();
-  for (const DriveFrame& frame : result.frames) frames.push_back(frame_json(frame, times));
-  drive["frames"] = std::move(frames);
-  write_json(drive, folder / "drive.json");
+void write_drive(const DriveResult& result, const RoadStripOptions& strip, const json& run,
+                 const fs::path& folder) {
+  write_json(to_json(result.document), folder / "drive.json");
   write_file_atomically(folder / "trajectory.tum", [&](std::ostream& out) {
-    for (const DriveFrame& frame : result.frames) {
-      const Eigen::Vector3d t = frame.pose.world_from_camera.translation();
-      const Eigen::Quaterniond q = frame.pose.world_from_camera.rotation();
-      out << fmt::format("{:.9f} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g}\n",
-                         times.at(frame.pose.frame), t.x(), t.y(), t.z(), q.x(), q.y(), q.z(),
-                         q.w());
+    for (const DriveFrame& frame : result.document.frames) {
+      if (!frame.world_from_camera) continue;
+      const Eigen::Vector3d t = frame.world_from_camera->translation();
+      const Eigen::Quaterniond q = frame.world_from_camera->rotation();
+      out << fmt::format("{:.9f} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g} {:.9g}\n", frame.time_s,
+                         t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
     }
   });
   write_file_atomically(folder / "poses.txt", [&](std::ostream& out) {
-    for (const DriveFrame& frame : result.frames) {
-      const Eigen::Matrix4d m = frame.pose.world_from_camera.matrix();
+    for (const DriveFrame& frame : result.document.frames) {
+      if (!frame.world_from_camera) continue;
+      const Eigen::Matrix4d m = frame.world_from_camera->matrix();
       for (int i = 0; i < 12; ++i) {
         out << fmt::format("{:.9g}{}", m(i / 4, i % 4), i < 11 ? " " : "\n");
       }
@@ -209,7 +143,7 @@ void write_drive(const Scene& scene, const DriveResult& result, const DriveOptio
       }
     }
   });
-  write_strip(result, options.strip, folder / "strip");
+  write_strip(result, strip, folder / "strip");
   write_json(run, folder / "run.json");
 }
 

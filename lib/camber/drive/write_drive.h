@@ -8,15 +8,13 @@
 
 namespace camber {
 
-/// drive.json.
-nlohmann::json to_json(const DriveResult& result);
 /// tracks.json.
 nlohmann::json to_json(const DriveTracks& tracks);
 
 /// Writes a drive's files beside its log: drive.json, trajectory.tum, poses.txt, vehicles.json,
 /// tracks.json, tracks.csv, strip/index.json and a strip/NNNNNN.ply for each stretch; run.json
 /// comes last. Each appears whole. @throws OutputError.
-void write_drive(const Scene& scene, const DriveResult& result, const DriveOptions& options,
+void write_drive(const DriveResult& result, const RoadStripOptions& strip,
                  const nlohmann::json& run, const std::filesystem::path& folder);
 
 }  // namespace camber

@@ -110,12 +110,22 @@ std::vector<StripCell> RoadStripBuilder::finish() const {
       return static_cast<double>(o.sigma) * o.sigma +
              options_.surface_sigma * options_.surface_sigma;
     };
-    // Starts at the best known one: nothing far away outvotes what was seen near.
-    double height = std::min_element(observations.begin(), observations.end(),
-                                     [](const Observation& a, const Observation& b) {
-                                       return a.sigma < b.sigma;
-                                     })
-                        ->above;
+    // Starts at the weighted median: neither one far window nor one that took another layer for
+    // the road decides.
+    std::vector<std::pair<double, double>> sorted;  // height, weight
+    double all = 0.0;
+    for (const Observation& o : observations) {
+      sorted.emplace_back(o.above, 1.0 / variance(o));
+      all += sorted.back().second;
+    }
+    std::sort(sorted.begin(), sorted.end());
+    double height = sorted.back().first, below = 0.0;
+    for (const auto& [value, weight] : sorted) {
+      below += weight;
+      if (2.0 * below < all) continue;
+      height = value;
+      break;
+    }
     double information = 0.0, spread = 0.0;
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       double sum = 0.0;

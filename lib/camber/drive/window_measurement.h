@@ -23,7 +23,7 @@ struct RoadSample {
 
 /// What a window of a few frames measures of a drive. Windows are written down as they are made and
 /// not changed; everything of a drive is estimated from them.
-struct DriveWindow {
+struct WindowMeasurement {
   int reference = 0;        ///< frame id
   std::vector<int> frames;  ///< ids, ascending, the reference among them
   /// Translations in baselines: the longest has length 1. Empty: no motion was found, see `reason`.
@@ -49,8 +49,8 @@ struct DriveWindow {
 };
 
 /// One window as bytes, the same for equal windows. Numbers are exact.
-std::vector<std::uint8_t> encode(const DriveWindow& window);
+std::vector<std::uint8_t> encode(const WindowMeasurement& window);
 /// @throws std::invalid_argument for bytes that encode() did not give.
-DriveWindow decode_drive_window(const std::vector<std::uint8_t>& bytes);
+WindowMeasurement decode_window(const std::vector<std::uint8_t>& bytes);
 
 }  // namespace camber

@@ -1,4 +1,4 @@
-#include "camber/drive/drive_window.h"
+#include "camber/drive/window_measurement.h"
 
 #include <algorithm>
 #include <cstring>
@@ -125,12 +125,12 @@ std::vector<RoadSample> road_of(const json& from) {
 
 }  // namespace
 
-std::size_t DriveWindow::index_of_reference() const {
+std::size_t WindowMeasurement::index_of_reference() const {
   return static_cast<std::size_t>(std::find(frames.begin(), frames.end(), reference) -
                                   frames.begin());
 }
 
-std::vector<std::uint8_t> encode(const DriveWindow& w) {
+std::vector<std::uint8_t> encode(const WindowMeasurement& w) {
   json poses = json::array();
   for (const SE3& pose : w.frame_from_reference) poses.push_back(of_pose(pose));
   json vehicles = json::array();
@@ -153,10 +153,10 @@ std::vector<std::uint8_t> encode(const DriveWindow& w) {
   return json::to_cbor(out);
 }
 
-DriveWindow decode_drive_window(const std::vector<std::uint8_t>& bytes) {
+WindowMeasurement decode_window(const std::vector<std::uint8_t>& bytes) {
   try {
     const json from = json::from_cbor(bytes);
-    DriveWindow w;
+    WindowMeasurement w;
     w.reference = from.at("reference");
     w.frames = from.at("frames").get<std::vector<int>>();
     for (const json& pose : from.at("poses")) w.frame_from_reference.push_back(pose_of(pose));
