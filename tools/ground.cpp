@@ -72,6 +72,7 @@ double ground_margin(const GroundOptions& options) {
 /// What was written.
 struct WrittenGround {
   std::uint64_t points = 0, ground = 0;
+  std::uint64_t kept = 0;          // as they were: not asked about
   std::vector<std::string> notes;  // on the output
 };
 
@@ -99,6 +100,10 @@ WrittenGround write_ground(const Arguments& arguments, const ReadOptions& read_o
   if (read_options.lenient) source = drop_bad_points(std::move(source));
   source = las ? classify_ground(std::move(source), ground)
                : add_label(std::move(source), "ground", ground);
+  std::vector<char> kept(ground.size(), judged ? 1 : 0);
+  if (judged) {
+    for (const int i : *judged) kept[static_cast<std::size_t>(i)] = 0;
+  }
   if (bounds) {
     std::size_t place = 0;
     const auto in_order = [&](const PointStreamHeader& header, const PointBatch& batch,
@@ -111,9 +116,10 @@ WrittenGround write_ground(const Arguments& arguments, const ReadOptions& read_o
       for (std::size_t i = 0; i < batch.count; ++i, ++place) {
         if (!bounds->contains(value(0, i), value(1, i))) {
           (*keep)[i] = 0;
-        } else if (ground[place] > 0) {
-          ++written.ground;
+          continue;
         }
+        written.ground += ground[place] > 0 ? 1 : 0;
+        written.kept += kept[place] != 0 ? 1 : 0;
       }
     };
     source = select_rows(std::move(source), in_order);
@@ -121,6 +127,7 @@ WrittenGround write_ground(const Arguments& arguments, const ReadOptions& read_o
     written.points = write_points(*source, arguments.out, write_options, {}, &written.notes);
     return written;
   }
+  written.kept = static_cast<std::uint64_t>(std::count(kept.begin(), kept.end(), 1));
   written.ground = static_cast<std::uint64_t>(
       std::count_if(ground.begin(), ground.end(), [](int g) { return g > 0; }));
   source = with_complete_crs(std::move(source), arguments.out, write_options);
@@ -260,7 +267,7 @@ void register_ground(App& root) {
                 {"out", arguments->out},
                 {"metric", file.cloud.metric},
                 {"points", written.points},
-                {"kept_as_they_are", judged ? file.cloud.size() - judged->size() : 0},
+                {"kept_as_they_are", written.kept},
                 {"ground", written.ground},
                 {"from_air", found.from_air},
                 {"used",
