@@ -259,15 +259,33 @@ void bind_clouds(py::module_& module) {
 
   module.def(
       "read_cloud",
-      [](const std::filesystem::path& path, bool lenient) {
+      [](const std::filesystem::path& path, bool lenient, std::optional<std::size_t> scan,
+         bool own_frame, const std::optional<std::vector<double>>& bounds) {
         return compute([&] {
           ReadOptions options;
           options.lenient = lenient;
+          options.scan = scan;
+          options.own_frame = own_frame;
+          if (bounds) {
+            if (bounds->size() != 4) {
+              throw std::invalid_argument("bounds: found " + std::to_string(bounds->size()) +
+                                          " numbers, expected x0, y0, x1, y1");
+            }
+            options.bounds = PlanBounds{(*bounds)[0], (*bounds)[1], (*bounds)[2], (*bounds)[3]};
+          }
           return read_cloud(path, options);
         });
       },
-      py::arg("path"), py::kw_only(), py::arg("lenient") = false,
-      with_keywords(kDoc_read_cloud_file, {{"lenient", kDoc_ReadOptions_lenient}}).c_str());
+      py::arg("path"), py::kw_only(), py::arg("lenient") = false, py::arg("scan") = py::none(),
+      py::arg("own_frame") = false, py::arg("bounds") = py::none(),
+      with_keywords(kDoc_read_cloud_file,
+                    {{"lenient", kDoc_ReadOptions_lenient},
+                     {"scan", kDoc_ReadOptions_scan},
+                     {"own_frame", kDoc_ReadOptions_own_frame},
+                     {"bounds",
+                      "x0, y0, x1, y1: points outside are left out; half-open, in the "
+                      "file's coordinates and units."}})
+          .c_str());
   module.def(
       "read_coordinate_system",
       [](const std::filesystem::path& path) {

@@ -304,6 +304,17 @@ class Clouds(unittest.TestCase):
         self.road[:, 2] += 0.08 * numpy.maximum(0, self.road[:, 0] - 20)
         self.road += self.random.normal(0, [0, 0, 0.01], self.road.shape)
 
+    def test_parts_of_a_file(self):
+        path = pathlib.Path(os.environ["CAMBER_TEST_FOLDER"]) / "parts.ply"
+        camber.write_cloud(camber.RoadCloud(self.road.astype(numpy.float32)), path)
+        inside = camber.read_cloud(path, bounds=[10, -2, 20, 2]).true_points()
+        expected = [10 <= x < 20 and -2 <= y < 2 for x, y, _ in self.road.astype(numpy.float32)]
+        self.assertEqual(len(inside), sum(expected))
+        with self.assertRaises(ValueError):
+            camber.read_cloud(path, bounds=[10, -2, 10, 2])
+        with self.assertRaises(ValueError):
+            camber.read_cloud(path, bounds=[10, -2, 20])
+
     def test_attributes_of_every_kind_go_there_and_back(self):
         given = {"colors": self.random.integers(0, 255, (50, 3), numpy.uint8),
                  "sigmas": self.random.uniform(0, 1, 50).astype(numpy.float32),
