@@ -33,12 +33,23 @@ foreach(module IN LISTS modules)
   install(
     TARGETS ${module}
     EXPORT ${module}
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development OPTIONAL)
   install(
     EXPORT ${module}
     NAMESPACE camber::
     FILE camber-${name}.cmake
     DESTINATION ${camber_package_folder}
+    COMPONENT development)
+  # Where the program alone was built, as samples/run.sh does, some modules are not there.
+  install(
+    CODE "if(NOT EXISTS \"$<TARGET_FILE:${module}>\")
+            message(STATUS \"Not installed: camber::${name}, which is not built\")
+            file(GLOB files \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${camber_package_folder}/camber-${name}.cmake\"
+                 \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${camber_package_folder}/camber-${name}-*.cmake\")
+            if(files)
+              file(REMOVE \${files})
+            endif()
+          endif()"
     COMPONENT development)
   if(NOT IS_DIRECTORY ${PROJECT_SOURCE_DIR}/lib/camber/${name})
     continue()  # a target within a folder: its headers come with the folder's
