@@ -343,6 +343,26 @@ TEST_F(BrokenFrames, SlowDriveTakesFramesFurtherApart) {
   EXPECT_GT(near.parallax_px, 6.0);
 }
 
+TEST_F(BrokenFrames, CopiesOfAnImageArePassedOver) {
+  for (const int copies : {2, 3}) {
+    Scene scene = make_scene(flat, {-2, -1, 0, 1, 2});
+    std::vector<SceneFrame> frames;
+    for (const SceneFrame& frame : scene.frames) {
+      for (int k = 0; k < copies; ++k) {
+        frames.push_back(frame);
+        frames.back().id = static_cast<int>(frames.size()) - 1;
+      }
+    }
+    scene.frames = std::move(frames);
+    const ChosenFrames chosen = choose_frames(scene);
+    std::vector<int> pictures;
+    for (const int id : chosen.ids) pictures.push_back(id / copies);
+    EXPECT_EQ(pictures, (std::vector<int>{0, 1, 2, 3, 4})) << copies;
+    for (SceneFrame& frame : scene.frames) frame.image = scene.frames.front().image;
+    EXPECT_THROW(choose_frames(scene), NoAnswerError);
+  }
+}
+
 TEST_F(BrokenFrames, AReferenceAtTheEndHasFramesOnOneSide) {
   Scene scene = make_scene(flat, {-2, -1, 0, 1, 2});
   scene.reference_frame = 4;

@@ -29,8 +29,17 @@ GrayImage small_image(const Scene& scene, std::size_t index, const Undistortion&
 
 /// The reference and what can stand beside it.
 struct Reference {
-  std::vector<int> ids;  // of the scene
+  std::vector<std::size_t> places;  // in the scene
+  std::vector<int> ids;             // of these
   std::size_t at = 0;
+
+  /// The frames at some places, in their order; the reference is among them.
+  Reference(const Scene& scene, std::vector<std::size_t> frames, std::size_t reference)
+      : places(std::move(frames)) {
+    for (const std::size_t place : places) ids.push_back(scene.frames[place].id);
+    at = static_cast<std::size_t>(std::find(places.begin(), places.end(), reference) -
+                                  places.begin());
+  }
 
   explicit Reference(const Scene& scene) {
     const std::size_t count = scene.frames.size();
@@ -38,7 +47,10 @@ struct Reference {
       throw NoAnswerError("one frame alone has no parallax: at least 2 frames are needed, " +
                           std::to_string(count) + " given");
     }
-    for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
+    for (std::size_t i = 0; i < count; ++i) {
+      places.push_back(i);
+      ids.push_back(scene.frames[i].id);
+    }
     const int id = choose_reference_frame(scene, ids);
     at = static_cast<std::size_t>(std::find(ids.begin(), ids.end(), id) - ids.begin());
   }
@@ -73,28 +85,68 @@ struct Reference {
   }
 };
 
-}  // namespace
+/// Small images of a scene's frames.
+class SmallImages {
+ public:
+  SmallImages(const Scene& scene, const FramePixelSource& pixels)
+      : scene_(scene), pixels_(pixels), lens_(scene.camera, scene.distortion) {}
 
-ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels, int each_side) {
-  if (each_side != 1 && each_side != 2) {
-    throw std::invalid_argument("choose_frames: each_side is " + std::to_string(each_side) +
-                                ", 1 or 2 expected");
+  GrayImage read(std::size_t place) { return small_image(scene_, place, lens_, images_, pixels_); }
+
+ private:
+  const Scene& scene_;
+  const FramePixelSource& pixels_;
+  Undistortion lens_;
+  FrameImageReader images_;  // goes on through a video as the frames do
+};
+
+/// Whether two of some frames have the same image, as films have that were made of fewer pictures.
+bool has_copies(const Scene& scene, const std::vector<int>& ids, SmallImages& images) {
+  std::vector<std::vector<std::uint8_t>> seen;
+  for (std::size_t place = 0; place < scene.frames.size(); ++place) {
+    if (std::find(ids.begin(), ids.end(), scene.frames[place].id) == ids.end()) continue;
+    seen.push_back(images.read(place).pixels);
+    if (std::count(seen.begin(), seen.end(), seen.back()) > 1) return true;
   }
-  const Reference reference(scene);
+  return false;
+}
+
+/// The frames around the reference without those whose image is that of the one before.
+/// @throws NoAnswerError where they all have one image.
+Reference without_copies(const Scene& scene, const Reference& all, SmallImages& images) {
+  constexpr std::size_t kReach = 150;  // frames on each side
+  const std::size_t first = all.at - std::min(all.at, kReach);
+  const std::size_t last = std::min(all.places.size() - 1, all.at + kReach);
+  std::vector<std::size_t> distinct;
+  std::vector<std::uint8_t> before;
+  for (std::size_t place = first; place <= last; ++place) {
+    std::vector<std::uint8_t> pixels = images.read(place).pixels;
+    const bool copy = pixels == before;
+    if (!copy) distinct.push_back(place);
+    if (copy && place == all.at) distinct.back() = place;  // the reference stands for its copies
+    before = std::move(pixels);
+  }
+  if (distinct.size() < 2) {
+    throw NoAnswerError("the frames from " + std::to_string(scene.frames[first].id) + " to " +
+                        std::to_string(scene.frames[last].id) +
+                        " have the same image: no parallax between them");
+  }
+  return Reference(scene, std::move(distinct), all.at);
+}
+
+ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallImages& images,
+                          int each_side) {
   const std::size_t most = std::max(reference.behind(), reference.ahead());
   if (most == 1) return reference.with_spacing(1, each_side);
-  const Undistortion lens(scene.camera, scene.distortion);
-  FrameImageReader images;  // goes on through a video as the frames do
-  const GrayImage here = small_image(scene, reference.at, lens, images, pixels);
+  const GrayImage here = images.read(reference.places[reference.at]);
   const double enough = kEnoughNearParallax * scene.camera.fx;
   double parallax_px = 0.0;
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other =
         spacing <= reference.ahead() ? reference.at + spacing : reference.at - spacing;
-    const auto parallax =
-        near_parallax(scene.camera, here, small_image(scene, other, lens, images, pixels),
-                      spacing == 1 ? kLeastNearMatched : 0.0);
+    const auto parallax = near_parallax(scene.camera, here, images.read(reference.places[other]),
+                                        spacing == 1 ? kLeastNearMatched : 0.0);
     // Too fast to be matched at this size is not too slow.
     parallax_px = parallax.value_or(enough);
     if (parallax_px >= enough) break;
@@ -108,6 +160,25 @@ ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels, i
   }
   ChosenFrames out = reference.with_spacing(spacing, each_side);
   out.parallax_px = parallax_px;
+  return out;
+}
+
+}  // namespace
+
+ChosenFrames choose_frames(const Scene& scene, const FramePixelSource& pixels, int each_side) {
+  if (each_side != 1 && each_side != 2) {
+    throw std::invalid_argument("choose_frames: each_side is " + std::to_string(each_side) +
+                                ", 1 or 2 expected");
+  }
+  const Reference reference(scene);
+  if (std::max(reference.behind(), reference.ahead()) == 1) {
+    return reference.with_spacing(1, each_side);  // nothing to choose
+  }
+  SmallImages images(scene, pixels);
+  ChosenFrames out = choose_among(scene, reference, images, each_side);
+  if (has_copies(scene, out.ids, images)) {
+    out = choose_among(scene, without_copies(scene, reference, images), images, each_side);
+  }
   return out;
 }
 
