@@ -473,6 +473,17 @@ TEST_F(SteepHillRun, GivenPosesGiveTheMetresAndAreCheckedByTheImages) {
   EXPECT_LT(wrong.run.scale_sigma, 0.025);
   EXPECT_LT(std::abs(metrics(scene, wrong).scale_error), 2.0 * wrong.run.scale_sigma);
   EXPECT_EQ(wrong.run.extra["scale_from"]["source"], "given positions");
+  // All of them turn by more than the images, as poses of another moment do, and are half as far
+  // apart: there are no metres in them.
+  for (std::size_t k = 0; k < scene.frames.size(); ++k) {
+    scene.frames[k].world_from_camera =
+        SE3(rotation_from_vector({0.0, 0.021 * static_cast<double>(k), 0.0}),
+            Eigen::Vector3d(0.0, 0.0, 0.5 * static_cast<double>(k)));
+  }
+  const Reconstruction other = reconstruct(scene, {0, 1, 2}, options);
+  ASSERT_FALSE(other.run.warnings.empty());
+  EXPECT_THAT(other.run.warnings[0].text, HasSubstr("other moments"));
+  EXPECT_FALSE(other.run.metric);
 }
 
 TEST_F(SteepHillRun, MarkingsSharpenTheScaleAndCanBeLeftOut) {

@@ -126,6 +126,34 @@ TEST(MotionStage, PosesThatTheMatchesContradictAreLeftAsideByName) {
   expect_same_motion(stages::motion(drive.frames, drive.matches, {}), drive.motion);
 }
 
+TEST(MotionStage, PosesOfOtherMomentsAreKnownByTheirTurns) {
+  MadeDrive drive = make_drive({});
+  // Poses that turn by so much more from frame to frame, or all of them in other axes.
+  const auto give_poses = [&](double turn, const SE3& axes) {
+    drive.frames.poses_of_other_moments = false;
+    for (std::size_t k = 0; k < drive.frames.size(); ++k) {
+      const SE3 pose = metric_pose(drive.motion, k, drive.metres_per_baseline).inverse();
+      drive.frames.frames[k].world_from_camera =
+          pose *
+          SE3(rotation_from_vector({0.0, turn * static_cast<double>(k), 0.0}),
+              Eigen::Vector3d::Zero()) *
+          axes;
+    }
+    stages::check_poses(drive.matches, {}, &drive.frames);
+  };
+  const SE3 none;
+  give_poses(0.0, none);
+  EXPECT_FALSE(drive.frames.poses_of_other_moments);
+  EXPECT_TRUE(drive.frames.has_poses());
+  give_poses(0.021, none);
+  EXPECT_FALSE(drive.frames.has_poses());
+  EXPECT_TRUE(drive.frames.poses_of_other_moments);
+  // A body's axes in place of the camera's: its turns are those of the images, its lengths count.
+  give_poses(0.0, SE3(rotation_from_vector({1.2, -1.2, 1.2}), Eigen::Vector3d::Zero()));
+  EXPECT_FALSE(drive.frames.has_poses());
+  EXPECT_FALSE(drive.frames.poses_of_other_moments);
+}
+
 TEST(MotionStage, AStationaryCameraHasNoAnswer) {
   MadeDriveOptions options;
   options.stations = {-1e-4, 0.0, 1e-4};

@@ -130,8 +130,13 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
   if (!frames.contradicted_poses.empty()) {
     out.run.warnings.push_back(
         {"poses_contradicted",
-         fmt::format("of the given poses only the lengths between the positions are used: {}",
-                     frames.contradicted_poses)});
+         frames.poses_of_other_moments
+             ? fmt::format("the given poses are not used, nor are the lengths between them: they "
+                           "turn by other angles than the images, as poses of other moments do "
+                           "(is their clock the images'?): {}",
+                           frames.contradicted_poses)
+             : fmt::format("of the given poses only the lengths between the positions are used: {}",
+                           frames.contradicted_poses)});
   }
   for (std::string& text : unknown_classes(frames.frames, options.vehicles.fit.prior)) {
     out.run.warnings.push_back({"unknown_class", std::move(text)});

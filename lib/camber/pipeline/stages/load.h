@@ -41,6 +41,9 @@ struct LoadedFrames {
   std::vector<Image> color;       ///< 3 channels
   std::vector<FrameMasks> masks;  ///< of every image
   bool masks_by_network = false;  ///< the scene's segmentation is a network's
+  /// The contradicted poses (below) turn by other angles than the images, which hang on no choice
+  /// of axes: they are of other moments, and so are the lengths between them.
+  bool poses_of_other_moments = false;
   KnownMetres known;
   std::string detections_source;       ///< as the scene declares it
   std::optional<double> box_sigma_px;  ///< of the detections, as the scene states it

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "camber/core/errors.h"
 #include "camber/motion/feature_matches.h"
@@ -40,6 +41,9 @@ MotionEstimate motion_from_features(const LoadedFrames& frames, const MotionEsti
   }
   return out;
 }
+
+/// The angle of a rotation, rad.
+double turn_of(const SE3& motion) { return Eigen::AngleAxisd(motion.rotation()).angle(); }
 
 /// The matches with one image alone, which is image 1, the reference image 0.
 Correspondences pair_of(const Correspondences& matches, std::size_t other) {
@@ -86,6 +90,9 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
   // Shares of the matches: that must agree with their own motion for it to count, and by which
   // fewer agree with poses that are contradicted.
   constexpr double kTrusted = 0.6, kFewer = 0.2;
+  // Of a turn by the matches and by a pose of the same moment: some 0.05 degrees each, and the
+  // focal length's error in it.
+  constexpr double kSameTurn = 0.0025, kSameTurnShare = 0.05;  // rad; relative
   constexpr std::size_t kNamed = 3;
   if (!frames->has_poses()) return;
   const MotionEstimate given = motion_from_poses(*frames);
@@ -94,6 +101,7 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
   std::size_t most = 0;
   for (const MatchedImage& match : matches.matches) most = std::max(most, match.count());
   std::vector<std::string> contradicted;
+  int judged = 0, turned = 0;
   for (std::size_t m = 0; m < matches.matches.size(); ++m) {
     // What a far image shares may be another layer.
     const auto shared = static_cast<double>(matches.matches[m].count());
@@ -104,8 +112,15 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
     const double by_own = epipolar_agreement(frames->camera, pair, usable, own, options.inlier_px);
     const double by_given =
         epipolar_agreement(frames->camera, matches, usable, given, options.inlier_px, m);
-    if (by_own < kTrusted || by_given > by_own - kFewer) continue;
+    if (by_own < kTrusted) continue;
+    ++judged;
+    if (by_given > by_own - kFewer) continue;
     const auto frame = static_cast<std::size_t>(matches.matches[m].frame);
+    const double turn = turn_of(own.frame_from_reference[1]);
+    if (std::abs(turn - turn_of(given.frame_from_reference[frame])) >
+        kSameTurn + kSameTurnShare * turn) {
+      ++turned;
+    }
     contradicted.push_back(fmt::format(
         "frame {}: {:.0f} % of its matches agree with the given poses, {:.0f} % with another "
         "motion",
@@ -117,6 +132,7 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
     contradicted.push_back(fmt::format("and {} more", more));
   }
   frames->contradicted_poses = fmt::format("{}", fmt::join(contradicted, "; "));
+  frames->poses_of_other_moments = 2 * turned > judged;  // one wrong pose leaves the others
 }
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,

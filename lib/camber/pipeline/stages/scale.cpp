@@ -58,7 +58,7 @@ std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedF
 /// The length of the path over the given positions, of poses that the matches contradict.
 std::optional<Constraint> measure_positions(const RoadPosterior& road, const LoadedFrames& frames,
                                             const MotionEstimate& motion, const ScaleNoise& noise) {
-  if (frames.contradicted_poses.empty()) return std::nullopt;
+  if (frames.contradicted_poses.empty() || frames.poses_of_other_moments) return std::nullopt;
   double metres = 0.0, baselines = 0.0;
   for (std::size_t k = 1; k < frames.size(); ++k) {
     const auto step = [](const SE3& before, const SE3& after) {
