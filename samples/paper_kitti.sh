@@ -13,8 +13,8 @@ frames at a time, with --preset paper and with the default, and prints one table
   KITTI_ROOT      the folder with training/ in it, or training/ itself: image_02/NNNN/, calib/NNNN.txt
                   and label_02/NNNN.txt. What is not there is named and left out.
   KEYPOINTS.json  36 keypoints of cars, a list of objects with sequence, frame, track_id (or
-                  bbox_xyxy) and keypoints_uv_confidence; without it vehicles are placed by their
-                  boxes alone, and the table says so
+                  bbox_xyxy) and keypoints_uv_confidence; without it the keypoints are those of the
+                  shipped network, and the table says so
 
   --out DIR       results and tables (default out/paper_kitti); what is there already is kept and
                   not run again
@@ -23,7 +23,8 @@ frames at a time, with --preset paper and with the default, and prints one table
   --camber FILE   default: build/release/bin/camber, which samples/run.sh builds
 
 The boxes are those of the labels, as in the paper. Three frames where the camera stands still have
-no parallax and no answer: they are counted. Exit code 1: nothing could be judged.
+no parallax and no answer: they are counted. Exit code 1: nothing could be judged, or no keypoint
+belongs to a box of the sequences.
 END
 }
 
@@ -110,7 +111,7 @@ log=$out/log.txt
 inputs=boxes
 [ -z "$keypoints" ] || inputs=keypoints_$(cksum <"$keypoints" | cut -d ' ' -f 1)
 absent=()
-truths=() papers=() defaults=()
+truths=() papers=() defaults=() scenes=()
 runs=0 unanswered=0
 for sequence in ${sequences//,/ }; do
   number=$(printf '%04d' "$((10#$sequence))")
@@ -139,6 +140,7 @@ for sequence in ${sequences//,/ }; do
   [ -z "$keypoints" ] ||
     arguments+=(--keypoints "$keypoints" --sequence "$((10#$sequence))")
   "$camber" import kitti "${arguments[@]}" --quiet 2>>"$log"
+  scenes+=("$scene")
   for start in "${starts[@]}"; do
     for preset in paper default; do
       result=$results/$preset/$start
@@ -169,6 +171,12 @@ if [ ${#absent[@]} -gt 0 ]; then
   (IFS=';'; printf '%s\n' "${absent[*]}" | sed 's/;/; /g')
 fi
 echo "$runs runs, $unanswered without an answer (reasons in $log)"
+# What was used stands in the scenes and in the results.
+if [ -n "$keypoints" ] && [ ${#scenes[@]} -gt 0 ] &&
+  ! grep -rq '"keypoints": *\[' "${scenes[@]}"; then
+  echo "paper_kitti.sh: $keypoints: no keypoints for a box of these sequences" >&2
+  exit 1
+fi
 if [ ${#truths[@]} -eq 0 ]; then
   echo 'paper_kitti.sh: no three frames were answered by both: nothing to judge' >&2
   exit 1
@@ -179,6 +187,8 @@ fi
   echo "Three frames at a time, ${#truths[@]} times. Boxes: those of the labels."
   if [ -n "$keypoints" ]; then
     echo "Keypoints: $(basename "$keypoints"); vehicles without any there by their boxes alone."
+  elif grep -q '"keypoints": *{' "${papers[@]/%//run.json}" "${defaults[@]/%//run.json}"; then
+    echo "Keypoints: those that the shipped network finds."
   else
     echo "Boxes alone, no keypoints: headings and distances follow from box, ground and size."
   fi

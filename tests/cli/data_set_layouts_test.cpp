@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "camber/image/image_io.h"
@@ -228,7 +229,9 @@ TEST_F(PaperKitti, RunsWhatIsThereNamesWhatIsNotAndPrintsOneTable) {
   EXPECT_THAT(printed, HasSubstr("absent: 0001 (no image_02/0001, no calib/0001.txt, no "
                                  "label_02/0001.txt); 0003 ("));
   EXPECT_THAT(printed, HasSubstr("2 runs, 0 without an answer"));
-  EXPECT_THAT(printed, HasSubstr("Boxes alone, no keypoints"));
+  // The captions are of what was used: the shipped network, where no file is given.
+  EXPECT_THAT(printed, HasSubstr("Keypoints: those that the shipped network finds."));
+  EXPECT_THAT(printed, Not(HasSubstr("Boxes alone")));
   EXPECT_THAT(printed, HasSubstr("| joint (paper) | all |"));
   EXPECT_THAT(printed, HasSubstr("| joint | all |"));
   // One table: one row of headings.
@@ -239,6 +242,13 @@ TEST_F(PaperKitti, RunsWhatIsThereNamesWhatIsNotAndPrintsOneTable) {
   EXPECT_THAT(printed, HasSubstr("Keypoints: keypoints.json;"));
   EXPECT_THAT(printed, Not(HasSubstr("Boxes alone, no keypoints")));
   EXPECT_THAT(printed, HasSubstr("| joint (paper) | all |"));
+
+  // Keypoints of other frames are none of these.
+  nlohmann::json others = nlohmann::json::parse(test::read_text(path("kitti/keypoints.json")));
+  for (nlohmann::json& one : others) one["frame"] = one["frame"].get<int>() + 900;
+  std::ofstream(path("others.json")) << others.dump();
+  EXPECT_EQ(script(root + " '" + path("others.json") + "'" + out, &printed), 1) << printed;
+  EXPECT_THAT(printed, HasSubstr("no keypoints for a box of these sequences"));
 
   EXPECT_EQ(script(root + out + " --sequences 1,20", &printed), 1);
   EXPECT_THAT(printed, HasSubstr("nothing to judge"));
