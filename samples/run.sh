@@ -60,7 +60,7 @@ show_progress() {
 }
 
 if [ ! -f build/release/build.ninja ]; then
-  echo "Building camber (a few minutes, once) ..."
+  echo "Building camber (once; some 12 minutes on two cores) ..."
   quietly "configuring" cmake --preset release -DCAMBER_BUILD_TESTS=OFF \
     -DCAMBER_BUILD_BENCHMARKS=OFF -DCAMBER_BUILD_SAMPLES=OFF
 fi

@@ -26,7 +26,7 @@ inline constexpr Verb kVerbs[] = {
     {"evaluate", "frames", "errors of vehicles, trajectories and tracks against truth"},
     {"render", "frames", "pictures, films, glTF or a report, without a display"},
     {"view", "clouds", "the interactive viewer"},
-    {"import", "frames", "scene manifests from other data sets"},
+    {"import", "frames", "scene manifests from own films, images and bags, and from data sets"},
     {"keypoints", "frames", "crops to train the keypoint network, and its errors"},
     {"prior", "frames", "shape and size priors of vehicles"},
     {"synth", "frames", "a made scene of a steep road with cars and complete truth"},

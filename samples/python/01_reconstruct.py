@@ -7,9 +7,12 @@ import json
 import pathlib
 import sys
 
-import matplotlib
-import numpy
-from PIL import Image
+try:
+    import matplotlib
+    import numpy
+    from PIL import Image
+except ImportError as error:
+    sys.exit(f"{error}: apt install python3-matplotlib python3-numpy python3-pil")
 
 import camber
 

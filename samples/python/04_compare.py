@@ -7,8 +7,11 @@
 import pathlib
 import sys
 
-import matplotlib
-import numpy
+try:
+    import matplotlib
+    import numpy
+except ImportError as error:
+    sys.exit(f"{error}: apt install python3-matplotlib python3-numpy")
 
 import camber
 
