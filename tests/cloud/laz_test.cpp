@@ -6,8 +6,10 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "camber/cloud/detail/laz/arithmetic_encoder.h"
 #include "camber/cloud/detail/laz/chunk_codec.h"
@@ -427,6 +429,41 @@ TEST(LazFile, AnotherFileOfCopcPointsHasNoIndex) {
     for (const LasRecord& record : again->header().las->records) {
       EXPECT_NE(record.user_id, "copc");
     }
+  }
+}
+
+/// $CAMBER_NODE_MODULES is the folder in which `npm install laz-perf` put the package.
+TEST(LazFile, LazPerfReadsWhatIsWritten) {
+  const char* const modules = std::getenv("CAMBER_NODE_MODULES");
+  if (modules == nullptr || !std::filesystem::exists(std::filesystem::path(modules) / "laz-perf")) {
+    GTEST_SKIP() << "no laz-perf: npm install laz-perf, and set CAMBER_NODE_MODULES";
+  }
+  const test::TemporaryFolder folder;
+  for (const int format : {0, 1, 2, 3, 6, 7, 8}) {  // it aborts on others
+    test::MadeLaz what;
+    what.point_format = format;
+    what.minor = format < 6 ? 2 : 4;
+    what.compressor = format < 6 ? 2 : 3;
+    what.extra_bytes = 3;
+    what.chunks = {50000, 20000};
+    std::string records;
+    const std::string made = test::make_laz(what, &records);
+    // Written anew by the writer, in its own chunks.
+    const auto source = open_point_source(made.data(), made.size(), "a.laz");
+    {
+      std::ofstream out(folder.path() / "a.laz", std::ios::binary);
+      const auto sink =
+          make_point_sink(out, source->header(), CloudFormat::kLaz, CloudEncoding::kBinary);
+      PointBatch batch;
+      while (source->next(batch)) sink->write(batch);
+      sink->finish();
+    }
+    const std::string command = "NODE_PATH='" + std::string(modules) + "' node '" +
+                                (test::source_dir() / "tests/cloud/laz_perf.js").string() + "' '" +
+                                (folder.path() / "a.laz").string() + "' '" +
+                                (folder.path() / "out").string() + "'";
+    ASSERT_EQ(std::system(command.c_str()), 0) << command;
+    EXPECT_TRUE(test::read_text(folder.path() / "out") == records) << "format " << format;
   }
 }
 
