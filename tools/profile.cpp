@@ -19,6 +19,7 @@
 #include "camber/scene/results.h"
 #include "command.h"
 #include "crg_road.h"
+#include "profile_cloud.h"
 #include "profile_crg.h"
 #include "road_arguments.h"
 #include "unknown_scale.h"
@@ -37,6 +38,7 @@ struct Arguments {
   double levelling_sigma_deg = options.levelling_sigma / kDegree;
   bool json = false;
   bool as_stored = false;
+  CloudProfileArguments of_cloud;  ///< what clouds alone have
 };
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
@@ -139,11 +141,6 @@ Inputs load(const Arguments& args, const LogSink& warn) {
   check_output_file(args.plot);
   std::error_code ignored;
   if (fs::is_directory(in.surface_file, ignored)) in.surface_file /= "surface.json";
-  if (in.surface_file.extension() != ".json" && fs::exists(in.surface_file, ignored)) {
-    throw InputError(args.surface,
-                     "is no surface, expected a result folder, its surface.json or an OpenCRG "
-                     "file; camber patches makes a result of a cloud");
-  }
   in.surface = read_surface(in.surface_file);
   in.line = args.line.empty() ? in.surface.driven_line : read_line(args.line);
   if (!args.line.empty()) {
@@ -244,7 +241,42 @@ void check_crg_options(const App& app, const Arguments& args) {
   }
 }
 
+int run_on_cloud(const Command& command, const Arguments& args) {
+  if (args.line.empty()) {
+    throw UsageError(
+        "found a cloud without --along FILE, expected the line along which to measure");
+  }
+  if (command.app->count("--reach") > 0) {
+    throw UsageError("--reach: found a cloud, which has no patches; see --half-width");
+  }
+  CloudProfileArguments of_cloud = args.of_cloud;
+  of_cloud.cloud = args.surface;
+  of_cloud.line = args.line;
+  of_cloud.out = args.out;
+  of_cloud.plot = args.plot;
+  of_cloud.json = args.json;
+  of_cloud.options.profile = args.options;
+  of_cloud.options.profile.levelling_sigma = args.levelling_sigma_deg * kDegree;
+  return profile_of_cloud(command, of_cloud);
+}
+
+/// @throws UsageError where an option is given that clouds alone have.
+void check_no_cloud_options(const App& app) {
+  for (const char* name :
+       {"--half-width", "--crown", "--ground-from", "--sections", "--up", "--line-crs",
+        "--alignment", "--lenient", "--input-format", "--columns", "--crs"}) {
+    if (app.count(name) == 0) continue;
+    throw UsageError(std::string(name) + ": expected a cloud, found none");
+  }
+}
+
 int run(const Command& command, const Arguments& args) {
+  if (args.as_stored && is_cloud(args.surface)) {
+    throw UsageError("--as-stored: found '" + args.surface +
+                     "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
+  }
+  if (is_cloud(args.surface)) return run_on_cloud(command, args);
+  check_no_cloud_options(*command.app);
   if (is_crg(args.surface)) {
     check_crg_options(*command.app, args);
     return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
@@ -291,11 +323,14 @@ int run(const Command& command, const Arguments& args) {
 }
 
 void add_arguments(App& app, Arguments& a) {
-  app.add_option("surface", a.surface, "result folder, its surface.json, or an OpenCRG file (.crg)")
+  app.add_option("surface", a.surface,
+                 "result folder, its surface.json, an OpenCRG file (.crg), or a cloud (PCD, PLY, "
+                 "KITTI .bin, LAS or text) with --along")
       ->required();
   app.add_option("--out", a.out, "FILE.csv or FILE.json")->output_file();
-  app.add_option("--plot", a.plot,
-                 "FILE.png or FILE.svg: height, grade and cross slope (deg) with bands of 1 sigma")
+  app.add_option(
+         "--plot", a.plot,
+         "FILE.png or FILE.svg: height, grade and cross slope (per cent) with their 95 % bands")
       ->output_file();
   app.add_option(
       "--along", a.line,
@@ -303,7 +338,9 @@ void add_arguments(App& app, Arguments& a) {
       "z_m) in the result's frame: of reconstruct the reference camera's (x right, y down, z "
       "forward), of patches the cloud's, in metres; default: the driven line of the result. Of an "
       "OpenCRG file: places, columns u, v or "
-      "x, y; default: its reference line");
+      "x, y; default: its reference line. Of a cloud: in its coordinates and units, or GeoJSON, "
+      "GeoPackage, Shapefile, DXF or LandXML (.xml), transformed where it states another "
+      "coordinate system");
   app.add_option("--step", a.options.step, "metres between stations")
       ->check(positive_number())
       ->capture_default_str()
@@ -331,6 +368,30 @@ void add_arguments(App& app, Arguments& a) {
       ->check(non_negative_number())
       ->capture_default_str()
       ->default_varies();
+  CloudProfileArguments& cloud = a.of_cloud;
+  app.add_option("--half-width", cloud.options.half_width,
+                 "metres to either side of the line over which the cross slope of a cloud's ground "
+                 "is measured, as far as the road's edges (kerb, ditch, bank)")
+      ->check(positive_number())
+      ->capture_default_str();
+  app.add_flag("--crown", cloud.options.crown,
+               "of a cloud: also the cross slopes left and right of the crest");
+  app.add_option("--ground-from", cloud.ground_from,
+                 "where the ground of a cloud comes from: class (ASPRS classes 2 and 11), label "
+                 "(an int ground), compute (as camber ground), all (every point), or auto: the "
+                 "first of them that the cloud has")
+      ->check(is_member({"auto", "class", "label", "compute", "all"}))
+      ->capture_default_str();
+  app.add_option("--sections", cloud.sections,
+                 "FILE.png or FILE.svg: up to twelve cross-sections of a cloud's ground")
+      ->output_file();
+  app.add_option("--up", cloud.up.up_values,
+                 "up direction x,y,z of a cloud; default: the camera's (0,-1,0) for clouds that "
+                 "Camber wrote in a camera's frame, else 0,0,1")
+      ->delimiter(',')
+      ->expected(3);
+  add_line_arguments(app, cloud.along);
+  add_cloud_arguments(app, cloud.reading);
   app.add_flag("--as-stored", a.as_stored,
                "of an OpenCRG file: without its modifiers, unknown cells left unknown");
   app.add_flag("--json", a.json, "print the stations as JSON to stdout");
@@ -345,7 +406,9 @@ void register_profile(App& root) {
                   "  camber profile results --plot profile.png\n"
                   "  camber profile results --json > profile.json\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json\n"
-                  "  camber profile road.crg --along places.csv --out heights.csv");
+                  "  camber profile road.crg --along places.csv --out heights.csv\n"
+                  "  camber profile survey.las --along centreline.csv --crown --out profile.csv "
+                  "--plot profile.png --sections sections.png");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

@@ -437,7 +437,7 @@ TEST_F(RoadClouds, ProfileAsAPlot) {
   }
   std::ifstream file(path("profile.svg"));
   const std::string svg{std::istreambuf_iterator<char>(file), {}};
-  for (const char* word : {"height, m", "grade, deg", "cross slope, deg", "1 sigma", "</svg>"}) {
+  for (const char* word : {"height, m", "grade, %", "cross slope, %", "95 % band", "</svg>"}) {
     EXPECT_THAT(svg, HasSubstr(word));
   }
   EXPECT_GT(fs::file_size(path("profile.png")), 5000u);
@@ -457,7 +457,8 @@ TEST_F(RoadClouds, ProfileFailuresAreOneSentence) {
   };
   EXPECT_ONE_SENTENCE(run("missing", "axis.csv", "old.csv"), 2, "missing");
   EXPECT_ONE_SENTENCE(run("broken", "axis.csv", "old.csv"), 2, "surface.json");
-  EXPECT_ONE_SENTENCE(run("cloud.ply", "axis.csv", "old.csv"), 2, "is no surface");
+  EXPECT_ONE_SENTENCE(run_camber({"profile", path("cloud.ply"), "--out", path("old.csv")}), 2,
+                      "found a cloud without --along FILE");
   EXPECT_ONE_SENTENCE(run("out", "missing.csv", "old.csv"), 2, "missing.csv");
   EXPECT_ONE_SENTENCE(run("out", "point.xyz", "old.csv"), 1, "at least two points");
   EXPECT_ONE_SENTENCE(run("out", "axis.csv", "old.txt"), 2, "FILE.csv or FILE.json");

@@ -412,14 +412,13 @@ TEST(ResultPlots, ProfileBandsAndTimingBars) {
   }
   const PlotSheet sheet = profile_plots(profile, true, "hill");
   ASSERT_EQ(sheet.panels.size(), 2u);  // the cross slope is not known
-  EXPECT_DOUBLE_EQ(sheet.panels[0].series[0].low[1], 0.1 - 0.05);
-  // 8 % are 4.574 degrees; a step of 1 % there is 0.5693 degrees to first order.
-  EXPECT_NEAR(sheet.panels[1].series[1].y[3], 4.5739, 1e-4);
-  EXPECT_NEAR(sheet.panels[1].series[0].high[3], 4.5739 + 0.5693, 1e-4);
-  // Whoever points at a place of a curve reads it, with its sigma; a gap has no place.
+  EXPECT_DOUBLE_EQ(sheet.panels[0].series[0].low[1], 0.1 - 1.96 * 0.05);
+  EXPECT_NEAR(sheet.panels[1].series[1].y[3], 8.0, 1e-9);
+  EXPECT_NEAR(sheet.panels[1].series[0].high[3], 8.0 + 1.96, 1e-9);
+  // Whoever points at a place of a curve reads it, with its band; a gap has no place.
   const std::string hover = plots_svg(sheet);
-  EXPECT_THAT(hover, HasSubstr("<title>Height at 2.0 m: 0.100 ± 0.050 m</title>"));
-  EXPECT_THAT(hover, HasSubstr("<title>Grade at 6.0 m: 4.57 ± 0.57 deg</title>"));
+  EXPECT_THAT(hover, HasSubstr("<title>Height at 2.0 m: 0.100 ± 0.098 m</title>"));
+  EXPECT_THAT(hover, HasSubstr("<title>Grade at 6.0 m: 8.00 ± 1.96 %</title>"));
   EXPECT_THAT(hover, Not(HasSubstr("at 4.0 m:")));
   EXPECT_THAT(plots_svg(sheet), Not(HasSubstr("nan")));
   EXPECT_EQ(profile_plots(profile, false, "").panels[0].y.title, "height, units");

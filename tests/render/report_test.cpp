@@ -276,7 +276,7 @@ TEST(Report, IsSelfContainedAndTellsTheRun) {
   for (const char* part :
        {"0123456789abcdef", "behind_camera", "321", "12.5", "77", "scale_error", "0.0123", "0.987",
         "45.6", "<h2>Vehicles</h2>", "<h2>Patches</h2>", "Profile along the driven line",
-        "<h3>Frame 7</h3>", "height, m", "grade, deg", "cross slope, deg", "Ceres 2.",
+        "<h3>Frame 7</h3>", "height, m", "grade, %", "cross slope, %", "Ceres 2.",
         "Vehicle by vehicle", "up to 15"}) {
     EXPECT_THAT(page, HasSubstr(part));
   }

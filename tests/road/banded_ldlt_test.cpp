@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
@@ -50,6 +51,22 @@ TEST(BandedLdlt, SolvesAsADenseMatrix) {
       EXPECT_LT((banded.solve_vector(e.right.col(0)) - expected.col(0)).norm(), 1e-12) << size;
       EXPECT_LT((SparseLdlt(e.band).solve(e.right) - expected).norm(), 1e-12)
           << size << " " << columns;
+    }
+  }
+}
+
+TEST(BandedLdlt, DeterminantAndInverseAsOfADenseMatrix) {
+  for (const Eigen::Index size : {1, 2, 7, 60}) {
+    const Example e = example(size, 9, 1);
+    BandedLdlt banded;
+    ASSERT_TRUE(banded.factorise(e.band));
+    EXPECT_NEAR(banded.log_determinant(), e.dense.ldlt().vectorD().array().log().sum(), 1e-10);
+    const Eigen::MatrixXd inverse = e.dense.inverse();
+    const SymmetricBand found = banded.inverse_in_band();
+    for (Eigen::Index j = 0; j < size; ++j) {
+      for (Eigen::Index i = j; i <= std::min(size - 1, j + found.band()); ++i) {
+        EXPECT_NEAR(found.at(i, j), inverse(i, j), 1e-13) << i << " " << j;
+      }
     }
   }
 }

@@ -111,3 +111,98 @@ CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
   }
   return reason->empty();
 }
+
+namespace {
+
+struct DestroyList {
+  void operator()(PJ_OBJ_LIST* list) const { proj_list_destroy(list); }
+};
+struct DestroyFactory {
+  void operator()(PJ_OPERATION_FACTORY_CONTEXT* factory) const {
+    proj_operation_factory_context_destroy(factory);
+  }
+};
+
+/// The horizontal part of a system, its axes in the order east, north; nothing where there is none.
+Object horizontal(PJ_CONTEXT* context, const std::string& definition) {
+  Object system = checked([&] { return proj_create(context, stated(definition.c_str()).c_str()); });
+  if (system && proj_get_type(system.get()) == PJ_TYPE_COMPOUND_CRS) {
+    system.reset(proj_crs_get_sub_crs(context, system.get(), 0));
+  }
+  if (system) system.reset(proj_normalize_for_visualization(context, system.get()));
+  return system;
+}
+
+/// The grids that an operation needs and that are not there.
+std::string missing_grids(PJ_CONTEXT* context, const PJ* operation) {
+  std::string names;
+  for (int i = 0; i < proj_coordoperation_get_grid_used_count(context, operation); ++i) {
+    const char* name = nullptr;
+    int available = 0;
+    proj_coordoperation_get_grid_used(context, operation, i, &name, nullptr, nullptr, nullptr,
+                                      nullptr, nullptr, &available);
+    if (available == 0 && name) names += (names.empty() ? "" : ", ") + std::string(name);
+  }
+  return names;
+}
+
+/// Why the operation that PROJ holds best is not taken; empty: it is.
+std::string why_not_operation(PJ_CONTEXT* context, PJ* operation) {
+  if (!operation) return "PROJ knows no way between them";
+  if (proj_coordoperation_is_instantiable(context, operation) == 0) {
+    const std::string grids = missing_grids(context, operation);
+    return "the transformation needs " +
+           (grids.empty() ? "what PROJ does not have" : "the grid " + grids) +
+           ", which is not installed";
+  }
+  if (proj_coordoperation_has_ballpark_transformation(context, operation) != 0) {
+    return "PROJ knows a rough way between their datums alone";
+  }
+  return {};
+}
+
+}  // namespace
+
+CAMBER_EXPORT bool camber_transform(const char* from, const char* to,
+                                    std::vector<Eigen::Vector2d>* places, std::string* reason);
+CAMBER_EXPORT bool camber_transform(const char* from, const char* to,
+                                    std::vector<Eigen::Vector2d>* places, std::string* reason) {
+  const Context context = quiet_context();
+  const Object source = horizontal(context.get(), from), target = horizontal(context.get(), to);
+  if (!source || !target) {
+    *reason = std::string("PROJ does not know the ") + (source ? "cloud's" : "line's");
+    return false;
+  }
+  if (places->empty() ||
+      proj_is_equivalent_to(source.get(), target.get(), PJ_COMP_EQUIVALENT) != 0) {
+    return true;
+  }
+  const std::unique_ptr<PJ_OPERATION_FACTORY_CONTEXT, DestroyFactory> factory(
+      proj_create_operation_factory_context(context.get(), nullptr));
+  proj_operation_factory_context_set_spatial_criterion(context.get(), factory.get(),
+                                                       PROJ_SPATIAL_CRITERION_PARTIAL_INTERSECTION);
+  // The best of all, also where its grid is not there: none is taken in its place unseen.
+  proj_operation_factory_context_set_grid_availability_use(context.get(), factory.get(),
+                                                           PROJ_GRID_AVAILABILITY_IGNORED);
+  const std::unique_ptr<PJ_OBJ_LIST, DestroyList> list(
+      proj_create_operations(context.get(), source.get(), target.get(), factory.get()));
+  Object operation;
+  if (list && proj_list_get_count(list.get()) > 0) {
+    const Eigen::Vector2d& first = places->front();
+    const int best = proj_get_suggested_operation(context.get(), list.get(), PJ_FWD,
+                                                  proj_coord(first.x(), first.y(), 0.0, HUGE_VAL));
+    operation.reset(proj_list_get(context.get(), list.get(), best < 0 ? 0 : best));
+  }
+  *reason = why_not_operation(context.get(), operation.get());
+  if (!reason->empty()) return false;
+  for (Eigen::Vector2d& place : *places) {
+    const PJ_COORD there =
+        proj_trans(operation.get(), PJ_FWD, proj_coord(place.x(), place.y(), 0.0, HUGE_VAL));
+    if (!std::isfinite(there.xy.x) || !std::isfinite(there.xy.y)) {
+      *reason = "a place of the line lies where the transformation is not defined";
+      return false;
+    }
+    place = {there.xy.x, there.xy.y};
+  }
+  return true;
+}

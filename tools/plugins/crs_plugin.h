@@ -19,4 +19,10 @@ using FindCrs = bool (*)(const char* definition, CoordinateSystem* found, std::s
 using Project = bool (*)(const char* definition, bool inverse, std::vector<Eigen::Vector2d>* places,
                          std::string* reason);
 
+/// What it exports as camber_transform: coordinates of one system to those of another, both in the
+/// order east, north, heights left out; false and a reason where PROJ knows no way, a rough one
+/// only, or one that needs a grid that is not installed.
+using Transform = bool (*)(const char* from, const char* to, std::vector<Eigen::Vector2d>* places,
+                           std::string* reason);
+
 }  // namespace camber::tools

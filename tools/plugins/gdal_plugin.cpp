@@ -1,4 +1,4 @@
-// GeoTIFF by GDAL, which brings many shared libraries.
+// GeoTIFF and vector files by GDAL, which brings many shared libraries.
 
 #include "gdal_plugin.h"
 
@@ -11,6 +11,8 @@
 #include <cerrno>
 #include <cstring>
 #include <exception>
+#include <functional>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
@@ -62,15 +64,14 @@ class Socket {
                      "no process can be started for GDAL: " + std::strerror(reason));
 }
 
-/// Sends the file, or the sentence that gives the reason.
-[[noreturn]] void encode_and_end(const Socket& to, const RoadRaster& raster, const std::string& crs,
-                                 const std::map<std::string, std::string>& metadata) {
+/// Sends the answer, or the sentence that gives the reason why there is none.
+[[noreturn]] void answer_and_end(const Socket& to, const std::function<std::string()>& task) {
   // GDAL and the C library print before they abort.
   ::dup2(::open("/dev/null", O_WRONLY), STDERR_FILENO);
   int code = 0;
   std::string answer;
   try {
-    answer = encode_geotiff(raster, crs, metadata);
+    answer = task();
   } catch (const Error& error) {
     code = error.exit_code();
     answer = error.what();
@@ -80,17 +81,17 @@ class Socket {
   ::_exit(to.send(answer) ? code : MachineError("").exit_code());
 }
 
-/// encode_geotiff() in a process of its own: at hundreds of places GDAL and libtiff use memory that
-/// they did not get, or abort.
-std::string encode_apart(const RoadRaster& raster, const std::string& crs,
-                         const std::map<std::string, std::string>& metadata) {
+/// A task in a process of its own: at hundreds of places GDAL and libtiff use memory that they did
+/// not get, or abort.
+/// @param job  what GDAL does, for messages
+std::string answer_apart(const char* job, const std::function<std::string()>& task) {
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) cannot_start(errno);
   const Socket ours(ends[0]);
   Socket theirs(ends[1]);
   const pid_t process = ::fork();
   if (process < 0) cannot_start(errno);
-  if (process == 0) encode_and_end(theirs, raster, crs, metadata);
+  if (process == 0) answer_and_end(theirs, task);
   theirs.close();
   std::string answer = ours.receive();
   int status = 0;
@@ -98,14 +99,50 @@ std::string encode_apart(const RoadRaster& raster, const std::string& crs,
   }
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   if (code == 0) return answer;
-  if (code == NoAnswerError("").exit_code()) throw NoAnswerError(answer);
   if (code < 0 || answer.empty()) {
-    throw MachineError("GDAL broke down over the GeoTIFF, most likely for want of memory");
+    throw MachineError(std::string("GDAL broke down over ") + job +
+                       ", most likely for want of memory");
   }
-  throw MachineError(answer);
+  throw Error(code, answer);
 }
 
-const GdalFunctions kFunctions{encode_apart};
+std::string encode_apart(const RoadRaster& raster, const std::string& crs,
+                         const std::map<std::string, std::string>& metadata) {
+  return answer_apart("the GeoTIFF", [&] { return encode_geotiff(raster, crs, metadata); });
+}
+
+std::string to_bytes(const VectorLines& lines) {
+  nlohmann::json out = {{"crs", lines.crs}, {"lines", nlohmann::json::array()}};
+  for (const VectorLine& line : lines.lines) {
+    std::vector<double> numbers;
+    for (const Eigen::Vector3d& place : line.points) {
+      numbers.insert(numbers.end(), {place.x(), place.y(), place.z()});
+    }
+    out["lines"].push_back({{"name", line.name}, {"layer", line.layer}, {"points", numbers}});
+  }
+  const std::vector<std::uint8_t> bytes = nlohmann::json::to_cbor(out);
+  return {bytes.begin(), bytes.end()};
+}
+
+VectorLines read_apart(const std::string& path) {
+  const nlohmann::json found = nlohmann::json::from_cbor(
+      answer_apart("the file of lines", [&] { return to_bytes(read_vector_lines(path)); }));
+  VectorLines out;
+  out.crs = found.at("crs").get<std::string>();
+  for (const nlohmann::json& entry : found.at("lines")) {
+    VectorLine line;
+    line.name = entry.at("name").get<std::string>();
+    line.layer = entry.at("layer").get<std::string>();
+    const auto numbers = entry.at("points").get<std::vector<double>>();
+    for (std::size_t i = 0; i + 2 < numbers.size(); i += 3) {
+      line.points.emplace_back(numbers[i], numbers[i + 1], numbers[i + 2]);
+    }
+    out.lines.push_back(std::move(line));
+  }
+  return out;
+}
+
+const GdalFunctions kFunctions{encode_apart, read_apart};
 
 }  // namespace
 }  // namespace camber::tools

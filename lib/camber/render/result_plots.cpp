@@ -26,16 +26,18 @@ PlotSeries line(const std::string& name, const Color& color) {
   return out;
 }
 
+constexpr double kBandSigmas = 1.96;  // on either side of a 95 % band
+
 Plot profile_panel(const std::vector<ProfilePoint>& profile, double ProfilePoint::*value,
                    double ProfilePoint::*sigma, bool slope, const std::string& title,
                    const std::string& unit, const std::string& length_unit, const Color& color) {
-  PlotSeries band = line("± 1 sigma", color.with_alpha(0.25)), curve = line("estimate", color);
+  PlotSeries band = line("95 % band", color.with_alpha(0.25)), curve = line("estimate", color);
   band.kind = PlotSeries::Kind::kBand;
   const int decimals = slope ? 2 : 3;
   for (const ProfilePoint& p : profile) {
     const double raw = p.*value;
-    const double v = slope ? kDegrees * std::atan(raw) : raw;
-    const double margin = p.*sigma * (slope ? kDegrees / (1.0 + raw * raw) : 1.0);
+    const double v = slope ? 100.0 * raw : raw;
+    const double margin = kBandSigmas * p.*sigma * (slope ? 100.0 : 1.0);
     std::string value_here =
         format_number(p.station, 1) + " " + length_unit + ": " + format_number(v, decimals);
     if (std::isfinite(margin)) value_here += " ± " + format_number(margin, decimals);
@@ -256,9 +258,9 @@ PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
                                  [&](const ProfilePoint& p) { return std::isfinite(p.*value); });
     if (!any) return;
     sheet.panels.push_back(
-        profile_panel(profile, value, sigma, true, name, "deg", unit, plot_color(color)));
+        profile_panel(profile, value, sigma, true, name, "%", unit, plot_color(color)));
     sheet.panels.back().title += sense;
-    sheet.panels.back().y.title = name + ", deg";
+    sheet.panels.back().y.title = name + ", %";
     sheet.panels.back().y.title[0] = static_cast<char>(std::tolower(name[0]));
   };
   add(&ProfilePoint::grade, &ProfilePoint::sigma_grade, "Grade", " (positive: climbs)", 2);
@@ -268,6 +270,72 @@ PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
     panel.x.title = "distance along the line, " + unit;
     panel.x.low = profile.front().station;
     panel.x.high = std::max(profile.back().station, profile.front().station + 1e-6);
+  }
+  return sheet;
+}
+
+PlotSheet cross_section_profile_plots(const CloudProfile& profile, bool metric,
+                                      const std::string& title) {
+  const std::vector<ProfilePoint> points(profile.stations.begin(), profile.stations.end());
+  PlotSheet sheet = profile_plots(points, metric, title);
+  const auto add_side = [&](double CrossSection::*value, double CrossSection::*sigma,
+                            const std::string& name, int color) {
+    std::vector<ProfilePoint> side = points;
+    bool any = false;
+    for (std::size_t k = 0; k < side.size(); ++k) {
+      side[k].cross_slope = profile.stations[k].*value;
+      side[k].sigma_cross_slope = profile.stations[k].*sigma;
+      any = any || std::isfinite(side[k].cross_slope);
+    }
+    if (!any) return;
+    Plot panel = profile_panel(side, &ProfilePoint::cross_slope, &ProfilePoint::sigma_cross_slope,
+                               true, "Cross slope " + name + " of the crest", "%",
+                               metric ? "m" : "units", plot_color(color));
+    panel.title += " (positive: left side up)";
+    panel.y.title = "cross slope, %";
+    panel.x = sheet.panels.front().x;
+    sheet.panels.push_back(std::move(panel));
+  };
+  add_side(&CrossSection::cross_slope_left, &CrossSection::sigma_cross_slope_left, "left", 3);
+  add_side(&CrossSection::cross_slope_right, &CrossSection::sigma_cross_slope_right, "right", 4);
+  return sheet;
+}
+
+PlotSheet cross_section_plots(const CloudProfile& profile, bool metric, const std::string& title) {
+  constexpr std::size_t kMost = 12;
+  std::vector<const CrossSection*> sections;
+  for (const CrossSection& at : profile.stations) {
+    if (at.offsets.size() > 1 && std::isfinite(at.height)) sections.push_back(&at);
+  }
+  if (sections.empty()) throw NoAnswerError("profile: no station of the line has a cross-section");
+  const std::string unit = metric ? "m" : "units";
+  PlotSheet sheet;
+  sheet.title = title;
+  const std::size_t count = std::min(kMost, sections.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const CrossSection& at = *sections[count > 1 ? i * (sections.size() - 1) / (count - 1) : 0];
+    PlotSeries ground = line("ground", plot_color(0)), slope = line("cross slope", plot_color(3));
+    slope.dashed = true;
+    double mean = 0.0, middle = 0.0;
+    for (std::size_t k = 0; k < at.offsets.size(); ++k) {
+      ground.x.push_back(at.offsets[k]);
+      ground.y.push_back(at.heights[k] - at.height);
+      mean += ground.y.back() / static_cast<double>(at.offsets.size());
+      middle += at.offsets[k] / static_cast<double>(at.offsets.size());
+    }
+    for (const double v : {at.offsets.front(), at.offsets.back()}) {
+      slope.x.push_back(v);
+      slope.y.push_back(mean + at.cross_slope * (v - middle));
+    }
+    Plot panel;
+    panel.title = "Station " + format_number(at.station, 1) + " " + unit + ": cross slope " +
+                  format_number(100.0 * at.cross_slope, 2) + " ± " +
+                  format_number(100.0 * kBandSigmas * at.sigma_cross_slope, 2) + " %, height " +
+                  format_number(at.height, 3) + " " + unit;
+    panel.series = {ground, slope};
+    panel.x.title = "to the left of the line, " + unit;
+    panel.y.title = "height, " + unit;
+    sheet.panels.push_back(std::move(panel));
   }
   return sheet;
 }

@@ -7,16 +7,25 @@
 #include "camber/core/stopwatch.h"
 #include "camber/evaluate/tables.h"
 #include "camber/render/plot.h"
+#include "camber/road/cloud_profile.h"
 #include "camber/road/road_profile.h"
 #include "camber/scene/results.h"
 
 namespace camber {
 
-/// Height, grade and cross slope along a road, each with a band of one standard deviation; slopes
-/// in degrees.
+/// Height, grade and cross slope along a road, each with its 95 % band; slopes in per cent.
 /// @throws NoAnswerError if no station is covered.
 PlotSheet profile_plots(const std::vector<ProfilePoint>& profile, bool metric,
                         const std::string& title);
+
+/// The same of the ground of a cloud, and left and right of the crest where that was asked for.
+PlotSheet cross_section_profile_plots(const CloudProfile& profile, bool metric,
+                                      const std::string& title);
+
+/// Up to twelve cross-sections, evenly along the line, each with the line of its cross slope:
+/// heights over the one on the line, against metres to the left of it.
+/// @throws NoAnswerError if no station has one.
+PlotSheet cross_section_plots(const CloudProfile& profile, bool metric, const std::string& title);
 
 /// A bar a stage.
 /// @throws NoAnswerError without a stage.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "camber/road/detail/process_variance.h"
 #include "camber/road/plan_polygon.h"
 #include "camber/road/surface_lookup.h"
 
@@ -20,9 +21,9 @@ namespace {
 constexpr double kLeastCover = 0.6;     // share of the length that must be covered
 constexpr double kStraight = 1e-5;      // 1/m, curvatures below it are called straight
 constexpr double kLeastSamples = 10.0;  // of the length over which slopes are measured
-// m, over which what planes leave out, and a cloud's drift, are alike along the road; across it a
-// patch's slope is off by what it leaves out over such a length.
-constexpr double kUnmodelledLength = 8.0, kDriftLength = 20.0, kUnmodelledAcross = 3.5;
+// m, over which what planes leave out is alike along the road; across it a patch's slope is off by
+// what it leaves out over such a length.
+constexpr double kUnmodelledLength = 8.0, kUnmodelledAcross = 3.5;
 
 // Cross slope: m to either side within which another patch may be the one that is meant, and the
 // share of a change between two planes that is one standard deviation of what lies between.
@@ -72,28 +73,11 @@ struct Sample {
   double middle = 0.0, length = 0.0;  ///< m, of the patch along the line: station, extent
 };
 
-/// Variance of a weighted sum of the values of a process with the covariance
-/// sigma_i sigma_j exp(-|s_i - s_j| / length), added station by station in their order.
-class ProcessVariance {
- public:
-  explicit ProcessVariance(double length) : length_(length) {}
-  void add(double station, double weighted_sigma) {
-    carried_ *= std::exp(-(station - last_) / length_);
-    variance_ += weighted_sigma * (weighted_sigma + 2.0 * carried_);
-    carried_ += weighted_sigma;
-    last_ = station;
-  }
-  double variance() const { return variance_; }
-
- private:
-  double length_, last_ = 0.0, carried_ = 0.0, variance_ = 0.0;
-};
-
 /// The variance of the sum of weights times heights of samples [begin, begin + weights.size()).
 /// @param levelling  standard deviation of what levelling makes of that sum
 double variance_of_sum(const std::vector<Sample>& samples, std::size_t begin,
                        const std::vector<double>& weights, double drift, double levelling) {
-  ProcessVariance unmodelled(kUnmodelledLength), drifting(kDriftLength);
+  detail::ProcessVariance unmodelled(kUnmodelledLength), drifting(detail::kDriftLength);
   double variance = levelling * levelling;
   // Samples on one patch err together.
   Eigen::RowVector3d jacobian = Eigen::RowVector3d::Zero();

@@ -227,6 +227,12 @@ Eigen::VectorXd BandedLdlt::solve_vector(const Eigen::VectorXd& right) const {
   return out;
 }
 
+double BandedLdlt::log_determinant() const {
+  double sum = 0.0;
+  for (Eigen::Index j = 0; j < factor_.size(); ++j) sum += std::log(*factor_.column(j));
+  return sum;
+}
+
 SymmetricBand BandedLdlt::inverse_in_band() const {
   const Eigen::Index size = factor_.size(), band = factor_.band();
   SymmetricBand out(size, band);

@@ -21,6 +21,9 @@ class SymmetricBand {
   double& at(Eigen::Index row, Eigen::Index column) {
     return values_[static_cast<std::size_t>(column * (band_ + 1) + row - column)];
   }
+  double at(Eigen::Index row, Eigen::Index column) const {
+    return values_[static_cast<std::size_t>(column * (band_ + 1) + row - column)];
+  }
   double* column(Eigen::Index j) { return values_.data() + j * (band_ + 1); }
   const double* column(Eigen::Index j) const { return values_.data() + j * (band_ + 1); }
 
@@ -39,7 +42,8 @@ class BandedLdlt {
   /// Solves for every column; the same bits for a column whatever others stand beside it.
   Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
   Eigen::VectorXd solve_vector(const Eigen::VectorXd& right) const;
-
+  /// Logarithm of the determinant of a positive definite matrix.
+  double log_determinant() const;
   /// The entries of the inverse within the band (Takahashi, Fagan, Chin, "Formation of a Sparse Bus
   /// Impedance Matrix", 1973): in a chain's order the covariance of what is near each other.
   SymmetricBand inverse_in_band() const;

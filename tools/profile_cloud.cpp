@@ -1,0 +1,343 @@
+#include "profile_cloud.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/interruption.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/image/image_io.h"
+#include "camber/render/result_plots.h"
+#include "camber/scene/results.h"
+#include "crs.h"
+#include "own_inputs.h"
+#include "unknown_scale.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+constexpr double kBand = 1.96;  // sigmas on either side of a 95 % band
+
+json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+
+const char* name_of(GroundSource source) {
+  switch (source) {
+    case GroundSource::kClasses:
+      return "class";
+    case GroundSource::kLabels:
+      return "label";
+    case GroundSource::kCompute:
+      return "compute";
+    case GroundSource::kAll:
+      return "all";
+    case GroundSource::kAuto:
+      break;
+  }
+  return "auto";
+}
+
+GroundSource source_from(const std::string& name) {
+  for (const GroundSource source : {GroundSource::kClasses, GroundSource::kLabels,
+                                    GroundSource::kCompute, GroundSource::kAll}) {
+    if (name == name_of(source)) return source;
+  }
+  return GroundSource::kAuto;
+}
+
+/// One number of a cross-section, as it stands in files.
+struct Quantity {
+  std::string name;
+  double CrossSection::*value;
+  double CrossSection::*sigma;  ///< nullptr: none
+  enum class Kind { kLength, kSlope, kPlain } kind;
+  int digits;
+};
+
+std::vector<Quantity> quantities(bool crown) {
+  using Kind = Quantity::Kind;
+  std::vector<Quantity> out = {
+      {"height", &CrossSection::height, &CrossSection::sigma_height, Kind::kLength, 4},
+      {"grade", &CrossSection::grade, &CrossSection::sigma_grade, Kind::kSlope, 4},
+      {"cross_slope", &CrossSection::cross_slope, &CrossSection::sigma_cross_slope, Kind::kSlope,
+       4}};
+  if (crown) {
+    out.push_back({"cross_slope_left", &CrossSection::cross_slope_left,
+                   &CrossSection::sigma_cross_slope_left, Kind::kSlope, 4});
+    out.push_back({"cross_slope_right", &CrossSection::cross_slope_right,
+                   &CrossSection::sigma_cross_slope_right, Kind::kSlope, 4});
+    out.push_back({"crest_offset", &CrossSection::crest, nullptr, Kind::kLength, 2});
+  }
+  out.push_back({"vertical_curvature", &CrossSection::vertical_curvature,
+                 &CrossSection::sigma_vertical_curvature, Kind::kPlain, 6});
+  out.push_back({"vertical_radius", &CrossSection::vertical_radius, nullptr, Kind::kLength, 2});
+  out.push_back({"width_left", &CrossSection::width_left, nullptr, Kind::kLength, 2});
+  out.push_back({"width_right", &CrossSection::width_right, nullptr, Kind::kLength, 2});
+  return out;
+}
+
+/// Names with their units and values of a quantity at a station: the value, its sigma and its band,
+/// slopes in per cent and in degrees.
+struct Cell {
+  std::string name;
+  double value;
+  int digits;
+};
+std::vector<Cell> cells(const Quantity& q, const CrossSection& at, bool metric) {
+  std::vector<Cell> out;
+  const double value = at.*q.value, sigma = q.sigma ? at.*q.sigma : 0.0;
+  const auto add = [&](const std::string& unit, int digits, auto convert, double spread) {
+    out.push_back({q.name + unit, convert(value), digits});
+    if (!q.sigma) return;
+    out.push_back({"sigma_" + q.name + unit, spread, digits + 1});
+    out.push_back({q.name + "_low" + unit, convert(value - kBand * sigma), digits});
+    out.push_back({q.name + "_high" + unit, convert(value + kBand * sigma), digits});
+  };
+  if (q.kind == Quantity::Kind::kSlope) {
+    add(
+        "_percent", q.digits, [](double slope) { return 100.0 * slope; }, 100.0 * sigma);
+    add(
+        "_deg", q.digits, [](double slope) { return std::atan(slope) / kDegree; },
+        sigma / (1.0 + value * value) / kDegree);
+  } else {
+    const bool length = q.kind == Quantity::Kind::kLength;
+    add(
+        !metric  ? ""
+        : length ? "_m"
+                 : "_per_m",
+        q.digits, [](double plain) { return plain; }, sigma);
+  }
+  return out;
+}
+
+std::string csv(const CloudProfile& profile, bool metric, bool crown) {
+  const std::vector<Quantity> all = quantities(crown);
+  std::string text = metric ? "station_m,x,y,z" : "station,x,y,z";
+  for (const Quantity& q : all) {
+    for (const Cell& cell : cells(q, CrossSection(), metric)) text += "," + cell.name;
+  }
+  text += metric ? ",measured_left_m,measured_right_m" : ",measured_left,measured_right";
+  text += ",points,status,reason\n";
+  for (const CrossSection& at : profile.stations) {
+    const auto plain = [](double value, int digits) {
+      return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : std::string();
+    };
+    text += fmt::format("{:.3f},{:.4f},{:.4f},", at.station, at.point.x(), at.point.y());
+    text += std::isfinite(at.height) ? fmt::format("{:.4f}", at.point.z()) : std::string();
+    for (const Quantity& q : all) {
+      for (const Cell& cell : cells(q, at, metric)) text += "," + plain(cell.value, cell.digits);
+    }
+    text += fmt::format(",{:.2f},{:.2f},{},{},\"{}\"\n", at.measured_left, at.measured_right,
+                        at.points, to_string(at.status), at.reason);
+  }
+  return text;
+}
+
+json stations_json(const CloudProfile& profile, bool metric, bool crown) {
+  json stations = json::array();
+  const std::vector<Quantity> all = quantities(crown);
+  for (const CrossSection& at : profile.stations) {
+    json row = {{"station", at.station},
+                {"status", to_string(at.status)},
+                {"reason", at.reason},
+                {"point",
+                 {at.point.x(), at.point.y(),
+                  std::isfinite(at.height) ? json(at.point.z()) : json(nullptr)}},
+                {"points", at.points},
+                {"measured_left", at.measured_left},
+                {"measured_right", at.measured_right},
+                {"section", {{"offsets", at.offsets}, {"heights", at.heights}}}};
+    for (const Quantity& q : all) {
+      // Lengths in JSON have no suffix.
+      for (const Cell& cell : cells(q, at, false)) row[cell.name] = number(cell.value);
+    }
+    stations.push_back(std::move(row));
+  }
+  (void)metric;
+  return stations;
+}
+
+struct Inputs {
+  CloudFile file;
+  std::vector<Eigen::Vector3d> line;
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+};
+
+/// @throws UsageError, InputError; NoAnswerError where the line does not lead anywhere.
+Inputs load(const Command& command, const CloudProfileArguments& args) {
+  Inputs in;
+  const LogSink warn = make_warning_sink(command.common);
+  in.file = read_cloud_file(args.cloud, args.reading.read_options());
+  warn_about(args.cloud, in.file.report, warn);
+  use_metres(args.cloud, &in.file, warn);
+  warn_of_unknown_scale(args.cloud, in.file.cloud.metric, in.file.report.crs, warn);
+  in.up = args.up.up(in.file.cloud);
+  in.line = read_along(args.line, args.along, in.file.report.crs, warn);
+  for (Eigen::Vector3d& place : in.line) {
+    // The way in plan counts.
+    if (std::isnan(place.z())) place.z() = 0.0;
+  }
+  const bool moves = std::any_of(in.line.begin(), in.line.end(), [&](const Eigen::Vector3d& x) {
+    return in.up.cross(x - in.line.front()).norm() > 1e-9;
+  });
+  if (!moves) throw NoAnswerError(args.line + ": the line does not leave its first point");
+  return in;
+}
+
+/// Where the cloud is, if the line is not: for the message of an empty profile.
+std::string where_cloud_is(const Inputs& in) {
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d high = -low;
+  for (const Eigen::Vector3f& p : in.file.cloud.points) {
+    if (!p.allFinite()) continue;
+    low = low.cwiseMin(p.cast<double>());
+    high = high.cwiseMax(p.cast<double>());
+  }
+  low += in.file.cloud.origin;
+  high += in.file.cloud.origin;
+  return fmt::format(
+      "; the cloud lies in x {:.0f} to {:.0f}, y {:.0f} to {:.0f}, the line begins at {:.0f}, "
+      "{:.0f}, expected a line in the cloud's coordinates",
+      low.x(), high.x(), low.y(), high.y(), in.line.front().x(), in.line.front().y());
+}
+
+void check_outputs(const CloudProfileArguments& args) {
+  const std::string kind = fs::path(args.out).extension().string();
+  if (args.out.empty() && args.plot.empty() && args.sections.empty() && !args.json) {
+    throw UsageError("found neither --out, --plot, --sections nor --json, expected one of them");
+  }
+  if (!args.out.empty() && kind != ".csv" && kind != ".json") {
+    throw UsageError("--out: found '" + args.out + "', expected FILE.csv or FILE.json");
+  }
+  for (const auto& [name, file] :
+       {std::pair("--plot", args.plot), std::pair("--sections", args.sections)}) {
+    const std::string picture = fs::path(file).extension().string();
+    if (!file.empty() && picture != ".png" && picture != ".svg") {
+      throw UsageError(std::string(name) + ": found '" + file + "', expected FILE.png or FILE.svg");
+    }
+  }
+  for (const std::string& file : {args.out, args.plot, args.sections}) check_output_file(file);
+  refuse_own_inputs({args.out, args.plot, args.sections}, {args.cloud, args.line});
+}
+
+/// Draws a sheet into a file, SVG or PNG by its name.
+void write_plots(const PlotSheet& sheet, const PlotStyle& style, const std::string& file,
+                 AtomicFiles* files) {
+  if (fs::path(file).extension() == ".svg") {
+    write_file_atomically(files->stage(file), plots_svg(sheet, style));
+  } else {
+    write_png(draw_plots(sheet, style), files->stage(file));
+  }
+}
+
+}  // namespace
+
+bool is_cloud(const std::string& path) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) return false;
+  const std::string kind = fs::path(path).extension().string();
+  return kind != ".json" && kind != ".crg";
+}
+
+int profile_of_cloud(const Command& command, const CloudProfileArguments& args) {
+  check_outputs(args);
+  CloudProfileOptions options = args.options;
+  options.num_threads = command.common.threads;
+  options.validate();
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  const Inputs in = load(command, args);
+  load_timer.stop();
+  throw_if_interrupted();
+  StageTimer compute(timings, "compute");
+  const RoadCloud& cloud = in.file.cloud;
+  const GroundBesideLine ground =
+      ground_beside_line(cloud, in.up, in.line, options.half_width, source_from(args.ground_from),
+                         options.num_threads);
+  if (ground.status == Status::kFailed) {
+    throw NoAnswerError(args.cloud + ": " + ground.reason + where_cloud_is(in));
+  }
+  CloudProfile profile;
+  try {
+    profile = profile_cloud(cloud, ground.points, in.up, in.line, options);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(std::string("--") + error.what());
+  }
+  if (profile.status == Status::kFailed) {
+    throw NoAnswerError(args.cloud + ": " + profile.reason + where_cloud_is(in));
+  }
+  compute.stop();
+  const auto answered = static_cast<std::size_t>(
+      std::count_if(profile.stations.begin(), profile.stations.end(),
+                    [](const CrossSection& at) { return at.status != Status::kFailed; }));
+  json result = {{"version", kVersion},
+                 {"seed", command.common.seed},
+                 {"options",
+                  {{"step", options.profile.step},
+                   {"length", options.profile.length},
+                   {"half_width", options.half_width},
+                   {"crown", options.crown},
+                   {"ground_from", args.ground_from},
+                   {"levelling_sigma_deg", options.profile.levelling_sigma / kDegree},
+                   {"drift_sigma", options.profile.drift_sigma}}},
+                 {"file", args.cloud},
+                 {"along", args.line},
+                 {"metric", cloud.metric},
+                 {"level", cloud.frame == CloudFrame::kCamera ? "camera" : "gravity"},
+                 {"ground_from", name_of(ground.source)},
+                 {"ground_points", ground.points.size()},
+                 {"noise", number(profile.noise)},
+                 {"density", profile.density},
+                 {"covered_stations", answered},
+                 {"stations", stations_json(profile, cloud.metric, options.crown)}};
+  add_other_options(command, &result["options"]);
+  StageTimer write(timings, "write");
+  AtomicFiles files;
+  if (!args.plot.empty()) {
+    write_plots(cross_section_profile_plots(profile, cloud.metric, "Profile of the ground"),
+                {1200, 360, 20.0}, args.plot, &files);
+  }
+  if (!args.sections.empty()) {
+    write_plots(cross_section_plots(profile, cloud.metric, "Cross-sections"), {1200, 240, 18.0},
+                args.sections, &files);
+  }
+  const std::string kind = fs::path(args.out).extension().string();
+  if (kind == ".csv") {
+    write_file_atomically(files.stage(args.out), csv(profile, cloud.metric, options.crown));
+  } else if (kind == ".json") {
+    result["timings_ms"] = cloud_timings(timings);
+    write_json(result, files.stage(args.out));
+  }
+  files.commit();
+  write.stop();
+  const LogSink warn = make_warning_sink(command.common);
+  if (warn && answered < profile.stations.size()) {
+    std::string reason;
+    for (const CrossSection& at : profile.stations) {
+      if (at.status != Status::kFailed || at.reason == reason) continue;
+      reason = at.reason;
+      warn(args.cloud + ": " + reason);
+    }
+  }
+  if (args.json) {
+    result["timings_ms"] = cloud_timings(timings);
+    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+  } else if (!args.out.empty()) {
+    fmt::print("{}: {} of {} stations, {} points of the ground ({}), noise {:.3f} {}\n", args.out,
+               answered, profile.stations.size(), ground.points.size(), name_of(ground.source),
+               profile.noise, cloud.metric ? "m" : "units");
+  }
+  return 0;
+}
+
+}  // namespace camber::tools
