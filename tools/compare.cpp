@@ -21,6 +21,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/evaluate/depth_truth.h"
+#include "camber/evaluate/m3c2.h"
 #include "camber/image/image_io.h"
 #include "camber/import/import_synthia.h"
 #include "camber/render/comparison_pictures.h"
@@ -53,6 +54,8 @@ struct Arguments {
   std::string alignment = "none";
   std::string transform, pairs, camera;
   std::vector<double> along, region, truth_viewpoint;
+  std::string method;
+  M3c2Options change;
   bool no_road_frame = false, overwrite = false, as_json = false, confine = false;
 };
 
@@ -449,13 +452,159 @@ void write_run(const Arguments& args, const CompareOptions& options, bool metric
   write_json(to_json(document), at / "run.json");
 }
 
+/// Two clouds of different vertical systems differ by more than what has changed.
+void warn_of_other_heights(const StatedPlace& later, const StatedPlace& earlier,
+                           const LogSink& warn) {
+  if (!warn || !later.crs || !earlier.crs) return;
+  const CoordinateSystem &a = *later.crs, &b = *earlier.crs;
+  if (a.vertical_epsg != b.vertical_epsg && (a.vertical_stated || b.vertical_stated)) {
+    const auto name = [](const CoordinateSystem& crs) {
+      return crs.vertical_epsg > 0 ? fmt::format("EPSG:{}", crs.vertical_epsg)
+             : crs.vertical_stated ? std::string("one in ") + crs.vertical.name
+                                   : std::string("none");
+    };
+    warn(
+        fmt::format("the later cloud's vertical system is {}, the earlier one's {}: heights are "
+                    "compared as they are, and a difference of their zeros shows as change",
+                    name(a), name(b)));
+  }
+}
+
+json change_json(const Arguments& args, const CloudChange& change) {
+  const auto number = [](double value) {
+    return std::isfinite(value) ? json(value) : json(nullptr);
+  };
+  return {{"method", args.method},
+          {"later", args.estimate},
+          {"earlier", args.truth},
+          {"metric", change.metric},
+          {"core_points", change.cores.size()},
+          {"measured", change.measured},
+          {"significant", change.significant},
+          {"change_mean", number(change.mean)},
+          {"change_median", number(change.median)},
+          {"detection_limit_95", number(change.median_limit)},
+          {"gain",
+           {{"area", change.gain_area},
+            {"volume", change.gain_volume},
+            {"sigma_volume", change.gain_volume_sigma}}},
+          {"loss",
+           {{"area", change.loss_area},
+            {"volume", change.loss_volume},
+            {"sigma_volume", change.loss_volume_sigma}}},
+          {"net", {{"volume", change.net_volume}, {"sigma_volume", change.net_volume_sigma}}},
+          {"used",
+           {{"normal_scale", change.used.normal_scale},
+            {"cylinder", change.used.cylinder},
+            {"core_spacing", change.used.core_spacing},
+            {"max_depth", change.used.max_depth},
+            {"registration_sigma", change.used.registration_sigma}}}};
+}
+
+json change_options_json(const Arguments& args, const M3c2Options& options) {
+  return {{"method", args.method},
+          {"normal_scale", options.normal_scale},
+          {"cylinder", options.cylinder},
+          {"core_spacing", options.core_spacing},
+          {"max_depth", options.max_depth},
+          {"registration_sigma", options.registration_sigma},
+          {"up", {options.up.x(), options.up.y(), options.up.z()}}};
+}
+
+/// @throws UsageError for an option that belongs to the other methods.
+void check_change_options(const App& app, const Arguments& args) {
+  const bool change = args.method == "m3c2" || args.method == "dz";
+  const auto refuse = [&](const char* name, const char* expected) {
+    if (app.count(name) == 0) return;
+    throw UsageError(fmt::format("{}: found with --method {}, expected {}", name,
+                                 args.method.empty() ? "none" : args.method, expected));
+  };
+  if (!change) {
+    for (const char* name : {"--normal-scale", "--cylinder", "--core-spacing", "--max-depth",
+                             "--registration-sigma"}) {
+      refuse(name, "m3c2 or dz");
+    }
+    return;
+  }
+  for (const char* name : {"--align", "--pairs", "--estimate-from-truth", "--region", "--camera",
+                           "--farthest", "--truth-viewpoint", "--along", "--road-limit",
+                           "--map-cell", "--mesh-density", "--no-road-frame", "--thresholds"}) {
+    refuse(name, "none of them, c2c or c2m");
+  }
+  if (args.method == "dz") refuse("--normal-scale", "m3c2");
+}
+
+/// --method m3c2 and dz: what has changed between two clouds, with its detection limit.
+int run_change(const Command& command, const Arguments& args) {
+  M3c2Options options = args.change;
+  options.vertical = args.method == "dz";
+  options.num_threads = command.common.threads;
+  options.validate();
+  std::optional<AtomicFolder> folder;
+  if (!args.out.empty()) folder.emplace(args.out, args.overwrite);
+  const LogSink warn = make_warning_sink(command.common);
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  StatedPlace later_place, earlier_place;
+  const ReadOptions reading = args.reading.read_options();
+  const Shape later = read_shape(cloud_of(args.estimate), reading, warn, true, {}, &later_place);
+  const Shape earlier = read_shape(cloud_of(args.truth), reading, warn, true, {}, &earlier_place);
+  warn_of_other_place(later_place, earlier_place, warn);
+  warn_of_other_heights(later_place, earlier_place, warn);
+  options.up = args.up.up(earlier.cloud);
+  load_timer.stop();
+  throw_if_interrupted();
+  StageTimer compute(timings, "compute");
+  const CloudChange change = measure_change(later.cloud, earlier.cloud, options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  json result = change_json(args, change);
+  if (folder) {
+    const fs::path at = folder->staging();
+    write_json(result, at / "change.json");
+    write_file_atomically(at / "change.txt", describe(change));
+    write_cloud(change_cloud(change), at / "change.ply");
+    write_png(draw_change_histogram(change), at / "histogram.png");
+    write_png(draw_change_map(change), at / "change.png");
+    RunDocument document;
+    document.seed = command.common.seed;
+    document.options = change_options_json(args, options);
+    document.options["command"] = "compare";
+    document.timings = timings;
+    document.metric = change.metric;
+    for (const fs::path& path : {cloud_of(args.estimate), cloud_of(args.truth)}) {
+      document.input_hashes.emplace_back(path.string(), hash_file(path));
+    }
+    write_json(to_json(document), at / "run.json");
+    folder->commit();
+  }
+  write.stop();
+  if (!args.as_json) {
+    fmt::print("{}", describe(change));
+    return 0;
+  }
+  result["version"] = kVersion;
+  result["seed"] = command.common.seed;
+  result["options"] = change_options_json(args, options);
+  result["timings_ms"] = cloud_timings(timings);
+  fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
+  return 0;
+}
+
 int run(const Command& command, const Arguments& args) {
+  check_change_options(*command.app, args);
+  if (args.method == "m3c2" || args.method == "dz") return run_change(command, args);
   CompareOptions options = checked_options(command, args);
   std::optional<AtomicFolder> folder;
   if (!args.out.empty()) folder.emplace(args.out, args.overwrite);
   Timings timings;
   StageTimer load_timer(timings, "load");
   const Inputs in = load(args, make_warning_sink(command.common), &options);
+  if ((args.method == "c2c" && in.truth.is_mesh()) ||
+      (args.method == "c2m" && !in.truth.is_mesh())) {
+    throw UsageError(fmt::format("--method: found {} with a truth that is a {}", args.method,
+                                 in.truth.is_mesh() ? "mesh" : "cloud"));
+  }
   load_timer.stop();
 
   throw_if_interrupted();
@@ -537,6 +686,38 @@ void add_road_frame_arguments(App& app, Arguments& a) {
   app.add_flag("--no-road-frame", a.no_road_frame, "no errors in the road's frame: faster");
 }
 
+/// What has changed between two epochs.
+void add_change_arguments(App& app, Arguments& a) {
+  app.add_option("--method", a.method,
+                 "m3c2: what has changed between two epochs (the first is the later), signed along "
+                 "local normals of the earlier one (+ is gain), with the detection limit at 95 % "
+                 "(Lague, Brodu, Leroux 2013); dz: the same along up, for roads; c2c, c2m: "
+                 "distances to the nearest point or to the mesh (default, by the truth)")
+      ->check(is_member({"c2c", "c2m", "m3c2", "dz"}));
+  app.add_option("--normal-scale", a.change.normal_scale,
+                 "metres, diameter around a core point whose plane gives its normal; 0: three "
+                 "cylinders")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--cylinder", a.change.cylinder,
+                 "metres, diameter of the cylinders in which both clouds are averaged; 0: so that "
+                 "the sparser one has some 30 points in it")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--core-spacing", a.change.core_spacing,
+                 "metres between core points; 0: half a cylinder")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--max-depth", a.change.max_depth,
+                 "metres that a cylinder reaches to either side; 0: 2, or four cylinders")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--registration-sigma", a.change.registration_sigma,
+                 "metres, how well the two clouds lie on each other: part of the detection limit")
+      ->check(non_negative_number())
+      ->capture_default_str();
+}
+
 void add_arguments(App& app, Arguments& a) {
   app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
   app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
@@ -547,6 +728,7 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("--thresholds", a.options.thresholds, "metres, for precision, recall and F-score")
       ->delimiter(',')
       ->capture_default_str();
+  add_change_arguments(app, a);
   add_alignment_arguments(app, a);
   add_visibility_arguments(app, a);
   add_road_frame_arguments(app, a);
@@ -566,6 +748,8 @@ void register_compare(App& root) {
       "  camber compare out/steep_hill samples/steep_hill --out comparison\n"
       "  camber compare estimate.ply truth.ply --thresholds 0.05,0.1,0.2 --json\n"
       "  camber compare estimate.ply truth_mesh.ply --align rigid --out comparison\n"
+      "  camber compare later.las earlier.las --method m3c2 --registration-sigma 0.005 --out "
+      "change\n"
       "  camber compare out/run scan.bin --estimate-from-truth camera_from_laser.txt "
       "--truth-viewpoint 0,0,0 --camera scene.json --farthest 40");
   const auto arguments = std::make_shared<Arguments>();

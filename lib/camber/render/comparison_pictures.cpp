@@ -37,6 +37,28 @@ const char* const kNames[] = {"accuracy: estimate to truth", "completeness: trut
 
 const char* unit_of(const CloudComparison& comparison) { return comparison.metric ? "m" : "units"; }
 
+/// A panel with a map and, to its right, the bar of its colours from -limit to limit.
+Image map_with_bar(Plot plot, int along, int across, double limit,
+                   const std::vector<std::string>& words) {
+  PlotStyle style = kStyle;
+  style.panel_height =
+      std::clamp(120 + static_cast<int>(0.9 * style.width * across / along), 330, 1200);
+  const Image panel = draw_plots({"", {std::move(plot)}}, style);
+  // Room for the colour bar to the right.
+  constexpr int kBar = 150;
+  Image image = make_picture(panel.width + kBar, panel.height, 255);
+  for (int y = 0; y < panel.height; ++y) {
+    std::copy_n(
+        panel.row(y), 3 * static_cast<std::size_t>(panel.width),
+        &image.data[3 * static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width)]);
+  }
+  Canvas canvas(image);
+  const double bottom = std::min(panel.height - 60.0, 400.0);
+  draw_color_bar(canvas, {panel.width + 10.0, 84.0, panel.width + 32.0, bottom}, -limit, limit,
+                 words, kStyle.text_size, kInk, diverging);
+  return image;
+}
+
 }  // namespace
 
 Image draw_histogram(const CloudComparison& comparison) {
@@ -145,23 +167,8 @@ Image draw_height_map(const CloudComparison& comparison) {
   plot.y.high = cells.y[1];
   plot.equal_scale = true;
   plot.series = {std::move(cells)};
-  PlotStyle style = kStyle;
-  style.panel_height =
-      std::clamp(120 + static_cast<int>(0.9 * style.width * across / along), 330, 1200);
-  const Image panel = draw_plots({"", {plot}}, style);
-  // Room for the colour bar to the right.
-  constexpr int kBar = 150;
-  Image image = make_picture(panel.width + kBar, panel.height, 255);
-  for (int y = 0; y < panel.height; ++y) {
-    std::copy_n(
-        panel.row(y), 3 * static_cast<std::size_t>(panel.width),
-        &image.data[3 * static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width)]);
-  }
-  Canvas canvas(image);
-  const double bottom = std::min(panel.height - 60.0, 400.0);
-  draw_color_bar(canvas, {panel.width + 10.0, 84.0, panel.width + 32.0, bottom}, -limit, limit,
-                 {"estimate above (+)", "the truth, " + unit}, kStyle.text_size, kInk, diverging);
-  return image;
+  return map_with_bar(std::move(plot), along, across, limit,
+                      {"estimate above (+)", "the truth, " + unit});
 }
 
 RoadCloud color_by_distance(const DirectedDistances& directed, double largest) {
@@ -181,6 +188,127 @@ RoadCloud color_by_distance(const DirectedDistances& directed, double largest) {
       signed_error.push_back(static_cast<float>(d));
   }
   return cloud;
+}
+
+namespace {
+
+/// m, where the colours of changes end: 95 % of the significant ones, or twice the limit.
+double change_range(const CloudChange& change) {
+  std::vector<double> sizes;
+  for (const CoreChange& core : change.cores) {
+    if (core.significant) sizes.push_back(std::abs(core.distance));
+  }
+  double range = 2.0 * change.median_limit;
+  if (!sizes.empty()) {
+    std::sort(sizes.begin(), sizes.end());
+    range = std::max(range, sizes[(sizes.size() * 19) / 20]);
+  }
+  return std::max(range, 1e-6);
+}
+
+Color change_color(const CoreChange& core, double range) {
+  if (!core.significant) return {190, 190, 190, 1.0};
+  return diverging(0.5 + 0.5 * core.distance / range);
+}
+
+}  // namespace
+
+RoadCloud change_cloud(const CloudChange& change) {
+  RoadCloud out;
+  out.frame = CloudFrame::kZUp;
+  out.metric = change.metric;
+  const double range = change_range(change);
+  if (!change.cores.empty()) out.origin = change.cores.front().point.array().round();
+  for (const CoreChange& core : change.cores) {
+    out.points.push_back((core.point - out.origin).cast<float>());
+    out.normals.push_back(core.normal.cast<float>());
+    out.scalars["change"].push_back(static_cast<float>(core.distance));
+    out.scalars["detection_limit"].push_back(static_cast<float>(core.detection_limit));
+    out.scalars["sigma_change"].push_back(static_cast<float>(core.sigma));
+    out.labels["significant"].push_back(core.significant ? 1 : 0);
+    const Color c = change_color(core, range);
+    out.colors.push_back({c.red, c.green, c.blue});
+  }
+  return out;
+}
+
+Image draw_change_histogram(const CloudChange& change) {
+  constexpr int kBars = 41;
+  const double range = 1.5 * change_range(change), width = 2.0 * range / kBars;
+  Plot plot;
+  const std::string unit = change.metric ? "m" : "units";
+  plot.title = "Change, later less earlier: median detection limit at 95 % " +
+               format_number(change.median_limit, 4) + " " + unit;
+  plot.x.title = "change, " + unit + " (+ is gain; the outer bars hold all beyond)";
+  plot.y.title = "share of core points, %";
+  plot.x.low = -range;
+  plot.x.high = range;
+  plot.y.low = 0.0;
+  for (const bool significant : {false, true}) {
+    PlotSeries bars;
+    bars.kind = PlotSeries::Kind::kBoxes;
+    bars.name = significant ? "significant" : "within the detection limit";
+    bars.color = significant ? plot_color(1) : Color{150, 150, 150, 1.0};
+    bars.low.assign(kBars, 0.0);
+    bars.high.assign(kBars, 0.0);
+    for (int i = 0; i < kBars; ++i) {
+      bars.x.push_back(-range + (i + (significant ? 0.52 : 0.06)) * width);
+      bars.right.push_back(bars.x.back() + 0.42 * width);
+    }
+    for (const CoreChange& core : change.cores) {
+      if (!std::isfinite(core.detection_limit) || core.significant != significant) continue;
+      const double bar = std::clamp(std::floor((core.distance + range) / width), 0.0, kBars - 1.0);
+      bars.high[static_cast<std::size_t>(bar)] += 100.0 / static_cast<double>(change.measured);
+    }
+    plot.series.push_back(bars);
+  }
+  return draw_plots({"", {plot}}, kStyle);
+}
+
+Image draw_change_map(const CloudChange& change) {
+  constexpr double kMostPixels = 1000.0;
+  Eigen::Vector2d low = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector2d high = -low;
+  for (const CoreChange& core : change.cores) {
+    low = low.cwiseMin(core.point.head<2>());
+    high = high.cwiseMax(core.point.head<2>());
+  }
+  const double cell =
+      std::max({change.used.core_spacing, (high - low).maxCoeff() / kMostPixels, 1e-9});
+  const int across = static_cast<int>((high.y() - low.y()) / cell) + 1;
+  const int along = static_cast<int>((high.x() - low.x()) / cell) + 1;
+  PlotSeries cells;
+  cells.kind = PlotSeries::Kind::kImage;
+  cells.x = {low.x(), low.x() + along * cell};
+  cells.y = {low.y(), low.y() + across * cell};
+  cells.image = make_picture(along, across, 255);
+  const double range = change_range(change);
+  for (const bool significant : {false, true}) {
+    for (const CoreChange& core : change.cores) {
+      if (!std::isfinite(core.detection_limit) || core.significant != significant) continue;
+      const int x = static_cast<int>((core.point.x() - low.x()) / cell);
+      const int y = static_cast<int>((core.point.y() - low.y()) / cell);
+      const Color c = change_color(core, range);
+      std::uint8_t* out = &cells.image.data[3 * (static_cast<std::size_t>(across - 1 - y) *
+                                                     static_cast<std::size_t>(along) +
+                                                 static_cast<std::size_t>(x))];
+      out[0] = c.red;
+      out[1] = c.green;
+      out[2] = c.blue;
+    }
+  }
+  Plot plot;
+  const std::string unit = change.metric ? "m" : "units";
+  plot.title = "Significant change (grey: within the detection limit)";
+  plot.x.title = "east (x), " + unit;
+  plot.y.title = "north (y), " + unit;
+  plot.x.low = cells.x[0];
+  plot.x.high = cells.x[1];
+  plot.y.low = cells.y[0];
+  plot.y.high = cells.y[1];
+  plot.equal_scale = true;
+  plot.series = {std::move(cells)};
+  return map_with_bar(std::move(plot), along, across, range, {"gain (+) and", "loss (-), " + unit});
 }
 
 }  // namespace camber

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "camber/evaluate/compare.h"
+#include "camber/evaluate/m3c2.h"
 #include "camber/image/image_io.h"
 
 namespace camber {
@@ -20,5 +21,16 @@ Image draw_height_map(const CloudComparison& comparison);
 /// A cloud coloured by its distances (viridis, `largest` m and beyond at the yellow end; grey: not
 /// counted), with the scalars "error" and, where known, "error_along_normal".
 RoadCloud color_by_distance(const DirectedDistances& directed, double largest);
+
+/// The core points as a cloud: scalars "change", "detection_limit" and "sigma_change", label
+/// "significant", normals; coloured by the change where it is significant (blue loss, orange gain),
+/// else grey.
+RoadCloud change_cloud(const CloudChange& change);
+
+/// Histogram of the signed changes, the significant ones apart.
+Image draw_change_histogram(const CloudChange& change);
+
+/// The core points in plan, coloured as change_cloud(), east to the right.
+Image draw_change_map(const CloudChange& change);
 
 }  // namespace camber
