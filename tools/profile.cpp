@@ -262,9 +262,9 @@ int run_on_cloud(const Command& command, const Arguments& args) {
 
 /// @throws UsageError where an option is given that clouds alone have.
 void check_no_cloud_options(const App& app) {
-  for (const char* name :
-       {"--half-width", "--crown", "--ground-from", "--sections", "--up", "--line-crs",
-        "--alignment", "--lenient", "--input-format", "--columns", "--crs"}) {
+  for (const char* name : {"--half-width", "--crown", "--ground-from", "--sections", "--up",
+                           "--line-crs", "--alignment", "--lenient", "--input-format", "--columns",
+                           "--crs", "--scan", "--own-frame", "--bounds"}) {
     if (app.count(name) == 0) continue;
     throw UsageError(std::string(name) + ": expected a cloud, found none");
   }
@@ -325,7 +325,7 @@ int run(const Command& command, const Arguments& args) {
 void add_arguments(App& app, Arguments& a) {
   app.add_option("surface", a.surface,
                  "result folder, its surface.json, an OpenCRG file (.crg), or a cloud (PCD, PLY, "
-                 "KITTI .bin, LAS or text) with --along")
+                 "KITTI .bin, LAS, LAZ, E57 or text) with --along")
       ->required();
   app.add_option("--out", a.out, "FILE.csv or FILE.json")->output_file();
   app.add_option(
