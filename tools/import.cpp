@@ -22,8 +22,8 @@ namespace {
 struct KittiArguments {
   KittiImportOptions options;
   GnssArguments gnss;
-  std::string images, labels, poses, velodyne, detections, keypoints, up, out;
-  int sequence = -1;
+  std::string images, labels, poses, times, velodyne, detections, keypoints, up, out;
+  int sequence = -1, poses_camera = -1;
   std::vector<std::string> calibration;
   int camera = -1;
   double height_sigma = 0.0;
@@ -54,7 +54,13 @@ void register_kitti(App& import) {
                  "calibration files; default: calib.txt beside the folder of images");
   app.add_option("--labels", a.labels,
                  "true boxes: a tracking label file, or a folder of object label files");
-  app.add_option("--poses", a.poses, "true poses of camera 0, 12 numbers a row (odometry form)");
+  app.add_option("--poses", a.poses, "true poses, 12 numbers a row (odometry form)");
+  app.add_option("--poses-camera", a.poses_camera,
+                 "camera whose poses they are; default: 0, as in KITTI's files")
+      ->check(in_range(0, 3));
+  app.add_option("--times", a.times,
+                 "times of the images, one a row; default: times.txt or timestamps.txt beside "
+                 "them, else 10 a second");
   app.add_option("--velodyne", a.velodyne,
                  "folder of laser scans; the reference frame's becomes the true cloud");
   app.add_option("--detections", a.detections,
@@ -113,6 +119,8 @@ void register_kitti(App& import) {
     options.keypoints = given.keypoints;
     if (given.sequence >= 0) options.sequence = given.sequence;
     if (given.camera >= 0) options.camera = given.camera;
+    if (given.poses_camera >= 0) options.poses_camera = given.poses_camera;
+    options.times = given.times;
     if (given.height_sigma > 0.0) options.height_sigma = given.height_sigma;
     if (given.reference_frame >= 0) options.reference_frame = given.reference_frame;
     options.up = given.up;
@@ -130,6 +138,7 @@ void register_kitti(App& import) {
                  {"calib", given.calibration},
                  {"labels", given.labels},
                  {"poses", given.poses},
+                 {"times", given.times},
                  {"velodyne", given.velodyne},
                  {"detections", given.detections},
                  {"keypoints", given.keypoints},

@@ -202,6 +202,52 @@ TEST_F(KittiClip, PosesBecomeTruthOfTheColourCamera) {
             "8 so that row i is frame i");
 }
 
+TEST_F(KittiClip, PosesMayBeThoseOfTheImagesCamera) {
+  write_bytes(path("poses.txt"),
+              "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 1\n"
+              "1 0 0 0 0 1 0 0 0 0 1 2\n");
+  options_.poses = path("poses.txt");
+  options_.poses_camera = 2;
+  const Scene scene = import_kitti(options_);
+  EXPECT_NEAR(
+      (scene.truth->frames[1].world_from_camera->translation() - Eigen::Vector3d::UnitZ()).norm(),
+      0, 1e-12);
+  options_.poses_camera = 4;
+  EXPECT_THROW(import_kitti(options_), std::invalid_argument);
+}
+
+TEST_F(KittiClip, TimesAreThoseBesideTheImages) {
+  std::vector<std::string> warnings;
+  const auto times = [&] {
+    std::vector<double> out;
+    const Scene scene =
+        import_kitti(options_, [&](const std::string& text) { warnings.push_back(text); });
+    for (const SceneFrame& frame : scene.frames) out.push_back(*frame.time_s);
+    return out;
+  };
+  EXPECT_THAT(times(), ElementsAre(0.5, 0.6, 0.7));  // 10 a second
+  write_bytes(path("times.txt"), "0\n0.11\n0.19\n");
+  EXPECT_THAT(times(), ElementsAre(0.0, 0.11, 0.19));  // one for each image
+  write_bytes(path("times.txt"), "0\n1\n2\n3\n4\n5.5\n6.5\n7.6\n8\n");
+  EXPECT_THAT(times(), ElementsAre(5.5, 6.5, 7.6));  // row i is frame i
+  EXPECT_TRUE(warnings.empty());
+  write_bytes(path("times.txt"), "0\n1\n");
+  EXPECT_THAT(times(), ElementsAre(0.5, 0.6, 0.7));
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("times.txt: found 2 times"));
+  options_.times = path("times.txt");
+  EXPECT_THAT(error(), HasSubstr("times.txt: found 2 times, expected one for each of the 3"));
+  write_bytes(path("stamps.txt"),
+              "2011-09-26 13:02:25.50\n2011-09-26 13:02:25.61\n"
+              "2011-09-26 13:02:25.70\n");
+  options_.times = path("stamps.txt");
+  const std::vector<double> stamped = times();
+  EXPECT_NEAR(stamped[0], 0.0, 1e-6);
+  EXPECT_NEAR(stamped[1], 0.11, 1e-6);
+  write_bytes(path("stamps.txt"), "0\n2\n1\n");
+  EXPECT_THAT(error(), HasSubstr("expected ascending times"));
+}
+
 TEST_F(KittiClip, CalibrationForms) {
   const auto offset = [&](const std::string& text) {
     write_bytes(path("other.txt"), text);
@@ -426,6 +472,35 @@ TEST(SharedKitti, OdometryClip) {
   const SE3 last = *scene.truth->frames.back().world_from_camera;
   EXPECT_NEAR(last.translation().z(), 35.81256, 1e-9);
   EXPECT_NEAR(last.translation().y(), -0.8182722, 1e-9);
+}
+
+TEST(SharedKitti, WholeDrives) {
+  CAMBER_REQUIRE_DATA("drives/kitti-odometry-03");
+  CAMBER_REQUIRE_DATA("drives/kitti-raw-0095");
+  KittiImportOptions options;
+  const fs::path grey = test::data_dir() / "drives/kitti-odometry-03";
+  options.images = grey / "image_0";
+  options.poses = grey / "poses.txt";
+  options.height_sigma = 0.02;
+  const Scene drive = import_kitti(options);
+  ASSERT_EQ(drive.frames.size(), 220u);
+  ASSERT_EQ(drive.truth->frames.size(), 220u);
+  EXPECT_NEAR(*drive.frames[1].time_s, 0.103391, 1e-9);
+  EXPECT_EQ(drive.height_sigma, 0.02);
+  EXPECT_EQ(drive.name, "kitti-odometry-03");
+
+  options = {};
+  const fs::path raw = test::data_dir() / "drives/kitti-raw-0095";
+  options.images = raw / "image_02";
+  options.poses = raw / "poses.txt";
+  options.poses_camera = 2;
+  options.labels = raw / "label_02";
+  options.detections_from_labels = true;
+  const Scene street = import_kitti(options);
+  ASSERT_EQ(street.frames.size(), 110u);
+  EXPECT_NEAR(*street.frames[2].time_s, 0.206984, 1e-9);
+  EXPECT_NEAR(street.truth->frames[0].world_from_camera->translation().norm(), 0.0, 1e-9);
+  EXPECT_FALSE(street.frames[2].vehicles.empty());
 }
 
 TEST(SharedKitti, RawClipWithItsScan) {

@@ -16,6 +16,7 @@
 #include "camber/core/lower_case.h"
 #include "camber/core/made_folder.h"
 #include "camber/import/detail/own_data.h"
+#include "camber/import/formats/frame_files.h"
 #include "camber/import/import_common.h"
 #include "camber/import/kitti_keypoints.h"
 #include "camber/import/kitti_labels.h"
@@ -365,6 +366,9 @@ void KittiImportOptions::validate() const {
   if (camera && (*camera < 0 || *camera > 3)) {
     throw std::invalid_argument(fmt::format("camera {}, expected 0 to 3", *camera));
   }
+  if (poses_camera && (*poses_camera < 0 || *poses_camera > 3)) {
+    throw std::invalid_argument(fmt::format("poses_camera {}, expected 0 to 3", *poses_camera));
+  }
   if (detections_from_labels && labels.empty()) {
     throw std::invalid_argument("detections_from_labels without labels, expected a label file");
   }
@@ -376,6 +380,61 @@ void KittiImportOptions::validate() const {
     throw std::invalid_argument("keypoints without detections, expected boxes that they belong to");
   }
 }
+
+namespace {
+
+/// times.txt of the odometry layout (beside the images' folder) or timestamps.txt of the raw one
+/// (beside image_02/data, or in the images' folder); empty: none.
+fs::path times_beside(const fs::path& images) {
+  fs::path folder = fs::absolute(images).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  for (const fs::path& file :
+       {folder.parent_path() / "times.txt", folder.parent_path() / "timestamps.txt",
+        folder / "timestamps.txt"}) {
+    std::error_code error;
+    if (fs::is_regular_file(file, error)) return file;
+  }
+  return {};
+}
+
+/// Gives the frames their own times: row i is that of the i-th image where there is one for each,
+/// else of frame i. Dates count from the first row.
+void put_kitti_times(const KittiImportOptions& options, const std::map<int, fs::path>& images,
+                     const LogSink& warn, Scene* scene) {
+  const fs::path file = options.times.empty() ? times_beside(options.images) : options.times;
+  if (file.empty()) return;
+  const std::vector<ListedTime> times = read_frame_times(file);
+  const bool by_order = times.size() == images.size();
+  const auto last = static_cast<std::size_t>(scene->frames.back().id);
+  if (!by_order && times.size() <= last) {
+    const std::string found = fmt::format(
+        "found {} times, expected one for each of the {} images, or at least {} so "
+        "that row i is frame i",
+        times.size(), images.size(), last + 1);
+    if (!options.times.empty()) throw InputError(file.string(), found);
+    if (warn) warn(fmt::format("{}: {}; it is not used", file.string(), found));
+    return;
+  }
+  constexpr double kLongestDrive = 1e8;  // s; more are seconds since 1970
+  const double zero = std::abs(times.front().time_s) > kLongestDrive ? times.front().time_s : 0.0;
+  const SceneFrame* before = nullptr;
+  for (SceneFrame& frame : scene->frames) {
+    const std::size_t row =
+        by_order ? static_cast<std::size_t>(std::distance(images.begin(), images.find(frame.id)))
+                 : static_cast<std::size_t>(frame.id);
+    frame.time_s = times[row].time_s - zero;
+    if (before && !(*frame.time_s > *before->time_s)) {
+      throw InputError(
+          file.string(),
+          fmt::format("found {:.6f} s of frame {} after {:.6f} s of frame {}, expected "
+                      "ascending times",
+                      *frame.time_s, frame.id, *before->time_s, before->id));
+    }
+    before = &frame;
+  }
+}
+
+}  // namespace
 
 Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
   options.validate();
@@ -404,6 +463,7 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
     scene.frames.push_back(std::move(frame));
   }
   const std::vector<int> selected = keep_frames(scene, options.frames);
+  put_kitti_times(options, images, warn, &scene);
   measure_images(scene);
   if (const std::string off_centre = off_centre_camera(scene.camera); warn && !off_centre.empty()) {
     warn(calibration.file + ": found no " + off_centre.substr(2));
@@ -450,12 +510,16 @@ Scene import_kitti(const KittiImportOptions& options, const LogSink& warn) {
                                    "least {} so that row i is frame i",
                                    poses.size(), images.size(), selected.back() + 1));
     }
-    const SE3 camera0_from_camera(Eigen::Quaterniond::Identity(), -camera.offset);
+    const Eigen::Vector3d of_poses = options.poses_camera
+                                         ? calibration.camera(*options.poses_camera).offset
+                                         : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    const SE3 posed_from_camera(Eigen::Quaterniond::Identity(),
+                                Eigen::Vector3d(of_poses - camera.offset));
     for (const SceneFrame& frame : scene.frames) {
       const std::size_t row =
           by_order ? static_cast<std::size_t>(std::distance(images.begin(), images.find(frame.id)))
                    : static_cast<std::size_t>(frame.id);
-      truth_frame(truth, frame.id).world_from_camera = poses[row] * camera0_from_camera;
+      truth_frame(truth, frame.id).world_from_camera = poses[row] * posed_from_camera;
     }
   }
   if (!truth.frames.empty()) scene.truth = std::move(truth);

@@ -63,7 +63,11 @@ struct KittiImportOptions {
   bool detections_from_labels = false;  ///< boxes of the labels as detections, "truth_boxes"
   /// Keypoints of one's own for the detections (kitti_keypoints.h).
   std::filesystem::path keypoints;
-  std::optional<int> sequence;         ///< of the keypoints; none: by a folder of images like 0009
+  std::optional<int> sequence;  ///< of the keypoints; none: by a folder of images like 0009
+  /// Times, one a row (formats/frame_files.h); empty: times.txt beside the folder of the images, or
+  /// timestamps.txt, if it has a row for each of them; else by the frame rate.
+  std::filesystem::path times;
+  std::optional<int> poses_camera;     ///< whose poses they are, 0 to 3; none: KITTI's, camera 0
   std::string frames;                  ///< list as in select_frames; empty: all
   std::optional<int> camera;           ///< 0 to 3; none: by a folder name like image_02
   std::optional<int> reference_frame;  ///< frame id; none: the manifest names none
