@@ -12,9 +12,11 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
+#include "camber/import/formats/trajectory.h"
 #include "camber/import/import_synthia.h"
 #include "camber/synth/random_scene.h"
 #include "camber/synth/synthesise.h"
+#include "camber/synth/synthesise_drive.h"
 #include "command.h"
 
 namespace camber::tools {
@@ -313,10 +315,14 @@ void check_used(const App& app, const SynthOptions& options) {
   expect(options.layout.layout == SceneLayout::kSynthiaSf, "--classes-only", "--layout synthia-sf");
 }
 
-nlohmann::json summary_json(const SynthOptions& options, const SynthSummary& summary,
-                            const std::string& folder) {
+nlohmann::json timings_json(const SynthSummary& summary) {
   nlohmann::json timings = nlohmann::json::object();
   for (const auto& [stage, ms] : summary.timings.stages()) timings[stage] = ms;
+  return timings;
+}
+
+nlohmann::json summary_json(const SynthOptions& options, const SynthSummary& summary,
+                            const std::string& folder) {
   return {{"version", kVersion},
           {"seed", options.seed},
           {"options", options_json(options)},
@@ -326,7 +332,113 @@ nlohmann::json summary_json(const SynthOptions& options, const SynthSummary& sum
           {"cars", summary.cars},
           {"detections", summary.detections},
           {"speed", summary.speed},
-          {"timings_ms", timings}};
+          {"timings_ms", timings_json(summary)}};
+}
+
+/// Options of whole drives.
+struct DriveArguments {
+  bool drive = false;
+  std::string path;
+  int standstills = 0;
+  SynthDriveOptions options;  ///< those of its own
+};
+
+void add_whole_drives(App& app, DriveArguments* a) {
+  app.add_flag("--drive", a->drive,
+               "a whole drive: a road drawn at random with hills, bends, corners and banks, "
+               "traffic, standstills (default 150 frames)");
+  app.add_option("--path", a->path,
+                 "of --drive: file of a camera pose a frame (KITTI, TUM) that it follows");
+  app.add_option("--standstills", a->standstills,
+                 "of --drive: how often the car stands; else drawn, about once in 300 frames")
+      ->check(whole_number());
+  app.add_option("--traffic", a->options.traffic, "of --drive: density of cars")
+      ->capture_default_str();
+  app.add_option("--height-sigma", a->options.height_sigma,
+                 "of --drive: stated of the camera height, m; the true one is a draw")
+      ->capture_default_str();
+  app.add_option("--focal-sigma", a->options.focal_sigma,
+                 "of --drive, relative: of half of the seeds the true focal length is a draw")
+      ->capture_default_str();
+  app.add_option("--cloud-density", a->options.cloud_density,
+                 "of --drive: points of the true road cloud a metre of road")
+      ->capture_default_str();
+}
+
+/// @throws UsageError for options of the other kind of scene.
+void check_drive_used(const App& app, bool drive) {
+  const auto refuse = [&](std::initializer_list<const char*> options, const char* expected) {
+    for (const char* option : options) {
+      if (app.count(option) > 0) {
+        throw UsageError(fmt::format("{}: expected {}", option, expected));
+      }
+    }
+  };
+  if (drive) {
+    refuse({"--profile", "--cars", "--nearest", "--farthest", "--cloud-points", "--corner",
+            "--bend-radius", "--turn", "--lead-car", "--layout", "--distortion"},
+           "a scene without --drive, which draws its own road and traffic");
+    if (app.count("--path") > 0) refuse({"--standstills", "--speed"}, "none beside --path");
+  } else {
+    refuse({"--path", "--standstills", "--traffic", "--height-sigma", "--focal-sigma",
+            "--cloud-density"},
+           "--drive beside it");
+  }
+}
+
+/// What a drive makes of a scene's options.
+SynthDriveOptions drive_options(const App& app, const DriveArguments& a, SynthOptions scene) {
+  SynthDriveOptions out = a.options;
+  if (app.count("--random") > 0) {
+    scene.features.corner = {};
+    scene.features.bend = {};
+    scene.features.lead_car = {};
+    if (app.count("--name") == 0) scene.name.replace(0, 6, "drive");  // "random_00017"
+    if (app.count("--speed") == 0) scene.speed = std::max(3.0, scene.speed);
+  } else {
+    if (app.count("--ahead-of-axle") == 0) scene.features.mounting.ahead_of_axle = 1.5;
+    if (app.count("--supersampling") == 0) scene.sensor.supersampling = 2;
+  }
+  if (app.count("--frames") == 0) scene.num_frames = 150;
+  if (app.count("--standstills") > 0) out.standstills = a.standstills;
+  if (!a.path.empty()) {
+    out.path.emplace();
+    for (const TimedPose& pose : read_poses(a.path).poses) {
+      out.path->push_back(pose.world_from_body());
+    }
+    if (app.count("--frames") == 0) scene.num_frames = static_cast<int>(out.path->size());
+  }
+  out.scene = std::move(scene);
+  return out;
+}
+
+int make_drive(const Command& command, const SynthDriveOptions& options, const std::string& folder,
+               bool overwrite, bool json) {
+  const SynthDriveSummary summary =
+      synthesise_drive(options, folder, overwrite, make_progress(command.common));
+  if (json) {
+    std::cout << nlohmann::json{{"version", kVersion},
+                                {"seed", options.scene.seed},
+                                {"options", options_json(options)},
+                                {"scene", folder},
+                                {"name", summary.scene.name},
+                                {"frames", options.scene.num_frames},
+                                {"cars", summary.scene.cars},
+                                {"detections", summary.scene.detections},
+                                {"speed", summary.scene.speed},
+                                {"length", summary.length},
+                                {"standstills", summary.standstills},
+                                {"true_height", summary.true_height},
+                                {"true_focal_ratio", summary.true_focal_ratio},
+                                {"timings_ms", timings_json(summary.scene)}}
+                     .dump(2)
+              << '\n';
+  } else if (!command.common.quiet) {
+    std::fprintf(stderr, "%s: %d frames, %.1f m, %d standstills, %d cars, %d detections\n",
+                 folder.c_str(), options.scene.num_frames, summary.length, summary.standstills,
+                 summary.scene.cars, summary.scene.detections);
+  }
+  return 0;
 }
 
 }  // namespace
@@ -340,9 +452,12 @@ void register_synth(App& root) {
       "  camber synth --profile crest --size 960x540 --intrinsics 423.8,423.8,479.5,269.5 --hz 5 "
       "--out scene\n"
       "  camber synth --layout synthia-sf --size 960x540 --out made\n"
-      "  camber synth --distortion brown,-0.3,0.1,0,0 --out scene");
+      "  camber synth --distortion brown,-0.3,0.1,0,0 --out scene\n"
+      "  camber synth --drive --seed 3 --frames 300 --out drive\n"
+      "  camber synth --drive --path poses.txt --size 320x96 --out drive");
   struct Arguments {
     Settings settings;
+    DriveArguments drive;
     std::string out;
     std::uint64_t number = 0;
     bool overwrite = false, json = false;
@@ -362,6 +477,7 @@ void register_synth(App& root) {
   add_layout(app, &arguments->settings);
   add_turning(app, &arguments->settings);
   add_surroundings(app, &arguments->settings);
+  add_whole_drives(app, &arguments->drive);
 
   command->run = [command, arguments, &app] {
     SynthOptions options;
@@ -374,6 +490,11 @@ void register_synth(App& root) {
     options.command = command->common.command_line;
     arguments->settings.apply(&options);
     check_used(app, options);
+    check_drive_used(app, arguments->drive.drive);
+    if (arguments->drive.drive) {
+      return make_drive(*command, drive_options(app, arguments->drive, std::move(options)),
+                        arguments->out, arguments->overwrite, arguments->json);
+    }
     follow_layout(app, &options);
     const SynthSummary summary = synthesise_scene(options, arguments->out, arguments->overwrite,
                                                   make_progress(command->common));

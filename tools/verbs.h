@@ -29,7 +29,7 @@ inline constexpr Verb kVerbs[] = {
     {"import", "frames", "scene manifests from own films, images and bags, and from data sets"},
     {"keypoints", "frames", "crops to train the keypoint network, and its errors"},
     {"prior", "frames", "shape and size priors of vehicles"},
-    {"synth", "frames", "a made scene of a steep road with cars and complete truth"},
+    {"synth", "frames", "made scenes and whole drives with cars and complete truth"},
     {"info", "clouds", "what clouds, COLMAP models, scenes and results hold"},
     {"convert", "clouds", "clouds, COLMAP models and depth images as cloud files"},
     {"filter", "clouds", "crops, thins, cleans and sorts a cloud, or gives it normals"},

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "camber/scene/scene.h"
@@ -55,6 +56,44 @@ TEST_F(Synth, RandomScenesAreTheSameForOneNumberAndPrintedAsJson) {
   const auto other = synth({"--random", "5", "--frames", "2"}, "c");
   ASSERT_EQ(other.exit_code, 0) << other.error;
   EXPECT_NE(test::snapshot(path("c"))["image/000000.png"], a["image/000000.png"]);
+}
+
+TEST_F(Synth, WholeDrivesAreMadeAndFollowPaths) {
+  const auto run = [&](std::vector<std::string> arguments, const std::string& out) {
+    arguments.insert(arguments.begin(), {"synth", "--drive", "--size", "160x64"});
+    arguments.insert(arguments.end(), {"--out", path(out)});
+    return run_camber(arguments);
+  };
+  const auto made = run({"--frames", "6", "--seed", "3", "--json", "--focal-sigma", "0.02"}, "a");
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  const json printed = json::parse(made.out);
+  EXPECT_EQ(printed["frames"], 6);
+  EXPECT_EQ(printed["name"], "drive_3");
+  EXPECT_NE(printed["true_height"], 1.65);
+  const Scene scene = read_scene(path("a"));
+  double length = 0.0;
+  for (std::size_t i = 1; i < scene.truth->frames.size(); ++i) {
+    length += (scene.truth->frames[i].world_from_camera->translation() -
+               scene.truth->frames[i - 1].world_from_camera->translation())
+                  .norm();
+  }
+  EXPECT_NEAR(printed["length"].get<double>(), length, 1e-6);
+
+  std::ofstream poses(path("poses.txt"));
+  for (int i = 0; i < 20; ++i) {
+    poses << "1 0 0 " << 0.02 * i * i << " 0 1 0 0 0 0 1 " << 0.9 * i << "\n";
+  }
+  poses.close();
+  const auto followed = run({"--path", path("poses.txt"), "--json"}, "b");
+  ASSERT_EQ(followed.exit_code, 0) << followed.error;
+  EXPECT_EQ(json::parse(followed.out)["frames"], 20);
+  EXPECT_NEAR(json::parse(followed.out)["length"].get<double>(), 18.8, 0.8);
+
+  EXPECT_ONE_SENTENCE(run({"--profile", "crest"}, "c"), 2, "--profile");
+  EXPECT_ONE_SENTENCE(synth({"--standstills", "2"}, "c"), 2, "--drive");
+  EXPECT_ONE_SENTENCE(run({"--path", path("none.txt")}, "c"), 2, "none.txt");
+  EXPECT_ONE_SENTENCE(run({"--path", path("poses.txt"), "--frames", "30"}, "c"), 2,
+                      "poses of the path");
 }
 
 TEST_F(Synth, FeaturesAreOptions) {

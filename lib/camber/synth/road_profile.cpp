@@ -90,31 +90,39 @@ const std::vector<RoadProfileKind>& all_road_profile_kinds() {
   return all;
 }
 
+namespace {
+
+/// The change that has begun at a station, and the value before it; nullptr: none has.
+struct LastChange {
+  const ProfileTrack::Change* change = nullptr;
+  double before = 0.0;
+};
+
+LastChange last_change(const ProfileTrack& track, double station) {
+  const auto after =
+      std::partition_point(track.changes.begin(), track.changes.end(),
+                           [&](const ProfileTrack::Change& c) { return c.start < station; });
+  if (after == track.changes.begin()) return {nullptr, track.initial};
+  const auto last = after - 1;
+  return {&*last, last == track.changes.begin() ? track.initial : (last - 1)->value};
+}
+
+}  // namespace
+
 double ProfileTrack::value(double station) const {
-  double before = initial;
-  for (const Change& change : changes) {
-    const double x = (station - change.start) / change.length;
-    if (x <= 0.0) break;
-    if (x >= 1.0) {
-      before = change.value;
-      continue;
-    }
-    return before + (change.value - before) * 0.5 * (1.0 - std::cos(kPi * x));
-  }
-  return before;
+  const auto [change, before] = last_change(*this, station);
+  if (!change) return initial;
+  const double x = (station - change->start) / change->length;
+  if (x >= 1.0) return change->value;
+  return before + (change->value - before) * 0.5 * (1.0 - std::cos(kPi * x));
 }
 
 double ProfileTrack::slope(double station) const {
-  double before = initial;
-  for (const Change& change : changes) {
-    const double x = (station - change.start) / change.length;
-    if (x <= 0.0) break;
-    if (x < 1.0) {
-      return (change.value - before) * 0.5 * kPi / change.length * std::sin(kPi * x);
-    }
-    before = change.value;
-  }
-  return 0.0;
+  const auto [change, before] = last_change(*this, station);
+  if (!change) return 0.0;
+  const double x = (station - change->start) / change->length;
+  if (x >= 1.0) return 0.0;
+  return (change->value - before) * 0.5 * kPi / change->length * std::sin(kPi * x);
 }
 
 RoadProfile::RoadProfile(ProfileTrack grade, ProfileTrack bank, ProfileTrack curvature,
@@ -130,7 +138,7 @@ RoadProfile::RoadProfile(ProfileTrack grade, ProfileTrack bank, ProfileTrack cur
   }
   check_track(grade_, "grade", 0.6);
   check_track(bank_, "bank", 0.3);
-  check_track(curvature_, "curvature", 0.05);
+  check_track(curvature_, "curvature", 0.1);
 
   // Integrated outwards from station 0 in steps of 5 cm by Simpson's rule, so that station 0 is
   // exactly at the origin and heads along +x.

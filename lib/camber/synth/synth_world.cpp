@@ -12,6 +12,7 @@
 #include "camber/synth/detail/scenery.h"
 #include "camber/synth/detail/sequence.h"
 #include "camber/synth/detail/traffic.h"
+#include "camber/synth/detail/world_parts.h"
 
 namespace camber {
 namespace {
@@ -62,6 +63,8 @@ Junction draw_junction(const WorldOptions& options, const RoadLayout& layout) {
   return out;
 }
 
+}  // namespace
+
 RoadLayout draw_layout(const WorldOptions& options) {
   Sequence random(options.seed, 0x4C41594F);
   RoadLayout layout;
@@ -100,6 +103,8 @@ RoadLayout draw_layout(const WorldOptions& options) {
   return layout;
 }
 
+namespace {
+
 RoadProfile draw_profile(const WorldOptions& options) {
   const RoadProfile drawn =
       RoadProfile::sample(options.profile, options.seed, kRoadBegin, kRoadEnd);
@@ -113,6 +118,8 @@ RoadProfile draw_profile(const WorldOptions& options) {
   curvature.changes.push_back({std::min(1.2 * features.bend.radius, 150.0), 20.0, 0.0});
   return drawn.with_curvature(std::move(curvature));
 }
+
+}  // namespace
 
 MarkingSizes draw_markings(const WorldOptions& options, const CounterRandom& random) {
   MarkingSizes out;
@@ -144,20 +151,22 @@ SynthLight draw_light(const WorldOptions& options) {
   return light;
 }
 
-}  // namespace
+GroundTexture draw_texture(const WorldOptions& options, const CounterRandom& random) {
+  const auto seed = static_cast<std::uint32_t>(random.bits(3));
+  return {seed, static_cast<float>(options.features.asphalt.contrast.value_or(
+                    0.6f + 0.5f * hash_unit(0, 0, seed)))};
+}
 
 SynthWorld make_synth_world(const WorldOptions& options) {
   options.features.validate();
   SynthWorld world{
       RoadModel(draw_profile(options), draw_layout(options)), {}, {}, {}, {}, {}, {}, {}, {}, {}};
-  const CounterRandom random(options.seed, 0x4D41524B);
+  const CounterRandom random(options.seed, kMarkingStream);
   world.markings = draw_markings(options, random);
   world.asphalt = {options.features.asphalt.texture,
                    static_cast<float>(options.features.asphalt.wetness)};
-  const auto seed = static_cast<std::uint32_t>(random.bits(3));
-  const auto contrast = static_cast<float>(
-      options.features.asphalt.contrast.value_or(0.6f + 0.5f * hash_unit(0, 0, seed)));
-  build_ground(world.road, seed, contrast, &world.ground_and_things);
+  const GroundTexture texture = draw_texture(options, random);
+  build_ground(world.road, texture.seed, texture.contrast, &world.ground_and_things);
   world.num_ground = world.ground_and_things.triangles.size();
   if (options.scenery) build_scenery(world.road, options.seed, &world.ground_and_things);
   const EgoMotion motion = plan_ego_motion(options, world.road);

@@ -50,6 +50,23 @@ EgoMotion plan_ego_motion(const WorldOptions& options, const RoadModel& road) {
   return motion;
 }
 
+SynthView view_above_road(const RoadModel& road, const Eigen::Vector2d& place, double station,
+                          double heading, const CameraAttitude& attitude) {
+  SynthView view;
+  view.ego_plane = road.local_plane(place, station, heading, 2.0, 1.5).plane;
+  const Eigen::Vector3d up = view.ego_plane.normal;
+  const Eigen::Matrix3d level = level_axes(up, heading);
+  const Eigen::Matrix3d mount = (Eigen::AngleAxisd(attitude.yaw, Eigen::Vector3d::UnitY()) *
+                                 Eigen::AngleAxisd(attitude.pitch, Eigen::Vector3d::UnitX()) *
+                                 Eigen::AngleAxisd(attitude.roll, Eigen::Vector3d::UnitZ()))
+                                    .toRotationMatrix();
+  const Eigen::Vector3d foot =
+      view.ego_plane.foot({place.x(), place.y(), road.height_at(place, station)});
+  view.world_from_camera =
+      SE3(Eigen::Matrix3d(level * mount), Eigen::Vector3d(foot + attitude.height * up));
+  return view;
+}
+
 std::vector<SynthView> drive_camera(const WorldOptions& options, const RoadModel& road,
                                     const EgoMotion& motion) {
   const CounterRandom random(options.seed, kStream);
@@ -63,24 +80,13 @@ std::vector<SynthView> drive_camera(const WorldOptions& options, const RoadModel
     const double heading = axle.heading;
     const Eigen::Vector2d at =
         axle.place + motion.camera_ahead * Eigen::Vector2d(std::cos(heading), std::sin(heading));
-    SynthView view;
-    view.ego_plane = road.local_plane(at, axle.station, heading, 2.0, 1.5).plane;
-    const Eigen::Vector3d up = view.ego_plane.normal;
-    const Eigen::Matrix3d level = level_axes(up, heading);
     const std::uint64_t k = 100 + 8 * static_cast<std::uint64_t>(f);
-    const double pitch = mount_pitch + 0.10 * kDegree * random.normal(k);
-    const double yaw = mount_yaw + 0.04 * kDegree * random.normal(k + 1);
-    const double roll = mount_roll + 0.06 * kDegree * random.normal(k + 2);
-    const double height = options.camera_height + 0.003 * random.normal(k + 3);
-    const Eigen::Matrix3d mount = (Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
-                                   Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
-                                   Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()))
-                                      .toRotationMatrix();
-    const Eigen::Vector3d foot =
-        view.ego_plane.foot({at.x(), at.y(), road.height_at(at, axle.station)});
-    view.world_from_camera =
-        SE3(Eigen::Matrix3d(level * mount), Eigen::Vector3d(foot + height * up));
-    views.push_back(view);
+    CameraAttitude attitude;
+    attitude.pitch = mount_pitch + 0.10 * kDegree * random.normal(k);
+    attitude.yaw = mount_yaw + 0.04 * kDegree * random.normal(k + 1);
+    attitude.roll = mount_roll + 0.06 * kDegree * random.normal(k + 2);
+    attitude.height = options.camera_height + 0.003 * random.normal(k + 3);
+    views.push_back(view_above_road(road, at, axle.station, heading, attitude));
   }
   return views;
 }

@@ -35,7 +35,7 @@ double widest_offset(const RoadModel& road, double sign) {
   return widest;
 }
 
-void add_side_columns(const RoadModel& road, int side, std::vector<Column>* out) {
+void add_side_columns(const RoadModel& road, int side, double widest, std::vector<Column>* out) {
   const RoadLayout& layout = road.layout();
   const double sign = side == 0 ? 1.0 : -1.0;
   std::vector<double> beyond = {0.0,
@@ -57,7 +57,6 @@ void add_side_columns(const RoadModel& road, int side, std::vector<Column>* out)
     beyond.push_back(b);
   }
   std::sort(beyond.begin(), beyond.end());
-  const double widest = widest_offset(road, sign);
   double last = -1.0;
   for (const double b : beyond) {
     if (b - last < 0.05 || layout.half_width + b > widest) continue;
@@ -67,24 +66,27 @@ void add_side_columns(const RoadModel& road, int side, std::vector<Column>* out)
 }
 
 /// From right to left.
-std::vector<Column> make_columns(const RoadModel& road) {
+std::vector<Column> make_columns(const RoadModel& road, bool limited) {
   const double half_width = road.layout().half_width;
+  const auto widest = [&](double sign) {
+    return limited ? std::numeric_limits<double>::infinity() : widest_offset(road, sign);
+  };
   std::vector<Column> right;
-  add_side_columns(road, 1, &right);
+  add_side_columns(road, 1, widest(-1.0), &right);
   std::vector<Column> columns(right.rbegin(), right.rend());
   const int strips = 2 * static_cast<int>(std::ceil(half_width / 0.5));
   for (int i = 0; i <= strips; ++i) {
     columns.push_back({half_width * (2.0 * i / strips - 1.0), false});
   }
-  add_side_columns(road, 0, &columns);
+  add_side_columns(road, 0, widest(1.0), &columns);
   return columns;
 }
 
-std::vector<double> make_rows(const RoadModel& road) {
+std::vector<double> make_rows(const RoadModel& road, const GroundReach& reach) {
   std::vector<double> rows;
-  for (double s = kRoadBegin; s < kRoadEnd;) {
+  for (double s = reach.begin; s < reach.end;) {
     rows.push_back(s);
-    s += s < 90.0 ? 0.25 : (s < 160.0 ? 0.5 : 2.0);
+    s += s < reach.fine_end ? 0.25 : (s < reach.medium_end ? 0.5 : 2.0);
   }
   for (const RoadLayout::Pad& pad : road.layout().pads) {
     rows.push_back(pad.begin);
@@ -125,38 +127,65 @@ Vertex make_vertex(const RoadModel& road, double s, const Column& c) {
 /// The ground of a road without junction: strips between columns of constant offset.
 class StripMesh {
  public:
-  StripMesh(const RoadModel& road, std::uint32_t seed, float contrast, SynthMesh* mesh)
+  StripMesh(const RoadModel& road, std::uint32_t seed, float contrast, const GroundReach& reach,
+            SynthMesh* mesh)
       : road_(road),
+        reach_(reach),
         mesh_(mesh),
         builder_(mesh),
         objects_(road.layout().half_width, seed, contrast, &builder_),
-        columns_(make_columns(road)) {}
+        columns_(make_columns(road, reach.limits != nullptr)) {}
 
   void build() {
-    std::vector<Vertex> before, now;
-    double last = 0.0;
-    for (const double s : make_rows(road_)) {
-      now.clear();
-      for (const Column& c : columns_) now.push_back(make_vertex(road_, s, c));
-      if (!before.empty()) join(last, before, s, now);
+    Row before, now;
+    for (const double s : make_rows(road_, reach_)) {
+      make_row(s, &now);
+      if (!before.vertices.empty()) join(before, now);
       std::swap(before, now);
-      last = s;
     }
   }
 
  private:
-  void join(double s0, const std::vector<Vertex>& before, double s1,
-            const std::vector<Vertex>& now) {
-    const auto arc0 = static_cast<float>(road_.profile().arc_length(s0));
-    const auto arc1 = static_cast<float>(road_.profile().arc_length(s1));
+  struct Row {
+    double station = 0.0, arc = 0.0;
+    std::vector<double> offsets;  ///< of the columns, within the limits
+    std::vector<Vertex> vertices;
+  };
+
+  void make_row(double station, Row* row) const {
+    row->station = station;
+    row->arc = road_.profile().arc_length(station);
+    row->offsets.clear();
+    row->vertices.clear();
+    constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+    const double left = reach_.limits ? reach_.limits->at(station, 0) : kUnlimited;
+    const double right = reach_.limits ? reach_.limits->at(station, 1) : kUnlimited;
+    for (Column column : columns_) {
+      column.offset = std::clamp(column.offset, -right, left);
+      row->offsets.push_back(column.offset);
+      // Beyond the limit there is nothing: one vertex stands for the rest.
+      const bool again = row->offsets.size() > 1 && column.far_side &&
+                         column.offset == row->offsets[row->offsets.size() - 2] &&
+                         (column.offset == left || column.offset == -right);
+      row->vertices.push_back(again ? row->vertices.back() : make_vertex(road_, station, column));
+    }
+  }
+
+  void join(const Row& before_row, const Row& now_row) {
+    const std::vector<Vertex>&before = before_row.vertices, &now = now_row.vertices;
+    const double s0 = before_row.station, s1 = now_row.station;
+    const auto arc0 = static_cast<float>(before_row.arc), arc1 = static_cast<float>(now_row.arc);
     for (std::size_t i = 0; i + 1 < columns_.size(); ++i) {
-      const double t0 = columns_[i].offset, t1 = columns_[i + 1].offset;
-      if (std::abs(t1 - t0) < 1e-9) {
+      if (std::abs(columns_[i + 1].offset - columns_[i].offset) < 1e-9) {
         kerb_face(arc0, arc1, before[i], before[i + 1], now[i], now[i + 1]);
         continue;
       }
-      const int object = objects_.of(road_.kind(0.5 * (s0 + s1), 0.5 * (t0 + t1)));
-      const Eigen::Vector2f uv00(arc0, t0), uv01(arc0, t1), uv10(arc1, t0), uv11(arc1, t1);
+      const double a0 = before_row.offsets[i], a1 = before_row.offsets[i + 1];
+      const double b0 = now_row.offsets[i], b1 = now_row.offsets[i + 1];
+      if (a1 - a0 < 1e-9 && b1 - b0 < 1e-9) continue;
+      const int object =
+          objects_.of(road_.kind(0.5 * (s0 + s1), 0.5 * (0.5 * (a0 + b0) + 0.5 * (a1 + b1))));
+      const Eigen::Vector2f uv00(arc0, a0), uv01(arc0, a1), uv10(arc1, b0), uv11(arc1, b1);
       const Vertex &v00 = before[i], &v01 = before[i + 1], &v10 = now[i], &v11 = now[i + 1];
       // From outside (above): counter-clockwise is v00 (right, back), v10 (right, front), v11.
       mesh_->triangles.push_back({{v00.point, v10.point, v11.point},
@@ -185,6 +214,7 @@ class StripMesh {
   }
 
   const RoadModel& road_;
+  GroundReach reach_;
   SynthMesh* mesh_;
   MeshBuilder builder_;
   GroundObjects objects_;
@@ -193,11 +223,12 @@ class StripMesh {
 
 }  // namespace
 
-void build_ground(const RoadModel& road, std::uint32_t seed, float contrast, SynthMesh* mesh) {
+void build_ground(const RoadModel& road, std::uint32_t seed, float contrast, SynthMesh* mesh,
+                  const GroundReach& reach) {
   if (road.layout().junction) {
     build_junction_ground(road, seed, contrast, mesh);
   } else {
-    StripMesh(road, seed, contrast, mesh).build();
+    StripMesh(road, seed, contrast, reach, mesh).build();
   }
 }
 

@@ -55,18 +55,29 @@ bool overlap(const Eigen::Vector2d* a, const Eigen::Vector2d* b) {
 struct Reach {
   double begin = 0.0, buildings = 190.0, posts = 200.0, markers = 220.0, signs = 180.0,
          plants = 260.0, far_plants = 330.0;
+  double simple_from = 120.0;  ///< of trees; bushes 30 m before
+  double parking = 0.0;        ///< m beside a road without pavement that are left to parked cars
 };
 
 class Scenery {
  public:
   Scenery(const RoadModel& road, std::uint64_t seed, SynthMesh* mesh)
       : road_(road), seed_(seed), random_(seed, 0x5343454E), builder_(mesh) {
-    // Beside a tight bend or a second street things could meet each other or the carriageway.
-    double sharpest = 0.0;
-    for (double s = 0.0; s < 100.0; s += 1.0) {
-      sharpest = std::max(sharpest, std::abs(road.profile().curvature(s)));
-    }
-    crowded_ = road.layout().junction.has_value() || sharpest > 1.0 / 85.0;
+    crowded_ = road.layout().junction.has_value() || is_tight(0.0, 100.0);
+  }
+  /// Of the stretch of a long road from `begin` on.
+  Scenery(const RoadModel& road, std::uint64_t seed, double begin, double simple_from,
+          const SideLimits& limits, SynthMesh* mesh)
+      : road_(road),
+        seed_(seed),
+        random_(seed, 0x53545243u + static_cast<std::uint64_t>(std::llround(begin))),
+        builder_(mesh),
+        limits_(&limits) {
+    crowded_ = is_tight(begin - 30.0, begin + kSceneryStretch + 30.0);
+    const double end = begin + kSceneryStretch;
+    // Nothing reaches into the next stretch.
+    const Street main = Street::main(road);
+    along(main, {begin, end - 30.0, end, end, end, end - 2.0, end - 2.0, simple_from, 2.6});
   }
 
   void build() {
@@ -79,6 +90,15 @@ class Scenery {
   }
 
  private:
+  /// Whether things beside a bend could meet each other or the carriageway.
+  bool is_tight(double begin, double end) const {
+    double sharpest = 0.0;
+    for (double s = begin; s < end; s += 1.0) {
+      sharpest = std::max(sharpest, std::abs(road_.profile().curvature(s)));
+    }
+    return sharpest > 1.0 / 85.0;
+  }
+
   void along(const Street& street, const Reach& reach) {
     street_ = &street;
     reach_ = reach;
@@ -99,6 +119,10 @@ class Scenery {
     return {std::cos(heading), std::sin(heading)};
   }
 
+  /// Whether the road's ground ends before a thing.
+  bool beyond_limit(const Beside& b, double margin) const {
+    return limits_ && street_->half_width() + b.beyond + margin > limits_->at(b.station, b.side);
+  }
   bool on_pad(const Beside& b, double margin) const {
     if (street_->is_crossing()) return false;
     for (const RoadLayout::Pad& pad : road_.layout().pads) {
@@ -130,7 +154,7 @@ class Scenery {
       const Eigen::Vector2d around[4] = {p - x - y, p + x - y, p + x + y, p - x + y};
       if (overlap(f.corners, around)) return true;
     }
-    return on_pad(b, margin) || in_the_way(b, margin);
+    return on_pad(b, margin) || in_the_way(b, margin) || beyond_limit(b, margin);
   }
 
   void buildings(int side) {
@@ -141,7 +165,7 @@ class Scenery {
     static const Eigen::Vector3f kRoofs[] = {linear_color(120, 66, 50), linear_color(84, 78, 76),
                                              linear_color(140, 86, 62), linear_color(66, 66, 72)};
     const double density = random_.uniform(0.35, 0.85);
-    double s = reach_.begin + random_.uniform(-6.0, 10.0);
+    double s = reach_.begin + (limits_ ? random_.uniform(0.0, 10.0) : random_.uniform(-6.0, 10.0));
     while (s < reach_.buildings) {
       const double length = random_.uniform(9.0, 18.0), depth = random_.uniform(8.0, 11.0);
       const double beyond = random_.uniform(8.5, 14.0);
@@ -154,7 +178,7 @@ class Scenery {
       const double gap = random_.uniform(2.0, 9.0), roof = random_.uniform(0.55, 0.9);
       const Footprint footprint = footprint_of({side, s, beyond}, length, depth);
       s += length + gap;
-      if (!built || (crowded_ && !buildable(footprint))) continue;
+      if (!built || ((crowded_ || limits_) && !buildable(footprint))) continue;
       buildings_.push_back(footprint);
       building(footprint, floors, wall, tiles, seed, roof);
     }
@@ -177,6 +201,9 @@ class Scenery {
   }
 
   bool buildable(const Footprint& f) const {
+    for (const double station : {f.begin, 0.5 * (f.begin + f.end), f.end}) {
+      if (beyond_limit({f.side, station, f.far}, 0.5)) return false;
+    }
     for (const Footprint& other : buildings_) {
       if (overlap(f.corners, other.corners)) return false;
     }
@@ -290,13 +317,17 @@ class Scenery {
       for (double s = reach_.begin + random_.uniform(4.0, 20.0); s < reach_.posts;
            s += random_.uniform(24.0, 30.0)) {
         const Beside b{side, s, layout.pavement_width + 0.25};
-        if (street_->exists(s) && !on_pad(b, 0.5) && !in_the_way(b, 0.1)) street_lamp(b);
+        if (street_->exists(s) && !on_pad(b, 0.5) && !in_the_way(b, 0.1) && !beyond_limit(b, 0.3)) {
+          street_lamp(b);
+        }
       }
       return;
     }
     for (double s = reach_.begin + random_.uniform(3.0, 12.0); s < reach_.markers; s += 18.0) {
-      const Beside b{side, s, 0.9};
-      if (!street_->exists(s) || on_pad(b, 0.5) || in_the_way(b, 0.3)) continue;
+      const Beside b{side, s, 0.9 + reach_.parking};
+      if (!street_->exists(s) || on_pad(b, 0.5) || in_the_way(b, 0.3) || beyond_limit(b, 0.3)) {
+        continue;
+      }
       const Eigen::Vector3d p = foot(b);
       builder_.box(marker, p - Eigen::Vector3d(0, 0, 0.1), direction(s), 0.09, 0.12, 1.05);
       builder_.box(band, p + Eigen::Vector3d(0, 0, 0.68), direction(s), 0.095, 0.125, 0.16);
@@ -321,9 +352,12 @@ class Scenery {
     const RoadLayout& layout = road_.layout();
     for (double s = reach_.begin + random_.uniform(14.0, 45.0); s < reach_.signs;
          s += random_.uniform(30.0, 70.0)) {
-      const Beside b{side, s, (layout.pavement[side] ? layout.pavement_width : 0.6) + 0.5};
+      const Beside b{side, s,
+                     (layout.pavement[side] ? layout.pavement_width : 0.6 + reach_.parking) + 0.5};
       const std::uint32_t seed = random_.bits();
-      if (street_->exists(s) && !on_pad(b, 0.8) && !in_the_way(b, 0.2)) sign(b, seed);
+      if (street_->exists(s) && !on_pad(b, 0.8) && !in_the_way(b, 0.2) && !beyond_limit(b, 0.5)) {
+        sign(b, seed);
+      }
     }
   }
 
@@ -361,7 +395,7 @@ class Scenery {
 
   void plants(int side) {
     const RoadLayout& layout = road_.layout();
-    const double inner = layout.pavement[side] ? layout.pavement_width + 0.9 : 1.8;
+    const double inner = layout.pavement[side] ? layout.pavement_width + 0.9 : 1.8 + reach_.parking;
     double s = reach_.begin + random_.uniform(2.0, 12.0);
     while (s < reach_.plants) {
       const double size = random_.uniform(0.75, 1.25);
@@ -372,9 +406,9 @@ class Scenery {
       s += random_.uniform(3.0, 14.0);
       if (taken(b, tree ? 1.6 : 0.9)) continue;
       if (tree) {
-        plant_tree(foot(b), size, b.station > 120.0, seed, &builder_);
+        plant_tree(foot(b), size, b.station > reach_.simple_from, seed, &builder_);
       } else {
-        plant_bush(foot(b), size, b.station > 90.0, seed, &builder_);
+        plant_bush(foot(b), size, b.station > reach_.simple_from - 30.0, seed, &builder_);
       }
     }
     // Farther away, beyond the first row of houses.
@@ -383,7 +417,7 @@ class Scenery {
       const Beside b{side, far, random_.uniform(22.0, 46.0)};
       const double size = random_.uniform(0.9, 1.6);
       const std::uint32_t seed = random_.bits();
-      const bool fewer = street_->is_crossing() || b.station > 120.0;
+      const bool fewer = street_->is_crossing() || b.station > reach_.simple_from;
       if (!taken(b, 2.0)) plant_tree(foot(b), size, fewer, seed, &builder_);
     }
   }
@@ -394,6 +428,7 @@ class Scenery {
   MeshBuilder builder_;
   const Street* street_ = nullptr;
   Reach reach_;
+  const SideLimits* limits_ = nullptr;
   bool crowded_ = false;
   int lamp_ = 0;
   std::vector<Footprint> buildings_;
@@ -403,6 +438,11 @@ class Scenery {
 
 void build_scenery(const RoadModel& road, std::uint64_t seed, SynthMesh* mesh) {
   Scenery(road, seed, mesh).build();
+}
+
+void build_scenery_stretch(const RoadModel& road, std::uint64_t seed, double begin,
+                           double simple_from, const SideLimits& limits, SynthMesh* mesh) {
+  Scenery(road, seed, begin, simple_from, limits, mesh);
 }
 
 }  // namespace camber

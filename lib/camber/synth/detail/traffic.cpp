@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "camber/synth/detail/car_mesh.h"
-#include "camber/synth/detail/sequence.h"
 #include "camber/synth/detail/street.h"
 
 namespace camber {
@@ -16,15 +15,8 @@ constexpr double kDegree = kPi / 180.0;
 constexpr std::uint64_t kCarStream = 0x43415253, kFamilyStream = 0x46414D49;
 constexpr std::uint64_t kLeadStream = 0x4C454144, kCornerStream = 0x434F524E;
 
-/// What a car is but for where it drives.
-struct CarChoice {
-  int track = 1;
-  CarModel model;
-  bool moving = false;
-  GroundKind ground = GroundKind::kRoad;
-};
+}  // namespace
 
-/// Puts a car on the ground at one pose of its origin a frame.
 SynthCar make_synth_car(const RoadModel& road, const CarChoice& choice,
                         const std::vector<PathPose>& poses, Sequence* random) {
   SynthCar car;
@@ -48,6 +40,8 @@ SynthCar make_synth_car(const RoadModel& road, const CarChoice& choice,
   }
   return car;
 }
+
+namespace {
 
 /// A car whose rear axle follows the ego path, its rear end `gap` before the camera.
 std::vector<PathPose> lead_poses(const WorldOptions& options, const EgoMotion& motion,
