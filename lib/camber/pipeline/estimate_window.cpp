@@ -48,8 +48,8 @@ WindowEstimate estimate_window(const Scene& scene, LoadedFrames frames,
     return stages::assemble(road.frames, road.matches, refined, scaled, plan, vehicles, judged,
                             o.vehicles.method, {o.num_threads, o.scale.noise});
   });
-  return {std::move(road), std::move(refined),  std::move(scaled),
-          std::move(plan), std::move(vehicles), std::move(assembled)};
+  return {std::move(road),     std::move(refined), std::move(scaled),   std::move(plan),
+          std::move(vehicles), std::move(judged),  std::move(assembled)};
 }
 
 }  // namespace camber
