@@ -24,10 +24,11 @@ constexpr double kRadius = 80.0, kLength = 70.0;
 struct MadeRoad {
   double crown = 0.025, bank = 0.02, kerb = 0.12, noise = 0.02;
   double left = 3.0, right = 3.2;  ///< m to kerb and ditch
+  double crest = 0.0;              ///< m to the left of the line
 
   double height(double s, double v) const {
     const double inside = std::clamp(v, -right, left);
-    double z = 5.0 + 0.05 * s - s * s / 2400.0 + bank * inside - crown * std::abs(inside);
+    double z = 5.0 + 0.05 * s - s * s / 2400.0 + bank * inside - crown * std::abs(inside - crest);
     if (v > left) z += std::min(1.0, (v - left) / 0.02) * kerb;
     if (v < -right) z -= 0.5 * std::min(1.0, -right - v);
     return z;
@@ -65,7 +66,7 @@ struct MadeRoad {
       const double v = -to_right + (to_left + to_right) * i / 20.0;
       rows.row(i) << 1.0, v;
       // The road alone: an edge that is found a little too far takes nothing from beyond it.
-      heights[i] = bank * v - crown * std::abs(v);
+      heights[i] = bank * v - crown * std::abs(v - crest);
     }
     return rows.colPivHouseholderQr().solve(heights)[1];
   }
@@ -117,6 +118,25 @@ TEST(CloudProfile, CrownKerbDitchAndHoles) {
   EXPECT_LT(std::sqrt(slopes / 70.0), 0.001);
   EXPECT_LT(std::sqrt(lefts / 70.0), 0.002);
   EXPECT_LT(std::sqrt(grades / graded), 0.001);
+}
+
+TEST(CloudProfile, ACrestBesideTheLineIsFound) {
+  MadeRoad road;
+  road.crest = -0.9;
+  const RoadCloud cloud = road.cloud(50.0, 6);
+  CloudProfileOptions options = without_drift();
+  options.crown = true;
+  const CloudProfile profile =
+      profile_cloud(cloud, all_of(cloud), Vector3d::UnitZ(), MadeRoad::line(), options);
+  double points = 0.0;
+  for (const CrossSection& at : profile.stations) {
+    EXPECT_NEAR(at.crest, -0.9, 0.35) << at.station;  // two places that are tried
+    EXPECT_NEAR(at.cross_slope_left, road.bank - road.crown, 0.004) << at.station;
+    EXPECT_NEAR(at.cross_slope_right, road.bank + road.crown, 0.004) << at.station;
+    points += static_cast<double>(at.points);
+  }
+  // Between the edges, every point once.
+  EXPECT_NEAR(points / (6.0 * 70.0 * 50.0), 1.0, 0.1);
 }
 
 TEST(CloudProfile, BandsHold) {

@@ -100,6 +100,7 @@ class Profiler {
   void measure(std::size_t begin, std::size_t end, std::vector<CrossSection>* stations,
                double* noise) const;
   StripFunctional section_slope(double s, double right, double left) const;
+  double find_crest(const StripFit& fit, double s, double right, double left) const;
   LinePlace beside(double s, double v) const {
     const Vector2d ahead = frame_.ahead(s);
     return frame_.place_near(frame_.position(s) + v * Vector2d(-ahead.y(), ahead.x()), s);
@@ -270,6 +271,49 @@ StripFunctional Profiler::section_slope(double s, double right, double left) con
   }
   for (StripFunctional::Term& term : out.terms) term.weight /= squares;
   return out;
+}
+
+/// Where the section bends most, m to the left of the line, of the mean section over 20 m of road;
+/// the line itself where no other place explains the section better.
+double Profiler::find_crest(const StripFit& fit, double s, double right, double left) const {
+  constexpr double kAround = 10.0, kApart = 2.5;  // m along
+  constexpr double kLeastBend = 0.005;            // change of slope
+  constexpr double kBetter = 0.7;                 // share of the squares that are left
+  Eigen::Matrix<double, 2 * kAcross + 1, 1> offsets, heights;
+  for (int i = 0; i <= 2 * kAcross; ++i) {
+    offsets[i] = -right + (left + right) * i / (2 * kAcross);
+    heights[i] = 0.0;
+    double count = 0.0;
+    for (double along = -kAround; along <= kAround; along += kApart) {
+      const double at = s + along;
+      if (at < 0.0 || at > frame_.length()) continue;
+      const LinePlace place = beside(at, offsets[i]), line = on_line(at);
+      heights[i] += fit.smoother().height(place.s, place.v) - fit.smoother().height(line.s, line.v);
+      count += 1.0;
+    }
+    heights[i] /= count;
+  }
+  const auto squares = [&](double crest, double* bend) {
+    Eigen::Matrix<double, 2 * kAcross + 1, 3> rows;
+    for (int i = 0; i <= 2 * kAcross; ++i) {
+      rows.row(i) << 1.0, offsets[i], std::abs(offsets[i] - crest);
+    }
+    const Vector3d fitted = rows.colPivHouseholderQr().solve(heights);
+    *bend = 2.0 * std::abs(fitted[2]);
+    return (heights - rows * fitted).squaredNorm();
+  };
+  double bend = 0.0, best = 0.0;
+  const double at_line = squares(0.0, &bend);
+  double least = kBetter * at_line;
+  for (int k = -kAcross; k <= kAcross; ++k) {
+    const double crest = 0.5 * (k < 0 ? right : left) * k / kAcross;
+    const double here = squares(crest, &bend);
+    if (here < least && bend > kLeastBend) {
+      least = here;
+      best = crest;
+    }
+  }
+  return best;
 }
 
 bool Profiler::near_ground(double s) const {
@@ -443,6 +487,12 @@ void Profiler::measure(std::size_t begin, std::size_t end, std::vector<CrossSect
     out.width_right = width_right;
     out.measured_left = edges_.limit(true, s, options_.half_width);
     out.measured_right = edges_.limit(false, s, options_.half_width);
+    for (auto point =
+             std::lower_bound(points.begin(), points.end(), s - 0.5 * step,
+                              [](const StripPoint&here, double from_s) { return here.s < from_s; });
+         point != points.end() && point->s < s + 0.5 * step; ++point) {
+      out.points += fit.used()[static_cast<std::size_t>(point - points.begin())] != 0;
+    }
     std::vector<StripFunctional> functionals(4);
     const LinePlace here = on_line(s);
     functionals[0].terms.push_back({here.s, here.v, 1.0});
@@ -450,9 +500,9 @@ void Profiler::measure(std::size_t begin, std::size_t end, std::vector<CrossSect
     measure_grade(covered, &out, &functionals[2], &functionals[3]);
     const bool graded = !functionals[2].terms.empty();
     if (options_.crown) {
-      out.crest = 0.0;
-      functionals.push_back(section_slope(s, 0.0, out.measured_left));
-      functionals.push_back(section_slope(s, -out.measured_right, 0.0));
+      out.crest = find_crest(fit, s, out.measured_right, out.measured_left);
+      functionals.push_back(section_slope(s, out.crest, out.measured_left));
+      functionals.push_back(section_slope(s, -out.measured_right, out.crest));
     }
     for (int i = -kAcross; i <= kAcross; ++i) {
       const double v = options_.half_width * i / kAcross;
