@@ -119,6 +119,16 @@ std::string made_onnx(int width, int height, int cell,
       .str();
 }
 
+std::string declared_onnx(const std::vector<int>& input, const std::vector<int>& output,
+                          const std::string& names) {
+  Message graph;
+  graph.message(11, value_info("images", input)).message(12, value_info("output", output));
+  Message model;
+  model.number(1, 7).message(7, graph);
+  if (!names.empty()) model.message(14, Message().bytes(1, "names").bytes(2, names));
+  return model.str();
+}
+
 void write_file(const std::filesystem::path& path, const std::string& content) {
   std::ofstream(path, std::ios::binary) << content;
 }

@@ -26,6 +26,11 @@ std::string made_onnx(int width, int height, int cell,
                       const std::vector<MadeConvolution>& convolutions,
                       MadePrecision precision = MadePrecision::kSingle);
 
+/// The bytes of an ONNX file without layers that declares one input and one output, and carries
+/// `names` as its metadata; empty: none. Sizes of -1 are left open.
+std::string declared_onnx(const std::vector<int>& input, const std::vector<int>& output,
+                          const std::string& names = {});
+
 void write_file(const std::filesystem::path& path, const std::string& content);
 
 /// Finds red cells of 8 px: head fastestdet with the classes other and car, boxes of `size` px at

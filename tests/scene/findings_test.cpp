@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 namespace camber {
 namespace {
 
@@ -87,6 +89,23 @@ TEST(Findings, WhatIsMissingNamesTheOptionThatGivesIt) {
   EXPECT_EQ(findings(run, nullptr, nullptr).size(), 1u);
 }
 
+TEST(Findings, NameTheFieldOfViewWhereThatIsWhatIsNotKnown) {
+  RunDocument run = metric_run();
+  run.scale_sigma = 0.093;
+  EXPECT_THAT(scale_sentence(run), ::testing::EndsWith("known to 9.3 % (1 sigma)"));
+  RunDocument::Calibration& camera = run.calibration.emplace();
+  camera.sigma.focal = 0.0929;
+  camera.field_of_view = 70.0 / 57.2957795;
+  camera.field_of_view_sigma = 5.0 / 57.2957795;
+  camera.sigma_of_scale = 0.09;
+  EXPECT_THAT(
+      scale_sentence(run),
+      HasSubstr("9.3 % (1 sigma), since the field of view is known to 5 degrees only (70)"));
+  EXPECT_THAT(findings(run, nullptr, nullptr)[0].text, HasSubstr("since the field of view"));
+  camera.sigma_of_scale = 0.03;  // something else counts more
+  EXPECT_THAT(scale_sentence(run), Not(HasSubstr("field of view")));
+}
+
 TEST(Shortcomings, ACompleteRunHasNone) {
   const RoadSurface surface = surface_of({Status::kOk});
   EXPECT_TRUE(shortcomings(metric_run(), &surface, nullptr).empty());
@@ -116,7 +135,7 @@ TEST(Shortcomings, NameStatusReasonAndTheOptionThatChangesThem) {
   EXPECT_EQ(all[0].what, "scale");
   EXPECT_EQ(all[0].status, "weak");
   EXPECT_EQ(all[0].reason, "relative standard deviation above 5 %");
-  EXPECT_THAT(all[0].remedy, HasSubstr("--height"));
+  EXPECT_THAT(all[0].remedy, HasSubstr("--speed"));
   EXPECT_EQ(all[1].what, "source of scale or road: lane markings");
   EXPECT_EQ(all[1].status, "not used");
   EXPECT_EQ(all[1].reason, "contradicts the others; 7.2 sigma from the others");
@@ -128,6 +147,20 @@ TEST(Shortcomings, NameStatusReasonAndTheOptionThatChangesThem) {
   EXPECT_THAT(all[3].remedy, HasSubstr("--keypoints"));
   EXPECT_EQ(all[4].what, "warning: up missing");
   EXPECT_EQ(all[4].reason, "no gravity");
+
+  // What was given, or is of no use there, is not asked for.
+  const std::vector<ConstraintReport> sources = run.constraints;
+  run.constraints = {};
+  EXPECT_THAT(shortcomings(run, &surface, &vehicles)[0].remedy, HasSubstr("--height"));
+  run.constraints = sources;
+  EXPECT_THAT(shortcomings(run, &surface, &vehicles)[0].remedy,
+              ::testing::AllOf(Not(HasSubstr("--height")), HasSubstr("--speed")));
+  EXPECT_THAT(all[2].remedy, HasSubstr("--segmenter"));
+  run.extra["road_from"] = "mask";
+  EXPECT_THAT(shortcomings(run, &surface, &vehicles)[2].remedy, Not(HasSubstr("--segmenter")));
+  surface.frame = "z-up";
+  EXPECT_THAT(shortcomings(run, &surface, &vehicles)[2].remedy,
+              ::testing::AllOf(Not(HasSubstr("--segmenter")), Not(HasSubstr("--frames"))));
   surface.patches.clear();
   EXPECT_THAT(shortcomings(metric_run(), &surface, nullptr)[0].reason, HasSubstr("no patch"));
 }

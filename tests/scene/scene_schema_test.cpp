@@ -48,6 +48,9 @@ json whole_manifest() {
   out["camera"] = {{"width", 64}, {"height", 48}, {"fx", 50}, {"fy", 50}, {"cx", 32}, {"cy", 24}};
   out["camera"]["height_above_road"] = 1.5;
   out["camera"]["height_sigma"] = 0.02;
+  out["camera"]["focal_sigma"] = 0.01;
+  out["camera"]["principal_sigma"] = 1.5;
+  out["camera"]["distortion_sigma"] = 0.02;
   out["camera"]["distortion"] = {{"model", "none"}, {"coefficients", json::array()}};
   out["camera"]["distortion"]["raw"] = {{"width", 64}, {"height", 48}, {"fx", 50},
                                         {"fy", 50},    {"cx", 32},     {"cy", 24}};

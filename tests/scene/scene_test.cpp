@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "camber/core/errors.h"
+#include "camber/image/video.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -535,11 +536,48 @@ TEST_F(SceneFile, WritingAndReadingGivesTheSameScene) {
   EXPECT_EQ(slurp(first), slurp(second));
   const json manifest = json::parse(slurp(first));
   EXPECT_EQ(manifest["frames"][1]["image"], "image/4.png");  // below the folder: relative
-  EXPECT_EQ(manifest["frames"][0]["image"], "/data/3.png");
+  EXPECT_EQ(folder_.path() / manifest["frames"][0]["image"].get<std::string>(),
+            folder_.path() / fs::path("/data/3.png").lexically_relative(folder_.path()));
   EXPECT_EQ(manifest["frames"][1]["vehicles"], full_manifest()["frames"][0]["vehicles"]);
   EXPECT_EQ(manifest["camera"], full_manifest()["camera"]);
-  // From another folder the paths are absolute and name the same files.
-  EXPECT_EQ(read_scene(elsewhere).find_frame(4)->image, scene.find_frame(4)->image);
+  // From another folder the paths lead to the same files.
+  EXPECT_EQ(read_scene(elsewhere).find_frame(4)->image.lexically_normal(),
+            scene.find_frame(4)->image);
+}
+
+TEST_F(SceneFile, CanBeMovedTogetherWithWhatItNames) {
+  const fs::path before = folder_.path() / "before", after = folder_.path() / "after";
+  fs::create_directories(before / "film");
+  fs::create_directories(before / "made" / "scene");
+  std::ofstream(before / "film" / "drive.mp4") << "x";
+  // Through a link the manifest lies deeper than it looks.
+  fs::create_directory_symlink(before / "made" / "scene", folder_.path() / "link");
+  Scene scene = read_scene(put(full_manifest()));
+  for (SceneFrame& frame : scene.frames) {
+    frame.image = (before / "film" / "drive.mp4").string() + "#" + std::to_string(frame.id);
+  }
+  write_scene(scene, folder_.path() / "link" / "scene.json");
+  fs::rename(before, after);
+  const Scene moved = read_scene(after / "made" / "scene");
+  EXPECT_TRUE(fs::equivalent(image_file_of(moved.frames[0].image), after / "film" / "drive.mp4"));
+}
+
+TEST_F(SceneFile, SigmasOfTheCameraAreReadAndWritten) {
+  json manifest = full_manifest();
+  EXPECT_TRUE(read_scene(put(manifest)).camera_sigma.exact());
+  manifest["camera"]["focal_sigma"] = 0.09;
+  manifest["camera"]["principal_sigma"] = 3.0;
+  manifest["camera"]["distortion_sigma"] = 0.05;
+  const fs::path again = folder_.path() / "again.json";
+  write_scene(read_scene(put(manifest)), again);
+  const Scene scene = read_scene(again);
+  EXPECT_EQ(scene.camera_sigma.focal, 0.09);
+  EXPECT_EQ(scene.camera_sigma.principal, 3.0);
+  EXPECT_EQ(scene.camera_sigma.distortion, 0.05);
+  manifest["camera"]["focal_sigma"] = -0.1;
+  EXPECT_THROW(read_scene(put(manifest)), InputError);
+  manifest["camera"]["focal_sigma"] = 1.5;
+  EXPECT_THROW(read_scene(put(manifest)), InputError);
 }
 
 TEST_F(SceneFile, LensUpAndSpeedAreReadAndWritten) {

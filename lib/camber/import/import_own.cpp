@@ -112,6 +112,10 @@ void OwnDataOptions::validate() const {
   positive(up_sigma, "up_sigma");
   positive(gnss.sigma, "gnss.sigma");
   positive(gnss.heading_sigma, "gnss.heading_sigma");
+  positive(camera.fov_sigma_deg, "fov_sigma");
+  if (camera.fov_sigma_deg && !camera.fov_deg) {
+    throw std::invalid_argument("found fov_sigma without a field of view, expected both");
+  }
   if (camera.fov_deg && !(*camera.fov_deg > 0.0 && *camera.fov_deg < 180.0)) {
     throw std::invalid_argument(
         fmt::format("fov {}, expected degrees above 0 and below 180", *camera.fov_deg));
@@ -147,7 +151,8 @@ std::vector<std::string> missing_in(const Scene& scene) {
     out.emplace_back("only one frame: nothing has parallax, the road cannot be found");
   }
   if (!any([](const SceneFrame& f) { return !f.vehicles.empty(); })) {
-    out.emplace_back("no boxes: no vehicle is placed, and cars that move disturb the road");
+    out.emplace_back(
+        "no boxes: vehicles are what the shipped detector finds (--detections takes those of any)");
   }
   if (!any([](const SceneFrame& f) { return !f.segmentation.empty() || !f.road_mask.empty(); })) {
     out.emplace_back("no masks: the road is found by geometry alone");
@@ -163,6 +168,8 @@ void put_calibration(Scene& scene, const CameraCalibration& camera, const std::s
   scene.distortion = lens_of(camera, rectified, scene.camera.width, scene.camera.height, path);
   scene.camera = scene.distortion.raw;
   const LensModel model = scene.distortion.model;
+  scene.camera_sigma = camera.sigma;
+  if (!(scene.camera_sigma.focal > 0.0)) scene.camera_sigma.focal = kCalibratedFocalSigma;
   out.found.push_back(fmt::format(
       "camera {}({}): fx {:.6g} fy {:.6g} cx {:.6g} cy {:.6g}, {}",
       camera.name.empty() ? "" : printable(camera.name, 64) + " ", form, scene.camera.fx,
@@ -187,17 +194,33 @@ void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out) {
                     file.form, camera.rectified, camera.calibration, out);
     return;
   }
-  if (!camera.fx && !camera.fov_deg) {
+  const bool guessed = !camera.fx && !camera.fov_deg && camera.guess;
+  if (!camera.fx && !camera.fov_deg && !guessed) {
     throw UsageError(
         "the camera is not given: expected --calib FILE, or --fx --fy --cx --cy, or --fov");
   }
   PinholeCamera& c = scene.camera;
-  c.fx = camera.fov_deg ? 0.5 * width / std::tan(*camera.fov_deg * kPi / 360.0) : *camera.fx;
+  const std::optional<double> fov_deg = guessed ? kGuessedFovDeg : camera.fov_deg;
+  c.fx = fov_deg ? 0.5 * width / std::tan(*fov_deg * kPi / 360.0) : *camera.fx;
   c.fy = camera.fy.value_or(c.fx);
   c.cx = camera.cx.value_or(0.5 * (width - 1));
   c.cy = camera.cy.value_or(0.5 * (height - 1));
-  out.found.push_back(fmt::format("camera as given: fx {:.6g} fy {:.6g} cx {:.6g} cy {:.6g}", c.fx,
-                                  c.fy, c.cx, c.cy));
+  const double fov_sigma = camera.fov_sigma_deg.value_or(kFovSigmaDeg) * kPi / 180.0;
+  scene.camera_sigma.focal = guessed   ? kGuessedFocalSigma
+                             : fov_deg ? fov_sigma / std::sin(*fov_deg * kPi / 180.0)
+                                       : kTypedFocalSigma;
+  out.camera_guessed = guessed;
+  if (guessed) {
+    out.missing.push_back(fmt::format(
+        "the camera: it is guessed, a field of view of {:.0f} degrees and {:.0f} % of doubt about "
+        "the focal length (--calib, or --fov)",
+        kGuessedFovDeg, 100.0 * kGuessedFocalSigma));
+  } else {
+    out.found.push_back(
+        fmt::format("camera as given: fx {:.6g} +- {:.2g} % fy {:.6g} cx {:.6g} cy "
+                    "{:.6g}",
+                    c.fx, 100.0 * scene.camera_sigma.focal, c.fy, c.cx, c.cy));
+  }
   out.missing.emplace_back(
       "no distortion: if the lens bends straight lines the road is off by decimetres (--calib)");
 }
@@ -205,7 +228,7 @@ void put_camera(Scene& scene, const OwnCamera& camera, OwnImport& out) {
 void finish_import(const OwnDataOptions& options, OwnImport& out) {
   Scene& scene = out.scene;
   scene.height_above_road = options.height;
-  if (options.height_sigma) scene.height_sigma = *options.height_sigma;
+  if (options.height) scene.height_sigma = options.height_sigma.value_or(kTypedHeightSigma);
   if (options.height) {
     out.found.push_back(
         fmt::format("camera {} +- {} m above the road", *options.height, scene.height_sigma));
@@ -222,7 +245,8 @@ void finish_import(const OwnDataOptions& options, OwnImport& out) {
   if (!options.poses.empty()) put_own_poses(scene, options.poses, options.pose_scale, out);
   if (!options.speed.empty()) put_own_speeds(scene, options.speed, options.speed_offset, out);
   if (!options.up.empty()) put_own_up(scene, options.up, options.up_sigma, out);
-  if (!options.gnss.file.empty() || !options.gnss.points.empty()) put_gnss(scene, options.gnss, out);
+  if (!options.gnss.file.empty() || !options.gnss.points.empty())
+    put_gnss(scene, options.gnss, out);
   const std::vector<int> selected = keep_frames(scene, options.frames);
   if (options.reference_frame) {
     if (!scene.find_frame(*options.reference_frame)) {

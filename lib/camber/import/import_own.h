@@ -20,7 +20,22 @@ struct OwnCamera {
   bool rectified = false;  ///< the images were rectified: the file's projection matrix holds
   std::optional<double> fx, fy, cx, cy;  ///< px; fy default fx, centre default the image's middle
   std::optional<double> fov_deg;         ///< horizontal field of view, in (0, 180)
+  std::optional<double> fov_sigma_deg;   ///< its standard deviation, > 0; none: kFovSigmaDeg
+  /// Where nothing of the above is given: the camera is kGuessedFovDeg; else that is an error.
+  bool guess = false;
 };
+
+// How well a camera is known that a person states: what the manifest gets (Scene::camera_sigma,
+// Scene::height_sigma) unless another is given.
+inline constexpr double kFovSigmaDeg = 5.0;             ///< "about 70 degrees"
+inline constexpr double kTypedFocalSigma = 0.01;        ///< relative, of a focal length in pixels
+inline constexpr double kCalibratedFocalSigma = 0.003;  ///< relative, of a calibration file
+inline constexpr double kTypedHeightSigma = 0.03;       ///< m
+/// A camera of which nothing is known: two standard deviations of the focal length's logarithm
+/// reach from 35 to 115 degrees, which holds telephones, dash cameras and the cameras of public
+/// drives.
+inline constexpr double kGuessedFovDeg = 70.0;
+inline constexpr double kGuessedFocalSigma = 0.4;
 
 /// When the images were taken; at most one of them.
 struct OwnTimes {
@@ -78,7 +93,7 @@ struct OwnDataOptions {
   double up_sigma = 0.0175;     ///< rad, > 0; a degree: the camera's mounting on the vehicle
   GnssOptions gnss;
   std::optional<double> height;        ///< m, camera above the road, > 0
-  std::optional<double> height_sigma;  ///< m, > 0
+  std::optional<double> height_sigma;  ///< m, > 0; none: kTypedHeightSigma
   std::string frames;                  ///< list as in select_frames; empty: all
   std::optional<int> reference_frame;
   std::string name;  ///< of the scene; empty: by the images
@@ -92,6 +107,7 @@ using ImageSink = std::function<void(const std::filesystem::path&, const std::st
 /// A scene as imported, and what a person should know of it.
 struct OwnImport {
   Scene scene;
+  bool camera_guessed = false;  ///< nothing was given of it: OwnCamera::guess
   /// Ids of frames are places in a whole recording, of which the frames may be a part.
   bool ids_of_recording = false;
   std::vector<std::string> found;    ///< a phrase each: order, calibration, boxes, ...

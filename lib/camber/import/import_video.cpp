@@ -100,6 +100,9 @@ OwnImport import_video(const fs::path& video, const VideoChoice& choice,
         fmt::format("found frames from 0 to {:.3f} s, expected some in the part that was asked for",
                     scan.times.back()));
   }
+  if (scan.times.size() > 1 && scan.times.back() > 0.0) {
+    scene.frame_rate = static_cast<double>(scan.times.size() - 1) / scan.times.back();
+  }
   scene.camera.width = scan.info.width;
   scene.camera.height = scan.info.height;
   put_camera(scene, options.camera, out);

@@ -15,6 +15,7 @@
 #include "camber/image/detail/single_threaded_opencv.h"
 #include "camber/image/video.h"
 #include "camber/pipeline/network_file.h"
+#include "camber/pipeline/recognise_detector.h"
 #include "camber/vehicle/vehicle_noise.h"
 
 namespace fs = std::filesystem;
@@ -117,8 +118,13 @@ class FrameRunner {
       detector_.emplace(place, parse_detector_description(text, kShippedNetwork), cache_);
     } else if (!files.detector.empty()) {
       const fs::path side = side_file_of(files.detector, files.detector_config);
-      detector_.emplace(place_of(files.detector, side), read_detector_description(side, warn),
-                        cache_);
+      std::error_code ignored;
+      if (files.detector_config.empty() && !fs::exists(side, ignored)) {
+        put_recognised(files.detector, side, warn);
+      } else {
+        detector_.emplace(place_of(files.detector, side), read_detector_description(side, warn),
+                          cache_);
+      }
     }
     if (!files.segmenter.empty()) {
       const fs::path side = side_file_of(files.segmenter, files.segmenter_config);
@@ -189,6 +195,21 @@ class FrameRunner {
   std::optional<LazySegmenter>& segmenter() { return segmenter_; }
 
  private:
+  /// A detector without a description.
+  void put_recognised(const fs::path& file, const fs::path& side, const LogSink& warn) {
+    RecognisedDetector recognised = recognise_detector(read_onnx_file(file));
+    if (!recognised.description) {
+      throw InputError(side.string(),
+                       fmt::format("no such file, expected the description of the detector (see "
+                                   "docs/formats.md, side files of networks): of {} itself {}",
+                                   file.filename().string(), recognised.reason));
+    }
+    if (warn) warn(fmt::format("{}: {}", file.string(), recognised.reason));
+    const NetworkPlace place = {file.string(), hash_file(file), hash_bytes(recognised.reason),
+                                [file] { return read_onnx_file(file); }};
+    detector_.emplace(place, std::move(*recognised.description), cache_);
+  }
+
   const Scene& scene_;
   const DetectFramesOptions& options_;
   DetectionCache cache_;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -50,8 +51,8 @@ struct ReconstructOptions {
 /// Everything that a run finds, in the reference camera's frame.
 struct Reconstruction {
   std::vector<int> frame_ids;  ///< of those asked for, the ones within reach of the reference
-  int reference_frame = 0;  ///< frame id
-  RoadCloud cloud;          ///< road points; labels["patch"]; colours; sigmas
+  int reference_frame = 0;     ///< frame id
+  RoadCloud cloud;             ///< road points; labels["patch"]; colours; sigmas
   RoadSurface surface;
   VehicleDocument vehicles;
   /// Of the planes under the vehicles (method joint), before the vehicles were placed.
@@ -102,6 +103,8 @@ struct WriteReconstructionOptions {
   int num_threads = 0;     ///< of the pictures, as resolve_num_threads()
   /// What was read, beside the images: no folder that holds any of it is replaced.
   std::vector<std::filesystem::path> inputs;
+  /// Adds files of the caller's to the folder before it takes its name; may be empty.
+  std::function<void(const std::filesystem::path& staging)> add_files;
 };
 
 /// Writes the result folder (road.ply, surface.json, vehicles.json, run.json, metrics.json where

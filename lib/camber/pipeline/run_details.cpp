@@ -12,6 +12,7 @@
 
 #include "camber/cloud/number_text.h"
 #include "camber/pipeline/estimate_vehicles.h"
+#include "camber/pipeline/stages/camera_uncertainty.h"
 
 namespace camber {
 namespace {
@@ -111,6 +112,7 @@ std::string spans_beyond(const std::vector<int>& used, const std::vector<int>& a
 
 Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOptions& options,
                           LoadedFrames& frames, AssembledRoad road) {
+  stages::include_camera_sigma(frames, &road);
   Reconstruction out;
   for (const SceneFrame& frame : frames.frames) out.frame_ids.push_back(frame.id);
   out.reference_frame = frames.frames[frames.reference].id;

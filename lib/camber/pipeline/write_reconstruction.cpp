@@ -22,6 +22,7 @@
 #include "camber/render/overlay.h"
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
+#include "camber/scene/vehicle_table.h"
 
 namespace fs = std::filesystem;
 
@@ -94,6 +95,17 @@ std::map<std::string, std::string> draw_pictures(const Scene& scene, Reconstruct
   return out;
 }
 
+/// Of the frames whose time is known, s, by their ids.
+std::map<int, double> times_of(const Scene& scene, const std::vector<int>& frame_ids) {
+  std::map<int, double> out;
+  for (const int id : frame_ids) {
+    const SceneFrame* frame = scene.find_frame(id);
+    if (!frame || (!frame->time_s && !scene.frame_rate)) continue;
+    out[id] = time_of(*frame, scene.frame_rate.value_or(1.0));
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string write_reconstruction(const Scene& scene, Reconstruction& result, const fs::path& folder,
@@ -138,6 +150,8 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     if (!result.road_mask.empty()) write_png(result.road_mask, staging / "road_mask.png");
     write_json(to_json(result.surface), staging / "surface.json");
     write_json(to_json(result.vehicles), staging / "vehicles.json");
+    write_file_atomically(staging / "vehicles.csv",
+                          vehicles_csv(result.vehicles, times_of(scene, result.frame_ids)));
     if (scene.truth) {
       const SceneMetrics metrics =
           evaluate_scene(scene, result.surface, result.vehicles, result.run);
@@ -158,6 +172,7 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     write_report(page, staging / "report.html");
   }
   write_json(to_json(result.run), staging / "run.json");
+  if (options.add_files) options.add_files(staging);
   out.commit();
   report("write", 1.0);
   return summary;

@@ -377,17 +377,20 @@ std::string libraries(const RunDocument& run) {
 std::string shortcoming_section(const PictureContent& picture) {
   if (!picture.run) return {};
   std::string rows;
+  std::size_t count = 0;
   for (const Shortcoming& s : shortcomings(*picture.run, picture.surface, picture.vehicles)) {
+    ++count;
     rows += row(
-        {escape(s.what),
+        {"<td class=w>" + escape(s.what) + "</td>",
          s.status.empty() ? "&ndash;"
                           : escape(s.status == "not_observable" ? "not observable" : s.status),
          "<td class=w>" + escape(s.reason) + "</td>", "<td class=w>" + escape(s.remedy) + "</td>"});
   }
   if (rows.empty()) return {};
-  const std::string all = table({"what", "status", "reason", "options that would change it"}, rows);
-  return "<details open id=shortcomings><summary>What is missing, weak or was not used</summary>" +
-         all + "</details>\n";
+  const std::string all = table({"what", "status", "reason", "what you can do"}, rows);
+  return "<details id=shortcomings><summary>" + std::to_string(count) +
+         (count == 1 ? " thing is" : " things are") +
+         " missing, weak or not used, and what you can do</summary>" + all + "</details>\n";
 }
 
 std::string run_section(const RunDocument& run) {
@@ -541,6 +544,12 @@ std::string picture_section(const ReportContent& content, bool has_truth, const 
   if (fs::exists(folder / "bev.png", error)) {
     out += figure(folder / "bev.png", "From above", nullptr);
   }
+  for (const auto& [name, caption] :  // of camber compare
+       {std::pair("height_error.png", "Signed height errors: blue too low, orange too high"),
+        std::pair("histogram.png", "Distances in both directions"),
+        std::pair("cumulative.png", "Share of the points within a distance")}) {
+    if (fs::exists(folder / name, error)) out += figure(folder / name, caption, nullptr);
+  }
   return out + other_overlays(content, overlays, unit);
 }
 
@@ -602,14 +611,14 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
 
   std::string out = page_head(picture.title.empty() ? "Reconstruction" : picture.title);
   if (picture.run) out += finding_section(picture);
-  out += summary_section(summary, metric);
-  out += shortcoming_section(picture);
   if (!content.picture_folder.empty()) {
     out += picture_section(content, space && !space->truth.empty(), unit);
   }
+  if (picture.vehicles) out += vehicle_section(*picture.vehicles, picture.frame, unit);
+  out += summary_section(summary, metric);
+  out += shortcoming_section(picture);
   if (options.embed_3d && space) out += view_section(picture, options.max_points);
   if (picture.surface) out += profile_section(*picture.surface);
-  if (picture.vehicles) out += vehicle_section(*picture.vehicles, picture.frame, unit);
   out += metrics_section(*content.metrics);
   if (picture.surface) out += patch_section(*picture.surface, unit);
   if (picture.run) out += evidence_section(*picture.run) + run_section(*picture.run);

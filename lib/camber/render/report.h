@@ -16,7 +16,8 @@ nlohmann::json library_versions();
 /// What a report shows of one run.
 struct ReportContent {
   PictureContent picture;                ///< cloud, surface, vehicles, run, camera, truth, title
-  std::filesystem::path picture_folder;  ///< holds scene.png, bev.png, overlay_*.png; may be empty
+  std::filesystem::path picture_folder;  ///< holds scene.png, bev.png, overlay_*.png, or those
+                                         ///< of a comparison; may be empty
   JsonValue metrics;                     ///< metrics.json, or null
   /// Overlays as the bytes of a JPEG file, by the names of their PNG files; those that are not here
   /// are read from the folder.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 
 namespace camber {
 namespace {
@@ -44,6 +45,21 @@ Finding find_road(const RoadSurface& surface) {
   return {out + explained(counts) + ".", counts[Status::kOk] == surface.patches.size()};
 }
 
+/// Whether the focal length makes more of what is not known than all else.
+bool by_focal_length(const RunDocument& run) {
+  return run.calibration &&
+         2.0 * std::pow(run.calibration->sigma_of_scale, 2) > std::pow(run.scale_sigma, 2);
+}
+
+/// "since the field of view is known to 5 degrees only (70)"; empty where something else counts.
+std::string since_field_of_view(const RunDocument& run) {
+  constexpr double kDegrees = 57.29577951308232, kCertain = 0.01;  // relative, of the focal length
+  if (!by_focal_length(run) || run.calibration->sigma.focal < kCertain) return "";
+  return fmt::format(", since the field of view is known to {:.2g} degrees only ({:.0f})",
+                     kDegrees * run.calibration->field_of_view_sigma,
+                     kDegrees * run.calibration->field_of_view);
+}
+
 Finding find_scale(const RunDocument& run) {
   if (!run.metric) {
     std::string out = "Lengths are in units, not in metres";
@@ -64,6 +80,7 @@ Finding find_scale(const RunDocument& run) {
   std::string out = "Lengths are in metres";
   if (run.scale_sigma > 0.0) {
     out += fmt::format(", known to {:.1f} % (1 sigma)", 100.0 * run.scale_sigma);
+    out += since_field_of_view(run);
   }
   if (!sources.empty()) out += " (" + sources + ")";
   out += ".";
@@ -91,8 +108,9 @@ Finding find_vehicles(const VehicleDocument& document) {
   }
   if (document.detections_source.empty()) {
     return {
-        "No vehicles, as the scene has no boxes of them: --detections FILE of camber import takes "
-        "those of any detector, --detector FILE.onnx of camber reconstruct runs one.",
+        "No vehicles, as the scene has no boxes of them: --detector shipped (or FILE.onnx) of "
+        "camber reconstruct finds some, --detections FILE of camber import takes those of any "
+        "detector.",
         false};
   }
   return {"No vehicles: the scene's boxes (" + document.detections_source +
@@ -102,15 +120,49 @@ Finding find_vehicles(const VehicleDocument& document) {
 
 }  // namespace
 
+std::string scale_sentence(const RunDocument& run) {
+  if (!run.metric) return "the result is up to scale";
+  return fmt::format("distances known to {:.1f} % (1 sigma){}", 100.0 * run.scale_sigma,
+                     since_field_of_view(run));
+}
+
 namespace {
 
-const char* const kMoreFrames =
-    "--frames with more frames, or with frames farther apart; --segmenter, or road masks in the "
-    "scene, where the road is not told from what surrounds it";
+/// What would show more of the road. @param surface  may be null.
+std::string more_road(const RunDocument& run, const RoadSurface* surface) {
+  if (surface && surface->frame != "camera") {
+    return "points there: a denser scan, or one from another place";
+  }
+  std::string out = "--frames with more frames, or with frames farther apart";
+  const auto from = run.extra->find("road_from");
+  if (from == run.extra->end() || *from != "mask") {
+    out +=
+        "; --segmenter, or road masks in the scene, where the road is not told from what "
+        "surrounds it";
+  }
+  return out;
+}
+
+/// What would make the scale better known, by what it is known by now.
+std::string more_scale(const RunDocument& run) {
+  const auto used = [&](const char* name) {
+    return std::any_of(run.constraints.begin(), run.constraints.end(),
+                       [&](const ConstraintReport& c) { return c.name == name && c.accepted; });
+  };
+  if (run.metric && by_focal_length(run)) {
+    return "of camber import: --calib, or --fov with a smaller --fov-sigma";
+  }
+  std::string out = "of camber import: ";
+  if (!run.metric || !used("camera_height"))
+    out += "--height, the camera's height above the road; ";
+  if (!used("speed")) out += "--speed; ";
+  if (!used("known_poses")) out += "--poses; ";
+  return out + "sources that know nothing of each other make it better known";
+}
 
 /// "1, 2, 5", the first dozen of them.
 std::string listed(const std::vector<std::string>& names) {
-  constexpr std::size_t kMost = 12;
+  constexpr std::size_t kMost = 8;
   std::string out;
   for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) {
     out += (i > 0 ? ", " : "") + names[i];
@@ -156,9 +208,8 @@ std::vector<Shortcoming> shortcomings(const RunDocument& run, const RoadSurface*
   std::vector<Shortcoming> out;
   if (!run.metric || run.scale_status == Status::kWeak ||
       run.scale_status == Status::kNotObservable || run.scale_status == Status::kFailed) {
-    out.push_back({"scale", std::string(to_string(run.scale_status)), run.scale_reason,
-                   "of camber import: --height, the camera's height above the road; --speed; "
-                   "--poses. Sources that know nothing of each other make it better known."});
+    out.push_back(
+        {"scale", std::string(to_string(run.scale_status)), run.scale_reason, more_scale(run)});
   }
   for (const ConstraintReport& constraint : run.constraints) {
     // A source of which nothing was measured is no shortcoming: few scenes have all.
@@ -173,13 +224,13 @@ std::vector<Shortcoming> shortcomings(const RunDocument& run, const RoadSurface*
   }
   if (surface) {
     if (surface->patches.empty()) {
-      out.push_back({"road", "failed", "no patch was found", kMoreFrames});
+      out.push_back({"road", "failed", "no patch was found", more_road(run, surface)});
     }
     Grouped patches;
     for (const PlanePatch& patch : surface->patches) {
       patches.add(std::to_string(patch.id), patch.status, patch.reason);
     }
-    patches.append_to(&out, "patch ", kMoreFrames);
+    patches.append_to(&out, "patch ", more_road(run, surface));
   }
   if (vehicles) {
     Grouped placed;
@@ -189,11 +240,9 @@ std::vector<Shortcoming> shortcomings(const RunDocument& run, const RoadSurface*
                    vehicle.reason);
       }
     }
-    placed.append_to(
-        &out, "vehicle ",
-        "keypoints (camber detect --keypoints shipped) place a vehicle better than its "
-        "box; " +
-            std::string(kMoreFrames));
+    placed.append_to(&out, "vehicle ",
+                     "keypoints (--keypoints shipped) place a vehicle better than its box; " +
+                         more_road(run, surface));
   }
   for (const RunDocument::Warning& warning : run.warnings) {
     std::string code = warning.code;

@@ -442,6 +442,16 @@ json to_json(const RunDocument& document) {
   out["metric"] = document.metric;
   out["scale"] = number_json(document.scale);
   out["scale_sigma"] = number_json(document.scale_sigma);
+  if (document.calibration) {
+    const RunDocument::Calibration& c = *document.calibration;
+    out["calibration"] = {
+        {"focal_sigma", number_json(c.sigma.focal)},
+        {"principal_sigma", number_json(c.sigma.principal)},
+        {"distortion_sigma", number_json(c.sigma.distortion)},
+        {"field_of_view_deg", number_json(to_degrees(c.field_of_view))},
+        {"field_of_view_sigma_deg", number_json(to_degrees(c.field_of_view_sigma))},
+        {"scale_sigma", number_json(c.sigma_of_scale)}};
+  }
   out["scale_status"] = to_string(document.scale_status);
   out["scale_reason"] = document.scale_reason;
   out["scene"] = document.scene;
@@ -559,6 +569,16 @@ RunDocument read_run(const fs::path& path) {
   out.metric = find_boolean(object, "metric", true);
   out.scale = find_number(object, "scale", kNaN);
   out.scale_sigma = find_number(object, "scale_sigma", kNaN);
+  if (const auto v = object.find("calibration")) {
+    JsonObject calibration(*v, "an object {\"focal_sigma\", ...}");
+    RunDocument::Calibration& c = out.calibration.emplace();
+    c.sigma.focal = find_number(calibration, "focal_sigma", 0.0);
+    c.sigma.principal = find_number(calibration, "principal_sigma", 0.0);
+    c.sigma.distortion = find_number(calibration, "distortion_sigma", 0.0);
+    c.field_of_view = find_number(calibration, "field_of_view_deg", 0.0) * kPi / 180.0;
+    c.field_of_view_sigma = find_number(calibration, "field_of_view_sigma_deg", 0.0) * kPi / 180.0;
+    c.sigma_of_scale = find_number(calibration, "scale_sigma", 0.0);
+  }
   if (const auto v = object.find("scale_status")) out.scale_status = status_at(*v);
   out.scale_reason = find_text(object, "scale_reason");
   out.scene = find_text(object, "scene");

@@ -3,10 +3,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "camber/core/stopwatch.h"
+#include "camber/geometry/camera_sigma.h"
 #include "camber/road/constraint.h"
 #include "camber/road/road_surface.h"
 #include "camber/scene/json_value.h"
@@ -44,6 +46,14 @@ struct RunDocument {
   bool metric = true;
   double scale = 1.0;        ///< metres per baseline of the motion
   double scale_sigma = 0.0;  ///< relative standard deviation
+  /// What the camera's intrinsics leave open, where the scene does not take them for exact.
+  struct Calibration {
+    CameraSigma sigma;                 ///< as the scene states it
+    double field_of_view = 0.0;        ///< rad, horizontal
+    double field_of_view_sigma = 0.0;  ///< rad
+    double sigma_of_scale = 0.0;       ///< the part of scale_sigma that the focal length makes
+  };
+  std::optional<Calibration> calibration;
   Status scale_status = Status::kNotRun;
   std::string scale_reason;
   std::string scene;  ///< absolute path of the scene, empty: from memory

@@ -15,6 +15,7 @@
 #include "camber/image/video.h"
 #include "camber/scene/camera_up.h"
 #include "camber/scene/detail/map_position.h"
+#include "camber/scene/input_kind.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/marking_presets.h"
 #include "camber/scene/validate_scene.h"
@@ -31,6 +32,7 @@ constexpr int kFormatVersion = 1;
 constexpr int kMaxId = 2000000000;
 constexpr int kMaxImageSide = 65535;
 constexpr double kMaxIntrinsic = 1e7;              // pixels
+constexpr double kMostDistortionSigma = 10.0;      // of k1
 constexpr double kMaxSpeed = 1000.0;               // m/s
 constexpr double kRadians = 0.017453292519943295;  // of a degree
 
@@ -176,6 +178,16 @@ PinholeCamera read_camera(const JsonCursor& cursor, Scene* scene) {
   if (auto v = object.find("height_sigma")) {
     scene->height_sigma = v->positive("a positive number of metres");
   }
+  CameraSigma& sigma = scene->camera_sigma;
+  if (auto v = object.find("focal_sigma")) {
+    sigma.focal = v->in_range(0.0, 1.0, "a share of the focal length from 0 to 1");
+  }
+  if (auto v = object.find("principal_sigma")) {
+    sigma.principal = v->in_range(0.0, kMaxImageSide, "a number of pixels from 0 to 65535");
+  }
+  if (auto v = object.find("distortion_sigma")) {
+    sigma.distortion = v->in_range(0.0, kMostDistortionSigma, "a number from 0 to 10");
+  }
   object.note_unknown_keys();
   return out;
 }
@@ -240,6 +252,10 @@ class ManifestReader {
  public:
   ManifestReader(const fs::path& path, const json& document, const LogSink& warn, ScenePaths paths)
       : folder_(path.parent_path()), document_(document), warn_(warn), paths_(paths) {
+    std::error_code error;
+    const fs::path here = folder_.empty() ? fs::path(".") : folder_;
+    real_folder_ = fs::weakly_canonical(here, error);
+    if (error) real_folder_ = fs::absolute(here);
     context_.file = path.string();
   }
 
@@ -297,7 +313,10 @@ class ManifestReader {
 
  private:
   fs::path resolve(const JsonCursor& cursor) const {
-    fs::path path = folder_ / cursor.file_path();
+    const fs::path named = cursor.file_path();
+    // Above the folder: from where it really is, without the way down and up again.
+    const bool above = !named.empty() && *named.begin() == "..";
+    fs::path path = above ? (real_folder_ / named).lexically_normal() : folder_ / named;
     if (paths_ == ScenePaths::kConfined && !stays_below(image_file_of(path))) {
       cursor.fail("a path that stays in the manifest's folder (--confine)");
     }
@@ -449,7 +468,7 @@ class ManifestReader {
     }
   }
 
-  fs::path folder_;
+  fs::path folder_, real_folder_;
   const json& document_;
   const LogSink& warn_;
   ScenePaths paths_;
@@ -472,13 +491,15 @@ json box_json(const Box2& box) {
       {number_json(box.x1), number_json(box.y1), number_json(box.x2), number_json(box.y2)});
 }
 
-/// A path as the manifest has it: relative if it lies in or below the manifest's folder, else
-/// absolute.
+/// A path as the manifest has it: relative to its folder, so that both can be moved together, else
+/// absolute. The folders are followed through links, as whoever opens the path will.
 std::string manifest_path(const fs::path& path, const fs::path& folder) {
-  const fs::path whole = fs::absolute(path).lexically_normal();
+  std::error_code error;
+  fs::path whole = fs::absolute(path).lexically_normal();
+  const fs::path real = fs::weakly_canonical(whole.parent_path(), error);
+  if (!error) whole = real / whole.filename();
   const fs::path relative = whole.lexically_relative(folder);
-  const bool below = !relative.empty() && *relative.begin() != "..";
-  const std::string name = (below ? relative : whole).generic_string();
+  const std::string name = (relative.empty() ? whole : relative).generic_string();
   try {
     (void)json(name).dump();
   } catch (const json::type_error&) {
@@ -577,6 +598,15 @@ const SceneFrame* Scene::find_frame(int id) const {
 }
 
 Scene read_scene(const fs::path& path, const LogSink& warn, ScenePaths paths) {
+  if (const InputKind kind = kind_of_input(path); kind != InputKind::kScene) {
+    const char* found = kind == InputKind::kVideo    ? "a film"
+                        : kind == InputKind::kImages ? "a folder of images"
+                                                     : "a bag";
+    throw InputError(path.string(),
+                     fmt::format("found {}, expected a scene manifest (scene.json): camber import "
+                                 "{} {} --height METRES --out scene makes one",
+                                 found, to_string(kind), printable(path.string(), 120)));
+  }
   std::error_code error;
   const fs::path manifest = fs::is_directory(path, error) ? path / "scene.json" : path;
   const json document = parse_json(read_whole_file(manifest), manifest.string());
@@ -584,7 +614,10 @@ Scene read_scene(const fs::path& path, const LogSink& warn, ScenePaths paths) {
 }
 
 void write_scene(const Scene& scene, const fs::path& path) {
-  const fs::path folder = fs::absolute(path).lexically_normal().parent_path();
+  std::error_code error;
+  const fs::path stated = fs::absolute(path).lexically_normal().parent_path();
+  const fs::path real = fs::weakly_canonical(stated, error);
+  const fs::path& folder = error ? stated : real;
   json out = {{"format", kFormat}, {"version", kFormatVersion}};
   if (!scene.name.empty()) out["name"] = scene.name;
   out["camera"] = intrinsics_json(scene.camera);
@@ -599,6 +632,11 @@ void write_scene(const Scene& scene, const fs::path& path) {
     if (scene.height_sigma != Scene().height_sigma) {
       out["camera"]["height_sigma"] = scene.height_sigma;
     }
+  }
+  for (const auto& [key, sigma] : {std::pair{"focal_sigma", scene.camera_sigma.focal},
+                                   std::pair{"principal_sigma", scene.camera_sigma.principal},
+                                   std::pair{"distortion_sigma", scene.camera_sigma.distortion}}) {
+    if (sigma > 0.0) out["camera"][key] = sigma;
   }
   if (scene.frame_rate) out["frame_rate"] = *scene.frame_rate;
   if (scene.reference_frame) out["reference_frame"] = *scene.reference_frame;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/geometry/camera_sigma.h"
 #include "camber/geometry/lens_distortion.h"
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/geometry/plane.h"
@@ -93,6 +94,7 @@ double default_speed_sigma(double speed);
 struct Scene {
   std::string name;
   PinholeCamera camera;
+  CameraSigma camera_sigma;                 ///< how well `camera` and `distortion` are known
   LensDistortion distortion;                ///< of the image files; model kNone: none is given
   std::optional<double> height_above_road;  ///< m; none: results are up to scale
   double height_sigma = 0.01;               ///< m, standard deviation of height_above_road, > 0
@@ -127,8 +129,7 @@ enum class ScenePaths {
 Scene read_scene(const std::filesystem::path& path, const LogSink& warn = {},
                  ScenePaths paths = ScenePaths::kAnywhere);
 
-/// Writes a manifest with paths relative to its folder where they lie below it. Atomic.
-/// @throws OutputError.
+/// Writes a manifest with paths relative to its folder. Atomic. @throws OutputError.
 void write_scene(const Scene& scene, const std::filesystem::path& path);
 
 /// Resolves a --frames list ("48,49,50", "48:52", "0:10:5"; both ends included) to frame ids of

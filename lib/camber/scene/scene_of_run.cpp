@@ -12,20 +12,26 @@ std::optional<Scene> read_scene_of_run(const RunDocument& run, const fs::path& f
   missing->clear();
   if (run.scene.empty()) return std::nullopt;
   std::error_code error;
-  if (!fs::exists(run.scene, error)) {
-    *missing = "the scene of this run is no longer at " + run.scene;
-    return std::nullopt;
+  fs::path manifest = run.scene;
+  if (!fs::exists(manifest, error)) {
+    // A result that was moved takes the scene that it holds with it.
+    if (fs::exists(folder / "scene" / "scene.json", error)) {
+      manifest = folder / "scene" / "scene.json";
+    } else {
+      *missing = "the scene of this run is no longer at " + run.scene;
+      return std::nullopt;
+    }
   }
   if (paths == ScenePaths::kAnywhere) {
-    return read_referred_file(run.scene, "a scene manifest", warn, [&](const LogSink& sink) {
-      return std::optional(read_scene(run.scene, sink));
+    return read_referred_file(manifest, "a scene manifest", warn, [&](const LogSink& sink) {
+      return std::optional(read_scene(manifest, sink));
     });
   }
-  if (!lies_below(run.scene, folder)) {
+  if (!lies_below(manifest, folder)) {
     *missing = "the scene of this run lies outside the result's folder (--confine)";
     return std::nullopt;
   }
-  return read_scene(run.scene, warn, paths);
+  return read_scene(manifest, warn, paths);
 }
 
 }  // namespace camber

@@ -132,6 +132,12 @@ void validate(const Scene& scene) {
   }
   if (scene.height_above_road) validate_camera_height(*scene.height_above_road);
   require_positive(scene.height_sigma, "height_sigma", "metres");
+  for (const auto& [field, sigma] :
+       {std::pair{"camera_sigma.focal", scene.camera_sigma.focal},
+        std::pair{"camera_sigma.principal", scene.camera_sigma.principal},
+        std::pair{"camera_sigma.distortion", scene.camera_sigma.distortion}}) {
+    if (!(sigma >= 0.0) || !std::isfinite(sigma)) refuse(field, sigma, "a number of at least 0");
+  }
   if (scene.frame_rate) require_positive(*scene.frame_rate, "frame_rate", "frames a second");
   if (scene.box_sigma_px) require_positive(*scene.box_sigma_px, "box_sigma_px", "pixels");
   check_classes(scene.segmentation_classes);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "camber/geometry/camera_sigma.h"
 #include "camber/geometry/lens_distortion.h"
 #include "camber/geometry/pinhole_camera.h"
 
@@ -29,7 +30,9 @@ struct CameraCalibration {
   /// The distortion in OpenCV's order, where Camber has the model.
   LensModel lens = LensModel::kNone;
   std::vector<double> lens_coefficients;
-  std::string note;         ///< what a person should know of how it was read; or ""
+  std::string note;  ///< what a person should know of how it was read; or ""
+  /// What the file states of it (focal_sigma, principal_sigma, distortion_sigma); 0: nothing.
+  CameraSigma sigma;
   std::string unsupported;  ///< why no pinhole camera with that distortion can stand for it; or ""
 };
 

@@ -221,6 +221,7 @@ class DocumentReader {
       }
     }
     if (const auto t = find(map, {"tcamimu"})) out.camera_from_imu = transform(*t);
+    set_sigmas(map, &out.sigma);
     return out;
   }
 
@@ -274,6 +275,20 @@ class DocumentReader {
                                "distortion_coefficients beside it (of zeros for no distortion)",
                                printable(word)));
     }
+  }
+
+  /// What a calibration of Camber's own has beside OpenCV's keys.
+  void set_sigmas(const YAML::Node& map, CameraSigma* sigma) const {
+    const auto read = [&](const char* name, const char* what, double most, double* to) {
+      const auto found = find(map, {name});
+      if (!found) return;
+      *to = d_.number(*found, what);
+      if (*to >= 0.0 && *to <= most) return;
+      d_.fail(*found, fmt::format("found {}, expected {} from 0 to {}", *to, what, most));
+    };
+    read("focalsigma", "a share of the focal length", 1.0, &sigma->focal);
+    read("principalsigma", "a number of pixels", kMaxSide, &sigma->principal);
+    read("distortionsigma", "a standard deviation of k1", 10.0, &sigma->distortion);
   }
 
   void set_distortion(const YAML::Node& map, const YAML::Node& intrinsics,

@@ -383,6 +383,7 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
                          options.num_threads);
   out.run = run_document(frames, ground, judged);
   state(judged.scale, &out.run, &surface);
+  out.scale_by_focal = scaled.scale_by_focal;
   return out;
 }
 

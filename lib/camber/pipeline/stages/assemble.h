@@ -18,7 +18,8 @@ struct AssembledRoad {
   RoadCloud cloud;  ///< labels["patch"]; colours; sigmas along the viewing rays
   RoadSurface surface;
   VehicleDocument vehicles;
-  RunDocument run;  ///< cameras, scale, constraints; no options, no timings
+  RunDocument run;              ///< cameras, scale, constraints; no options, no timings
+  double scale_by_focal = 1.0;  ///< ScaledRoad::scale_by_focal
 };
 
 namespace stages {

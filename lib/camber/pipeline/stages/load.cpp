@@ -220,6 +220,7 @@ void cut(const FrameRange& range, std::vector<T>* entries) {
 LoadedFrames of_scene(const Scene& scene, const std::vector<int>& frame_ids) {
   LoadedFrames out;
   out.camera = scene.camera;
+  out.camera_sigma = scene.camera_sigma;
   out.detections_source = scene.detections_source;
   out.masks_by_network = scene.segmentation_source.rfind("network:", 0) == 0;
   out.box_sigma_px = scene.box_sigma_px;

@@ -35,6 +35,7 @@ struct KnownMetres {
 /// The images of a run with what is known of their pixels, one entry a frame, ascending ids.
 struct LoadedFrames {
   PinholeCamera camera;
+  CameraSigma camera_sigma;
   std::vector<SceneFrame> frames;
   std::size_t reference = 0;      ///< index of the frame whose camera is the world of the run
   std::vector<GrayImage> gray;    ///< intensities

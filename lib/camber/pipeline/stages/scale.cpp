@@ -463,6 +463,22 @@ std::string why_up_to_scale(const LoadedFrames& frames, const LaneMarkingConstra
   return "no source of metres but lane markings: " + markings.reason;
 }
 
+/// How the scale follows the focal length: as the source that gives the metres, and as the dashes
+/// of broken lines, lengths along the road, by the share that they have in what is known.
+double scale_by_focal(const RoadPosterior& prior, const std::vector<Constraint>& constraints,
+                      const FusedRoad& fused, const LaneMarkingConstraint& markings) {
+  const bool across = constraints.front().name == "camera_height";
+  if (!across || markings.dashes == 0) return across ? 1.0 : 0.0;
+  std::vector<const Constraint*> others;
+  for (std::size_t i = 0; i < constraints.size(); ++i) {
+    if (!fused.reports[i].accepted) continue;
+    if (constraints[i].name != "lane_markings") others.push_back(&constraints[i]);
+  }
+  const double without = prior.conditioned(stacked(others)).scale_sigma();
+  const double with = fused.road.scale_sigma();
+  return std::min(1.0, (with * with) / (without * without));
+}
+
 bool accepted(const std::vector<ConstraintReport>& reports, const std::string& name) {
   return std::any_of(reports.begin(), reports.end(),
                      [&](const ConstraintReport& r) { return r.name == name && r.accepted; });
@@ -513,6 +529,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     const double sigma = fused.road.scale_sigma();
     const bool metric = !guessed || (accepted(fused.reports, "lane_markings") &&
                                      sigma <= options.noise.metric_limit);
+    const double by_focal = scale_by_focal(prior, constraints, fused, markings);
     if (!metric) {
       // Lengths in nominal heights of the camera; only what does not depend on metres is used.
       if (accepted(fused.reports, "lane_markings")) {
@@ -537,6 +554,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     ScaledRoad out{
         std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
         std::move(width),      scale_change};
+    out.scale_by_focal = metric ? by_focal : 1.0;
     if (!metric) out.without_metres = why_up_to_scale(frames, out.markings);
     add_sources(prior, constraints, options.noise, &out);
     if (metric) add_checks(frames, matches, ground, raster, travel, options, &out);

@@ -25,6 +25,8 @@ struct ScaledRoad {
   LaneMarkingConstraint markings;
   RoadWidthConstraint width;
   double scale_change = 0.0;  ///< of the logarithm of the scale, against the camera's height alone
+  /// Derivative of the logarithm of the scale by that of the focal length: see CameraUncertainty.
+  double scale_by_focal = 1.0;
   /// No strokes: none speak against the given one, or none were looked for. Not among the
   /// evidence: the vehicles may contradict it, which the judge compares.
   DashFocalLength dash_focal_length = {};
