@@ -9,6 +9,7 @@
 #include "camber/import/import_own.h"
 #include "camber/import/import_rosbag.h"
 #include "camber/scene/validate_scene.h"
+#include "camera_arguments.h"
 #include "gnss_arguments.h"
 #include "import_output.h"
 #include "plugins/recording_plugin.h"
@@ -22,52 +23,14 @@ namespace {
 /// What all imports of one's own data take; NaN and empty: not given.
 struct OwnArguments {
   OwnDataOptions options;
+  CameraArguments camera;
   GnssArguments gnss;
-  std::string calibration, times, detections, class_names, masks, poses, speed, up, out;
+  std::string times, detections, class_names, masks, poses, speed, up, out;
   double up_sigma_deg = 1.0;
-  double fx = 0, fy = 0, cx = kNone, cy = kNone, fov = 0, rate = 0, height = 0, height_sigma = 0;
+  double rate = 0;
   int reference_frame = -1;
   bool json = false;
-
-  static constexpr double kNone = -1e300;
 };
-
-std::optional<double> positive(double value) {
-  return value > 0.0 ? std::optional<double>(value) : std::nullopt;
-}
-
-/// @param bag  a calibration comes with the images, too.
-void add_camera_options(App& app, OwnArguments& a, bool bag = false) {
-  app.add_option(
-      "--calib", a.calibration,
-      "calibration file: OpenCV, ROS, Kalibr, EuRoC, camodocal, ORB-SLAM, COLMAP, kapture, "
-      "KITTI, nuScenes, OpenSfM, Metashape, nerfstudio, ZED, ...");
-  app.add_option("--camera", a.options.camera.name,
-                 "name or index of the camera in that file, where it has several")
-      ->no_name();
-  auto* rectified =
-      app.add_flag("--rectified", a.options.camera.rectified,
-                   bag ? "the images were rectified with the calibration's projection matrix"
-                       : "the images were rectified with the file's projection matrix");
-  if (!bag) rectified->needs("--calib");
-  constexpr double kLeast = 1e-3, kMost = 1e7;  // px; a manifest takes no more
-  app.add_option("--fx", a.fx, "focal length, pixels, in place of --calib")
-      ->check(in_range(kLeast, kMost));
-  app.add_option("--fy", a.fy, "likewise down the image; default: fx")
-      ->check(in_range(kLeast, kMost));
-  app.add_option("--cx", a.cx, "principal point, pixels; default: the middle")
-      ->check(in_range(-kMost, kMost));
-  app.add_option("--cy", a.cy, "likewise down the image")->check(in_range(-kMost, kMost));
-  app.add_option("--fov", a.fov, "horizontal field of view, degrees, in place of --calib")
-      ->check(in_range(1.0, 179.0));
-  app.add_option(
-         "--height,--camera-height", a.height,
-         "of the camera above the road, m; without a source of metres results are up to scale")
-      ->check(in_range(1e-3, kMostCameraHeight));
-  app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
-      ->check(positive_number())
-      ->needs("--height");
-}
 
 void add_detection_options(App& app, OwnArguments& a) {
   app.add_option("--detections", a.detections,
@@ -143,13 +106,8 @@ void add_output_options(App& app, OwnArguments& a) {
 /// The options of the library from what was typed.
 const OwnDataOptions& take(OwnArguments& a) {
   OwnDataOptions& o = a.options;
-  o.camera.calibration = a.calibration;
-  o.camera.fx = positive(a.fx);
-  o.camera.fy = positive(a.fy);
-  if (a.cx != OwnArguments::kNone) o.camera.cx = a.cx;
-  if (a.cy != OwnArguments::kNone) o.camera.cy = a.cy;
-  o.camera.fov_deg = positive(a.fov);
-  o.times.rate = positive(a.rate);
+  a.camera.take(&o);
+  if (a.rate > 0.0) o.times.rate = a.rate;
   o.times.list = a.times;
   o.detections.file = a.detections;
   o.detections.class_names = a.class_names;
@@ -159,8 +117,6 @@ const OwnDataOptions& take(OwnArguments& a) {
   o.up = a.up;
   o.up_sigma = a.up_sigma_deg * 0.017453292519943295;
   o.gnss = a.gnss.take(o.up_sigma);
-  o.height = positive(a.height);
-  o.height_sigma = positive(a.height_sigma);
   if (a.reference_frame >= 0) o.reference_frame = a.reference_frame;
   o.validate();
   return o;
@@ -171,19 +127,9 @@ json options_json(const OwnArguments& a) {
     return value ? json(*value) : json();
   };
   const OwnDataOptions& o = a.options;
-  json out = {{"calib", a.calibration},
-              {"camera", o.camera.name},
-              {"rectified", o.camera.rectified},
-              {"fx", number(o.camera.fx)},
-              {"fy", number(o.camera.fy)},
-              {"cx", number(o.camera.cx)},
-              {"cy", number(o.camera.cy)},
-              {"fov_deg", number(o.camera.fov_deg)},
-              {"rate", number(o.times.rate)},
+  json out = {{"rate", number(o.times.rate)},
               {"times", a.times},
               {"times_from_names", o.times.from_names},
-              {"height", number(o.height)},
-              {"height_sigma", number(o.height_sigma)},
               {"detections", a.detections},
               {"class_names", a.class_names},
               {"classes", o.detections.classes},
@@ -199,6 +145,7 @@ json options_json(const OwnArguments& a) {
               {"up", a.up},
               {"up_sigma_deg", a.up_sigma_deg},
               {"frames", o.frames}};
+  a.camera.add_json(&out);
   add_gnss_json(a.gnss, &out);
   return out;
 }
@@ -271,7 +218,7 @@ void register_import_images(App& import) {
   App& app = *command->app;
   command->foreign_folders = true;
   app.add_option("images", a.places, "folders, patterns in quotes, or files")->required();
-  add_camera_options(app, a);
+  add_camera_options(app, a.camera, CameraSource::kImages);
   app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
   app.add_option("--times", a.times,
                  "times in seconds, one a line, or with a file name in a second column");
@@ -318,7 +265,7 @@ void register_import_video(App& import) {
       ->capture_default_str();
   add_time_range(app, a.times);
   app.add_flag("--extract", a.choice.extract, "write the frames as PNG files beside the manifest");
-  add_camera_options(app, a);
+  add_camera_options(app, a.camera, CameraSource::kImages);
   add_detection_options(app, a);
   add_known_options(app, a);
   app.add_option("--frames", a.options.frames,
@@ -361,16 +308,8 @@ void register_import_colmap(App& import) {
   app.add_option("--images", a.images, "folder that the images' names are relative to")->required();
   app.add_option("--scale", a.scale, "metres per unit of the model: takes its poses")
       ->check(positive_number());
-  app.add_option("--camera", a.options.camera.name, "id of the camera, where images have several")
-      ->no_name();
   app.add_option("--rate", a.rate, "frames a second")->check(positive_number());
-  app.add_option(
-         "--height,--camera-height", a.height,
-         "of the camera above the road, m; without a source of metres results are up to scale")
-      ->check(in_range(1e-3, kMostCameraHeight));
-  app.add_option("--height-sigma", a.height_sigma, "standard deviation of the height, m")
-      ->check(positive_number())
-      ->needs("--height");
+  add_camera_options(app, a.camera, CameraSource::kModel);
   add_detection_options(app, a);
   app.add_option("--frames", a.options.frames,
                  "frame ids to keep: 48,49,50, 48:52, 0:100:5 or all; default: all")
@@ -384,7 +323,8 @@ void register_import_colmap(App& import) {
     used["images"] = given.images;
     used["scale"] = given.scale > 0.0 ? json(given.scale) : json();
     return write_import(*command, given, std::move(used), [&](const fs::path&) {
-      return import_colmap(given.model, given.images, positive(given.scale), options);
+      return import_colmap(given.model, given.images,
+                           given.scale > 0.0 ? std::optional(given.scale) : std::nullopt, options);
     });
   };
 }
@@ -429,7 +369,7 @@ void register_import_rosbag(App& import) {
       ->check(in_range(1, 1000000))
       ->capture_default_str();
   add_time_range(app, a.times);
-  add_camera_options(app, a, true);
+  add_camera_options(app, a.camera, CameraSource::kBag);
   add_detection_options(app, a);
   add_known_options(app, a);
   app.add_option("--frames", a.options.frames,

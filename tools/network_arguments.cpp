@@ -48,10 +48,10 @@ std::string unfused_note(const std::optional<NetworkUse>& use) {
 
 void add_network_options(App& app, NetworkArguments& a) {
   app.add_option("--detector", a.detector,
-                 "the network that finds vehicles: shipped, an ONNX file (YOLOX, YOLOv5, YOLOv8 or "
-                 "FastestDet) described by a .json of the same name (docs/formats.md), or none. "
-                 "Without it reconstruct keeps what the shipped one finds out of the road where "
-                 "the scene has neither boxes nor masks");
+                 "the network that finds vehicles: shipped (comes with Camber), an ONNX file, or "
+                 "none. YOLOX, YOLOv5, YOLOv8, YOLO11 and FastestDet are known by their outputs, "
+                 "others need a .json of the same name (docs/formats.md). Without it reconstruct "
+                 "places what the shipped one finds where the scene has no boxes");
   app.add_option("--detector-config", a.detector_config,
                  "the description, where it is another file");
   app.add_option("--segmenter", a.segmenter,

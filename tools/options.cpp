@@ -52,15 +52,26 @@ std::vector<std::string> command_names(const CLI::App& app) {
   return names;
 }
 
+/// The same in a sentence, with the command that has no place for them.
+std::string unexpected(const CLI::App& root) {
+  const CLI::App* app = &root;
+  std::string command = "camber";
+  while (!app->get_subcommands().empty()) {
+    app = app->get_subcommands().front();
+    command += " " + app->get_name();
+  }
+  std::string text = command + " has no place for";
+  for (const std::string& word : app->remaining()) text += " " + word;
+  return text;
+}
+
 /// What was probably meant by the first word that has no place on the line; empty: no idea.
 std::string advice(const CLI::App& root) {
   const CLI::App* app = &root;
   while (!app->get_subcommands().empty()) app = app->get_subcommands().front();
-  const std::vector<std::string> words = app->remaining();
-  // The parser lists them from the last to the first.
-  for (auto word = words.rbegin(); word != words.rend(); ++word) {
-    const bool option = word->size() > 1 && word->front() == '-';
-    const std::string typed = word->substr(0, word->find('='));
+  for (const std::string& word : app->remaining()) {
+    const bool option = word.size() > 1 && word.front() == '-';
+    const std::string typed = word.substr(0, word.find('='));
     const std::string meant =
         nearest_name(typed, option ? option_names(*app) : command_names(*app));
     if (!meant.empty()) return "; found " + typed + ": did you mean " + meant + "?";
@@ -445,8 +456,8 @@ int App::parse(int argc, char** argv) {
     return 0;
   } catch (const CLI::RequiredError& error) {
     std::cerr << "camber: " << one_line(error.what() + advice(app)) << "\n";
-  } catch (const CLI::ExtrasError& error) {
-    std::cerr << "camber: " << one_line(error.what() + advice(app)) << "\n";
+  } catch (const CLI::ExtrasError&) {
+    std::cerr << "camber: " << one_line(unexpected(app) + advice(app)) << "\n";
   } catch (const CLI::ParseError& error) {
     const std::string place = place_in_config(error.what(), items);
     if (place.empty()) return app.exit(error) == 0 ? 0 : 2;

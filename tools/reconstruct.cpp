@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <functional>
 #include <memory>
@@ -19,9 +20,11 @@
 #include "camber/pipeline/stages/judge.h"
 #include "camber/scene/evidence_json.h"
 #include "camber/scene/findings.h"
+#include "camber/scene/vehicle_table.h"
 #include "command.h"
 #include "network_arguments.h"
 #include "own_inputs.h"
+#include "scene_input.h"
 
 namespace camber::tools {
 namespace {
@@ -32,6 +35,8 @@ struct Arguments {
   int keypoint_set = 36;
   ReconstructOptions options;
   NetworkArguments networks;
+  SceneInputArguments input;  // of reconstruct
+  bool places_vehicles = false;
   bool no_pictures = false;
   bool no_masks = false;
   bool confine = false;
@@ -39,8 +44,7 @@ struct Arguments {
   bool json = false;
 };
 
-void add_scene_options(App& app, Arguments& a) {
-  app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+void add_frame_options(App& app, Arguments& a) {
   app.add_option("--frames", a.frames,
                  "frame ids: 48,49,50 or 48:52 (both ends), 0:10:5 or all, at most 64, of which "
                  "those too far from the reference to share much with it are left out; default: "
@@ -50,7 +54,6 @@ void add_scene_options(App& app, Arguments& a) {
       ->no_name();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
-  add_confine_option(app, a.confine);
 }
 
 /// What a warning is about, before its text; the text of other codes stands alone.
@@ -75,7 +78,7 @@ Reconstruction with_frames(const Command& command, Arguments& a,
     put_network_view(view, scene);
   }
   std::optional<NetworkUse> masking;
-  if (a.networks.may_mask()) {
+  if (a.networks.may_mask() && networks.networks.empty()) {
     const StageTimer timer(network_time, "networks");
     masking = mask_vehicles(*scene, frames, networks, &a.options.load, progress);
   }
@@ -91,15 +94,13 @@ Reconstruction with_frames(const Command& command, Arguments& a,
   if (masking && !command.common.quiet) {
     std::fprintf(stderr,
                  "camber: no mask and no box shows vehicles: what the shipped detector takes for "
-                 "them is left out of the road, and not placed\n");
+                 "them is left out of the road\n");
   }
   if (any_network || masking) {
     result.run.extra["networks"] = network_json(view, found, masking);
     for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
   }
   result.run.extra["command"] = command.common.command_line;
-  // Wherever the result is looked at from.
-  result.run.scene = std::filesystem::absolute(a.scene).lexically_normal().string();
   return result;
 }
 
@@ -120,13 +121,30 @@ Reconstruction with_evidence(const std::string& file, const Run& run) {
   }
 }
 
+bool has_boxes(const Scene& scene) {
+  return std::any_of(scene.frames.begin(), scene.frames.end(),
+                     [](const SceneFrame& frame) { return !frame.vehicles.empty(); });
+}
+
+bool has_images(const Scene& scene) {
+  return std::all_of(scene.frames.begin(), scene.frames.end(),
+                     [](const SceneFrame& frame) { return !frame.image.empty(); });
+}
+
 /// @param check_output  throws if the result cannot be written, once all that is read is protected.
 Reconstruction run(const Command& command, Arguments& a, Scene& scene,
                    const std::function<void()>& check_output) {
   const Progress progress = make_progress(command.common);
-  scene = read_scene(a.scene, make_warning_sink(command.common), scene_paths(a.confine));
   std::vector<std::filesystem::path> inputs = files_of(scene);
-  const DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
+  DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
+  if (a.places_vehicles && a.networks.detector.empty() && !has_boxes(scene) && has_images(scene)) {
+    networks.networks.detector = kShippedNetwork;
+    if (!command.common.quiet) {
+      std::fprintf(stderr,
+                   "camber: the scene has no boxes: vehicles are what the shipped detector finds "
+                   "(--detector none leaves them out)\n");
+    }
+  }
   const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
   for (const std::filesystem::path& file : files_of(networks.networks)) inputs.push_back(file);
   for (const std::filesystem::path& file : files_of(keypoints)) inputs.push_back(file);
@@ -170,6 +188,13 @@ void print_findings(const Reconstruction& result) {
   }
 }
 
+/// A line a vehicle of the reference frame.
+void print_vehicles(const Reconstruction& result) {
+  for (const std::string& line : vehicle_lines(result.vehicles, result.reference_frame)) {
+    std::printf("  %s\n", line.c_str());
+  }
+}
+
 int print_json(const Reconstruction& result) {
   std::printf("%s\n", to_json(result.run).dump(2).c_str());
   return 0;
@@ -185,6 +210,7 @@ void register_reconstruct(App& root) {
       "as "
       "glTF (scene.glb); with ground truth in the scene also metrics.",
       "  camber reconstruct samples/steep_hill --out out/steep_hill\n"
+      "  camber reconstruct drive.mp4 --height 1.3 --fov 70 --out out/drive\n"
       "  camber reconstruct clip/scene.json --frames 48:50 --method coplanar --out out/clip\n"
       "  camber reconstruct scene --detector yolox.onnx --segmenter road.onnx --out out/own\n"
       "  camber reconstruct samples/steep_hill --frames 1 --out out/one_image\n"
@@ -192,7 +218,8 @@ void register_reconstruct(App& root) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
-  add_scene_options(app, a);
+  add_scene_input(app, a.input);
+  add_frame_options(app, a);
   add_network_options(app, a.networks);
   app.add_option("--out", a.out, "result folder; an earlier result there is replaced")
       ->output_folder()
@@ -241,19 +268,24 @@ void register_reconstruct(App& root) {
     }
     args.options.paper.vehicles.terms = paper::terms_from_string(args.terms);
     args.options.paper.ground.scale = paper_scale_from_string(args.scale);
-    Scene scene;
+    args.places_vehicles = true;
+    SceneInput input(*command, args.input, args.out);
+    Scene scene = input.opened().scene;
     const auto check_outputs = [&] {
       check_output_folder(args.out, args.overwrite);
       if (!args.evidence.empty()) check_output_file(args.evidence);
     };
     Reconstruction result =
         with_evidence(args.evidence, [&] { return run(*command, args, scene, check_outputs); });
+    result.run.scene = input.manifest().string();
+    for (auto& [path, hash] : result.run.input_hashes) path = input.kept_name(path);
     WriteReconstructionOptions options;
     options.pictures = !args.no_pictures;
     options.overwrite = args.overwrite;
     options.num_threads = command->common.threads;
     options.inputs = files_of(scene);
-    options.inputs.emplace_back(args.scene);
+    options.inputs.emplace_back(args.input.path);
+    options.add_files = [&](const std::filesystem::path& staging) { input.keep_in(staging); };
     const std::string summary =
         write_reconstruction(scene, result, args.out, options, make_progress(command->common));
     for (const RunDocument::Warning& warning : result.run.warnings) {
@@ -267,13 +299,13 @@ void register_reconstruct(App& root) {
       std::printf("%s: %zu road points, %zu patches, %zu vehicles in %zu frames\n",
                   args.out.c_str(), result.cloud.size(), result.surface.patches.size(), vehicles,
                   result.vehicles.frames.size());
-      if (result.surface.metric) {
-        std::printf("scale known to %.1f %% (1 sigma)\n", 100.0 * result.surface.scale_sigma);
-      } else {
-        std::printf("the result is up to scale\n");
-      }
+      print_vehicles(result);
+      std::printf("%s\n", scale_sentence(result.run).c_str());
       print_findings(result);
       if (!summary.empty()) std::printf("%s", summary.c_str());
+      if (!args.no_pictures) {
+        std::printf("report: %s\n", (std::filesystem::path(args.out) / "report.html").c_str());
+      }
     }
     return 0;
   };
@@ -288,7 +320,10 @@ void register_triangulate(App& root) {
       "  camber triangulate clip/scene.json --frames 0:10:5 --no-masks --out road.pcd --json");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
-  add_scene_options(*command->app, a);
+  command->app->add_option("scene", a.scene, "scene manifest (scene.json) or its folder")
+      ->required();
+  add_frame_options(*command->app, a);
+  add_confine_option(*command->app, a.confine);
   command->app->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv, .las or .laz")
       ->output_file()
       ->required();
@@ -300,8 +335,10 @@ void register_triangulate(App& root) {
                        ": unknown extension, expected .ply, .pcd, .bin, "
                        ".xyz, .csv, .las or .laz");
     }
-    Scene scene;
+    Scene scene =
+        read_scene(args.scene, make_warning_sink(command->common), scene_paths(args.confine));
     Reconstruction result = run(*command, args, scene, [&] { check_output_file(args.out); });
+    result.run.scene = std::filesystem::absolute(args.scene).lexically_normal().string();
     {
       const StageTimer timer(result.run.timings, "write");
       write_cloud(result.cloud, args.out);

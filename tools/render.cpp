@@ -368,6 +368,19 @@ Series pictures_of_frames(const std::vector<int>& frames, const std::optional<Sc
   return series;
 }
 
+/// Frames a second at which pictures of these frames pass as the drive did.
+double drive_rate(const std::optional<Scene>& scene, const std::vector<int>& ids) {
+  constexpr double kUnknown = 10.0, kFewest = 0.5, kMost = 120.0;  // Hz
+  if (!scene || ids.size() < 2) return kUnknown;
+  const SceneFrame* first = scene->find_frame(ids.front());
+  const SceneFrame* last = scene->find_frame(ids.back());
+  if (!first || !last || (!scene->frame_rate && !(first->time_s && last->time_s))) return kUnknown;
+  const double rate = scene->frame_rate.value_or(kUnknown);
+  const double span = time_of(*last, rate) - time_of(*first, rate);
+  if (!(span > 0.0)) return kUnknown;
+  return std::clamp(static_cast<double>(ids.size() - 1) / span, kFewest, kMost);
+}
+
 std::vector<fs::path> draw_series(const RenderArguments& a, const Loaded& loaded,
                                   const Progress& progress, Painter& painter, Timings& timings) {
   const LoadedResult& result = loaded.result;
@@ -376,10 +389,7 @@ std::vector<fs::path> draw_series(const RenderArguments& a, const Loaded& loaded
     return write_series(turntable(a.turntable, painter), a, rate, progress, timings);
   }
   const Series series = pictures_of_frames(frames_of(result, a.frames), result.scene, painter);
-  double rate = a.rate;
-  if (!(rate > 0.0)) {
-    rate = result.scene && result.scene->frame_rate ? *result.scene->frame_rate : 10.0;
-  }
+  const double rate = a.rate > 0.0 ? a.rate : drive_rate(result.scene, frames_of(result, a.frames));
   return write_series(series, a, rate, progress, timings);
 }
 

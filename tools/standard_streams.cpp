@@ -1,6 +1,7 @@
 #include "standard_streams.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -27,6 +28,16 @@ void open_standard_streams() {
   std::signal(SIGXFSZ, SIG_IGN);
 }
 
+namespace {
+
+/// Whether a stream is a pipe that nobody reads.
+bool is_closed_pipe(int stream) {
+  pollfd state{stream, POLLOUT, 0};
+  return ::poll(&state, 1, 0) == 1 && (state.revents & POLLERR) != 0;
+}
+
+}  // namespace
+
 int finish_standard_output(int exit_code) {
   const bool lost = std::ferror(stdout) != 0;  // an earlier write
   errno = 0;
@@ -34,6 +45,8 @@ int finish_standard_output(int exit_code) {
   const bool failed = std::fflush(stdout) != 0 || ::close(::dup(STDOUT_FILENO)) != 0;
   const int reason = errno;
   if (exit_code != 0 || (!lost && !failed)) return exit_code;
+  // Whoever reads has seen enough: `camber --help | head`. An earlier write left no reason.
+  if (reason == EPIPE || (lost && is_closed_pipe(STDOUT_FILENO))) return exit_code;
   std::fprintf(stderr, "camber: standard output cannot be written%s%s\n", reason ? ": " : "",
                reason ? std::strerror(reason) : "");
   return 3;

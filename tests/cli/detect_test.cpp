@@ -113,7 +113,7 @@ TEST_F(Detect, TheShippedNetworkFindsTheSamplesCars) {
             2);
 }
 
-TEST_F(Detect, TheShippedNetworkMasksVehiclesWhereNothingShowsThem) {
+TEST_F(Detect, TheShippedNetworkFindsVehiclesWhereASceneHasNone) {
   const fs::path sample = test::source_dir() / "samples/steep_hill";
   nlohmann::json scene = nlohmann::json::parse(test::read_text(sample / "scene.json"));
   for (nlohmann::json& frame : scene["frames"]) {
@@ -124,9 +124,12 @@ TEST_F(Detect, TheShippedNetworkMasksVehiclesWhereNothingShowsThem) {
   scene.erase("truth");
   write_file(path("bare.json"), scene.dump());
   nlohmann::json kept;  // points of the last run
-  const auto networks = [&](const std::vector<std::string>& more) {
-    std::vector<std::string> arguments = {"reconstruct", path("bare.json"), "--no-pictures",
-                                          "--out",       path("result"),    "--json"};
+  const std::vector<std::string> reconstruct = {"reconstruct", path("bare.json"), "--no-pictures",
+                                                "--out",       path("result"),    "--json"};
+  const std::vector<std::string> triangulate = {"triangulate", path("bare.json"), "--out",
+                                                path("road.ply"), "--json"};
+  const auto networks = [&](std::vector<std::string> arguments,
+                            const std::vector<std::string>& more) {
     arguments.insert(arguments.end(), more.begin(), more.end());
     const auto result = run(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.error;
@@ -134,16 +137,31 @@ TEST_F(Detect, TheShippedNetworkMasksVehiclesWhereNothingShowsThem) {
     kept = run_json["points"]["kept"];
     return run_json.value("networks", nlohmann::json());
   };
-  const nlohmann::json used = networks({"--no-masks"});
+  // The road alone: what it finds is kept out of it.
+  nlohmann::json used = networks(triangulate, {"--no-masks"});
   ASSERT_TRUE(used.is_object());
   EXPECT_EQ(used["vehicle_masks"]["file"], "shipped");
   EXPECT_TRUE(used["detector"].is_null());
-  const auto vehicles = nlohmann::json::parse(test::read_text(path("result/vehicles.json")));
-  for (const nlohmann::json& frame : vehicles["frames"]) EXPECT_TRUE(frame["vehicles"].empty());
   const nlohmann::json with_masks = kept;
-  EXPECT_TRUE(networks({"--no-masks", "--detector", "none"}).is_null());
+  EXPECT_TRUE(networks(triangulate, {"--no-masks", "--detector", "none"}).is_null());
   EXPECT_NE(kept, with_masks) << "what was found is masked";
-  EXPECT_TRUE(networks({}).is_null()) << "masks show vehicles";
+  EXPECT_TRUE(networks(triangulate, {}).is_null()) << "masks show vehicles";
+  // The main job places it.
+  const auto placed = [&] {
+    std::size_t count = 0;
+    for (const auto& frame :
+         nlohmann::json::parse(test::read_text(path("result/vehicles.json")))["frames"]) {
+      count += frame["vehicles"].size();
+    }
+    return count;
+  };
+  used = networks(reconstruct, {});
+  ASSERT_TRUE(used.is_object());
+  EXPECT_EQ(used["detector"]["file"], "shipped");
+  EXPECT_TRUE(used["vehicle_masks"].is_null());
+  EXPECT_GE(placed(), 9u);
+  EXPECT_TRUE(networks(reconstruct, {"--detector", "none"}).is_null());
+  EXPECT_EQ(placed(), 0u);
 }
 
 TEST_F(Detect, FillsASceneWithBoxesAndMasks) {

@@ -2,7 +2,10 @@
 
 #include <glog/logging.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 
 #include "../own_inputs.h"
@@ -10,6 +13,7 @@
 #include "../standard_streams.h"
 #include "camber/core/default_threads.h"
 #include "camber/core/errors.h"
+#include "camber/scene/input_kind.h"
 
 namespace camber::tools {
 namespace {
@@ -23,8 +27,40 @@ int report(const std::exception& error) {
 
 }  // namespace
 
-int run_verb(int argc, char** argv,
+namespace {
+
+/// A word as a shell takes it: in quotes where it holds more than letters, digits and a few signs.
+std::string shell_word(const std::string& word) {
+  const auto plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) || std::strchr("_-./:=,+@%", c);
+  };
+  if (!word.empty() && std::all_of(word.begin(), word.end(), plain)) return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+/// `camber import drive.mp4` as `camber import video drive.mp4`: the kind by what the word names.
+std::vector<char*> with_kind_of_import(int argc, char** argv, std::string* kind) {
+  std::vector<char*> words(argv, argv + argc);
+  if (argc < 3 || std::strcmp(argv[1], "import") != 0) return words;
+  const InputKind guessed = kind_of_input(argv[2]);
+  if (guessed == InputKind::kScene) return words;
+  *kind = to_string(guessed);
+  std::fprintf(stderr, "camber: %s is taken for: camber import %s\n", one_line(argv[2]).c_str(),
+               kind->c_str());
+  words.insert(words.begin() + 2, kind->data());
+  return words;
+}
+
+}  // namespace
+
+int run_verb(int typed_count, char** typed,
              const std::vector<std::pair<std::string, void (*)(App&)>>& verbs) {
+  std::string kind;
+  std::vector<char*> words = with_kind_of_import(typed_count, typed, &kind);
+  const int argc = static_cast<int>(words.size());
+  char** argv = words.data();
   watch_signals();
   watch_failures();
   // Ceres logs trial steps that fail; our statuses hold the outcome.
@@ -40,7 +76,7 @@ int run_verb(int argc, char** argv,
     if (done >= 0) return done;
 
     std::string command_line = "camber";
-    for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
+    for (int i = 1; i < argc; ++i) command_line += " " + shell_word(argv[i]);
     Command* command = parsed_command();
     command->common.command_line = command_line;
     refuse_own_inputs(*command);

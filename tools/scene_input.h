@@ -1,0 +1,50 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "camber/core/made_folder.h"
+#include "camber/import/open_scene.h"
+#include "camera_arguments.h"
+#include "command.h"
+
+namespace camber::tools {
+
+/// What a command works on: a scene, or a film, a folder of images or a bag with what is known of
+/// its camera.
+struct SceneInputArguments {
+  std::string path;
+  CameraArguments camera;
+  double rate = 0.0;  ///< frames a second of images; 0: not given
+  bool confine = false;
+};
+
+/// The positional argument, the camera's options and --confine.
+void add_scene_input(App& app, SceneInputArguments& arguments);
+
+/// The scene of a command whose result is a folder. What is imported on the way stands in a hidden
+/// folder beside the result until keep_in() puts it there as scene/; without that nothing remains.
+class SceneInput {
+ public:
+  /// Reads or imports; states on stderr what was made of a film, unless --quiet.
+  /// @param out  the result's folder.
+  /// @throws UsageError for options of a camera beside a scene, which has its own.
+  SceneInput(const Command& command, const SceneInputArguments& arguments,
+             const std::filesystem::path& out);
+
+  const OpenedScene& opened() const { return opened_; }
+  /// Where the manifest will be found, absolute.
+  const std::filesystem::path& manifest() const { return manifest_; }
+  /// The name that a file has once the import is kept: that of others stays.
+  std::string kept_name(const std::string& file) const;
+  /// Moves what was imported into the folder that becomes the result.
+  void keep_in(const std::filesystem::path& staging);
+
+ private:
+  OpenedScene opened_;
+  std::filesystem::path manifest_, imported_, kept_;  // folders of the import; empty: none
+  std::unique_ptr<MadeFolder> parent_, work_;
+};
+
+}  // namespace camber::tools
