@@ -108,7 +108,7 @@ TEST(DriveRoad, FollowsAPath) {
     const Eigen::Vector3d place(40.0 * (1.0 - std::cos(a)), -0.03 * driven, 40.0 * std::sin(a));
     poses.emplace_back(Eigen::Quaterniond(Eigen::AngleAxisd(a, Eigen::Vector3d::UnitY())), place);
   }
-  const FollowedRoad road = follow_path(poses);
+  const FollowedRoad road = follow_path(poses, 0.0);
   ASSERT_EQ(road.stations.size(), poses.size());
   EXPECT_EQ(road.stations[105], road.stations[115]);
   double worst = 0.0;
@@ -122,6 +122,10 @@ TEST(DriveRoad, FollowsAPath) {
   EXPECT_NEAR(road.stations.back(), driven - 0.8, 1.5);
   EXPECT_NEAR(road.profile.grade(60.0), std::atan(0.03), 2e-3);
   EXPECT_NEAR(road.profile.curvature(80.0), -1.0 / 40.0, 2e-3);
+  // Driven in the right lane of a bend to the right, the road is the larger circle.
+  const FollowedRoad beside = follow_path(poses, -2.0);
+  EXPECT_NEAR(beside.profile.curvature(80.0), -1.0 / 42.0, 2e-3);
+  EXPECT_NEAR(beside.stations.back(), 42.0 / 40.0 * road.stations.back(), 0.5);
 }
 
 class MadeDrive : public ::testing::Test {

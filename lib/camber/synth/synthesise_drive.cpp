@@ -85,9 +85,10 @@ class DrivePlan {
         truth_(draw_truth(options)),
         standstills_(draw_standstills(options)),
         world_options_(drive_world_options(options)),
-        followed_(options.path ? std::optional<FollowedRoad>(follow_path(*options.path))
+        layout_(draw_layout(world_options_)),
+        followed_(options.path ? std::optional<FollowedRoad>(follow_path(*options.path, lane()))
                                : std::nullopt),
-        road_(followed_ ? followed_->profile : drawn_road(options), draw_layout(world_options_)),
+        road_(followed_ ? followed_->profile : drawn_road(options), layout_),
         limits_(road_.profile()),
         states_(drive()),
         traffic_(road_, states_, options.scene.frame_rate, lane(), options.traffic,
@@ -168,7 +169,7 @@ class DrivePlan {
 
   double lane() const {
     const auto& edge = options_.scene.features.roadside.edge_distance;
-    return edge ? *edge - road_.layout().half_width : -0.5 * road_.layout().half_width;
+    return edge ? *edge - layout_.half_width : -0.5 * layout_.half_width;
   }
 
   std::vector<DriveState> drive() const {
@@ -246,6 +247,7 @@ class DrivePlan {
   DriveTruth truth_;
   int standstills_ = 0;
   WorldOptions world_options_;
+  RoadLayout layout_;
   std::optional<FollowedRoad> followed_;
   RoadModel road_;
   SideLimits limits_;

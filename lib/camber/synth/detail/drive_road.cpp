@@ -143,7 +143,7 @@ RoadProfile draw_drive_road(std::uint64_t seed, double length, double speed) {
                      std::move(plan.curvature), -kDriveBefore, length + kDriveBeyond);
 }
 
-FollowedRoad follow_path(const std::vector<SE3>& poses) {
+FollowedRoad follow_path(const std::vector<SE3>& poses, double lane) {
   constexpr double kLeastStep = 0.25;  // m: shorter ones are noise
   constexpr double kSmoothing = 3.0;   // m
   constexpr double kNodes = 4.0;       // m between nodes of grade and curvature
@@ -179,6 +179,18 @@ FollowedRoad follow_path(const std::vector<SE3>& poses) {
   }
   for (auto& coordinate : even) coordinate = smoothed(coordinate, kSmoothing);
   const std::size_t count = metres.size();
+  // From the lane to the road's centreline.
+  std::vector<Eigen::Vector2d> shifts;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t a = i > 0 ? i - 1 : 0, b = std::min(i + 1, count - 1);
+    const Eigen::Vector2d along =
+        Eigen::Vector2d(even[0][b] - even[0][a], even[1][b] - even[1][a]).normalized();
+    shifts.emplace_back(lane * along.y(), -lane * along.x());
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    even[0][i] += shifts[i].x();
+    even[1][i] += shifts[i].y();
+  }
   std::vector<double> stations{0.0}, headings, grades;
   for (std::size_t i = 0; i + 1 < count; ++i) {
     const double dx = even[0][i + 1] - even[0][i], dy = even[1][i + 1] - even[1][i];

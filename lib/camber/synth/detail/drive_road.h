@@ -22,8 +22,9 @@ struct FollowedRoad {
   std::vector<double> stations;
 };
 /// @param poses  world_from_camera; the first camera's up is taken for the world's.
+/// @param lane   offset of the path from the road's centreline, m, positive to the left
 /// @throws NoAnswerError for a path of less than 5 m; std::invalid_argument for one that climbs by
 /// more than 0.6 rad.
-FollowedRoad follow_path(const std::vector<SE3>& poses);
+FollowedRoad follow_path(const std::vector<SE3>& poses, double lane);
 
 }  // namespace camber
