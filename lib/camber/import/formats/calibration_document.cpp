@@ -363,7 +363,7 @@ class DocumentReader {
       const YAML::Node& value = entry.second;
       if (!entry.first.IsScalar() || !holds_matrix(value)) continue;
       const YAML::Node data = value.IsMap() ? *find(value, {"data"}) : value;
-      if (!data.IsSequence()) continue;
+      if (!data.IsSequence() || data.size() > 9) continue;
       std::vector<double> k;
       for (const YAML::Node& row : data) {
         if (row.IsSequence()) {

@@ -369,6 +369,7 @@ std::optional<CalibrationFile> zed_calibration(const DelimitedLines& lines) {
 /// "array(".
 std::optional<CalibrationFile> bracketed_matrix(const std::string& text) {
   constexpr std::size_t kLongest = 4000;
+  constexpr std::size_t kLongestAround = 80;  // expressions with several runs of blanks are slow
   const std::size_t open = text.find('['), close = text.rfind(']');
   if (open == std::string::npos || close == std::string::npos || close < open ||
       text.size() > kLongest) {
@@ -377,6 +378,7 @@ std::optional<CalibrationFile> bracketed_matrix(const std::string& text) {
   static const std::regex before(
       R"(^(\xEF\xBB\xBF)?\s*([A-Za-z_]\w*\s*[=:]\s*)?((np|numpy)\.)?(array|matrix|mat)?\s*\(?\s*$)");
   static const std::regex behind(R"(^\s*(,\s*dtype\s*=\s*[\w.]+\s*)?\)?\s*;?\s*$)");
+  if (open > kLongestAround || text.size() - close - 1 > kLongestAround) return std::nullopt;
   if (!std::regex_match(text.substr(0, open), before) ||
       !std::regex_match(text.substr(close + 1), behind)) {
     return std::nullopt;
