@@ -59,6 +59,7 @@ TARGETS = {
     "npy": ["detect/detail/npy_reader.cpp"],
     "onnx_weights": ["detect/detail/onnx_weights.cpp"],
     "opencrg": ["export/opencrg_reader.cpp"],
+    "landxml": ["import/formats/landxml.cpp"],
     "own_calibration": ["import/formats/calibration*.cpp"],
     "own_detections": ["import/formats/detections*.cpp"],
     "own_lists": ["import/formats/class_map.cpp", "import/formats/frame_files.cpp"],

@@ -119,7 +119,7 @@ TEST(LandXml, WhatIsRefusedIsNamedWithItsLine) {
   EXPECT_THAT(refusal(document("")), HasSubstr("found no Alignment"));
   EXPECT_THAT(refusal(document(line, "<Metric linearUnit=\"cubit\"/>")), HasSubstr("'cubit'"));
   EXPECT_THAT(refusal(document("<Line><Start>0 x</Start><End>0 1</End></Line>")),
-              HasSubstr("line 8: found 'x' in Start, expected a number"));
+              HasSubstr("line 9: found 'x' in Start, expected a number"));
   EXPECT_THAT(refusal(document("<Line><Start>0</Start><End>0 1</End></Line>")),
               HasSubstr("found 1 numbers in Start"));
   EXPECT_THAT(refusal(document(line + "<Line><Start>0 11</Start><End>0 20</End></Line>")),

@@ -159,6 +159,7 @@ void Reader::read_points(const pugi::xml_node& node) {
 }
 
 void Reader::add(const pugi::xml_node& at, std::vector<Vector3d>* out, const Vector3d& place) {
+  if (!place.head<2>().allFinite()) xml_.fail(at, "found a place beyond all numbers, expected one");
   if (++places_ > kMost) {
     xml_.fail(at, fmt::format("found more than {} places, expected the lines of a site", kMost));
   }
