@@ -71,6 +71,7 @@ TEST_F(Synth, WholeDrivesAreMadeAndFollowPaths) {
   EXPECT_EQ(printed["name"], "drive_3");
   EXPECT_NE(printed["true_height"], 1.65);
   const Scene scene = read_scene(path("a"));
+  EXPECT_EQ(scene.camera_sigma.focal, 0.02);
   double length = 0.0;
   for (std::size_t i = 1; i < scene.truth->frames.size(); ++i) {
     length += (scene.truth->frames[i].world_from_camera->translation() -

@@ -308,6 +308,7 @@ Scene begin_scene(const SynthDriveOptions& options, const DrivePlan& plan) {
   scene.camera = given.camera;
   scene.height_above_road = given.camera_height;
   scene.height_sigma = std::max(options.height_sigma, 1e-3);
+  scene.camera_sigma.focal = options.focal_sigma;
   scene.frame_rate = given.frame_rate;
   scene.detections_source = "simulated_network";
   scene.segmentation_classes = {{"road", {static_cast<int>(SegmentationClass::kRoad)}},
