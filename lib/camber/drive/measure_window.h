@@ -16,7 +16,7 @@ struct RoadSampleOptions {
 };
 
 /// The stages of reconstruct() on a window of a drive. Where they give no road, the motion alone is
-/// measured; where there is no motion either, `reason` says why and the window has no poses.
+/// measured; where there is no motion either, the window has no poses, with the reason in `reason`.
 /// @param reference  index into `frames`.
 /// @param options    handed_down(); of preset kDefault.
 /// @throws InterruptedError; InputError as load().
