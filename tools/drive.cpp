@@ -17,6 +17,7 @@
 #include "camber/scene/results.h"
 #include "command.h"
 #include "own_inputs.h"
+#include "scene_input.h"
 
 namespace fs = std::filesystem;
 
@@ -24,31 +25,32 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, frames;
-  bool no_masks = false, confine = false, overwrite = false, resume = false, json = false;
+  SceneInputArguments input;
+  std::string out, frames;
+  bool no_masks = false, overwrite = false, resume = false, json = false;
 };
 
 /// What has to be equal for a part of a drive to be gone on with.
-nlohmann::json header_of(const Scene& scene, const fs::path& manifest, const std::vector<int>& ids,
+nlohmann::json header_of(const OpenedScene& opened, const std::vector<int>& ids,
                          const Command& command, const Arguments& a) {
+  const fs::path& manifest = opened.manifest;
   return {{"version", kVersion},
           {"scene", hash_file(fs::is_directory(manifest) ? manifest / "scene.json" : manifest)},
-          {"images", scene.frames.empty() ? "" : scene.frames.front().image.filename().string()},
           {"frames", ids},
           {"no_masks", a.no_masks},
           {"seed", command.common.seed}};
 }
 
-nlohmann::json run_json(const Command& command, const Arguments& a, const Scene& scene,
+nlohmann::json run_json(const Command& command, const Arguments& a, const SceneInput& input,
                         bool complete) {
   return {
       {"version", kVersion},
       {"seed", command.common.seed},
       {"complete", complete},
       {"command", command.common.command_line},
-      {"scene", fs::absolute(a.scene).lexically_normal().string()},
+      {"scene", input.manifest().string()},
       {"options", {{"frames", a.frames.empty() ? "all" : a.frames}, {"use_masks", !a.no_masks}}},
-      {"frames_given", scene.frames.size()}};
+      {"frames_given", input.opened().scene.frames.size()}};
 }
 
 /// What an earlier drive left; nothing else is touched.
@@ -62,13 +64,15 @@ void remove_earlier(const fs::path& folder) {
 
 int run(const Command& command, Arguments& a) {
   const Progress progress = make_progress(command.common);
-  const Scene scene =
-      read_scene(a.scene, make_warning_sink(command.common), scene_paths(a.confine));
+  SceneInput input(command, a.input, a.out);
+  const Scene& scene = input.opened().scene;
   std::vector<fs::path> inputs = files_of(scene);
+  inputs.emplace_back(a.input.path);
   protect_inputs(inputs);
   const std::vector<int> ids = select_frames(scene, a.frames);
   const fs::path folder = a.out;
-  if (!a.resume || !fs::exists(folder)) check_output_folder(folder, a.overwrite, inputs);
+  const bool goes_on = a.resume && fs::exists(folder / "windows.log");
+  if (!goes_on) check_output_folder(folder, a.overwrite, inputs);
   DriveOptions options;
   options.window.seed = command.common.seed;
   options.window.num_threads = command.common.threads;
@@ -77,15 +81,15 @@ int run(const Command& command, Arguments& a) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw OutputError(folder.string(), error.message());
-  if (!a.resume) remove_earlier(folder);
-  write_json(run_json(command, a, scene, false), folder / "run.json");
+  if (!goes_on) remove_earlier(folder);
+  write_json(run_json(command, a, input, false), folder / "run.json");
   DriveResult result;
   {
-    WindowLog log(folder / "windows.log", header_of(scene, a.scene, ids, command, a), a.resume);
+    WindowLog log(folder / "windows.log", header_of(input.opened(), ids, command, a), goes_on);
     result = run_drive(scene, ids, options, &log, progress);
   }
-  nlohmann::json document = run_json(command, a, scene, true);
-  document["resumed"] = a.resume;
+  nlohmann::json document = run_json(command, a, input, true);
+  document["resumed"] = goes_on;
   for (const auto& [stage, ms] : result.timings.stages()) document["timings_ms"][stage] = ms;
   nlohmann::json warnings = nlohmann::json::array();
   std::size_t held = 0;
@@ -104,6 +108,10 @@ int run(const Command& command, Arguments& a) {
         {{"reference", w.reference}, {"residual_sigma", w.residual_sigma}, {"weight", w.weight}});
   }
   document["windows"] = std::move(windows);
+  if (input.opened().kind != InputKind::kScene) {
+    fs::remove_all(folder / "scene", error);  // an earlier run's
+    input.keep_in(folder);
+  }
   write_drive(result, options.strip, document, folder);
   fs::remove(folder / "windows.log", error);
   for (const auto& warning : warnings) {
@@ -132,17 +140,17 @@ void register_drive(App& root) {
       "go through the stages of reconstruct, and all windows together give the drive. An "
       "interrupted run leaves what it measured; --resume goes on from there.",
       "  camber drive kitti/scene.json --out out/drive\n"
+      "  camber drive drive.mp4 --height 1.3 --fov 70 --out out/drive\n"
       "  camber drive kitti/scene.json --frames 0:200 --out out/drive --resume");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
-  app.add_option("scene", a.scene, "scene manifest (scene.json) or its folder")->required();
+  add_scene_input(app, a.input);
   app.add_option("--frames", a.frames,
                  "frame ids: 48:200 (both ends), 0:400:2 or all; default: all")
       ->no_name();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
-  add_confine_option(app, a.confine);
   app.add_option("--out", a.out, "result folder; an earlier result there is replaced")
       ->output_folder()
       ->required();
