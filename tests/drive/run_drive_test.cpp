@@ -53,8 +53,8 @@ TEST_F(RunDrive, GivesTheDriveItsLengthRoadAndVehicles) {
   const Trajectory::Stretch& whole = result.trajectory.whole;
   EXPECT_NEAR(whole.length, truth, 3.0 * whole.sigma());
   EXPECT_LT(whole.sigma() / whole.length, 0.05);
-  EXPECT_NEAR(result.mounting.height, *scene_.height_above_road,
-              3.0 * result.mounting.height_sigma);
+  EXPECT_NEAR(result.document.height.value, *scene_.height_above_road,
+              3.0 * result.document.height.sigma);
   // What all windows see of the road is where the truth has it, under the vehicles as well.
   EXPECT_GT(result.strip.cells.size(), 300U);
   const auto vehicles =
