@@ -30,12 +30,12 @@ struct Bench {
   PlaneFitOptions plane_options() const {
     PlaneFitOptions options;
     options.seed = report.seed();
-    options.largest_is_road = true;  // of clouds without a driven line, to tell it from pavements
     return options;
   }
   RoadSurfaceOptions surface_options() const {
     RoadSurfaceOptions options;
     options.seed = report.seed();
+    options.largest_is_road = true;  // of clouds without a driven line, to tell it from pavements
     return options;
   }
   int repeats(int times) const { return report.accuracy_only() ? 1 : times; }
