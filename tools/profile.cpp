@@ -261,13 +261,19 @@ int run_on_cloud(const Command& command, const Arguments& args) {
 }
 
 /// @throws UsageError where an option is given that clouds alone have.
-void check_no_cloud_options(const App& app) {
-  for (const char* name : {"--half-width", "--crown", "--ground-from", "--sections", "--up",
-                           "--line-crs", "--alignment", "--lenient", "--input-format", "--columns",
-                           "--crs", "--scan", "--own-frame", "--bounds"}) {
-    if (app.count(name) == 0) continue;
-    throw UsageError(std::string(name) + ": expected a cloud, found none");
+void check_no_cloud_options(const App& app, const CloudProfileArguments& cloud) {
+  const auto refuse = [](const std::string& name) {
+    throw UsageError(name + ": expected a cloud, found none");
+  };
+  for (const char* name :
+       {"--half-width", "--ground-from", "--sections", "--up", "--line-crs", "--alignment",
+        "--input-format", "--columns", "--crs", "--scan", "--bounds"}) {
+    if (app.count(name) > 0) refuse(name);
   }
+  // Flags by their values: --print-config has those that are not given, too.
+  if (cloud.options.crown) refuse("--crown");
+  if (cloud.reading.lenient) refuse("--lenient");
+  if (cloud.reading.own_frame) refuse("--own-frame");
 }
 
 int run(const Command& command, const Arguments& args) {
@@ -276,7 +282,7 @@ int run(const Command& command, const Arguments& args) {
                      "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
   }
   if (is_cloud(args.surface)) return run_on_cloud(command, args);
-  check_no_cloud_options(*command.app);
+  check_no_cloud_options(*command.app, args.of_cloud);
   if (is_crg(args.surface)) {
     check_crg_options(*command.app, args);
     return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
@@ -373,7 +379,8 @@ void add_arguments(App& app, Arguments& a) {
                  "metres to either side of the line over which the cross slope of a cloud's ground "
                  "is measured, as far as the road's edges (kerb, ditch, bank)")
       ->check(positive_number())
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_flag("--crown", cloud.options.crown,
                "of a cloud: also the cross slopes left and right of the crest");
   app.add_option("--ground-from", cloud.ground_from,
@@ -381,7 +388,8 @@ void add_arguments(App& app, Arguments& a) {
                  "(an int ground), compute (as camber ground), all (every point), or auto: the "
                  "first of them that the cloud has")
       ->check(is_member({"auto", "class", "label", "compute", "all"}))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--sections", cloud.sections,
                  "FILE.png or FILE.svg: up to twelve cross-sections of a cloud's ground")
       ->output_file();

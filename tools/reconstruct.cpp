@@ -35,8 +35,9 @@ struct Arguments {
   int keypoint_set = 36;
   ReconstructOptions options;
   NetworkArguments networks;
-  SceneInputArguments input;  // of reconstruct
-  bool places_vehicles = false;
+  SceneInputArguments input;       // of reconstruct
+  bool places_vehicles = false;    // found by the shipped detector where a scene has no boxes
+  bool placed_by_shipped = false;  // and there are none
   bool no_pictures = false;
   bool no_masks = false;
   bool confine = false;
@@ -86,11 +87,16 @@ Reconstruction with_frames(const Command& command, Arguments& a,
   const std::optional<NetworkUse> found = find_keypoints(scene, frames, keypoints, progress, warn);
   keypoint_timer.stop();
   const bool any_network = !networks.networks.empty() || found;
+  a.options.load.labels = std::move(view.labels);
+  Reconstruction result = reconstruct(*scene, frames, a.options, progress);
+  if (a.placed_by_shipped && !command.common.quiet) {
+    std::fprintf(stderr,
+                 "camber: the scene has no boxes: vehicles are what the shipped detector finds "
+                 "(--detector none leaves them out)\n");
+  }
   if (any_network && !command.common.quiet) {
     std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
   }
-  a.options.load.labels = std::move(view.labels);
-  Reconstruction result = reconstruct(*scene, frames, a.options, progress);
   if (masking && !command.common.quiet) {
     std::fprintf(stderr,
                  "camber: no mask and no box shows vehicles: what the shipped detector takes for "
@@ -139,11 +145,7 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene,
   DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
   if (a.places_vehicles && a.networks.detector.empty() && !has_boxes(scene) && has_images(scene)) {
     networks.networks.detector = kShippedNetwork;
-    if (!command.common.quiet) {
-      std::fprintf(stderr,
-                   "camber: the scene has no boxes: vehicles are what the shipped detector finds "
-                   "(--detector none leaves them out)\n");
-    }
+    a.placed_by_shipped = true;
   }
   const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
   for (const std::filesystem::path& file : files_of(networks.networks)) inputs.push_back(file);

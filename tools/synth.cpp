@@ -353,16 +353,20 @@ void add_whole_drives(App& app, DriveArguments* a) {
                  "of --drive: how often the car stands; else drawn, about once in 300 frames")
       ->check(whole_number());
   app.add_option("--traffic", a->options.traffic, "of --drive: density of cars")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--height-sigma", a->options.height_sigma,
                  "of --drive: stated of the camera height, m; the true one is a draw")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--focal-sigma", a->options.focal_sigma,
                  "of --drive, relative: of half of the seeds the true focal length is a draw")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
   app.add_option("--cloud-density", a->options.cloud_density,
                  "of --drive: points of the true road cloud a metre of road")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->default_varies();
 }
 
 /// @throws UsageError for options of the other kind of scene.

@@ -143,7 +143,7 @@ TEST_F(Detect, TheShippedNetworkFindsVehiclesWhereASceneHasNone) {
   EXPECT_EQ(used["vehicle_masks"]["file"], "shipped");
   EXPECT_TRUE(used["detector"].is_null());
   const nlohmann::json with_masks = kept;
-  EXPECT_TRUE(networks(triangulate, {"--no-masks", "--detector", "none"}).is_null());
+  EXPECT_TRUE(networks(reconstruct, {"--no-masks", "--detector", "none"}).is_null());
   EXPECT_NE(kept, with_masks) << "what was found is masked";
   EXPECT_TRUE(networks(triangulate, {}).is_null()) << "masks show vehicles";
   // The main job places it.
@@ -259,7 +259,7 @@ TEST_F(Detect, OneSentenceForWhatIsWrong) {
   expect_refused({"--keypoints-config", path("red.json")}, "expected --keypoints with a file");
   expect_refused({"--keypoints", path("none.onnx")}, "none.json: no such file");
   expect_refused({"--keypoints", path("red.onnx")}, "task: found \"detector\"");
-  expect_refused({"--detector", path("none.onnx")}, "none.json: no such file");
+  expect_refused({"--detector", path("none.onnx")}, "none.onnx: no such file");
   expect_refused({"--detector", path("red.onnx"), "--detector-config", path("none.json")},
                  "none.json: no such file");
   expect_refused({"--detector-config", path("red.json")}, "expected --detector beside it");

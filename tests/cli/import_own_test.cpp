@@ -161,7 +161,8 @@ TEST_F(ImportOwn, OptionsThatBelongToAnotherAreRefusedWithoutIt) {
 }
 
 TEST_F(ImportOwn, HeightsThatNoManifestTakesAreRefused) {
-  expect_refused({"--fov", "90", "--height", "1e9"}, "--height: Value 1e9 not in range");
+  expect_refused({"--fov", "90", "--height", "1e9"},
+                 "--height: found 1e9, expected the camera's height");
 }
 
 TEST_F(ImportOwn, BoxesAreClippedAndCounted) {

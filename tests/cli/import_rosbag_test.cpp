@@ -69,7 +69,7 @@ TEST_F(ImportBag, ChunksOfEveryCompression) {
     EXPECT_THAT(result.error, HasSubstr("6 frames (0 to 5) of 85 x 64 pixels, 0 detections"));
     EXPECT_THAT(result.error, HasSubstr("6 images of /cam/image_raw over 0.50 s, 10 a second"));
     EXPECT_THAT(result.error, HasSubstr("camera /cam/camera_info (CameraInfo): fx 100 fy 101"));
-    EXPECT_THAT(result.error, HasSubstr("camera 1.4 +- 0.01 m above the road"));
+    EXPECT_THAT(result.error, HasSubstr("camera 1.4 +- 0.03 m above the road"));
     EXPECT_THAT(result.error, HasSubstr("missing: no boxes"));
     const Scene scene = read_scene(path("out"));
     ASSERT_EQ(scene.frames.size(), 6u);

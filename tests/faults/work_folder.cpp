@@ -175,7 +175,7 @@ void WorkFolder::make_imports() const {
 }
 
 void WorkFolder::add_cases() {
-  constexpr bool kSlow = true, kDraws = true;
+  constexpr bool kSlow = true, kDraws = true, kKeepsItsPart = true;
   cases_ = {
       {{"reconstruct", "scene", "--frames", "0,1", "--no-pictures", "--out", "out/run"},
        {"scene"},
@@ -184,7 +184,12 @@ void WorkFolder::add_cases() {
        {"scene"},
        kSlow,
        kDraws},
-      {{"drive", "scene", "--frames", "0,1", "--out", "out/drive"}, {"scene"}, kSlow},
+      {{"drive", "scene", "--frames", "0,1", "--out", "out/drive"},
+       {"scene"},
+       kSlow,
+       !kDraws,
+       0,
+       kKeepsItsPart},
       {{"triangulate", "scene", "--frames", "0,1", "--out", "out/road.ply"}, {"scene"}, kSlow},
       {{"vehicles", "scene", "--out", "out/vehicles.json", "--kitti-labels", "out/vehicles.txt",
         "--prior", "prior.json"},
@@ -209,6 +214,7 @@ void WorkFolder::add_cases() {
        {"result"}},
       {{"export", "result", "--to", "mesh", "--out", "out/road.glb"}, {"result"}},
       {{"export", "result", "--to", "trajectory", "--out", "out/cameras.tum"}, {"result"}},
+      {{"export", "result", "--to", "mcap", "--out", "out/result.mcap"}, {"result"}},
       {{"compare", "cloud.csv", "other.ply", "--estimate-from-truth", "matrix.txt", "--out",
         "out/compared"},
        {"cloud.csv", "other.ply", "matrix.txt"},

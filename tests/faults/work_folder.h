@@ -16,6 +16,8 @@ struct VerbCase {
   bool slow = false;                   ///< more than some 0.2 s of one core
   bool draws = false;  ///< loads a driver of OpenGL, which survives no lack of memory
   int exit_code = 0;   ///< of a sound run
+  /// It takes the place of an earlier result as it goes, and what a part of a run measured stays.
+  bool keeps_its_part = false;
   /// Whether it writes pictures or plots, in which VTK draws the text: where it has no memory it
   /// leaves letters out, or writes beyond its own.
   bool writes_pictures() const;

@@ -44,6 +44,10 @@ std::string shell_word(const std::string& word) {
 std::vector<char*> with_kind_of_import(int argc, char** argv, std::string* kind) {
   std::vector<char*> words(argv, argv + argc);
   if (argc < 3 || std::strcmp(argv[1], "import") != 0) return words;
+  // A kind that is named is no guess, also where a folder has its name.
+  for (const char* named : {"images", "video", "rosbag", "kitti", "synthia-sf", "colmap"}) {
+    if (std::strcmp(argv[2], named) == 0) return words;
+  }
   const InputKind guessed = kind_of_input(argv[2]);
   if (guessed == InputKind::kScene) return words;
   *kind = to_string(guessed);

@@ -247,6 +247,7 @@ class DocumentReader {
     if (!map.IsMap()) return "";
     for (const auto& entry : map) {
       const std::string name = plain_name(text_of(entry.first));
+      if (name.find("sigma") != std::string::npos) continue;  // how well they are known
       const bool alike =
           name.find("distor") != std::string::npos || name.find("radial") != std::string::npos ||
           name.find("tangential") != std::string::npos || name.find("coef") != std::string::npos ||
