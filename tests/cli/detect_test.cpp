@@ -149,8 +149,8 @@ TEST_F(Detect, TheShippedNetworkFindsVehiclesWhereASceneHasNone) {
   // The main job places it.
   const auto placed = [&] {
     std::size_t count = 0;
-    for (const auto& frame :
-         nlohmann::json::parse(test::read_text(path("result/vehicles.json")))["frames"]) {
+    const auto document = nlohmann::json::parse(test::read_text(path("result/vehicles.json")));
+    for (const auto& frame : document["frames"]) {
       count += frame["vehicles"].size();
     }
     return count;
