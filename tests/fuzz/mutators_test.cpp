@@ -54,11 +54,16 @@ double share(const std::string& seed, Mutator mutator,
 }
 
 TEST(Mutators, AreTheSameForTheSameSeedAndNotLongerThanAllowed) {
-  const std::pair<Mutator, const char*> all[] = {
-      {mutate_json, "scene"}, {mutate_text, "pcd"},       {mutate_document, "own_detections"},
-      {mutate_las, "las"},
-                                                 {mutate_laz, "laz"},    {mutate_e57, "e57"},        {mutate_image, "image"},
-      {mutate_bag, "rosbag"}, {mutate_numbers, "colmap"}, {mutate_text_or_numbers, "colmap"}};
+  const std::pair<Mutator, const char*> all[] = {{mutate_json, "scene"},
+                                                 {mutate_text, "pcd"},
+                                                 {mutate_document, "own_detections"},
+                                                 {mutate_las, "las"},
+                                                 {mutate_laz, "laz"},
+                                                 {mutate_e57, "e57"},
+                                                 {mutate_image, "image"},
+                                                 {mutate_bag, "rosbag"},
+                                                 {mutate_numbers, "colmap"},
+                                                 {mutate_text_or_numbers, "colmap"}};
   for (const auto& [mutator, folder] : all) {
     for (const auto& [name, seed] : seeds(folder)) {
       for (std::uint64_t i = 0; i < 50; ++i) {

@@ -106,7 +106,8 @@ class LasCopySink : public PointSink {
   void copy_tail();
   void move_extended_records(std::uint64_t points_end);
   void count_in_header();
-  /// How the input's points are compressed, and COPC's index of them, have no meaning in the output.
+  /// How the input's points are compressed, and COPC's index of them, have no meaning in the
+  /// output.
   bool is_dropped(const LasRecord& record) const {
     const bool compression = (las_.laz || compress_) && record.user_id == laz::kRecordUser &&
                              record.record_id == laz::kRecordId;

@@ -178,7 +178,7 @@ StripRoughness estimate_roughness(std::vector<StripFit>* fits, int num_threads) 
 
 Edge find_edge(const std::function<double(double)>& height, double seen, double noise) {
   constexpr double kStep = 0.125, kFirst = 1.0, kBefore = 0.4, kLength = 2.5;
-  constexpr double kLeast = 0.05, kNone = 0.02;  // m off the line of what lies inside
+  constexpr double kLeast = 0.05, kNone = 0.02;   // m off the line of what lies inside
   constexpr double kSteep = 0.25, kSharp = 0.25;  // m, and rise over run against that line
   const double least = kLeast + 0.5 * noise;
   for (double v = kFirst + kBefore; v <= seen; v += kStep) {
@@ -199,8 +199,7 @@ Edge find_edge(const std::function<double(double)>& height, double seen, double 
     // A kerb, a ditch or a bank is steep; ground that bends is still the road's.
     double steepest = 0.0;
     for (double at = to; at + kSteep <= std::min(seen, v + kSteep) + 1e-9; at += kStep) {
-      steepest =
-          std::max(steepest, std::abs((height(at + kSteep) - height(at)) / kSteep - slope));
+      steepest = std::max(steepest, std::abs((height(at + kSteep) - height(at)) / kSteep - slope));
     }
     if (!(steepest > kSharp)) continue;
     double edge = v;
