@@ -571,13 +571,14 @@ RunDocument read_run(const fs::path& path) {
   out.scale_sigma = find_number(object, "scale_sigma", kNaN);
   if (const auto v = object.find("calibration")) {
     JsonObject calibration(*v, "an object {\"focal_sigma\", ...}");
-    RunDocument::Calibration& c = out.calibration.emplace();
+    RunDocument::Calibration c;
     c.sigma.focal = find_number(calibration, "focal_sigma", 0.0);
     c.sigma.principal = find_number(calibration, "principal_sigma", 0.0);
     c.sigma.distortion = find_number(calibration, "distortion_sigma", 0.0);
     c.field_of_view = find_number(calibration, "field_of_view_deg", 0.0) * kPi / 180.0;
     c.field_of_view_sigma = find_number(calibration, "field_of_view_sigma_deg", 0.0) * kPi / 180.0;
     c.sigma_of_scale = find_number(calibration, "scale_sigma", 0.0);
+    out.calibration = c;
   }
   if (const auto v = object.find("scale_status")) out.scale_status = status_at(*v);
   out.scale_reason = find_text(object, "scale_reason");

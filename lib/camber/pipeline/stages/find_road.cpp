@@ -72,7 +72,9 @@ double spread_about(const Candidate& best, const std::vector<Candidate>& roads) 
 void match_in_rounds(LoadedFrames& frames, Candidate& road, const FindRoadOptions& o,
                      const StageRunner& run) {
   constexpr double kSettledPx = 1.5;
-  auto& [matches, motion, ground, masks, support] = road;
+  Correspondences& matches = road.matches;
+  MotionEstimate& motion = road.motion;
+  Ground& ground = road.ground;
   for (int round = 0; round < o.rounds; ++round) {
     const double share = 0.5 + 0.3 * (round + 1.0) / o.rounds;
     // Without masks the road is to be found first, for which a coarse flow is smoother.
