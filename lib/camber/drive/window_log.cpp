@@ -18,12 +18,20 @@ namespace {
 
 constexpr std::string_view kMagic = "camber drive windows 1\n";
 constexpr std::size_t kHash = 32;  // hexadecimal digits
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
 
 struct Record {
   char kind = 0;
   std::vector<std::uint8_t> bytes;
 };
+
+/// Bytes from where a file is read to its end.
+std::uint64_t bytes_left(std::istream& in) {
+  const auto here = in.tellg();
+  in.seekg(0, std::ios::end);
+  const auto end = in.tellg();
+  in.seekg(here);
+  return end > here ? static_cast<std::uint64_t>(end - here) : 0;
+}
 
 /// The next record; nothing at the end or where it is not whole.
 std::optional<Record> next_record(std::istream& in) {
@@ -31,7 +39,7 @@ std::optional<Record> next_record(std::istream& in) {
   std::uint64_t size = 0;
   std::array<char, kHash> hash{};
   if (!in.get(out.kind) || !in.read(reinterpret_cast<char*>(&size), sizeof size) ||
-      size > kMostBytes) {
+      size > bytes_left(in)) {
     return std::nullopt;
   }
   out.bytes.resize(size);
