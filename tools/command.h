@@ -52,6 +52,7 @@ LogSink make_warning_sink(const CommonOptions& options);
 // One function a source file of this folder; each registers its subcommand.
 void register_reconstruct(App& root);
 void register_drive(App& root);
+void register_calibrate(App& root);
 void register_triangulate(App& root);
 void register_import(App& root);
 void register_info(App& root);

@@ -77,9 +77,9 @@ std::string folder_of_module(const std::string& module) {
 
 const std::vector<std::string>& folder_order() {
   static const std::vector<std::string> order{
-      "core",        "geometry", "image",   "cloud",    "plane", "road",   "motion",
-      "photometric", "scale",    "vehicle", "detect",   "scene", "import", "evaluate",
-      "export",      "render",   "synth",   "pipeline", "drive", "tiles"};
+      "core",        "geometry", "image",   "cloud",  "plane",    "road",   "motion",
+      "photometric", "scale",    "vehicle", "detect", "scene",    "import", "calibrate",
+      "evaluate",    "export",   "render",  "synth",  "pipeline", "drive",  "tiles"};
   return order;
 }
 

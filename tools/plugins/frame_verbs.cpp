@@ -5,6 +5,7 @@ CAMBER_EXPORT int camber_run(int argc, char** argv) {
   return run_verb(argc, argv,
                   {{"reconstruct", register_reconstruct},
                    {"drive", register_drive},
+                   {"calibrate", register_calibrate},
                    {"triangulate", register_triangulate},
                    {"vehicles", register_vehicles},
                    {"detect", register_detect},

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "camber/calibrate/feature_tracks.h"
+#include "camber/calibrate/lens_estimate.h"
+#include "camber/calibrate/mounting.h"
+#include "camber/calibrate/window_start.h"
+#include "camber/core/progress.h"
+#include "camber/core/stopwatch.h"
+#include "camber/scene/scene.h"
+
+namespace camber {
+
+struct CalibrateOptions {
+  FeatureTrackOptions tracks;
+  WindowStartOptions start;
+  LensEstimateOptions lens;
+  int window_frames = 8;  ///< key frames of a window, 3 to 16; the last is the next one's first
+  int most_windows = 80;  ///< those with the widest turns and others spread evenly, >= 4
+  std::uint64_t seed = 0;
+  int num_threads = 0;    ///< <= 0: see resolve_num_threads
+  void validate() const;  ///< throws std::invalid_argument
+};
+
+/// A camera from its own drive.
+struct DriveCalibration {
+  LensPrior prior;
+  LensEstimate lens;
+  Mounting mounting;
+  /// Metres: by the frames' speed or known poses against the height in steps; none: not seen.
+  std::optional<MountingNumber> height;
+  std::string height_by;
+  std::size_t frames = 0, key_frames = 0, windows = 0;
+  double turn = 0.0;  ///< rad, of all windows together
+  std::string focal_decided_by;
+  std::vector<std::string> notes;  ///< what cannot be seen, a sentence each
+  Timings timings;
+};
+
+/// What was tracked along a drive.
+struct TrackedDrive {
+  int width = 0, height = 0;  ///< of the images, px
+  std::vector<FeatureTrack> tracks;
+  std::vector<int> key_ids;  ///< frame ids of the key frames, ascending
+};
+
+/// Reads the frames one after the other, as the files have them.
+/// @param frame_ids  ascending ids of the scene. @throws InputError.
+TrackedDrive track_drive(const Scene& scene, const std::vector<int>& frame_ids,
+                         const FeatureTrackOptions& options, const Progress& progress = {});
+
+/// The lens and the mounting of a camera by the tracks of its drive alone.
+/// @throws NoAnswerError where the camera stands or nothing can be tracked.
+DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOptions& options,
+                                  const Progress& progress = {});
+
+/// Both, and the height by the frames' speeds or poses. No calibration of the scene is used.
+DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
+                                 const CalibrateOptions& options, const Progress& progress = {});
+
+}  // namespace camber

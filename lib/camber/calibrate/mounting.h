@@ -1,0 +1,49 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "camber/calibrate/drive_lens.h"
+#include "camber/calibrate/window_bundle.h"
+
+namespace camber {
+
+/// An angle or a length with its standard deviation.
+struct MountingNumber {
+  double value = 0.0, sigma = 0.0;
+  int windows = 0;  ///< that it was seen in
+};
+
+/// How a camera is mounted on its vehicle. Angles in rad: pitch is positive where the optical axis
+/// rises against the road, yaw where it looks to the right of the way straight on, roll where the
+/// image's right side is down against the road.
+struct Mounting {
+  std::optional<MountingNumber> pitch, yaw, roll;
+};
+
+/// The road under one window by its points: inverse depth is affine in the ray over a plane,
+/// n . r = -h / depth for r with z = 1.
+struct WindowRoad {
+  Eigen::Vector3d normal;  ///< unit, up, reference camera
+  double height = 0.0;     ///< of the reference camera, units of the window
+  int points = 0;          ///< that agree
+};
+
+/// A robust plane through the points before the vehicle; nothing where too few agree on one.
+std::optional<WindowRoad> road_of_window(const CalibrationWindow& window);
+
+/// Direction of travel at each key frame but the last, unit, in the camera half-way to the next,
+/// with how far it turned until then (rad, right is positive).
+struct TravelStep {
+  Eigen::Vector3d direction;
+  double turn = 0.0;
+};
+std::vector<TravelStep> travel_steps(const CalibrationWindow& window);
+
+/// The mounting by the direction of travel where the drive is straight (pitch, yaw), and by the
+/// road's planes (roll).
+/// @param covariance  of the lens: errors of cx and cy are errors of yaw and pitch.
+Mounting estimate_mounting(const std::vector<WindowBundle>& windows, const DriveLens& lens,
+                           const DriveLens::Matrix& covariance);
+
+}  // namespace camber

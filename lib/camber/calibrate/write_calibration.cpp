@@ -1,0 +1,96 @@
+#include "camber/calibrate/write_calibration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "camber/geometry/lens_map.h"
+#include "camber/import/import_own.h"
+
+namespace camber {
+namespace {
+
+constexpr double kDegrees = 57.29577951308232;
+
+std::string matrix_yaml(const char* name, int rows, int columns, const std::string& data) {
+  return fmt::format("{}: !!opencv-matrix\n   rows: {}\n   cols: {}\n   dt: d\n   data: [ {} ]\n",
+                     name, rows, columns, data);
+}
+
+std::string angle_yaml(const char* name, const std::optional<MountingNumber>& angle) {
+  if (!angle) return "";
+  return fmt::format("{0}_deg: {1:.4f}\n{0}_deg_sigma: {2:.4f}\n", name, kDegrees * angle->value,
+                     kDegrees * angle->sigma);
+}
+
+/// Boxes and keypoints from the pixels of the scene's camera to those of its image files.
+void put_lens_in(const PinholeCamera& camera, const LensDistortion& lens,
+                 std::vector<SceneFrame>* frames) {
+  const LensMap map(camera, lens);
+  const auto carried = [&](double x, double y) {
+    return map.raw_from_pinhole({x, y}).value_or(
+        Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  };
+  for (SceneFrame& frame : *frames) {
+    std::vector<VehicleDetection> kept;
+    for (VehicleDetection& vehicle : frame.vehicles) {
+      const Box2& b = vehicle.box;
+      const double x = 0.5 * (b.x1 + b.x2), y = 0.5 * (b.y1 + b.y2);
+      const Box2 box{carried(b.x1, y).x(), carried(x, b.y1).y(), carried(b.x2, y).x(),
+                     carried(x, b.y2).y()};
+      if (!(box.x1 < box.x2 && box.y1 < box.y2)) continue;
+      vehicle.box = box;
+      for (KeypointObservation& keypoint : vehicle.keypoints) {
+        keypoint.pixel = carried(keypoint.pixel.x(), keypoint.pixel.y());
+      }
+      kept.push_back(std::move(vehicle));
+    }
+    frame.vehicles = std::move(kept);
+  }
+}
+
+}  // namespace
+
+std::string calibration_yaml(const DriveCalibration& c, const std::string& source) {
+  const DriveLens& lens = c.lens.lens;
+  std::string out = "%YAML:1.0\n---\n";
+  out += fmt::format("# camber calibrate, of {}\n", source);
+  out += fmt::format("image_width: {}\nimage_height: {}\n", lens.width, lens.height);
+  out += matrix_yaml("camera_matrix", 3, 3,
+                     fmt::format("{:.6f}, 0., {:.6f}, 0., {:.6f}, {:.6f}, 0., 0., 1.", lens.f,
+                                 lens.cx, lens.f, lens.cy));
+  out += matrix_yaml("distortion_coefficients", 1, 5,
+                     fmt::format("{:.8f}, {:.8f}, 0., 0., 0.", lens.k1, lens.k2));
+  out += fmt::format("# standard deviations: relative, pixels, of k1\n");
+  out += fmt::format("focal_sigma: {:.6f}\nprincipal_sigma: {:.4f}\ndistortion_sigma: {:.6f}\n",
+                     c.lens.sigma(0), std::max(c.lens.sigma(1), c.lens.sigma(2)), c.lens.sigma(3));
+  out += fmt::format("# the focal length by {}\n", c.focal_decided_by);
+  out += angle_yaml("pitch", c.mounting.pitch);
+  out += angle_yaml("yaw", c.mounting.yaw);
+  out += angle_yaml("roll", c.mounting.roll);
+  if (c.height) {
+    out += fmt::format("height: {:.4f}\nheight_sigma: {:.4f}\n", c.height->value, c.height->sigma);
+  }
+  for (const std::string& note : c.notes) out += fmt::format("# {}\n", note);
+  return out;
+}
+
+Scene calibrated_scene(const Scene& scene, const DriveCalibration& c) {
+  Scene out = scene;
+  if (scene.distortion.model != LensModel::kNone) {
+    put_lens_in(scene.camera, scene.distortion, &out.frames);
+  }
+  out.distortion = c.lens.lens.distortion();
+  out.camera = c.lens.lens.pinhole();
+  OwnImport report;
+  take_out_lens(out, report);
+  out.camera_sigma = {c.lens.sigma(0), std::max(c.lens.sigma(1), c.lens.sigma(2)), c.lens.sigma(3)};
+  if (!out.height_above_road && c.height) {
+    out.height_above_road = c.height->value;
+    out.height_sigma = c.height->sigma;
+  }
+  return out;
+}
+
+}  // namespace camber

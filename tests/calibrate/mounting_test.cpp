@@ -1,0 +1,80 @@
+#include "camber/calibrate/mounting.h"
+
+#include <gtest/gtest.h>
+
+#include "calibrate/simulated_drive.h"
+
+namespace camber {
+namespace {
+
+std::vector<WindowBundle> windows_of(const test::SimulatedDriveOptions& options) {
+  std::vector<WindowBundle> out;
+  for (CalibrationWindow& window : test::true_windows(test::simulate_drive(options), 8)) {
+    out.emplace_back(std::move(window));
+  }
+  return out;
+}
+
+test::SimulatedDriveOptions mounted_camera() {
+  test::SimulatedDriveOptions out;
+  out.lens = {640, 360, 420.0, 319.5, 179.5, 0.0, 0.0};
+  out.pitch = -0.035;
+  out.yaw = 0.02;
+  out.roll = 0.03;
+  out.key_frames = 57;
+  return out;
+}
+
+TEST(Mounting, OfAStraightDrive) {
+  const auto options = mounted_camera();
+  DriveLens::Matrix exact = DriveLens::Matrix::Zero();
+  const Mounting mounting = estimate_mounting(windows_of(options), options.lens, exact);
+  ASSERT_TRUE(mounting.pitch && mounting.yaw && mounting.roll);
+  // The shaking of 0.004 rad over 56 frames.
+  EXPECT_NEAR(mounting.pitch->value, options.pitch, 0.002);
+  // In the rolled camera: pitch times roll, 0.001, is a part of it.
+  EXPECT_NEAR(mounting.yaw->value, options.yaw, 0.002);
+  EXPECT_NEAR(mounting.roll->value, options.roll, 0.006);
+  EXPECT_LT(mounting.pitch->sigma, 0.003);
+  // An error of the principal point is one of the angles.
+  exact(2, 2) = 8.0 * 8.0;
+  EXPECT_GT(estimate_mounting(windows_of(options), options.lens, exact).pitch->sigma, 8.0 / 420.0);
+}
+
+TEST(Mounting, HeightIsSeenInStepsOfTheWindow) {
+  const auto options = mounted_camera();
+  int roads = 0;
+  const test::SimulatedDrive drive = test::simulate_drive(options);
+  for (const CalibrationWindow& window : test::true_windows(drive, 8)) {
+    const auto road = road_of_window(window);
+    if (!road) continue;
+    ++roads;
+    // Units of the longest baseline, four steps.
+    EXPECT_NEAR(road->height * 4.0 * options.step, options.height, 0.05);
+  }
+  EXPECT_GE(roads, 6);
+}
+
+TEST(Mounting, TravelStepsKnowTheTurn) {
+  auto options = mounted_camera();
+  options.turn = 0.03;
+  options.shake = 0.0;
+  options.roll = options.pitch = 0.0;
+  const auto windows = test::true_windows(test::simulate_drive(options), 8);
+  const std::vector<TravelStep> steps = travel_steps(windows[0]);
+  ASSERT_EQ(steps.size(), 7U);
+  for (const TravelStep& step : steps) {
+    EXPECT_NEAR(step.turn, 0.03, 1e-9);
+    EXPECT_NEAR(step.direction.norm(), 1.0, 1e-12);
+    EXPECT_NEAR(-std::atan2(step.direction.x(), step.direction.z()), options.yaw, 1e-6);
+  }
+}
+
+TEST(Mounting, NothingOfNoWindows) {
+  const Mounting mounting =
+      estimate_mounting({}, mounted_camera().lens, DriveLens::Matrix::Identity());
+  EXPECT_FALSE(mounting.pitch || mounting.yaw || mounting.roll);
+}
+
+}  // namespace
+}  // namespace camber

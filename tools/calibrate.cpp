@@ -1,0 +1,207 @@
+// camber calibrate: the camera from its own drive.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/calibrate/write_calibration.h"
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/made_folder.h"
+#include "camber/core/version.h"
+#include "camber/import/open_scene.h"
+#include "camera_arguments.h"
+#include "command.h"
+#include "own_inputs.h"
+#include "plugins/recording_plugin.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+struct Arguments {
+  std::string scene, out, scene_out, frames;
+  CameraArguments camera;
+  double rate = 0.0;
+  bool json = false, confine = false, overwrite = false;
+};
+
+json number_json(double value, double sigma) { return {{"value", value}, {"sigma", sigma}}; }
+
+json angle_json(const std::optional<MountingNumber>& angle) {
+  constexpr double kDegrees = 57.29577951308232;
+  if (!angle) return nullptr;
+  return number_json(kDegrees * angle->value, kDegrees * angle->sigma);
+}
+
+json result_json(const Command& command, const Arguments& a, const DriveCalibration& c) {
+  const DriveLens& lens = c.lens.lens;
+  json focal = number_json(lens.f, lens.f * c.lens.sigma(0));
+  focal["relative_sigma"] = c.lens.sigma(0);
+  focal["decided_by"] = c.focal_decided_by;
+  json options = {{"scene", a.scene},
+                  {"frames", a.frames.empty() ? "all" : a.frames},
+                  {"rate", a.rate > 0.0 ? json(a.rate) : json()}};
+  json out = {{"version", kVersion},
+              {"seed", command.common.seed},
+              {"options", std::move(options)},
+              {"frames", c.frames},
+              {"key_frames", c.key_frames},
+              {"windows", c.windows},
+              {"turn_deg", 57.29577951308232 * c.turn},
+              {"pixel_sigma_px", c.lens.pixel_sigma},
+              {"inflation", c.lens.inflation},
+              {"points", c.lens.points},
+              {"camera",
+               {{"width", lens.width},
+                {"height", lens.height},
+                {"focal", std::move(focal)},
+                {"cx", number_json(lens.cx, c.lens.sigma(1))},
+                {"cy", number_json(lens.cy, c.lens.sigma(2))},
+                {"k1", number_json(lens.k1, c.lens.sigma(3))},
+                {"k2", number_json(lens.k2, c.lens.sigma(4))}}},
+              {"mounting",
+               {{"pitch_deg", angle_json(c.mounting.pitch)},
+                {"yaw_deg", angle_json(c.mounting.yaw)},
+                {"roll_deg", angle_json(c.mounting.roll)},
+                {"height", c.height ? number_json(c.height->value, c.height->sigma) : json()}}},
+              {"prior",
+               {{"focal", c.prior.mean.f},
+                {"focal_sigma", c.prior.sigma(0)},
+                {"principal_sigma", c.prior.sigma(1)},
+                {"k1_sigma", c.prior.sigma(3)}}},
+              {"notes", c.notes},
+              {"timings_ms", json::object()}};
+  for (const auto& [stage, ms] : c.timings.stages()) out["timings_ms"][stage] = ms;
+  return out;
+}
+
+void print_text(const Arguments& a, const DriveCalibration& c) {
+  const DriveLens& lens = c.lens.lens;
+  constexpr double kDegrees = 57.29577951308232;
+  const double half = 0.5 * lens.width / lens.f;
+  fmt::print("{}: focal length {:.1f} px +- {:.1f} % (field of view {:.1f} degrees), by {}\n",
+             a.out, lens.f, 100.0 * c.lens.sigma(0), 2.0 * kDegrees * std::atan(half),
+             c.focal_decided_by);
+  fmt::print("  principal point {:.1f} +- {:.1f}, {:.1f} +- {:.1f} px; k1 {:.3f} +- {:.3f}\n",
+             lens.cx, c.lens.sigma(1), lens.cy, c.lens.sigma(2), lens.k1, c.lens.sigma(3));
+  const auto angle = [&](const char* name, const std::optional<MountingNumber>& value) {
+    if (!value) return;
+    fmt::print("  {} {:.2f} +- {:.2f} degrees\n", name, kDegrees * value->value,
+               kDegrees * value->sigma);
+  };
+  angle("pitch", c.mounting.pitch);
+  angle("yaw", c.mounting.yaw);
+  angle("roll", c.mounting.roll);
+  if (c.height)
+    fmt::print("  height {:.3f} +- {:.3f} m, by {}\n", c.height->value, c.height->sigma,
+               c.height_by);
+  for (const std::string& note : c.notes) fmt::print("  {}\n", note);
+}
+
+/// The scene, or what is imported on the way into `folder`.
+OpenedScene open(const Command& command, const Arguments& a, const fs::path& folder) {
+  OpenSceneOptions options;
+  options.paths = scene_paths(a.confine);
+  if (kind_of_input(a.scene) == InputKind::kScene) {
+    for (const char* name : {"--height", "--height-sigma", "--rate"}) {
+      if (command.app->count(name) == 0) continue;
+      throw UsageError(fmt::format(
+          "{}: {} is a scene, which states it itself; expected a film, images or a bag beside "
+          "that option",
+          name, a.scene));
+    }
+  } else {
+    a.camera.take(&options.own);
+    if (a.rate > 0.0) options.own.times.rate = a.rate;
+    options.own.camera.guess = true;
+    options.own.validate();
+    options.open_bag = [](const fs::path& bag) {
+      return std::shared_ptr<BagReader>(open_any_bag(bag));
+    };
+    options.import_to = folder;
+  }
+  return open_scene(a.scene, options, make_warning_sink(command.common));
+}
+
+int run(const Command& command, const Arguments& a) {
+  const Progress progress = make_progress(command.common);
+  check_output_file(a.out);
+  std::unique_ptr<AtomicFolder> scene_folder;
+  std::unique_ptr<MadeFolder> hidden;
+  fs::path import_to;
+  if (!a.scene_out.empty()) {
+    scene_folder =
+        std::make_unique<AtomicFolder>(a.scene_out, a.overwrite, std::vector<fs::path>{a.scene});
+    import_to = scene_folder->staging();
+  } else {
+    fs::path beside = fs::weakly_canonical(fs::absolute(a.out)).parent_path();
+    import_to = beside / fmt::format(".calibrate.import-{}", ::getpid());
+    if (kind_of_input(a.scene) != InputKind::kScene)
+      hidden = std::make_unique<MadeFolder>(import_to);
+  }
+  const OpenedScene opened = open(command, a, import_to);
+  refuse_own_inputs({a.out}, files_of(opened.scene));
+  CalibrateOptions options;
+  options.seed = command.common.seed;
+  options.num_threads = command.common.threads;
+  const DriveCalibration result =
+      calibrate_drive(opened.scene, select_frames(opened.scene, a.frames), options, progress);
+  const std::string yaml = calibration_yaml(result, a.scene);
+  if (scene_folder) {
+    write_scene(calibrated_scene(opened.scene, result), scene_folder->staging() / "scene.json");
+    scene_folder->commit();
+  }
+  write_file_atomically(a.out, yaml);
+  if (a.json) {
+    std::printf("%s\n", result_json(command, a, result).dump(2).c_str());
+  } else if (!command.common.quiet) {
+    print_text(a, result);
+  }
+  return 0;
+}
+
+}  // namespace
+
+void register_calibrate(App& root) {
+  Command* command = add_command(
+      root, "calibrate",
+      "The camera from its own drive: focal length, principal point, radial distortion and "
+      "mounting by the pictures alone, each with its standard deviation. A calibration that the "
+      "scene has is not used. What is known before is that of vehicles and dash cameras: a "
+      "horizontal field of view of 35 to 130 degrees, square pixels, no skew, the principal point "
+      "near the middle. Turns show the focal length; on a straight drive it stays open, which the "
+      "result states.",
+      "  camber calibrate drive.mp4 --out camera.yaml\n"
+      "  camber calibrate frames/ --out camera.yaml --scene calibrated --height 1.4\n"
+      "  camber reconstruct drive.mp4 --calib camera.yaml --height 1.4 --out out/drive");
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  App& app = *command->app;
+  app.add_option("scene", a.scene,
+                 "scene manifest (scene.json) or its folder; or a film, a folder of images or a "
+                 "recording (ROS 1, rosbag2, MCAP)")
+      ->required();
+  app.add_option("--out", a.out, "calibration, OpenCV's YAML, with the standard deviations beside")
+      ->output_file()
+      ->required();
+  app.add_option("--scene", a.scene_out, "folder of the scene with that camera")->output_folder();
+  app.add_option("--frames", a.frames,
+                 "frame ids: 48:200 (both ends), 0:400:2 or all; default: all")
+      ->no_name();
+  add_height_options(app, a.camera);
+  app.add_option("--rate", a.rate, "frames a second of images")->check(positive_number());
+  add_confine_option(app, a.confine);
+  app.add_flag("--overwrite", a.overwrite, "replace a folder of --scene that is not empty");
+  app.add_flag("--json", a.json, "print the result as JSON to stdout");
+  command->run = [command, arguments] { return run(*command, *arguments); };
+}
+
+}  // namespace camber::tools
