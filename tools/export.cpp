@@ -24,9 +24,8 @@
 #include "crs.h"
 #include "export_inputs.h"
 #include "export_mcap.h"
+#include "export_site.h"
 #include "own_inputs.h"
-#include "plugins/gdal_plugin.h"
-#include "plugins/plugin.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -169,17 +168,6 @@ json export_mesh(const ExportInputs& in, const SmoothLine& line, const ExportArg
           {"triangles", mesh.triangles.size()},
           {"colors", !mesh.colors.empty()},
           {"line_deviation", line.deviation()}};
-}
-
-/// @throws MachineError where the program was built without GDAL.
-const GdalFunctions& gdal() {
-  if (!has_plugin("gdal")) {
-    throw MachineError(
-        "GeoTIFF is written by Debian's package libgdal-dev, which was not there when this program "
-        "was built: install it and build the program anew");
-  }
-  using Functions = const GdalFunctions* (*)();
-  return *reinterpret_cast<Functions>(plugin_symbol("gdal", "camber_gdal"))();
 }
 
 json export_geotiff(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
@@ -333,6 +321,12 @@ void check_arguments(const ExportArguments& args) {
                      "', expected a result folder, whose run.json has the cameras");
   }
   if (args.target == "geotiff") gdal();
+  if (!is_site(args) &&
+      (args.ground_from != "auto" || args.fill_holes > 0.0 || !args.hillshade.empty())) {
+    throw UsageError(
+        "--ground-from, --fill-holes and --hillshade go with --to geotiff of a cloud without "
+        "--along");
+  }
   const bool opendrive = args.target == "opendrive";
   if (!opendrive && (args.vehicles || !args.crg.empty())) {
     throw UsageError("--vehicles and --crg go with --to opendrive");
@@ -340,13 +334,21 @@ void check_arguments(const ExportArguments& args) {
 }
 
 json options_json(const ExportArguments& a) {
-  return {{"to", a.target},          {"encoding", a.encoding},
-          {"slope", a.slope},        {"banking", a.banking},
-          {"step", a.grid.step_u},   {"step_across", a.grid.step_v},
-          {"left", a.grid.left},     {"right", a.grid.right},
-          {"widest", a.grid.widest}, {"smoothing", a.grid.smoothing},
-          {"ahead", a.ahead},        {"tolerance", a.tolerance},
-          {"reach", a.reach}};
+  return {{"to", a.target},
+          {"encoding", a.encoding},
+          {"slope", a.slope},
+          {"banking", a.banking},
+          {"step", a.grid.step_u},
+          {"step_across", a.grid.step_v},
+          {"left", a.grid.left},
+          {"right", a.grid.right},
+          {"widest", a.grid.widest},
+          {"smoothing", a.grid.smoothing},
+          {"ahead", a.ahead},
+          {"tolerance", a.tolerance},
+          {"reach", a.reach},
+          {"ground_from", a.ground_from},
+          {"fill_holes", a.fill_holes}};
 }
 
 /// Where a line lies too far above or below the ground for its road to be found; empty: nowhere.
@@ -430,6 +432,7 @@ int run(const Command& command, const ExportArguments& given) {
   Timings timings;
   json result = args.target == "trajectory" ? export_trajectory(command.common, args, timings)
                 : args.target == "mcap"     ? export_mcap(command.common, args, timings)
+                : is_site(args)             ? export_site(command.common, args, timings)
                                             : export_road(command.common, &args, timings);
   result["version"] = kVersion;
   result["seed"] = command.common.seed;
@@ -515,6 +518,20 @@ void add_arguments(App& app, ExportArguments& a) {
                  "name of an OpenCRG file of the same input that the OpenDRIVE road refers to");
   app.add_flag("--vehicles", a.vehicles,
                "the vehicles of a result's reference frame as objects of the OpenDRIVE road");
+  app.add_option("--ground-from", a.ground_from,
+                 "what of a whole cloud is ground, for GeoTIFF: class (ASPRS 2 and 11), label "
+                 "(ground of 1), compute (as camber ground), all, or auto, the first of the first "
+                 "three that the cloud has")
+      ->check(is_member({"auto", "class", "label", "compute", "all"}))
+      ->capture_default_str();
+  app.add_option("--fill-holes", a.fill_holes,
+                 "metres, width of the holes of a whole cloud's ground that are filled from the "
+                 "ground around, for GeoTIFF; wider ones have no data")
+      ->check(in_range(0.0, 1000.0))
+      ->capture_default_str();
+  app.add_option("--hillshade", a.hillshade,
+                 "file for a hillshade of a whole cloud's ground, GeoTIFF of 8 bits")
+      ->output_file();
   add_confine_option(app, a.confine);
   add_cloud_arguments(app, a.reading);
   app.add_flag("--json", a.as_json, "what was written, as JSON on stdout");
@@ -531,6 +548,7 @@ void register_export(App& root) {
       "  camber export scan.las --along centreline.csv --to opencrg --out road.crg\n"
       "  camber export results --to opendrive --crg road.crg --vehicles --out road.xodr\n"
       "  camber export scan.las --along centreline.csv --to geotiff --out road.tif\n"
+      "  camber export scan.laz --to geotiff --step 0.5 --hillshade shade.tif --out terrain.tif\n"
       "  camber export results --to mesh --out road.glb\n"
       "  camber export results --to trajectory --out cameras.tum");
   const auto arguments = std::make_shared<ExportArguments>();

@@ -26,6 +26,8 @@ struct ExportArguments {
   double reach = 0.5;  ///< m
   std::string crg;     ///< of OpenDRIVE: name of an OpenCRG file
   bool vehicles = false;
+  std::string ground_from = "auto", hillshade;  ///< of a site's raster
+  double fill_holes = 0.0;                      ///< m, of a site's raster
   bool confine = false;
   bool as_json = false;
 };

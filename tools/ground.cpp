@@ -20,6 +20,7 @@
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
+#include "ground_points.h"
 #include "plugins/pcl_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
@@ -39,35 +40,6 @@ struct Arguments {
   std::vector<int> keep_classes{7, 9, 17, 18};
   bool as_json = false;
 };
-
-/// Indices of the points that are asked about: not those of a class that stays, nor those that a
-/// survey has withdrawn (the flag withheld). None: all of them, as of clouds without classes.
-std::optional<std::vector<int>> points_to_judge(const RoadCloud& cloud,
-                                                const std::vector<int>& keep_classes) {
-  constexpr int kWithheld = 4;  // of class_flags, in all point formats
-  const auto classes = cloud.labels.find("classification");
-  const auto flags = cloud.labels.find("class_flags");
-  const bool with_classes = classes != cloud.labels.end(), with_flags = flags != cloud.labels.end();
-  if (!with_classes && !with_flags) return std::nullopt;
-  std::vector<int> judged;
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const bool kept = with_classes && std::find(keep_classes.begin(), keep_classes.end(),
-                                                classes->second[i]) != keep_classes.end();
-    const bool withheld = with_flags && (flags->second[i] & kWithheld) != 0;
-    if (!kept && !withheld) judged.push_back(static_cast<int>(i));
-  }
-  if (judged.size() == cloud.size()) return std::nullopt;
-  return judged;
-}
-
-/// Ground beside the bounds decides within them: openings with the largest object's width, and the
-/// surface through the cells around.
-double ground_margin(const GroundOptions& options) {
-  const double object =
-      options.largest_object > 0.0 ? options.largest_object : 30.0;  // from the air
-  const double cell = options.cell > 0.0 ? options.cell : 1.0;
-  return 2.0 * object + 10.0 * cell;
-}
 
 /// What was written.
 struct WrittenGround {
@@ -242,6 +214,10 @@ void register_ground(App& root) {
         write_ground(*arguments, read_options, write_options, file.cloud.size(), judged,
                      std::move(found.labels), bounds);
     write.stop();
+    const std::string remark = remark_on_ground(found);
+    if (!remark.empty() && arguments->engine == "camber" && warn) {
+      warn(arguments->cloud + ": " + remark);
+    }
     for (const std::string& note : written.notes) {
       if (warn) warn(arguments->out + ": " + note);
     }
@@ -270,6 +246,7 @@ void register_ground(App& root) {
                 {"kept_as_they_are", written.kept},
                 {"ground", written.ground},
                 {"from_air", found.from_air},
+                {"ground_area_share", found.ground_area_share},
                 {"used",
                  {{"cell", found.cell},
                   {"largest_object", found.largest_object},

@@ -17,6 +17,7 @@
 #include "camber/render/result_plots.h"
 #include "camber/scene/results.h"
 #include "crs.h"
+#include "ground_points.h"
 #include "own_inputs.h"
 #include "unknown_scale.h"
 
@@ -30,30 +31,6 @@ constexpr double kDegree = M_PI / 180.0;
 constexpr double kBand = 1.96;  // sigmas on either side of a 95 % band
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
-
-const char* name_of(GroundSource source) {
-  switch (source) {
-    case GroundSource::kClasses:
-      return "class";
-    case GroundSource::kLabels:
-      return "label";
-    case GroundSource::kCompute:
-      return "compute";
-    case GroundSource::kAll:
-      return "all";
-    case GroundSource::kAuto:
-      break;
-  }
-  return "auto";
-}
-
-GroundSource source_from(const std::string& name) {
-  for (const GroundSource source : {GroundSource::kClasses, GroundSource::kLabels,
-                                    GroundSource::kCompute, GroundSource::kAll}) {
-    if (name == name_of(source)) return source;
-  }
-  return GroundSource::kAuto;
-}
 
 /// One number of a cross-section, as it stands in files.
 struct Quantity {
@@ -262,8 +239,8 @@ int profile_of_cloud(const Command& command, const CloudProfileArguments& args) 
   StageTimer compute(timings, "compute");
   const RoadCloud& cloud = in.file.cloud;
   const GroundBesideLine ground =
-      ground_beside_line(cloud, in.up, in.line, options.half_width, source_from(args.ground_from),
-                         options.num_threads);
+      ground_beside_line(cloud, in.up, in.line, options.half_width,
+                         ground_source_from(args.ground_from), options.num_threads);
   if (ground.status == Status::kFailed) {
     throw NoAnswerError(args.cloud + ": " + ground.reason + where_cloud_is(in));
   }

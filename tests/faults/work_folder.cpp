@@ -278,6 +278,9 @@ void WorkFolder::add_cases() {
 #ifdef CAMBER_HAS_GDAL
   cases_.push_back(
       {{"export", "surface", "--to", "geotiff", "--out", "out/road.tif"}, {"surface"}});
+  cases_.push_back({{"export", "cloud.las", "--to", "geotiff", "--hillshade", "out/shade.tif",
+                     "--step", "1", "--out", "out/site.tif"},
+                    {"cloud.las"}});
 #endif
 }
 

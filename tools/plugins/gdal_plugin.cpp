@@ -3,12 +3,14 @@
 #include "gdal_plugin.h"
 
 #include <fcntl.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <exception>
 #include <functional>
@@ -66,6 +68,10 @@ class Socket {
 
 /// Sends the answer, or the sentence that gives the reason why there is none.
 [[noreturn]] void answer_and_end(const Socket& to, const std::function<std::string()>& task) {
+  // An interruption ends it, too, and so does the end of the program that asked.
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   // GDAL and the C library print before they abort.
   ::dup2(::open("/dev/null", O_WRONLY), STDERR_FILENO);
   int code = 0;
@@ -111,6 +117,19 @@ std::string encode_apart(const RoadRaster& raster, const std::string& crs,
   return answer_apart("the GeoTIFF", [&] { return encode_geotiff(raster, crs, metadata); });
 }
 
+void write_cog_apart(const RawRaster& raster, const std::string& crs,
+                     const std::map<std::string, std::string>& metadata, const std::string& out) {
+  try {
+    answer_apart("the GeoTIFF", [&] {
+      write_cloud_optimized(raster, crs, metadata, out);
+      return std::string();
+    });
+  } catch (...) {
+    for (const std::string& file : files_beside_cloud_optimized(out)) ::unlink(file.c_str());
+    throw;
+  }
+}
+
 std::string to_bytes(const VectorLines& lines) {
   nlohmann::json out = {{"crs", lines.crs}, {"lines", nlohmann::json::array()}};
   for (const VectorLine& line : lines.lines) {
@@ -142,7 +161,7 @@ VectorLines read_apart(const std::string& path) {
   return out;
 }
 
-const GdalFunctions kFunctions{encode_apart, read_apart};
+const GdalFunctions kFunctions{encode_apart, read_apart, write_cog_apart};
 
 }  // namespace
 }  // namespace camber::tools

@@ -34,21 +34,18 @@ using detail::PointDensity;
 constexpr int kSide = 4;  // parts of a cell along an axis, where points may rise from the ground
 constexpr float kDeepest = 0.45f, kHighest = 0.12f;  // m, of shifts
 constexpr float kRise = 0.4f;                        // m, over the tolerance
+constexpr double kMostCells = 268435456.0;           // of a grid by a plan
 
-/// Heights of the surface in the middles of a cell and of the eight about it, m, rows by v; those
-/// at the grid's border are repeated outwards.
+/// Heights of the surface in the middles of a cell and of the eight about it, m, rows by v.
 struct CellSurface {
-  float u, v;  // of the cell's corner
   float z[3][3];
 };
 
+/// @param cell  not at the grid's border, where there are no points
 CellSurface surface_of(const HeightGrid& ground, int cell) {
   const int x = cell % ground.width, y = cell / ground.width;
-  CellSurface out = {static_cast<float>(x), static_cast<float>(y), {}};
-  for (int dy = 0; dy < 3; ++dy) {
-    const float* const row = ground.row(std::clamp(y + dy - 1, 0, ground.height - 1));
-    for (int dx = 0; dx < 3; ++dx) out.z[dy][dx] = row[std::clamp(x + dx - 1, 0, ground.width - 1)];
-  }
+  CellSurface out;
+  for (int dy = 0; dy < 3; ++dy) std::memcpy(out.z[dy], ground.row(y + dy - 1) + x - 1, 12);
   return out;
 }
 
@@ -83,7 +80,7 @@ void measure_cell(const CellPoint* points, std::size_t count, const CellSurface&
   for (std::size_t i = 0; i < count; i += kLanes) {
     detail::PointLanes p;
     detail::load_lanes(points + i, count - i, p);
-    const F8 u = p.u - surface.u, v = p.v - surface.v;
+    const F8 u = p.u, v = p.v;
     F8 left = 0.5f - u, right = u - 0.5f, front = 0.5f - v, back = v - 0.5f;
     left = left > none ? left : none;
     right = right > none ? right : none;
@@ -199,6 +196,27 @@ struct SortedCloud {
   GroundRules rules;
 };
 
+constexpr double kFinest = 1.0 / 64.0;  // m, multiples of which cells are by themselves
+
+GroundRules rules_of(bool from_air) {
+  GroundRules rules;
+  if (!from_air) return rules;
+  rules.from_air = true;
+  rules.largest_object = 30.0f;
+  rules.slope = 0.35f;
+  rules.step = 0.5f;
+  rules.step_per_metre = 0.2f;
+  rules.refine = 0.5f;
+  return rules;
+}
+
+GroundRules rules_of(const GroundPlan& plan) {
+  GroundRules rules = rules_of(plan.from_air);
+  rules.largest_object = static_cast<float>(plan.largest_object);
+  rules.slope = static_cast<float>(plan.slope);
+  return rules;
+}
+
 /// @param all     bounds of the `finite` usable points
 SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
                        std::size_t finite, const GroundOptions& options) {
@@ -212,41 +230,39 @@ SortedCloud sort_cloud(const RoadCloud& cloud, const PlanFrame& frame, const Pla
   // Scans from the air see about as many points everywhere, others many near by and none behind
   // things.
   const PointDensity density = detail::measure_density(out.cells);
-  GroundRules& rules = out.rules;
   const bool sparse = density.median < 4.0;
   const bool even =
       density.median > 0.5 * density.mean && std::min(bounds.width(), bounds.height()) > 60.0;
-  rules.from_air = density.share > 0.5 && (sparse || even) && finite > 500;
-  if (rules.from_air) {
-    rules.largest_object = 30.0f;
-    rules.slope = 0.35f;
-    rules.step = 0.5f;
-    rules.step_per_metre = 0.2f;
-    rules.refine = 0.5f;
-    if (options.cell == 0.0) {
-      const double before = cell;
-      const PlanBounds old = bounds;
-      cell = std::clamp(1.5 / std::sqrt(density.median), 1.0, 4.0);
-      bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
-      if (cell != before || !(bounds == old)) {
-        out.cells = GroundCells();  // not both at once
-        out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
-      }
+  out.rules = rules_of(density.share > 0.5 && (sparse || even) && finite > 500);
+  if (out.rules.from_air && options.cell == 0.0) {
+    const double before = cell;
+    const PlanBounds old = bounds;
+    cell = std::clamp(std::ceil(1.5 / std::sqrt(density.median) / kFinest) * kFinest, 1.0, 4.0);
+    bounds = detail::choose_bounds(cloud, frame, all, most, &cell);
+    if (cell != before || !(bounds == old)) {
+      out.cells = GroundCells();  // not both at once
+      out.cells = detail::sort_by_cell(cloud, frame, bounds, cell, options.num_threads);
     }
   }
+  if (options.largest_object > 0.0) {
+    out.rules.largest_object = static_cast<float>(options.largest_object);
+  }
+  if (options.slope > 0.0) out.rules.slope = static_cast<float>(options.slope);
   return out;
 }
 
 /// The ground under the sensor, where nothing, or only the vehicle that carries it, is seen.
 /// @param height  m, of the sensor above it
-void add_ground_under_sensor(const RoadCloud& cloud, const PlanFrame& frame,
-                             const PlanBounds& bounds, double cell, double height,
+void add_ground_under_sensor(const RoadCloud& cloud, const PlanFrame& frame, double height,
                              GroundCells* cells, detail::LowestHeights* lowest) {
   const Eigen::Vector3d sensor = -cloud.origin;
-  const double u = (frame.e1.dot(sensor) - bounds.low[0]) / cell,
-               v = (frame.e2.dot(sensor) - bounds.low[1]) / cell;
+  const double u = (frame.e1.dot(sensor) - cells->corner[0]) / cells->cell,
+               v = (frame.e2.dot(sensor) - cells->corner[1]) / cells->cell;
   const float h = static_cast<float>(frame.up.dot(sensor) - height);
-  if (!(u >= 0.0 && v >= 0.0 && u < cells->width && v < cells->height)) return;
+  const double margin = 1.0;  // as all cells that are looked at have it
+  if (!(u >= margin && v >= margin && u < cells->width - margin && v < cells->height - margin)) {
+    return;
+  }
   const int c = static_cast<int>(v) * cells->width + static_cast<int>(u);
   if (std::abs(lowest->heights.z[as_size(c)] - h) < 0.5f) return;
   lowest->heights.z[as_size(c)] = h;
@@ -255,14 +271,34 @@ void add_ground_under_sensor(const RoadCloud& cloud, const PlanFrame& frame,
   if (place == cells->occupied.end() || *place != c) cells->occupied.insert(place, c);
 }
 
+void require(bool good, const char* name, double value, const char* expected) {
+  if (good) return;
+  throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) + ", expected " +
+                              expected);
+}
+
 }  // namespace
 
+void GroundPlan::validate() const {
+  const double parts = cell / kFinest;
+  require(std::isfinite(cell) && cell > 0.0 && cell <= 1e6 && parts == std::round(parts),
+          "plan.cell", cell, "a multiple of 1/64 m up to 1e6 m");
+  require(std::isfinite(largest_object) && largest_object > 0.0 && largest_object <= 256.0 * cell,
+          "plan.largest_object", largest_object, "more than 0 m and at most 256 cells");
+  require(std::isfinite(slope) && slope > 0.0, "plan.slope", slope, "more than 0");
+  require(std::isfinite(tolerance) && tolerance > 0.0, "plan.tolerance", tolerance,
+          "more than 0 m");
+  require(std::isfinite(foot_tolerance) && foot_tolerance > 0.0, "plan.foot_tolerance",
+          foot_tolerance, "more than 0 m");
+}
+
+double GroundPlan::reach() const { return detail::ground_reach(rules_of(*this), cell) * cell; }
+
+double GroundPlan::alignment() const {
+  return detail::trend_sizes(rules_of(*this), cell).spacing() * cell;
+}
+
 void GroundOptions::validate() const {
-  const auto require = [](bool good, const char* name, double value, const char* expected) {
-    if (good) return;
-    throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) + ", expected " +
-                                expected);
-  };
   require(up.allFinite() && up.norm() > 0.0, "up", up.norm(), "a direction");
   require(!std::isinf(sensor_height), "sensor_height", sensor_height, "a number of metres");
   require(std::isfinite(cell) && cell >= 0.0, "cell", cell, "0 m or more");
@@ -270,6 +306,7 @@ void GroundOptions::validate() const {
           "0 m or more");
   require(std::isfinite(slope) && slope >= 0.0, "slope", slope, "0 or more");
   require(std::isfinite(tolerance) && tolerance >= 0.0, "tolerance", tolerance, "0 m or more");
+  if (plan) plan->validate();
 }
 
 GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& options) {
@@ -286,22 +323,31 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
     return out;
   }
 
-  SortedCloud sorted = sort_cloud(cloud, frame, all, finite, options);
-  GroundCells& cells = sorted.cells;
-  GroundRules& rules = sorted.rules;
-  if (options.largest_object > 0.0) {
-    rules.largest_object = static_cast<float>(options.largest_object);
+  SortedCloud sorted;
+  if (options.plan) {
+    const double size = options.plan->cell;
+    if (!((all.width() / size + 1.0) * (all.height() / size + 1.0) < kMostCells)) {
+      out.status = Status::kFailed;
+      out.reason = "the points lie too far apart for cells of " + std::to_string(size) + " m";
+      return out;
+    }
+    sorted = {detail::sort_by_cell(cloud, frame, all, size, options.num_threads), all, size,
+              rules_of(*options.plan)};
+  } else {
+    sorted = sort_cloud(cloud, frame, all, finite, options);
   }
-  if (options.slope > 0.0) rules.slope = static_cast<float>(options.slope);
+  GroundCells& cells = sorted.cells;
+  const GroundRules& rules = sorted.rules;
   out.from_air = rules.from_air;
   out.cell = sorted.cell;
   out.largest_object = rules.largest_object;
   out.slope = rules.slope;
+  detail::extend(cells, frame, cloud.origin, detail::grid_margin(rules, sorted.cell),
+                 detail::trend_sizes(rules, sorted.cell).spacing());
 
   detail::LowestHeights lowest = detail::find_lowest(cells, options.num_threads);
   if (std::isfinite(options.sensor_height)) {
-    add_ground_under_sensor(cloud, frame, sorted.bounds, sorted.cell, options.sensor_height, &cells,
-                            &lowest);
+    add_ground_under_sensor(cloud, frame, options.sensor_height, &cells, &lowest);
   }
   detail::drop_low(cells, rules, lowest);
   const GroundSurface ground =
@@ -310,16 +356,28 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   float tolerance = rules.from_air ? 0.4f : std::clamp(0.08f + 2.5f * ground.noise, 0.08f, 0.4f);
   float narrow = std::min(tolerance, 0.02f + 1.5f * ground.noise);
   if (options.tolerance > 0.0) tolerance = narrow = static_cast<float>(options.tolerance);
+  if (options.plan) {
+    tolerance = static_cast<float>(options.plan->tolerance);
+    narrow = static_cast<float>(options.plan->foot_tolerance);
+  }
+  out.foot_tolerance = narrow;
   out.tolerance = tolerance;
   const std::vector<std::size_t> runs = detail::cell_runs(cells);
-  std::vector<std::size_t> found(runs.size() - 1, 0);
+  std::vector<std::size_t> found(runs.size() - 1, 0), with_ground(runs.size() - 1, 0);
   parallel_for(found.size(), options.num_threads, [&](std::size_t run) {
     Labeller labeller(cells, ground.heights, rules.from_air, tolerance, narrow);
     for (std::size_t k = runs[run]; k < runs[run + 1]; ++k) {
-      found[run] += labeller.label(cells.occupied[k], out.labels);
+      const std::size_t number = labeller.label(cells.occupied[k], out.labels);
+      found[run] += number;
+      with_ground[run] += number > 0 ? 1 : 0;
     }
   });
-  for (const std::size_t number : found) out.ground += number;
+  std::size_t area = 0;
+  for (std::size_t run = 0; run < found.size(); ++run) {
+    out.ground += found[run];
+    area += with_ground[run];
+  }
+  out.ground_area_share = static_cast<double>(area) / static_cast<double>(cells.occupied.size());
   if (out.ground == 0) {
     out.status = Status::kFailed;
     out.reason = "no point lies on the ground's surface";

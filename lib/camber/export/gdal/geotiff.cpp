@@ -1,56 +1,28 @@
 #include "camber/export/gdal/geotiff.h"
 
 #include <cpl_conv.h>
-#include <cpl_error.h>
 #include <cpl_string.h>
 #include <cpl_vsi.h>
 #include <fmt/format.h>
-#include <gdal.h>
 #include <gdal_frmts.h>
-#include <ogr_spatialref.h>
 
 #include <array>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
-#include <memory>
-#include <string_view>
 #include <vector>
 
 #include "camber/core/errors.h"
+#include "camber/export/gdal/gdal_dataset.h"
 
 namespace camber {
 namespace {
 
+using detail::Complaints;
+using detail::Dataset;
+using detail::owned;
+using detail::set_system;
+
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
-
-/// Keeps GDAL from printing and remembers its first complaint: some functions make one and return
-/// as if all were well.
-class Complaints {
- public:
-  Complaints() { CPLPushErrorHandlerEx(keep, this); }
-  ~Complaints() { CPLPopErrorHandler(); }
-  Complaints(const Complaints&) = delete;
-  Complaints& operator=(const Complaints&) = delete;
-
-  /// Refuses where a call was not done or GDAL has complained. What it writes is sound and the file
-  /// is in memory: only that can be short.
-  void check(bool is_done) const {
-    if (is_done && first_[0] == '\0') return;
-    throw MachineError(
-        fmt::format("GDAL cannot write the GeoTIFF, most likely for want of memory{}{}",
-                    first_[0] == '\0' ? "" : ": ", first_.data()));
-  }
-
- private:
-  static void CPL_STDCALL keep(CPLErr kind, CPLErrorNum, const char* message) {
-    auto& first = static_cast<Complaints*>(CPLGetErrorHandlerUserData())->first_;
-    if (kind < CE_Failure || first[0] != '\0') return;
-    std::snprintf(first.data(), first.size(), "%s", *message == '\0' ? "no reason" : message);
-  }
-
-  std::array<char, 200> first_{};
-};
 
 struct Band {
   const char* name;
@@ -83,33 +55,6 @@ std::vector<Band> bands_of(const RoadRaster& raster) {
     bands.push_back(std::move(band));
   }
   return bands;
-}
-
-using Dataset = std::unique_ptr<void, void (*)(GDALDatasetH)>;
-
-Dataset owned(GDALDatasetH file) {
-  return {file, [](GDALDatasetH open) {
-            if (open != nullptr) GDALClose(open);
-          }};
-}
-
-bool set_system(GDALDatasetH file, const std::string& crs) {
-  const std::unique_ptr<void, void (*)(OGRSpatialReferenceH)> system(
-      OSRNewSpatialReference(nullptr), OSRDestroySpatialReference);
-  // The definition may come from a result: as a file's name or an address GDAL would open it.
-  if (OGRSpatialReference::FromHandle(system.get())
-          ->SetFromUserInput(crs.c_str(),
-                             OGRSpatialReference::SET_FROM_USER_INPUT_LIMITATIONS_get()) !=
-      OGRERR_NONE) {
-    const std::string_view reason = CPLGetLastErrorMsg();  // PROJ's, which has no code for it
-    for (const char* memory : {"out of memory", "bad_alloc"}) {
-      if (reason.find(memory) != std::string_view::npos) return false;
-    }
-    throw NoAnswerError(
-        fmt::format("GDAL does not know the coordinate system '{}'", crs.substr(0, 80)));
-  }
-  OSRSetAxisMappingStrategy(system.get(), OAMS_TRADITIONAL_GIS_ORDER);
-  return GDALSetSpatialRef(file, system.get()) == CE_None;
 }
 
 bool transfer(GDALRasterBandH band, GDALRWFlag direction, std::vector<float>& values) {

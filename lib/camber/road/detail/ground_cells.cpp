@@ -63,16 +63,32 @@ std::int32_t widen(const PlanBlock& block, std::size_t n, float* low, float* hig
 /// A grid over the plan.
 struct PlanGrid {
   float low[2], high[2];  // m, bounds of what is in it
-  float per_metre;        // cells
+  float corner[2];        // m
+  float size, per_metre;  // m, of a cell; cells
   std::int32_t width, height;
 };
 
-/// Puts a block's points in cells: coordinates become those in cells from the grid's corner.
+/// The cell along an axis of a place, m from the grid's corner, which becomes that from the cell's
+/// corner, in cells.
+inline __attribute__((always_inline)) void cell_along(const PlanGrid& grid, std::int32_t cells,
+                                                      F8& place, I8& cell) {
+  const I8 none = {};
+  cell = __builtin_convertvector(place * grid.per_metre, I8);
+  F8 inside = place - __builtin_convertvector(cell, F8) * grid.size;
+  // The product above is rounded: the difference decides.
+  cell += (inside < 0.0f ? none - 1 : none) + (inside >= grid.size ? none + 1 : none);
+  const I8 last = none + (cells - 1);
+  cell = cell < last ? cell : last;
+  cell = cell > none ? cell : none;
+  inside = place - __builtin_convertvector(cell, F8) * grid.size;
+  place = inside * grid.per_metre;
+}
+
+/// Puts a block's points in cells: coordinates become those in cells from their cell's corner.
 /// @param cell  of each point, with room for kBlock; -1: not in the grid
 CAMBER_TARGET_CLONES("avx2")
 void to_cells(const PlanGrid& grid, std::size_t n, PlanBlock& block, std::int32_t* cell) {
   const I8 none = {};
-  const I8 last_x = none + (grid.width - 1), last_y = none + (grid.height - 1);
   for (std::size_t i = 0; i < n; i += 8) {
     F8 u, v;
     I8 usable;
@@ -81,11 +97,11 @@ void to_cells(const PlanGrid& grid, std::size_t n, PlanBlock& block, std::int32_
     std::memcpy(&usable, block.usable + i, sizeof usable);
     const I8 inside = (usable != none) & (u >= grid.low[0]) & (u <= grid.high[0]) &
                       (v >= grid.low[1]) & (v <= grid.high[1]);
-    u = inside ? (u - grid.low[0]) * grid.per_metre : F8{};
-    v = inside ? (v - grid.low[1]) * grid.per_metre : F8{};
-    I8 x = __builtin_convertvector(u, I8), y = __builtin_convertvector(v, I8);
-    x = x < last_x ? x : last_x;
-    y = y < last_y ? y : last_y;
+    u = inside ? u - grid.corner[0] : F8{};
+    v = inside ? v - grid.corner[1] : F8{};
+    I8 x, y;
+    cell_along(grid, grid.width, u, x);
+    cell_along(grid, grid.height, v, y);
     const I8 place = inside ? y * grid.width + x : none - 1;
     std::memcpy(block.u + i, &u, sizeof u);
     std::memcpy(block.v + i, &v, sizeof v);
@@ -209,11 +225,21 @@ GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const P
                          double size, int num_threads) {
   GroundCells cells;
   cells.cell = static_cast<float>(size);
-  cells.width = static_cast<int>(bounds.width() / size) + 1;
-  cells.height = static_cast<int>(bounds.height() / size) + 1;
+  size = cells.cell;
+  const double zero[2] = {-frame.e1.dot(cloud.origin), -frame.e2.dot(cloud.origin)};
+  int sides[2];
+  for (int axis = 0; axis < 2; ++axis) {
+    const double first = std::floor((double{bounds.low[axis]} - zero[axis]) / size);
+    cells.corner[axis] = zero[axis] + first * size;
+    sides[axis] = static_cast<int>((bounds.high[axis] - cells.corner[axis]) / size) + 1;
+  }
+  cells.width = sides[0];
+  cells.height = sides[1];
   cells.start.assign(cells.count() + 1, 0);
   const PlanGrid grid = {{bounds.low[0], bounds.low[1]},
                          {bounds.high[0], bounds.high[1]},
+                         {static_cast<float>(cells.corner[0]), static_cast<float>(cells.corner[1])},
+                         cells.cell,
                          1.0f / cells.cell,
                          cells.width,
                          cells.height};
@@ -265,6 +291,38 @@ GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const P
                                      static_cast<int>(first + i)};
   });
   return cells;
+}
+
+void extend(GroundCells& cells, const PlanFrame& frame, const Eigen::Vector3d& origin, int margin,
+            int multiple) {
+  const double zero[2] = {-frame.e1.dot(origin), -frame.e2.dot(origin)};
+  const int old[2] = {cells.width, cells.height};
+  int before[2], sides[2];
+  for (int axis = 0; axis < 2; ++axis) {
+    const double size = cells.cell;
+    const double first = std::round((cells.corner[axis] - zero[axis]) / size);
+    const double begin = multiple * std::floor((first - margin) / multiple);
+    const double end = multiple * std::ceil((first + old[axis] + margin) / multiple);
+    before[axis] = static_cast<int>(first - begin);
+    sides[axis] = static_cast<int>(end - begin);
+    cells.corner[axis] = zero[axis] + begin * size;
+  }
+  const std::vector<int> start = std::move(cells.start);
+  cells.width = sides[0];
+  cells.height = sides[1];
+  cells.start.resize(cells.count() + 1);
+  auto next = cells.start.begin();
+  next = std::fill_n(next, as_size(before[1]) * as_size(cells.width), 0);
+  for (int y = 0; y < old[1]; ++y) {
+    const auto row = start.begin() + static_cast<std::ptrdiff_t>(y) * old[0];
+    next = std::fill_n(next, before[0], *row);
+    next = std::copy_n(row, old[0], next);
+    next = std::fill_n(next, cells.width - before[0] - old[0], row[old[0]]);
+  }
+  std::fill(next, cells.start.end(), start.back());
+  for (int& c : cells.occupied) {
+    c = (c / old[0] + before[1]) * cells.width + c % old[0] + before[0];
+  }
 }
 
 std::vector<std::size_t> cell_runs(const GroundCells& cells) {

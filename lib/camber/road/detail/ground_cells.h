@@ -41,7 +41,7 @@ struct PlanBounds {
 };
 
 struct CellPoint {
-  float u, v;  // in cells from the grid's corner
+  float u, v;  // in cells from its cell's corner
   float h;     // m, along up
   int index;   // into the cloud
 };
@@ -67,7 +67,8 @@ class CellPoints {
 
 /// The points in an up-aligned frame, sorted by cell.
 struct GroundCells {
-  float cell = 1.0f;  // m
+  float cell = 1.0f;              // m
+  double corner[2] = {0.0, 0.0};  // m, of the first cell, plan frame
   int width = 0, height = 0;
   std::vector<int> start;  // of each cell in `points`; one more than cells
   CellPoints points;
@@ -87,9 +88,18 @@ PlanBounds find_bounds(const RoadCloud& cloud, const PlanFrame& frame, int num_t
 PlanBounds choose_bounds(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& all,
                          double most, double* cell);
 
+/// The grid's corner is a whole number of cells from the zero of the cloud's true coordinates, so
+/// that grids of parts of a cloud fit each other; a point's place in its cell does not hang on the
+/// corner where coordinates and size are multiples of a power of two.
 /// The same for any number of threads. @param size  m, side of a cell
 GroundCells sort_by_cell(const RoadCloud& cloud, const PlanFrame& frame, const PlanBounds& bounds,
                          double size, int num_threads);
+
+/// Adds empty cells about the grid: at least `margin` on each side, and so many that its corner is
+/// a multiple of `multiple` cells from the zero of the true coordinates, and its sides are.
+/// @param origin  of the cloud
+void extend(GroundCells& cells, const PlanFrame& frame, const Eigen::Vector3d& origin, int margin,
+            int multiple);
 
 /// Runs of occupied cells with some thousand points each, to be looked at side by side: where each
 /// begins in `occupied`, and the end.

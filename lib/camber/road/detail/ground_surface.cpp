@@ -7,6 +7,7 @@
 #include "camber/core/target_clones.h"
 #include "camber/core/threads.h"
 #include "camber/road/detail/cell_lanes.h"
+#include "camber/road/detail/ground_trend.h"
 
 namespace camber::detail {
 namespace {
@@ -194,13 +195,24 @@ bool is_below_plane(const GroundCells& cells, const LowestHeights& heights,
   return mz - gx * mx - gy * my > kBelow + kPerMetre * distance;
 }
 
+/// The lowest height of each two by two cells.
+HeightGrid halved(const HeightGrid& fine) {
+  HeightGrid half((fine.width + 1) / 2, (fine.height + 1) / 2, kNoHeight);
+  for (int y = 0; y < fine.height; ++y) {
+    const float* const row = fine.row(y);
+    float* const out = half.row(y / 2);
+    for (int x = 0; x < fine.width; ++x) out[x / 2] = std::min(out[x / 2], row[x]);
+  }
+  return half;
+}
+
 /// Marks the cells that rise out of openings of the surface with growing squares. Large squares are
 /// taken on a coarser grid.
+/// @param surface  the lowest heights, gaps filled
 std::vector<unsigned char> find_objects(const GroundCells& cells, const GroundRules& rules,
-                                        const HeightGrid& lowest, GapFiller& filler) {
+                                        const HeightGrid& lowest, HeightGrid surface) {
   std::vector<unsigned char> object(cells.count(), 0);
-  HeightGrid surface = lowest, eroded, opened;
-  filler.fill(surface, 2);
+  HeightGrid eroded, opened;
   std::vector<float> space;
   const float reach = std::min(0.5f * rules.largest_object / cells.cell,  // cells
                                static_cast<float>(std::max(cells.width, cells.height)));
@@ -209,17 +221,7 @@ std::vector<unsigned char> find_objects(const GroundCells& cells, const GroundRu
   for (float radius = 1.0f;; radius = std::max(radius + 1.0f, 1.4f * radius)) {
     const float r = std::min(radius, reach);
     if (r <= last) break;
-    while (r / static_cast<float>(factor) > 4.0f) {
-      HeightGrid half((surface.width + 1) / 2, (surface.height + 1) / 2, kNoHeight);
-      for (int y = 0; y < surface.height; ++y) {
-        for (int x = 0; x < surface.width; ++x) {
-          float& z = half.z[half.at(x / 2, y / 2)];
-          z = std::min(z, surface.z[surface.at(x, y)]);
-        }
-      }
-      surface = std::move(half);
-      factor *= 2;
-    }
+    for (; r / static_cast<float>(factor) > 4.0f; factor *= 2) surface = halved(surface);
     const int window = std::max(1, static_cast<int>(std::lround(r / static_cast<float>(factor))));
     erode(surface, window, eroded, space);
     dilate(eroded, window, opened, space);
@@ -231,7 +233,6 @@ std::vector<unsigned char> find_objects(const GroundCells& cells, const GroundRu
       const int x = c % cells.width / factor, y = c / cells.width / factor;
       if (lowest.z[at] - opened.z[opened.at(x, y)] > limit) object[at] = 1;
     }
-    std::swap(surface, opened);
     last = r;
   }
   return object;
@@ -239,7 +240,8 @@ std::vector<unsigned char> find_objects(const GroundCells& cells, const GroundRu
 
 /// Takes out pieces of the surface that stand above what is around them on most of their border:
 /// neighbouring cells whose heights agree, but for the slope of the ground, make a piece; pieces
-/// smaller in area than the square of the largest object are judged.
+/// smaller in area than the square of the largest object, and no longer than twice that along an
+/// axis of the grid, are judged.
 void remove_raised(const GroundCells& cells, const GroundRules& rules, const HeightGrid& filled,
                    HeightGrid& ground) {
   const int w = cells.width, h = cells.height;
@@ -286,6 +288,16 @@ void remove_raised(const GroundCells& cells, const GroundRules& rules, const Hei
     }
   }
   std::vector<int> balance(cells.count(), 0);
+  struct Extent {
+    int low_x, high_x, low_y, high_y;
+  };
+  std::vector<Extent> extents(cells.count(), Extent{w, -1, h, -1});
+  for (const int c : cells.occupied) {
+    if (ground.z[as_size(c)] == kNoHeight) continue;
+    Extent& extent = extents[as_size(root(c))];
+    extent = {std::min(extent.low_x, c % w), std::max(extent.high_x, c % w),
+              std::min(extent.low_y, c / w), std::max(extent.high_y, c / w)};
+  }
   for (const Step& step : steps) {
     const int above = root(step.higher), below = root(step.lower);
     if (above == below) continue;
@@ -293,15 +305,20 @@ void remove_raised(const GroundCells& cells, const GroundRules& rules, const Hei
     balance[as_size(below)] -= 2;
   }
   const float area = rules.largest_object * rules.largest_object / (cells.cell * cells.cell);
+  const int longest = longest_piece(rules, cells.cell);
   for (const int c : cells.occupied) {
     const std::size_t r = as_size(root(c));
-    if (balance[r] > 0 && static_cast<float>(-parent[r]) < area) ground.z[as_size(c)] = kNoHeight;
+    const Extent& extent = extents[r];
+    const bool small = static_cast<float>(-parent[r]) < area &&
+                       extent.high_x - extent.low_x <= longest &&
+                       extent.high_y - extent.low_y <= longest;
+    if (balance[r] > 0 && small) ground.z[as_size(c)] = kNoHeight;
   }
 }
 
 /// A plane over a cell: its height in the cell's middle, and slopes, m a cell.
 struct CellPlane {
-  float u, v, z, slope_u, slope_v;
+  float z, slope_u, slope_v;
 };
 
 /// Of the points' distances from a plane, those within reach.
@@ -317,7 +334,7 @@ DistanceSums sum_distances(const CellPoint* points, std::size_t count, const Cel
   for (std::size_t i = 0; i < count; i += kLanes) {
     PointLanes p;
     load_lanes(points + i, count - i, p);
-    F8 r = p.h - (plane.z + plane.slope_u * (p.u - plane.u) + plane.slope_v * (p.v - plane.v));
+    F8 r = p.h - (plane.z + plane.slope_u * (p.u - 0.5f) + plane.slope_v * (p.v - 0.5f));
     const I8 used = (r >= -reach) & (r <= reach) & p.there;
     r = used ? r : none;
     sum += r;
@@ -335,8 +352,7 @@ float refine_cell(const GroundCells& cells, const HeightGrid& filled, float reac
   if (ground.z[at] == kNoHeight) return -1.0f;
   const int x = c % cells.width, y = c / cells.width;
   const Eigen::Vector2f slope = gradient(filled, x, y, 1);
-  const CellPlane plane = {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, ground.z[at],
-                           slope.x(), slope.y()};
+  const CellPlane plane = {ground.z[at], slope.x(), slope.y()};
   const DistanceSums near =
       sum_distances(cells.points.data() + cells.start[at],
                     as_size(cells.start[at + 1] - cells.start[at]), plane, reach);
@@ -367,6 +383,31 @@ float refine(const GroundCells& cells, const HeightGrid& filled, float reach, in
 }
 
 }  // namespace
+
+TrendSizes trend_sizes(const GroundRules& rules, double cell) {
+  return TrendSizes::for_objects(0.5f * rules.largest_object / static_cast<float>(cell));
+}
+
+int longest_piece(const GroundRules& rules, double cell) {
+  return static_cast<int>(std::min(2.0 * rules.largest_object / cell, 1e6));
+}
+
+int grid_margin(const GroundRules& rules, double cell) {
+  const double radius = std::min(0.5 * rules.largest_object / cell, 1024.0);
+  return std::max(static_cast<int>(std::ceil(radius)), GapFiller::kReach) + 2;
+}
+
+int ground_reach(const GroundRules& rules, double cell) {
+  constexpr int kLow = 3 * kAround;                                 // drop_low(), in three rounds
+  constexpr int kSlopes = 2, kSteps = 2, kLabels = 2, kPlaces = 2;  // of points in cells
+  const TrendSizes sizes = trend_sizes(rules, cell);
+  const int radius = static_cast<int>(std::ceil(0.5 * rules.largest_object / cell));
+  int coarsest = 1;
+  while (radius > 4 * coarsest) coarsest *= 2;
+  const int objects = 2 * (radius + coarsest) + coarsest;
+  return kLow + sizes.reach() + GapFiller::kReach + objects + GapFiller::kReach + kSlopes + kSteps +
+         longest_piece(rules, cell) + kSteps + GapFiller::kReach + kSlopes + kLabels + kPlaces;
+}
 
 LowestHeights find_lowest(const GroundCells& cells, int num_threads) {
   LowestHeights out;
@@ -424,17 +465,21 @@ GroundSurface fit_ground_surface(const GroundCells& cells, const GroundRules& ru
   GroundSurface out;
   HeightGrid& ground = out.heights;
   GapFiller filler;
-  const std::vector<unsigned char> object = find_objects(cells, rules, lowest, filler);
+  const HeightGrid trend =
+      ground_trend(lowest, cells.cell, trend_sizes(rules, cells.cell), num_threads);
+  HeightGrid filled = lowest;
+  filler.fill(trend, filled);
+  const std::vector<unsigned char> object = find_objects(cells, rules, lowest, filled);
   ground = HeightGrid(cells.width, cells.height, kNoHeight);
   for (const int c : cells.occupied) {
     if (object[as_size(c)] == 0) ground.z[as_size(c)] = lowest.z[as_size(c)];
   }
-  HeightGrid filled = ground;
-  filler.fill(filled, 2);
+  filled = ground;
+  filler.fill(trend, filled);
   refine(cells, filled, rules.refine, num_threads, ground);
   remove_raised(cells, rules, filled, ground);
   filled = ground;
-  filler.fill(filled, 2);
+  filler.fill(trend, filled);
   out.noise = refine(cells, filled, rules.from_air ? rules.refine : 0.2f, num_threads, ground);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     if (ground.z[c] == kNoHeight) ground.z[c] = filled.z[c];

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "camber/road/detail/ground_cells.h"
+#include "camber/road/detail/ground_trend.h"
 #include "camber/road/detail/height_grid.h"
 
 /// The ground's surface as a height a cell.
@@ -15,6 +16,18 @@ struct GroundRules {
   float step = 0.10f, step_per_metre = 0.08f;  // between neighbouring cells of one piece
   float refine = 0.3f;                         // m, points taken into the surface
 };
+
+/// @param cell  m, as below
+TrendSizes trend_sizes(const GroundRules& rules, double cell);
+
+/// Cells along an axis to which pieces are judged that stand above their surroundings.
+int longest_piece(const GroundRules& rules, double cell);
+
+/// Empty cells that the grid needs about the points: openings look there.
+int grid_margin(const GroundRules& rules, double cell);
+
+/// Cells along an axis beyond which no point counts for what is found in one.
+int ground_reach(const GroundRules& rules, double cell);
 
 /// The lowest height of each cell that enough points share, and by how many; kNoHeight and 0 where
 /// a cell has no points.

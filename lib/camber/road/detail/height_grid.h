@@ -3,12 +3,11 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
-#include <cstdint>
 #include <limits>
 #include <vector>
 
 /// Heights over the plan, and what the ground is found with on them: sliding extremes (erosion and
-/// dilation by squares), gaps filled, slopes.
+/// dilation by squares), slopes.
 namespace camber::detail {
 
 inline constexpr float kNoHeight = std::numeric_limits<float>::infinity();  ///< of an empty cell
@@ -27,27 +26,11 @@ struct HeightGrid {
   const float* row(int y) const { return z.data() + at(0, y); }
 };
 
-/// The least, or greatest, height within squares of 2 * radius + 1 cells, the border repeated
-/// outwards. @param space  memory for the work
+/// The least, or greatest, height within squares of 2 * radius + 1 cells. Beyond the border there
+/// is nothing, and cells of kNoHeight do not count; where nothing counts, erode() leaves kNoHeight
+/// and dilate() its negative. @param space  memory for the work
 void erode(const HeightGrid& in, int radius, HeightGrid& out, std::vector<float>& space);
 void dilate(const HeightGrid& in, int radius, HeightGrid& out, std::vector<float>& space);
-
-/// Fills the cells that hold kNoHeight from those around them: means of ever larger squares,
-/// smoothed between the known cells. Keeps its memory from one call to the next.
-class GapFiller {
- public:
-  /// @param smoothing  rounds in which a filled cell becomes the mean of its four neighbours
-  void fill(HeightGrid& grid, int smoothing);
-
- private:
-  static void shrink(const HeightGrid& fine, HeightGrid& coarse);
-  void take_from(const HeightGrid& coarse, HeightGrid& fine);
-  void smooth(HeightGrid& grid);
-
-  std::vector<HeightGrid> coarse_;
-  std::vector<std::int32_t> gaps_;  // of the grid at hand: 1, 2 in even, odd columns; else 0
-  std::vector<float> line_;
-};
 
 /// Slope of a surface over `reach` cells to both sides, m a cell.
 inline Eigen::Vector2f gradient(const HeightGrid& surface, int x, int y, int reach) {

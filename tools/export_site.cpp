@@ -1,0 +1,476 @@
+#include "export_site.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <unordered_map>
+
+#include "camber/cloud/stream_filters.h"
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/interruption.h"
+#include "camber/core/version.h"
+#include "camber/export/gdal/geotiff.h"
+#include "camber/export/site_raster.h"
+#include "crs.h"
+#include "ground_points.h"
+#include "own_inputs.h"
+#include "plugins/plugin.h"
+#include "unknown_scale.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+constexpr std::size_t kStripBytes = std::size_t{512} << 20;
+constexpr double kMostCells = 4e9;
+
+/// A point as the raster takes it, in the file's units.
+struct SitePoint {
+  Eigen::Vector3d place;
+  bool ground = false;
+};
+
+/// What is known of a cloud before its raster.
+struct Site {
+  ReadOptions reading;
+  std::optional<PlanBounds> bounds;  // of what is answered
+  CoordinateSystem crs;              // of unknown units where none is stated: metres
+  std::string definition;            // of the system; empty: not known
+  GroundSource source = GroundSource::kAuto;
+  std::vector<signed char> labels;  // kCompute: of the file's points, 1 ground
+  Eigen::AlignedBox3d box;
+  std::uint64_t points = 0, ground = 0;
+  double ground_spacing = 0.0;  // median, in units of the file
+};
+
+bool is_ground_class(int k) { return k == 2 || k == 11; }
+bool is_left_out(int k, int flags) { return k == 7 || k == 18 || (flags & 4) != 0; }
+
+/// The fields of a stream that tell what a point is.
+struct Columns {
+  std::array<int, 3> position{};
+  int classes = -1, flags = -1, labels = -1;
+
+  explicit Columns(const PointStreamHeader& header) : position(find_roles(header.fields).position) {
+    for (std::size_t i = 0; i < header.fields.size(); ++i) {
+      const std::string& name = header.fields[i].name;
+      if (name == "classification") classes = static_cast<int>(i);
+      if (name == "class_flags") flags = static_cast<int>(i);
+      if (name == "ground") labels = static_cast<int>(i);
+    }
+  }
+};
+
+/// Calls visit(place, class, label of ground) for the points of a file that count, in their order;
+/// what is not known is -1.
+/// @param labels  of all points of the file, where they were computed
+template <typename Visit>
+void for_each_point(const std::string& path, const Site& site, const Visit& visit) {
+  ReadOptions reading = site.reading;
+  reading.attributes = {"classification", "class_flags", "ground"};
+  std::unique_ptr<PointSource> source = open_point_source(path, reading);
+  if (reading.lenient) source = drop_bad_points(std::move(source));
+  const PointStreamHeader& header = source->header();
+  const Columns columns(header);
+  PointBatch batch;
+  std::size_t first = 0;
+  while (source->next(batch)) {
+    throw_if_interrupted();
+    const auto number = [&](int field, std::size_t i) {
+      const auto f = static_cast<std::size_t>(field);
+      return batch.fields[f].number(header.fields[f].type, i);
+    };
+    const auto whole = [&](int field, std::size_t i) {
+      return field < 0 ? -1 : static_cast<int>(number(field, i));
+    };
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const Eigen::Vector3d place(number(columns.position[0], i), number(columns.position[1], i),
+                                  number(columns.position[2], i));
+      const int kind = whole(columns.classes, i), flags = whole(columns.flags, i);
+      if (!place.allFinite() || place.cwiseAbs().maxCoeff() > 1e9) continue;
+      if (site.bounds && !site.bounds->contains(place.x(), place.y())) continue;
+      if (is_left_out(kind, std::max(flags, 0))) continue;
+      const int label = !site.labels.empty() ? site.labels.at(first + i) : whole(columns.labels, i);
+      visit(place, kind, label);
+    }
+    first += batch.count;
+  }
+}
+
+bool is_ground(const Site& site, int kind, int label) {
+  switch (site.source) {
+    case GroundSource::kClasses:
+      return is_ground_class(kind);
+    case GroundSource::kAll:
+      return kind != 9;  // water
+    default:
+      return label == 1;
+  }
+}
+
+/// The ground by segment_ground(): of the points within bounds and a margin of their reach.
+void compute_ground(const ExportArguments& args, const CommonOptions& common, const LogSink& warn,
+                    Site* site) {
+  GroundOptions options;
+  options.num_threads = common.threads;
+  if (site->bounds) {
+    const double margin = in_units_of_file(args.input, site->reading, ground_margin(options));
+    site->reading.bounds = site->bounds->grown(margin);
+  }
+  ReadOptions reading = site->reading;
+  reading.attributes = {"classification", "class_flags"};
+  // As for_each_point() has them: lenient reading would leave out duplicates, too.
+  std::unique_ptr<PointSource> source = open_point_source(args.input, reading);
+  if (reading.lenient) source = drop_bad_points(std::move(source));
+  CloudBuilder builder(source->header(), false, reading);
+  for (PointBatch batch; source->next(batch);) {
+    throw_if_interrupted();
+    builder.add(batch);
+  }
+  CloudFile file;
+  file.report = source->report();
+  file.cloud = builder.finish(file.report);
+  file.report.crs = source->header().crs;
+  use_metres(args.input, &file, {});
+  const std::optional<std::vector<int>> judged = points_to_judge(file.cloud, {7, 9, 17, 18});
+  GroundSegmentation found;
+  if (judged) {
+    found = segment_ground(file.cloud.select(*judged), options);
+  } else {
+    found = segment_ground(file.cloud, options);
+  }
+  if (found.status == Status::kFailed) throw NoAnswerError(args.input + ": " + found.reason);
+  const std::string remark = remark_on_ground(found);
+  if (!remark.empty() && warn) warn(args.input + ": " + remark);
+  site->labels.assign(file.cloud.size(), 0);
+  for (std::size_t i = 0; i < found.labels.size(); ++i) {
+    const std::size_t at = judged ? static_cast<std::size_t>((*judged)[i]) : i;
+    site->labels[at] = static_cast<signed char>(found.labels[i]);
+  }
+}
+
+/// Where the ground comes from, if the user leaves it open.
+GroundSource choose_source(const std::string& path, const Site& site) {
+  bool classified = false, labelled = false;
+  for_each_point(path, site, [&](const Eigen::Vector3d&, int kind, int label) {
+    classified = classified || is_ground_class(kind);
+    labelled = labelled || label == 1;
+  });
+  return classified ? GroundSource::kClasses
+         : labelled ? GroundSource::kLabels
+                    : GroundSource::kCompute;
+}
+
+/// Bounds and numbers of the points, and how far apart those of the ground lie.
+void measure(const std::string& path, Site* site) {
+  constexpr std::size_t kMostSquares = 2000000;
+  const double side = 4.0 / site->crs.horizontal.metres;
+  std::unordered_map<std::uint64_t, std::uint32_t> squares;
+  for_each_point(path, *site, [&](const Eigen::Vector3d& place, int kind, int label) {
+    site->box.extend(place);
+    ++site->points;
+    if (!is_ground(*site, kind, label)) return;
+    ++site->ground;
+    const auto along = [&](double v) {
+      return static_cast<std::uint32_t>(static_cast<std::int64_t>(std::floor(v / side)));
+    };
+    const std::uint64_t square = std::uint64_t{along(place.x())} << 32 | along(place.y());
+    const auto found = squares.find(square);
+    if (found != squares.end()) {
+      ++found->second;
+    } else if (squares.size() < kMostSquares) {
+      squares.emplace(square, 1);
+    }
+  });
+  if (squares.empty()) return;
+  std::vector<std::uint32_t> counts;
+  for (const auto& [square, count] : squares) counts.push_back(count);
+  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
+  std::nth_element(counts.begin(), middle, counts.end());
+  site->ground_spacing = side / std::sqrt(static_cast<double>(*middle));
+}
+
+/// A length for cells that people use: the greatest of 1, 2, 5 and their tenfolds that is no more.
+double round_length(double length) {
+  const double power = std::pow(10.0, std::floor(std::log10(length)));
+  for (const double step : {5.0, 2.0}) {
+    if (step * power <= length * (1.0 + 1e-9)) return step * power;
+  }
+  return power;
+}
+
+Site load_site(const ExportArguments& args, const CommonOptions& common) {
+  Site site;
+  const LogSink warn = make_warning_sink(common);
+  site.reading = args.reading.read_options();
+  site.bounds = site.reading.bounds;
+  const std::unique_ptr<PointSource> source = open_point_source(args.input, site.reading);
+  const PointStreamHeader& header = source->header();
+  const bool in_lengths = header.crs && (header.crs->horizontal.known() || header.crs->epsg != 0);
+  if (!header.metric && !in_lengths) {
+    throw NoAnswerError(args.input +
+                        ": the cloud is up to an unknown scale, and a raster is in metres");
+  }
+  if (header.frame == CloudFrame::kCamera) {
+    throw NoAnswerError(args.input +
+                        ": the cloud is in its camera's frame, and a raster lies on a map; give "
+                        "import --gnss, or a line with --along FILE");
+  }
+  if (header.crs) {
+    site.crs = *header.crs;
+    complete_crs(&site.crs);
+    if (site.crs.horizontal.angle) throw NoAnswerError(args.input + ": " + unit_remark(site.crs));
+    const bool compound = site.crs.epsg != 0 && site.crs.vertical_epsg != 0;
+    const bool text = site.crs.vertical_stated && !site.crs.wkt.empty();
+    site.definition = compound ? fmt::format("EPSG:{}+{}", site.crs.epsg, site.crs.vertical_epsg)
+                      : text   ? site.crs.wkt
+                               : definition_of(site.crs);
+  }
+  site.source = ground_source_from(args.ground_from);
+  if (site.source == GroundSource::kAuto) site.source = choose_source(args.input, site);
+  if (site.source == GroundSource::kCompute) compute_ground(args, common, warn, &site);
+  measure(args.input, &site);
+  if (site.points == 0) {
+    throw NoAnswerError(args.input + (site.bounds ? ": no point lies within --bounds"
+                                                  : ": found no point that counts"));
+  }
+  if (site.ground == 0) {
+    throw NoAnswerError(fmt::format("{}: found no point of the ground (--ground-from {})",
+                                    args.input, name_of(site.source)));
+  }
+  return site;
+}
+
+/// A file that is removed at the end, with bands one behind the other.
+class BandFile {
+ public:
+  BandFile(const fs::path& beside, std::size_t bands, std::size_t band_bytes)
+      : beside_(beside), path_(files_.stage(beside)), band_bytes_(band_bytes) {
+    std::error_code ignored;
+    const fs::path folder = fs::absolute(path_).parent_path();
+    const fs::space_info space = fs::space(folder, ignored);
+    // Its own size, and as much again for the result with its overviews.
+    const double wanted = 2.0 * static_cast<double>(bands) * static_cast<double>(band_bytes);
+    if (!ignored && static_cast<double>(space.available) < wanted) {
+      throw OutputError(beside_.string(),
+                        fmt::format("{:.1f} GB are free on the disk, expected {:.1f}",
+                                    1e-9 * static_cast<double>(space.available), 1e-9 * wanted));
+    }
+    file_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    if (file_ < 0) fail();
+  }
+  ~BandFile() { close(); }
+  BandFile(const BandFile&) = delete;
+  BandFile& operator=(const BandFile&) = delete;
+
+  void write(std::size_t band, std::size_t offset, const void* data, std::size_t size) {
+    const char* bytes = static_cast<const char*>(data);
+    std::size_t at = band * band_bytes_ + offset;
+    while (size > 0) {
+      const ssize_t written = ::pwrite(file_, bytes, size, static_cast<off_t>(at));
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) fail();
+      bytes += written;
+      at += static_cast<std::size_t>(written);
+      size -= static_cast<std::size_t>(written);
+    }
+  }
+  void close() {
+    if (file_ >= 0) ::close(file_);
+    file_ = -1;
+  }
+  const fs::path& path() const { return path_; }
+
+ private:
+  [[noreturn]] void fail() const { throw OutputError(beside_.string(), std::strerror(errno)); }
+
+  fs::path beside_;
+  AtomicFiles files_;
+  fs::path path_;
+  std::size_t band_bytes_;
+  int file_ = -1;
+};
+
+/// How much of a raster is known.
+struct Answered {
+  std::uint64_t known = 0, cells = 0;              // of the ground
+  std::uint64_t known_occupied = 0, occupied = 0;  // of cells with points
+};
+
+/// Makes the raster strip by strip: each reads the points anew.
+Answered make_rows(const ExportArguments& args, const Site& site, const SiteGrid& grid,
+                   const SiteRasterOptions& options, BandFile* bands, BandFile* shades) {
+  constexpr double kDegrees = 180.0 / 3.14159265358979323846;
+  const std::size_t columns = grid.columns;
+  // Of points as many as the mean of all rows has.
+  const double bytes = static_cast<double>(SiteRowsMaker::bytes_of_row(grid)) +
+                       static_cast<double>(SiteRowsMaker::bytes_of_point()) *
+                           static_cast<double>(site.ground) / static_cast<double>(grid.rows);
+  const auto strip =
+      static_cast<std::size_t>(std::max(1.0, std::floor(static_cast<double>(kStripBytes) / bytes)));
+  Answered out;
+  for (std::size_t first = 0; first < grid.rows; first += strip) {
+    const std::size_t rows = std::min(strip, grid.rows - first);
+    SiteRowsMaker maker(grid, first, rows, options);
+    for_each_point(args.input, site, [&](const Eigen::Vector3d& place, int kind, int label) {
+      maker.add(place, is_ground(site, kind, label));
+    });
+    SiteRows found = maker.finish();
+    for (std::size_t i = 0; i < found.ground.size(); ++i) {
+      const bool known = !std::isnan(found.ground[i]), occupied = found.points[i] > 0.0f;
+      out.known += known ? 1 : 0;
+      out.occupied += occupied ? 1 : 0;
+      out.known_occupied += known && occupied ? 1 : 0;
+      found.slopes[i] *= static_cast<float>(kDegrees);
+    }
+    out.cells += found.ground.size();
+    if (shades) {
+      std::vector<std::uint8_t> grey(found.shades.size(), 0);
+      for (std::size_t i = 0; i < grey.size(); ++i) {
+        // 0 is what is not known.
+        if (!std::isnan(found.shades[i])) {
+          grey[i] = static_cast<std::uint8_t>(std::lround(1.0 + 254.0 * found.shades[i]));
+        }
+      }
+      shades->write(0, first * columns, grey.data(), grey.size());
+    }
+    std::size_t number = 0;
+    for (std::vector<float>* band :
+         {&found.ground, &found.surface, &found.slopes, &found.sigmas, &found.points}) {
+      for (float& value : *band) {
+        if (std::isnan(value)) value = static_cast<float>(kGeoTiffNoData);
+      }
+      bands->write(number++, first * columns * sizeof(float), band->data(),
+                   band->size() * sizeof(float));
+    }
+  }
+  return out;
+}
+
+SiteGrid grid_of(const ExportArguments& args, const Site& site) {
+  const double metre = site.crs.horizontal.metres;
+  const double cell =
+      args.grid.step_u > 0.0 ? args.grid.step_u / metre : round_length(0.75 * site.ground_spacing);
+  const Eigen::Vector2d sides = site.box.sizes().head<2>() / cell;
+  if (!((sides.x() + 1.0) * (sides.y() + 1.0) <= kMostCells)) {
+    throw NoAnswerError(fmt::format(
+        "{}: {:.0f} x {:.0f} cells of {:g} are too many; larger cells (--step) or a part "
+        "(--bounds) give fewer",
+        args.input, sides.x() + 1.0, sides.y() + 1.0, cell));
+  }
+  return {site.box.min().head<2>(), site.box.max().head<2>(), cell};
+}
+
+}  // namespace
+
+const GdalFunctions& gdal() {
+  if (!has_plugin("gdal")) {
+    throw MachineError(
+        "GeoTIFF is written by Debian's package libgdal-dev, which was not there when this program "
+        "was built: install it and build the program anew");
+  }
+  using Functions = const GdalFunctions* (*)();
+  return *reinterpret_cast<Functions>(plugin_symbol("gdal", "camber_gdal"))();
+}
+
+bool is_site(const ExportArguments& args) {
+  return args.target == "geotiff" && args.line.empty() && !is_surface(args.input);
+}
+
+json export_site(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
+  const GdalFunctions& writer = gdal();
+  check_output_file(args.hillshade);
+  refuse_own_inputs({args.out, args.hillshade}, {args.input});
+  StageTimer load(timings, "load");
+  const Site site = load_site(args, common);
+  load.stop();
+  StageTimer compute(timings, "compute");
+  const SiteGrid grid = grid_of(args, site);
+  SiteRasterOptions options;
+  options.num_threads = common.threads;
+  options.height_per_length = site.crs.vertical.metres / site.crs.horizontal.metres;
+  options.reach = std::max({1.5 * grid.cell, 2.0 * site.ground_spacing,
+                            0.5 * args.fill_holes / site.crs.horizontal.metres});
+  const std::size_t cells = grid.columns * grid.rows;
+  const std::string height_unit =
+      site.crs.vertical.known() && !site.crs.vertical.metre() ? site.crs.vertical.name : "m";
+  RawRaster heights;
+  heights.grid = grid;
+  heights.bands = {{"ground height", height_unit},
+                   {"surface height", height_unit},
+                   {"slope", "degree"},
+                   {"sigma of ground height", height_unit},
+                   {"points", ""}};
+  BandFile bands(args.out + ".raw", heights.bands.size(), cells * sizeof(float));
+  std::optional<BandFile> shades;
+  if (!args.hillshade.empty()) shades.emplace(args.hillshade + ".raw", 1, cells);
+  const Answered answered =
+      make_rows(args, site, grid, options, &bands, shades ? &*shades : nullptr);
+  if (answered.known == 0) {
+    throw NoAnswerError(args.input + ": the ground's points lie too far apart for cells of " +
+                        fmt::format("{:g}; larger cells (--step) hold more", grid.cell));
+  }
+  compute.stop();
+  StageTimer write(timings, "write");
+  bands.close();
+  heights.file = bands.path();
+  std::map<std::string, std::string> metadata = {
+      {"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
+      {"TIFFTAG_IMAGEDESCRIPTION", "ground and surface of a cloud's points"},
+      {"CAMBER_GROUND_FROM", name_of(site.source)}};
+  AtomicFiles files;
+  writer.write_cloud_optimized(heights, site.definition, metadata, files.stage(args.out));
+  if (shades) {
+    shades->close();
+    RawRaster shade;
+    shade.file = shades->path();
+    shade.grid = grid;
+    shade.bytes = true;
+    shade.bands = {{"hillshade", ""}};
+    metadata["TIFFTAG_IMAGEDESCRIPTION"] =
+        "hillshade of the ground: light from the north-west, 45 degrees high";
+    writer.write_cloud_optimized(shade, site.definition, metadata, files.stage(args.hillshade));
+  }
+  throw_if_interrupted();
+  files.commit();
+  write.stop();
+  const double share = [&] {
+    const double all = static_cast<double>(answered.occupied);
+    return 1.0 - static_cast<double>(answered.known_occupied) / std::max(all, 1.0);
+  }();
+  if (!args.as_json) {
+    fmt::print(
+        "{}: {} x {} cells of {:g} {}, {} of {} points are ground ({}), {:.1f} % of the "
+        "cells with points have no ground\n",
+        args.out, grid.columns, grid.rows, grid.cell,
+        site.crs.horizontal.known() ? site.crs.horizontal.name : "m", site.ground, site.points,
+        name_of(site.source), 100.0 * share);
+  }
+  return {{"columns", grid.columns},
+          {"rows", grid.rows},
+          {"cell", grid.cell},
+          {"west", grid.west},
+          {"north", grid.north},
+          {"unknown", answered.cells - answered.known},
+          {"unanswered_share", share},
+          {"points", site.points},
+          {"ground_points", site.ground},
+          {"ground_from", name_of(site.source)},
+          {"height_unit", height_unit},
+          {"hillshade", args.hillshade.empty() ? json(nullptr) : json(args.hillshade)},
+          {"geo_reference", site.definition}};
+}
+
+}  // namespace camber::tools
