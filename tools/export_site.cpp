@@ -58,7 +58,7 @@ struct Site {
 bool is_ground_class(int k) { return k == 2 || k == 11; }
 bool is_left_out(int k, int flags) { return k == 7 || k == 18 || (flags & 4) != 0; }
 
-/// The fields of a stream that tell what a point is.
+/// The fields of a stream by which a point is known.
 struct Columns {
   std::array<int, 3> position{};
   int classes = -1, flags = -1, labels = -1;
@@ -426,6 +426,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
   StageTimer write(timings, "write");
   bands.close();
   heights.file = bands.path();
+  heights.name = args.out;
   std::map<std::string, std::string> metadata = {
       {"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
       {"TIFFTAG_IMAGEDESCRIPTION", "ground and surface of a cloud's points"},
@@ -436,6 +437,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
     shades->close();
     RawRaster shade;
     shade.file = shades->path();
+    shade.name = args.hillshade;
     shade.grid = grid;
     shade.bytes = true;
     shade.bands = {{"hillshade", ""}};

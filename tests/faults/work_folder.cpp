@@ -281,6 +281,7 @@ void WorkFolder::add_cases() {
   cases_.push_back({{"export", "cloud.las", "--to", "geotiff", "--hillshade", "out/shade.tif",
                      "--step", "1", "--out", "out/site.tif"},
                     {"cloud.las"}});
+  cases_.back().writes_apart = true;
 #endif
 }
 

@@ -18,6 +18,8 @@ struct VerbCase {
   int exit_code = 0;   ///< of a sound run
   /// It takes the place of an earlier result as it goes, and what a part of a run measured stays.
   bool keeps_its_part = false;
+  /// A process of its own (GDAL's) writes files and reads them back: its end is a refusal.
+  bool writes_apart = false;
   /// Whether it writes pictures or plots, in which VTK draws the text: where it has no memory it
   /// leaves letters out, or writes beyond its own.
   bool writes_pictures() const;

@@ -176,7 +176,7 @@ Fitted<N> fit(const Points& near, const std::vector<double>& weights) {
     sum += w;
     squares += w * w;
   }
-  // Terms that the places do not tell apart stay small.
+  // Terms that the places do not hold apart stay small.
   Matrix held = normal;
   held.diagonal().tail(N - 1) *= 1.0 + 1e-9;
   const Eigen::LDLT<Matrix> solver(held);

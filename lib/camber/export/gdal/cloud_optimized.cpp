@@ -55,7 +55,7 @@ class Writer {
     const std::size_t expected = raster.bands.size() * band_bytes();
     if (numbers_.size() != expected) {
       throw MachineError(
-          fmt::format("{}: found {} bytes, expected {}", raster.file, numbers_.size(), expected));
+          fmt::format("{}: found {} bytes, expected {}", raster.name, numbers_.size(), expected));
     }
   }
   void write(const std::string& crs, const std::map<std::string, std::string>& metadata);
@@ -79,7 +79,7 @@ class Writer {
 void Writer::check(bool is_done) const {
   const std::string reason = complaints_.first();
   if (is_done && reason.empty()) return;
-  throw OutputError(out_, "GDAL cannot write it" + (reason.empty() ? "" : ": " + reason));
+  throw OutputError(raster_.name, "GDAL cannot write it" + (reason.empty() ? "" : ": " + reason));
 }
 
 /// The numbers where they are, with what they are.

@@ -19,6 +19,7 @@ struct RawRaster {
   std::string file;
   SiteGrid grid;
   std::vector<RasterBand> bands;
+  std::string name;    ///< of the output, for messages
   bool bytes = false;  ///< numbers of 8 bits, 0: not known; else floats of 32, kGeoTiffNoData
 };
 
