@@ -114,6 +114,26 @@ TEST(CorrespondenceGrid, IsThatOfTheMatches) {
   EXPECT_THROW(correspondence_grid({}, 0, 2), std::invalid_argument);
 }
 
+TEST(MatchImages, KeptFlowsGiveTheSameMatches) {
+  const std::vector<GrayImage> images = {waves(kFirst), waves({0, 0}), waves(kSecond)};
+  FlowCache cache;
+  const Correspondences first = match_images(images, 1, {}, {&cache, {7, 8, 9}});
+  EXPECT_EQ(cache.size(), 4u);
+  const Correspondences again = match_images(images, 1, {}, {&cache, {7, 8, 9}});
+  const Correspondences beside = match_images(images, 0, {}, {&cache, {7, 8, 9}});
+  EXPECT_EQ(cache.size(), 6u);  // 7 to 9 and back
+  const Correspondences anew = match_images(images, 1, {}),
+                        anew_beside = match_images(images, 0, {});
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_EQ(first.matches[k].pixels, anew.matches[k].pixels);
+    EXPECT_EQ(again.matches[k].round_trip_px, anew.matches[k].round_trip_px);
+    EXPECT_EQ(beside.matches[k].pixels, anew_beside.matches[k].pixels);
+  }
+  cache.forget_before(8);
+  EXPECT_EQ(cache.size(), 2u);
+  EXPECT_THROW(match_images(images, 1, {}, {&cache, {7, 8}}), std::invalid_argument);
+}
+
 TEST(MatchImages, IsTheSameForAnyNumberOfThreads) {
   const std::vector<GrayImage> images = {waves(kFirst), waves({0, 0}), waves(kSecond)};
   CorrespondenceOptions one, two;

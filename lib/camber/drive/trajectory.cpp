@@ -20,6 +20,7 @@ constexpr Eigen::Index kPose = 6, kBlock = 7;  // of a frame: pose, logarithm of
 /// A window with the places of its frames in the trajectory.
 struct Measurement {
   const WindowMeasurement* window = nullptr;
+  bool votes = false;           // on the scale of the drive
   std::vector<std::size_t> at;  // of its frames
   std::size_t reference = 0;    // index into the window's frames
   Eigen::MatrixXd information;  // of its relative poses, baselines
@@ -31,6 +32,17 @@ struct Measurement {
 /// @param squared  sum over `dimension` of squared normalised residuals.
 double student_weight(double squared, double dimension, double freedom) {
   return (freedom + dimension) / (freedom + squared);
+}
+
+/// Windows that know their scale; where some know metres, only those.
+void choose_votes(const TrajectoryNoise& noise, std::vector<Measurement>* measured) {
+  bool metric = false;
+  for (Measurement& m : *measured) {
+    const WindowMeasurement& w = *m.window;
+    m.votes = w.log_scale && std::hypot(w.scale_sigma, w.common_scale_sigma) <= noise.weakest_scale;
+    metric = metric || (m.votes && w.metric);
+  }
+  for (Measurement& m : *measured) m.votes = m.votes && m.window->metric == metric;
 }
 
 std::vector<Measurement> measurements_of(const std::vector<int>& ids,
@@ -55,6 +67,7 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
         covariance.ldlt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
     out.push_back(std::move(m));
   }
+  choose_votes(noise, &out);
   return out;
 }
 
@@ -101,7 +114,9 @@ std::vector<double> start_scales(const std::vector<Measurement>& measured,
     }
   }
   std::vector<double> scale(count, 0.0);
-  for (std::size_t i = 0; i < count; ++i) scale[i] = measured[i].window->log_scale.value_or(0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (measured[i].votes) scale[i] = *measured[i].window->log_scale;
+  }
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     SymmetricBand normal(static_cast<Eigen::Index>(count), static_cast<Eigen::Index>(band));
     Eigen::VectorXd right = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
@@ -109,7 +124,7 @@ std::vector<double> start_scales(const std::vector<Measurement>& measured,
       const auto at = static_cast<Eigen::Index>(i);
       const WindowMeasurement& w = *measured[i].window;
       double information = 1e-8;
-      if (w.log_scale) {
+      if (measured[i].votes) {
         const double variance =
             w.scale_sigma * w.scale_sigma + noise.scale_floor * noise.scale_floor;
         const double off = scale[i] - *w.log_scale;
@@ -119,7 +134,7 @@ std::vector<double> start_scales(const std::vector<Measurement>& measured,
             variance;
       }
       normal.at(at, at) += information;
-      right[at] += information * w.log_scale.value_or(0.0);
+      if (measured[i].votes) right[at] += information * *w.log_scale;
     }
     for (const Tie& tie : ties) {
       const auto a = static_cast<Eigen::Index>(tie.a), b = static_cast<Eigen::Index>(tie.b);
@@ -151,8 +166,8 @@ struct Bridge {
 class Smoother {
  public:
   Smoother(const std::vector<int>& ids, const std::vector<WindowMeasurement>& windows,
-           const TrajectoryNoise& noise)
-      : ids_(ids), noise_(noise), measured_(measurements_of(ids, windows, noise)) {
+           const TrajectoryNoise& noise, const std::vector<double>& times)
+      : ids_(ids), noise_(noise), times_(times), measured_(measurements_of(ids, windows, noise)) {
     poses_.resize(ids.size());
     joined_.assign(ids.size(), false);
     scales_.assign(ids.size(), 0.0);
@@ -173,6 +188,7 @@ class Smoother {
 
  private:
   void start() {
+    for (const Measurement& m : measured_) metric_ = metric_ || (m.votes && m.window->metric);
     const std::vector<double> scale = start_scales(measured_, noise_);
     for (std::size_t i = 0; i < measured_.size(); ++i) scales_[measured_[i].place()] = scale[i];
     std::vector<const Measurement*> joining(ids_.size(), nullptr);  // a frame and the one before
@@ -229,7 +245,7 @@ class Smoother {
   }
 
   void assemble(bool robust) {
-    std::size_t span = 1;
+    std::size_t span = 2;
     for (const Measurement& m : measured_) span = std::max(span, m.at.back() - m.at.front());
     const auto size = static_cast<Eigen::Index>(ids_.size()) * kBlock;
     normal_.set_zero(size, static_cast<Eigen::Index>(span + 1) * kBlock - 1);
@@ -244,6 +260,40 @@ class Smoother {
     residuals_.clear();
     for (const Measurement& m : measured_) add(m, robust);
     for (const Bridge& bridge : bridges_) add(bridge);
+    if (!metric_ || times_.size() != ids_.size()) return;
+    for (std::size_t k = 1; k + 1 < ids_.size(); ++k) add_speeds(k, robust);
+  }
+
+  /// A speed that is a random walk: those of the steps before and after a frame differ little.
+  void add_speeds(std::size_t k, bool robust) {
+    const double before = times_[k] - times_[k - 1], after = times_[k + 1] - times_[k];
+    if (!(before > 0.0) || !(after > 0.0)) return;
+    Eigen::Matrix<double, 1, 9> by = Eigen::Matrix<double, 1, 9>::Zero();
+    double change = 0.0;
+    const auto add_step = [&](Eigen::Index from, double over) {
+      const std::size_t at = k - 1 + static_cast<std::size_t>(from);
+      const Eigen::Vector3d step = poses_[at + 1].translation() - poses_[at].translation();
+      const double length = step.norm();
+      change += length / over;
+      if (!(length > 1e-9)) return;
+      const Eigen::Vector3d way = step / (length * over);
+      by.segment<3>(3 * from) -= (poses_[at].rotation().inverse() * way).transpose();
+      by.segment<3>(3 * from + 3) += (poses_[at + 1].rotation().inverse() * way).transpose();
+    };
+    add_step(0, -before);
+    add_step(1, after);
+    const double variance = noise_.acceleration_density * 0.5 * (before + after);
+    const double weight =
+        robust ? student_weight(change * change / variance, 1.0, noise_.motion_freedom) : 1.0;
+    const auto place = [&](Eigen::Index i) {
+      return kBlock * (static_cast<Eigen::Index>(k) - 1 + i / 3) + 3 + i % 3;
+    };
+    for (Eigen::Index i = 0; i < by.size(); ++i) {
+      right_[place(i)] -= weight / variance * change * by[i];
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        normal_.at(place(i), place(j)) += weight / variance * by[i] * by[j];
+      }
+    }
   }
 
   void add(const Measurement& m, bool robust) {
@@ -297,13 +347,13 @@ class Smoother {
     if (!w.log_scale) return;
     const double variance = w.scale_sigma * w.scale_sigma + noise_.scale_floor * noise_.scale_floor;
     const double off = scales_[m.place()] - *w.log_scale;
-    const double weight =
-        robust ? student_weight(off * off / variance, 1.0, noise_.scale_freedom) : 1.0;
-    const double information = weight / (variance * noise_.scale_correlation);
-    normal_.at(at, at) += information;
-    right_[at] -= information * off;
+    const double weight = student_weight(off * off / variance, 1.0, noise_.scale_freedom);
     weights_[m.place()] = std::min(1.0, weight);
     residuals_[m.place()] = off / std::sqrt(variance);
+    if (!m.votes) return;
+    const double information = (robust ? weight : 1.0) / (variance * noise_.scale_correlation);
+    normal_.at(at, at) += information;
+    right_[at] -= information * off;
   }
 
   void add(const Bridge& bridge) {
@@ -365,12 +415,10 @@ class Smoother {
   Trajectory handed_out() const {
     Trajectory out;
     double common = 0.0;
-    bool metric = false;
     for (const Measurement& m : measured_) {
-      metric = metric || (m.window->log_scale && m.window->metric);
       common = std::max(common, m.window->common_scale_sigma);
     }
-    out.metric = metric;
+    out.metric = metric_;
     out.common_sigma = common;
     const SymmetricBand covariance = factor_.inverse_in_band();
     SymmetricBand readable = covariance;
@@ -402,6 +450,8 @@ class Smoother {
 
   const std::vector<int>& ids_;
   const TrajectoryNoise& noise_;
+  const std::vector<double>& times_;  // s
+  bool metric_ = false;
   std::vector<Measurement> measured_;
   std::vector<Bridge> bridges_;
   std::vector<SE3> poses_;  // world_from_camera
@@ -426,9 +476,9 @@ const TrajectoryPose* Trajectory::find(int frame) const {
 
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
-                             const TrajectoryNoise& noise) {
+                             const TrajectoryNoise& noise, const std::vector<double>& times) {
   if (frame_ids.empty()) return {};
-  return Smoother(frame_ids, windows, noise).solve();
+  return Smoother(frame_ids, windows, noise, times).solve();
 }
 
 }  // namespace camber

@@ -22,10 +22,17 @@ struct TrajectoryNoise {
   /// that took another layer for the road is outvoted by its neighbours.
   double scale_freedom = 3.0;
   double scale_floor = 0.01;  ///< relative, of a window's own scale, > 0
+  /// Relative: a window that knows its scale worse has no say in the drive's, > 0. On a film whose
+  /// coder repeats the asphalt such windows are off by many of their standard deviations.
+  double weakest_scale = 0.15;
   /// Of the logarithm of the scale: neighbouring windows' own errors are alike over so many of
   /// them.
   double scale_correlation = 5.0;
   double motion_freedom = 4.0;  ///< the same of a window's motion
+  /// Spectral density of the acceleration along the way, m^2 / s^3, > 0: a vehicle's speed is a
+  /// random walk (Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and
+  /// Navigation", 2001, section 6.2.2). 0.7 m/s^2 that lasts for 2 s.
+  double acceleration_density = 2.0;
 };
 
 struct TrajectoryPose {
@@ -44,7 +51,7 @@ struct Trajectory {
   std::vector<TrajectoryPose> poses;  ///< of every frame taken, ascending
   double common_sigma = 0.0;          ///< relative: what all windows share of the scale
   /// By reference frame: how far each window's own scale is from the smoothed one, in standard
-  /// deviations, and its weight in (0, 1].
+  /// deviations, and the weight in (0, 1] of one so far off.
   struct WindowScale {
     int reference = 0;
     double residual_sigma = 0.0, weight = 1.0;
@@ -72,8 +79,10 @@ struct Trajectory {
 /// the first frame's camera.
 /// @param frame_ids  every frame taken, ascending.
 /// @param windows    in the order of their references.
+/// @param times      s, of every frame; empty: nothing is known of speeds.
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
-                             const TrajectoryNoise& noise = {});
+                             const TrajectoryNoise& noise = {},
+                             const std::vector<double>& times = {});
 
 }  // namespace camber

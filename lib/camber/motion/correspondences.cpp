@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <optional>
@@ -221,20 +222,62 @@ bool is_lost(const MatchedImage& match, const MatchedImage& nearer) {
   return 2 * accepted(match) < accepted(nearer);
 }
 
+/// The images of a window as a flow needs them, prepared where one is asked for, and the flows
+/// between them that are kept or found.
+class WindowFlows {
+ public:
+  WindowFlows(const std::vector<GrayImage>& images, const CorrespondenceOptions& options,
+              const KeptFlows& kept)
+      : images_(images),
+        options_(options),
+        kept_(kept),
+        prepared_(images.size()),
+        once_(images.size()) {}
+
+  const CorrespondenceOptions& options() const { return options_; }
+
+  const FlowImage& image(std::size_t k) {
+    std::call_once(once_[k], [&] { prepared_[k].emplace(view(images_[k]), options_); });
+    return *prepared_[k];
+  }
+
+  DenseFlow flow(std::size_t from, std::size_t to) {
+    if (kept_.cache) {
+      DenseFlow flow = kept_.cache->find(kept_.ids[from], kept_.ids[to]);
+      if (!flow.empty()) return flow;
+    }
+    DenseFlow found = dense_flow(image(from), image(to), options_);
+    if (kept_.cache) kept_.cache->keep(kept_.ids[from], kept_.ids[to], found);
+    return found;
+  }
+
+  /// From a first guess; not kept.
+  DenseFlow flow(std::size_t from, std::size_t to, const DenseFlow& start) {
+    return dense_flow(image(from), image(to), options_, start);
+  }
+
+ private:
+  const std::vector<GrayImage>& images_;
+  const CorrespondenceOptions& options_;
+  const KeptFlows& kept_;
+  std::vector<std::optional<FlowImage>> prepared_;
+  std::vector<std::once_flag> once_;
+};
+
 /// Flow to an image that is far from the reference, from a start through the image between;
 /// taken where more comes back than without it.
-void follow(const FlowImage& reference, const FlowImage& between, const FlowImage& image,
-            const FlowPair& to_between, const CorrespondenceOptions& options,
-            const Correspondences& grid, const cv::Size& size, FlowPair& flow,
-            MatchedImage& match) {
-  const DenseFlow on = dense_flow(between, image, options);
-  const DenseFlow home = dense_flow(image, between, options);
+void follow(WindowFlows& flows, std::size_t reference, std::size_t between,
+            const FlowPair& to_between, const Correspondences& grid, const cv::Size& size,
+            FlowPair& flow, MatchedImage& match) {
+  const auto image = static_cast<std::size_t>(match.frame);
+  const DenseFlow on = flows.flow(between, image);
+  const DenseFlow home = flows.flow(image, between);
   FlowPair found;
-  found.there = dense_flow(reference, image, options, to_between.there.followed_by(on));
-  found.back = dense_flow(image, reference, options, home.followed_by(to_between.back));
+  found.there = flows.flow(reference, image, to_between.there.followed_by(on));
+  found.back = flows.flow(image, reference, home.followed_by(to_between.back));
   MatchedImage again;
   again.frame = match.frame;
-  check_round_trips(grid, found, options.forward_backward_px, size, again);
+  check_round_trips(grid, found, flows.options().forward_backward_px, size, again);
   if (accepted(again) <= accepted(match)) return;
   match = std::move(again);
   flow = std::move(found);
@@ -490,43 +533,38 @@ Correspondences correspondence_grid(const GrayImage& image, int reference, int s
 }
 
 Correspondences match_images(const std::vector<GrayImage>& images, int reference,
-                             const CorrespondenceOptions& options) {
+                             const CorrespondenceOptions& options, const KeptFlows& kept) {
   options.validate();
   check_images(images, reference);
+  if (kept.cache && kept.ids.size() != images.size()) {
+    throw std::invalid_argument("found " + std::to_string(kept.ids.size()) +
+                                " ids of kept flows, expected one for each of " +
+                                std::to_string(images.size()) + " images");
+  }
   const GrayImage& base = images[static_cast<std::size_t>(reference)];
   const SingleThreadedOpenCv guard;
-  std::vector<int> others;
-  for (int k = 0; k < static_cast<int>(images.size()); ++k) {
-    if (k != reference) others.push_back(k);
+  std::vector<std::size_t> others;
+  const auto at_reference = static_cast<std::size_t>(reference);
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    if (k != at_reference) others.push_back(k);
   }
-  std::vector<std::optional<FlowImage>> prepared(images.size());
+  WindowFlows window(images, options, kept);
   Correspondences out;
-  parallel_for(images.size() + 1, options.num_threads, [&](std::size_t k) {
-    if (k == images.size()) {
-      out = grid_of(base, reference, options.step);
-    } else {
-      prepared[k].emplace(view(images[k]), options);
-    }
-  });
-  const FlowImage& from = *prepared[static_cast<std::size_t>(reference)];
-  const auto prepared_of = [&](std::size_t k) -> const FlowImage& {
-    return *prepared[static_cast<std::size_t>(others[k])];
-  };
-  const cv::Size size(base.width, base.height);
   std::vector<FlowPair> flows(others.size());
-  parallel_for(2 * flows.size(), options.num_threads, [&](std::size_t task) {
-    const FlowImage& to = prepared_of(task / 2);
-    FlowPair& pair = flows[task / 2];
-    if (task % 2 == 0) {
-      pair.there = dense_flow(from, to, options);
+  parallel_for(2 * flows.size() + 1, options.num_threads, [&](std::size_t task) {
+    if (task == 2 * flows.size()) {
+      out = grid_of(base, reference, options.step);
+    } else if (task % 2 == 0) {
+      flows[task / 2].there = window.flow(at_reference, others[task / 2]);
     } else {
-      pair.back = dense_flow(to, from, options);
+      flows[task / 2].back = window.flow(others[task / 2], at_reference);
     }
   });
 
+  const cv::Size size(base.width, base.height);
   out.matches.resize(others.size());
   parallel_for(others.size(), options.num_threads, [&](std::size_t k) {
-    out.matches[k].frame = others[k];
+    out.matches[k].frame = static_cast<int>(others[k]);
     check_round_trips(out, flows[k], options.forward_backward_px, size, out.matches[k]);
   });
   // Outwards on both sides of the reference, each image after its neighbour. A list of others has
@@ -537,8 +575,8 @@ Correspondences match_images(const std::vector<GrayImage>& images, int reference
     for (int k = side == 0 ? reference - 2 : reference + 1; k >= 0 && k < count; k += step) {
       const auto at = static_cast<std::size_t>(k), nearer = static_cast<std::size_t>(k - step);
       if (!is_lost(out.matches[at], out.matches[nearer])) continue;
-      follow(from, prepared_of(nearer), prepared_of(at), flows[nearer], options, out, size,
-             flows[at], out.matches[at]);
+      follow(window, at_reference, others[nearer], flows[nearer], out, size, flows[at],
+             out.matches[at]);
     }
   });
   return out;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "camber/image/image.h"
+#include "camber/motion/flow_cache.h"
 
 namespace camber {
 
@@ -60,14 +61,22 @@ void check_images(const std::vector<GrayImage>& images, int reference);
 /// @throws std::invalid_argument for an empty image or a step below 1.
 Correspondences correspondence_grid(const GrayImage& image, int reference, int step);
 
+/// Flows that several windows share. @see FlowCache
+struct KeptFlows {
+  FlowCache* cache = nullptr;  ///< null: nothing is kept
+  std::vector<int> ids;        ///< one an image
+};
+
 /// Matches the reference image to every other image by dense inverse-search optical flow (Kroeger,
 /// Timofte, Dai, van Gool, "Fast Optical Flow using Dense Inverse Search", ECCV 2016) with a
 /// forward-backward check. Images in the order of time: where one shares less than half as much
 /// with the reference as its neighbour towards it, the flow starts again through that neighbour.
 /// All images have the same size (else std::invalid_argument). The same result for any number of
 /// threads.
+///
+/// @param kept  flows of earlier windows, used and added to; its ids are those of the images.
 Correspondences match_images(const std::vector<GrayImage>& images, int reference,
-                             const CorrespondenceOptions& options);
+                             const CorrespondenceOptions& options, const KeptFlows& kept = {});
 
 /// Where every pixel of the reference image is expected in one other image.
 struct PredictedImage {

@@ -24,8 +24,8 @@ GrayImage shrunk(const GrayImage& image) {
   return out;
 }
 
-std::optional<double> near_parallax(const PinholeCamera& camera, const GrayImage& a,
-                                    const GrayImage& b, double least_matched) {
+ImageParallax image_parallax(const PinholeCamera& camera, const GrayImage& a, const GrayImage& b,
+                             double least_matched) {
   CorrespondenceOptions options;
   options.step = 4;
   const Correspondences matches = match_images({a, b}, 0, options);
@@ -57,22 +57,34 @@ std::optional<double> near_parallax(const PinholeCamera& camera, const GrayImage
     }
     turn = normal.ldlt().solve(right);
   }
-  std::vector<double> sizes;
+  std::vector<double> sizes, below;
   std::size_t near = 0;
   for (std::size_t i = 0; i < matches.pixels.size(); ++i) {
-    if (matches.pixels[i].y() < 2.0f * static_cast<float>(a.height) / 3.0f) continue;
-    ++near;
-    if (!std::isfinite(match.round_trip_px[i])) continue;
+    const bool is_near = matches.pixels[i].y() >= 2.0f * static_cast<float>(a.height) / 3.0f;
+    near += is_near ? 1 : 0;
+    if (matches.pixels[i].y() < cy || !std::isfinite(match.round_trip_px[i])) continue;
     const Eigen::Vector2d flow = (match.pixels[i] - matches.pixels[i]).cast<double>();
-    sizes.push_back((flow - rotation_rows(matches.pixels[i]) * turn).norm());
+    below.push_back((flow - rotation_rows(matches.pixels[i]) * turn).norm());
+    if (is_near) sizes.push_back(below.back());
   }
-  if (static_cast<double>(sizes.size()) < least_matched * static_cast<double>(near) ||
-      sizes.empty()) {
-    return std::nullopt;
+  const auto quantile = [&](std::vector<double>& of, double share) {
+    const auto at =
+        of.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(of.size()));
+    std::nth_element(of.begin(), at, of.end());
+    return *at * camera.width / a.width;
+  };
+  ImageParallax out;
+  if (!below.empty()) out.most = quantile(below, 0.9);
+  if (!sizes.empty() &&
+      static_cast<double>(sizes.size()) >= least_matched * static_cast<double>(near)) {
+    out.near = quantile(sizes, 0.5);
   }
-  const std::size_t at = sizes.size() / 2;
-  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(at), sizes.end());
-  return sizes[at] * camera.width / a.width;
+  return out;
+}
+
+std::optional<double> near_parallax(const PinholeCamera& camera, const GrayImage& a,
+                                    const GrayImage& b, double least_matched) {
+  return image_parallax(camera, a, b, least_matched).near;
 }
 
 }  // namespace camber

@@ -16,9 +16,22 @@ inline constexpr double kLeastNearMatched = 0.62;
 /// A third of the size, at least 16 px wide and high.
 GrayImage shrunk(const GrayImage& image);
 
-/// Median image motion in the lower third, px of the full image, after the rotation that the upper
-/// half shows has been taken out; nothing where less than that share of it is matched.
-/// @param a  shrunk(), and so is b; of the camera's images.
+/// Image motion after the rotation that the upper half shows has been taken out, px of the full
+/// image.
+struct ImageParallax {
+  /// Median in the lower third; nothing where less than the least share of it is matched.
+  std::optional<double> near;
+  /// Of all below the principal point a tenth moves more. Where `near` is much smaller, what is
+  /// near stands still in the picture: a bonnet, or asphalt that a film's coder repeats.
+  double most = 0.0;
+};
+
+/// @param a              shrunk(), and so is b; of the camera's images.
+/// @param least_matched  share of the lower third.
+ImageParallax image_parallax(const PinholeCamera& camera, const GrayImage& a, const GrayImage& b,
+                             double least_matched);
+
+/// image_parallax().near
 std::optional<double> near_parallax(const PinholeCamera& camera, const GrayImage& a,
                                     const GrayImage& b, double least_matched);
 

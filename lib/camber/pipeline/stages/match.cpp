@@ -123,7 +123,9 @@ CorrespondenceOptions flow_options(const LoadedFrames& frames, const MatchOption
 Correspondences match(const LoadedFrames& frames, const MatchOptions& options) {
   CorrespondenceOptions flow = flow_options(frames, options);
   flow.smooth = flow.keep_lost;  // what stays where matching again fails
-  return match_images(frames.gray, static_cast<int>(frames.reference), flow);
+  KeptFlows kept{options.kept, {}};
+  for (const SceneFrame& frame : frames.frames) kept.ids.push_back(frame.id);
+  return match_images(frames.gray, static_cast<int>(frames.reference), flow, kept);
 }
 
 Correspondences match_again(const LoadedFrames& frames, const Correspondences& before,

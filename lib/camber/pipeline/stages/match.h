@@ -9,6 +9,7 @@ namespace camber::stages {
 
 struct MatchOptions {
   CorrespondenceOptions flow;  ///< grid and forward-backward check
+  FlowCache* kept = nullptr;   ///< flows between frames that other windows use, too; by frame ids
 };
 
 /// Dense correspondences of the reference image with all others, nothing known of the scene.

@@ -1,0 +1,255 @@
+#include "camber/drive/measure_drive.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "camber/core/errors.h"
+#include "camber/core/interruption.h"
+#include "camber/core/threads.h"
+#include "camber/pipeline/estimate_window.h"
+#include "camber/pipeline/near_parallax.h"
+#include "camber/pipeline/stage_runner.h"
+
+namespace camber {
+namespace {
+
+using stages::LoadedFrame;
+using FramePtr = std::shared_ptr<const LoadedFrame>;
+
+/// The last frames that were read.
+class FrameCache {
+ public:
+  FrameCache(const Scene& scene, const stages::LoadOptions& options) : loader_(scene, options) {}
+
+  FramePtr get(int id) {
+    for (const FramePtr& frame : held_) {
+      if (frame->frame.id == id) return frame;
+    }
+    held_.push_back(loader_.load(id));
+    if (held_.size() > kHeld) held_.erase(held_.begin());
+    return held_.back();
+  }
+
+ private:
+  static constexpr std::size_t kHeld = 12;
+  stages::FrameLoader loader_;
+  std::vector<FramePtr> held_;
+};
+
+/// Reads a drive frame by frame and measures its windows.
+class Measurer {
+ public:
+  Measurer(const Scene& scene, const std::vector<int>& ids, const DriveOptions& options,
+           WindowLog* log, Timings* timings, const Progress& progress)
+      : scene_(scene),
+        ids_(ids),
+        options_(options),
+        window_options_(options.window),
+        log_(*log),
+        timings_(*timings),
+        progress_(progress),
+        at_once_(std::min(kMostAtOnce, resolve_num_threads(options.window.num_threads))),
+        cache_(scene, handed_down(options.window).load) {
+    window_options_.match.kept = &flows_;
+    window_options_.num_threads =
+        std::max(1, resolve_num_threads(options.window.num_threads) / at_once_);
+    window_options_ = handed_down(window_options_);
+  }
+
+  void run() {
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      if (progress_)
+        progress_("windows", 0.95 * static_cast<double>(i) / static_cast<double>(ids_.size()));
+      throw_if_interrupted();
+      const FrameRecord record = i < log_.frames().size() ? log_.frames()[i] : look_at(ids_[i]);
+      if (i >= log_.frames().size()) log_.append(record);
+      if (record.kind == FrameRecord::Kind::kKey) {
+        keys_.push_back(record.frame);
+        measure_between(keys_.size() - 2);
+        between_.clear();
+        const auto side = static_cast<std::size_t>(options_.each_side);
+        if (keys_.size() > side) measure(keys_.size() - 1 - side);
+      } else if (record.kind == FrameRecord::Kind::kBetween) {
+        between_.push_back(record.frame);
+      }
+    }
+    const auto side = static_cast<std::size_t>(options_.each_side);
+    for (std::size_t k = keys_.size() > side ? keys_.size() - side : 0; k < keys_.size(); ++k) {
+      measure(k);
+    }
+    measure_after_the_last_key();
+    measure_pending();
+  }
+
+ private:
+  FrameRecord look_at(int id) {
+    FramePtr frame;
+    try {
+      const StageTimer timer(timings_, "load");
+      frame = cache_.get(id);
+    } catch (const InputError& error) {
+      return {id, FrameRecord::Kind::kUnreadable, error.what()};
+    } catch (const NoAnswerError& error) {
+      return {id, FrameRecord::Kind::kUnreadable, error.what()};
+    }
+    if (!last_) see_again();
+    if (last_ && last_->gray.pixels == frame->gray.pixels) {
+      return {id, FrameRecord::Kind::kRepeated,
+              fmt::format("the picture of frame {}", last_->frame.id)};
+    }
+    const StageTimer timer(timings_, "correspondences");
+    const bool key = keys_.empty() || is_key(frame);
+    see(frame, key);
+    return {id, key ? FrameRecord::Kind::kKey : FrameRecord::Kind::kBetween, ""};
+  }
+
+  /// Whether a frame has parallax to the last key frame. What is near may stand still in the
+  /// picture (a bonnet, asphalt that a film's coder repeats), and what moves fast is lost over
+  /// several frames: so the motion from frame to frame counts, too.
+  bool is_key(const FramePtr& frame) {
+    const double enough = kEnoughNearParallax * scene_.camera.fx;
+    const GrayImage small = shrunk(frame->gray);
+    const ImageParallax to_key =
+        image_parallax(scene_.camera, shrunk(last_key_->gray), small, kLeastNearMatched);
+    if (!to_key.near || *to_key.near >= enough) return true;
+    const double step =
+        last_ == last_key_
+            ? to_key.most
+            : image_parallax(scene_.camera, shrunk(last_->gray), small, kLeastNearMatched).most;
+    if (step > kLeastStep) moved_ += step;
+    return moved_ >= kEnoughMoved * enough;
+  }
+
+  void see(const FramePtr& frame, bool key) {
+    last_ = frame;
+    if (!key) return;
+    last_key_ = frame;
+    moved_ = 0.0;
+  }
+
+  /// After an interruption: the last key frame and those since.
+  void see_again() {
+    if (keys_.empty()) return;
+    see(cache_.get(keys_.back()), true);
+    for (const int id : between_) {
+      const FramePtr frame = cache_.get(id);
+      is_key(frame);
+      see(frame, false);
+    }
+  }
+
+  bool has_vehicles(int id) const { return !scene_.find_frame(id)->vehicles.empty(); }
+
+  std::vector<FramePtr> frames_of(const std::vector<int>& ids) {
+    const StageTimer timer(timings_, "load");
+    std::vector<FramePtr> out;
+    for (const int id : ids) out.push_back(cache_.get(id));
+    return out;
+  }
+
+  /// The window about a key frame.
+  void measure(std::size_t key) {
+    const int reference = keys_[key];
+    if (log_.has_window(reference)) return;
+    const int every = std::min(options_.every, 2 * options_.each_side - 1);
+    if (key % static_cast<std::size_t>(every) != 0 && !has_vehicles(reference)) return;
+    const auto side = static_cast<std::size_t>(options_.each_side);
+    const std::size_t first = key > side ? key - side : 0;
+    const std::size_t last = std::min(keys_.size() - 1, key + side);
+    if (first == last) return;  // one frame has no motion
+    const std::vector<int> ids(keys_.begin() + static_cast<std::ptrdiff_t>(first),
+                               keys_.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+    pend({frames_of(ids), key - first, true});
+  }
+
+  /// Windows are measured side by side, and written down in their order.
+  struct PendingWindow {
+    std::vector<FramePtr> frames;
+    std::size_t reference = 0;
+    bool whole = true;  // false: the motion alone
+  };
+
+  void pend(PendingWindow window) {
+    pending_.push_back(std::move(window));
+    if (pending_.size() >= static_cast<std::size_t>(at_once_)) measure_pending();
+  }
+
+  void measure_pending() {
+    int oldest = std::numeric_limits<int>::max();
+    for (const PendingWindow& w : pending_) {
+      oldest = std::min(oldest, w.frames.front()->frame.id);
+    }
+    flows_.forget_before(oldest);
+    std::vector<WindowMeasurement> measured(pending_.size());
+    std::vector<Timings> timings(pending_.size());
+    parallel_for(pending_.size(), at_once_, [&](std::size_t i) {
+      const PendingWindow& w = pending_[i];
+      measured[i] =
+          w.whole ? measure_window(scene_, w.frames, w.reference, window_options_, options_.samples,
+                                   &timings[i])
+                  : measure_motion(scene_, w.frames, w.reference, window_options_, &timings[i]);
+    });
+    for (std::size_t i = 0; i < measured.size(); ++i) {
+      log_.append(measured[i]);
+      for (const auto& [stage, ms] : timings[i].stages()) timings_.add(stage, ms);
+    }
+    log_.flush();
+    pending_.clear();
+  }
+
+  /// Frames between a key frame and the next.
+  void measure_between(std::size_t key) {
+    if (keys_.size() < 2) return;
+    for (const int id : between_) measure_beside(id, {keys_[key], id, keys_[key + 1]}, 1);
+  }
+
+  void measure_after_the_last_key() {
+    if (keys_.empty()) return;
+    for (const int id : between_) {
+      if (keys_.size() > 1) {
+        measure_beside(id, {keys_[keys_.size() - 2], keys_.back(), id}, 2);
+      } else {
+        measure_beside(id, {keys_.back(), id}, 1);
+      }
+    }
+    between_.clear();
+  }
+
+  void measure_beside(int id, const std::vector<int>& ids, std::size_t reference) {
+    if (log_.has_window(id)) return;
+    pend({frames_of(ids), reference, has_vehicles(id)});
+  }
+
+  const Scene& scene_;
+  const std::vector<int>& ids_;
+  const DriveOptions& options_;
+  ReconstructOptions window_options_;
+  WindowLog& log_;
+  Timings& timings_;
+  const Progress& progress_;
+  static constexpr int kMostAtOnce = 4;
+  int at_once_;  // windows
+  std::vector<PendingWindow> pending_;
+  FrameCache cache_;
+  FlowCache flows_;
+  std::vector<int> keys_, between_;
+  static constexpr double kLeastStep = 1.5;    // px, of the full image: less is noise
+  static constexpr double kEnoughMoved = 0.5;  // of the parallax that is enough near the camera
+  FramePtr last_, last_key_;
+  double moved_ = 0.0;  // px, since the last key frame
+};
+
+}  // namespace
+
+void measure_drive(const Scene& scene, const std::vector<int>& frame_ids,
+                   const DriveOptions& options, WindowLog* log, Timings* timings,
+                   const Progress& progress) {
+  Measurer(scene, frame_ids, options, log, timings, progress).run();
+}
+
+}  // namespace camber
