@@ -12,10 +12,13 @@
 #include "camber/core/hash.h"
 #include "camber/core/memory.h"
 #include "camber/core/protected_inputs.h"
+#include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/drive/detect_drive.h"
 #include "camber/drive/write_drive.h"
 #include "camber/scene/results.h"
 #include "command.h"
+#include "network_arguments.h"
 #include "own_inputs.h"
 #include "scene_input.h"
 
@@ -26,6 +29,7 @@ namespace {
 
 struct Arguments {
   SceneInputArguments input;
+  NetworkArguments networks;
   std::string out, frames;
   bool no_masks = false, overwrite = false, resume = false, json = false;
 };
@@ -38,6 +42,9 @@ nlohmann::json header_of(const OpenedScene& opened, const std::vector<int>& ids,
           {"scene", hash_file(fs::is_directory(manifest) ? manifest / "scene.json" : manifest)},
           {"frames", ids},
           {"no_masks", a.no_masks},
+          {"networks",
+           {a.networks.detector, a.networks.detector_config, a.networks.keypoints,
+            a.networks.keypoints_config}},
           {"seed", command.common.seed}};
 }
 
@@ -65,9 +72,18 @@ void remove_earlier(const fs::path& folder) {
 int run(const Command& command, Arguments& a) {
   const Progress progress = make_progress(command.common);
   SceneInput input(command, a.input, a.out);
-  const Scene& scene = input.opened().scene;
+  Scene scene = input.opened().scene;
   std::vector<fs::path> inputs = files_of(scene);
   inputs.emplace_back(a.input.path);
+  if (!a.networks.segmenter.empty()) {
+    throw UsageError(
+        "--segmenter: the labels of a whole drive are not computed on the way; camber detect "
+        "--segmenter writes a scene with them");
+  }
+  DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
+  const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
+  for (const fs::path& file : files_of(networks.networks)) inputs.push_back(file);
+  for (const fs::path& file : files_of(keypoints)) inputs.push_back(file);
   protect_inputs(inputs);
   const std::vector<int> ids = select_frames(scene, a.frames);
   const fs::path folder = a.out;
@@ -83,6 +99,19 @@ int run(const Command& command, Arguments& a) {
   if (error) throw OutputError(folder.string(), error.message());
   if (!goes_on) remove_earlier(folder);
   write_json(run_json(command, a, input, false), folder / "run.json");
+  const bool by_shipped =
+      a.networks.detector.empty() && !has_boxes(scene) && has_images(scene, ids);
+  if (by_shipped) networks.networks.detector = kShippedNetwork;
+  Timings network_time;
+  StageTimer network_timer(network_time, "networks");
+  const DriveNetworks seen =
+      detect_drive(&scene, ids, networks, keypoints, progress, make_warning_sink(command.common));
+  network_timer.stop();
+  if (by_shipped && !command.common.quiet) {
+    std::fprintf(stderr,
+                 "camber: the scene has no boxes: vehicles are what the shipped detector finds "
+                 "(--detector none leaves them out)\n");
+  }
   DriveResult result;
   {
     WindowLog log(folder / "windows.log", header_of(input.opened(), ids, command, a), goes_on);
@@ -90,6 +119,10 @@ int run(const Command& command, Arguments& a) {
   }
   nlohmann::json document = run_json(command, a, input, true);
   document["resumed"] = goes_on;
+  if (!networks.networks.empty() || seen.keypoints) {
+    document["networks"] = network_json(seen.view, seen.keypoints);
+    result.timings.add("networks", network_time.stages().front().second);
+  }
   for (const auto& [stage, ms] : result.timings.stages()) document["timings_ms"][stage] = ms;
   nlohmann::json warnings = nlohmann::json::array();
   std::size_t held = 0;
@@ -146,6 +179,7 @@ void register_drive(App& root) {
   Arguments& a = *arguments;
   App& app = *command->app;
   add_scene_input(app, a.input);
+  add_network_options(app, a.networks);
   app.add_option("--frames", a.frames,
                  "frame ids: 48:200 (both ends), 0:400:2 or all; default: all")
       ->no_name();

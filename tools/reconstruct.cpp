@@ -127,23 +127,14 @@ Reconstruction with_evidence(const std::string& file, const Run& run) {
   }
 }
 
-bool has_boxes(const Scene& scene) {
-  return std::any_of(scene.frames.begin(), scene.frames.end(),
-                     [](const SceneFrame& frame) { return !frame.vehicles.empty(); });
-}
-
-bool has_images(const Scene& scene) {
-  return std::all_of(scene.frames.begin(), scene.frames.end(),
-                     [](const SceneFrame& frame) { return !frame.image.empty(); });
-}
-
 /// @param check_output  throws if the result cannot be written, once all that is read is protected.
 Reconstruction run(const Command& command, Arguments& a, Scene& scene,
                    const std::function<void()>& check_output) {
   const Progress progress = make_progress(command.common);
   std::vector<std::filesystem::path> inputs = files_of(scene);
   DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
-  if (a.places_vehicles && a.networks.detector.empty() && !has_boxes(scene) && has_images(scene)) {
+  if (a.places_vehicles && a.networks.detector.empty() && !has_boxes(scene) &&
+      has_images(scene, select_frames(scene, "all"))) {
     networks.networks.detector = kShippedNetwork;
     a.placed_by_shipped = true;
   }

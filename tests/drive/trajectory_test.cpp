@@ -76,7 +76,8 @@ MadeWindows make_windows(int frames, std::uint64_t seed, double noise = 1.0,
 /// Windows' errors as they are drawn here: neither alike nor shared.
 TrajectoryNoise independent() {
   TrajectoryNoise out;
-  out.motion_inflation = out.scale_correlation = 1.0;
+  out.motion_inflation = 1.0;
+  out.scale_correlation = 0.0;
   out.rotation_floor = out.translation_floor = out.scale_floor = 1e-6;
   return out;
 }
@@ -182,6 +183,34 @@ TEST(Trajectory, BridgesFramesThatNoWindowJoins) {
                           .norm();
   EXPECT_NEAR(step, 1.0, 0.05);
   EXPECT_GT(found.poses.back().covariance(5, 5), 0.01);  // a step of 0.3 m is open
+}
+
+TEST(Trajectory, WindowsThatHardlyKnowTheirScaleHaveNoVote) {
+  // Nine of ten are off by a factor of 50 and known to 40 %, as on film whose asphalt stands still.
+  MadeWindows made = make_windows(60, 21);
+  for (std::size_t i = 0; i < made.windows.size(); ++i) {
+    if (i % 10 == 5) continue;
+    made.windows[i].log_scale = *made.windows[i].log_scale - 3.9;
+    made.windows[i].scale_sigma = 0.4;
+  }
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  EXPECT_TRUE(found.metric);
+  EXPECT_NEAR(found.whole.length / true_length(made), 1.0, 0.03);
+  for (WindowMeasurement& w : made.windows) w.scale_sigma = 0.4;
+  const Trajectory blind = smooth_trajectory(made.ids, made.windows);
+  EXPECT_FALSE(blind.metric);
+  EXPECT_LT(blind.whole.own_sigma, 0.2 * blind.whole.length);  // its shape is known
+}
+
+TEST(Trajectory, NominalHeightsHaveNoVoteBesideMetres) {
+  MadeWindows made = make_windows(40, 22, 0.0);
+  for (std::size_t i = 0; i < made.windows.size(); i += 2) {
+    made.windows[i].metric = false;
+    made.windows[i].log_scale = *made.windows[i].log_scale - 0.5;
+  }
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  EXPECT_TRUE(found.metric);
+  EXPECT_NEAR(found.whole.length, true_length(made), 1e-3 * true_length(made));
 }
 
 TEST(Trajectory, WithoutMetresIsUpToScale) {

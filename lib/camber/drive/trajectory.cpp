@@ -20,7 +20,8 @@ constexpr Eigen::Index kPose = 6, kBlock = 7;  // of a frame: pose, logarithm of
 /// A window with the places of its frames in the trajectory.
 struct Measurement {
   const WindowMeasurement* window = nullptr;
-  bool votes = false;           // on the scale of the drive
+  bool votes = false;  // on the scale of the drive
+  double alike = 1.0;  // windows whose error is this one's, each by its correlation; itself 1
   std::vector<std::size_t> at;  // of its frames
   std::size_t reference = 0;    // index into the window's frames
   Eigen::MatrixXd information;  // of its relative poses, baselines
@@ -43,6 +44,22 @@ void choose_votes(const TrajectoryNoise& noise, std::vector<Measurement>* measur
     metric = metric || (m.votes && w.metric);
   }
   for (Measurement& m : *measured) m.votes = m.votes && m.window->metric == metric;
+  // Errors of an autoregressive process: a mean's variance is so much larger than of as many
+  // independent ones.
+  constexpr double kLeast = 1e-3;
+  for (auto m = measured->begin(); m != measured->end(); ++m) {
+    const auto add = [&](const Measurement& other) {
+      const auto away =
+          std::abs(static_cast<double>(other.place()) - static_cast<double>(m->place()));
+      const double share = std::pow(noise.scale_correlation, away);
+      if (other.votes) m->alike += share;
+      return share > kLeast;
+    };
+    for (auto other = m; other != measured->begin() && add(*--other);) {
+    }
+    for (auto other = std::next(m); other != measured->end() && add(*other); ++other) {
+    }
+  }
 }
 
 std::vector<Measurement> measurements_of(const std::vector<int>& ids,
@@ -258,6 +275,12 @@ class Smoother {
     }
     weights_.clear();
     residuals_.clear();
+    const bool voted = std::any_of(measured_.begin(), measured_.end(),
+                                   [](const Measurement& m) { return m.votes; });
+    if (!voted && !measured_.empty()) {  // lengths in the first window's baselines
+      const Eigen::Index at = kBlock * static_cast<Eigen::Index>(measured_.front().place()) + kPose;
+      normal_.at(at, at) += 1e12;
+    }
     for (const Measurement& m : measured_) add(m, robust);
     for (const Bridge& bridge : bridges_) add(bridge);
     if (!metric_ || times_.size() != ids_.size()) return;
@@ -351,7 +374,7 @@ class Smoother {
     weights_[m.place()] = std::min(1.0, weight);
     residuals_[m.place()] = off / std::sqrt(variance);
     if (!m.votes) return;
-    const double information = (robust ? weight : 1.0) / (variance * noise_.scale_correlation);
+    const double information = (robust ? weight : 1.0) / (variance * m.alike);
     normal_.at(at, at) += information;
     right_[at] -= information * off;
   }

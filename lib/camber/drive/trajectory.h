@@ -25,9 +25,9 @@ struct TrajectoryNoise {
   /// Relative: a window that knows its scale worse has no say in the drive's, > 0. On a film whose
   /// coder repeats the asphalt such windows are off by many of their standard deviations.
   double weakest_scale = 0.15;
-  /// Of the logarithm of the scale: neighbouring windows' own errors are alike over so many of
-  /// them.
-  double scale_correlation = 5.0;
+  /// Correlation of the own errors of two windows one frame apart; n frames apart its n-th power.
+  /// In [0, 1).
+  double scale_correlation = 0.6;
   double motion_freedom = 4.0;  ///< the same of a window's motion
   /// Spectral density of the acceleration along the way, m^2 / s^3, > 0: a vehicle's speed is a
   /// random walk (Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and

@@ -232,22 +232,10 @@ std::vector<VehicleDetection> detections_of(const std::vector<DetectedVehicle>& 
   return out;
 }
 
-bool has_boxes(const Scene& scene) {
-  return std::any_of(scene.frames.begin(), scene.frames.end(),
-                     [](const SceneFrame& frame) { return !frame.vehicles.empty(); });
-}
-
 bool has_masks(const Scene& scene, const std::vector<int>& frame_ids) {
   return std::any_of(frame_ids.begin(), frame_ids.end(), [&](int id) {
     const SceneFrame* frame = scene.find_frame(id);
     return frame && !(frame->segmentation.empty() && frame->road_mask.empty());
-  });
-}
-
-bool has_images(const Scene& scene, const std::vector<int>& frame_ids) {
-  return std::all_of(frame_ids.begin(), frame_ids.end(), [&](int id) {
-    const SceneFrame* frame = scene.find_frame(id);
-    return frame && !frame->image.empty();
   });
 }
 
@@ -287,6 +275,18 @@ NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
   }
   if (progress) progress("networks", 1.0);
   return out;
+}
+
+bool has_boxes(const Scene& scene) {
+  return std::any_of(scene.frames.begin(), scene.frames.end(),
+                     [](const SceneFrame& frame) { return !frame.vehicles.empty(); });
+}
+
+bool has_images(const Scene& scene, const std::vector<int>& frame_ids) {
+  return std::all_of(frame_ids.begin(), frame_ids.end(), [&](int id) {
+    const SceneFrame* frame = scene.find_frame(id);
+    return frame && !frame->image.empty();
+  });
 }
 
 void put_network_view(const NetworkView& view, Scene* scene) {

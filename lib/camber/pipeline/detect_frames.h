@@ -56,6 +56,11 @@ NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
                           const DetectFramesOptions& options, const Progress& progress = {},
                           const LogSink& warn = {});
 
+/// Whether some frame has the box of a vehicle.
+bool has_boxes(const Scene& scene);
+/// Whether all of these frames have an image file.
+bool has_images(const Scene& scene, const std::vector<int>& frame_ids);
+
 /// Puts what the networks see into the scene: boxes with their sigma and source in place of those
 /// of the same frames (boxes of other frames are dropped: they are another detector's); the
 /// meaning and source of the labels. The label images themselves are the caller's.
