@@ -161,6 +161,11 @@ Reconstruction run(const Command& command, Arguments& a, Scene& scene,
     report("slow drive: frames " + std::to_string(chosen.spacing) +
            " away from the reference are used");
   }
+  constexpr std::size_t kManyFrames = 20;
+  if (scene.frames.size() >= kManyFrames) {
+    report(fmt::format("{} of {} frames are used; camber drive uses all of them", chosen.ids.size(),
+                       scene.frames.size()));
+  }
   std::vector<int> ids = chosen.ids;
   for (const std::vector<int>& instead : chosen.instead) {
     try {

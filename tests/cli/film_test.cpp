@@ -38,7 +38,8 @@ TEST(Film, IsReconstructedInOneCommand) {
                                 out.string(), "--no-pictures"});
   ASSERT_EQ(made.exit_code, 0) << made.error;
   EXPECT_THAT(made.error, AllOf(HasSubstr("video of 20 whole frames"), HasSubstr("out/scene"),
-                                HasSubstr("shipped detector")));
+                                HasSubstr("shipped detector"),
+                                HasSubstr("of 20 frames are used; camber drive uses all")));
   EXPECT_THAT(made.out, HasSubstr("since the field of view is known to 5 degrees only (81)"));
 
   // Nothing but the result is left behind, and the scene in it leads to the film wherever both go.

@@ -51,86 +51,130 @@ struct Seen {
   double time = 0.0;
   SE3 world_from_camera;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // of the bottom centre, camera
+
+  Eigen::Vector3d measured() const { return vehicle->pose.bottom_center(); }
 };
 
-/// A parked vehicle by all its views. The distances of all of them share a factor, since they hang
-/// on one size; views from different distances measure it by the way between them.
-struct Parked {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  double log_factor = 0.0;
-  Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
-  double squared = 0.0;  // sum of squared residuals, standard deviations
-};
-
-constexpr double kSizeSigma = 0.05;       // relative, of what the size does to all distances
+constexpr double kDirectionSigma = 0.15;  // m across the ray, of the centre by the visible part
+constexpr double kBoxSigma = 0.003;       // rad
+constexpr double kOwnRange = 0.04;        // relative, of one view beside what its covariance has
+constexpr double kSizeSigma = 0.08;       // relative, of what the size does to all distances
 constexpr double kViewsAlike = 5.0;       // neighbouring windows share their errors
-constexpr double kMostParkedSpeed = 0.7;  // m/s, that errors of the estimates make
+constexpr double kSpeedSigma = 15.0;      // m/s, of vehicles that move
 
-std::optional<Parked> fit_parked(const std::vector<Seen>& seen) {
-  constexpr int kIterations = 10;
-  constexpr double kFreedom = 4.0;
-  Parked out;
-  out.position = seen.back().world_from_camera * seen.back().vehicle->pose.bottom_center();
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d right = Eigen::Vector4d::Zero();
-    normal(3, 3) = 1.0 / (kSizeSigma * kSizeSigma);
-    right[3] = -out.log_factor * normal(3, 3);
-    out.squared = 0.0;
+/// Where a vehicle is by all its views: directions, which the pictures show, and distances, which
+/// hang on its size and share a factor. Views from several places measure the factor by the way
+/// between them.
+struct Path {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // at the mean time
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // m/s; zero: it stands
+  double log_factor = 0.0;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the position
+  double cost = 0.0;  // robust sum of squares, standard deviations, for views that are not alike
+};
+
+class PathFit {
+ public:
+  PathFit(const std::vector<Seen>& seen, bool moves) : size_(moves ? 7 : 4) {
     for (const Seen& view : seen) {
-      const SE3 camera_from_world = view.world_from_camera.inverse();
-      const Eigen::Vector3d here = camera_from_world * out.position;
-      const double factor = std::exp(out.log_factor);
-      const Eigen::Vector3d residual = view.vehicle->pose.bottom_center() - factor * here;
-      Eigen::Matrix<double, 3, 4> by;
-      by.leftCols<3>() = factor * camera_from_world.rotation_matrix();
-      by.col(3) = factor * here;
-      const double squared = residual.dot(view.information * residual);
-      const double weight = (kFreedom + 3.0) / (kFreedom + squared);
-      normal += weight * by.transpose() * view.information * by;
-      right += weight * by.transpose() * view.information * residual;
-      out.squared += std::min(squared, 25.0);
+      if (view.vehicle->status != Status::kNotObservable) seen_.push_back(&view);
     }
-    const Eigen::LDLT<Eigen::Matrix4d> factor(normal);
-    if (factor.info() != Eigen::Success) return std::nullopt;
-    const Eigen::Vector4d change = factor.solve(right);
-    out.position += change.head<3>();
-    out.log_factor += change[3];
-    out.covariance =
-        std::min<double>(kViewsAlike, seen.size()) * factor.solve(Eigen::Matrix4d::Identity());
+    if (seen_.size() < 2) {
+      seen_.clear();
+      for (const Seen& view : seen) seen_.push_back(&view);
+    }
+    for (const Seen* view : seen_) mean_time_ += view->time / static_cast<double>(seen_.size());
+    alike_ = std::min(kViewsAlike, static_cast<double>(seen_.size()));
   }
-  return out;
-}
 
-/// Speed over the ground by a straight line through the places, m/s, with its standard deviation.
-std::pair<double, double> speed_of(const std::vector<Seen>& seen) {
-  double sum = 0.0, mean_time = 0.0;
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  std::vector<double> weight;
-  std::vector<Eigen::Vector3d> place;
-  for (const Seen& view : seen) {
-    place.push_back(view.world_from_camera * view.vehicle->pose.bottom_center());
-    weight.push_back(view.information.trace());
-    sum += weight.back();
-    mean_time += weight.back() * view.time;
-    mean += weight.back() * place.back();
+  std::optional<Path> solve() {
+    constexpr int kIterations = 15;
+    Eigen::VectorXd at = Eigen::VectorXd::Zero(size_);
+    at.head<3>() = seen_.back()->world_from_camera * seen_.back()->measured();
+    Eigen::MatrixXd normal;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      Eigen::VectorXd right;
+      linearise(at, &normal, &right);
+      const Eigen::LDLT<Eigen::MatrixXd> factor(normal);
+      if (factor.info() != Eigen::Success) return std::nullopt;
+      const Eigen::VectorXd change = factor.solve(right);
+      if (!change.allFinite()) return std::nullopt;
+      at += change;
+    }
+    Path out;
+    out.position = at.head<3>();
+    out.log_factor = at[3];
+    const Eigen::MatrixXd inverse =
+        normal.ldlt().solve(Eigen::MatrixXd::Identity(normal.rows(), normal.cols()));
+    out.covariance = inverse.topLeftCorner<3, 3>();
+    if (size_ == 7) out.velocity = at.tail<3>();
+    out.cost = cost_;
+    return out;
   }
-  mean_time /= sum;
-  mean /= sum;
-  Eigen::Vector3d moment = Eigen::Vector3d::Zero();
-  double squares = 0.0, largest = 0.0;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    const double t = seen[i].time - mean_time;
-    moment += weight[i] * t * (place[i] - mean);
-    squares += weight[i] * t * t;
-    // Of the direction that is known worst.
-    const Eigen::LDLT<Eigen::Matrix3d> factor(seen[i].information);
-    largest = std::max(largest, factor.solve(Eigen::Matrix3d::Identity()).trace());
+
+ private:
+  static constexpr double kFreedom = 4.0;
+
+  /// Direction (two slopes) and logarithm of the distance, over their standard deviations.
+  Eigen::Vector3d residual(const Seen& view, const Eigen::VectorXd& at) const {
+    Eigen::Vector3d place = at.head<3>();
+    if (size_ == 7) place += (view.time - mean_time_) * at.tail<3>();
+    const Eigen::Vector3d here = view.world_from_camera.inverse() * place;
+    const Eigen::Vector3d measured = view.measured();
+    const double range = measured.norm();
+    const Eigen::Vector3d ray = measured / range;
+    const Eigen::Matrix3d covariance = view.vehicle->covariance.topLeftCorner<3, 3>();
+    const double along = ray.dot(covariance * ray);
+    const double own = along > 0.0 ? std::sqrt(along) / range : 0.1;
+    const double direction = std::hypot(kBoxSigma, kDirectionSigma / range);
+    if (!(here.z() > 0.1)) return Eigen::Vector3d::Constant(50.0);
+    return {(here.x() / here.z() - measured.x() / measured.z()) / direction,
+            (here.y() / here.z() - measured.y() / measured.z()) / direction,
+            (std::log(here.norm()) - std::log(range) + at[3]) / std::hypot(own, kOwnRange)};
   }
-  if (!(squares > 0.0)) return {0.0, 1e3};
-  const double spread = std::sqrt(squares / sum);
-  const double sigma = std::sqrt(largest * kViewsAlike / static_cast<double>(seen.size())) / spread;
-  return {moment.norm() / squares, sigma};
+
+  void linearise(const Eigen::VectorXd& at, Eigen::MatrixXd* normal, Eigen::VectorXd* right) {
+    *normal = Eigen::MatrixXd::Zero(size_, size_);
+    *right = Eigen::VectorXd::Zero(size_);
+    cost_ = at[3] * at[3] / (kSizeSigma * kSizeSigma);
+    (*normal)(3, 3) = 1.0 / (kSizeSigma * kSizeSigma);
+    (*right)[3] = -at[3] / (kSizeSigma * kSizeSigma);
+    for (Eigen::Index i = 4; i < size_; ++i) {
+      (*normal)(i, i) = 1.0 / (kSpeedSigma * kSpeedSigma);
+      (*right)[i] = -at[i] / (kSpeedSigma * kSpeedSigma);
+    }
+    for (const Seen* view : seen_) {
+      const Eigen::Vector3d r = residual(*view, at);
+      Eigen::MatrixXd by(3, size_);
+      for (Eigen::Index i = 0; i < size_; ++i) {
+        constexpr double kStep = 1e-5;
+        Eigen::VectorXd up = at, down = at;
+        up[i] += kStep;
+        down[i] -= kStep;
+        by.col(i) = (residual(*view, up) - residual(*view, down)) / (2.0 * kStep);
+      }
+      const double weight = (kFreedom + 3.0) / (kFreedom + r.squaredNorm()) / alike_;
+      *normal += weight * by.transpose() * by;
+      *right -= weight * by.transpose() * r;
+      cost_ += (kFreedom + 3.0) * std::log1p(r.squaredNorm() / kFreedom) / alike_;
+    }
+  }
+
+  Eigen::Index size_;  // position, logarithm of the factor, velocity
+  std::vector<const Seen*> seen_;
+  double mean_time_ = 0.0, alike_ = 1.0, cost_ = 0.0;
+};
+
+/// The place of a vehicle that stands; nothing where its views are plainly those of one that moves.
+std::optional<Path> parked_place(const std::vector<Seen>& seen) {
+  constexpr double kPlainly = 9.0;     // less cost of one that moves
+  constexpr double kLeastSpeed = 1.0;  // m/s: walking pace
+  const std::optional<Path> stands = PathFit(seen, false).solve();
+  const std::optional<Path> moves = PathFit(seen, true).solve();
+  if (!stands || !moves) return stands;
+  const bool plainly =
+      stands->cost - moves->cost > kPlainly && moves->velocity.norm() > kLeastSpeed;
+  return plainly ? std::nullopt : stands;
 }
 
 Eigen::Matrix3d information_of(const VehicleEstimate& v) {
@@ -215,16 +259,10 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     track.id = static_cast<int>(out.tracks.size()) + 1;
     track.vehicle_class = seen.front().vehicle->vehicle_class;
     track.dimensions = mean_dimensions(seen);
-    std::optional<Parked> parked;
-    if (seen.size() >= 3) {
-      const auto [speed, sigma] = speed_of(seen);
-      if (speed < kMostParkedSpeed + 2.0 * sigma) parked = fit_parked(seen);
-      if (parked && parked->squared > 6.0 * 3.0 * static_cast<double>(seen.size())) parked.reset();
-      if (parked && speed > 3.0) parked.reset();
-    }
+    const std::optional<Path> parked = seen.size() >= 3 ? parked_place(seen) : std::nullopt;
     track.parked = parked.has_value();
     const Eigen::Quaterniond heading = mean_rotation(seen);
-    if (parked) track.covariance = parked->covariance.topLeftCorner<3, 3>();
+    if (parked) track.covariance = parked->covariance;
     for (const Seen& view : seen) {
       VehicleEstimate v = *view.vehicle;
       v.track = track.id;
