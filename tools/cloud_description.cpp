@@ -9,6 +9,7 @@
 
 #include "camber/cloud/e57_file.h"
 #include "camber/cloud/las_file.h"
+#include "camber/cloud/las_names.h"
 
 using nlohmann::json;
 
@@ -323,42 +324,30 @@ std::string unit_mark(const CloudSummary& summary) {
   return h.metre() ? "m" : h.name;
 }
 
-/// The table of classes, with the names of ASPRS LAS 1.4 R15, table 17.
+/// Unit of an attribute's values, with a blank before it; empty where it has none.
+std::string unit_behind(const CloudSummary& summary, const std::string& attribute) {
+  const std::string mark = unit_mark(summary);
+  if (attribute == "x" || attribute == "y" || attribute == "sigma") return " " + mark;
+  if (attribute == "z") {
+    const bool known = summary.crs && summary.crs->vertical.known();
+    return " " + (known && !summary.crs->vertical.metre() ? summary.crs->vertical.name
+                  : known                                 ? "m"
+                                                          : mark);
+  }
+  if (attribute == "scan_angle" || attribute == "scan_angle_rank") return " degrees";
+  if (attribute == "gps_time") return " s";
+  return {};
+}
+
+/// The table of classes.
 void add_class_lines(const CloudSummary& summary, Description* out) {
-  static const char* const kNames[] = {"never classified",
-                                       "unclassified",
-                                       "ground",
-                                       "low vegetation",
-                                       "medium vegetation",
-                                       "high vegetation",
-                                       "building",
-                                       "low noise",
-                                       "reserved (model key)",
-                                       "water",
-                                       "rail",
-                                       "road surface",
-                                       "reserved (overlap)",
-                                       "wire guard",
-                                       "wire conductor",
-                                       "transmission tower",
-                                       "wire connector",
-                                       "bridge deck",
-                                       "high noise",
-                                       "overhead structure",
-                                       "ignored ground",
-                                       "snow",
-                                       "temporal exclusion"};
   for (const AttributeSummary& attribute : summary.attributes) {
     if (attribute.name != "classification" || attribute.counts.empty()) continue;
     out->line("classes", "");
+    out->lines += fmt::format("    {:>3} {:<20} {:>12} {:>9}\n", "", "class", "points", "share");
     for (const auto& [value, count] : attribute.counts) {
-      const auto known = static_cast<std::size_t>(value) < std::size(kNames);
       out->lines +=
-          fmt::format("    {:>3} {:<20} {:>12} {:>7.2f} %\n", value,
-                      known        ? kNames[value]
-                      : value < 64 ? "reserved"
-                                   : "user defined",
-                      count,
+          fmt::format("    {:>3} {:<20} {:>12} {:>7.2f} %\n", value, las_class_name(value), count,
                       100.0 * static_cast<double>(count) /
                           static_cast<double>(std::max<std::uint64_t>(1, summary.points)));
     }
@@ -465,8 +454,8 @@ Description describe_cloud(const std::string& path, const CloudSummary& summary)
   out.line("attributes", "");
   for (const AttributeSummary& attribute : summary.attributes) {
     out.lines += fmt::format(
-        "    {:<21} {:<8} {:.10g} to {:.10g}{}\n", attribute.name, attribute.type,
-        attribute.minimum, attribute.maximum,
+        "    {:<21} {:<8} {:.10g} to {:.10g}{}{}\n", attribute.name, attribute.type,
+        attribute.minimum, attribute.maximum, unit_behind(summary, attribute.name),
         attribute.non_finite > 0 ? fmt::format(", {} not finite", attribute.non_finite) : "");
   }
   add_class_lines(summary, &out);

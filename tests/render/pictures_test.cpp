@@ -276,5 +276,53 @@ TEST(BevPicture, EllipsesAreDrawnOnRequestOnly) {
             render_bev_picture(unknown.content(), {}).data);
 }
 
+TEST(MapPictures, WriteWholeCoordinatesOfEastAndNorth) {
+  const Ticks ticks = multiples_of(10.0, -452.0, -428.0, 771000.0);
+  EXPECT_EQ(ticks.labels, (std::vector<std::string>{"770550", "770560", "770570"}));
+  EXPECT_EQ(ticks.values, (std::vector<double>{-450.0, -440.0, -430.0}));
+  // Round in whole coordinates where the origin is not.
+  EXPECT_EQ(make_ticks(0.0, 100.0, 5, 7.0).labels.front(), "20");
+  RoadCloud cloud;
+  cloud.origin = {771000.0, 6278000.0, 0.0};
+  for (int i = 0; i < 100; ++i) {
+    cloud.points.emplace_back(static_cast<float>(-i), static_cast<float>(i % 7), 20.0f);
+  }
+  PictureContent content;
+  content.cloud = &cloud;
+  PictureSpace space = make_picture_space(content, false, {});
+  EXPECT_EQ(space.right_name, "x");  // nothing states a map
+  EXPECT_EQ(space.origin, cloud.origin);
+  content.projected = true;
+  space = make_picture_space(content, false, {});
+  EXPECT_EQ(space.right_name, "east");
+  EXPECT_EQ(space.ahead_name, "north");
+}
+
+TEST(MapPictures, ClassesAreNamedColours) {
+  RoadCloud cloud;
+  for (int i = 0; i < 90; ++i) {
+    cloud.points.emplace_back(static_cast<float>(i), static_cast<float>(i % 7), 0.0f);
+    cloud.labels["classification"].push_back(i % 3 == 0 ? 2 : i % 3 == 1 ? 6 : 70);
+    cloud.labels["ground"].push_back(i % 2);
+  }
+  PictureContent content;
+  content.cloud = &cloud;
+  PictureSpace space = make_picture_space(content, false, PointColor::parse("classification"));
+  ASSERT_EQ(space.classes.size(), 3u);
+  EXPECT_FALSE(space.has_color_bar);
+  EXPECT_EQ(space.classes[0].second, "ground (2)");
+  EXPECT_EQ(space.classes[1].second, "building (6)");
+  EXPECT_EQ(space.classes[2].second, "user defined (70)");
+  EXPECT_EQ(space.colors[0][0], space.classes[0].first.red);
+  EXPECT_NE(space.colors[0], space.colors[1]);
+  EXPECT_NE(space.colors[1], space.colors[2]);
+  space = make_picture_space(content, false, PointColor::parse("ground"));
+  ASSERT_EQ(space.classes.size(), 2u);
+  EXPECT_EQ(space.classes[1].second, "ground");
+  // Other numbers are no classes.
+  cloud.labels["ground"][0] = 5;
+  EXPECT_TRUE(make_picture_space(content, false, PointColor::parse("ground")).has_color_bar);
+}
+
 }  // namespace
 }  // namespace camber

@@ -1,5 +1,6 @@
 #include "camber/cloud/las_names.h"
 
+#include <iterator>
 #include <string>
 #include <utility>
 
@@ -52,6 +53,34 @@ std::string_view las_attribute(std::string_view name) {
     if (bare == known) return attribute;
   }
   return {};
+}
+
+std::string_view las_class_name(int number) {
+  static constexpr std::string_view kNames[] = {"never classified",
+                                                "unclassified",
+                                                "ground",
+                                                "low vegetation",
+                                                "medium vegetation",
+                                                "high vegetation",
+                                                "building",
+                                                "low noise",
+                                                "reserved (model key)",
+                                                "water",
+                                                "rail",
+                                                "road surface",
+                                                "reserved (overlap)",
+                                                "wire guard",
+                                                "wire conductor",
+                                                "transmission tower",
+                                                "wire connector",
+                                                "bridge deck",
+                                                "high noise",
+                                                "overhead structure",
+                                                "ignored ground",
+                                                "snow",
+                                                "temporal exclusion"};
+  if (number >= 0 && static_cast<std::size_t>(number) < std::size(kNames)) return kNames[number];
+  return number < 64 ? "reserved" : "user defined";
 }
 
 }  // namespace camber

@@ -10,4 +10,8 @@ namespace camber {
 /// laspy, lidR; in any case, with and without blanks, '_' and '-'. Empty for other names.
 std::string_view las_attribute(std::string_view name);
 
+/// Name of a point's class by ASPRS LAS 1.4 R15, table 17: "ground" of 2; "reserved" and "user
+/// defined" (from 64 on) of others.
+std::string_view las_class_name(int number);
+
 }  // namespace camber

@@ -188,6 +188,7 @@ void BevPainter::hide_what_is_not_shown() {
     space_.points.clear();
     space_.colors.clear();
     space_.has_color_bar = false;
+    space_.classes.clear();
   }
   if (!options_.show_truth_cloud) space_.truth_points.clear();
   if (!options_.show_patches) space_.patches.clear();
@@ -226,8 +227,14 @@ void BevPainter::make_entries() {
 void BevPainter::place_frame() {
   const double top = content_.title.empty() ? 2.2 * text_ : 3.8 * text_;
   const bool bars = space_.has_color_bar || links_shown_;
-  frame_ = {4.4 * text_, top, options_.width - (bars ? 10.5 : 1.5) * text_,
-            legend_top_ - 3.3 * text_};
+  const auto digits = [&](double value) {
+    return Canvas::text_size(format_number(value, 0), text_).x();
+  };
+  // Whole coordinates of a map are long.
+  const double widest = std::max(digits(space_.origin.y() + space_.ahead.low),
+                                 digits(space_.origin.y() + space_.ahead.high));
+  frame_ = {std::max(4.4 * text_, widest + 2.6 * text_), top,
+            options_.width - (bars ? 10.5 : 1.5) * text_, legend_top_ - 3.3 * text_};
   const double pad = 1.2 * text_;
   map_.north_up = space_.map;
   // What runs along the picture's columns and rows.
@@ -244,11 +251,15 @@ void BevPainter::place_frame() {
   const double edge1 = down_sign_ * (frame_.y1 - map_.zero.y()) / map_.scale;
   const double edge2 = down_sign_ * (frame_.y2 - map_.zero.y()) / map_.scale;
   // One grid spacing for both axes, so that the grid's cells are squares.
-  step_ = make_ticks(shown_across.low, shown_across.high,
-                     std::max(2, static_cast<int>(frame_.width() / (5.0 * text_))))
+  step_ = make_ticks(
+              shown_across.low, shown_across.high,
+              std::max(2, static_cast<int>(frame_.width() /
+                                           std::max(5.0 * text_, 2.0 * digits(space_.origin.x())))))
               .step;
-  column_ticks_ = multiples_of(step_, shown_across.low, shown_across.high);
-  row_ticks_ = multiples_of(step_, std::min(edge1, edge2), std::max(edge1, edge2));
+  column_ticks_ = multiples_of(step_, shown_across.low, shown_across.high,
+                               space_.map ? space_.origin.x() : 0.0);
+  row_ticks_ = multiples_of(step_, std::min(edge1, edge2), std::max(edge1, edge2),
+                            space_.map ? space_.origin.y() : 0.0);
   for (const double at : column_ticks_.values) {
     const double x = column(at);
     grid_.push_back({{x, frame_.y1}, {x, frame_.y2}});

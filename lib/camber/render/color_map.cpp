@@ -80,7 +80,7 @@ std::string format_step(double step) {
                        std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 12));
 }
 
-Ticks make_ticks(double low, double high, int count) {
+Ticks make_ticks(double low, double high, int count, double origin) {
   Ticks ticks;
   if (!std::isfinite(low) || !std::isfinite(high)) return ticks;
   const double span = std::max(high - low, 1e-9 * std::max(1.0, std::abs(low)));
@@ -92,18 +92,19 @@ Ticks make_ticks(double low, double high, int count) {
       best = factor * power;
     }
   }
-  return multiples_of(best, low, high);
+  return multiples_of(best, low, high, origin);
 }
 
-Ticks multiples_of(double step, double low, double high) {
+Ticks multiples_of(double step, double low, double high, double origin) {
   Ticks ticks;
   ticks.step = step;
   const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 12);
-  const auto first = static_cast<long long>(std::ceil(low / step - 1e-6));
-  const auto last = static_cast<long long>(std::floor(high / step + 1e-6));
+  const auto first = static_cast<long long>(std::ceil((low + origin) / step - 1e-6));
+  const auto last = static_cast<long long>(std::floor((high + origin) / step + 1e-6));
   for (long long i = first; i <= last; ++i) {
-    ticks.values.push_back(static_cast<double>(i) * step);
-    ticks.labels.push_back(format_number(ticks.values.back(), decimals));
+    const double labelled = static_cast<double>(i) * step;
+    ticks.values.push_back(labelled - origin);
+    ticks.labels.push_back(format_number(labelled, decimals));
   }
   return ticks;
 }

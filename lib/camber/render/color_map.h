@@ -34,10 +34,11 @@ struct Ticks {
 };
 
 /// @param count  wanted number of steps, >= 1; the answer has about so many.
-Ticks make_ticks(double low, double high, int count);
+/// @param origin  what labels count from: they are those of values + origin, which are round.
+Ticks make_ticks(double low, double high, int count, double origin = 0.0);
 
 /// The same for a given step > 0.
-Ticks multiples_of(double step, double low, double high);
+Ticks multiples_of(double step, double low, double high, double origin = 0.0);
 
 /// A number with a fixed number of decimals; never "-0.0".
 std::string format_number(double value, int decimals);

@@ -61,6 +61,8 @@ std::string LoadedResult::load_scene_of_run(const LogSink& warn, ScenePaths path
 PictureContent LoadedResult::content() const {
   PictureContent content;
   if (cloud) content.cloud = &*cloud;
+  content.projected = cloud && cloud->frame != CloudFrame::kCamera && cloud_report.crs &&
+                      cloud_report.crs->kind == CoordinateSystem::Kind::kProjected;
   if (surface) content.surface = &*surface;
   if (vehicles) content.vehicles = &*vehicles;
   if (run) content.run = &*run;

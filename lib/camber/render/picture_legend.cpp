@@ -22,6 +22,7 @@ std::vector<LegendEntry> make_legend(const PictureSpace& space, const std::strin
     other |= patch.kind == PatchKind::kOther;
   }
   using Mark = LegendEntry::Mark;
+  for (const auto& [color, name] : space.classes) entries.push_back({Mark::kDot, color, name});
   if (road) entries.push_back({Mark::kFill, patch_color(PatchKind::kRoad), "road patch"});
   if (pavement) {
     entries.push_back({Mark::kFill, patch_color(PatchKind::kPavement), "pavement patch"});

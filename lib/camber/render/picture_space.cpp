@@ -96,17 +96,15 @@ void choose_frame(const PictureContent& content, const Eigen::Matrix3d& axes, bo
   space->ahead_name = "ahead of the camera";
   space->height_name = "height above the camera";
   if (space->map) {
-    // A map cloud may lie far from its frame's origin: it is drawn about its own, which is named.
+    // A map cloud may lie far from its frame's origin: it is drawn about its own.
     const Eigen::Vector3d origin = content.cloud         ? content.cloud->origin
                                    : content.truth_cloud ? content.truth_cloud->origin
                                                          : Eigen::Vector3d::Zero();
     shift = -(axes * origin);
-    const auto name = [](const char* axis, double from) {
-      return from == 0.0 ? std::string(axis) : axis + (" from " + format_number(from, 0));
-    };
-    space->right_name = name("x", origin.x());
-    space->ahead_name = name("y", origin.y());
-    space->height_name = name("height", origin.z());
+    space->origin = -shift;
+    space->right_name = content.projected ? "east" : "x";
+    space->ahead_name = content.projected ? "north" : "y";
+    space->height_name = "height";
   }
   if (camera_frame && content.surface && content.surface->ego_patch >= 0) {
     if (const PlanePatch* ego = find_patch(*content.surface, content.surface->ego_patch)) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "camber/geometry/se3.h"
@@ -64,21 +65,24 @@ RobustRange robust_range(std::vector<float>& values, double low_quantile, double
 /// origin.
 struct PictureSpace {
   SE3 picture_from_reference;
-  bool map = false;                     ///< x, y of a map rather than right and ahead of a camera
-  std::string right_name, ahead_name;   ///< axis titles without unit
-  std::string height_name;              ///< what z is counted from, for the colour bar
-  std::string unit;                     ///< "m", or "units" for a result without scale
-  std::vector<Eigen::Vector3f> points;  ///< finite and not far outside of the bulk
-  std::size_t stray_points = 0;         ///< finite but left out
-  std::vector<std::uint32_t> kept;      ///< index in the cloud of each point
+  bool map = false;  ///< x, y of a map rather than right and ahead of a camera
+  /// What numbers on axes count from: of a map its own zero, whole coordinates being written.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  std::string right_name, ahead_name;         ///< axis titles without unit
+  std::string height_name;                    ///< what z is counted from, for the colour bar
+  std::string unit;                           ///< "m", or "units" for a result without scale
+  std::vector<Eigen::Vector3f> points;        ///< finite and not far outside of the bulk
+  std::size_t stray_points = 0;               ///< finite but left out
+  std::vector<std::uint32_t> kept;            ///< index in the cloud of each point
   std::vector<Eigen::Vector3f> truth_points;  ///< dense ground truth near the content
   RobustRange right, ahead, up;               ///< bulk of the points, vehicles and cameras
   RobustRange heights;                        ///< of the bulk of the points; at least 0.1 wide
   std::vector<std::array<std::uint8_t, 3>> colors;  ///< of the points
   bool has_color_bar = false;
-  RobustRange color_range;               ///< of the colour bar
-  ColorScale color_scale = viridis;      ///< of the points and the colour bar
-  std::vector<std::string> color_title;  ///< of the colour bar, in short lines
+  RobustRange color_range;                             ///< of the colour bar
+  ColorScale color_scale = viridis;                    ///< of the points and the colour bar
+  std::vector<std::string> color_title;                ///< of the colour bar, in short lines
+  std::vector<std::pair<Color, std::string>> classes;  ///< that colours stand for, for the legend
   std::vector<PlacedVehicle> vehicles;
   std::vector<PlacedVehicle> truth;
   std::vector<PlacedPatch> patches;

@@ -26,6 +26,7 @@ struct PictureContent {
   SE3 reference_from_truth_cloud;             ///< takes it to the frame of cloud and surface
   int frame = 0;                              ///< id of the frame whose vehicles are shown
   std::string title;                          ///< heading, one line; may be empty
+  bool projected = false;  ///< the cloud lies on a map: its x is east, its y north
   /// Up in the frame of cloud and surface; without: the surface's, else the cloud's.
   std::optional<Eigen::Vector3d> up;
 };

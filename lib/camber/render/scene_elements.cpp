@@ -31,8 +31,8 @@ SceneGrid make_scene_grid(const PictureSpace& space) {
   grid.y1 = space.ahead.low;
   grid.y2 = space.ahead.high;
   const double step = make_ticks(0.0, span, 10).step;
-  grid.xs = multiples_of(step, grid.x1, grid.x2);
-  grid.ys = multiples_of(step, grid.y1, grid.y2);
+  grid.xs = multiples_of(step, grid.x1, grid.x2, space.origin.x());
+  grid.ys = multiples_of(step, grid.y1, grid.y2, space.origin.y());
   // Just under the bulk of the points, so that the road rises from it.
   grid.z =
       std::min(space.up.low, space.heights.low) - 0.02 * std::max(space.up.span(), 0.02 * span);

@@ -153,13 +153,26 @@ std::vector<Box2> draw_grid_numbers(Canvas& canvas, const Image& image, const Dr
   for (std::size_t i = 0; i < grid.xs.values.size(); ++i) {
     write({grid.xs.values[i], y, grid.z}, out_y, grid.xs.labels[i]);
   }
-  const double far_x = 2.6 * text_size,
-               per_m_x = view.pixels_per_metre({x, 0.5 * (grid.y1 + grid.y2), grid.z});
-  write(Eigen::Vector3d(x, 0.5 * (grid.y1 + grid.y2), grid.z) + out_x * (far_x / per_m_x), out_x,
-        (space.map ? space.ahead_name : "ahead") + " (" + space.unit + ")");
-  const double per_m_y = view.pixels_per_metre({0.5 * (grid.x1 + grid.x2), y, grid.z});
-  write(Eigen::Vector3d(0.5 * (grid.x1 + grid.x2), y, grid.z) + out_y * (far_x / per_m_y), out_y,
-        (space.map ? space.right_name : "right") + " (" + space.unit + ")");
+  // Beyond the numbers: as far out as their letters reach along the picture's rows.
+  const auto name_axis = [&](const Eigen::Vector3d& middle, const Eigen::Vector3d& outwards,
+                             const std::vector<std::string>& numbers, const std::string& name) {
+    double widest = 0.0;
+    for (const std::string& number : numbers) {
+      widest = std::max(widest, Canvas::text_size(number, text_size).x());
+    }
+    Eigen::Vector2d p, q;
+    if (!view.project(middle, &p) || !view.project(middle + outwards, &q)) return;
+    const double across = std::abs((q - p).normalized().x());
+    // Whole coordinates of a map are long.
+    const double far =
+        std::max(2.6 * text_size, space.map ? 1.9 * text_size + widest * across : 0.0);
+    write(middle + outwards * (far / view.pixels_per_metre(middle)), outwards,
+          name + " (" + space.unit + ")");
+  };
+  name_axis({x, 0.5 * (grid.y1 + grid.y2), grid.z}, out_x, grid.ys.labels,
+            space.map ? space.ahead_name : "ahead");
+  name_axis({0.5 * (grid.x1 + grid.x2), y, grid.z}, out_y, grid.xs.labels,
+            space.map ? space.right_name : "right");
   return taken;
 }
 
@@ -185,8 +198,8 @@ void draw_height_axis(Canvas& canvas, const PictureSpace& space, const SceneCame
   std::vector<Segment2> lines = {{foot, head}};
   std::vector<std::pair<Eigen::Vector2d, std::string>> numbers;
   std::vector<Box2> covered;
-  const Ticks ticks =
-      make_ticks(grid.z, top, std::max(2, static_cast<int>(length / (2.2 * text_size))));
+  const Ticks ticks = make_ticks(
+      grid.z, top, std::max(2, static_cast<int>(length / (2.2 * text_size))), space.origin.z());
   for (std::size_t i = 0; i < ticks.values.size(); ++i) {
     Eigen::Vector2d p;
     if (!view.project({corner.x(), corner.y(), ticks.values[i]}, &p)) continue;
@@ -242,6 +255,7 @@ std::vector<LegendEntry> scene_legend(const Drawing& drawing, const SceneGrid& g
                                       bool grid_shown) {
   const PictureSpace& space = drawing.space;
   PictureSpace shown;  // only what the legend asks about
+  if (drawing.shows(SceneElement::kPoints)) shown.classes = space.classes;
   if (drawing.shows(SceneElement::kPatches)) shown.patches = space.patches;
   if (drawing.shows(SceneElement::kVehicles) || drawing.shows(SceneElement::kBoxes)) {
     shown.vehicles = space.vehicles;
@@ -401,10 +415,13 @@ Image side_picture(const Drawing& drawing, int width, int height, bool alone) {
                               Box2{-1, -1, frame.x1, h}, Box2{frame.x2, -1, w, h}}) {
     canvas.rectangle(outside, drawing.background);
   }
-  const Ticks ahead = make_ticks((frame.x1 - zero.x()) / per_m, (frame.x2 - zero.x()) / per_m, 12);
+  const double from = side_looks_north(space) ? space.origin.x() : space.origin.y();
+  const Ticks ahead =
+      make_ticks((frame.x1 - zero.x()) / per_m, (frame.x2 - zero.x()) / per_m, 12, from);
   const Ticks heights =
       make_ticks((zero.y() - frame.y2) / per_m, (zero.y() - frame.y1) / per_m,
-                 std::max(1, static_cast<int>(frame.height() / ((alone ? 3.2 : 1.6) * text))));
+                 std::max(1, static_cast<int>(frame.height() / ((alone ? 3.2 : 1.6) * text))),
+                 space.origin.z());
   std::vector<Segment2> ticks, level;
   for (std::size_t i = 0; i < ahead.values.size(); ++i) {
     const double x = to_x(ahead.values[i]);

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string>
 
+#include "camber/cloud/las_names.h"
 #include "camber/cloud/normals.h"
 #include "camber/core/errors.h"
 #include "camber/evaluate/compare.h"
@@ -45,6 +47,62 @@ std::vector<float> truth_errors(const PictureContent& content, const Eigen::Vect
 
 [[noreturn]] void lacking(const std::string& what) {
   throw NoAnswerError("the points cannot be coloured: the cloud has no " + what);
+}
+
+/// What maps use for the classes of ASPRS LAS 1.4 R15, table 17, red left to the truth.
+Color class_color(int number) {
+  switch (number) {
+    case 0:
+    case 1:
+      return {150, 150, 150, 1.0};
+    case 2:
+      return {166, 118, 70, 1.0};
+    case 3:
+      return {178, 206, 96, 1.0};
+    case 4:
+      return {96, 176, 78, 1.0};
+    case 5:
+      return {26, 120, 60, 1.0};
+    case 6:
+      return {236, 140, 30, 1.0};
+    case 9:
+      return {40, 120, 210, 1.0};
+    case 10:
+      return {90, 60, 140, 1.0};
+    case 11:
+      return {84, 88, 96, 1.0};
+    case 17:
+      return {20, 170, 190, 1.0};
+    case 7:
+    case 18:
+      return {230, 70, 180, 1.0};
+    default:
+      return categorical(number);
+  }
+}
+
+/// Colours by classes that have names: of ASPRS, or ground and not. @return whether these are some
+bool color_classes(const std::string& name, const std::vector<int>& labels, PictureSpace* space) {
+  const bool ground = name == "ground";
+  if (!ground && name != "classification") return false;
+  std::map<int, std::size_t> counts;
+  for (const std::uint32_t i : space->kept) ++counts[labels[i]];
+  if (ground && (counts.begin()->first < 0 || counts.rbegin()->first > 1)) return false;
+  const auto ink_of = [&](int number) {
+    return class_color(!ground ? number : number == 1 ? 2 : 1);
+  };
+  for (const std::uint32_t i : space->kept) {
+    const Color ink = ink_of(labels[i]);
+    space->colors.push_back({ink.red, ink.green, ink.blue});
+  }
+  constexpr std::size_t kMost = 24;  // in a legend
+  for (const auto& [number, count] : counts) {
+    if (space->classes.size() == kMost) break;
+    space->classes.emplace_back(ink_of(number), ground ? (number == 1 ? "ground" : "not ground")
+                                                       : std::string(las_class_name(number)) +
+                                                             " (" + std::to_string(number) + ")");
+  }
+  return true;
 }
 
 /// The values that the points of a picture are coloured by; none where they have colours already.
@@ -97,6 +155,7 @@ std::vector<float> color_values(const PictureContent& content, const Eigen::Vect
       if (scalar == cloud.scalars.end() && label == cloud.labels.end()) {
         lacking("attribute \"" + name + "\"");
       }
+      if (scalar == cloud.scalars.end() && color_classes(name, label->second, space)) return {};
       for (const std::uint32_t i : kept) {
         values.push_back(scalar != cloud.scalars.end() ? scalar->second[i]
                                                        : static_cast<float>(label->second[i]));
