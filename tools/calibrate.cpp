@@ -70,8 +70,7 @@ json result_json(const Command& command, const Arguments& a, const DriveCalibrat
               {"mounting",
                {{"pitch_deg", angle_json(c.mounting.pitch)},
                 {"yaw_deg", angle_json(c.mounting.yaw)},
-                {"roll_deg", angle_json(c.mounting.roll)},
-                {"height", c.height ? number_json(c.height->value, c.height->sigma) : json()}}},
+                {"roll_deg", angle_json(c.mounting.roll)}}},
               {"prior",
                {{"focal", c.prior.mean.f},
                 {"focal_sigma", c.prior.sigma(0)},
@@ -100,9 +99,6 @@ void print_text(const Arguments& a, const DriveCalibration& c) {
   angle("pitch", c.mounting.pitch);
   angle("yaw", c.mounting.yaw);
   angle("roll", c.mounting.roll);
-  if (c.height)
-    fmt::print("  height {:.3f} +- {:.3f} m, by {}\n", c.height->value, c.height->sigma,
-               c.height_by);
   for (const std::string& note : c.notes) fmt::print("  {}\n", note);
 }
 

@@ -38,6 +38,7 @@ FeatureTrackOptions few_tiles() {
   out.tiles_across = 5;
   out.tiles_down = 3;
   out.features_a_tile = 8;
+  out.key_motion = 0.015;
   return out;
 }
 

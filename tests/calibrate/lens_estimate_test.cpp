@@ -14,7 +14,7 @@ namespace {
 LensEstimateOptions independent_errors() {
   LensEstimateOptions out;
   out.correlation = 1.0;
-  out.floor = 0.0;
+  out.focal_floor = out.principal_floor = out.distortion_floor = 0.0;
   out.least_sigma = 0.02;
   return out;
 }
@@ -64,7 +64,7 @@ TEST(LensEstimate, CovarianceIsThatOfTheErrors) {
     chi_f += z * z;
     inside += std::abs(z) < 2.0 ? 1 : 0;
   }
-  // Mean chi-square over its freedom: 1 +- 0.045 of five, 1 +- 0.1 of one. The score's spread over
+  // Mean chi-square over its freedom: 1 +- 0.04 of seven, 1 +- 0.1 of one. The score's spread over
   // three windows, where it is larger, adds to the sigma: below 1 is expected.
   EXPECT_LT(chi / kDraws, 1.25);
   EXPECT_GT(chi / kDraws, 0.5);

@@ -52,7 +52,7 @@ TEST(WindowBundle, ReducedSystemIsThatOfTheLeastCost) {
     return std::make_pair(cost, bundle.reduce(lens, kLoss, 0.0));
   };
   const auto at = least(options.lens);
-  const double steps[DriveLens::kSize] = {1e-3, 0.5, 0.5, 2e-3, 2e-3};
+  const double steps[DriveLens::kSize] = {1e-3, 0.5, 0.5, 2e-3, 2e-3, 2e-3, 2e-3};
   for (int k = 0; k < DriveLens::kSize; ++k) {
     const DriveLens::Vector step = steps[k] * DriveLens::Vector::Unit(k);
     const double more = least(options.lens.with(options.lens.parameters() + step)).first;

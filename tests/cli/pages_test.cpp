@@ -63,7 +63,7 @@ TEST(Pages, Dashcam) {
   for (const char* file : {"drive.mp4", "camera.yaml", "boxes.json"}) {
     fs::copy(test::source_dir() / "samples/own_drive" / file, folder.path() / file);
   }
-  run_page("dashcam.md", folder.path(), 6);
+  run_page("dashcam.md", folder.path(), 8);
 }
 
 TEST(Pages, Survey) {

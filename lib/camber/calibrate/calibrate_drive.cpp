@@ -161,9 +161,6 @@ void describe(DriveCalibration* out) {
   if (out->lens.sigma(3) > 0.7 * out->prior.sigma(3)) {
     out->notes.emplace_back("the lens's distortion is not seen: k1 is the prior's");
   }
-  if (!out->height) {
-    out->notes.emplace_back("no speed and no poses: the height above the road stays open");
-  }
 }
 
 }  // namespace
@@ -239,6 +236,13 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
     if (change < kSettled) break;
   }
   if (windows.empty()) throw NoAnswerError(kNoMotion);
+  constexpr double kMostContradiction = 11.0;
+  if (out.lens.contradiction > kMostContradiction) {
+    throw NoAnswerError(fmt::format(
+        "what {} windows show fits no camera of a car: a focal length of {:.0f} px, the "
+        "principal point at {:.0f}, {:.0f} px",
+        windows.size(), lens.f, lens.cx, lens.cy));
+  }
   out.windows = windows.size();
   for (const WindowBundle& window : windows) out.turn += turn_of(window.window());
   out.mounting = estimate_mounting(windows, out.lens.lens, out.lens.covariance);

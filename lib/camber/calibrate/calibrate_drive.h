@@ -31,9 +31,6 @@ struct DriveCalibration {
   LensPrior prior;
   LensEstimate lens;
   Mounting mounting;
-  /// Metres: by the frames' speed or known poses against the height in steps; none: not seen.
-  std::optional<MountingNumber> height;
-  std::string height_by;
   std::size_t frames = 0, key_frames = 0, windows = 0;
   double turn = 0.0;  ///< rad, of all windows together
   std::string focal_decided_by;
@@ -58,7 +55,7 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& frame_ids,
 DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOptions& options,
                                   const Progress& progress = {});
 
-/// Both, and the height by the frames' speeds or poses. No calibration of the scene is used.
+/// Both. No calibration of the scene is used.
 DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
                                  const CalibrateOptions& options, const Progress& progress = {});
 

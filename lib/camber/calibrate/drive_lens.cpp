@@ -6,7 +6,7 @@ namespace camber {
 
 DriveLens::Vector DriveLens::parameters() const {
   Vector out;
-  out << std::log(f), cx, cy, k1, k2;
+  out << std::log(f), cx, cy, k1, k2, yaw, pitch;
   return out;
 }
 
@@ -17,6 +17,8 @@ DriveLens DriveLens::with(const Vector& parameters) const {
   out.cy = parameters(2);
   out.k1 = parameters(3);
   out.k2 = parameters(4);
+  out.yaw = parameters(5);
+  out.pitch = parameters(6);
   return out;
 }
 
@@ -43,6 +45,7 @@ std::optional<DriveLens::Projection> DriveLens::project(const Eigen::Vector3d& p
   out.by_lens.col(2) = Eigen::Vector2d::UnitY();
   out.by_lens.col(3) = f * r2 * x;
   out.by_lens.col(4) = f * r2 * r2 * x;
+  out.by_lens.rightCols<2>().setZero();
   return out;
 }
 

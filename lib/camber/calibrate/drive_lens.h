@@ -7,11 +7,12 @@
 
 namespace camber {
 
-/// The lens that a drive can show: square pixels, no skew, radial distortion. With x, y of a point
-/// over its depth and r^2 = x^2 + y^2 its pixel is (cx, cy) + f (1 + k1 r^2 + k2 r^4) (x, y)
-/// (Brown, "Decentering distortion of lenses", 1966; OpenCV's model without its other terms).
+/// The camera that a drive can show, and where its vehicle goes. The lens: square pixels, no skew,
+/// radial distortion. With x, y of a point over its depth and r^2 = x^2 + y^2 its pixel is (cx, cy)
+/// + f (1 + k1 r^2 + k2 r^4) (x, y) (Brown, "Decentering distortion of lenses", 1966; OpenCV's
+/// model without its other terms).
 struct DriveLens {
-  static constexpr int kSize = 5;  ///< parameters: log f, cx, cy, k1, k2
+  static constexpr int kSize = 7;  ///< parameters: log f, cx, cy, k1, k2, yaw, pitch
   using Vector = Eigen::Matrix<double, kSize, 1>;
   using Matrix = Eigen::Matrix<double, kSize, kSize>;
 
@@ -19,6 +20,8 @@ struct DriveLens {
   double f = 0.0;             ///< px, > 0
   double cx = 0.0, cy = 0.0;  ///< px
   double k1 = 0.0, k2 = 0.0;
+  /// rad, of the optical axis against the way straight on, positive: to the right of it, above it.
+  double yaw = 0.0, pitch = 0.0;
 
   Vector parameters() const;
   /// The same lens with other parameters, in the order of kSize.

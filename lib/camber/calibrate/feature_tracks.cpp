@@ -7,8 +7,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "camber/core/median.h"
-
 namespace camber {
 namespace {
 
@@ -17,7 +15,7 @@ constexpr double kLeastCorner = 1e-4;  // smaller eigenvalue of the gradients, O
 constexpr double kStill = 0.25;        // px, below which a frame is like the one before
 
 const cv::Size& window() {
-  static const cv::Size size(21, 21);
+  static const cv::Size size(11, 11);  // wider ones mix depths: focal lengths come out short
   return size;
 }
 
@@ -57,12 +55,16 @@ std::vector<std::uint8_t> follow(const Pyramid& from, const Pyramid& to,
   return seen;
 }
 
-double median_motion(const std::vector<cv::Point2f>& a, const std::vector<cv::Point2f>& b) {
+/// The upper quartile of the motions: far points and the vehicle's own bonnet hardly move.
+double upper_motion(const std::vector<cv::Point2f>& a, const std::vector<cv::Point2f>& b) {
   std::vector<double> lengths;
   for (std::size_t i = 0; i < a.size(); ++i) {
     lengths.push_back(std::hypot(a[i].x - b[i].x, a[i].y - b[i].y));
   }
-  return lengths.empty() ? 0.0 : upper_median(&lengths);
+  if (lengths.empty()) return 0.0;
+  const auto at = lengths.begin() + static_cast<std::ptrdiff_t>(3 * lengths.size() / 4);
+  std::nth_element(lengths.begin(), at, lengths.end());
+  return *at;
 }
 
 template <class T>
@@ -112,6 +114,19 @@ struct FeatureTracker::State {
 
   Eigen::Vector2d given_pixel(const cv::Point2f& p) const {
     return {(p.x + 0.5) * shrink - 0.5, (p.y + 0.5) * shrink - 0.5};
+  }
+
+  /// Whether a track is of what the vehicle carries before the camera (bonnet, dashboard) or of
+  /// what is written into the image: above and below the horizon's band, where all that is outside
+  /// moves from key frame to key frame, it stands still.
+  bool is_own(const FeatureTrack& track) const {
+    constexpr double kBand = 0.2;     // of the height, about the middle
+    constexpr double kStands = 8e-4;  // of the width
+    const Eigen::Vector2d& first = track.pixels.front();
+    if (std::abs(first.y() - 0.5 * height) < kBand * height) return false;
+    return std::all_of(track.pixels.begin(), track.pixels.end(), [&](const Eigen::Vector2d& p) {
+      return (p - first).norm() < kStands * width;
+    });
   }
 
   /// New features in the tiles that have fewer than they should.
@@ -201,9 +216,9 @@ bool FeatureTracker::add(const GrayImage& given) {
       return seen;
     }());
   }
-  const double step = median_motion(s.now, found) * s.shrink;
+  const double step = upper_motion(s.now, found) * s.shrink;
   s.now = found;
-  const double motion = median_motion(s.at_key, s.now) * s.shrink;
+  const double motion = upper_motion(s.at_key, s.now) * s.shrink;
   s.largest = std::max(s.largest, motion);
   const bool few = s.now.size() < 60;
   if (!few && (motion < s.options.key_motion * s.width || step < kStill)) {
@@ -225,7 +240,8 @@ bool FeatureTracker::add(const GrayImage& given) {
 std::vector<FeatureTrack> FeatureTracker::take() {
   std::vector<FeatureTrack> out;
   for (FeatureTrack& track : state_->tracks) {
-    if (track.pixels.size() >= 2) out.push_back(std::move(track));
+    if (track.pixels.size() < 2 || state_->is_own(track)) continue;
+    out.push_back(std::move(track));
   }
   state_->tracks.clear();
   state_->live.clear();

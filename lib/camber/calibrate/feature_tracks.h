@@ -20,8 +20,9 @@ struct FeatureTrackOptions {
   int tiles_down = 5;        ///< >= 1
   int features_a_tile = 16;  ///< >= 1
   int largest_width = 1300;  ///< px; wider images are shrunk for tracking, >= 64
-  /// Median motion of the features after which a frame is a key frame, share of the width, > 0.
-  double key_motion = 0.015;
+  /// Upper quartile of the features' motion after which a frame is a key frame, share of the width,
+  /// > 0.
+  double key_motion = 0.02;
   double round_trip_px = 0.5;  ///< forward and backward, of the tracked image, > 0
   void validate() const;       ///< throws std::invalid_argument
 };
@@ -43,7 +44,7 @@ class FeatureTracker {
   /// the order in which they began.
   std::vector<FeatureTrack> take();
   std::size_t key_frames() const;
-  /// Largest median motion since the first key frame between two frames, px: of a camera that
+  /// Largest motion (upper quartile) of a frame since its last key frame, px: of a camera that
   /// stands about 0.
   double largest_motion() const;
 

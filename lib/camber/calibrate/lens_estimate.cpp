@@ -22,6 +22,7 @@ class JointBundle {
               std::vector<WindowBundle>* windows)
       : prior_(prior), options_(options), windows_(*windows) {
     loss_.width = options.loss_width;
+    loss_.correlation = options.correlation;
   }
 
   /// @param tried  of the windows as they were tried, else as they are.
@@ -90,7 +91,8 @@ class JointBundle {
     const double equations = 2.0 * static_cast<double>(lengths.size());
     constexpr double kSigmaFromMedianLength = 1.0 / 1.17741;
     const double freedom = std::sqrt(equations / std::max(0.2 * equations, equations - unknowns));
-    loss_.pixel_sigma = std::max(options_.least_sigma, kSigmaFromMedianLength * upper_median(&lengths) * freedom);
+    loss_.pixel_sigma =
+        std::max(options_.least_sigma, kSigmaFromMedianLength * upper_median(&lengths) * freedom);
     return loss_.pixel_sigma;
   }
 
@@ -114,11 +116,14 @@ class JointBundle {
   }
 
   void set_pixel_sigma(double sigma) { loss_.pixel_sigma = sigma; }
+  double correlation() const { return loss_.correlation; }
+  void widen(double factor) { loss_.correlation *= std::max(1.0, factor); }
 
- private:
   Vector prior_error(const DriveLens& lens) const {
     return (lens.parameters() - prior_.mean.parameters()).cwiseQuotient(prior_.sigma);
   }
+
+ private:
   double prior_cost(const DriveLens& lens) const { return 0.5 * prior_error(lens).squaredNorm(); }
 
   Vector lens_step(const DriveLens& lens, double damping) {
@@ -142,37 +147,39 @@ class JointBundle {
   BundleLoss loss_;
 };
 
-/// Covariance by the curvature, or by the spread of the windows' scores where that is larger.
-/// @param scores  of each window at the estimate, one a column.
-void set_covariance(const LensPrior& prior, const LensEstimateOptions& options,
-                    const std::vector<LensInformation>& parts, LensEstimate* out) {
+/// How much more the windows' scores spread than the curvature lets expect, in the mean over the
+/// directions that the windows know better than the prior.
+/// @param parts  of each window at the estimate.
+double spread_of_scores(const LensPrior& prior, const std::vector<LensInformation>& parts) {
+  const auto count = static_cast<double>(parts.size());
+  if (count < 3.0) return 1.0;
   Matrix information = Matrix::Zero(), scores = Matrix::Zero();
   Vector mean = Vector::Zero();
   for (const LensInformation& part : parts) {
     information += part.information;
-    mean += part.gradient / static_cast<double>(parts.size());
+    mean += part.gradient / count;
   }
   for (const LensInformation& part : parts) {
     scores += (part.gradient - mean) * (part.gradient - mean).transpose();
   }
-  const auto count = static_cast<double>(parts.size());
-  if (count > 1.0) scores *= count / (count - 1.0);
+  scores *= count / (count - 1.0);
   const Matrix of_prior = prior.sigma.array().square().inverse().matrix().asDiagonal();
-  // How much more the scores spread than the curvature lets expect, in the mean over the
-  // directions that the windows know better than the prior.
   const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix> solver(information, of_prior);
-  double inflation = options.correlation, sum = 0.0;
+  double sum = 0.0;
   int directions = 0;
   for (int i = 0; i < DriveLens::kSize; ++i) {
     const Vector v = solver.eigenvectors().col(i);
-    if (!(solver.eigenvalues()(i) > 4.0)) continue;
+    if (!(solver.eigenvalues()(i) > 1.0)) continue;
     sum += v.dot(scores * v) / v.dot(information * v);
     ++directions;
   }
-  if (directions > 0 && count >= 3.0) inflation = std::max(inflation, sum / directions);
-  out->inflation = inflation;
-  out->covariance = (information / inflation + of_prior).inverse();
-  out->covariance(0, 0) += options.floor * options.floor;
+  return directions > 0 ? sum / directions : 1.0;
+}
+
+Matrix covariance_of(const LensPrior& prior, const std::vector<LensInformation>& parts) {
+  Matrix information = prior.sigma.array().square().inverse().matrix().asDiagonal();
+  for (const LensInformation& part : parts) information += part.information;
+  return information.inverse();
 }
 
 }  // namespace
@@ -181,8 +188,13 @@ LensPrior lens_prior_of_cars(int width, int height) {
   if (width <= 0 || height <= 0) throw std::invalid_argument("the image has no size");
   constexpr double kFocal = 0.56, kFocalSigma = 0.49;  // widths; of the logarithm
   LensPrior out;
-  out.mean = {width, height, kFocal * width, 0.5 * (width - 1), 0.5 * (height - 1), 0.0, 0.0};
-  out.sigma << kFocalSigma, 0.025 * width, 0.025 * width, 0.2, 0.03;
+  out.mean.width = width;
+  out.mean.height = height;
+  out.mean.f = kFocal * width;
+  out.mean.cx = 0.5 * (width - 1);
+  out.mean.cy = 0.5 * (height - 1);
+  constexpr double kMounted = 0.09;  // rad
+  out.sigma << kFocalSigma, 0.025 * width, 0.025 * width, 0.2, 0.03, kMounted, kMounted;
   return out;
 }
 
@@ -206,11 +218,34 @@ LensEstimate estimate_lens(const DriveLens& start, const LensPrior& prior,
   }
   out.pixel_sigma = joint.measure_noise(out.lens);
   out.cost = joint.minimise(&out.lens, options.rounds > 0 ? kFine : kRough);
+  if (options.rounds > 0) {
+    joint.widen(spread_of_scores(prior, joint.reduce(out.lens, 0.0)));
+    out.cost = joint.minimise(&out.lens, kFine);
+    // What contradicts the prior is less well known than it seems.
+    constexpr double kPlausible = 9.0;  // squared standard deviations, of all parameters
+    for (int round = 0; round < 3; ++round) {
+      const double contradiction = joint.prior_error(out.lens).squaredNorm() / kPlausible;
+      if (contradiction < 1.0) break;
+      joint.widen(contradiction);
+      out.cost = joint.minimise(&out.lens, kFine);
+    }
+  }
   for (const WindowBundle& bundle : *windows) {
     out.points += bundle.window().points.size();
     out.observations += bundle.observations();
   }
-  set_covariance(prior, options, joint.reduce(out.lens, 0.0), &out);
+  out.inflation = joint.correlation();
+  out.covariance = covariance_of(prior, joint.reduce(out.lens, 0.0));
+  out.contradiction = joint.prior_error(out.lens).squaredNorm();
+  out.covariance(0, 0) += std::pow(options.focal_floor, 2);
+  const double principal = std::pow(options.principal_floor * out.lens.width, 2);
+  const double by_angle = 1.0 / (out.lens.f * out.lens.f);
+  out.covariance(1, 1) += principal;
+  out.covariance(2, 2) += principal;
+  out.covariance(3, 3) += std::pow(options.distortion_floor, 2);
+  // The direction of travel keeps its pixel.
+  out.covariance(5, 5) += principal * by_angle;
+  out.covariance(6, 6) += principal * by_angle;
   return out;
 }
 

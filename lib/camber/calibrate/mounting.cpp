@@ -153,7 +153,11 @@ Mounting estimate_mounting(const std::vector<WindowBundle>& windows, const Drive
     out.yaw = robust_mean(yaw, kAlike);
     out.yaw->sigma = std::hypot(out.yaw->sigma, std::sqrt(covariance(1, 1)) / lens.f);
   }
-  if (roll.size() >= 3) out.roll = robust_mean(roll, 1.0);
+  if (roll.size() >= 3) {
+    constexpr double kCrossFall = 0.01;  // rad: roads lean, and all windows with them
+    out.roll = robust_mean(roll, 2.0);
+    out.roll->sigma = std::hypot(out.roll->sigma, kCrossFall);
+  }
   return out;
 }
 

@@ -39,7 +39,7 @@ std::vector<FramePose> poses_of(const CalibrationWindow& window) {
 
 double loss_of(double squared, const BundleLoss& loss) {
   const double w2 = loss.width * loss.width;
-  return 0.5 * w2 * std::log1p(squared / w2);
+  return 0.5 * w2 / loss.correlation * std::log1p(squared / w2);
 }
 
 }  // namespace
@@ -69,7 +69,8 @@ std::optional<WeightedRow> linearise(const WindowPoint& point,
   const Eigen::Vector2d error = (projection->pixel - seen.pixel) / loss.pixel_sigma;
   const double squared = error.squaredNorm();
   *cost += loss_of(squared, loss);
-  const double weight = 1.0 / std::sqrt(1.0 + squared / (loss.width * loss.width));
+  const double weight =
+      1.0 / std::sqrt(loss.correlation * (1.0 + squared / (loss.width * loss.width)));
   const Eigen::Matrix<double, 2, 3> by_at = weight / loss.pixel_sigma * projection->by_point;
   WeightedRow out;
   out.error = weight * error;
@@ -81,12 +82,43 @@ std::optional<WeightedRow> linearise(const WindowPoint& point,
   return out;
 }
 
+/// Travel against the mounting, standard deviations: by yaw and by pitch.
+std::optional<Eigen::Vector2d> travel_error(const CalibrationWindow& window, const DriveLens& lens,
+                                            double sigma) {
+  const auto travel = travel_of_window(window);
+  if (!travel) return std::nullopt;
+  return Eigen::Vector2d((travel->x() + lens.yaw) / sigma, (travel->y() - lens.pitch) / sigma);
+}
+
+double travel_sigma(const CalibrationWindow& window) {
+  const TravelNoise noise;
+  const double turn = rotation_to_vector(window.frame_from_reference.back().rotation() *
+                                         window.frame_from_reference.front().rotation().inverse())
+                          .norm();
+  return std::hypot(noise.straight, noise.of_turn * turn);
+}
+
+/// One pose moved by a step of its six parameters.
+SE3 moved(const SE3& pose, const Eigen::Matrix<double, kPose, 1>& step) {
+  return {rotation_from_vector(step.head<3>()) * pose.rotation(),
+          pose.translation() + step.tail<3>()};
+}
+
 void damp(double damping, Eigen::Ref<Eigen::MatrixXd> block) {
   block.diagonal() *= 1.0 + damping;
   block.diagonal().array() += 1e-9;
 }
 
 }  // namespace
+
+std::optional<Eigen::Vector2d> travel_of_window(const CalibrationWindow& window) {
+  if (window.frame_from_reference.size() < 2) return std::nullopt;
+  Eigen::Vector3d chord = window.frame_from_reference.back().inverse().translation() -
+                          window.frame_from_reference.front().inverse().translation();
+  if (chord.z() < 0.0) chord = -chord;
+  if (!(chord.z() > 1e-9)) return std::nullopt;
+  return Eigen::Vector2d(std::atan2(chord.x(), chord.z()), std::atan2(chord.y(), chord.z()));
+}
 
 WindowBundle::WindowBundle(CalibrationWindow window)
     : window_(std::move(window)), tried_(window_) {}
@@ -165,6 +197,7 @@ LensInformation WindowBundle::reduce(const DriveLens& lens, const BundleLoss& lo
       }
     }
   }
+  add_travel(lens, &information, &gradient, &out.cost);
   // The unit of length is free: the longest baseline keeps its length.
   std::size_t longest = 0;
   double length = 0.0;
@@ -195,6 +228,38 @@ LensInformation WindowBundle::reduce(const DriveLens& lens, const BundleLoss& lo
   return out;
 }
 
+void WindowBundle::add_travel(const DriveLens& lens, Eigen::MatrixXd* information,
+                              Eigen::VectorXd* gradient, double* cost) const {
+  const double sigma = travel_sigma(window_);
+  const auto error = travel_error(window_, lens, sigma);
+  if (!error) return;
+  *cost += 0.5 * error->squaredNorm();
+  // By the lens's yaw and pitch, and by the poses of the chord's ends.
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(2, information->rows());
+  rows(0, 5) = 1.0 / sigma;
+  rows(1, 6) = -1.0 / sigma;
+  constexpr double kStep = 1e-6;
+  CalibrationWindow changed;  // without points
+  changed.reference = window_.reference;
+  for (const std::size_t end : {std::size_t{0}, window_.frame_from_reference.size() - 1}) {
+    for (int p = 0; p < kPose; ++p) {
+      Eigen::Vector2d sides[2];
+      for (int side = 0; side < 2; ++side) {
+        changed.frame_from_reference = window_.frame_from_reference;
+        const Eigen::Matrix<double, kPose, 1> step =
+            (side == 0 ? kStep : -kStep) * Eigen::Matrix<double, kPose, 1>::Unit(p);
+        changed.frame_from_reference[end] = moved(changed.frame_from_reference[end], step);
+        const auto at = travel_error(changed, lens, sigma);
+        if (!at) return;
+        sides[side] = *at;
+      }
+      rows.col(row_of(static_cast<int>(end)) + p) = (sides[0] - sides[1]) / (2.0 * kStep);
+    }
+  }
+  *information += rows.transpose() * rows;
+  *gradient += rows.transpose() * *error;
+}
+
 void WindowBundle::try_step(const DriveLens::Vector& lens_step) {
   const Eigen::VectorXd poses = -(poses_step_ + poses_by_lens_ * lens_step);
   for (std::size_t k = 0; k < window_.frame_from_reference.size(); ++k) {
@@ -202,8 +267,7 @@ void WindowBundle::try_step(const DriveLens::Vector& lens_step) {
     if (at < 0) continue;
     const Eigen::Matrix<double, kPose, 1> step = poses.segment<kPose>(at - kLens);
     const SE3& pose = window_.frame_from_reference[k];
-    tried_.frame_from_reference[k] = SE3(rotation_from_vector(step.head<3>()) * pose.rotation(),
-                                         pose.translation() + step.tail<3>());
+    tried_.frame_from_reference[k] = moved(pose, step);
   }
   for (std::size_t i = 0; i < window_.points.size(); ++i) {
     const Eliminated& kept = eliminated_[i];
@@ -239,6 +303,8 @@ double WindowBundle::cost(const CalibrationWindow& window, const DriveLens& lens
       out += loss_of(squared * per_variance, loss);
     }
   }
+  const auto travel = travel_error(window, lens, travel_sigma(window));
+  if (travel) out += 0.5 * travel->squaredNorm();
   return out;
 }
 

@@ -35,7 +35,21 @@ struct CalibrationWindow {
 struct BundleLoss {
   double pixel_sigma = 0.3;  ///< px, of a coordinate, > 0
   double width = 2.0;        ///< w, standard deviations, > 0
+  /// Errors that are alike count once: what the pixels know is divided by this, >= 1.
+  double correlation = 1.0;
 };
+
+/// How a vehicle goes: where a window's chord lies in its middle camera, against straight on. In a
+/// turn the camera, which is before the rear axle, is carried outwards, and the chord of an uneven
+/// arc is no tangent.
+struct TravelNoise {
+  double straight = 0.015;  ///< rad, > 0
+  double of_turn = 0.25;    ///< of the window's turn, >= 0
+};
+
+/// Sideways and upward angle of a window's chord in its reference camera, rad; that of a camera
+/// that looks back is turned round. Nothing without a chord.
+std::optional<Eigen::Vector2d> travel_of_window(const CalibrationWindow& window);
 
 /// The normal equations of one window with its points and poses eliminated (Triggs, McLauchlan,
 /// Hartley, Fitzgibbon, "Bundle Adjustment - A Modern Synthesis", 2000, section 6.1): what it knows
@@ -64,6 +78,7 @@ class WindowBundle {
   void accept();
   void set_window(CalibrationWindow window);
 
+  /// Of pixels and travel.
   static double cost(const CalibrationWindow& window, const DriveLens& lens,
                      const BundleLoss& loss);
   /// Errors of all observations, px, in the order of points and frames; NaN behind a camera.
@@ -71,6 +86,8 @@ class WindowBundle {
                                              const DriveLens& lens);
 
  private:
+  void add_travel(const DriveLens& lens, Eigen::MatrixXd* information, Eigen::VectorXd* gradient,
+                  double* cost) const;
   Eigen::Index parameters_of_poses() const;
   Eigen::Index row_of(int frame) const;  // of a frame's pose; -1: the reference
 

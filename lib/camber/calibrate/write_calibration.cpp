@@ -69,9 +69,6 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
   out += angle_yaml("pitch", c.mounting.pitch);
   out += angle_yaml("yaw", c.mounting.yaw);
   out += angle_yaml("roll", c.mounting.roll);
-  if (c.height) {
-    out += fmt::format("height: {:.4f}\nheight_sigma: {:.4f}\n", c.height->value, c.height->sigma);
-  }
   for (const std::string& note : c.notes) out += fmt::format("# {}\n", note);
   return out;
 }
@@ -86,10 +83,6 @@ Scene calibrated_scene(const Scene& scene, const DriveCalibration& c) {
   OwnImport report;
   take_out_lens(out, report);
   out.camera_sigma = {c.lens.sigma(0), std::max(c.lens.sigma(1), c.lens.sigma(2)), c.lens.sigma(3)};
-  if (!out.height_above_road && c.height) {
-    out.height_above_road = c.height->value;
-    out.height_sigma = c.height->sigma;
-  }
   return out;
 }
 

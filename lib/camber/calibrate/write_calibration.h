@@ -10,8 +10,8 @@ namespace camber {
 
 /// The calibration as a file of OpenCV's FileStorage (YAML): camera_matrix,
 /// distortion_coefficients, and beside them focal_sigma (relative), principal_sigma (px),
-/// distortion_sigma (of k1), the mounting in degrees and the height in metres with their sigmas,
-/// and what decided. read_calibration() reads it.
+/// distortion_sigma (of k1), the mounting in degrees with its sigmas, and what
+/// decided. read_calibration() reads it.
 /// @param source  what it was made of, for a comment.
 std::string calibration_yaml(const DriveCalibration& calibration, const std::string& source);
 
