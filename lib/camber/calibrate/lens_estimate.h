@@ -30,7 +30,7 @@ struct LensEstimateOptions {
   double correlation = 4.0;
   // What all windows have in common, as a lens that is not quite radial or features that are
   // followed with a bias: standard deviations. KITTI's rectified drives 03 and 0095: -1.7 and
-  // -2.2 % with 0.4 and 1.6 % by the windows; 5 and 19 px of 1242 with 1 and 6 px.
+  // -2.6 % with 0.2 and 1.4 % by the windows; 5 and 12 px of 1242 with 1 and 3 px.
   double focal_floor = 0.012;      ///< relative, >= 0
   double principal_floor = 0.008;  ///< of the width, >= 0
   double distortion_floor = 0.01;  ///< of k1, >= 0
