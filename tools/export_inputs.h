@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "camber/export/height_source.h"
-#include "camber/export/road_strip.h"
+#include "camber/export/crg_strip.h"
 #include "road_arguments.h"
 
 namespace camber::tools {

@@ -10,7 +10,7 @@
 #include <pugixml.hpp>
 
 #include "camber/core/errors.h"
-#include "camber/export/road_strip.h"
+#include "camber/export/crg_strip.h"
 #include "support/test_data.h"
 
 namespace fs = std::filesystem;

@@ -13,7 +13,7 @@
 #include "camber/core/threads.h"
 #include "camber/core/version.h"
 #include "camber/export/detail/series.h"
-#include "camber/export/road_strip.h"
+#include "camber/export/crg_strip.h"
 #include "camber/image/image_io.h"
 #include "camber/image/srgb.h"
 

@@ -9,7 +9,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
-#include "camber/export/road_strip.h"
+#include "camber/export/crg_strip.h"
 
 namespace camber {
 

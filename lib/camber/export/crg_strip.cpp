@@ -1,4 +1,4 @@
-#include "camber/export/road_strip.h"
+#include "camber/export/crg_strip.h"
 
 #include <fmt/format.h>
 
