@@ -11,6 +11,7 @@
 #include "camber/core/threads.h"
 #include "camber/vehicle/detail/heading_hypotheses.h"
 #include "camber/vehicle/detail/levenberg_marquardt.h"
+#include "camber/vehicle/detail/linear_algebra.h"
 #include "camber/vehicle/detail/vehicle_answer.h"
 
 namespace camber {
@@ -20,6 +21,28 @@ namespace {
 using namespace internal;
 
 constexpr double kPi = 3.14159265358979323846;
+
+/// What is known under one of several hypotheses of the heading. Where a box knows nothing of the
+/// heading, or where its posterior bends the other way, the heading is within half a step of the
+/// hypotheses: without that the inverse of the information is no covariance.
+PosteriorMean mean_of_hypothesis(const VehiclePosterior& posterior, const VehicleState& state,
+                                 std::size_t hypotheses) {
+  PosteriorMean mean = posterior_mean(posterior, state);
+  if (mean.covariance.size() == 0) return mean;
+  const int heading = posterior.layout().pose(0) + 4;
+  const double any = kPi * kPi / 3.0;  // rad^2, uniform over the circle
+  if (mean.minimum && mean.covariance(heading, heading) < any) return mean;
+  const double step = kPi / static_cast<double>(hypotheses);
+  Eigen::MatrixXd information = mean.information;
+  const double known = 12.0 / (step * step);
+  information(heading, heading) = std::max(information(heading, heading), 0.0) + known;
+  mean.covariance = SymmetricFactors(information).inverse();
+  Eigen::VectorXd gradient_change = Eigen::VectorXd::Zero(posterior.layout().total());
+  gradient_change.segment<kPoseParameters>(posterior.layout().pose(0)) =
+      posterior.contact(0).gradient_by_unmodelled(state.poses.front());
+  mean.raised = mean.covariance * gradient_change;
+  return mean;
+}
 
 /// The box alone: every heading is possible, so the answer is the posterior's mean over headings.
 /// @return false: no place in front of the camera fits.
@@ -55,7 +78,8 @@ bool fit_box(const PinholeCamera& camera, const VehicleDetection& detection,
   ReportCovariance covariance = ReportCovariance::Zero();
   for (std::size_t i = 0; i < hypotheses.size(); ++i) {
     const VehicleState& s = hypotheses[i].state;
-    const Eigen::MatrixXd own = stated_covariance(posterior, 0, posterior_mean(posterior, s));
+    const Eigen::MatrixXd own =
+        stated_covariance(posterior, 0, mean_of_hypothesis(posterior, s, hypotheses.size()));
     const Eigen::Matrix<double, 6, 1> off = place(s) - mean;
     Eigen::Matrix<double, 9, 1> difference = Eigen::Matrix<double, 9, 1>::Zero();
     difference.head<3>() = off.head<3>();
