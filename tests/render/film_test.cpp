@@ -7,6 +7,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/image/video.h"
 #include "camber/render/contact_sheet.h"
 #include "camber/render/picture_file.h"
 #include "support/test_data.h"
@@ -64,6 +65,41 @@ TEST_P(Film, HoldsItsPicturesInOrderAndTime) {
     EXPECT_NEAR(dark[2], 40, 25);
   }
   EXPECT_FALSE(reader.read(frame));
+}
+
+TEST_P(Film, PartsAreJoinedInOrder) {
+  std::vector<fs::path> parts;
+  int drawn = 0;
+  for (const int count : {6, 9, 1}) {
+    parts.push_back(folder_.path() / ("part" + std::to_string(parts.size()) + GetParam()));
+    FilmWriter film(parts.back(), 12.5);
+    for (int i = 0; i < count; ++i) film.add(half_picture(320, 180, drawn++ % 3 == 0));
+    film.finish();
+  }
+  join_films(parts, path());
+  EXPECT_EQ(files(), 4u);
+  cv::VideoCapture reader(path().string());
+  ASSERT_TRUE(reader.isOpened());
+  EXPECT_NEAR(reader.get(cv::CAP_PROP_FPS), 12.5, 0.05);
+  cv::Mat frame;
+  for (int i = 0; i < drawn; ++i) {
+    ASSERT_TRUE(reader.read(frame)) << i;
+    EXPECT_NEAR(frame.at<cv::Vec3b>(90, i % 3 == 0 ? 60 : 260)[2], 220, 25) << i;
+    EXPECT_NEAR(frame.at<cv::Vec3b>(90, i % 3 == 0 ? 260 : 60)[2], 40, 25) << i;
+  }
+  EXPECT_FALSE(reader.read(frame));
+  const std::unique_ptr<VideoReader> timed = open_video(path());  // OpenCV has no last times
+  for (int i = 0; i < drawn; ++i) {
+    ASSERT_TRUE(timed->next());
+    EXPECT_NEAR(timed->time_s(), 0.08 * i, 0.001);
+  }
+  // Of another size: no film, and no part of one.
+  fs::remove(path());
+  FilmWriter other(parts[1], 12.5);
+  other.add(half_picture(160, 90, true));
+  other.finish();
+  EXPECT_THROW(join_films(parts, path()), InputError);
+  EXPECT_EQ(files(), 3u);
 }
 
 TEST_P(Film, NothingIsLeftBehindWithoutAnEnd) {

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "browser.h"
 #include "camber/render/picture_file.h"
 #include "camber/render/report.h"
 #include "picture_content.h"
@@ -22,45 +23,13 @@ namespace camber {
 namespace {
 
 namespace fs = std::filesystem;
+using test::complaints;
+using test::find_browser;
+using test::load_page;
 using test::PictureScene;
 using test::read_text;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-std::string find_browser() {
-  for (const char* name :
-       {"/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"}) {
-    if (fs::exists(name)) return name;
-  }
-  return {};
-}
-
-/// Loads a page of `folder` and gives back its DOM after its scripts; messages go to log.txt.
-std::string load_page(const std::string& browser, const fs::path& folder, const std::string& name,
-                      const std::string& more = "") {
-  const std::string f = folder.string();
-  const std::string command =
-      "timeout 120 " + browser +
-      " --headless=new --no-sandbox --disable-dev-shm-usage --no-first-run --user-data-dir=" + f +
-      "/profile --hide-scrollbars --use-gl=angle --use-angle=swiftshader "
-      "--enable-unsafe-swiftshader --enable-logging=stderr --virtual-time-budget=10000 "
-      "--host-resolver-rules='MAP * ~NOTFOUND' " +
-      more + " --dump-dom file://" + f + "/" + name + " > " + f + "/dom.html 2> " + f +
-      "/log.txt < /dev/null";
-  EXPECT_EQ(std::system(command.c_str()), 0);
-  return read_text(folder / "dom.html");
-}
-
-/// What the page said on its console, but for what the probe below causes itself.
-std::vector<std::string> complaints(const std::string& log) {
-  std::vector<std::string> out;
-  std::istringstream lines(log);
-  for (std::string line; std::getline(lines, line);) {
-    if (line.find("CONSOLE") == std::string::npos) continue;
-    if (line.find("GPU stall due to ReadPixels") == std::string::npos) out.push_back(line);
-  }
-  return out;
-}
 
 /// Pictures are drawn at once: a busy machine's browser may end before it shows the next frame.
 const char* const kAtOnce =

@@ -26,6 +26,11 @@ int count_film_pictures(const std::filesystem::path& path, int enough) {
   return video().count_film_pictures(path, enough);
 }
 
+void join_film_files(const std::vector<std::filesystem::path>& parts,
+                     const std::filesystem::path& out) {
+  video().join_film_files(parts, out);
+}
+
 std::unique_ptr<VideoReader> open_video(const std::filesystem::path& path) {
   return video().open_video(path);
 }

@@ -10,6 +10,7 @@ namespace camber::tools {
 struct VideoFunctions {
   decltype(&camber::open_film_encoder) open_film_encoder;
   decltype(&camber::count_film_pictures) count_film_pictures;
+  decltype(&camber::join_film_files) join_film_files;
   decltype(&camber::open_video) open_video;
 };
 

@@ -131,4 +131,10 @@ void FilmWriter::finish() {
   film.files.commit();
 }
 
+void join_films(const std::vector<fs::path>& parts, const fs::path& path) {
+  AtomicFiles files;
+  join_film_files(parts, files.stage(path));
+  files.commit();
+}
+
 }  // namespace camber

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "camber/image/image_io.h"
 
@@ -38,5 +39,10 @@ class FilmWriter {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// Films of one encoder, size and rate, as FilmWriter makes them, into one, without encoding them
+/// again: each begins where the one before ends. The film appears whole or not at all.
+/// @throws InputError for a part that cannot be read or that differs; OutputError.
+void join_films(const std::vector<std::filesystem::path>& parts, const std::filesystem::path& path);
 
 }  // namespace camber

@@ -30,7 +30,9 @@ std::vector<LabelPlace> place_labels(const std::vector<LabelRequest>& requests,
     LabelPlace place;
     const double w = request.size.x(), h = request.size.y();
     double best = std::numeric_limits<double>::infinity();
+    int candidate = 0;
     const auto consider = [&](double x, double y, double penalty) {
+      const int number = candidate++;
       // Pushed inside the area rather than dropped; the push is paid for by the distance.
       x = std::clamp(x, area.x1, std::max(area.x1, area.x2 - w));
       y = std::clamp(y, area.y1, std::max(area.y1, area.y2 - h));
@@ -43,9 +45,11 @@ std::vector<LabelPlace> place_labels(const std::vector<LabelRequest>& requests,
                     0.2 * (box.center() - request.target.center()).norm() / h +
                     4.0 * shared_area(box, request.target) / (w * h);
       for (const Box2& other : options.avoid) cost += 6.0 * shared_area(box, other) / (w * h);
+      constexpr double kKept = 3.0;  // of cost, for the place of the picture before
+      if (number == request.preferred) cost -= kKept;
       if (cost < best) {
         best = cost;
-        place = {true, box, false};
+        place = {true, box, false, number};
       }
     };
     const Box2& t = request.target;
@@ -69,6 +73,7 @@ std::vector<LabelPlace> place_labels(const std::vector<LabelRequest>& requests,
       for (double y = area.y1; y + h <= area.y2; y += step) {
         for (double x = area.x1; x + w <= area.x2; x += step) consider(x, y, 2.0);
       }
+      place.candidate = -1;
     }
     if (place.found) {
       place.leader = distance_between(place.box, request.target) > 0.6 * h;

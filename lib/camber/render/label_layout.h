@@ -11,12 +11,16 @@ namespace camber {
 struct LabelRequest {
   Eigen::Vector2d size = Eigen::Vector2d::Zero();  ///< pixels
   Box2 target;                                     ///< pixels; a point is a box without area
+  /// LabelPlace::candidate in the picture before this one: kept unless another is clearly better,
+  /// so that labels of a film do not jump. -1: none.
+  int preferred = -1;
 };
 
 struct LabelPlace {
   bool found = false;  ///< false: no free place of that size is left in the picture
   Box2 box;
   bool leader = false;  ///< the label is so far away that a line to its target helps
+  int candidate = -1;   ///< on which side of the target and how far off; -1: anywhere
 };
 
 struct LabelLayoutOptions {

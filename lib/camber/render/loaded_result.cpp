@@ -102,13 +102,14 @@ LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& o
   if (!fs::exists(path / "run.json", error)) {
     throw InputError(path.string(), "found no run.json, expected the folder of a Camber result");
   }
-  result.run = read_run(path / "run.json");
+  const fs::path road = road_folder(path);
+  result.run = read_run(road / "run.json");
   // A reconstruction has the road's cloud, the patches of a cloud have the cloud with their labels.
   for (const char* name : {"road.ply", "labels.ply"}) {
-    if (!result.cloud && fs::exists(path / name, error)) load_cloud(path / name);
+    if (!result.cloud && fs::exists(road / name, error)) load_cloud(road / name);
   }
-  if (fs::exists(path / "surface.json", error)) {
-    result.surface = read_surface(path / "surface.json");
+  if (fs::exists(road / "surface.json", error)) {
+    result.surface = read_surface(road / "surface.json");
   }
   if (fs::exists(path / "vehicles.json", error)) {
     result.vehicles = read_vehicles(path / "vehicles.json");

@@ -372,7 +372,11 @@ std::vector<Box2> draw_road(Canvas& canvas, Image& image, const PinholeCamera& c
       drawn_patches(*road.surface, camera, camera_from_reference);
   if (placed.empty()) return taken;
   if (options.show_grade) {
-    const auto [low, high] = grade_range(placed);
+    auto [low, high] = grade_range(placed);
+    if (options.grade_range) {
+      low = options.grade_range->first * 180.0 / M_PI;
+      high = options.grade_range->second * 180.0 / M_PI;
+    }
     for (const DrawnPatch& p : placed) {
       const double share = (p.patch->grade * 180.0 / M_PI - low) / (high - low);
       canvas.polygon(project_polygon(camera, p.rim), viridis(share).with_alpha(0.5));
@@ -466,6 +470,12 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit,
       badge_widths.push_back(id.x() + 2.0 * pad);
       const double height = std::ceil(std::max(id.y(), text.y()) + 0.3 * pad);
       requests.push_back({{badge_widths.back() + text.x() + 2.0 * pad, height}, drawn->reach});
+      if (options.label_memory) {
+        const auto before = options.label_memory->candidates.find(drawn->number);
+        if (before != options.label_memory->candidates.end()) {
+          requests.back().preferred = before->second;
+        }
+      }
     }
     LabelLayoutOptions layout;
     layout.area = {2.0, 2.0, canvas.width() - 3.0, canvas.height() - 3.0};
@@ -476,6 +486,12 @@ void draw_labels(Canvas& canvas, const std::vector<Drawn>& all, double unit,
     const bool complete = std::all_of(places.begin(), places.end(),
                                       [](const LabelPlace& place) { return place.found; });
     if (!complete && size * 0.85 >= 7.0) continue;
+    if (options.label_memory) {
+      options.label_memory->candidates.clear();
+      for (std::size_t i = 0; i < places.size(); ++i) {
+        options.label_memory->candidates[order[i]->number] = places[i].candidate;
+      }
+    }
     for (std::size_t i = 0; i < places.size(); ++i) {
       if (!places[i].found || !places[i].leader) continue;
       const Box2& target = order[i]->reach;

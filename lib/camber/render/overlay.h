@@ -1,5 +1,9 @@
 #pragma once
 
+#include <map>
+#include <optional>
+#include <utility>
+
 #include "camber/geometry/pinhole_camera.h"
 #include "camber/image/image_io.h"
 #include "camber/road/road_surface.h"
@@ -7,6 +11,12 @@
 #include "camber/scene/vehicle_numbers.h"
 
 namespace camber {
+
+/// Where the labels of the picture before stood, by the vehicles' numbers: in a series of pictures
+/// they keep their sides.
+struct LabelMemory {
+  std::map<int, int> candidates;  ///< LabelPlace::candidate
+};
 
 struct OverlayOptions {
   double upscale = 1.0;     ///< the picture is enlarged before drawing, [0.1, 16]
@@ -25,6 +35,10 @@ struct OverlayOptions {
   /// Metres ahead and to the side on the patches, with numbers every ten.
   bool show_grid = false;
   bool show_mask = false;  ///< tints the pixels that are road
+
+  /// rad, slopes at the ends of the colour scale of show_grade; none: those of the patches in view.
+  std::optional<std::pair<double, double>> grade_range;
+  LabelMemory* label_memory = nullptr;  ///< of a series of pictures; is brought up to date
 
   VehicleNumbers numbers;  ///< of the result that the frame is part of
 

@@ -1,5 +1,8 @@
 #include "camber/render/picture_file.h"
 
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
 
@@ -23,6 +26,22 @@ Image make_picture(int width, int height, std::uint8_t grey) {
   picture.channels = 3;
   picture.data.assign(3 * static_cast<std::size_t>(width) * height, grey);
   return picture;
+}
+
+Image shrink_picture(const Image& picture, int width) {
+  require_picture(picture, "picture");
+  if (width < 1 || width > picture.width) {
+    throw std::invalid_argument("picture width: found " + std::to_string(width) +
+                                ", expected 1 to " + std::to_string(picture.width));
+  }
+  const double factor = static_cast<double>(width) / picture.width;
+  Image out =
+      make_picture(width, std::max(1, static_cast<int>(std::lround(picture.height * factor))), 0);
+  const cv::Mat from(picture.height, picture.width, CV_8UC3,
+                     const_cast<std::uint8_t*>(picture.data.data()));
+  cv::Mat to(out.height, out.width, CV_8UC3, out.data.data());
+  cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+  return out;
 }
 
 void require_picture(const Image& picture, const char* name) {

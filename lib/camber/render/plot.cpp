@@ -93,11 +93,21 @@ Image draw_plots(const PlotSheet& sheet, const PlotStyle& style) {
   return image;
 }
 
+std::vector<PlotAxes> plot_axes(const PlotSheet& sheet, const PlotStyle& style) {
+  const Layout layout = lay_out(sheet, style);
+  std::vector<PlotAxes> out;
+  for (const Panel& panel : layout.panels) out.push_back(panel.axes());
+  return out;
+}
+
 std::string plots_svg(const PlotSheet& sheet, const PlotStyle& style, bool standalone) {
   const Layout layout = lay_out(sheet, style);
   SvgPaper paper;
   draw(paper, sheet, layout, style);
-  for (const Panel& panel : layout.panels) panel.draw_hover(paper);
+  for (const Panel& panel : layout.panels) {
+    panel.draw_hover(paper);
+    if (!standalone) paper.axes(panel.axes());
+  }
   const std::string size = std::to_string(style.width) + " " + std::to_string(layout.height);
   return std::string("<svg") + (standalone ? " xmlns=\"http://www.w3.org/2000/svg\"" : "") +
          " viewBox=\"0 0 " + size +

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <string>
 #include <vector>
@@ -76,6 +77,22 @@ struct PlotStyle {
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
+
+/// Where a panel's axes lie in the drawing, and the values at their ends.
+struct PlotAxes {
+  Box2 box;  ///< pixels
+  double x_low = 0.0, x_high = 0.0, y_low = 0.0, y_high = 0.0;
+
+  /// Of linear axes.
+  Eigen::Vector2d pixel(double x, double y) const {
+    return {box.x1 + (x - x_low) / (x_high - x_low) * box.width(),
+            box.y2 - (y - y_low) / (y_high - y_low) * box.height()};
+  }
+};
+
+/// The axes of each panel as draw_plots() and plots_svg() place them; an SVG within HTML has them,
+/// too: elements of class "axes" with data-box and data-range. @throws as draw_plots().
+std::vector<PlotAxes> plot_axes(const PlotSheet& sheet, const PlotStyle& style = {});
 
 /// Draws plots with axes, grid and legends; margins follow from the words, so that none is cut off
 /// or covered. Needs no rendering back end. Same input, same pixels.

@@ -615,6 +615,13 @@ RunDocument read_run(const fs::path& path) {
   return out;
 }
 
+std::filesystem::path road_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  const bool of_drive = std::filesystem::exists(folder / "drive.json", error) &&
+                        std::filesystem::exists(folder / "surface" / "surface.json", error);
+  return of_drive ? folder / "surface" : folder;
+}
+
 void write_json(const json& value, const fs::path& path) {
   write_file_atomically(path, format_json(value));
 }

@@ -80,6 +80,10 @@ RoadSurface read_surface(const std::filesystem::path& path);
 VehicleDocument read_vehicles(const std::filesystem::path& path);
 RunDocument read_run(const std::filesystem::path& path);
 
+/// The folder that holds the road of a result (surface.json, road.ply, run.json with the cameras):
+/// `surface` in the folder of a drive, else the folder itself.
+std::filesystem::path road_folder(const std::filesystem::path& folder);
+
 /// Writes JSON as format_json() gives it, atomically.
 void write_json(const nlohmann::json& json, const std::filesystem::path& path);
 

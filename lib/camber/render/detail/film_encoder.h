@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 namespace camber {
 
@@ -24,5 +25,10 @@ std::unique_ptr<FilmEncoder> open_film_encoder(const std::filesystem::path& path
 
 /// Pictures that can be read from a film, at most `enough`.
 int count_film_pictures(const std::filesystem::path& path, int enough);
+
+/// Films of one encoder, size and rate into one, without decoding: each begins where the one before
+/// ends. @throws InputError for one that cannot be read or that differs; OutputError.
+void join_film_files(const std::vector<std::filesystem::path>& parts,
+                     const std::filesystem::path& out);
 
 }  // namespace camber

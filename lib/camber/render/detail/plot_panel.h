@@ -55,6 +55,8 @@ class Panel {
   /// Lengthens the ranges around their middles.
   void set_scale(double pixels);
 
+  PlotAxes axes() const { return {axes_, x_.low, x_.high, y_.low, y_.high}; }
+
   void draw(Paper& paper) const;
   /// Strips to point at, from top to bottom, one a place of a line that has texts for it.
   void draw_hover(SvgPaper& paper) const;

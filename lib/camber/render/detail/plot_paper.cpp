@@ -1,5 +1,7 @@
 #include "camber/render/detail/plot_paper.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -148,6 +150,15 @@ void SvgPaper::hover(const Box2& place, const std::string& text) {
   body += "<rect class=\"hit\" x=\"" + number(place.x1) + "\" y=\"" + number(place.y1) +
           "\" width=\"" + number(place.width()) + "\" height=\"" + number(place.height()) +
           "\" fill-opacity=\"0\"><title>" + escape(text) + "</title></rect>\n";
+}
+
+void SvgPaper::axes(const PlotAxes& axes) {
+  const auto four = [](double a, double b, double c, double d) {
+    return fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}", a, b, c, d);
+  };
+  body += "<g class=\"axes\" data-box=\"" +
+          four(axes.box.x1, axes.box.y1, axes.box.x2, axes.box.y2) + "\" data-range=\"" +
+          four(axes.x_low, axes.x_high, axes.y_low, axes.y_high) + "\"></g>\n";
 }
 
 }  // namespace camber::detail

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "camber/render/canvas.h"
+#include "camber/render/plot.h"
 
 namespace camber::detail {
 
@@ -55,6 +56,8 @@ class SvgPaper : public Paper {
   void text_upwards(const Eigen::Vector2d& at, const std::string& line, double size) override;
   /// A clear area of class "hit" with a text for whoever points at it.
   void hover(const Box2& place, const std::string& text);
+  /// Nothing to see: what a script needs to find a place of a panel.
+  void axes(const PlotAxes& axes);
 
  private:
   static std::string number(double value);
