@@ -120,7 +120,7 @@ bool is_scene(const fs::path& path) {
 bool is_result(const fs::path& path) {
   std::error_code error;
   return fs::is_directory(path, error) && fs::exists(path / "run.json", error) &&
-         fs::exists(path / "road.ply", error);
+         fs::exists(road_folder(path) / "road.ply", error);
 }
 
 fs::path folder_of_manifest(const fs::path& scene) {
@@ -131,7 +131,7 @@ fs::path folder_of_manifest(const fs::path& scene) {
 
 /// The cloud of a result folder, else the file.
 fs::path cloud_of(const std::string& path) {
-  return is_result(path) ? fs::path(path) / "road.ply" : fs::path(path);
+  return is_result(path) ? road_folder(path) / "road.ply" : fs::path(path);
 }
 
 /// The known cells of an OpenCRG road as a mesh.
@@ -316,7 +316,7 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
   StatedPlace estimate, truth;
   in.estimate =
       read_shape(cloud_of(args.estimate), reading, warn, !scales(*options), {}, &estimate);
-  if (is_result(args.estimate)) in.run = read_run(fs::path(args.estimate) / "run.json");
+  if (is_result(args.estimate)) in.run = read_run(road_folder(args.estimate) / "run.json");
   if (!is_result(args.truth) && is_scene(args.truth)) {
     const Scene scene = read_scene(args.truth, warn, scene_paths(args.confine));
     protect_inputs(files_of(scene));

@@ -26,6 +26,7 @@
 #include "export_mcap.h"
 #include "export_site.h"
 #include "own_inputs.h"
+#include "result_map.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -85,7 +86,7 @@ json export_crg(const ExportInputs& in, const SmoothLine& line, const ExportArgu
 /// The vehicles of a result that its reference camera saw, in the plan frame.
 std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const PlanFrame& frame) {
   const fs::path folder = args.input;
-  const RunDocument run = read_run(folder / "run.json");
+  const RunDocument run = read_run(road_folder(folder) / "run.json");
   std::vector<RoadsideVehicle> out;
   const VehicleDocument document = read_vehicles(folder / "vehicles.json");
   const VehicleNumbers numbers(document);
@@ -229,25 +230,9 @@ std::vector<StampedPose> run_poses(const RunDocument& run, const ExportArguments
   return poses;
 }
 
-/// Cameras on the map as points on the earth. Times only where they count from 1970.
-std::vector<GeoPoint> track_of(const std::vector<StampedPose>& poses, const std::string& crs,
-                               const std::string& clock) {
-  constexpr double kDated = 1e8;  // s, 1973
-  std::vector<Eigen::Vector2d> places;
-  for (const StampedPose& pose : poses) {
-    places.push_back(pose.world_from_camera.translation().head<2>());
-  }
-  std::vector<GeoPoint> out = places_on_earth(crs, places);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i].altitude = poses[i].world_from_camera.translation().z();
-    if (clock == "seconds" && poses[i].time_s > kDated) out[i].time_s = poses[i].time_s;
-  }
-  return out;
-}
-
 json export_trajectory(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
   StageTimer load(timings, "load");
-  const fs::path file = fs::path(args.input) / "run.json";
+  const fs::path file = road_folder(args.input) / "run.json";
   std::string clock;
   const RunDocument run = read_run(file);
   if (run.cameras.empty()) throw NoAnswerError(file.string() + ": the run has no camera poses");
@@ -270,10 +255,11 @@ json export_trajectory(const CommonOptions& common, const ExportArguments& args,
   }
   load.stop();
   StageTimer write(timings, "write");
-  write_file_atomically(args.out, kind == ".gpx"   ? encode_gpx(track_of(poses, map->crs, clock))
-                                  : kind == ".tum" ? encode_tum(poses)
-                                  : kind == ".csv" ? encode_pose_csv(poses)
-                                                   : encode_kitti_poses(poses));
+  write_file_atomically(
+      args.out, kind == ".gpx"   ? encode_gpx(track_on_earth(poses, map->crs, clock == "seconds"))
+                : kind == ".tum" ? encode_tum(poses)
+                : kind == ".csv" ? encode_pose_csv(poses)
+                                 : encode_kitti_poses(poses));
   write.stop();
   return {{"poses", poses.size()},
           {"clock", clock},

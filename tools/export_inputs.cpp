@@ -93,7 +93,7 @@ ExportInputs load_surface(const ExportArguments& args, const CommonOptions& comm
   ExportInputs in;
   fs::path file = args.input;
   std::error_code ignored;
-  if (fs::is_directory(file, ignored)) file /= "surface.json";
+  if (fs::is_directory(file, ignored)) file = road_folder(file) / "surface.json";
   RoadSurface surface = read_surface(file);
   if (!surface.metric) {
     throw NoAnswerError(file.string() +

@@ -301,7 +301,7 @@ void write_fixes(const std::vector<Moment>& moments, const GeoReference& map, To
 
 json export_mcap(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
   StageTimer load(timings, "load");
-  const fs::path folder = args.input, file = folder / "run.json";
+  const fs::path result = args.input, folder = road_folder(result), file = folder / "run.json";
   const RunDocument run = read_run(file);
   if (run.cameras.empty()) throw NoAnswerError(file.string() + ": the run has no camera poses");
   const LogSink warn = make_warning_sink(common);
@@ -318,8 +318,8 @@ json export_mcap(const CommonOptions& common, const ExportArguments& args, Timin
   std::optional<RoadSurface> surface;
   if (fs::exists(folder / "surface.json", error)) surface = read_surface(folder / "surface.json");
   std::optional<VehicleDocument> vehicles;
-  if (fs::exists(folder / "vehicles.json", error)) {
-    vehicles = read_vehicles(folder / "vehicles.json");
+  if (fs::exists(result / "vehicles.json", error)) {
+    vehicles = read_vehicles(result / "vehicles.json");
   }
   load.stop();
   StageTimer writing(timings, "write");

@@ -92,9 +92,10 @@ void describe_run(const RunDocument& run, const fs::path& path, const std::strin
 Description describe_result(const fs::path& folder, const ReadOptions& options) {
   Description out;
   json& o = out.object;
-  describe_run(read_run(folder / "run.json"), folder, "result", &out);
-  if (fs::exists(folder / "surface.json")) {
-    const RoadSurface surface = read_surface(folder / "surface.json");
+  const fs::path road_of = road_folder(folder);
+  describe_run(read_run(road_of / "run.json"), folder, "result", &out);
+  if (fs::exists(road_of / "surface.json")) {
+    const RoadSurface surface = read_surface(road_of / "surface.json");
     o["patches"] = surface.patches.size();
     out.line("patches", std::to_string(surface.patches.size()));
   }
@@ -107,8 +108,8 @@ Description describe_result(const fs::path& folder, const ReadOptions& options) 
     out.line("vehicles", fmt::format("{} in {} frames, method {}", count, vehicles.frames.size(),
                                      vehicles.method));
   }
-  if (fs::exists(folder / "road.ply")) {
-    const fs::path cloud = folder / "road.ply";
+  if (fs::exists(road_of / "road.ply")) {
+    const fs::path cloud = road_of / "road.ply";
     const Description road =
         describe_cloud(cloud.string(), summarise(*open_point_source(cloud, options)));
     o["road"] = road.object;

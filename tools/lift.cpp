@@ -66,7 +66,7 @@ Inputs load(const Arguments& args) {
                                  *args.frame, args.labels));
   }
   in.surface = surface_without_vehicles(read_camera_surface(args.surface));
-  const RunDocument run = read_run(fs::path(args.surface) / "run.json");
+  const RunDocument run = read_run(road_folder(args.surface) / "run.json");
   for (const RunDocument::CameraPose& c : run.cameras) {
     in.cameras[c.id] = c.reference_from_camera.inverse();
     if (c.reference_from_camera.translation().norm() == 0.0) in.reference = c.id;

@@ -15,11 +15,13 @@ namespace {
 
 /// What is read of a folder that is given as an input.
 constexpr const char* kFolderFiles[] = {
-    "scene.json",     "surface.json", "vehicles.json",  "run.json",    "metrics.json",
-    "road.ply",       "labels.ply",   "points3D.bin",   "cameras.bin", "images.bin",
-    "points3D.txt",   "cameras.txt",  "images.txt",     "images.npy",  "keypoints.npy",
-    "visibility.npy", "boxes.npy",    "true_boxes.npy", "heading.npy", "car.npy",
-    "crops.json"};
+    "scene.json",          "surface.json",   "vehicles.json",    "run.json",
+    "metrics.json",        "road.ply",       "labels.ply",       "points3D.bin",
+    "cameras.bin",         "images.bin",     "points3D.txt",     "cameras.txt",
+    "images.txt",          "images.npy",     "keypoints.npy",    "visibility.npy",
+    "boxes.npy",           "true_boxes.npy", "heading.npy",      "car.npy",
+    "crops.json",          "drive.json",     "surface/run.json", "surface/road.ply",
+    "surface/surface.json"};
 
 void protect_with_folders(const std::vector<fs::path>& inputs) {
   protect_inputs(inputs);

@@ -140,7 +140,9 @@ Inputs load(const Arguments& args, const LogSink& warn) {
   check_output_file(args.out);
   check_output_file(args.plot);
   std::error_code ignored;
-  if (fs::is_directory(in.surface_file, ignored)) in.surface_file /= "surface.json";
+  if (fs::is_directory(in.surface_file, ignored)) {
+    in.surface_file = road_folder(in.surface_file) / "surface.json";
+  }
   in.surface = read_surface(in.surface_file);
   in.line = args.line.empty() ? in.surface.driven_line : read_line(args.line);
   if (!args.line.empty()) {

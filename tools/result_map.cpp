@@ -4,6 +4,7 @@
 
 #include "camber/core/protected_inputs.h"
 #include "camber/scene/results.h"
+#include "crs.h"
 
 namespace fs = std::filesystem;
 
@@ -33,6 +34,21 @@ void take_to_map(const GeoReference& map, RoadCloud* cloud) {
          static_cast<float>(full(1, 2)), static_cast<float>(full(2, 2))};
   }
   cloud->frame = CloudFrame::kZUp;
+}
+
+std::vector<GeoPoint> track_on_earth(const std::vector<StampedPose>& poses, const std::string& crs,
+                                     bool seconds) {
+  constexpr double kDated = 1e8;  // s, 1973
+  std::vector<Eigen::Vector2d> places;
+  for (const StampedPose& pose : poses) {
+    places.push_back(pose.world_from_camera.translation().head<2>());
+  }
+  std::vector<GeoPoint> out = places_on_earth(crs, places);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i].altitude = poses[i].world_from_camera.translation().z();
+    if (seconds && poses[i].time_s > kDated) out[i].time_s = poses[i].time_s;
+  }
+  return out;
 }
 
 }  // namespace camber::tools

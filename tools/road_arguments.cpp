@@ -131,7 +131,7 @@ void take_line_as_road(const std::string& path, const std::vector<Eigen::Vector3
 }
 
 RoadSurface read_camera_surface(const std::string& folder) {
-  const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
+  const std::filesystem::path path = road_folder(folder) / "surface.json";
   RoadSurface surface = read_surface(path);
   if (surface.frame != "camera") {
     throw InputError(path.string(), "frame",

@@ -38,14 +38,28 @@ void report(const OpenedScene& opened, const std::string& from, const fs::path& 
 
 }  // namespace
 
-void add_scene_input(App& app, SceneInputArguments& a) {
-  app.add_option("scene", a.path,
-                 "scene manifest (scene.json) or its folder; or a film, a folder of images or a "
-                 "recording (ROS 1, rosbag2, MCAP), of which a scene is made on the way")
-      ->required();
+namespace {
+
+constexpr char kSceneHelp[] =
+    "scene manifest (scene.json) or its folder; or a film, a folder of images or a recording (ROS "
+    "1, rosbag2, MCAP), of which a scene is made on the way";
+
+void add_how_to_read(App& app, SceneInputArguments& a) {
   add_camera_options(app, a.camera, CameraSource::kBag);
   app.add_option("--rate", a.rate, "frames a second of images")->check(positive_number());
   add_confine_option(app, a.confine);
+}
+
+}  // namespace
+
+void add_scene_input(App& app, SceneInputArguments& a) {
+  app.add_option("scene", a.path, kSceneHelp)->required();
+  add_how_to_read(app, a);
+}
+
+void add_scene_inputs(App& app, SceneInputArguments& a, std::vector<std::string>& paths) {
+  app.add_option("scene", paths, kSceneHelp);
+  add_how_to_read(app, a);
 }
 
 SceneInput::SceneInput(const Command& command, const SceneInputArguments& arguments,

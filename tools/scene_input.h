@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "camber/core/made_folder.h"
 #include "camber/import/open_scene.h"
@@ -22,6 +23,9 @@ struct SceneInputArguments {
 
 /// The positional argument, the camera's options and --confine.
 void add_scene_input(App& app, SceneInputArguments& arguments);
+
+/// The same of a command that takes several; whether any is given is the command's to check.
+void add_scene_inputs(App& app, SceneInputArguments& arguments, std::vector<std::string>& paths);
 
 /// The scene of a command whose result is a folder. What is imported on the way stands in a hidden
 /// folder beside the result until keep_in() puts it there as scene/; without that nothing remains.

@@ -57,18 +57,17 @@ FrameRecord frame_of(const std::vector<std::uint8_t>& bytes) {
   return {json.at(0), static_cast<FrameRecord::Kind>(json.at(1).get<int>()), json.at(2)};
 }
 
-void require_equal(const std::filesystem::path& path, const nlohmann::json& there,
-                   const nlohmann::json& wanted) {
+}  // namespace
+
+void require_equal_header(const std::filesystem::path& folder, const nlohmann::json& there,
+                          const nlohmann::json& wanted) {
   for (const auto& [key, value] : wanted.items()) {
     if (there.contains(key) && there.at(key) == value) continue;
     throw UsageError(fmt::format(
         "--resume: {} was begun with another {} ({}, now {}): run without --resume to start anew",
-        path.parent_path().string(), key, there.contains(key) ? there.at(key).dump() : "none",
-        value.dump()));
+        folder.string(), key, there.contains(key) ? there.at(key).dump() : "none", value.dump()));
   }
 }
-
-}  // namespace
 
 WindowLog::WindowLog(std::filesystem::path path, const nlohmann::json& header, bool resume)
     : path_(std::move(path)) {
@@ -83,7 +82,7 @@ WindowLog::WindowLog(std::filesystem::path path, const nlohmann::json& header, b
     bool begun = false;
     while (auto record = next_record(in)) {
       if (record->kind == 'H') {
-        require_equal(path_, nlohmann::json::from_cbor(record->bytes), header);
+        require_equal_header(path_.parent_path(), nlohmann::json::from_cbor(record->bytes), header);
         begun = true;
       } else if (record->kind == 'F') {
         frames_.push_back(frame_of(record->bytes));

@@ -26,6 +26,11 @@ struct FrameRecord {
   std::string reason;
 };
 
+/// @throws UsageError that names the first key in which the inputs and options of what is in a
+///         drive's folder differ from the wanted ones.
+void require_equal_header(const std::filesystem::path& folder, const nlohmann::json& there,
+                          const nlohmann::json& wanted);
+
 /// The checkpoint of a drive: what was measured so far, appended record by record with its length
 /// and a hash, so that what a killed run leaves is a prefix of what it would have written.
 class WindowLog {

@@ -109,7 +109,7 @@ json to_json(const DriveTracks& tracks) {
   return {{"tracks", std::move(out)}};
 }
 
-void write_drive(const DriveResult& result, const RoadStripOptions& strip, const json& run,
+void write_drive(const DriveResult& result, const DriveSurface& road, const RoadStripOptions& strip,
                  const fs::path& folder) {
   write_json(to_json(result.document), folder / "drive.json");
   write_file_atomically(folder / "trajectory.tum", [&](std::ostream& out) {
@@ -144,7 +144,7 @@ void write_drive(const DriveResult& result, const RoadStripOptions& strip, const
     }
   });
   write_strip(result, strip, folder / "strip");
-  write_json(run, folder / "run.json");
+  write_drive_surface(road, folder / "surface");
 }
 
 }  // namespace camber

@@ -4,6 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "camber/drive/drive_surface.h"
 #include "camber/drive/run_drive.h"
 
 namespace camber {
@@ -12,9 +13,10 @@ namespace camber {
 nlohmann::json to_json(const DriveTracks& tracks);
 
 /// Writes a drive's files beside its log: drive.json, trajectory.tum, poses.txt, vehicles.json,
-/// tracks.json, tracks.csv, strip/index.json and a strip/NNNNNN.ply for each stretch; run.json
-/// comes last. Each appears whole. @throws OutputError.
-void write_drive(const DriveResult& result, const RoadStripOptions& strip,
-                 const nlohmann::json& run, const std::filesystem::path& folder);
+/// tracks.json, tracks.csv, strip/index.json and a strip/NNNNNN.ply for each stretch, surface/.
+/// Each appears whole. run.json, which marks it complete, is the caller's to write.
+/// @throws OutputError.
+void write_drive(const DriveResult& result, const DriveSurface& road, const RoadStripOptions& strip,
+                 const std::filesystem::path& folder);
 
 }  // namespace camber
