@@ -23,7 +23,7 @@ OverRoad over_road(const UncertainPlane& ego, double scale_sigma) {
   const double own = std::sqrt(std::max(0.0, ego.covariance(2, 2)));
   return {{height, std::hypot(own, scale_sigma * height)},
           {std::atan2(n.z(), -n.y()), turn},
-          {std::atan2(n.x(), -n.y()), turn}};
+          {std::atan2(-n.x(), -n.y()), turn}};
 }
 
 /// The median over all windows. Neighbouring windows' errors are alike: the spread counts for a
@@ -195,7 +195,7 @@ std::vector<Eigen::Vector3d> camera_feet(const Trajectory& trajectory, const Ego
   const bool known = std::isfinite(mounting.height.value);
   const double height = known ? mounting.height.value : 0.0;
   const Eigen::Vector3d mounted =
-      known ? Eigen::Vector3d(std::tan(mounting.roll.value), -1.0, std::tan(mounting.pitch.value))
+      known ? Eigen::Vector3d(-std::tan(mounting.roll.value), -1.0, std::tan(mounting.pitch.value))
                   .normalized()
             : Eigen::Vector3d(0, -1, 0);
   std::vector<Eigen::Vector3d> out;

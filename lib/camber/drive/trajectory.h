@@ -22,7 +22,7 @@ struct TrajectoryNoise {
   /// that took another layer for the road is outvoted by its neighbours.
   double scale_freedom = 3.0;
   double scale_floor = 0.01;  ///< relative, of a window's own scale, > 0
-  /// Relative: a window that knows its scale worse has no say in the drive's, > 0. On a film whose
+  /// Relative: a window that knows its scale worse has no vote on the drive's, > 0. On a film whose
   /// coder repeats the asphalt such windows are off by many of their standard deviations.
   double weakest_scale = 0.15;
   /// Correlation of the own errors of two windows one frame apart; n frames apart its n-th power.

@@ -122,7 +122,8 @@ CorrespondenceOptions flow_options(const LoadedFrames& frames, const MatchOption
 
 Correspondences match(const LoadedFrames& frames, const MatchOptions& options) {
   CorrespondenceOptions flow = flow_options(frames, options);
-  flow.smooth = flow.keep_lost;  // what stays where matching again fails
+  // What stays where matching again fails.
+  flow.smooth = flow.keep_lost && options.smooth_start;
   KeptFlows kept{options.kept, {}};
   for (const SceneFrame& frame : frames.frames) kept.ids.push_back(frame.id);
   return match_images(frames.gray, static_cast<int>(frames.reference), flow, kept);

@@ -9,7 +9,10 @@ namespace camber::stages {
 
 struct MatchOptions {
   CorrespondenceOptions flow;  ///< grid and forward-backward check
-  FlowCache* kept = nullptr;   ///< flows between frames that other windows use, too; by frame ids
+  /// Variational refinement of the first flow where no mask bounds the road. Without: half its
+  /// time.
+  bool smooth_start = true;
+  FlowCache* kept = nullptr;  ///< flows between frames that other windows use, too; by frame ids
 };
 
 /// Dense correspondences of the reference image with all others, nothing known of the scene.
