@@ -363,12 +363,17 @@ SiteGrid grid_of(const ExportArguments& args, const Site& site) {
   const double metre = site.crs.horizontal.metres;
   const double cell =
       args.grid.step_u > 0.0 ? args.grid.step_u / metre : round_length(0.75 * site.ground_spacing);
+  // One point astray makes a raster of nothing. A survey with as many empty cells to a point is
+  // none.
+  constexpr double kMostCellsOfAPoint = 1000.0, kFewCells = 1e7;
   const Eigen::Vector2d sides = site.box.sizes().head<2>() / cell;
-  if (!((sides.x() + 1.0) * (sides.y() + 1.0) <= kMostCells)) {
+  const double most = std::min(
+      kMostCells, std::max(kFewCells, kMostCellsOfAPoint * static_cast<double>(site.points)));
+  if (!((sides.x() + 1.0) * (sides.y() + 1.0) <= most)) {
     throw NoAnswerError(fmt::format(
-        "{}: {:.0f} x {:.0f} cells of {:g} are too many; larger cells (--step) or a part "
-        "(--bounds) give fewer",
-        args.input, sides.x() + 1.0, sides.y() + 1.0, cell));
+        "{}: {:.0f} x {:.0f} cells of {:g} are too many for {} points; larger cells (--step) or a "
+        "part (--bounds) give fewer",
+        args.input, sides.x() + 1.0, sides.y() + 1.0, cell, site.points));
   }
   return {site.box.min().head<2>(), site.box.max().head<2>(), cell};
 }

@@ -51,8 +51,6 @@ std::vector<char*> with_kind_of_import(int argc, char** argv, std::string* kind)
   const InputKind guessed = kind_of_input(argv[2]);
   if (guessed == InputKind::kScene) return words;
   *kind = to_string(guessed);
-  std::fprintf(stderr, "camber: %s is taken for: camber import %s\n", one_line(argv[2]).c_str(),
-               kind->c_str());
   words.insert(words.begin() + 2, kind->data());
   return words;
 }
@@ -81,6 +79,10 @@ int run_verb(int typed_count, char** typed,
 
     std::string command_line = "camber";
     for (int i = 1; i < argc; ++i) command_line += " " + shell_word(argv[i]);
+    if (!kind.empty()) {
+      std::fprintf(stderr, "camber: %s is taken for: camber import %s\n",
+                   one_line(typed[2]).c_str(), kind.c_str());
+    }
     Command* command = parsed_command();
     command->common.command_line = command_line;
     refuse_own_inputs(*command);

@@ -16,7 +16,7 @@
 #include <limits>
 
 #include "camber/core/errors.h"
-#include "camber/export/gdal/gdal_dataset.h"
+#include "camber/export/gdal/detail/gdal_dataset.h"
 #include "camber/export/gdal/geotiff.h"
 
 namespace camber {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "camber/core/errors.h"
-#include "camber/export/gdal/gdal_dataset.h"
+#include "camber/export/gdal/detail/gdal_dataset.h"
 
 namespace camber {
 namespace {

@@ -1,4 +1,4 @@
-#include "camber/export/gdal/gdal_dataset.h"
+#include "camber/export/gdal/detail/gdal_dataset.h"
 
 #include <fmt/format.h>
 #include <ogr_spatialref.h>
