@@ -362,8 +362,9 @@ void Description::line(const std::string& name, const std::string& value) {
 
 json to_json(const CoordinateSystem& system) {
   json keys = json::object();
-  for (const auto& [key, value] : system.geotiff_keys) {
-    std::visit([&](const auto& v) { keys[geotiff_key_name(key)] = v; }, value);
+  for (const auto& entry : system.geotiff_keys) {
+    const std::string name = geotiff_key_name(entry.first);
+    std::visit([&](const auto& v) { keys[name] = v; }, entry.second);
   }
   json out = {
       {"kind", to_string(system.kind)},
