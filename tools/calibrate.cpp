@@ -177,7 +177,7 @@ void register_calibrate(App& root) {
       "result states.",
       "  camber calibrate drive.mp4 --out camera.yaml\n"
       "  camber calibrate frames/ --out camera.yaml --scene calibrated --height 1.4\n"
-      "  camber reconstruct drive.mp4 --calib camera.yaml --height 1.4 --out out/drive");
+      "  camber reconstruct calibrated --out out/result");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   App& app = *command->app;
