@@ -48,12 +48,12 @@ void print_json(const Command& command, const Arguments& a, const NetworkView& v
               {"options",
                {{"scene", a.scene},
                 {"frames", a.frames},
-                {"detector", a.networks.detector},
-                {"detector_config", a.networks.detector_config},
-                {"segmenter", a.networks.segmenter},
-                {"segmenter_config", a.networks.segmenter_config},
-                {"keypoints", a.networks.keypoints},
-                {"keypoints_config", a.networks.keypoints_config}}},
+                {"detector", a.networks.choice.detector},
+                {"detector_config", a.networks.choice.detector_config},
+                {"segmenter", a.networks.choice.segmenter},
+                {"segmenter_config", a.networks.choice.segmenter_config},
+                {"keypoints", a.networks.choice.keypoints},
+                {"keypoints_config", a.networks.choice.keypoints_config}}},
               {"scene", manifest.string()},
               {"networks", network_json(view, keypoints)},
               {"frames", std::move(frames)},
@@ -63,8 +63,9 @@ void print_json(const Command& command, const Arguments& a, const NetworkView& v
 }
 
 int run(const Command& command, const Arguments& a) {
-  const DetectFramesOptions options = detect_options(a.networks, command.common.threads);
-  const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
+  const NetworkChoice choice = choice_of(a.networks);
+  const DetectFramesOptions options = detect_options(choice, command.common.threads);
+  const FindKeypointsOptions keypoints = keypoint_options(choice, command.common.threads);
   const LogSink warn = make_warning_sink(command.common);
   Timings timings;
   StageTimer load(timings, "load");
@@ -75,8 +76,7 @@ int run(const Command& command, const Arguments& a) {
   }
   const fs::path manifest = manifest_of(a.out);
   std::vector<fs::path> inputs = files_of(scene);
-  for (const fs::path& file : files_of(options.networks)) inputs.push_back(file);
-  for (const fs::path& file : files_of(keypoints)) inputs.push_back(file);
+  for (const fs::path& file : files_of(choice)) inputs.push_back(file);
   MadeFolder folder(folder_of(manifest));
   refuse_own_inputs({manifest}, inputs);
   StageTimer compute(timings, "compute");

@@ -3,7 +3,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "camber/scene/json_value.h"
+#include "camber/drive/drive_scene.h"
 #include "command.h"
 #include "network_arguments.h"
 #include "scene_input.h"
@@ -16,12 +16,6 @@ struct DriveArguments {
   NetworkArguments networks;
   std::string out, frames, film;
   bool no_masks = false, no_pictures = false, overwrite = false, resume = false;
-};
-
-/// What a drive came to.
-struct DriveOutcome {
-  JsonValue run;           ///< run.json
-  bool was_there = false;  ///< complete already, and --resume was given: nothing was done
 };
 
 /// Runs a drive and writes its result. With `resume` a complete result of equal inputs stays as it

@@ -8,6 +8,8 @@
 #include <memory>
 #include <utility>
 
+#include "camber/drive/measure_drive.h"
+
 namespace camber::tools {
 namespace {
 
@@ -38,18 +40,16 @@ std::string duration_text(double seconds) {
   return fmt::format("{} h {:02d} min", whole / 3600, whole % 3600 / 60);
 }
 
-Progress drive_progress(const CommonOptions& options, std::size_t frames,
-                        std::function<std::size_t()> done) {
+Progress drive_progress(const CommonOptions& options, std::size_t frames) {
   const auto pace = std::make_shared<Pace>();
   const auto all = static_cast<double>(frames);
-  return [draw = make_progress(options), pace, all, done = std::move(done)](
-             const std::string& stage, double share) {
-    const bool counts = done && stage == "windows";
-    if (!counts && stage != "film") {
+  return [draw = make_progress(options), pace, all](const std::string& stage, double share) {
+    const bool windows = stage == "windows";
+    if (!windows && stage != "film") {
       draw(stage, share);
       return;
     }
-    const double at = counts ? static_cast<double>(done()) : share * all;
+    const double at = (windows ? share / kWindowsShare : share) * all;
     if (pace->stage != stage) *pace = {stage, at, Clock::now()};
     draw(pace->text(std::min(at, all), all), share);
   };

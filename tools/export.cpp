@@ -14,12 +14,12 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/export/opendrive.h"
+#include "camber/export/result_vehicles.h"
 #include "camber/export/road_mesh.h"
 #include "camber/export/trajectory.h"
 #include "camber/scene/georeference.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene_of_run.h"
-#include "camber/scene/vehicle_numbers.h"
 #include "command.h"
 #include "crs.h"
 #include "export_inputs.h"
@@ -43,7 +43,7 @@ const std::map<std::string, CrgEncoding> kEncodings = {{"text", CrgEncoding::kTe
                                                        {"binary", CrgEncoding::kBinary}};
 
 SmoothLine line_of(const ExportInputs& in, const ExportArguments& args) {
-  return smooth_line(args, [&] {
+  return leading_somewhere(args, [&] {
     return line_over_ground(*in.ground, in.line, args.tolerance, args.ahead, args.grid.num_threads);
   });
 }
@@ -60,18 +60,7 @@ json export_crg(const ExportInputs& in, const SmoothLine& line, const ExportArgu
   StageTimer compute(timings, "compute");
   CrgData data = make_crg(*in.ground, line, args.grid);
   compute.stop();
-  data.comment = fmt::format(
-      "Road surface, exported by Camber {}\n{}\n"
-      "x, y, z of this file from that frame, row by row:\n",
-      kVersion, in.described);
-  for (int row = 0; row < 3; ++row) {
-    const Eigen::RowVector3d r = in.frame.plan_from_surface.row(row);
-    data.comment += fmt::format("  {:.12f} {:.12f} {:.12f}\n", r.x(), r.y(), r.z());
-  }
-  if (!in.frame.shift.isZero()) {
-    const Eigen::Vector3d& t = in.frame.shift;
-    data.comment += fmt::format("then shifted by\n  {:.4f} {:.4f} {:.4f}\n", t.x(), t.y(), t.z());
-  }
+  data.comment = described(in);
   StageTimer write(timings, "write");
   write_crg(data, args.out);
   write.stop();
@@ -81,37 +70,6 @@ json export_crg(const ExportInputs& in, const SmoothLine& line, const ExportArgu
           {"increment", data.increment},          {"v", {data.v.front(), data.v.back()}},
           {"encoding", to_string(data.encoding)}, {"unknown", unknown},
           {"line_deviation", line.deviation()}};
-}
-
-/// The vehicles of a result that its reference camera saw, in the plan frame.
-std::vector<RoadsideVehicle> result_vehicles(const ExportArguments& args, const PlanFrame& frame) {
-  const fs::path folder = args.input;
-  const RunDocument run = read_run(road_folder(folder) / "run.json");
-  std::vector<RoadsideVehicle> out;
-  const VehicleDocument document = read_vehicles(folder / "vehicles.json");
-  const VehicleNumbers numbers(document);
-  for (const VehicleFrame& seen : document.frames) {
-    const bool reference = std::any_of(
-        run.cameras.begin(), run.cameras.end(), [&](const RunDocument::CameraPose& camera) {
-          return camera.id == seen.id && camera.reference_from_camera.matrix().isIdentity(1e-9);
-        });
-    if (!reference) continue;
-    for (const VehicleEstimate& vehicle : seen.vehicles) {
-      if (vehicle.status == Status::kFailed) continue;
-      RoadsideVehicle box;
-      box.id = vehicle.id;
-      box.name = vehicle_name(vehicle, numbers.of(seen.id, vehicle));
-      box.bottom = frame.to_plan(vehicle.pose.bottom_center());
-      const Eigen::Matrix3d axes =
-          frame.plan_from_surface * vehicle.pose.camera_from_vehicle.rotation_matrix();
-      box.set_axes(axes.col(0), axes.col(1));
-      box.length = vehicle.pose.dimensions.length;
-      box.width = vehicle.pose.dimensions.width;
-      box.height = vehicle.pose.dimensions.height;
-      out.push_back(std::move(box));
-    }
-  }
-  return out;
 }
 
 json export_opendrive(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
@@ -125,7 +83,12 @@ json export_opendrive(const ExportInputs& in, const SmoothLine& line, const Expo
   options.geo_reference = in.geo_reference;
   options.crg_file = args.crg;
   options.num_threads = args.grid.num_threads;
-  if (args.vehicles) options.vehicles = result_vehicles(args, in.frame);
+  std::size_t moving = 0;
+  if (args.vehicles) {
+    ResultVehicles found = result_vehicles(args.input, in.frame);
+    options.vehicles = std::move(found.vehicles);
+    moving = found.moving;
+  }
   const OpenDriveRoad road = make_opendrive(*in.ground, line, options);
   compute.stop();
   StageTimer write(timings, "write");
@@ -134,6 +97,7 @@ json export_opendrive(const ExportInputs& in, const SmoothLine& line, const Expo
   return {{"pieces", road.plan.size()},
           {"elevations", road.elevation.size()},
           {"vehicles", road.vehicles.size()},
+          {"moving_left_out", moving},
           {"geo_reference", road.geo_reference},
           {"line_deviation", line.deviation() + road.line_deviation},
           {"height_rms", road.height_rms},

@@ -2,13 +2,14 @@
 
 #include <Eigen/Core>
 #include <filesystem>
-#include <functional>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "camber/export/height_source.h"
+#include "camber/core/errors.h"
 #include "camber/export/crg_strip.h"
+#include "camber/export/road_to_export.h"
 #include "road_arguments.h"
 
 namespace camber::tools {
@@ -32,24 +33,21 @@ struct ExportArguments {
   bool as_json = false;
 };
 
-/// What an input gives: the ground, and the line along which it is wanted, in the plan frame.
-struct ExportInputs {
-  PlanFrame frame;
-  std::unique_ptr<HeightSource> ground;
-  std::vector<Eigen::Vector3d> line;
-  std::string line_frame;                              ///< in which the line was given
-  std::vector<std::vector<Eigen::Vector3d>> outlines;  ///< m, plan frame, of the ground
-  std::string level;          ///< "gravity" or "camera" of a result; "map" of a cloud that is z-up
-  std::string described;      ///< for comments in files
-  std::string geo_reference;  ///< code or text of the coordinate system; empty: not known
-  std::vector<std::filesystem::path> files;
-};
+using ExportInputs = RoadToExport;
 
 /// Whether a name is that of a result, not of a cloud.
 bool is_surface(const std::filesystem::path& path);
 
 /// What `make` makes of the line. @throws NoAnswerError for a line that leads nowhere.
-SmoothLine smooth_line(const ExportArguments& args, const std::function<SmoothLine()>& make);
+template <typename Make>
+auto leading_somewhere(const ExportArguments& args, const Make& make) {
+  try {
+    return make();
+  } catch (const std::invalid_argument&) {
+    throw NoAnswerError((args.line.empty() ? args.input : args.line) +
+                        ": the line does not leave its first point");
+  }
+}
 
 /// @param settled  steps that the data give are filled in
 /// @throws NoAnswerError for what is not in metres or has no line; UsageError, InputError.

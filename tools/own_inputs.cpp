@@ -53,20 +53,6 @@ void refuse_same_outputs(const std::vector<fs::path>& outputs) {
 
 }  // namespace
 
-std::vector<fs::path> files_of(const Scene& scene) {
-  std::vector<fs::path> files;
-  for (const SceneFrame& frame : scene.frames) {
-    files.insert(files.end(), {image_file_of(frame.image), frame.segmentation, frame.road_mask});
-  }
-  if (scene.truth) {
-    files.push_back(scene.truth->cloud);
-    for (const TruthFrame& frame : scene.truth->frames) {
-      files.insert(files.end(), {frame.depth, frame.label});
-    }
-  }
-  return files;
-}
-
 void add_confine_option(App& app, bool& confine) {
   app.add_flag("--confine", confine,
                "refuse a scene that names files outside its folder, also by links");

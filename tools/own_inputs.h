@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "camber/scene/scene.h"
+#include "camber/scene/scene_files.h"
 #include "command.h"
 
 namespace camber::tools {
@@ -11,9 +11,6 @@ namespace camber::tools {
 /// `--confine`: of a scene from a stranger, as a service gets them.
 void add_confine_option(App& app, bool& confine);
 ScenePaths scene_paths(bool confine);
-
-/// The files that a scene names: images, segmentations, masks, truth.
-std::vector<std::filesystem::path> files_of(const Scene& scene);
 
 /// Before the work: throws a UsageError if an output of the command line is one of its inputs,
 /// under this name or any other (links), or is a folder that holds one and would be replaced, or if

@@ -14,6 +14,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/export/plan_frame.h"
+#include "camber/export/road_to_export.h"
 #include "camber/render/result_plots.h"
 #include "camber/road/road_profile.h"
 #include "camber/scene/results.h"

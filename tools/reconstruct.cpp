@@ -1,11 +1,9 @@
 // camber reconstruct and camber triangulate: frames of one moving camera to a metric road.
 
-#include "camber/pipeline/reconstruct.h"
+#include "camber/pipeline/reconstruct_scene.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <functional>
 #include <memory>
@@ -14,7 +12,6 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
-#include "camber/core/memory.h"
 #include "camber/core/protected_inputs.h"
 #include "camber/core/version.h"
 #include "camber/pipeline/stages/judge.h"
@@ -35,9 +32,8 @@ struct Arguments {
   int keypoint_set = 36;
   ReconstructOptions options;
   NetworkArguments networks;
-  SceneInputArguments input;       // of reconstruct
-  bool places_vehicles = false;    // found by the shipped detector where a scene has no boxes
-  bool placed_by_shipped = false;  // and there are none
+  SceneInputArguments input;     // of reconstruct
+  bool places_vehicles = false;  // found by the shipped detector where a scene has no boxes
   bool no_pictures = false;
   bool no_masks = false;
   bool confine = false;
@@ -65,59 +61,14 @@ const char* warned_of(const std::string& code) {
   return code == "scale_contradicted" ? "the scale: " : "";
 }
 
-/// The result of these frames, with what networks find in them.
-Reconstruction with_frames(const Command& command, Arguments& a,
-                           const DetectFramesOptions& networks,
-                           const FindKeypointsOptions& keypoints, const Progress& progress,
-                           const LogSink& warn, const std::vector<int>& frames, Scene* scene) {
-  stages::check_frame_count(frames.size());
-  NetworkView view;
-  Timings network_time;
-  if (!networks.networks.empty()) {
-    const StageTimer timer(network_time, "networks");
-    view = detect_frames(*scene, frames, networks, progress, warn);
-    put_network_view(view, scene);
-  }
-  std::optional<NetworkUse> masking;
-  if (a.networks.may_mask() && networks.networks.empty()) {
-    const StageTimer timer(network_time, "networks");
-    masking = mask_vehicles(*scene, frames, networks, &a.options.load, progress);
-  }
-  StageTimer keypoint_timer(network_time, "keypoints");
-  const std::optional<NetworkUse> found = find_keypoints(scene, frames, keypoints, progress, warn);
-  keypoint_timer.stop();
-  const bool any_network = !networks.networks.empty() || found;
-  a.options.load.labels = std::move(view.labels);
-  Reconstruction result = reconstruct(*scene, frames, a.options, progress);
-  if (a.placed_by_shipped && !command.common.quiet) {
-    std::fprintf(stderr,
-                 "camber: the scene has no boxes: vehicles are what the shipped detector finds "
-                 "(--detector none leaves them out)\n");
-  }
-  if (any_network && !command.common.quiet) {
-    std::fprintf(stderr, "camber: networks:\n%s", describe(view, found).c_str());
-  }
-  if (masking && !command.common.quiet) {
-    std::fprintf(stderr,
-                 "camber: no mask and no box shows vehicles: what the shipped detector takes for "
-                 "them is left out of the road\n");
-  }
-  if (any_network || masking) {
-    result.run.extra["networks"] = network_json(view, found, masking);
-    for (const auto& [stage, ms] : network_time.stages()) result.run.timings.add(stage, ms);
-  }
-  result.run.extra["command"] = command.common.command_line;
-  return result;
-}
-
 /// Runs, and writes the evidence, where asked for, if there is no answer.
 template <class Run>
-Reconstruction with_evidence(const std::string& file, const Run& run) {
+SceneReconstruction with_evidence(const std::string& file, const Run& run) {
   if (file.empty()) return run();
   try {
-    Reconstruction result = run();
-    write_evidence(result.run.extra["evidence"], "", file);
-    return result;
+    SceneReconstruction found = run();
+    write_evidence(found.result.run.extra["evidence"], "", file);
+    return found;
   } catch (const UnknownScaleError& error) {
     write_evidence(to_json(error.evidence()), error.what(), file);
     throw;
@@ -128,55 +79,30 @@ Reconstruction with_evidence(const std::string& file, const Run& run) {
 }
 
 /// @param check_output  throws if the result cannot be written, once all that is read is protected.
-Reconstruction run(const Command& command, Arguments& a, Scene& scene,
-                   const std::function<void()>& check_output) {
-  const Progress progress = make_progress(command.common);
-  std::vector<std::filesystem::path> inputs = files_of(scene);
-  DetectFramesOptions networks = detect_options(a.networks, command.common.threads);
-  if (a.places_vehicles && a.networks.detector.empty() && !has_boxes(scene) &&
-      has_images(scene, select_frames(scene, "all"))) {
-    networks.networks.detector = kShippedNetwork;
-    a.placed_by_shipped = true;
+/// @return the scene with what networks saw in it.
+SceneReconstruction run(const Command& command, const Arguments& a, const Scene& scene,
+                        const std::function<void()>& check_output) {
+  ReconstructSceneOptions options;
+  options.run = a.options;
+  options.run.seed = command.common.seed;
+  options.run.num_threads = command.common.threads;
+  options.run.load.use_masks = !a.no_masks;
+  options.networks = choice_of(a.networks);
+  options.places_vehicles = a.places_vehicles;
+  options.warn = make_warning_sink(command.common);
+  if (!command.common.quiet) {
+    options.notice = [](const std::string& text) {
+      std::fprintf(stderr, "camber: %s\n", text.c_str());
+    };
   }
-  const FindKeypointsOptions keypoints = keypoint_options(a.networks, command.common.threads);
-  for (const std::filesystem::path& file : files_of(networks.networks)) inputs.push_back(file);
-  for (const std::filesystem::path& file : files_of(keypoints)) inputs.push_back(file);
+  std::vector<std::filesystem::path> inputs = files_of(scene);
+  for (const std::filesystem::path& file : files_of(options.networks)) inputs.push_back(file);
   protect_inputs(inputs);
   check_output();
-  a.options.seed = command.common.seed;
-  a.options.num_threads = command.common.threads;
-  a.options.load.use_masks = !a.no_masks;
-  const LogSink warn = make_warning_sink(command.common);
-  const auto with = [&](const std::vector<int>& frames) {
-    return with_frames(command, a, networks, keypoints, progress, warn, frames, &scene);
-  };
-  keep_freed_memory();
-  if (!a.frames.empty()) return with(select_frames(scene, a.frames));
-  if (scene.frames.size() == 1) return with({scene.frames.front().id});
-  const ChosenFrames chosen = choose_frames(scene, {}, a.options.preset == Preset::kPaper ? 1 : 2);
-  const auto report = [&](const std::string& what) {
-    if (!command.common.quiet) std::fprintf(stderr, "camber: %s\n", what.c_str());
-  };
-  if (chosen.spacing > 1) {
-    report("slow drive: frames " + std::to_string(chosen.spacing) +
-           " away from the reference are used");
-  }
-  constexpr std::size_t kManyFrames = 20;
-  if (scene.frames.size() >= kManyFrames) {
-    report(fmt::format("{} of {} frames are used; camber drive uses all of them", chosen.ids.size(),
-                       scene.frames.size()));
-  }
-  std::vector<int> ids = chosen.ids;
-  for (const std::vector<int>& instead : chosen.instead) {
-    try {
-      return with(ids);
-    } catch (const NoAnswerError& error) {
-      report(fmt::format("frames {} give no answer ({}): {} are used", fmt::join(ids, ","),
-                         error.what(), fmt::join(instead, ",")));
-      ids = instead;
-    }
-  }
-  return with(ids);
+  if (!a.frames.empty()) options.frames = select_frames(scene, a.frames);
+  SceneReconstruction out = reconstruct_scene(scene, options, make_progress(command.common));
+  out.result.run.extra["command"] = command.common.command_line;
+  return out;
 }
 
 /// What is missing or not to be relied on, in words.
@@ -268,13 +194,12 @@ void register_reconstruct(App& root) {
     args.options.paper.ground.scale = paper_scale_from_string(args.scale);
     args.places_vehicles = true;
     SceneInput input(*command, args.input, args.out);
-    Scene scene = input.opened().scene;
     const auto check_outputs = [&] {
       check_output_folder(args.out, args.overwrite);
       if (!args.evidence.empty()) check_output_file(args.evidence);
     };
-    Reconstruction result =
-        with_evidence(args.evidence, [&] { return run(*command, args, scene, check_outputs); });
+    auto [result, scene] = with_evidence(
+        args.evidence, [&] { return run(*command, args, input.opened().scene, check_outputs); });
     result.run.scene = input.manifest().string();
     for (auto& [path, hash] : result.run.input_hashes) path = input.kept_name(path);
     WriteReconstructionOptions options;
@@ -333,9 +258,9 @@ void register_triangulate(App& root) {
                        ": unknown extension, expected .ply, .pcd, .bin, "
                        ".xyz, .csv, .las or .laz");
     }
-    Scene scene =
+    const Scene scene =
         read_scene(args.scene, make_warning_sink(command->common), scene_paths(args.confine));
-    Reconstruction result = run(*command, args, scene, [&] { check_output_file(args.out); });
+    Reconstruction result = run(*command, args, scene, [&] { check_output_file(args.out); }).result;
     result.run.scene = std::filesystem::absolute(args.scene).lexically_normal().string();
     {
       const StageTimer timer(result.run.timings, "write");

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -50,25 +49,6 @@ std::string make_glb(const PictureContent& content, const ScenePictureOptions& p
   options.color = picture.color;
   options.show_truth = picture.show_truth;
   return encode_glb(content, options);
-}
-
-/// A report of a result folder, with the pictures and the metrics that lie in it.
-std::string make_page(const PictureContent& content, const fs::path& input) {
-  ReportContent report;
-  report.picture = content;
-  std::error_code error;
-  if (fs::is_directory(input, error)) {
-    report.picture_folder = input;
-    const fs::path metrics = input / "metrics.json";
-    if (fs::exists(metrics, error)) {
-      std::ifstream in(metrics);
-      report.metrics = json::parse(in, nullptr, false);
-      if (report.metrics->is_discarded()) {
-        throw InputError(metrics.string(), "is no JSON, expected the metrics of a run");
-      }
-    }
-  }
-  return make_report(report);
 }
 
 void report(const Command& command, const RenderArguments& a, const ScenePictureOptions& picture,
@@ -397,8 +377,9 @@ std::vector<fs::path> draw_series(const RenderArguments& a, const Loaded& loaded
 void write_document(const RenderArguments& a, const RenderPlan& plan, const PictureContent& content,
                     Timings& timings) {
   StageTimer compute(timings, "compute");
-  const std::string file = plan.output == RenderPlan::Output::kGltf ? make_glb(content, plan.scene)
-                                                                    : make_page(content, a.input);
+  const std::string file = plan.output == RenderPlan::Output::kGltf
+                               ? make_glb(content, plan.scene)
+                               : make_report(report_of_result(content, a.input));
   compute.stop();
   const StageTimer write(timings, "write");
   write_file_atomically(a.out, file);

@@ -8,6 +8,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/render/film.h"
+#include "camber/render/picture_switches.h"
 #include "own_inputs.h"
 
 namespace camber::tools {
@@ -44,61 +45,15 @@ FreeView free_view_of(const std::vector<double>& numbers) {
   return view;
 }
 
-struct OverlaySwitch {
-  const char* name;
-  bool OverlayOptions::*shown;
-};
-constexpr OverlaySwitch kOverlaySwitches[] = {
-    {"boxes-2d", &OverlayOptions::show_boxes_2d}, {"boxes", &OverlayOptions::show_boxes_3d},
-    {"planes", &OverlayOptions::show_planes},     {"labels", &OverlayOptions::show_labels},
-    {"ellipses", &OverlayOptions::show_ellipses}, {"patches", &OverlayOptions::show_patches},
-    {"normals", &OverlayOptions::show_normals},   {"grade", &OverlayOptions::show_grade},
-    {"grid", &OverlayOptions::show_grid},         {"mask", &OverlayOptions::show_mask}};
-
-struct BevSwitch {
-  const char* name;
-  bool BevPictureOptions::*shown;
-};
-constexpr BevSwitch kBevSwitches[] = {{"points", &BevPictureOptions::show_points},
-                                      {"truth-cloud", &BevPictureOptions::show_truth_cloud},
-                                      {"patches", &BevPictureOptions::show_patches},
-                                      {"links", &BevPictureOptions::show_links},
-                                      {"vehicles", &BevPictureOptions::show_vehicles},
-                                      {"truth", &BevPictureOptions::show_truth},
-                                      {"cameras", &BevPictureOptions::show_cameras},
-                                      {"ellipses", &BevPictureOptions::show_ellipses}};
-
-/// Sets the switches that --show and --hide name. @param table has `name` and `shown`.
+/// Sets the switches that --show and --hide name. @throws UsageError
 template <typename Table, typename Options>
-void switch_parts(const Table& table, const RenderArguments& a, const std::string& view,
-                  Options* options) {
-  const auto set = [&](const char* option, const std::vector<std::string>& names, bool value) {
-    for (const std::string& name : names) {
-      bool known = false;
-      std::string all;
-      for (const auto& entry : table) {
-        if (name == entry.name) {
-          options->*entry.shown = value;
-          known = true;
-        }
-        all += (all.empty() ? "" : ", ") + std::string(entry.name);
-      }
-      if (!known) {
-        throw UsageError(fmt::format("{}: found '{}', which the view {} does not have; expected {}",
-                                     option, name, view, all));
-      }
-    }
-  };
-  set("--show", a.show, true);
-  set("--hide", a.hide, false);
-}
-
-/// "grid, points, ...".
-template <typename Table>
-std::string names_of(const Table& table) {
-  std::string all;
-  for (const auto& entry : table) all += (all.empty() ? "" : ", ") + std::string(entry.name);
-  return all;
+void set_parts(const Table& table, const RenderArguments& a, const std::string& view,
+               Options* options) {
+  try {
+    switch_parts(table, a.show, a.hide, view, options);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(std::string("--") + error.what());
+  }
 }
 
 /// Whether a file can hold what is wanted of it.
@@ -253,9 +208,9 @@ void add_look_arguments(App& app, RenderArguments& a) {
   app.add_option("--point-size", a.picture.point_size, "pixels; 0: from the number of points")
       ->capture_default_str();
   app.add_option("--show", a.show,
-                 "parts to draw besides the usual ones. 3D: " + names_of(scene_switches()) +
-                     "; bev: " + names_of(kBevSwitches) +
-                     "; overlay: " + names_of(kOverlaySwitches))
+                 "parts to draw besides the usual ones. 3D: " + names_of_parts(scene_switches()) +
+                     "; bev: " + names_of_parts(bev_switches()) +
+                     "; overlay: " + names_of_parts(overlay_switches()))
       ->no_name()
       ->delimiter(',')
       ->type_name("LIST");
@@ -309,12 +264,12 @@ RenderPlan make_render_plan(const RenderArguments& a) {
   set_picture(a, &plan);
   const bool bev = a.view == "bev", overlay = a.view == "overlay";
   if (bev) {
-    switch_parts(kBevSwitches, a, "bev", &plan.bev);
+    set_parts(bev_switches(), a, "bev", &plan.bev);
   } else if (overlay) {
-    switch_parts(kOverlaySwitches, a, "overlay", &plan.overlay);
+    set_parts(overlay_switches(), a, "overlay", &plan.overlay);
     plan.overlay.validate();
   } else {
-    switch_parts(scene_switches(), a, a.camera.empty() ? a.view : "free", &plan.scene);
+    set_parts(scene_switches(), a, a.camera.empty() ? a.view : "free", &plan.scene);
   }
   if (plan.scene.transparent && (bev || overlay || plan.output != RenderPlan::Output::kPicture)) {
     throw UsageError("--transparent goes with the 3D views only");

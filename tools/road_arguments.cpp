@@ -108,12 +108,6 @@ std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
       least, least < 10.0 ? 2 : 0, frame);
 }
 
-std::string line_frame(const RoadSurface& surface) {
-  return surface.frame == "camera" ? "the result's frame: its reference camera's, x right, y down, "
-                                     "z forward, m, not the map's"
-                                   : "the coordinates of the cloud that the result is made of, m";
-}
-
 void take_line_as_road(const std::string& path, const std::vector<Eigen::Vector3d>& line,
                        double reach, const LogSink& warn, RoadSurface* surface) {
   const std::vector<int> taken = take_as_road(line, reach, surface);

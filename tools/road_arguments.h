@@ -56,9 +56,6 @@ std::string remark_on_line(const std::vector<Eigen::Vector3d>& line,
                            const std::vector<std::vector<Eigen::Vector3d>>& outlines,
                            const std::string& frame);
 
-/// The frame in which a line on a surface is expected.
-std::string line_frame(const RoadSurface& surface);
-
 /// take_as_road() for a line that a user gives, with a warning.
 void take_line_as_road(const std::string& path, const std::vector<Eigen::Vector3d>& line,
                        double reach, const LogSink& warn, RoadSurface* surface);

@@ -91,5 +91,9 @@ void bind_scenes(py::module_& module);
 void bind_vehicles(py::module_& module);
 void bind_reconstruction(py::module_& module);
 void bind_comparison(py::module_& module);
+void bind_importing(py::module_& module);
+void bind_results(py::module_& module);
+void bind_cloud_work(py::module_& module);
+void bind_drives(py::module_& module);
 
 }  // namespace camber::python

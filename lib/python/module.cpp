@@ -18,5 +18,9 @@ PYBIND11_MODULE(_core, module) {
   python::bind_vehicles(module);
   python::bind_reconstruction(module);
   python::bind_comparison(module);
+  python::bind_importing(module);
+  python::bind_results(module);
+  python::bind_cloud_work(module);
+  python::bind_drives(module);
   module.attr("__name__") = name;
 }

@@ -3,19 +3,15 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
-#include "camber/core/memory.h"
-#include "camber/pipeline/reconstruct.h"
+#include "camber/pipeline/reconstruct_scene.h"
 #include "convert.h"
+#include "networks.h"
+#include "reconstruction.h"
 #include "running.h"
 #include "scene.h"
 
 namespace camber::python {
 namespace {
-
-/// A result with the scene that it is of, for the pictures that are drawn of both.
-struct PythonReconstruction : Reconstruction {
-  Scene of;
-};
 
 struct Keywords {
   std::string method, preset, paper_terms, paper_scale;
@@ -50,30 +46,26 @@ ReconstructOptions options_of(const Keywords& k) {
 }
 
 PythonReconstruction run(const PythonScene& scene, const std::optional<std::vector<int>>& frames,
-                         const Keywords& keywords, const py::object& progress) {
-  ReconstructOptions options = options_of(keywords);
-  options.load.pixels = scene.source();
+                         const Keywords& keywords, const NetworkChoice& networks,
+                         const py::object& progress) {
+  ReconstructSceneOptions options;
+  options.run = options_of(keywords);
+  options.run.load.pixels = scene.source();
+  if (frames) {
+    options.frames = *frames;
+    if (frames->empty()) throw std::invalid_argument("frames: found none, expected ids");
+  }
+  options.networks = networks;
+  options.networks.validate();
+  options.places_vehicles = keywords.vehicles;
+  options.notice = python_log();
+  options.warn = python_warnings();
   const Progress report = to_progress(progress);
-  return compute([&] {
-    keep_freed_memory();
-    const auto with = [&](const std::vector<int>& ids) {
-      PythonReconstruction out{reconstruct(scene.scene, ids, options, report), scene.scene};
-      out.run.scene = scene.path;
-      return out;
-    };
-    if (frames) return with(*frames);
-    const ChosenFrames chosen =
-        choose_frames(scene.scene, options.load.pixels, options.preset == Preset::kPaper ? 1 : 2);
-    std::vector<int> ids = chosen.ids;
-    for (const std::vector<int>& instead : chosen.instead) {
-      try {
-        return with(ids);
-      } catch (const NoAnswerError&) {
-        ids = instead;
-      }
-    }
-    return with(ids);
-  });
+  SceneReconstruction found =
+      compute([&] { return reconstruct_scene(scene.scene, options, report); });
+  PythonReconstruction out{std::move(found.result), std::move(found.scene)};
+  out.run.scene = scene.path;
+  return out;
 }
 
 void bind_result(py::module_& module) {
@@ -151,11 +143,17 @@ void bind_reconstruction(py::module_& module) {
       [](const PythonScene& scene, const std::optional<std::vector<int>>& frames,
          const std::string& method, const std::string& preset, const std::string& paper_terms,
          const std::string& paper_scale, int keypoint_set, int rounds, bool photometric, bool masks,
-         bool markings, bool road_width, bool vehicles, bool tracks, std::uint64_t seed,
-         int threads, const py::object& progress) {
+         bool markings, bool road_width, bool vehicles, bool tracks,
+         const std::filesystem::path& detector, const std::filesystem::path& detector_config,
+         const std::filesystem::path& segmenter, const std::filesystem::path& segmenter_config,
+         const std::filesystem::path& keypoints, const std::filesystem::path& keypoints_config,
+         const std::optional<std::filesystem::path>& cache, std::uint64_t seed, int threads,
+         const py::object& progress) {
         return run(scene, frames,
                    {method, preset, paper_terms, paper_scale, keypoint_set, rounds, photometric,
                     masks, markings, road_width, vehicles, tracks, seed, threads},
+                   network_choice(detector, detector_config, segmenter, segmenter_config, keypoints,
+                                  keypoints_config, cache),
                    progress);
       },
       py::arg("scene"), py::arg("frames") = py::none(), py::kw_only(), py::arg("method") = "joint",
@@ -165,11 +163,13 @@ void bind_reconstruction(py::module_& module) {
       py::arg("masks") = defaults.load.use_masks, py::arg("markings") = defaults.scale.use_markings,
       py::arg("road_width") = defaults.scale.use_road_width,
       py::arg("vehicles") = defaults.vehicles.enabled, py::arg("tracks") = defaults.vehicles.tracks,
-      py::arg("seed") = defaults.seed, py::arg("threads") = defaults.num_threads,
-      py::arg("progress") = py::none(),
+      CAMBER_NETWORK_ARGUMENTS, py::arg("seed") = defaults.seed,
+      py::arg("threads") = defaults.num_threads, py::arg("progress") = py::none(),
       with_keywords(
           (std::string(kDoc_reconstruct) +
-           "\n\nThe process keeps freed memory from then on (glibc), for a run goes faster so.")
+           "\n\nFrames, networks and so the numbers are those of the program; what it decided on "
+           "the way goes to the logger 'camber'. The process keeps freed memory from then on "
+           "(glibc), for a run goes faster so.")
               .c_str(),
           {{"frames", "ids; None: those of choose_frames(), fewer where they give no answer"},
            {"method",
@@ -186,6 +186,17 @@ void bind_reconstruction(py::module_& module) {
            {"road_width", CAMBER_DOC(ScaleOptions, use_road_width)},
            {"vehicles", "False: the road alone"},
            {"tracks", CAMBER_DOC(VehicleOptions, tracks)},
+           {"detector",
+            "finds vehicles: 'shipped', an ONNX file or 'none'; '': the one that ships, where the "
+            "scene has no boxes"},
+           {"segmenter", "finds the road: an ONNX file; '': none"},
+           {"keypoints",
+            "finds the 36 keypoints: 'shipped', an ONNX file or 'none'; '': the one that ships, "
+            "where no vehicle has keypoints"},
+           {"detector_config", "its description; '': beside it"},
+           {"cache",
+            "folder that keeps results of networks; None: as the program's; '': "
+            "nothing is kept"},
            {"threads", "0: all"},
            {"progress",
             "called with the stage's name and the share done; an exception ends the "

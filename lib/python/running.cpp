@@ -52,6 +52,20 @@ Computation::~Computation() {
   reset_interruption();
 }
 
+LogSink python_warnings() {
+  return [](const std::string& sentence) {
+    const py::gil_scoped_acquire lock;
+    if (PyErr_WarnEx(PyExc_UserWarning, sentence.c_str(), 1) != 0) throw py::error_already_set();
+  };
+}
+
+LogSink python_log() {
+  return [](const std::string& sentence) {
+    const py::gil_scoped_acquire lock;
+    py::module_::import("logging").attr("getLogger")("camber").attr("info")("%s", sentence);
+  };
+}
+
 Progress to_progress(const py::object& callback) {
   if (callback.is_none()) return {};
   // Copied and freed by C++ code that runs without the interpreter's lock.

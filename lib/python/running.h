@@ -36,6 +36,13 @@ auto compute(Function&& function) {
   return function();
 }
 
+/// Warnings of the library as Python's UserWarning. Takes the interpreter's lock.
+LogSink python_warnings();
+
+/// What the library decides on the way: to the logger "camber", level INFO. Takes the interpreter's
+/// lock.
+LogSink python_log();
+
 /// A Python function (stage, share), or None, as the library calls it.
 Progress to_progress(const py::object& callback);
 

@@ -342,12 +342,7 @@ void bind_scenes(py::module_& module) {
       "read_scene",
       [](const std::filesystem::path& path) {
         PythonScene out;
-        const LogSink warn = [](const std::string& sentence) {
-          if (PyErr_WarnEx(PyExc_UserWarning, sentence.c_str(), 1) != 0) {
-            throw py::error_already_set();
-          }
-        };
-        out.scene = read_scene(path, warn);
+        out.scene = read_scene(path, python_warnings());
         out.path = std::filesystem::absolute(path).lexically_normal().string();
         return out;
       },

@@ -162,7 +162,7 @@ class Runs(unittest.TestCase):
             raise LookupError(stage)
 
         with self.assertRaisesRegex(LookupError, "load"):
-            camber.reconstruct(small_scene(), [0, 1], progress=stop)
+            camber.reconstruct(small_scene(), [0, 1], detector="none", progress=stop)
 
     def test_ctrl_c_is_a_keyboard_interrupt_and_the_next_run_is_whole(self):
         scene = camber.read_scene(source / "samples/steep_hill")

@@ -64,8 +64,10 @@ class Measurer {
 
   void run() {
     for (std::size_t i = 0; i < ids_.size(); ++i) {
-      if (progress_)
-        progress_("windows", 0.95 * static_cast<double>(i) / static_cast<double>(ids_.size()));
+      if (progress_ && i >= log_.frames().size()) {
+        progress_("windows",
+                  kWindowsShare * static_cast<double>(i) / static_cast<double>(ids_.size()));
+      }
       throw_if_interrupted();
       const FrameRecord record = i < log_.frames().size() ? log_.frames()[i] : look_at(ids_[i]);
       if (i >= log_.frames().size()) log_.append(record);

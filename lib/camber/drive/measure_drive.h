@@ -8,6 +8,9 @@
 
 namespace camber {
 
+/// What measure_drive() reports when the last frame is read: its last windows are still open then.
+inline constexpr double kWindowsShare = 0.95;
+
 /// Reads the frames one after the other, chooses key frames by their parallax, and appends what the
 /// windows about them measure to `log`, which goes on where it ends. Images of few windows are held
 /// at once.

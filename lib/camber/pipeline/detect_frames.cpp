@@ -137,13 +137,16 @@ class FrameRunner {
   FrameWork start(int id) {
     const SceneFrame* frame = scene_.find_frame(id);
     if (!frame) throw std::invalid_argument(fmt::format("the scene has no frame {}", id));
-    if (frame->image.empty()) {
+    FramePixels held = options_.pixels ? options_.pixels(id) : FramePixels();
+    if (held.image.empty() && frame->image.empty()) {
       throw NoAnswerError(
           fmt::format("frame {} has no image in the manifest; networks need images", id));
     }
     FrameWork work;
     work.id = id;
-    work.raw = reader_.read(frame->image, lens_.raw()).color;
+    work.raw = held.image.empty()
+                   ? reader_.read(frame->image, lens_.raw()).color
+                   : make_frame_image(std::move(held.image), Undistortion(lens_.raw()), id).color;
     if (lens_.needed()) work.undistorted = lens_.image(work.raw);
     if (detector_) {
       work.boxes_key = detector_->key(work.pinhole());
@@ -282,10 +285,11 @@ bool has_boxes(const Scene& scene) {
                      [](const SceneFrame& frame) { return !frame.vehicles.empty(); });
 }
 
-bool has_images(const Scene& scene, const std::vector<int>& frame_ids) {
+bool has_images(const Scene& scene, const std::vector<int>& frame_ids,
+                const FramePixelSource& pixels) {
   return std::all_of(frame_ids.begin(), frame_ids.end(), [&](int id) {
     const SceneFrame* frame = scene.find_frame(id);
-    return frame && !frame->image.empty();
+    return frame && (!frame->image.empty() || (pixels && !pixels(id).image.empty()));
   });
 }
 
@@ -316,7 +320,9 @@ std::optional<NetworkUse> mask_vehicles(const Scene& scene, const std::vector<in
   load->vehicle_boxes.clear();
   if (!load->labels.empty() || has_boxes(scene)) return std::nullopt;
   if (load->use_masks && has_masks(scene, frame_ids)) return std::nullopt;
-  if (!has_images(scene, frame_ids)) return std::nullopt;  // load() names what lacks one
+  if (!has_images(scene, frame_ids, options.pixels)) {
+    return std::nullopt;  // load() names what lacks one
+  }
   options.networks = {};
   options.networks.detector = kShippedNetwork;
   const NetworkView view = detect_frames(scene, frame_ids, options, progress);

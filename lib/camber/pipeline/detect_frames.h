@@ -10,6 +10,7 @@
 #include "camber/core/progress.h"
 #include "camber/detect/detector.h"
 #include "camber/detect/segmenter.h"
+#include "camber/image/frame_pixels.h"
 #include "camber/pipeline/detection_cache.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/scene/scene.h"
@@ -29,6 +30,7 @@ struct DetectFramesOptions {
   NetworkFiles networks;
   std::filesystem::path cache;  ///< folder of DetectionCache; empty: none
   int num_threads = 0;          ///< <= 0: see resolve_num_threads
+  FramePixelSource pixels;      ///< images in memory, as stages::LoadOptions has them
 };
 
 /// What was used of a network.
@@ -58,8 +60,9 @@ NetworkView detect_frames(const Scene& scene, const std::vector<int>& frame_ids,
 
 /// Whether some frame has the box of a vehicle.
 bool has_boxes(const Scene& scene);
-/// Whether all of these frames have an image file.
-bool has_images(const Scene& scene, const std::vector<int>& frame_ids);
+/// Whether all of these frames have an image, in a file or in memory.
+bool has_images(const Scene& scene, const std::vector<int>& frame_ids,
+                const FramePixelSource& pixels = {});
 
 /// Puts what the networks see into the scene: boxes with their sigma and source in place of those
 /// of the same frames (boxes of other frames are dropped: they are another detector's); the
@@ -69,7 +72,7 @@ void put_network_view(const NetworkView& view, Scene* scene);
 /// Where nothing shows vehicles (no mask is read, and the scene has no box), lets the detector that
 /// ships look for them: `load->vehicle_boxes` is what it finds, else empty. Much of that is no
 /// vehicle in photographs (detect/models/README.md): enough for a mask, not for results.
-/// @param options  cache and threads; its networks are not used.
+/// @param options  cache, threads and pixels; its networks are not used.
 /// @return what was used; nothing where something shows vehicles.
 /// @throws as detect_frames.
 std::optional<NetworkUse> mask_vehicles(const Scene& scene, const std::vector<int>& frame_ids,

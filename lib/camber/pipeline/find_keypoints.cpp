@@ -35,7 +35,8 @@ SceneFrame& frame_of(Scene* scene, int id) {
 
 /// The frames that have a vehicle to look at; none where the choice excludes them.
 std::vector<SceneFrame*> chosen_frames(Scene* scene, const std::vector<int>& frame_ids,
-                                       KeypointChoice choice) {
+                                       const FindKeypointsOptions& options) {
+  const KeypointChoice choice = options.choice;
   std::vector<SceneFrame*> out;
   if (choice == KeypointChoice::kNone) return out;
   for (const int id : frame_ids) {
@@ -44,13 +45,34 @@ std::vector<SceneFrame*> chosen_frames(Scene* scene, const std::vector<int>& fra
     const bool given =
         std::any_of(frame.vehicles.begin(), frame.vehicles.end(),
                     [](const VehicleDetection& vehicle) { return !vehicle.keypoints.empty(); });
-    if (choice == KeypointChoice::kMissing && (given || frame.image.empty())) return {};
-    if (frame.image.empty()) {
+    const bool image = has_images(*scene, {id}, options.pixels);
+    if (choice == KeypointChoice::kMissing && (given || !image)) return {};
+    if (!image) {
       throw NoAnswerError(
           fmt::format("frame {} has no image in the manifest; keypoints need images", id));
     }
     out.push_back(&frame);
   }
+  return out;
+}
+
+/// The images of some frames, undistorted, from memory or from their files.
+std::vector<FrameImage> images_of(const std::vector<const SceneFrame*>& frames,
+                                  const Undistortion& lens, const FindKeypointsOptions& options) {
+  std::vector<FrameImage> out(frames.size());
+  std::vector<fs::path> paths;
+  std::vector<std::size_t> places;  // of these, in `frames`
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    FramePixels held = options.pixels ? options.pixels(frames[i]->id) : FramePixels();
+    if (held.image.empty()) {
+      paths.push_back(frames[i]->image);
+      places.push_back(i);
+    } else {
+      out[i] = make_frame_image(std::move(held.image), lens, frames[i]->id);
+    }
+  }
+  std::vector<FrameImage> read = read_frame_images(paths, lens, options.num_threads);
+  for (std::size_t k = 0; k < read.size(); ++k) out[places[k]] = std::move(read[k]);
   return out;
 }
 
@@ -72,7 +94,7 @@ KeypointNetwork open_keypoint_network(const fs::path& network, const fs::path& c
 std::optional<NetworkUse> find_keypoints(Scene* scene, const std::vector<int>& frame_ids,
                                          const FindKeypointsOptions& options,
                                          const Progress& progress, const LogSink& warn) {
-  const std::vector<SceneFrame*> frames = chosen_frames(scene, frame_ids, options.choice);
+  const std::vector<SceneFrame*> frames = chosen_frames(scene, frame_ids, options);
   if (frames.empty()) return std::nullopt;
   const KeypointNetwork network = open_keypoint_network(options.network, options.config, warn);
   NetworkUse use;
@@ -84,9 +106,10 @@ std::optional<NetworkUse> find_keypoints(Scene* scene, const std::vector<int>& f
   for (std::size_t first = 0; first < frames.size(); first += kFramesAtOnce) {
     if (progress) progress("keypoints", static_cast<double>(first) / frames.size());
     const std::size_t end = std::min(first + kFramesAtOnce, frames.size());
-    std::vector<fs::path> paths;
-    for (std::size_t i = first; i < end; ++i) paths.push_back(frames[i]->image);
-    const std::vector<FrameImage> images = read_frame_images(paths, lens, options.num_threads);
+    const std::vector<FrameImage> images =
+        images_of({frames.begin() + static_cast<std::ptrdiff_t>(first),
+                   frames.begin() + static_cast<std::ptrdiff_t>(end)},
+                  lens, options);
     std::vector<std::pair<VehicleDetection*, const Image*>> vehicles;
     for (std::size_t i = first; i < end; ++i) {
       for (VehicleDetection& vehicle : frames[i]->vehicles) {

@@ -27,6 +27,7 @@ struct FindKeypointsOptions {
   std::filesystem::path network = kShippedNetwork;  ///< ONNX file, or the one that ships
   std::filesystem::path config;                     ///< empty: beside the network, .json
   int num_threads = 0;                              ///< <= 0: see resolve_num_threads
+  FramePixelSource pixels;  ///< images in memory, as stages::LoadOptions has them
 };
 
 /// Loads the keypoint network of a file, or the one that ships.

@@ -573,6 +573,21 @@ std::string make_report(const ReportContent& content, const ReportOptions& optio
   return out + "</body></html>\n";
 }
 
+ReportContent report_of_result(const PictureContent& content, const fs::path& result) {
+  ReportContent out;
+  out.picture = content;
+  std::error_code error;
+  if (!fs::is_directory(result, error)) return out;
+  out.picture_folder = result;
+  const fs::path metrics = result / "metrics.json";
+  if (!fs::exists(metrics, error)) return out;
+  out.metrics = json::parse(read_bytes(metrics), nullptr, false);
+  if (out.metrics->is_discarded()) {
+    throw InputError(metrics.string(), "is no JSON, expected the metrics of a run");
+  }
+  return out;
+}
+
 void write_report(const ReportContent& content, const fs::path& path,
                   const ReportOptions& options) {
   write_file_atomically(path, make_report(content, options));

@@ -24,6 +24,10 @@ struct ReportContent {
   std::map<std::string, std::string> overlay_jpegs;
 };
 
+/// A report of a result folder, with the pictures and the metrics that lie in it; of anything else
+/// the picture alone. @throws InputError for metrics that are no JSON.
+ReportContent report_of_result(const PictureContent& content, const std::filesystem::path& result);
+
 struct ReportOptions {
   bool embed_3d = true;            ///< a 3D view that works offline where the browser has WebGL
   std::size_t max_points = 40000;  ///< of the 3D view, > 0

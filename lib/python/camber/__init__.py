@@ -13,3 +13,4 @@ camera frame x right, y down, z forward. Statuses and choices are strings.
 
 from ._core import *  # noqa: F401,F403
 from ._core import __version__  # noqa: F401
+from ._profile import profile as profile

@@ -34,11 +34,15 @@ __version__: str
 '''
 # What pybind11 knows of a parameter by its name alone.
 PARAMETERS = {"cloud": "CloudLike", "estimate": "CloudLike", "truth": "CloudLike",
-              "progress": "Optional[Progress]", "points": "ArrayLike"}
+              "progress": "Optional[Progress]", "points": "ArrayLike", "result": "Any",
+              "source": "Any", "along": "Optional[Union[ArrayLike, PathLike]]",
+              "truth_cloud": "Optional[Union[CloudLike, PathLike]]"}
 # ... and of what a function returns.
 RETURNS = {"to_dict": "Dict[str, Any]", "road_mask": "Optional[NDArray[numpy.uint8]]",
            "images": "List[NDArray[numpy.uint8]]", "labels": "Dict[str, NDArray[numpy.int32]]",
-           "scalars": "Dict[str, NDArray[numpy.float32]]", "timings": "Dict[str, float]"}
+           "scalars": "Dict[str, NDArray[numpy.float32]]", "timings": "Dict[str, float]",
+           "export": "Dict[str, Any]", "calibrate": "Dict[str, Any]", "drive": "Dict[str, Any]",
+           "offsets": "NDArray[numpy.float64]", "heights": "NDArray[numpy.float64]"}
 
 
 def split(text):
@@ -111,7 +115,9 @@ def class_lines(name, made):
         bases = ", ".join(base.__name__ for base in made.__bases__)
         lines = [f"class {name}({bases}):"]
         return lines + (["    exit_code: int"] if made is camber.Error else ["    ..."])
-    lines = [f"class {name}:"]
+    base = made.__bases__[0]
+    derived = f"({base.__name__})" if base.__module__.startswith("camber") else ""
+    lines = [f"class {name}{derived}:"]
     for key, value in sorted(vars(made).items()):
         if isinstance(value, property):
             lines += property_lines(key, value)

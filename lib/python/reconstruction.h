@@ -1,0 +1,13 @@
+#pragma once
+
+#include "camber/pipeline/reconstruct.h"
+#include "camber/scene/scene.h"
+
+namespace camber::python {
+
+/// A result with the scene that it is of, for the pictures that are drawn of both.
+struct PythonReconstruction : Reconstruction {
+  Scene of;
+};
+
+}  // namespace camber::python

@@ -1,0 +1,139 @@
+"""Runs the examples of docs/python.md in their order, in a copy of the folder that they name, and
+compares what the module gives with what the program wrote of the same input.
+
+  pages_test.py SOURCE_FOLDER PROGRAM
+"""
+
+import contextlib
+import io
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+
+import numpy
+
+import camber
+
+source = pathlib.Path()
+program = ""
+scratch = pathlib.Path(os.environ["CAMBER_TEST_FOLDER"]) / "pages"
+
+
+def run_program(*arguments):
+    done = subprocess.run([program, *map(str, arguments), "--quiet"], capture_output=True,
+                          text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+class Examples(unittest.TestCase):
+    """One run of the page for all tests."""
+
+    @classmethod
+    def setUpClass(cls):
+        shutil.rmtree(scratch, ignore_errors=True)
+        scratch.mkdir(parents=True)
+        (scratch / "samples").symlink_to(source / "samples")
+        cls.before = os.getcwd()
+        os.chdir(scratch)
+        text = (source / "docs/python.md").read_text()
+        cls.blocks = re.findall(r"```python\n(.*?)```", text, re.S)
+        cls.names = {}
+        cls.printed = io.StringIO()
+        with contextlib.redirect_stdout(cls.printed):
+            for block in cls.blocks:
+                exec(compile(block, "docs/python.md", "exec"), cls.names)
+
+    @classmethod
+    def tearDownClass(cls):
+        os.chdir(cls.before)
+
+    def equal_result(self, found, folder):
+        cloud = camber.read_cloud(folder / "road.ply")
+        for name in ("points", "colors", "sigmas"):
+            numpy.testing.assert_array_equal(getattr(found.cloud, name), getattr(cloud, name))
+        for name, part in (("surface", found.surface), ("vehicles", found.vehicles)):
+            expected = json.loads((folder / f"{name}.json").read_text())
+            self.assertEqual(part.to_dict(), expected, name)
+        expected = json.loads((folder / "run.json").read_text())
+        for key in ("cameras", "scale", "constraints", "points", "options", "warnings", "networks"):
+            self.assertEqual(found.run.to_dict().get(key), expected.get(key), key)
+
+    def test_all_blocks_ran(self):
+        self.assertGreater(len(self.blocks), 10)
+        self.assertIn("nowhere.ply", self.printed.getvalue())
+
+    def test_a_film_gives_the_numbers_of_the_program(self):
+        run_program("import", "video", source / "samples/own_drive/drive.mp4", "--calib",
+                    source / "samples/own_drive/camera.yaml", "--height", "1.4", "--out", "scene")
+        run_program("reconstruct", "scene", "--out", "own", "--no-pictures")
+        self.equal_result(self.names["result"], scratch / "own")
+        self.assertIsNotNone(self.names["result"].run.to_dict()["networks"])
+
+    def test_pictures_and_files_are_those_of_the_program(self):
+        folder = scratch / "out/hill"
+        run_program("render", folder, "--size", "800x450", "--out", "hill.png")
+        # The same scene from memory: what is drawn is the same.
+        picture = camber.render(folder, size=(800, 450))
+        camber.render(folder, "again.png", size=(800, 450))
+        self.assertEqual(picture.shape, (450, 800, 3))
+        self.assertEqual(pathlib.Path("hill.png").read_bytes(),
+                         pathlib.Path("again.png").read_bytes())
+        for to, name, options in (("opencrg", "hill.crg", ["--encoding", "binary"]),
+                                  ("opendrive", "hill.xodr", ["--vehicles"]),
+                                  ("mesh", "hill.glb", [])):
+            run_program("export", folder, "--to", to, "--out", name, *options)
+            self.assertEqual(pathlib.Path(name).read_bytes(),
+                             (scratch / "out" / name).read_bytes(), name)
+        self.assertIn("<html", (scratch / "out/hill.html").read_text()[:200])
+
+    def test_profiles_are_those_of_the_program(self):
+        stations = json.loads(run_program("profile", "out/hill", "--step", "5", "--json"))
+        found = camber.profile(scratch / "out/hill", step=5.0)
+        self.assertEqual([s.height for s in found if s.status != "failed"],
+                         [s["height"] for s in stations["stations"] if s["status"] != "failed"])
+        grade = self.names["sections"][20].grade
+        self.assertAlmostEqual(grade, 0.04, delta=0.001)
+        self.assertAlmostEqual(abs(self.names["sections"][20].cross_slope), 0.02, delta=0.001)
+
+    def test_filters_are_those_of_the_program(self):
+        points = self.names["points"]
+        camber.write_cloud(camber.RoadCloud(points), "points.ply")
+        given = camber.read_cloud("points.ply")
+        run_program("filter", "points.ply", "--box=10,-5,-10,50,5,10", "--voxel", "0.5",
+                    "--normals", "12", "--out", "filtered.ply")
+        expected = camber.read_cloud("filtered.ply")
+        found = camber.filter(given, box=[10, -5, -10, 50, 5, 10], voxel=0.5, normals=12)
+        numpy.testing.assert_array_equal(found.points, expected.points)
+        numpy.testing.assert_array_equal(found.normals, expected.normals)
+        self.assertLess(len(found), len(points) // 10)
+        self.assertEqual(len(camber.filter(given, classes=[])), len(given))
+        with self.assertRaisesRegex(ValueError, "returns: found 'odd'"):
+            camber.filter(given, returns="odd")
+
+    def test_a_drive_is_that_of_the_program(self):
+        run_program("drive", source / "samples/steep_hill", "--no-pictures", "--out", "drive")
+        for name in ("drive.json", "vehicles.json", "tracks.json", "poses.txt"):
+            self.assertEqual((scratch / "drive" / name).read_bytes(),
+                             (scratch / "out/drive" / name).read_bytes(), name)
+
+    def test_a_scene_may_be_segmented_in_memory(self):
+        with self.assertRaisesRegex(ValueError, "expected detector, segmenter or keypoints"):
+            camber.detect(self.names["scene"])
+        with self.assertRaisesRegex(ValueError, "images in memory"):
+            camber.detect(self.names["held"], detector="shipped", out="nowhere")
+        self.assertFalse(pathlib.Path("nowhere").exists())
+        seen = camber.detect(self.names["held"], detector="shipped", cache="")
+        self.assertEqual(len(seen), len(self.names["held"]))
+        written = camber.detect(self.names["film"], out=scratch / "detected", keypoints="shipped")
+        self.assertEqual(len(camber.read_scene(scratch / "detected")), len(written))
+
+
+if __name__ == "__main__":
+    source, program = pathlib.Path(sys.argv[1]).resolve(), str(pathlib.Path(sys.argv[2]).resolve())
+    unittest.main(argv=sys.argv[:1])
