@@ -37,7 +37,7 @@ READERS = {
     "import": ["formats/*.cpp", "formats/detail/*.cpp", "import_kitti.cpp", "kitti_keypoints.cpp",
                "kitti_labels.cpp", "mcap_reader.cpp", "ros_cloud.cpp", "rosbag2.cpp",
                "text_rows.cpp"],
-    "export": ["opencrg_reader.cpp"],
+    "export": ["opencrg_reader.cpp", "opendrive_reader.cpp"],
     "pipeline": ["kitti_boxes.cpp", "network_file.cpp"],
     "tools": ["config_file.cpp", "plugins/bag_check.cpp", "plugins/bag_reader.cpp"],
 }
@@ -60,6 +60,8 @@ TARGETS = {
     "onnx_weights": ["detect/detail/onnx_weights.cpp"],
     "opencrg": ["export/opencrg_reader.cpp"],
     "landxml": ["import/formats/landxml.cpp"],
+    "map_boxes": ["import/formats/map_boxes.cpp"],
+    "opendrive": ["export/opendrive_reader.cpp"],
     "own_calibration": ["import/formats/calibration*.cpp"],
     "own_detections": ["import/formats/detections*.cpp"],
     "own_lists": ["import/formats/class_map.cpp", "import/formats/frame_files.cpp"],

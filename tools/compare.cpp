@@ -22,6 +22,7 @@
 #include "camber/core/version.h"
 #include "camber/evaluate/depth_truth.h"
 #include "camber/evaluate/m3c2.h"
+#include "camber/export/opendrive_reader.h"
 #include "camber/image/image_io.h"
 #include "camber/import/import_synthia.h"
 #include "camber/render/comparison_pictures.h"
@@ -172,6 +173,28 @@ Shape crg_mesh(const fs::path& path, const fs::path& folder, const LogSink& warn
   return shape;
 }
 
+/// The lanes of all roads of an OpenDRIVE file as a mesh.
+Shape xodr_shape(const fs::path& path) {
+  const XodrFile file = read_xodr(path);
+  Shape shape;
+  shape.cloud.frame = CloudFrame::kZUp;
+  for (const XodrRoad& road : file.roads) {
+    const XodrMesh mesh = xodr_mesh(road);
+    if (shape.cloud.points.empty() && !mesh.points.empty()) {
+      shape.cloud.origin = mesh.points.front().array().round();
+    }
+    const auto base = static_cast<std::uint32_t>(shape.cloud.size());
+    for (const Eigen::Vector3d& p : mesh.points) {
+      shape.cloud.points.push_back((p - shape.cloud.origin).cast<float>());
+    }
+    for (const std::array<std::uint32_t, 3>& t : mesh.triangles) {
+      shape.triangles.push_back({base + t[0], base + t[1], base + t[2]});
+    }
+  }
+  if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": the roads have no lanes");
+  return shape;
+}
+
 /// Whether the estimate gets the size of the truth.
 bool scales(const CompareOptions& options) {
   return options.alignment == Alignment::kScale || options.alignment == Alignment::kSimilarity;
@@ -212,6 +235,7 @@ Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
     if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": no cell has four known corners");
     return shape;
   }
+  if (is_xodr(path)) return xodr_shape(path);
   options.triangles = true;
   CloudFile file = read_cloud_file(path, options);
   warn_about(path.string(), file.report, warn);
@@ -719,8 +743,10 @@ void add_change_arguments(App& app, Arguments& a) {
 }
 
 void add_arguments(App& app, Arguments& a) {
-  app.add_option("estimate", a.estimate, "cloud, mesh or result folder")->required();
-  app.add_option("truth", a.truth, "cloud, mesh, result folder or scene")->required();
+  app.add_option("estimate", a.estimate, "cloud, mesh, result folder, or a road (.crg, .xodr)")
+      ->required();
+  app.add_option("truth", a.truth, "cloud, mesh, result folder, scene, or a road (.crg, .xodr)")
+      ->required();
   app.add_option("--out", a.out,
                  "folder for tables (JSON, CSV), coloured clouds (PLY) and pictures (PNG)")
       ->output_folder();

@@ -47,6 +47,10 @@ bool is_crg(const std::filesystem::path& path) {
   return lower_case(path.extension().string()) == ".crg";
 }
 
+bool is_xodr(const std::filesystem::path& path) {
+  return lower_case(path.extension().string()) == ".xodr";
+}
+
 CrgPlaces read_crg_places(const std::string& path) {
   FileReader file(path);
   LineReader lines(file);

@@ -12,6 +12,9 @@ namespace camber::tools {
 /// Whether a name is that of an OpenCRG file (.crg in any case).
 bool is_crg(const std::filesystem::path& path);
 
+/// Whether a name is that of an OpenDRIVE file (.xodr in any case).
+bool is_xodr(const std::filesystem::path& path);
+
 /// Places on an OpenCRG road, as a file lists them.
 struct CrgPlaces {
   bool by_uv = true;  ///< u and v; else x and y

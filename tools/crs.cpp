@@ -11,6 +11,7 @@
 #include "camber/cloud/units.h"
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
+#include "camber/export/opendrive.h"
 #include "options.h"
 #include "plugins/crs_plugin.h"
 #include "plugins/plugin.h"
@@ -94,6 +95,13 @@ CoordinateSystem crs_from_definition(const std::string& definition, const std::s
 
 std::string definition_of(const CoordinateSystem& system) {
   return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
+}
+
+std::string proj_string_of_definition(const std::string& definition) {
+  if (definition.empty()) return {};
+  static const auto call = reinterpret_cast<ProjString>(plugin_symbol("crs", "camber_proj_string"));
+  std::string text;
+  return call(definition.c_str(), &text) ? text : proj_string_of(definition);
 }
 
 std::string map_crs_from_option(const std::string& definition) {

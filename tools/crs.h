@@ -23,6 +23,10 @@ CoordinateSystem crs_from_definition(const std::string& definition, const std::s
 /// Code or text that PROJ reads.
 std::string definition_of(const CoordinateSystem& system);
 
+/// A system as a PROJ string, which simulators read of OpenDRIVE; as it is given where PROJ has
+/// none for it.
+std::string proj_string_of_definition(const std::string& definition);
+
 /// The definition of the map that --crs names. @throws UsageError for what is no projected system
 /// in metres.
 std::string map_crs_from_option(const std::string& definition);

@@ -176,12 +176,69 @@ std::map<std::string, Image> draw_all_plots(const std::vector<EvaluatedScene>& s
   return plots;
 }
 
+/// What of an estimate was judged by what of its truth.
+struct Matched {
+  std::string truth, estimate;
+  std::size_t true_frames = 0, frames = 0, common_frames = 0;
+  std::size_t detections = 0;  ///< in the common frames
+  SceneMetrics counts;
+};
+
+Matched matched_of(const std::string& truth, const std::string& estimate, const Scene& scene,
+                   const VehicleDocument& vehicles, const SceneMetrics& metrics) {
+  Matched out;
+  out.truth = truth;
+  out.estimate = estimate;
+  std::set<int> ids;
+  for (const TruthFrame& frame : scene.truth->frames) ids.insert(frame.id);
+  out.true_frames = ids.size();
+  out.frames = vehicles.frames.size();
+  for (const VehicleFrame& frame : vehicles.frames) {
+    if (ids.count(frame.id) == 0) continue;
+    ++out.common_frames;
+    out.detections += frame.vehicles.size();
+  }
+  out.counts = metrics;
+  return out;
+}
+
+nlohmann::json to_json(const Matched& m) {
+  return {{"truth", m.truth},
+          {"estimate", m.estimate},
+          {"true_frames", m.true_frames},
+          {"frames", m.frames},
+          {"common_frames", m.common_frames},
+          {"counted", m.counts.counted},
+          {"matched", m.counts.vehicles.size()},
+          {"missed", m.counts.missed},
+          {"unanswered", m.counts.unanswered},
+          {"in_frames_without_result", m.counts.unjudged},
+          {"uncertain", m.counts.uncertain},
+          {"detections", m.detections},
+          {"detections_without_truth", m.detections - m.counts.vehicles.size()}};
+}
+
+std::string describe(const Matched& m) {
+  std::string out =
+      fmt::format("{} by {}: {} of {} true vehicles matched in {} frames", m.estimate, m.truth,
+                  m.counts.vehicles.size(), m.counts.counted, m.common_frames);
+  if (m.counts.unjudged > 0) {
+    out += fmt::format(", {} more in frames without a result", m.counts.unjudged);
+  }
+  if (m.counts.uncertain > 0) {
+    out += fmt::format(", {} left out since their truth is uncertain", m.counts.uncertain);
+  }
+  return out + fmt::format("; {} of {} detections match no true vehicle that counts\n",
+                           m.detections - m.counts.vehicles.size(), m.detections);
+}
+
 /// All estimates beside their truths.
 struct Evaluation {
   // Of estimates with vehicles; a row of each list belongs together.
   std::vector<EvaluatedScene> scenes;
   std::vector<std::string> truths;      ///< as given
   std::vector<TruthContents> contents;  ///< of the truths
+  std::vector<Matched> matched;
   // Of drives.
   std::vector<EvaluatedTrajectory> trajectories;
   std::vector<EvaluatedTracks> tracks;
@@ -244,6 +301,7 @@ void evaluate_one(const Arguments& args, const std::string& truth, const std::st
   if (tracked) {
     all->tracks.push_back({truth, estimate, evaluated.method, track_errors(scene, vehicles)});
   }
+  all->matched.push_back(matched_of(truth, estimate, scene, vehicles, evaluated.metrics));
   all->truths.push_back(truth);
   all->contents.push_back(std::move(contents));
   all->scenes.push_back(std::move(evaluated));
@@ -374,6 +432,7 @@ int run(const Command& command, const Arguments& args) {
     json["trajectories"].push_back(to_json(one));
   }
   for (const EvaluatedTracks& one : all.tracks) json["tracks"].push_back(to_json(one));
+  for (const Matched& one : all.matched) json["matched"].push_back(to_json(one));
   add_other_options(command, &json["options"]);
   if (!args.out.empty()) {
     const StageTimer write(timings, "write");
@@ -386,6 +445,9 @@ int run(const Command& command, const Arguments& args) {
     std::printf("%s\n", json.dump(2).c_str());
   } else {
     std::printf("%s", tables_of(tables, all, args.markdown).c_str());
+    if (!args.markdown) {
+      for (const Matched& one : all.matched) std::printf("%s", describe(one).c_str());
+    }
   }
   return 0;
 }

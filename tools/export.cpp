@@ -80,7 +80,7 @@ json export_opendrive(const ExportInputs& in, const SmoothLine& line, const Expo
   options.left = args.grid.left;
   options.right = args.grid.right;
   options.widest = args.grid.widest;
-  options.geo_reference = in.geo_reference;
+  options.geo_reference = proj_string_of_definition(in.geo_reference);
   options.crg_file = args.crg;
   options.num_threads = args.grid.num_threads;
   std::size_t moving = 0;
@@ -98,7 +98,7 @@ json export_opendrive(const ExportInputs& in, const SmoothLine& line, const Expo
           {"elevations", road.elevation.size()},
           {"vehicles", road.vehicles.size()},
           {"moving_left_out", moving},
-          {"geo_reference", road.geo_reference},
+          {"geo_reference", in.geo_reference},
           {"line_deviation", line.deviation() + road.line_deviation},
           {"height_rms", road.height_rms},
           {"height_most", road.height_most}};
@@ -467,7 +467,8 @@ void add_arguments(App& app, ExportArguments& a) {
   app.add_option("--crg", a.crg,
                  "name of an OpenCRG file of the same input that the OpenDRIVE road refers to");
   app.add_flag("--vehicles", a.vehicles,
-               "the vehicles of a result's reference frame as objects of the OpenDRIVE road");
+               "the vehicles of a result's reference frame as objects of the OpenDRIVE road; of a "
+               "drive its parked ones, each once");
   app.add_option("--ground-from", a.ground_from,
                  "what of a whole cloud is ground, for GeoTIFF: class (ASPRS 2 and 11), label "
                  "(ground of 1), compute (as camber ground), all, or auto, the first of the first "

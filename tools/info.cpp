@@ -14,6 +14,7 @@
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/export/opendrive_reader.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
@@ -174,6 +175,82 @@ Description describe_crg(const fs::path& path) {
   return out;
 }
 
+const char* name_of(XodrPiece::Shape shape) {
+  switch (shape) {
+    case XodrPiece::Shape::kLine:
+      return "line";
+    case XodrPiece::Shape::kArc:
+      return "arc";
+    case XodrPiece::Shape::kSpiral:
+      return "spiral";
+    case XodrPiece::Shape::kPoly3:
+      return "poly3";
+    default:
+      return "paramPoly3";
+  }
+}
+
+/// Of every road, at most so many by themselves.
+Description describe_xodr(const fs::path& path) {
+  constexpr std::size_t kListed = 20;
+  const XodrFile file = read_xodr(path);
+  Description out;
+  std::map<std::string, std::size_t> shapes, lanes;
+  double length = 0.0;
+  std::size_t elevations = 0, superelevations = 0, sections = 0, offsets = 0;
+  json roads = json::array();
+  for (const XodrRoad& road : file.roads) {
+    length += road.length;
+    elevations += road.elevation.size();
+    superelevations += road.superelevation.size();
+    sections += road.sections.size();
+    offsets += road.lane_offset.size();
+    for (const XodrPiece& piece : road.plan) ++shapes[name_of(piece.shape)];
+    for (const XodrLaneSection& section : road.sections) {
+      for (const auto* side : {&section.left, &section.right}) {
+        for (const XodrLane& lane : *side) ++lanes[lane.type];
+      }
+    }
+    roads.push_back({{"id", road.id}, {"name", road.name}, {"length", road.length}});
+  }
+  const auto text_or_null = [](const std::optional<std::string>& text) {
+    return text ? json(*text) : json(nullptr);
+  };
+  out.object = {
+      {"file", path.string()},
+      {"kind", "opendrive"},
+      {"rev", fmt::format("{}.{}", file.major, file.minor)},
+      {"vendor", text_or_null(file.vendor)},
+      {"name", text_or_null(file.name)},
+      {"metric", true},
+      {"total_length", length},
+      {"junctions", file.junctions},
+      {"geometries", shapes},
+      {"elevation_records", elevations},
+      {"superelevation_records", superelevations},
+      {"lane_sections", sections},
+      {"lane_offsets", offsets},
+      {"lanes", lanes},
+      {"geo_reference", file.geo_reference.empty() ? json(nullptr) : json(file.geo_reference)},
+      {"roads", std::move(roads)}};
+  std::string kinds;
+  for (const auto& [name, count] : shapes) {
+    kinds += fmt::format("{}{} {}", kinds.empty() ? "" : ", ", count, name);
+  }
+  out.line("format", fmt::format("OpenDRIVE {}.{}", file.major, file.minor));
+  out.line("roads", fmt::format("{}, {:.3f} m in all, {} junctions", file.roads.size(), length,
+                                file.junctions));
+  out.line("plan view", kinds);
+  out.line("elevation", fmt::format("{} records, superelevation {}", elevations, superelevations));
+  out.line("lane sections", std::to_string(sections));
+  out.line("coordinates", file.geo_reference.empty() ? "not stated" : file.geo_reference);
+  for (std::size_t i = 0; i < std::min(kListed, file.roads.size()); ++i) {
+    const XodrRoad& road = file.roads[i];
+    out.line("road " + road.id, fmt::format("{:.3f} m {}", road.length, road.name));
+  }
+  return out;
+}
+
 std::size_t count_vehicles(const VehicleDocument& document) {
   std::size_t count = 0;
   for (const VehicleFrame& frame : document.frames) count += frame.vehicles.size();
@@ -302,6 +379,7 @@ Description describe(const std::string& name, const ReadOptions& options, bool i
     }
   }
   if (is_crg(path)) return describe_crg(path);
+  if (is_xodr(path)) return describe_xodr(path);
   if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_json(path, warn);
   CloudSummary summary = summarise(*open_point_source(path, options));
   if (summary.crs) {
@@ -322,14 +400,14 @@ Description describe(const std::string& name, const ReadOptions& options, bool i
 }  // namespace
 
 void register_info(App& root) {
-  Command* command = add_command(
-      root, "info",
-      "Shows what clouds, OpenCRG roads, COLMAP models, scene manifests and result folders hold",
-      "  camber info road.ply\n"
-      "  camber info scan.pcd points.bin --json\n"
-      "  camber info damaged.pcd --lenient\n"
-      "  camber info points.txt --columns x,y,z,_,intensity\n"
-      "  camber info results");
+  Command* command = add_command(root, "info",
+                                 "Shows what clouds, OpenCRG and OpenDRIVE roads, COLMAP models, "
+                                 "scene manifests and result folders hold",
+                                 "  camber info road.ply\n"
+                                 "  camber info scan.pcd points.bin --json\n"
+                                 "  camber info damaged.pcd --lenient\n"
+                                 "  camber info points.txt --columns x,y,z,_,intensity\n"
+                                 "  camber info results");
   struct Arguments {
     std::vector<std::string> files;
     CloudArguments cloud;
@@ -338,7 +416,7 @@ void register_info(App& root) {
   const auto arguments = std::make_shared<Arguments>();
   App& app = *command->app;
   app.add_option("files", arguments->files,
-                 "clouds, .crg, scene manifests, result folders or their .json files")
+                 "clouds, .crg, .xodr, scene manifests, result folders or their .json files")
       ->required();
   add_cloud_arguments(app, arguments->cloud);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");

@@ -12,9 +12,14 @@
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/lower_case.h"
 #include "camber/core/version.h"
+#include "camber/import/formats/map_boxes.h"
 #include "camber/pipeline/lift_box.h"
+#include "camber/pipeline/lift_map_box.h"
+#include "camber/scene/json_reader.h"
 #include "command.h"
+#include "crs.h"
 #include "own_inputs.h"
 #include "road_arguments.h"
 
@@ -24,13 +29,128 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-  std::string labels, surface, out;
+  std::string labels, surface, poses, out;
   std::vector<fs::path> calibration;
   int camera = 2;
   std::optional<int> frame;
   LiftOptions options;
   bool json = false;
 };
+
+/// The surface.json of a result folder, or the file that is given.
+fs::path surface_file(const std::string& surface) {
+  std::error_code ignored;
+  return fs::is_directory(surface, ignored) ? road_folder(surface) / "surface.json"
+                                            : fs::path(surface);
+}
+
+/// Whether boxes are a data set's with z up, not KITTI's.
+bool is_map_boxes(const std::string& labels) {
+  const std::string kind = lower_case(fs::path(labels).extension().string());
+  return kind == ".json" || kind == ".csv";
+}
+
+/// The ground of a result of `patches` or of a drive on the map, or of a cloud.
+std::unique_ptr<HeightSource> ground_of(const Arguments& args, const LogSink& warn) {
+  std::error_code ignored;
+  const bool result =
+      fs::is_directory(args.surface, ignored) || fs::path(args.surface).extension() == ".json";
+  if (!result) {
+    CloudFile file = read_cloud_file(args.surface);
+    use_metres(args.surface, &file, warn);
+    return cloud_heights(file.cloud, PlanFrame(file.cloud.default_up()));
+  }
+  const RoadSurface surface = read_surface(surface_file(args.surface));
+  if (!surface.metric) {
+    throw NoAnswerError(args.surface + ": the surface is up to scale, boxes are in metres");
+  }
+  if (surface.frame == "camera") {
+    throw UsageError(args.surface +
+                     ": lies in a camera's frame, boxes of nuScenes and Argoverse 2 do not; "
+                     "expected a result of patches, or a cloud, in the boxes' frame");
+  }
+  return surface_heights(surface, PlanFrame(surface.up), args.options.reach);
+}
+
+/// Boxes with z up: they take height, pitch and roll of the ground below.
+int run_on_map_boxes(const Command& command, const Arguments& args) {
+  for (const char* name :
+       {"--calib", "--camera", "--frame", "--depth-sigma", "--size-sigma", "--box-sigma"}) {
+    if (command.app->count(name) == 0) continue;
+    throw UsageError(fmt::format("{}: found boxes with z up, whose place in plan stays", name));
+  }
+  check_output_file(args.out);
+  Timings timings;
+  StageTimer load_timer(timings, "load");
+  const MapBoxFile file = MapBoxFile::read(args.labels);
+  std::map<std::int64_t, SE3> poses;
+  if (!args.poses.empty()) poses = read_stamped_poses(args.poses);
+  const std::unique_ptr<HeightSource> ground = ground_of(args, make_warning_sink(command.common));
+  load_timer.stop();
+  if (file.boxes().empty()) throw NoAnswerError(args.labels + ": it holds no 3D box");
+  StageTimer compute(timings, "compute");
+  std::vector<MapBox> boxes;
+  std::vector<MapBoxNote> notes;
+  nlohmann::json rows = nlohmann::json::array();
+  std::size_t lifted = 0;
+  for (const MapBox& given : file.boxes()) {
+    SE3 ground_from_box;
+    const auto pose = poses.find(given.timestamp);
+    LiftedMapBox found;
+    if (!args.poses.empty() && pose == poses.end()) {
+      found = {given, Status::kFailed, "no pose of its time"};
+    } else {
+      if (!args.poses.empty()) ground_from_box = pose->second;
+      MapBox box = given;
+      box.center = ground_from_box * given.center;
+      box.rotation = ground_from_box.rotation() * given.rotation;
+      found = lift_map_box(box, *ground);
+    }
+    if (found.status != Status::kFailed) {
+      ++lifted;
+      const SE3 back = ground_from_box.inverse();
+      found.box.center = back * found.box.center;
+      found.box.rotation = back.rotation() * found.box.rotation;
+    } else {
+      found.box = given;
+    }
+    notes.push_back({std::string(to_string(found.status)), found.reason, found.height_sigma});
+    rows.push_back({{"row", rows.size()},
+                    {"category", given.category},
+                    {"status", to_string(found.status)},
+                    {"reason", found.reason},
+                    {"rise", found.rise},
+                    {"height_sigma", number_json(found.height_sigma)}});
+    boxes.push_back(std::move(found.box));
+  }
+  compute.stop();
+  if (lifted == 0) {
+    throw NoAnswerError(
+        fmt::format("{}: none of its {} boxes can be put on the ground; of the "
+                    "last one: {}",
+                    args.labels, boxes.size(), notes.back().reason));
+  }
+  StageTimer write_timer(timings, "write");
+  write_file_atomically(args.out, file.encoded(boxes, notes));
+  write_timer.stop();
+  if (args.json) {
+    nlohmann::json json = {{"version", kVersion},
+                           {"seed", command.common.seed},
+                           {"options", {{"labels", args.labels}, {"surface", args.surface}}},
+                           {"form", file.form()},
+                           {"boxes", boxes.size()},
+                           {"lifted", lifted},
+                           {"rows", rows}};
+    add_other_options(command, &json["options"]);
+    for (const auto& [stage, milliseconds] : timings.stages()) {
+      json["timings_ms"][stage] = milliseconds;
+    }
+    std::printf("%s\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+  } else if (!command.common.quiet) {
+    std::printf("%s: %zu of %zu boxes put on the ground\n", args.out.c_str(), lifted, boxes.size());
+  }
+  return 0;
+}
 
 /// What was done to each row, in the order of the file.
 nlohmann::json rows_json(const std::vector<LiftedBox>& lifted) {
@@ -58,6 +178,37 @@ struct Inputs {
   KittiCalibration::Camera camera;
 };
 
+/// camera_from_laser of a calibration: a surface of a laser scan lies in that frame.
+SE3 camera_from_laser(const KittiCalibration& calibration, const KittiCalibration::Camera& camera,
+                      const std::string& surface) {
+  Eigen::Matrix4d rigid = Eigen::Matrix4d::Identity();
+  if (calibration.rectified_from_laser) {
+    rigid.topRows<3>() = *calibration.rectified_from_laser;
+  } else if (calibration.camera0_from_laser) {
+    rigid.topRows<3>() = *calibration.camera0_from_laser;
+    if (calibration.rectification) {
+      rigid.topRows<3>() = (*calibration.rectification * rigid.topRows<3>()).eval();
+    }
+  } else {
+    throw InputError(calibration.file,
+                     "found no transform of the laser (Tr_velo_to_cam, Tr), expected one for " +
+                         surface + ", which lies in no camera's frame");
+  }
+  rigid.topRightCorner<3, 1>() += camera.offset;
+  return SE3::from_matrix(rigid);
+}
+
+/// A surface of a cloud in the laser's frame: of the one frame of a label file in the object form.
+void load_laser_surface(const Arguments& args, const KittiCalibration& calibration, Inputs* in) {
+  if (in->labels.form == KittiLabelForm::kTracking && !in->labels.labels.empty()) {
+    throw UsageError(args.surface + ": lies in the frame of one laser scan, but " + args.labels +
+                     " is of the tracking form, of many frames; expected the object form, or the "
+                     "result of a drive");
+  }
+  in->reference = args.frame.value_or(0);
+  in->cameras[in->reference] = camera_from_laser(calibration, in->camera, args.surface);
+}
+
 Inputs load(const Arguments& args) {
   Inputs in;
   in.labels = read_kitti_labels(args.labels);
@@ -65,13 +216,18 @@ Inputs load(const Arguments& args) {
     throw UsageError(fmt::format("--frame {}: {} is of the tracking form, whose rows have frames",
                                  *args.frame, args.labels));
   }
-  in.surface = surface_without_vehicles(read_camera_surface(args.surface));
+  const KittiCalibration calibration = read_kitti_calibration(args.calibration);
+  in.camera = calibration.camera(args.camera);
+  in.surface = surface_without_vehicles(read_surface(surface_file(args.surface)));
+  if (in.surface.frame != "camera") {
+    load_laser_surface(args, calibration, &in);
+    return in;
+  }
   const RunDocument run = read_run(road_folder(args.surface) / "run.json");
   for (const RunDocument::CameraPose& c : run.cameras) {
     in.cameras[c.id] = c.reference_from_camera.inverse();
     if (c.reference_from_camera.translation().norm() == 0.0) in.reference = c.id;
   }
-  in.camera = read_kitti_calibration(args.calibration).camera(args.camera);
   return in;
 }
 
@@ -143,6 +299,13 @@ void print_json(const Command& command, const Arguments& args, const Lifted& lif
 }
 
 int run(const Command& command, const Arguments& args) {
+  if (is_map_boxes(args.labels)) return run_on_map_boxes(command, args);
+  if (!args.poses.empty()) {
+    throw UsageError("--poses: found KITTI labels, expected boxes of nuScenes or Argoverse 2");
+  }
+  if (args.calibration.empty()) {
+    throw UsageError(args.labels + ": KITTI labels need --calib, none is given");
+  }
   refuse_own_inputs({args.out, tilt_file(args.out)}, {});
   Timings timings;
   StageTimer load_timer(timings, "load");
@@ -167,9 +330,20 @@ int run(const Command& command, const Arguments& args) {
 }
 
 void add_arguments(App& app, Arguments& a) {
-  app.add_option("labels", a.labels, "KITTI label file, tracking or object form")->required();
-  app.add_option("--surface", a.surface, "result folder of reconstruct")->required();
-  app.add_option("--calib", a.calibration, "KITTI calibration file(s)")->required();
+  app.add_option("labels", a.labels,
+                 "KITTI label file, tracking or object form; or boxes with z up: nuScenes (.json: "
+                 "results or "
+                 "annotations) or Argoverse 2 (.csv)")
+      ->required();
+  app.add_option(
+         "--surface", a.surface,
+         "result folder of reconstruct, drive or patches, or its surface.json; for boxes with z up "
+         "also a cloud")
+      ->required();
+  app.add_option("--calib", a.calibration, "KITTI calibration file(s), of KITTI labels");
+  app.add_option("--poses", a.poses,
+                 "Argoverse 2: poses of the vehicle in the surface's frame by time (.csv: "
+                 "timestamp_ns, qw ... tz_m); without, boxes are in that frame");
   app.add_option("--out", a.out, "label file to write")->output_file()->required();
   app.add_option("--camera", a.camera, "camera of the surface's images")
       ->check(in_range(0, 3))
@@ -197,8 +371,11 @@ void add_arguments(App& app, Arguments& a) {
 void register_lift(App& root) {
   Command* command = add_command(
       root, "lift",
-      "Puts the 3D boxes of a monocular detector (KITTI label form, yaw only) on the road surface "
-      "of a result. The distance along the ray is joined from the detector's, from the height of "
+      "Puts the 3D boxes of a detector on the road surface. Boxes of nuScenes and Argoverse 2, "
+      "which "
+      "have their place in plan, take height, pitch and roll of the ground below. Of a monocular "
+      "detector (KITTI label form, yaw only) the distance along the ray is joined from the "
+      "detector's, from the height of "
       "its 2D box with its 3D height and the size prior, and from the surface below, each with its "
       "standard deviation; what contradicts the others is left out. Height, pitch and roll come "
       "from the patch below. Rows that the surface does not cover, or whose frame its run does not "
@@ -208,7 +385,9 @@ void register_lift(App& root) {
       "extension .tilt.csv.",
       "  camber lift detector/0009.txt --surface out/0009 --calib calib/0009.txt --out lifted.txt\n"
       "  camber lift 000050.txt --frame 50 --surface out/0009 --calib calib.txt --out lifted.txt "
-      "--depth-sigma 0.1");
+      "--depth-sigma 0.1\n"
+      "  camber lift boxes.csv --poses city_SE3_egovehicle.csv --surface ground.ply --out "
+      "lifted.csv");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

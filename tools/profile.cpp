@@ -22,6 +22,7 @@
 #include "crg_road.h"
 #include "profile_cloud.h"
 #include "profile_crg.h"
+#include "profile_xodr.h"
 #include "road_arguments.h"
 #include "unknown_scale.h"
 
@@ -39,6 +40,7 @@ struct Arguments {
   double levelling_sigma_deg = options.levelling_sigma / kDegree;
   bool json = false;
   bool as_stored = false;
+  std::string road;                ///< id, of an OpenDRIVE file
   CloudProfileArguments of_cloud;  ///< what clouds alone have
 };
 
@@ -244,6 +246,18 @@ void check_crg_options(const App& app, const Arguments& args) {
   }
 }
 
+/// A road of an OpenDRIVE file is its own line, and exact.
+/// @throws UsageError where an option has nothing there that it could change.
+void check_xodr_options(const App& app, const Arguments& args) {
+  if (!args.plot.empty()) throw UsageError("--plot: found an OpenDRIVE file, which has no bands");
+  for (const char* name :
+       {"--along", "--length", "--reach", "--levelling-sigma-deg", "--drift-sigma"}) {
+    if (app.count(name) == 0) continue;
+    throw UsageError(
+        fmt::format("{}: found an OpenDRIVE file, whose road is the line and exact", name));
+  }
+}
+
 int run_on_cloud(const Command& command, const Arguments& args) {
   if (args.line.empty()) {
     throw UsageError(
@@ -294,6 +308,13 @@ int run(const Command& command, const Arguments& args) {
     throw UsageError("--as-stored: found '" + args.surface +
                      "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
   }
+  if (is_xodr(args.surface)) {
+    check_xodr_options(*command.app, args);
+    return profile_xodr(command, {args.surface, args.road, args.out, args.options.step, args.json});
+  }
+  if (!args.road.empty()) {
+    throw UsageError("--road: found '" + args.surface + "', expected an OpenDRIVE file (.xodr)");
+  }
   ProfileOptions options = args.options;
   options.levelling_sigma = args.levelling_sigma_deg * kDegree;
   options.validate();
@@ -333,7 +354,8 @@ int run(const Command& command, const Arguments& args) {
 
 void add_arguments(App& app, Arguments& a) {
   app.add_option("surface", a.surface,
-                 "result folder, its surface.json, an OpenCRG file (.crg), or a cloud (PCD, PLY, "
+                 "result folder, its surface.json, an OpenCRG or OpenDRIVE file (.crg, .xodr), or "
+                 "a cloud (PCD, PLY, "
                  "KITTI .bin, LAS, LAZ, E57 or text) with --along")
       ->required();
   app.add_option("--out", a.out, "FILE.csv or FILE.json")->output_file();
@@ -403,6 +425,8 @@ void add_arguments(App& app, Arguments& a) {
       ->expected(3);
   add_line_arguments(app, cloud.along);
   add_cloud_arguments(app, cloud.reading);
+  app.add_option("--road", a.road, "of an OpenDRIVE file with several roads: the id of one")
+      ->no_name();
   app.add_flag("--as-stored", a.as_stored,
                "of an OpenCRG file: without its modifiers, unknown cells left unknown");
   app.add_flag("--json", a.json, "print the stations as JSON to stdout");
@@ -418,6 +442,7 @@ void register_profile(App& root) {
                   "  camber profile results --json > profile.json\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json\n"
                   "  camber profile road.crg --along places.csv --out heights.csv\n"
+                  "  camber profile road.xodr --step 2 --out road.csv\n"
                   "  camber profile survey.las --along centreline.csv --crown --out profile.csv "
                   "--plot profile.png --sections sections.png");
   const auto arguments = std::make_shared<Arguments>();

@@ -16,6 +16,7 @@
 #include "camber/image/image_io.h"
 #include "camber/render/result_plots.h"
 #include "camber/scene/results.h"
+#include "crg_road.h"
 #include "crs.h"
 #include "ground_points.h"
 #include "own_inputs.h"
@@ -223,7 +224,7 @@ bool is_cloud(const std::string& path) {
   std::error_code ignored;
   if (!fs::is_regular_file(path, ignored)) return false;
   const std::string kind = fs::path(path).extension().string();
-  return kind != ".json" && kind != ".crg";
+  return kind != ".json" && kind != ".crg" && !is_xodr(path);
 }
 
 int profile_of_cloud(const Command& command, const CloudProfileArguments& args) {

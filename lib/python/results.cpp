@@ -261,7 +261,7 @@ py::dict written_opendrive(const RoadToExport& road, const SmoothLine& line,
   options.left = k.left;
   options.right = k.right;
   options.widest = k.widest;
-  options.geo_reference = road.geo_reference;
+  options.geo_reference = proj_string_of(road.geo_reference);
   options.crg_file = k.crg;
   options.num_threads = k.threads;
   if (k.vehicles) options.vehicles = result_vehicles(folder, road.frame).vehicles;

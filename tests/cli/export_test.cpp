@@ -271,7 +271,11 @@ TEST_F(ExportProgram, PatchesKeepTheCloudsSystem) {
                                : road.error;
   };
   EXPECT_EQ(geo_reference("EPSG:32610"), "EPSG:32610");
-  EXPECT_NE(test::read_text(file("road.xodr")).find("<geoReference>"), std::string::npos);
+  // Simulators parse PROJ strings, no codes.
+  EXPECT_THAT(
+      test::read_text(file("road.xodr")),
+      ::testing::HasSubstr("<geoReference><![CDATA[+proj=utm +zone=10 +datum=WGS84 +units=m "
+                           "+no_defs]]></geoReference>"));
   // Coordinates in feet are converted, and the line, which states no unit, is far away from them.
   EXPECT_THAT(geo_reference("EPSG:2229"), ::testing::HasSubstr("m from the known ground"));
 }

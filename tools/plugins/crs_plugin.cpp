@@ -112,6 +112,24 @@ CAMBER_EXPORT bool camber_project(const char* definition, bool inverse,
   return reason->empty();
 }
 
+CAMBER_EXPORT bool camber_proj_string(const char* definition, std::string* text);
+CAMBER_EXPORT bool camber_proj_string(const char* definition, std::string* text) {
+  const Context context = quiet_context();
+  const std::string given = stated(definition);
+  Object system = checked([&] { return proj_create(context.get(), given.c_str()); });
+  if (system && proj_get_type(system.get()) == PJ_TYPE_COMPOUND_CRS) {
+    system.reset(proj_crs_get_sub_crs(context.get(), system.get(), 0));
+  }
+  const char* const found =
+      system ? proj_as_proj_string(context.get(), system.get(), PJ_PROJ_5, nullptr) : nullptr;
+  if (found == nullptr) return false;
+  *text = found;
+  const std::string type = " +type=crs";
+  const std::size_t at = text->find(type);
+  if (at != std::string::npos) text->erase(at, type.size());
+  return true;
+}
+
 namespace {
 
 struct DestroyList {

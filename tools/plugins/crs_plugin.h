@@ -25,4 +25,7 @@ using Project = bool (*)(const char* definition, bool inverse, std::vector<Eigen
 using Transform = bool (*)(const char* from, const char* to, std::vector<Eigen::Vector2d>* places,
                            std::string* reason);
 
+/// What it exports as camber_proj_string: a system as a PROJ string; false where it has none.
+using ProjString = bool (*)(const char* definition, std::string* text);
+
 }  // namespace camber::tools

@@ -9,6 +9,9 @@
 
 namespace camber {
 
+/// The zones of UTM on WGS 84, "EPSG:32632", as PROJ strings; other definitions stay as they are.
+std::string proj_string_of(const std::string& definition);
+
 /// A parked thing on or beside the road, in the plan frame.
 struct RoadsideVehicle {
   int id = 0;
@@ -29,8 +32,9 @@ struct OpenDriveOptions {
   double left = 0.0, right = 0.0;  ///< m to either side, >= 0; 0: as far as is seen
   double widest = 12.0;            ///< m, limit of what is seen
   double smoothing = 2.0;          ///< m of road over which heights are taken
-  std::string geo_reference;       ///< PROJ string or code; empty: none
-  std::string crg_file;            ///< name of an OpenCRG file of the same frame; empty: none
+  /// PROJ string, which simulators parse; empty: none. See proj_string_of().
+  std::string geo_reference;
+  std::string crg_file;  ///< name of an OpenCRG file of the same frame; empty: none
   std::vector<RoadsideVehicle> vehicles;
   int num_threads = 0;
 

@@ -10,6 +10,20 @@
 #include "camber/export/opendrive.h"
 
 namespace camber {
+
+std::string proj_string_of(const std::string& definition) {
+  const std::string code = "EPSG:";
+  if (definition.rfind(code, 0) != 0) return definition;
+  const std::string digits = definition.substr(code.size());
+  const bool number = digits.size() == 5 && std::all_of(digits.begin(), digits.end(), [](char c) {
+                        return c >= '0' && c <= '9';
+                      });
+  const int epsg = number ? std::stoi(digits) : 0, zone = epsg % 100;
+  const bool north = epsg / 100 == 326, south = epsg / 100 == 327;
+  if (!(north || south) || zone < 1 || zone > 60) return definition;
+  return fmt::format("+proj=utm +zone={}{} +datum=WGS84 +units=m +no_defs", zone,
+                     south ? " +south" : "");
+}
 namespace {
 
 using pugi::xml_node;

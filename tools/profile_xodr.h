@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+
+#include "command.h"
+
+namespace camber::tools {
+
+/// What profile takes of an OpenDRIVE file.
+struct XodrProfileArguments {
+  std::string file, road, out;
+  double step = 1.0;  ///< m
+  bool json = false;
+};
+
+/// camber profile of a road of an OpenDRIVE file: height, grade, superelevation and width along it.
+int profile_xodr(const Command& command, const XodrProfileArguments& args);
+
+}  // namespace camber::tools
