@@ -17,7 +17,12 @@
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/export/foxglove.h"
+#include "camber/image/image_io.h"
+#include "camber/image/video.h"
+#include "camber/import/import_own.h"
+#include "camber/scene/drive_document.h"
 #include "camber/scene/georeference.h"
+#include "camber/scene/json_reader.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene_of_run.h"
 #include "crs.h"
@@ -85,19 +90,34 @@ struct Moment {
   const SceneFrame* frame = nullptr;  // nullptr: the scene is not there
 };
 
-std::vector<Moment> moments_of(const RunDocument& run, const std::optional<Scene>& scene) {
+/// @param drive  a drive's own frames, whose times count where the scene is gone; or none.
+std::vector<Moment> moments_of(const RunDocument& run, const std::optional<Scene>& scene,
+                               const std::optional<DriveDocument>& drive) {
   std::vector<Moment> out;
   double first = std::numeric_limits<double>::infinity();
   std::vector<double> times;
+  std::map<int, const SceneFrame*> frames;
+  if (scene) {
+    for (const SceneFrame& frame : scene->frames) frames[frame.id] = &frame;
+  }
+  std::map<int, double> drive_times;
+  if (drive) {
+    for (const DriveFrame& frame : drive->frames) {
+      if (std::isfinite(frame.time_s)) drive_times[frame.id] = frame.time_s;
+    }
+  }
   for (const RunDocument::CameraPose& camera : run.cameras) {
     Moment moment;
     moment.id = camera.id;
     moment.world_from_camera = camera.reference_from_camera;
-    if (scene) moment.frame = scene->find_frame(camera.id);
+    const auto frame = frames.find(camera.id);
+    if (frame != frames.end()) moment.frame = frame->second;
+    const auto own = drive_times.find(camera.id);
     // Without times a frame is a tenth of a second.
     const double time = moment.frame != nullptr && (moment.frame->time_s || scene->frame_rate)
                             ? time_of(*moment.frame, scene->frame_rate.value_or(10.0))
-                            : 0.1 * camera.id;
+                        : own != drive_times.end() ? own->second
+                                                   : 0.1 * camera.id;
     times.push_back(time);
     first = std::min(first, time);
     out.push_back(moment);
@@ -133,13 +153,30 @@ void write_camera(const Scene& scene, const Moment& moment, Topics& topics) {
         {camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0}}});
 }
 
-/// @return false where the image is no file of its own (a frame of a film) or is not there.
-bool write_image(const Moment& moment, Topics& topics) {
+/// The file of an image as it is, or a frame of a film as JPEG; empty where it is not there.
+std::string image_content(const Scene& scene, const SceneFrame& frame, FrameImageReader& film) {
   std::error_code error;
-  if (moment.frame == nullptr || !fs::is_regular_file(moment.frame->image, error)) return false;
-  const std::string content = read_whole_file(moment.frame->image);
+  if (fs::is_regular_file(frame.image, error)) {
+    std::string content = read_whole_file(frame.image);
+    const bool known =
+        content.compare(0, 2, "\xff\xd8") == 0 || content.compare(0, 4, "\x89PNG") == 0;
+    return known ? content : std::string();
+  }
+  if (!video_frame_name(frame.image)) return {};
+  try {
+    return encode_jpeg(film.read(frame.image, file_camera(scene)).color);
+  } catch (const InputError&) {
+    return {};
+  }
+}
+
+/// @return whether there was an image.
+bool write_image(const std::optional<Scene>& scene, const Moment& moment, FrameImageReader& film,
+                 Topics& topics) {
+  if (moment.frame == nullptr) return false;
+  const std::string content = image_content(*scene, *moment.frame, film);
+  if (content.empty()) return false;
   const bool jpeg = content.compare(0, 2, "\xff\xd8") == 0;
-  if (!jpeg && content.compare(0, 4, "\x89PNG") != 0) return false;
   topics.write("/camera/image", "foxglove.CompressedImage", moment.ns,
                {{"timestamp", stamp_of(moment.ns)},
                 {"frame_id", kCamera},
@@ -158,7 +195,9 @@ void write_transform(const std::string& parent, const std::string& child, const 
                 {"rotation", to_json(pose.rotation())}});
 }
 
-void write_cloud(const fs::path& file, std::uint64_t ns, Topics& topics) {
+/// @param world_from_cloud  where the cloud's frame is another one than the world.
+void write_cloud(const fs::path& file, const SE3& world_from_cloud, std::uint64_t ns,
+                 Topics& topics) {
   const RoadCloud cloud = read_cloud(file);
   const bool colors = cloud.colors.size() == cloud.size();
   const bool sigmas = cloud.sigmas.size() == cloud.size();
@@ -187,13 +226,54 @@ void write_cloud(const fs::path& file, std::uint64_t ns, Topics& topics) {
   if (colors) {
     for (const char* const channel : {"red", "green", "blue", "alpha"}) add(channel, kUint8, 1);
   }
-  topics.write("/road/points", "foxglove.PointCloud", ns,
-               {{"timestamp", stamp_of(ns)},
-                {"frame_id", kWorld},
-                {"pose", pose_of(SE3(Eigen::Quaterniond::Identity(), cloud.origin))},
-                {"point_stride", offset},
-                {"fields", fields},
-                {"data", base64(data)}});
+  topics.write(
+      "/road/points", "foxglove.PointCloud", ns,
+      {{"timestamp", stamp_of(ns)},
+       {"frame_id", kWorld},
+       {"pose", pose_of(world_from_cloud * SE3(Eigen::Quaterniond::Identity(), cloud.origin))},
+       {"point_stride", offset},
+       {"fields", fields},
+       {"data", base64(data)}});
+}
+
+/// A stretch of a drive's road with the moment at which the drive reaches it.
+struct Stretch {
+  fs::path file;
+  double from_s = 0.0;
+  std::uint64_t ns = 0;
+};
+
+struct StripFiles {
+  SE3 world_from_strip;
+  std::vector<Stretch> stretches;  ///< in the order of the drive
+};
+
+/// @param moments  of the drive's frames, by which places along it have times.
+StripFiles strip_of(const fs::path& folder, const DriveDocument& drive,
+                    const std::vector<Moment>& moments) {
+  const fs::path file = folder / "strip/index.json";
+  const json document = parse_json(read_whole_file(file), file.string());
+  JsonContext context{file.string(), {}};
+  JsonObject index{JsonCursor(document, context)};
+  StripFiles out;
+  out.world_from_strip = index.require("strip_from_world", "16 numbers").pose().inverse();
+  std::map<int, double> places;  // s by frame id
+  for (const DriveFrame& frame : drive.frames) places[frame.id] = frame.s.value;
+  for (const JsonCursor& item : index.require("stretches", "a list").items("stretches")) {
+    JsonObject at{item};
+    Stretch stretch;
+    stretch.file = folder / "strip" / at.require("file", "a file name").file_path().filename();
+    stretch.from_s = at.require("from_s", "metres").number();
+    stretch.ns = moments.back().ns;
+    for (const Moment& moment : moments) {
+      const auto place = places.find(moment.id);
+      if (place == places.end() || !(place->second >= stretch.from_s)) continue;
+      stretch.ns = moment.ns;
+      break;
+    }
+    out.stretches.push_back(std::move(stretch));
+  }
+  return out;
 }
 
 json entity_of(const std::string& id, const std::string& frame, std::uint64_t ns) {
@@ -312,9 +392,15 @@ json export_mcap(const CommonOptions& common, const ExportArguments& args, Timin
   if (!run.metric && warn) {
     warn(file.string() + ": the run is up to an unknown scale, and so are the positions");
   }
-  const std::vector<Moment> moments = moments_of(run, scene);
-  const std::optional<GeoReference> map = georeference_of(run, file);
   std::error_code error;
+  std::optional<DriveDocument> drive;
+  if (fs::exists(result / "drive.json", error)) drive = read_drive(result / "drive.json");
+  const std::vector<Moment> moments = moments_of(run, scene, drive);
+  StripFiles strip;
+  if (drive && fs::exists(result / "strip/index.json", error)) {
+    strip = strip_of(result, *drive, moments);
+  }
+  const std::optional<GeoReference> map = georeference_of(run, file);
   std::optional<RoadSurface> surface;
   if (fs::exists(folder / "surface.json", error)) surface = read_surface(folder / "surface.json");
   std::optional<VehicleDocument> vehicles;
@@ -330,13 +416,20 @@ json export_mcap(const CommonOptions& common, const ExportArguments& args, Timin
     Topics topics(*sink);
     const std::uint64_t start = moments.front().ns;
     if (map) write_transform(kMap, kWorld, map->map_from_reference, start, topics);
-    if (fs::exists(folder / "road.ply", error)) write_cloud(folder / "road.ply", start, topics);
+    // The road of a drive comes stretch by stretch, as it is driven on.
+    const bool at_once = strip.stretches.empty() && fs::exists(folder / "road.ply", error);
+    if (at_once) write_cloud(folder / "road.ply", SE3(), start, topics);
+    auto stretch = strip.stretches.begin();
+    FrameImageReader film;
     if (surface) write_patches(*surface, start, topics);
     for (const Moment& moment : moments) {
       throw_if_interrupted();
       write_transform(kWorld, kCamera, moment.world_from_camera, moment.ns, topics);
       if (scene) write_camera(*scene, moment, topics);
-      if (!write_image(moment, topics)) ++without_image;
+      if (!write_image(scene, moment, film, topics)) ++without_image;
+      for (; stretch != strip.stretches.end() && stretch->ns <= moment.ns; ++stretch) {
+        write_cloud(stretch->file, strip.world_from_strip, moment.ns, topics);
+      }
       if (vehicles) write_vehicles(*vehicles, moment, topics);
     }
     if (map && map->known()) write_fixes(moments, *map, topics);
@@ -345,8 +438,9 @@ json export_mcap(const CommonOptions& common, const ExportArguments& args, Timin
   });
   writing.stop();
   if (without_image > 0 && warn) {
-    warn(fmt::format("{}: {} of {} frames have no image file (PNG, JPEG); theirs are left out",
-                     args.out, without_image, moments.size()));
+    warn(fmt::format(
+        "{}: {} of {} frames have no image that can be read (PNG, JPEG, film); theirs are left out",
+        args.out, without_image, moments.size()));
   }
   return {{"messages", counts},
           {"frames", moments.size()},

@@ -7,25 +7,12 @@
 #include <vector>
 
 #include "camber/core/errors.h"
-#include "camber/image/video.h"
 #include "camber/pipeline/near_parallax.h"
 #include "camber/pipeline/reconstruct.h"
+#include "camber/pipeline/small_images.h"
 
 namespace camber {
 namespace {
-
-GrayImage small_image(const Scene& scene, std::size_t index, const Undistortion& lens,
-                      FrameImageReader& images, const FramePixelSource& pixels) {
-  const SceneFrame& frame = scene.frames[index];
-  Image held = pixels ? pixels(frame.id).image : Image();
-  if (held.empty() && frame.image.empty()) {
-    throw NoAnswerError("frame " + std::to_string(frame.id) +
-                        " has no image in the manifest; reconstruction needs images");
-  }
-  FrameImage image = held.empty() ? images.read(frame.image, lens)
-                                  : make_frame_image(std::move(held), lens, frame.id);
-  return shrunk(image.gray);
-}
 
 /// The reference and what can stand beside it.
 struct Reference {
@@ -83,21 +70,6 @@ struct Reference {
     }
     return out;
   }
-};
-
-/// Small images of a scene's frames.
-class SmallImages {
- public:
-  SmallImages(const Scene& scene, const FramePixelSource& pixels)
-      : scene_(scene), pixels_(pixels), lens_(scene.camera, scene.distortion) {}
-
-  GrayImage read(std::size_t place) { return small_image(scene_, place, lens_, images_, pixels_); }
-
- private:
-  const Scene& scene_;
-  const FramePixelSource& pixels_;
-  Undistortion lens_;
-  FrameImageReader images_;  // goes on through a video as the frames do
 };
 
 /// Whether two of some frames have the same image, as films have that were made of fewer pictures.

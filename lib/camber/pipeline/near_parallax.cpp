@@ -74,6 +74,7 @@ ImageParallax image_parallax(const PinholeCamera& camera, const GrayImage& a, co
     return *at * camera.width / a.width;
   };
   ImageParallax out;
+  out.turn = turn;
   if (!below.empty()) out.most = quantile(below, 0.9);
   if (!sizes.empty() &&
       static_cast<double>(sizes.size()) >= least_matched * static_cast<double>(near)) {

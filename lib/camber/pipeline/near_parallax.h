@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 
 #include "camber/geometry/pinhole_camera.h"
@@ -24,6 +25,7 @@ struct ImageParallax {
   /// Of all below the principal point a tenth moves more. Where `near` is much smaller, what is
   /// near stands still in the picture: a bonnet, or asphalt that a film's coder repeats.
   double most = 0.0;
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();  ///< rad, that rotation, small, in the camera
 };
 
 /// @param a              shrunk(), and so is b; of the camera's images.

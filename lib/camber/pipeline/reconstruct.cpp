@@ -1,8 +1,11 @@
 #include "camber/pipeline/reconstruct.h"
 
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 
 #include "camber/pipeline/estimate_window.h"
+#include "camber/pipeline/pose_offset.h"
 #include "camber/pipeline/reconstruct_image.h"
 #include "camber/pipeline/reconstruct_paper.h"
 #include "camber/pipeline/run_details.h"
@@ -21,6 +24,20 @@ Image road_mask_of(const LoadedFrames& frames) {
     out.data[i] = masks.roadway[i] ? 1 : masks.ground[i] ? 2 : 0;
   }
   return out;
+}
+
+/// Of poses of other moments: by how much their clock is off, where the whole scene shows it.
+void name_pose_offset(const Scene& scene, int reference, const FramePixelSource& pixels,
+                      RunDocument* run) {
+  const std::optional<PoseOffset> offset = find_pose_offset(scene, reference, pixels);
+  if (!offset) return;
+  run->extra["pose_offset"] = {{"seconds", offset->seconds},
+                               {"frames", offset->frames},
+                               {"correlation", offset->correlation},
+                               {"correlation_without", offset->without}};
+  for (RunDocument::Warning& warning : run->warnings) {
+    if (warning.code == "poses_contradicted") warning.text += "; " + describe(*offset);
+  }
 }
 
 }  // namespace
@@ -58,6 +75,9 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
 
   LoadedFrames& frames = window.road.frames;
   Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
+  if (frames.poses_of_other_moments) {
+    name_pose_offset(scene, out.reference_frame, o.load.pixels, &out.run);
+  }
   out.ground = std::move(window.vehicles.ground.under_detections);
   out.road_mask = road_mask_of(frames);
   describe_run(options, out.frame_ids, frames, window.refined, window.scaled, &out.run);
