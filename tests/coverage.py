@@ -38,6 +38,7 @@ READERS = {
                "kitti_labels.cpp", "mcap_reader.cpp", "ros_cloud.cpp", "rosbag2.cpp",
                "text_rows.cpp"],
     "export": ["opencrg_reader.cpp", "opendrive_reader.cpp"],
+    "tiles": ["tile_plan.cpp"],
     "pipeline": ["kitti_boxes.cpp", "network_file.cpp"],
     "tools": ["config_file.cpp", "plugins/bag_check.cpp", "plugins/bag_reader.cpp"],
 }
@@ -77,6 +78,7 @@ TARGETS = {
     "run": ["scene/results.cpp"],
     "scene": ["scene/scene.cpp"],
     "surface": ["scene/results.cpp"],
+    "tile_plan": ["tiles/tile_plan.cpp"],
     "text_cloud": ["cloud/text.cpp", "cloud/detail/text_columns.cpp", "cloud/ptx.cpp"],
     "vehicles": ["scene/results.cpp"],
     "video": ["image/video_reader.cpp"],

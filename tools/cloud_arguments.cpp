@@ -4,7 +4,9 @@
 
 #include <fmt/format.h>
 
+#include "camber/cloud/stream_filters.h"
 #include "camber/core/errors.h"
+#include "camber/core/interruption.h"
 #include "crs.h"
 
 namespace camber::tools {
@@ -119,6 +121,21 @@ void require_known_output(const std::string& path, const WriteOptions& options) 
   throw UsageError("--out: found '" + path +
                    "', expected a name that ends in .ply, .pcd, .bin, .las, .laz, .xyz or .csv, "
                    "or --format");
+}
+
+CloudFile read_labelled_points(const std::string& path, const ReadOptions& options) {
+  if (!options.lenient) return read_cloud_file(path, options);
+  const std::unique_ptr<PointSource> source = drop_bad_points(open_point_source(path, options));
+  CloudBuilder builder(source->header(), false, options);
+  for (PointBatch batch; source->next(batch);) {
+    throw_if_interrupted();
+    builder.add(batch);
+  }
+  CloudFile file;
+  file.report = source->report();
+  file.cloud = builder.finish(file.report);
+  file.report.crs = source->header().crs;
+  return file;
 }
 
 nlohmann::json cloud_timings(const Timings& timings) {

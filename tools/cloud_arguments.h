@@ -55,6 +55,10 @@ void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* in
 /// Throws a UsageError where neither an option nor the extension gives the output's format.
 void require_known_output(const std::string& path, const WriteOptions& options);
 
+/// Reads a cloud whose points are labelled in another pass over its file: lenient reading leaves
+/// out what drop_bad_points() does, and not duplicates.
+CloudFile read_labelled_points(const std::string& path, const ReadOptions& options);
+
 /// The stages load, compute and write in milliseconds, 0 for those that did not happen.
 nlohmann::json cloud_timings(const Timings& timings);
 

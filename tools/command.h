@@ -73,5 +73,6 @@ void register_compare(App& root);
 void register_view(App& root);
 void register_lift(App& root);
 void register_export(App& root);
+void register_tiles(App& root);
 
 }  // namespace camber::tools

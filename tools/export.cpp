@@ -404,7 +404,8 @@ std::vector<std::string> names_of(const Map& map) {
 
 void add_arguments(App& app, ExportArguments& a) {
   app.add_option("input", a.input,
-                 "result folder of reconstruct or patches, its surface.json, or a cloud")
+                 "result folder of reconstruct or patches, its surface.json, a cloud, or joined results "
+                 "of camber tiles (--to geotiff)")
       ->required();
   app.add_option("--to", a.target, "what to write")
       ->required()

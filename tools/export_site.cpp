@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <unordered_map>
@@ -21,6 +22,8 @@
 #include "camber/core/version.h"
 #include "camber/export/gdal/geotiff.h"
 #include "camber/export/site_raster.h"
+#include "camber/tiles/tile_job.h"
+#include "cloud_arguments.h"
 #include "crs.h"
 #include "ground_points.h"
 #include "own_inputs.h"
@@ -44,6 +47,7 @@ struct SitePoint {
 
 /// What is known of a cloud before its raster.
 struct Site {
+  std::vector<JoinedFile> files;  // one, of bounds that are not known, or tiles
   ReadOptions reading;
   std::optional<PlanBounds> bounds;  // of what is answered
   CoordinateSystem crs;              // of unknown units where none is stated: metres
@@ -75,9 +79,8 @@ struct Columns {
 
 /// Calls visit(place, class, label of ground) for the points of a file that count, in their order;
 /// what is not known is -1.
-/// @param labels  of all points of the file, where they were computed
 template <typename Visit>
-void for_each_point(const std::string& path, const Site& site, const Visit& visit) {
+void for_each_point_of(const std::filesystem::path& path, const Site& site, const Visit& visit) {
   ReadOptions reading = site.reading;
   reading.attributes = {"classification", "class_flags", "ground"};
   std::unique_ptr<PointSource> source = open_point_source(path, reading);
@@ -109,6 +112,22 @@ void for_each_point(const std::string& path, const Site& site, const Visit& visi
   }
 }
 
+/// The same for all files that reach into rows.
+/// @param low, high  of y
+template <typename Visit>
+void for_each_point(const Site& site, double low, double high, const Visit& visit) {
+  for (const JoinedFile& file : site.files) {
+    const bool known = !file.bounds.isEmpty();
+    if (known && (file.bounds.max().y() < low || file.bounds.min().y() > high)) continue;
+    for_each_point_of(file.path, site, visit);
+  }
+}
+template <typename Visit>
+void for_each_point(const Site& site, const Visit& visit) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for_each_point(site, -kInfinity, kInfinity, visit);
+}
+
 bool is_ground(const Site& site, int kind, int label) {
   switch (site.source) {
     case GroundSource::kClasses:
@@ -131,18 +150,7 @@ void compute_ground(const ExportArguments& args, const CommonOptions& common, co
   }
   ReadOptions reading = site->reading;
   reading.attributes = {"classification", "class_flags"};
-  // As for_each_point() has them: lenient reading would leave out duplicates, too.
-  std::unique_ptr<PointSource> source = open_point_source(args.input, reading);
-  if (reading.lenient) source = drop_bad_points(std::move(source));
-  CloudBuilder builder(source->header(), false, reading);
-  for (PointBatch batch; source->next(batch);) {
-    throw_if_interrupted();
-    builder.add(batch);
-  }
-  CloudFile file;
-  file.report = source->report();
-  file.cloud = builder.finish(file.report);
-  file.report.crs = source->header().crs;
+  CloudFile file = read_labelled_points(args.input, reading);
   use_metres(args.input, &file, {});
   const std::optional<std::vector<int>> judged = points_to_judge(file.cloud, {7, 9, 17, 18});
   GroundSegmentation found;
@@ -162,9 +170,9 @@ void compute_ground(const ExportArguments& args, const CommonOptions& common, co
 }
 
 /// Where the ground comes from, if the user leaves it open.
-GroundSource choose_source(const std::string& path, const Site& site) {
+GroundSource choose_source(const Site& site) {
   bool classified = false, labelled = false;
-  for_each_point(path, site, [&](const Eigen::Vector3d&, int kind, int label) {
+  for_each_point(site, [&](const Eigen::Vector3d&, int kind, int label) {
     classified = classified || is_ground_class(kind);
     labelled = labelled || label == 1;
   });
@@ -174,11 +182,11 @@ GroundSource choose_source(const std::string& path, const Site& site) {
 }
 
 /// Bounds and numbers of the points, and how far apart those of the ground lie.
-void measure(const std::string& path, Site* site) {
+void measure(Site* site) {
   constexpr std::size_t kMostSquares = 2000000;
   const double side = 4.0 / site->crs.horizontal.metres;
   std::unordered_map<std::uint64_t, std::uint32_t> squares;
-  for_each_point(path, *site, [&](const Eigen::Vector3d& place, int kind, int label) {
+  for_each_point(*site, [&](const Eigen::Vector3d& place, int kind, int label) {
     site->box.extend(place);
     ++site->points;
     if (!is_ground(*site, kind, label)) return;
@@ -216,7 +224,14 @@ Site load_site(const ExportArguments& args, const CommonOptions& common) {
   const LogSink warn = make_warning_sink(common);
   site.reading = args.reading.read_options();
   site.bounds = site.reading.bounds;
-  const std::unique_ptr<PointSource> source = open_point_source(args.input, site.reading);
+  const bool tiles = is_joined(args.input);
+  if (tiles) {
+    site.files = joined_files(args.input);
+  } else {
+    site.files.push_back({args.input, {}});
+  }
+  const std::unique_ptr<PointSource> source =
+      open_point_source(site.files.front().path, site.reading);
   const PointStreamHeader& header = source->header();
   const bool in_lengths = header.crs && (header.crs->horizontal.known() || header.crs->epsg != 0);
   if (!header.metric && !in_lengths) {
@@ -239,9 +254,14 @@ Site load_site(const ExportArguments& args, const CommonOptions& common) {
                                : definition_of(site.crs);
   }
   site.source = ground_source_from(args.ground_from);
-  if (site.source == GroundSource::kAuto) site.source = choose_source(args.input, site);
+  if (site.source == GroundSource::kAuto) site.source = choose_source(site);
+  if (site.source == GroundSource::kCompute && tiles) {
+    throw NoAnswerError(args.input +
+                        ": the tiles have no classes of ground; camber tiles run "
+                        "--job ground finds it");
+  }
   if (site.source == GroundSource::kCompute) compute_ground(args, common, warn, &site);
-  measure(args.input, &site);
+  measure(&site);
   if (site.points == 0) {
     throw NoAnswerError(args.input + (site.bounds ? ": no point lies within --bounds"
                                                   : ": found no point that counts"));
@@ -310,8 +330,8 @@ struct Answered {
 };
 
 /// Makes the raster strip by strip: each reads the points anew.
-Answered make_rows(const ExportArguments& args, const Site& site, const SiteGrid& grid,
-                   const SiteRasterOptions& options, BandFile* bands, BandFile* shades) {
+Answered make_rows(const Site& site, const SiteGrid& grid, const SiteRasterOptions& options,
+                   BandFile* bands, BandFile* shades) {
   constexpr double kDegrees = 180.0 / 3.14159265358979323846;
   const std::size_t columns = grid.columns;
   // Of points as many as the mean of all rows has.
@@ -324,9 +344,14 @@ Answered make_rows(const ExportArguments& args, const Site& site, const SiteGrid
   for (std::size_t first = 0; first < grid.rows; first += strip) {
     const std::size_t rows = std::min(strip, grid.rows - first);
     SiteRowsMaker maker(grid, first, rows, options);
-    for_each_point(args.input, site, [&](const Eigen::Vector3d& place, int kind, int label) {
-      maker.add(place, is_ground(site, kind, label));
-    });
+    // As far around the rows as SiteRowsMaker keeps points.
+    const double margin = 2.0 * options.reach + 3.0 * grid.cell;
+    const double top = grid.north - static_cast<double>(first) * grid.cell;
+    const double bottom = top - static_cast<double>(rows) * grid.cell;
+    for_each_point(site, bottom - margin, top + margin,
+                   [&](const Eigen::Vector3d& place, int kind, int label) {
+                     maker.add(place, is_ground(site, kind, label));
+                   });
     SiteRows found = maker.finish();
     for (std::size_t i = 0; i < found.ground.size(); ++i) {
       const bool known = !std::isnan(found.ground[i]), occupied = found.points[i] > 0.0f;
@@ -391,7 +416,8 @@ const GdalFunctions& gdal() {
 }
 
 bool is_site(const ExportArguments& args) {
-  return args.target == "geotiff" && args.line.empty() && !is_surface(args.input);
+  return args.target == "geotiff" && args.line.empty() &&
+         (!is_surface(args.input) || is_joined(args.input));
 }
 
 json export_site(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
@@ -421,8 +447,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
   BandFile bands(args.out + ".raw", heights.bands.size(), cells * sizeof(float));
   std::optional<BandFile> shades;
   if (!args.hillshade.empty()) shades.emplace(args.hillshade + ".raw", 1, cells);
-  const Answered answered =
-      make_rows(args, site, grid, options, &bands, shades ? &*shades : nullptr);
+  const Answered answered = make_rows(site, grid, options, &bands, shades ? &*shades : nullptr);
   if (answered.known == 0) {
     throw NoAnswerError(args.input + ": the ground's points lie too far apart for cells of " +
                         fmt::format("{:g}; larger cells (--step) hold more", grid.cell));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -17,6 +18,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/road/segment_ground.h"
+#include "camber/tiles/ground_tile.h"
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
@@ -32,7 +34,7 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string cloud, out, engine = "camber";
+  std::string cloud, out, engine = "camber", plan;
   CloudArguments reading;
   OutputArguments output;
   UpArguments up;
@@ -115,6 +117,37 @@ GroundSegmentation segment_by(const std::string& engine, const RoadCloud& cloud,
   return pcl->segment_ground(cloud, options);
 }
 
+/// What is found of a cloud, and of which of its points.
+struct FoundGround {
+  GroundSegmentation found;
+  std::optional<std::vector<int>> judged;
+  std::size_t points = 0;
+  bool metric = true;
+};
+
+/// By a plan of tiles: as its tiles have it, bit for bit.
+FoundGround ground_by_plan(const Arguments& arguments, int threads) {
+  const TilePlan plan = read_tile_plan(arguments.plan);
+  TileGround whole = segment_whole_ground(plan, arguments.cloud, threads);
+  FoundGround out;
+  out.points = whole.labels.size();
+  out.judged.emplace();
+  for (std::size_t i = 0; i < whole.labels.size(); ++i) {
+    if (whole.labels[i] < 0) continue;
+    out.judged->push_back(static_cast<int>(i));
+    out.found.labels.push_back(whole.labels[i]);
+  }
+  out.found.status = Status::kOk;
+  out.found.ground = static_cast<std::size_t>(whole.ground);
+  out.found.from_air = plan.ground->from_air;
+  out.found.cell = plan.ground->cell;
+  out.found.largest_object = plan.ground->largest_object;
+  out.found.slope = plan.ground->slope;
+  out.found.tolerance = plan.ground->tolerance;
+  out.found.ground_area_share = std::numeric_limits<double>::quiet_NaN();  // not measured
+  return out;
+}
+
 }  // namespace
 
 void register_ground(App& root) {
@@ -169,6 +202,10 @@ void register_ground(App& root) {
                  "comparison (0 means cell 0.5, slope 0.3, tolerance 0.2)")
       ->check(is_member({"camber", "pcl"}))
       ->capture_default_str();
+  app.add_option("--plan", arguments->plan,
+                 "folder of camber tiles plan: cell, largest object, slope, tolerance and classes "
+                 "that are kept are the plan's, and the labels those of its tiles, bit for bit; of "
+                 "LAS and LAZ");
   add_cloud_arguments(app, arguments->reading);
   add_output_arguments(app, arguments->output);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
@@ -182,40 +219,52 @@ void register_ground(App& root) {
     ReadOptions read_options = arguments->reading.read_options();
     const std::optional<PlanBounds> bounds = read_options.bounds;
     Timings timings;
-    StageTimer load(timings, "load");
-    if (bounds) {
-      read_options.bounds =
-          bounds->grown(in_units_of_file(arguments->cloud, read_options, ground_margin(options)));
-    }
-    ReadOptions what_counts = read_options;
-    what_counts.attributes = {"classification", "class_flags"};
-    CloudFile file = read_cloud_file(arguments->cloud, what_counts);
     const LogSink warn = make_warning_sink(command->common);
-    warn_about(arguments->cloud, file.report, warn);
-    use_metres(arguments->cloud, &file, warn);
-    warn_of_unknown_scale(arguments->cloud, file.cloud.metric, file.report.crs, warn);
-    if (bounds) require_inside(arguments->cloud, file, *bounds);
-    const std::optional<std::vector<int>> judged =
-        points_to_judge(file.cloud, arguments->keep_classes);
-    load.stop();
-    options.up = arguments->up.up(file.cloud);
     options.num_threads = command->common.threads;
-    throw_if_interrupted();
-    StageTimer compute(timings, "compute");
-    GroundSegmentation found =
-        judged ? segment_by(arguments->engine, file.cloud.select(*judged), options)
-               : segment_by(arguments->engine, file.cloud, options);
-    compute.stop();
+    FoundGround ground;
+    if (!arguments->plan.empty()) {
+      if (bounds || read_options.lenient || arguments->engine != "camber") {
+        throw UsageError(
+            "--plan: found --bounds, --lenient or --engine beside it, expected none "
+            "of them");
+      }
+      StageTimer compute(timings, "compute");
+      ground = ground_by_plan(*arguments, command->common.threads);
+    } else {
+      StageTimer load(timings, "load");
+      if (bounds) {
+        read_options.bounds =
+            bounds->grown(in_units_of_file(arguments->cloud, read_options, ground_margin(options)));
+      }
+      ReadOptions what_counts = read_options;
+      what_counts.attributes = {"classification", "class_flags"};
+      CloudFile file = read_labelled_points(arguments->cloud, what_counts);
+      warn_about(arguments->cloud, file.report, warn);
+      use_metres(arguments->cloud, &file, warn);
+      warn_of_unknown_scale(arguments->cloud, file.cloud.metric, file.report.crs, warn);
+      if (bounds) require_inside(arguments->cloud, file, *bounds);
+      ground.judged = points_to_judge(file.cloud, arguments->keep_classes);
+      ground.points = file.cloud.size();
+      ground.metric = file.cloud.metric;
+      load.stop();
+      options.up = arguments->up.up(file.cloud);
+      throw_if_interrupted();
+      StageTimer compute(timings, "compute");
+      ground.found = ground.judged
+                         ? segment_by(arguments->engine, file.cloud.select(*ground.judged), options)
+                         : segment_by(arguments->engine, file.cloud, options);
+    }
+    GroundSegmentation& found = ground.found;
     if (found.status == Status::kFailed) {
       throw NoAnswerError(arguments->cloud + ": " + found.reason);
     }
     StageTimer write(timings, "write");
     const WrittenGround written =
-        write_ground(*arguments, read_options, write_options, file.cloud.size(), judged,
+        write_ground(*arguments, read_options, write_options, ground.points, ground.judged,
                      std::move(found.labels), bounds);
     write.stop();
     const std::string remark = remark_on_ground(found);
-    if (!remark.empty() && arguments->engine == "camber" && warn) {
+    if (!remark.empty() && arguments->engine == "camber" && arguments->plan.empty() && warn) {
       warn(arguments->cloud + ": " + remark);
     }
     for (const std::string& note : written.notes) {
@@ -224,7 +273,7 @@ void register_ground(App& root) {
     if (!arguments->as_json) {
       fmt::print("{}: {} of {} points are ground, within {:.2f} {} of its surface\n",
                  arguments->out, written.ground, written.points, found.tolerance,
-                 file.cloud.metric ? "m" : "units");
+                 ground.metric ? "m" : "units");
       return 0;
     }
     const bool height_known = std::isfinite(options.sensor_height);
@@ -241,7 +290,7 @@ void register_ground(App& root) {
                   {"keep_classes", arguments->keep_classes}}},
                 {"file", arguments->cloud},
                 {"out", arguments->out},
-                {"metric", file.cloud.metric},
+                {"metric", ground.metric},
                 {"points", written.points},
                 {"kept_as_they_are", written.kept},
                 {"ground", written.ground},

@@ -163,7 +163,7 @@ int run(const Command& command, const Arguments& args) {
   if (bounds) {
     reading.bounds = bounds->grown(in_units_of_file(args.input.cloud, reading, kMargin));
   }
-  CloudFile file = args.input.read(command.common, reading);
+  CloudFile file = args.input.read(command.common, reading, args.las);
   if (!args.line.empty()) options.driven_line = read_line(args.line);
   load.stop();
   options.up = args.input.up.up(file.cloud);

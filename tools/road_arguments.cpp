@@ -49,8 +49,10 @@ CloudFile RoadCloudArguments::read(const CommonOptions& common) const {
   return read(common, reading.read_options());
 }
 
-CloudFile RoadCloudArguments::read(const CommonOptions& common, const ReadOptions& options) const {
-  CloudFile file = read_cloud_file(cloud, options);
+CloudFile RoadCloudArguments::read(const CommonOptions& common, const ReadOptions& options,
+                                   bool labelled_later) const {
+  CloudFile file =
+      labelled_later ? read_labelled_points(cloud, options) : read_cloud_file(cloud, options);
   const LogSink warn = make_warning_sink(common);
   warn_about(cloud, file.report, warn);
   use_metres(cloud, &file, warn);

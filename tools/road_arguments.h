@@ -36,7 +36,9 @@ struct RoadCloudArguments {
 
   /// Reads the cloud, in metres; warns of what its reader remarked.
   CloudFile read(const CommonOptions& common) const;
-  CloudFile read(const CommonOptions& common, const ReadOptions& options) const;
+  /// @param labelled_later  see read_labelled_points()
+  CloudFile read(const CommonOptions& common, const ReadOptions& options,
+                 bool labelled_later = false) const;
 };
 
 /// Adds the cloud, --up, --viewpoint, --threshold (metres, 0: none), how to read the cloud, and

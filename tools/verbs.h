@@ -34,6 +34,7 @@ inline constexpr Verb kVerbs[] = {
     {"info", "clouds", "what clouds, COLMAP models, scenes and results hold"},
     {"convert", "clouds", "clouds, COLMAP models and depth images as cloud files"},
     {"filter", "clouds", "crops, thins, cleans and sorts a cloud, or gives it normals"},
+    {"tiles", "clouds", "clouds larger than memory: sorted into tiles, worked on, joined"},
 };
 
 }  // namespace camber::tools

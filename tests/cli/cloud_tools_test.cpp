@@ -328,6 +328,13 @@ TEST_F(CloudTools, LenientGroundCountsTheSamePointsAsItsCopy) {
   const RoadCloud all = read_cloud(path("all.pcd"));
   ASSERT_EQ(all.size(), cloud.size());
   EXPECT_EQ(all.labels.at("ground")[5], 0);
+  // Points that stand there twice are kept, each with its label.
+  cloud = make_square(0.02);
+  cloud.points[9] = cloud.points[8];
+  write_cloud(cloud, path("twice.las"));
+  run({"ground", path("twice.las"), "--lenient", "--quiet", "--out", path("twice_ground.las")});
+  run({"ground", path("twice.las"), "--out", path("ground.las")});
+  EXPECT_EQ(test::read_bytes(path("twice_ground.las")), test::read_bytes(path("ground.las")));
 }
 
 TEST_F(CloudTools, CompareMeasuresAlignsAndWritesAFolder) {

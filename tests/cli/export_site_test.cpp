@@ -111,6 +111,34 @@ class Site : public ::testing::Test {
   test::TemporaryFolder folder_;
 };
 
+TEST_F(Site, OfJoinedTilesIsThatOfTheWhole) {
+  const std::string cloud = make("cloud.laz", false), plan = file("plan");
+  const auto must = [](const std::vector<std::string>& words) {
+    const auto result = run_camber(words);
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+  };
+  must({"tiles", "plan", cloud, "--tile", "17", "--out", plan});
+  must({"tiles", "run", plan, "--job", "ground"});
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", plan + "/ground", "--to", "geotiff", "--out", file("tiles.tif")}), 2,
+      "surface.json");  // not joined yet
+  must({"tiles", "join", plan, "--job", "ground"});
+  must({"ground", cloud, "--plan", plan, "--out", file("whole.laz")});
+  for (const auto& [input, out] : {std::pair{plan + "/ground", file("tiles.tif")},
+                                   std::pair{file("whole.laz"), file("whole.tif")}}) {
+    must({"export", input, "--to", "geotiff", "--step", "1", "--out", out});
+  }
+  const Raster tiles(file("tiles.tif")), whole(file("whole.tif"));
+  ASSERT_EQ(tiles.columns, whole.columns);
+  ASSERT_EQ(tiles.rows, whole.rows);
+  EXPECT_EQ(tiles.bands[1], whole.bands[1]);
+  EXPECT_EQ(tiles.bands[4], whole.bands[4]);
+  for (std::size_t i = 0; i < whole.bands[0].size(); ++i) {
+    // Sums in another order.
+    EXPECT_NEAR(tiles.bands[0][i], whole.bands[0][i], 1e-3);
+  }
+}
+
 TEST_F(Site, HasGroundSurfaceSlopeSigmaAndPoints) {
   for (const bool classes : {true, false}) {
     const std::string cloud = make("site.laz", classes);

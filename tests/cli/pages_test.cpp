@@ -87,7 +87,7 @@ TEST(Pages, Survey) {
   scan.frame = CloudFrame::kUnknown;
   write_cloud(scan, folder.path() / "scan.ply");
   write_cloud(scan, folder.path() / "truth.ply");
-  run_page("survey.md", folder.path(), 6);
+  run_page("survey.md", folder.path(), 11);
 }
 
 TEST(Pages, Paper) {

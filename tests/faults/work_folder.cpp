@@ -43,7 +43,7 @@ RoadCloud level_square(double height) {
 
 std::string VerbCase::name() const {
   const std::string& verb = arguments.at(0);
-  if (verb == "import" || verb == "keypoints" || verb == "prior")
+  if (verb == "import" || verb == "keypoints" || verb == "prior" || verb == "tiles")
     return verb + " " + arguments.at(1);
   for (std::size_t i = 1; verb == "export" && i + 1 < arguments.size(); ++i) {
     if (arguments[i] == "--to") return verb + " " + arguments[i + 1];
@@ -96,6 +96,7 @@ void WorkFolder::make_clouds() const {
   for (const char* kind : {"pcd", "las", "laz", "csv", "bin"}) {
     must_run({"convert", "cloud.ply", "--out", std::string("cloud.") + kind});
   }
+  must_run({"tiles", "plan", "cloud.laz", "--tile", "25", "--out", "plan"});
   write_bytes(path() / "line.xyz", "x y z\n-15 0 0\n-5 0 0\n5 1 0\n15 2 0\n");
   must_run({"patches", "cloud.ply", "--driven-line", "line.xyz", "--out", "surface"});
   must_run({"export", "surface", "--to", "opencrg", "--out", "road.crg"});
@@ -271,6 +272,18 @@ void WorkFolder::add_cases() {
         "out/depth.las"},
        {"scene/truth/depth/000000.png", "scene/scene.json"}},
       {{"filter", "cloud.ply", "--voxel", "1", "--out", "out/thin.bin"}, {"cloud.ply"}},
+      {{"tiles", "plan", "cloud.laz", "--tile", "25", "--out", "out/plan"},
+       {"cloud.laz"},
+       !kSlow,
+       !kDraws,
+       0,
+       kKeepsItsPart},
+      {{"tiles", "run", "plan", "--job", "normals", "--radius", "3", "--out", "out/normals"},
+       {"plan/index.json"},
+       !kSlow,
+       !kDraws,
+       0,
+       kKeepsItsPart},
   };
 #ifdef CAMBER_HAS_ROSBAG
   cases_.push_back({{"import", "rosbag", "drive.bag", "--out", "out/bag"}, {"drive.bag"}});

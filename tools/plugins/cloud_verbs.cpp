@@ -11,5 +11,6 @@ CAMBER_EXPORT int camber_run(int argc, char** argv) {
                    {"view", register_view},
                    {"info", register_info},
                    {"convert", register_convert},
-                   {"filter", register_filter}});
+                   {"filter", register_filter},
+                   {"tiles", register_tiles}});
 }

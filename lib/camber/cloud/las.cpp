@@ -9,6 +9,7 @@
 #include "camber/cloud/detail/laz/copc.h"
 #include "camber/cloud/detail/laz/laz_reader.h"
 #include "camber/cloud/formats.h"
+#include "camber/cloud/las_chunks.h"
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/number_text.h"
 
@@ -277,10 +278,12 @@ std::string describe(const laz::LazLayout& layout) {
 
 class LasSource : public FormatSource {
  public:
-  LasSource(std::unique_ptr<FileReader> file, const ReadOptions& options)
+  /// @param chunks  those to read; nullptr: all
+  LasSource(std::unique_ptr<FileReader> file, const ReadOptions& options,
+            const std::vector<std::size_t>* chunks = nullptr)
       : FormatSource(std::move(file), options) {
     report_.format = CloudFormat::kLas;
-    read_header();
+    read_header(chunks);
   }
 
   bool next(PointBatch& batch) override {
@@ -301,7 +304,8 @@ class LasSource : public FormatSource {
   }
 
  private:
-  void read_header();
+  void read_header(const std::vector<std::size_t>* chunks);
+  void choose_chunks(LasFile* las, const std::vector<std::size_t>& chunks) const;
   void read_comments(const LasRecord& record);
   bool next_of_laz(PointBatch& batch);
 
@@ -312,7 +316,25 @@ class LasSource : public FormatSource {
   std::unique_ptr<LasColumns> columns_;
 };
 
-void LasSource::read_header() {
+void LasSource::choose_chunks(LasFile* las, const std::vector<std::size_t>& chunks) const {
+  const std::size_t count = las_chunks(*las).size();
+  laz::LazLayout layout = las->laz ? *las->laz : laz::LazLayout();
+  std::vector<laz::LazChunk> chosen;
+  las->points = 0;
+  for (const std::size_t chunk : chunks) {
+    if (chunk >= count) {
+      throw InputError(file_->name(), "found " + std::to_string(count) +
+                                          " chunks of points, expected one with number " +
+                                          std::to_string(chunk));
+    }
+    chosen.push_back(layout.chunks[chunk]);
+    las->points += chosen.back().points;
+  }
+  layout.chunks = std::move(chosen);
+  las->laz = std::make_shared<const laz::LazLayout>(std::move(layout));
+}
+
+void LasSource::read_header(const std::vector<std::size_t>* chunks) {
   const auto las =
       std::make_shared<LasFile>(read_las_file(file_->bytes(), options_.lenient, &report_.notes));
   const bool copc = laz::is_copc(*las);
@@ -325,6 +347,7 @@ void LasSource::read_header() {
     query.bounds = options_.bounds;
     laz::select_nodes(las.get(), query);
   }
+  if (chunks) choose_chunks(las.get(), *chunks);
   left_ = las->points;
   report_.encoding = "version 1." + std::to_string(las->minor) + ", point format " +
                      std::to_string(las->point_format);
@@ -434,6 +457,23 @@ class LasRows : public PointSource {
 std::unique_ptr<PointSource> open_las(std::unique_ptr<FileReader> file,
                                       const ReadOptions& options) {
   return std::make_unique<LasSource>(std::move(file), options);
+}
+
+std::vector<std::uint64_t> las_chunks(const LasFile& las) {
+  std::vector<std::uint64_t> out;
+  if (!las.laz || las.laz->sequential) return out;
+  std::uint64_t points = 0;
+  for (const laz::LazChunk& chunk : las.laz->chunks) {
+    out.push_back(chunk.points);
+    points += chunk.points;
+  }
+  return points == las.points ? out : std::vector<std::uint64_t>();
+}
+
+std::unique_ptr<PointSource> open_las_chunks(const std::filesystem::path& path,
+                                             const ReadOptions& options,
+                                             const std::vector<std::size_t>& chunks) {
+  return std::make_unique<LasSource>(std::make_unique<FileReader>(path), options, &chunks);
 }
 
 std::unique_ptr<PointSource> make_las_rows(const PointStreamHeader& header, std::string records,

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "camber/cloud/point_tree.h"
+#include "camber/core/threads.h"
 
 namespace camber {
 namespace {
@@ -79,6 +80,43 @@ void NormalOptions::validate() const {
   }
 }
 
+namespace {
+
+/// The normal of a point from where its neighbours lie, relative to it: small numbers whatever the
+/// coordinates, and the same ones wherever the cloud's origin is.
+class Neighborhood {
+ public:
+  explicit Neighborhood(const Eigen::Vector3f& point)
+      : point_{point.x(), point.y(), point.z(), 0.0f} {}
+
+  /// Sums four at a time: x y z, xx xy xz yy, yz zz.
+  void add(float x, float y, float z) {
+    const Quad d = Quad{x, y, z, 0.0f} - point_;
+    first_ += d;
+    second_ +=
+        __builtin_shufflevector(d, d, 0, 0, 0, 1) * __builtin_shufflevector(d, d, 0, 1, 2, 1);
+    third_ += __builtin_shufflevector(d, d, 1, 2, 3, 3) * __builtin_shufflevector(d, d, 2, 2, 3, 3);
+    ++count_;
+  }
+  /// Of either sign; false where there is none.
+  bool normal(Eigen::Vector3d& out) const {
+    if (count_ < 3) return false;
+    const double share = 1.0 / count_;
+    const auto mean = [share](float sum) { return static_cast<double>(sum) * share; };
+    const double mx = mean(first_[0]), my = mean(first_[1]), mz = mean(first_[2]);
+    const double covariance[6] = {mean(second_[0]) - mx * mx, mean(second_[1]) - mx * my,
+                                  mean(second_[2]) - mx * mz, mean(second_[3]) - my * my,
+                                  mean(third_[0]) - my * mz,  mean(third_[1]) - mz * mz};
+    return smallest_eigenvector(covariance, out);
+  }
+
+ private:
+  Quad point_, first_ = {}, second_ = {}, third_ = {};
+  int count_ = 0;
+};
+
+}  // namespace
+
 void estimate_normals(RoadCloud& cloud, const NormalOptions& options) {
   options.validate();
   const float nan = std::numeric_limits<float>::quiet_NaN();
@@ -87,38 +125,45 @@ void estimate_normals(RoadCloud& cloud, const NormalOptions& options) {
   const bool to_viewpoint = options.viewpoint.allFinite();
   const Eigen::Vector3f viewpoint = (options.viewpoint - cloud.origin).cast<float>();
   const Eigen::Vector3f up = options.up.cast<float>();
-  const float limit = options.radius > 0.0f ? options.radius * options.radius
-                                            : std::numeric_limits<float>::infinity();
-  const float *const x = tree.x().data(), *const y = tree.y().data(), *const z = tree.z().data();
-  tree.for_each_neighborhood(
-      options.neighbors, options.num_threads, [&](const PointTree::Neighborhood& near) {
-        int count = 0;
-        // Sums relative to the point itself, small numbers whatever the coordinates, four at a
-        // time: x y z, xx xy xz yy, yz zz.
-        const Quad point = {near.point.x(), near.point.y(), near.point.z(), 0.0f};
-        Quad first = {}, second = {}, third = {};
-        for (; count < near.count && near.squared_distances[count] <= limit; ++count) {
-          const int at = near.positions[count];
-          const Quad d = Quad{x[at], y[at], z[at], 0.0f} - point;
-          first += d;
-          second +=
-              __builtin_shufflevector(d, d, 0, 0, 0, 1) * __builtin_shufflevector(d, d, 0, 1, 2, 1);
-          third +=
-              __builtin_shufflevector(d, d, 1, 2, 3, 3) * __builtin_shufflevector(d, d, 2, 2, 3, 3);
+  const auto set = [&](std::size_t index, const Neighborhood& near) {
+    Eigen::Vector3d normal;
+    if (!near.normal(normal)) return;
+    const Eigen::Vector3f n = normal.cast<float>();
+    const float side = n.dot(to_viewpoint ? Eigen::Vector3f(viewpoint - cloud.points[index]) : up);
+    cloud.normals[index] = side < 0.0f ? Eigen::Vector3f(-n) : n;
+  };
+  if (options.radius > 0.0f) {
+    // By distance, equal ones by index: what is summed does not hang on the tree.
+    constexpr std::size_t kBlock = 1024;
+    const std::vector<int>& order = tree.indices();
+    parallel_for((order.size() + kBlock - 1) / kBlock, options.num_threads, [&](std::size_t block) {
+      std::vector<PointTree::Neighbor> found;
+      const std::size_t end = std::min(order.size(), (block + 1) * kBlock);
+      for (std::size_t i = block * kBlock; i < end; ++i) {
+        const auto index = static_cast<std::size_t>(order[i]);
+        tree.within(cloud.points[index], options.radius, found);
+        const std::size_t count =
+            std::min(found.size(), static_cast<std::size_t>(options.neighbors));
+        Neighborhood near(cloud.points[index]);
+        for (std::size_t k = 0; k < count; ++k) {
+          const Eigen::Vector3f& p = cloud.points[static_cast<std::size_t>(found[k].index)];
+          near.add(p.x(), p.y(), p.z());
         }
-        if (count < 3) return;
-        const double share = 1.0 / count;
-        const auto mean = [share](float sum) { return static_cast<double>(sum) * share; };
-        const double mx = mean(first[0]), my = mean(first[1]), mz = mean(first[2]);
-        const double covariance[6] = {mean(second[0]) - mx * mx, mean(second[1]) - mx * my,
-                                      mean(second[2]) - mx * mz, mean(second[3]) - my * my,
-                                      mean(third[0]) - my * mz,  mean(third[1]) - mz * mz};
-        Eigen::Vector3d normal;
-        if (!smallest_eigenvector(covariance, normal)) return;
-        const Eigen::Vector3f n = normal.cast<float>();
-        const float side = n.dot(to_viewpoint ? Eigen::Vector3f(viewpoint - near.point) : up);
-        cloud.normals[static_cast<std::size_t>(near.index)] = side < 0.0f ? Eigen::Vector3f(-n) : n;
-      });
+        set(index, near);
+      }
+    });
+    return;
+  }
+  const float *const x = tree.x().data(), *const y = tree.y().data(), *const z = tree.z().data();
+  tree.for_each_neighborhood(options.neighbors, options.num_threads,
+                             [&](const PointTree::Neighborhood& found) {
+                               Neighborhood near(found.point);
+                               for (int k = 0; k < found.count; ++k) {
+                                 const int at = found.positions[k];
+                                 near.add(x[at], y[at], z[at]);
+                               }
+                               set(static_cast<std::size_t>(found.index), near);
+                             });
 }
 
 }  // namespace camber

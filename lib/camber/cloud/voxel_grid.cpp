@@ -134,6 +134,8 @@ VoxelGrid::VoxelGrid(const PointStreamHeader& header, double size)
 
 VoxelGrid::~VoxelGrid() = default;
 
+const std::vector<std::int32_t>& VoxelGrid::cubes() const { return state_->ids; }
+
 std::uint64_t VoxelGrid::non_finite() const { return state_->non_finite; }
 
 void VoxelGrid::State::grow() {

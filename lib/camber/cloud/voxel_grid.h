@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "camber/cloud/point_stream.h"
 #include "camber/cloud/road_cloud.h"
@@ -20,6 +22,10 @@ class VoxelGrid {
   VoxelGrid(const PointStreamHeader& header, double size);
   ~VoxelGrid();
   void add(const PointBatch& batch);
+
+  /// Of each point of the last batch the number of its cube, -1 where it was left out: cubes count
+  /// in the order of their first points, as points() has them.
+  const std::vector<std::int32_t>& cubes() const;
 
   /// Points left out because they are not finite.
   std::uint64_t non_finite() const;

@@ -317,9 +317,12 @@ GroundSegmentation segment_ground(const RoadCloud& cloud, const GroundOptions& o
   const PlanFrame frame(options.up);
   std::size_t finite = 0;
   const PlanBounds all = detail::find_bounds(cloud, frame, options.num_threads, &finite);
-  if (finite < 3) {
+  // A part of a cloud may hold one point, as its whole may in a place apart.
+  const std::size_t least = options.plan ? 1 : 3;
+  if (finite < least) {
     out.status = Status::kFailed;
-    out.reason = "found " + std::to_string(finite) + " finite points, expected at least 3";
+    out.reason = "found " + std::to_string(finite) + " finite points, expected at least " +
+                 std::to_string(least);
     return out;
   }
 

@@ -1,0 +1,299 @@
+#include "camber/tiles/tile_job.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "camber/cloud/stream_filters.h"
+#include "camber/core/atomic_file.h"
+#include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/core/read_file.h"
+#include "camber/scene/json_reader.h"
+#include "camber/tiles/ground_tile.h"
+#include "camber/tiles/point_tile.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+using nlohmann::json;
+
+json done_json(const TileDone& done) {
+  return {{"name", done.name},     {"file", done.file.generic_string()},
+          {"points", done.points}, {"bytes", done.bytes},
+          {"hash", done.hash},     {"points_read", done.read_points},
+          {"counts", done.counts}};
+}
+
+TileDone read_done(const json& document, const fs::path& path) {
+  JsonContext context{path.string(), {}};
+  JsonObject object(JsonCursor(document, context), "a tile that is done");
+  const auto count = [](const JsonCursor& cursor) {
+    return static_cast<std::uint64_t>(cursor.in_range(0.0, 9e15, "a number of at least 0"));
+  };
+  TileDone out;
+  out.name = object.require("name", "a tile's name").text();
+  out.file = object.require("file", "the name of its file").file_path();
+  out.points = count(object.require("points", "a number"));
+  out.bytes = count(object.require("bytes", "a number"));
+  out.hash = object.require("hash", "the hash of its file").text();
+  out.read_points = count(object.require("points_read", "a number"));
+  JsonObject counts(object.require("counts", "numbers by name"), "numbers by name");
+  for (const auto& [name, value] : counts.entries()) out.counts[name] = count(value);
+  return out;
+}
+
+fs::path done_path(const TilePlan& plan, const TileJob& job, std::size_t tile) {
+  return job_folder(plan, job) / (plan.tiles[tile].name + ".json");
+}
+
+json options_json(const TilePlan& plan, const TileJob& job) {
+  json out = {{"format", "camber-tile-options"},
+              {"version", 1},
+              {"job", to_string(job.kind)},
+              {"plan", plan.hash}};
+  if (job.kind == TileJob::Kind::kVoxels) out["voxel"] = job.voxel;
+  if (job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals) {
+    out["radius"] = job.radius;
+    out["neighbors"] = job.neighbors;
+  }
+  return out;
+}
+
+/// The tile as an earlier run left it.
+bool find_done(const TilePlan& plan, const TileJob& job, std::size_t tile, TileDone* done) {
+  const fs::path path = done_path(plan, job, tile);
+  std::error_code error;
+  if (!fs::exists(path, error)) return false;
+  const json document = parse_json(read_whole_file(path), path.string());
+  if (!document.is_object() || document.value("plan", json()) != plan.hash) return false;
+  *done = read_done(document, path);
+  if (done->name != plan.tiles[tile].name) return false;
+  const std::uintmax_t bytes = fs::file_size(job_folder(plan, job) / done->file, error);
+  return !error && bytes == done->bytes;
+}
+
+/// The source of a tile's own points with what was found of them, and how much that is.
+class Found {
+ public:
+  Found(const TilePlan& plan, const TileJob& job, std::size_t tile) {
+    ReadOptions reading;
+    reading.num_threads = job.num_threads;
+    const auto open = [&] { return open_point_source(plan.path_of(tile), reading); };
+    switch (job.kind) {
+      case TileJob::Kind::kGround:
+        ground_ = segment_tile_ground(plan, tile, job.num_threads);
+        read_points = ground_.read_points;
+        counts = {{"ground", ground_.ground}, {"judged", ground_.judged}};
+        source = classify_ground(open(), ground_.labels);
+        break;
+      case TileJob::Kind::kFilter:
+        inliers_ = tile_radius_inliers(plan, tile, job.radius, job.neighbors, job.num_threads);
+        read_points = inliers_.read_points;
+        counts = {{"kept", inliers_.points}};
+        source = select_rows(open(), [this](const PointStreamHeader&, const PointBatch& batch,
+                                            std::vector<unsigned char>* keep) {
+          for (std::size_t i = 0; i < batch.count; ++i) (*keep)[i] = inliers_.kept.at(place_++);
+        });
+        break;
+      case TileJob::Kind::kVoxels:
+        voxels_ = std::make_unique<TileVoxels>(plan, tile, job.voxel, job.num_threads);
+        read_points = voxels_->read_points();
+        source = voxels_->points();
+        break;
+      case TileJob::Kind::kNormals:
+        normals_ = tile_normals(plan, tile, job.radius, job.neighbors, job.num_threads);
+        read_points = normals_.read_points;
+        counts = {{"normals", normals_.points}};
+        source = add_normals(open(), normals_.normals);
+        break;
+    }
+  }
+  Found(const Found&) = delete;
+  Found& operator=(const Found&) = delete;
+
+  std::unique_ptr<PointSource> source;
+  std::uint64_t read_points = 0;
+  std::map<std::string, std::uint64_t> counts;
+
+ private:
+  TileGround ground_;
+  TileInliers inliers_;
+  std::unique_ptr<TileVoxels> voxels_;
+  TileNormals normals_;
+  std::size_t place_ = 0;
+};
+
+}  // namespace
+
+const char* to_string(TileJob::Kind kind) {
+  switch (kind) {
+    case TileJob::Kind::kFilter:
+      return "filter";
+    case TileJob::Kind::kVoxels:
+      return "voxels";
+    case TileJob::Kind::kNormals:
+      return "normals";
+    case TileJob::Kind::kGround:
+      break;
+  }
+  return "ground";
+}
+
+void TileJob::validate() const {
+  if (kind == Kind::kGround) return;
+  const bool cubes = kind == Kind::kVoxels;
+  const double length = cubes ? voxel : radius;
+  if (!(std::isfinite(length) && length > 0.0 && length <= 1e4)) {
+    throw std::invalid_argument(fmt::format("{} = {}, expected more than 0 and at most 10000 m",
+                                            cubes ? "voxel" : "radius", length));
+  }
+  if (cubes) return;
+  const int least = kind == Kind::kFilter ? 1 : 3;
+  if (neighbors < least) {
+    throw std::invalid_argument(
+        fmt::format("neighbors = {}, expected at least {}", neighbors, least));
+  }
+}
+
+fs::path job_folder(const TilePlan& plan, const TileJob& job) {
+  return job.folder.empty() ? plan.folder / to_string(job.kind) : job.folder;
+}
+
+void begin_tile_job(const TilePlan& plan, const TileJob& job) {
+  job.validate();
+  const fs::path folder = job_folder(plan, job), path = folder / "job.json";
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw OutputError(folder.string(), error.message());
+  const json options = options_json(plan, job);
+  if (!fs::exists(path, error) && !fs::is_empty(folder, error)) {
+    throw OutputError(folder.string(), "the folder is not empty and holds no results of tiles");
+  }
+  if (!fs::exists(path, error)) return write_file_atomically(path, format_json(options));
+  const json there = parse_json(read_whole_file(path), path.string());
+  for (const auto& [key, value] : options.items()) {
+    if (there.is_object() && there.value(key, json()) == value) continue;
+    throw UsageError(fmt::format(
+        "{}: found results of a job with another value of '{}' ({}), "
+        "expected the same job, or another --out",
+        folder.string(), key, there.is_object() ? there.value(key, json()).dump() : "none"));
+  }
+}
+
+TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile) {
+  TileDone done;
+  if (find_done(plan, job, tile, &done)) {
+    done.was_there = true;
+    return done;
+  }
+  const fs::path folder = job_folder(plan, job);
+  done = {};
+  done.name = plan.tiles[tile].name;
+  done.file = done.name + ".laz";
+  const fs::path out = folder / done.file;
+  {
+    const Found found(plan, job, tile);
+    done.points = write_points(*found.source, out);
+    done.read_points = found.read_points;
+    done.counts = found.counts;
+  }
+  std::error_code error;
+  done.bytes = fs::file_size(out, error);
+  if (error) throw OutputError(out.string(), error.message());
+  done.hash = hash_file(out);
+  json document = done_json(done);
+  document["plan"] = plan.hash;
+  write_file_atomically(done_path(plan, job, tile), format_json(document));
+  return done;
+}
+
+std::vector<std::size_t> tiles_of_shard(const TilePlan& plan, std::size_t shard,
+                                        std::size_t shards) {
+  if (shard < 1 || shard > shards) {
+    throw std::invalid_argument(fmt::format("shard = {}, expected 1 to {}", shard, shards));
+  }
+  // In runs: tiles side by side, whose halos the system has still in memory.
+  const std::size_t count = plan.tiles.size();
+  std::vector<std::size_t> out;
+  for (std::size_t k = (shard - 1) * count / shards; k < shard * count / shards; ++k) {
+    out.push_back(k);
+  }
+  return out;
+}
+
+bool is_joined(const fs::path& folder) {
+  std::error_code error;
+  const fs::path path = folder / "index.json";
+  // No other folder that is read has a job.json.
+  return fs::is_regular_file(path, error) && fs::is_regular_file(folder / "job.json", error);
+}
+
+std::vector<JoinedFile> joined_files(const fs::path& folder) {
+  const fs::path path = folder / "index.json";
+  const json document = parse_json(read_whole_file(path, std::size_t{4} << 30), path.string());
+  JsonContext context{path.string(), {}};
+  JsonObject object(JsonCursor(document, context), "joined tiles");
+  const JsonCursor format = object.require("format", "\"camber-tile-job\"");
+  if (format.text() != "camber-tile-job") format.fail("\"camber-tile-job\"");
+  std::vector<JoinedFile> out;
+  for (const JsonCursor& cursor : object.require("tiles", "tiles").items("tiles")) {
+    JsonObject tile(cursor, "a tile");
+    JsonObject bounds(tile.require("bounds", "bounds"), "bounds");
+    out.push_back({folder / tile.require("file", "the name of its file").file_path(),
+                   {bounds.require("min", "3 numbers").vector3(),
+                    bounds.require("max", "3 numbers").vector3()}});
+  }
+  if (out.empty()) object.cursor().fail_because("found no tiles, expected at least one");
+  return out;
+}
+
+JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
+  const fs::path folder = job_folder(plan, job);
+  JoinedTiles out;
+  std::vector<std::string> missing;
+  for (std::size_t k = 0; k < plan.tiles.size(); ++k) {
+    TileDone done;
+    if (!find_done(plan, job, k, &done)) {
+      missing.push_back(plan.tiles[k].name);
+      continue;
+    }
+    if (hash_file(folder / done.file) != done.hash) {
+      throw InputError((folder / done.file).string(),
+                       "found other content than was written; remove it and repeat tiles run");
+    }
+    out.points += done.points;
+    for (const auto& [name, count] : done.counts) out.counts[name] += count;
+    out.tiles.push_back(std::move(done));
+  }
+  if (!missing.empty()) {
+    throw NoAnswerError(
+        fmt::format("{}: {} of {} tiles are not done, the first is {}; repeat "
+                    "camber tiles run",
+                    folder.string(), missing.size(), plan.tiles.size(), missing.front()));
+  }
+  json tiles = json::array();
+  for (std::size_t k = 0; k < out.tiles.size(); ++k) {
+    json tile = done_json(out.tiles[k]);
+    tile.erase("points_read");
+    tile["bounds"] = {{"min", vector_json(plan.tiles[k].bounds.min())},
+                      {"max", vector_json(plan.tiles[k].bounds.max())}};
+    tiles.push_back(std::move(tile));
+  }
+  out.index = folder / "index.json";
+  write_file_atomically(out.index, format_json({{"format", "camber-tile-job"},
+                                                {"version", 1},
+                                                {"job", to_string(job.kind)},
+                                                {"plan", plan.hash},
+                                                {"crs", plan.crs},
+                                                {"points", out.points},
+                                                {"counts", out.counts},
+                                                {"tiles", tiles}}));
+  return out;
+}
+
+}  // namespace camber

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "camber/tiles/tile_plan.h"
+
+namespace camber {
+
+/// What is done with every tile of a plan.
+struct TileJob {
+  enum class Kind {
+    kGround,   ///< ASPRS classes 2 and 1, as segment_ground() has them
+    kFilter,   ///< leaves out points with few others near by, as radius_inliers() does
+    kVoxels,   ///< one point for each cube, as VoxelGrid has them
+    kNormals,  ///< adds normals, as estimate_normals() has them, up in z
+  };
+  Kind kind = Kind::kGround;
+  std::filesystem::path folder;  ///< of the results; empty: PLAN/KIND
+  double radius = 0.0;           ///< m, of kFilter and kNormals
+  double voxel = 0.0;            ///< m, of kVoxels: edge of a cube
+  /// kFilter: other points within the radius that a point needs, at least 1; kNormals: points of a
+  /// plane, the nearest within the radius, at least 3.
+  int neighbors = 0;
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
+
+  void validate() const;  ///< throws std::invalid_argument naming field, value and bound
+};
+
+const char* to_string(TileJob::Kind kind);  ///< "ground", "filter", "voxels", "normals"
+
+/// What is written of a tile that is done, beside its file.
+struct TileDone {
+  std::string name;
+  std::filesystem::path file;  ///< relative to the job's folder
+  std::uint64_t points = 0, bytes = 0, read_points = 0;
+  std::string hash;
+  std::map<std::string, std::uint64_t> counts;  ///< of the job: "ground", "judged", "kept", ...
+  bool was_there = false;                       ///< done before; not written
+};
+
+/// Where a job's files stand.
+std::filesystem::path job_folder(const TilePlan& plan, const TileJob& job);
+
+/// Before the first tile: makes the folder with job.json, which holds the job's options.
+/// @throws UsageError where it is there with others; OutputError where a foreign folder that is not
+///         empty is in the place
+void begin_tile_job(const TilePlan& plan, const TileJob& job);
+
+/// Works on one tile: writes TILE.laz, the tile's file with what was found, then
+/// TILE.json. A tile that has both is passed over. Tiles can be worked on in any order, by
+/// several processes at once, each any number of times: the files are the same, bit for bit.
+/// @throws InputError, NoAnswerError, OutputError
+TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile);
+
+/// The tiles of shard `shard` of `shards`, which have no tile in common and together all.
+/// @param shard  1 to `shards`
+std::vector<std::size_t> tiles_of_shard(const TilePlan& plan, std::size_t shard,
+                                        std::size_t shards);
+
+/// Result of join_tiles().
+struct JoinedTiles {
+  std::filesystem::path index;
+  std::uint64_t points = 0;
+  std::map<std::string, std::uint64_t> counts;
+  std::vector<TileDone> tiles;
+};
+
+/// Writes index.json over all tiles of a plan, once each is done.
+/// @throws NoAnswerError where tiles are missing; InputError where files are not as they were left
+JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job);
+
+/// One file of joined results.
+struct JoinedFile {
+  std::filesystem::path path;
+  Eigen::AlignedBox3d bounds;  ///< of its tile's points, in the files' units
+};
+
+/// Whether a folder has what join_tiles() writes.
+bool is_joined(const std::filesystem::path& folder);
+/// The files of joined results, in the order of the plan. @throws InputError
+std::vector<JoinedFile> joined_files(const std::filesystem::path& folder);
+
+}  // namespace camber

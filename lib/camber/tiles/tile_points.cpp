@@ -1,0 +1,380 @@
+#include "camber/tiles/tile_points.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+
+#include "camber/cloud/las_chunks.h"
+#include "camber/cloud/las_file.h"
+#include "camber/cloud/point_stream.h"
+#include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/core/interruption.h"
+
+namespace fs = std::filesystem;
+
+namespace camber {
+namespace {
+
+constexpr double kSteps = 1024.0;                           // a metre
+constexpr std::int64_t kMostSteps = std::int64_t{1} << 24;  // that a float holds exactly
+
+constexpr std::uint64_t kMostPoints = std::numeric_limits<std::int32_t>::max();
+
+/// Places in steps from zero, or from an origin.
+using Steps = std::array<std::int64_t, 3>;
+
+struct GridPoint {
+  std::int32_t x = 0, y = 0, z = 0;  // steps from the origin
+  std::int32_t own = -1;
+  std::uint8_t kind = 0, flags = 0;
+};
+
+/// Of x and y, both ends included; empty as made.
+struct StepBox {
+  std::array<std::int64_t, 2> low{std::numeric_limits<std::int64_t>::max(),
+                                  std::numeric_limits<std::int64_t>::max()};
+  std::array<std::int64_t, 2> high{std::numeric_limits<std::int64_t>::min(),
+                                   std::numeric_limits<std::int64_t>::min()};
+
+  void extend(const Steps& p) {
+    for (std::size_t a = 0; a < 2; ++a) {
+      low[a] = std::min(low[a], p[a]);
+      high[a] = std::max(high[a], p[a]);
+    }
+  }
+  bool contains(const Steps& p) const {
+    return p[0] >= low[0] && p[0] <= high[0] && p[1] >= low[1] && p[1] <= high[1];
+  }
+};
+
+class Reader {
+ public:
+  /// @param records  whether the points' records are kept
+  Reader(const TilePlan& plan, const TileReading& reading, bool records = false)
+      : plan_(plan), reading_(reading), keep_records_(records) {
+    options_.num_threads = reading.num_threads;
+    if (records) return;
+    options_.attributes = std::vector<std::string>();
+    if (reading.classes) options_.attributes = {"classification", "class_flags"};
+  }
+
+  std::int64_t steps(double value, std::size_t axis) const {
+    const double metres = value * (axis < 2 ? plan_.metres : plan_.height_metres);
+    return std::llround(metres * kSteps);
+  }
+
+  /// Sets the origin, below a place in plan.
+  void set_origin(double x, double y) {
+    const std::int64_t multiple = std::llround(reading_.alignment * kSteps);
+    const auto below = [&](std::int64_t v) {
+      return (v >= 0 ? v / multiple : -((-v + multiple - 1) / multiple)) * multiple;
+    };
+    origin_ = {below(steps(x, 0)), below(steps(y, 1)), std::llround(plan_.height_zero * kSteps)};
+  }
+
+  void read_own(const fs::path& path) {
+    const std::unique_ptr<PointSource> source = open_point_source(path, options_);
+    if (source->header().count.value_or(0) > kMostPoints) {
+      throw NoAnswerError(path.string() +
+                          ": the tile has more than 2^31 points; expected smaller "
+                          "tiles (--tile)");
+    }
+    read(*source, path, true, nullptr);
+    out_.own_points = out_.read_points;
+  }
+
+  /// Of another tile those within the box.
+  void read_around(std::size_t tile, const StepBox& box) {
+    const fs::path path = plan_.path_of(tile);
+    const std::vector<TilePart> parts = read_tile_parts(plan_, tile);
+    if (parts.size() < 2) return read(*open_point_source(path, options_), path, false, &box);
+    std::vector<std::size_t> chunks;
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      if (parts[k].points > 0 && meets(parts[k].box, box)) chunks.push_back(k);
+    }
+    if (!chunks.empty()) read(*open_las_chunks(path, options_, chunks), path, false, &box);
+  }
+
+  bool meets(const Eigen::AlignedBox2d& bounds, const StepBox& box) const {
+    for (std::size_t a = 0; a < 2; ++a) {
+      const auto axis = static_cast<Eigen::Index>(a);
+      if (steps(bounds.max()[axis], a) < box.low[a]) return false;
+      if (steps(bounds.min()[axis], a) > box.high[a]) return false;
+    }
+    return true;
+  }
+
+  /// Where the tile's own points lie, and as much as the halo beside them.
+  StepBox with_halo() const {
+    StepBox box;
+    for (const GridPoint& p : items_) {
+      box.extend({origin_[0] + p.x, origin_[1] + p.y, 0});
+    }
+    const auto halo = static_cast<std::int64_t>(std::ceil(reading_.halo * kSteps));
+    for (std::size_t a = 0; a < 2; ++a) {
+      box.low[a] -= halo;
+      box.high[a] += halo;
+    }
+    return box;
+  }
+
+  TilePoints finish();
+  TileRecords finish_records();
+
+ private:
+  void take_header(const PointStreamHeader& header, const fs::path& path);
+  void read(PointSource& source, const fs::path& path, bool own, const StepBox* box);
+  std::vector<std::uint32_t> order() const;
+
+  const TilePlan& plan_;
+  const TileReading& reading_;
+  ReadOptions options_;
+  bool keep_records_;
+  Steps origin_{};
+  std::vector<GridPoint> items_;
+  PointStreamHeader header_;  // of the first file, where records are kept
+  std::string records_;
+  TilePoints out_;
+};
+
+void Reader::read(PointSource& source, const fs::path& path, bool own, const StepBox* box) {
+  const PointStreamHeader& header = source.header();
+  if (keep_records_) take_header(header, path);
+  const std::array<int, 3> position = find_roles(header.fields).position;
+  int kind = -1, flags = -1;
+  for (std::size_t f = 0; f < header.fields.size(); ++f) {
+    if (header.fields[f].name == "classification") kind = static_cast<int>(f);
+    if (header.fields[f].name == "class_flags") flags = static_cast<int>(f);
+  }
+  if (own && header.count) {
+    items_.reserve(static_cast<std::size_t>(std::min(*header.count, header.most_reserved)));
+  }
+  const auto byte = [&](const PointBatch& batch, int field, std::size_t i) -> std::uint8_t {
+    if (field < 0) return 0;
+    const auto f = static_cast<std::size_t>(field);
+    const double value = batch.fields[f].number(header.fields[f].type, i);
+    return static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0));
+  };
+  std::int32_t place = 0;
+  for (PointBatch batch; source.next(batch);) {
+    throw_if_interrupted();
+    out_.read_points += batch.count;
+    for (std::size_t i = 0; i < batch.count; ++i, ++place) {
+      Steps p{};
+      for (std::size_t a = 0; a < 3; ++a) {
+        const auto f = static_cast<std::size_t>(position[a]);
+        const double value =
+            position[a] < 0 ? 0.0 : batch.fields[f].number(header.fields[f].type, i);
+        if (!(std::abs(value) < 1e12)) {
+          throw InputError(path.string(), fmt::format("point {} has the coordinate {}, expected "
+                                                      "one within 1e12 of 0",
+                                                      place, value));
+        }
+        p[a] = steps(value, a);
+      }
+      if (box && !box->contains(p)) continue;
+      for (std::size_t a = 0; a < 3; ++a) p[a] -= origin_[a];
+      if (std::abs(p[2]) >= kMostSteps) continue;  // a height of nothing on Earth
+      for (std::size_t a = 0; a < 2; ++a) {
+        if (std::abs(p[a]) < kMostSteps) continue;
+        throw NoAnswerError(fmt::format(
+            "{}: point {} lies more than 16 km from others of its tile; expected smaller tiles "
+            "(--tile), and no points astray (camber filter)",
+            path.string(), place));
+      }
+      GridPoint item;
+      item.x = static_cast<std::int32_t>(p[0]);
+      item.y = static_cast<std::int32_t>(p[1]);
+      item.z = static_cast<std::int32_t>(p[2]);
+      if (own) item.own = place;
+      item.kind = byte(batch, kind, i);
+      item.flags = byte(batch, flags, i);
+      items_.push_back(item);
+      if (!keep_records_) continue;
+      records_.append(reinterpret_cast<const char*>(batch.records.data + i * batch.records.stride),
+                      header_.las->record_length);
+    }
+  }
+}
+
+void Reader::take_header(const PointStreamHeader& header, const fs::path& path) {
+  if (!header_.las) {
+    header_ = header;
+    return;
+  }
+  const LasFile &a = *header_.las, &b = *header.las;
+  if (a.point_format == b.point_format && a.record_length == b.record_length &&
+      a.scale == b.scale && a.offset == b.offset) {
+    return;
+  }
+  throw InputError(path.string(),
+                   "found points of another format, or on another grid, than the "
+                   "tile beside it; expected a plan that was not made in place");
+}
+
+/// By y, x, height: a radix sort. Points at one place count alike, whatever their order.
+std::vector<std::uint32_t> Reader::order() const {
+  struct Item {
+    std::uint64_t code;
+    std::uint32_t index;
+  };
+  std::array<std::int32_t, 3> low{INT32_MAX, INT32_MAX, INT32_MAX};
+  std::array<std::int32_t, 3> high{INT32_MIN, INT32_MIN, INT32_MIN};
+  for (const GridPoint& p : items_) {
+    const std::array<std::int32_t, 3> v{p.z, p.x, p.y};
+    for (std::size_t a = 0; a < 3; ++a) {
+      low[a] = std::min(low[a], v[a]);
+      high[a] = std::max(high[a], v[a]);
+    }
+  }
+  std::array<int, 3> bits{};
+  for (std::size_t a = 0; a < 3 && !items_.empty(); ++a) {
+    while (((std::int64_t{high[a]} - low[a]) >> bits[a]) != 0) ++bits[a];
+  }
+  std::vector<Item> items(items_.size()), sorted(items_.size());
+  for (std::size_t i = 0; i < items.size(); ++i) items[i].index = static_cast<std::uint32_t>(i);
+  constexpr int kBits = 11;
+  constexpr std::size_t kBuckets = std::size_t{1} << kBits;
+  const auto sort_by = [&](int all, const auto& code_of) {
+    for (Item& item : items) item.code = code_of(items_[item.index]);
+    for (int shift = 0; shift < all; shift += kBits) {
+      std::array<std::size_t, kBuckets> starts{};
+      for (const Item& item : items) ++starts[item.code >> shift & (kBuckets - 1)];
+      std::size_t sum = 0;
+      for (std::size_t& count : starts) {
+        const std::size_t here = count;
+        count = sum;
+        sum += here;
+      }
+      for (const Item& item : items) sorted[starts[item.code >> shift & (kBuckets - 1)]++] = item;
+      items.swap(sorted);
+    }
+  };
+  const auto above = [](std::int32_t v, std::int32_t least) {
+    return static_cast<std::uint64_t>(std::int64_t{v} - least);
+  };
+  sort_by(bits[0], [&](const GridPoint& p) { return above(p.z, low[0]); });
+  sort_by(bits[1] + bits[2],
+          [&](const GridPoint& p) { return above(p.x, low[1]) | above(p.y, low[2]) << bits[1]; });
+  std::vector<std::uint32_t> out;
+  out.reserve(items.size());
+  for (const Item& item : items) out.push_back(item.index);
+  return out;
+}
+
+TilePoints Reader::finish() {
+  const std::vector<std::uint32_t> sorted = order();
+  out_.cloud.frame = CloudFrame::kZUp;
+  for (std::size_t a = 0; a < 3; ++a) {
+    out_.cloud.origin[static_cast<Eigen::Index>(a)] = static_cast<double>(origin_[a]) / kSteps;
+  }
+  out_.cloud.points.resize(items_.size());
+  out_.own.resize(items_.size());
+  if (reading_.classes) {
+    out_.classes.resize(items_.size());
+    out_.flags.resize(items_.size());
+  }
+  constexpr float kStep = 1.0f / 1024.0f;
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    const GridPoint& p = items_[sorted[i]];
+    out_.cloud.points[i] = {static_cast<float>(p.x) * kStep, static_cast<float>(p.y) * kStep,
+                            static_cast<float>(p.z) * kStep};
+    out_.own[i] = p.own;
+    if (!reading_.classes) continue;
+    out_.classes[i] = p.kind;
+    out_.flags[i] = p.flags;
+  }
+  return std::move(out_);
+}
+
+TileRecords Reader::finish_records() {
+  const std::vector<std::uint32_t> sorted = order();
+  TileRecords out;
+  out.order.assign(sorted.begin(), sorted.end());
+  const std::size_t size = header_.las ? header_.las->record_length : 0;
+  const auto bytes = [&](int i) { return records_.data() + static_cast<std::size_t>(i) * size; };
+  const auto same_place = [&](int a, int b) {
+    const GridPoint &p = items_[static_cast<std::size_t>(a)],
+                    &q = items_[static_cast<std::size_t>(b)];
+    return p.x == q.x && p.y == q.y && p.z == q.z;
+  };
+  for (auto begin = out.order.begin(); begin != out.order.end();) {
+    auto end = begin;
+    while (end != out.order.end() && same_place(*begin, *end)) ++end;
+    std::sort(begin, end, [&](int a, int b) { return std::memcmp(bytes(a), bytes(b), size) < 0; });
+    begin = end;
+  }
+  for (const int i : out.order) {
+    out.own.push_back(items_[static_cast<std::size_t>(i)].own >= 0 ? 1 : 0);
+  }
+  out.header = header_;
+  out.records = std::move(records_);
+  out.own_points = out_.own_points;
+  out.read_points = out_.read_points;
+  return out;
+}
+
+void check_file(const TilePlan& plan, std::size_t tile, bool content) {
+  const Tile& t = plan.tiles[tile];
+  const fs::path path = plan.path_of(tile);
+  std::error_code error;
+  const std::uintmax_t bytes = fs::file_size(path, error);
+  if (error) throw InputError(path.string(), error.message() + ", expected a tile of the plan");
+  if (bytes != t.bytes) {
+    throw InputError(path.string(),
+                     fmt::format("found {} bytes, expected the {} of the plan", bytes, t.bytes));
+  }
+  if (content && hash_file(path) != t.hash) {
+    throw InputError(path.string(), "found other content than the plan was made with");
+  }
+}
+
+}  // namespace
+
+namespace {
+
+void read_with_halo(const TilePlan& plan, std::size_t tile, const TileReading& reading,
+                    Reader& reader) {
+  const Tile& own = plan.tiles.at(tile);
+  check_file(plan, tile, true);
+  reader.set_origin(own.bounds.min().x(), own.bounds.min().y());
+  reader.read_own(plan.path_of(tile));
+  const StepBox box = reader.with_halo();
+  for (std::size_t k = 0; reading.halo > 0.0 && k < plan.tiles.size(); ++k) {
+    const Eigen::AlignedBox3d& b = plan.tiles[k].bounds;
+    const Eigen::AlignedBox2d plan_box(b.min().head<2>(), b.max().head<2>());
+    if (k == tile || !reader.meets(plan_box, box)) continue;
+    check_file(plan, k, false);
+    reader.read_around(k, box);
+  }
+}
+
+}  // namespace
+
+TilePoints read_tile_points(const TilePlan& plan, std::size_t tile, const TileReading& reading) {
+  Reader reader(plan, reading);
+  read_with_halo(plan, tile, reading, reader);
+  return reader.finish();
+}
+
+TileRecords read_tile_records(const TilePlan& plan, std::size_t tile, const TileReading& reading) {
+  Reader reader(plan, reading, true);
+  read_with_halo(plan, tile, reading, reader);
+  return reader.finish_records();
+}
+
+TilePoints read_whole_points(const TilePlan& plan, const fs::path& file,
+                             const TileReading& reading) {
+  Reader reader(plan, reading);
+  reader.set_origin(plan.bounds.min().x(), plan.bounds.min().y());
+  reader.read_own(file);
+  return reader.finish();
+}
+
+}  // namespace camber

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "camber/cloud/point_stream.h"
+#include "camber/cloud/road_cloud.h"
+#include "camber/tiles/tile_plan.h"
+
+namespace camber {
+
+/// The points of a tile with those around it, as every tile of the plan, and the whole cloud, has
+/// them: coordinates are multiples of 1/1024 m from an origin that is a multiple of the alignment,
+/// and the points are in the order of y, x and height. So what is computed of a point from those
+/// around it is the same in every tile that holds them, bit for bit.
+struct TilePoints {
+  RoadCloud cloud;                    ///< m; origin in m, of heights the plan's height_zero
+  std::vector<std::int32_t> own;      ///< of each point its number in the tile's file; -1: around
+  std::vector<std::uint8_t> classes;  ///< where they were asked for: ASPRS class, 0 where none
+  std::vector<std::uint8_t> flags;    ///< the same of class_flags
+  std::uint64_t own_points = 0;       ///< of the tile's file
+  std::uint64_t read_points = 0;      ///< that were decoded, of all files
+};
+
+struct TileReading {
+  double halo = 0.0;       ///< m beside the tile's points, along x and y
+  double alignment = 1.0;  ///< m, a multiple of 1/1024 m
+  bool classes = false;    ///< classes and flags, too
+  int num_threads = 0;     ///< <= 0: see resolve_num_threads
+};
+
+/// Reads a tile and, of its neighbours, the parts of their files that reach into the halo.
+/// @throws InputError for a file that is missing, damaged or not that of the plan; NoAnswerError
+///         where the points lie too far apart for floats.
+TilePoints read_tile_points(const TilePlan& plan, std::size_t tile, const TileReading& reading);
+
+/// The same of a whole file, as if the plan had one tile.
+TilePoints read_whole_points(const TilePlan& plan, const std::filesystem::path& file,
+                             const TileReading& reading);
+
+/// The records of a tile's points with those around it, in the order that TilePoints has; equal
+/// places by the records' bytes.
+struct TileRecords {
+  PointStreamHeader header;        ///< of the tile's file
+  std::string records;             ///< one behind the other
+  std::vector<int> order;          ///< of them
+  std::vector<unsigned char> own;  ///< by that order: 1 of the tile, 0 around
+  std::uint64_t own_points = 0;    ///< of the tile's file
+  std::uint64_t read_points = 0;   ///< that were decoded, of all files
+};
+
+/// @throws also InputError where a neighbour's records are of another kind, or on another grid
+TileRecords read_tile_records(const TilePlan& plan, std::size_t tile, const TileReading& reading);
+
+}  // namespace camber

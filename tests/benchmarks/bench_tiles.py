@@ -1,0 +1,169 @@
+#!/usr/bin/env python3
+"""Time, memory and bytes of camber tiles on made surveys of growing size, and the speed of two
+processes of one thread against one of two.
+
+    bench_tiles.py --largest 1e7 [--density 10] [--tile 1000] [--folder FOLDER] [--json FILE]
+
+The inputs are LAZ, made by survey_tiles.py and camber convert. 1e8 points need 12 GB of disk.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+from benchmark_json import ROOT, column, document, write_document
+
+# A program of its own: what a child of this one is charged for starts with this one's memory.
+MAKER = pathlib.Path(__file__).resolve().parent / "survey_tiles.py"
+
+
+class Failed(Exception):
+    """A command that ended with another code than 0."""
+
+
+def measured(words):
+    """CPU s, wall s, peak MB, MB read and written (by system calls), and what it printed."""
+    begin = time.monotonic()
+    with tempfile.TemporaryFile() as out:
+        process = subprocess.Popen([str(w) for w in words], stdout=out)
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        wall = time.monotonic() - begin
+        io = dict(line.split(": ") for line in
+                  pathlib.Path(f"/proc/{process.pid}/io").read_text(encoding="ascii").splitlines())
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        out.seek(0)
+        text = out.read().decode()
+    if process.returncode != 0:
+        raise Failed(f"{' '.join(str(w) for w in words)}: exit code {process.returncode}")
+    return {"cpu": usage.ru_utime + usage.ru_stime, "wall": wall,
+            "memory": usage.ru_maxrss / 1024.0, "read": int(io["rchar"]) / 1e6,
+            "written": int(io["wchar"]) / 1e6, "text": text}
+
+
+def folder_mb(folder):
+    return sum(f.stat().st_size for f in folder.rglob("*") if f.is_file()) / 1e6
+
+
+class Bench:
+    def __init__(self, args, folder):
+        self.args, self.folder = args, folder
+        self.rows, self.parallel = [], []
+
+    def inputs(self, points):
+        folder = self.folder / f"survey_{points:.0e}"
+        files = max(1, round(points / 1e7))
+        out = []
+        made = measured([sys.executable, "-B", MAKER, folder, "--points", points, "--density",
+                         self.args.density, "--files", files])
+        for line in made["text"].splitlines():
+            las = pathlib.Path(line)
+            laz = las.with_suffix(".laz")
+            measured([self.args.camber, "convert", las, "--out", laz, "--quiet"])
+            las.unlink()
+            out.append(laz)
+        return out
+
+    def step(self, points, name, words):
+        found = measured([self.args.camber, "tiles", *words])
+        self.rows.append([f"{points:.0e}", name, found["cpu"], found["wall"],
+                          1e6 * found["wall"] / points, found["memory"], found["read"],
+                          found["written"]])
+        print(f"{points:8.0e} {name:<16} {found['cpu']:8.1f} s CPU {found['wall']:8.1f} s wall "
+              f"{1e6 * found['wall'] / points:7.3f} us/point {found['memory']:7.0f} MB "
+              f"{found['read']:8.0f} MB read {found['written']:8.0f} MB written", flush=True)
+        return found
+
+    def run(self, points):
+        inputs = self.inputs(points)
+        plan = self.folder / "plan"
+        self.step(points, "plan", ["plan", *inputs, "--out", plan, "--tile", self.args.tile,
+                                   "--quiet"])
+        done = self.step(points, "run ground", ["run", plan, "--job", "ground", "--json", "--quiet"])
+        counts = json.loads(done["text"])
+        share = counts["points_read"] / counts["points_answered"]
+        self.step(points, "join ground", ["join", plan, "--job", "ground"])
+        print(f"{points:8.0e} inputs {sum(f.stat().st_size for f in inputs) / 1e6:.0f} MB, plan "
+              f"{folder_mb(plan / 'tiles'):.0f} MB in {counts['tiles']} tiles, ground "
+              f"{folder_mb(plan / 'ground'):.0f} MB; points read {share:.3f} times those answered",
+              flush=True)
+        if self.args.parallel and counts["tiles"] >= 4:
+            self.compare_threads(points, plan)
+        for file in inputs:
+            file.unlink()
+        shutil.rmtree(plan)
+
+    def compare_threads(self, points, plan):
+        """One process of two threads against two of one, on the same tiles."""
+        def seconds(shards, threads):
+            shutil.rmtree(plan / "ground")
+            begin = time.monotonic()
+            processes = [
+                subprocess.Popen([self.args.camber, "tiles", "run", plan, "--job", "ground",
+                                  "--shard", f"{k + 1}/{shards}", "--threads", str(threads),
+                                  "--quiet"], stdout=subprocess.DEVNULL) for k in range(shards)]
+            if any(p.wait() != 0 for p in processes):
+                raise Failed("tiles run --shard")
+            return time.monotonic() - begin
+        one, two, single = seconds(1, 2), seconds(2, 1), seconds(1, 1)
+        self.parallel.append([f"{points:.0e}", single, one, two, one / two])
+        print(f"{points:8.0e} one thread {single:.1f} s, one process of two {one:.1f} s, two of one "
+              f"{two:.1f} s", flush=True)
+
+
+def report(bench, before):
+    timing = {"timing": True, "better": "lower"}
+    columns = [column("points", label=True), column("step", label=True),
+               column("CPU", "s", **timing), column("wall", "s", **timing),
+               column("a point", "us", **timing), column("memory", "MB", better="lower"),
+               column("read", "MB", better="lower"), column("written", "MB", better="lower")]
+    parallel = [column("points", label=True), column("one thread", "s", **timing),
+                column("one process, two threads", "s", **timing),
+                column("two processes, one thread", "s", **timing), column("speed, two to one")]
+    command = "tests/benchmarks/bench_tiles.py"
+    return document("bench_tiles", before, [
+        {"key": "tiles.steps", "name": "Steps of tiles by size", "command": command,
+         "columns": columns, "rows": bench.rows},
+        {"key": "tiles.parallel", "name": "Threads and processes", "command": command,
+         "columns": parallel, "rows": bench.parallel}])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--camber", type=pathlib.Path, default=ROOT / "build/release/bin/camber")
+    parser.add_argument("--smallest", type=float, default=1e6, help="points")
+    parser.add_argument("--largest", type=float, default=1e7, help="points")
+    parser.add_argument("--density", type=float, default=10.0, help="points a square metre")
+    parser.add_argument("--tile", type=float, default=0.0, help="side of a tile, m")
+    parser.add_argument("--parallel", action="store_true", help="also threads against processes")
+    parser.add_argument("--folder", type=pathlib.Path, help="for files; default: a temporary one")
+    parser.add_argument("--json", type=pathlib.Path)
+    args = parser.parse_args()
+    args.camber = args.camber.resolve()
+    if not args.camber.exists():
+        parser.error(f"--camber {args.camber}: no such program")
+    before = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory(dir=args.folder, prefix="bench_tiles.") as name:
+        bench = Bench(args, pathlib.Path(name))
+        points = args.smallest
+        try:
+            while points <= 1.001 * args.largest:
+                bench.run(points)
+                points *= 10
+        except Failed as error:
+            print(f"bench_tiles.py: {error}", file=sys.stderr)
+            return 1
+    if args.json:
+        write_document(args.json, report(bench, before))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,170 @@
+// camber tiles: plan, run, join as a user, a scheduler and a kill see them.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "camber/cloud/cloud_io.h"
+#include "cli/run_program.h"
+#include "scene/write_image.h"
+#include "support/test_data.h"
+#include "tiles/made_survey.h"
+
+namespace camber {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using test::ProgramResult;
+using test::run_camber;
+using testing::HasSubstr;
+
+class Tiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const RoadCloud cloud = test::made_survey(330.0, 1.2);
+    points_ = cloud.size();
+    write_cloud(test::strip_of(cloud, 0.0, 140.0), path("west.laz"));
+    write_cloud(test::strip_of(cloud, 140.0, 400.0), path("east.laz"));
+    write_cloud(cloud, path("whole.laz"));
+  }
+  std::string path(const std::string& name) const { return folder_.path() / name; }
+  static ProgramResult must(const std::vector<std::string>& words) {
+    const ProgramResult result = run_camber(words);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return result;
+  }
+  static json run(std::vector<std::string> words) {
+    words.emplace_back("--json");
+    const ProgramResult result = must(words);
+    return result.exit_code == 0 ? json::parse(result.out) : json();
+  }
+  std::vector<std::string> plan_words(const std::string& name) const {
+    return {"tiles", "plan",  path("west.laz"), path("east.laz"),   "--tile",
+            "100",   "--out", path(name),       "--largest-object", "10"};
+  }
+  /// All files of a plan but for what does not hang on its input.
+  std::map<std::string, std::string> files(const std::string& name) const {
+    return test::files_below(path(name));
+  }
+
+  test::TemporaryFolder folder_;
+  std::size_t points_ = 0;
+};
+
+TEST_F(Tiles, PlanRunJoin) {
+  const json planned = run(plan_words("plan"));
+  EXPECT_EQ(planned["points"], points_);
+  EXPECT_EQ(planned["tiles"], 16);
+  EXPECT_EQ(planned["ground"]["largest_object"], 10.0);
+  EXPECT_EQ(planned["options"]["tile"], 100.0);
+  const json ran = run({"tiles", "run", path("plan"), "--job", "ground"});
+  EXPECT_EQ(ran["points"], points_);
+  EXPECT_EQ(ran["points_answered"], points_);
+  EXPECT_GT(ran["points_read"], ran["points_answered"]);
+  EXPECT_GT(ran["counts"]["ground"].get<std::size_t>(), points_ / 2);
+  const json again = run({"tiles", "run", path("plan"), "--job", "ground"});
+  EXPECT_EQ(again["done_before"], 16);
+  EXPECT_EQ(again["counts"], ran["counts"]);
+  const json joined = run({"tiles", "join", path("plan"), "--job", "ground"});
+  EXPECT_EQ(joined["counts"], ran["counts"]);
+  EXPECT_EQ(joined["out"], path("plan/ground/index.json"));
+  const std::string text = must({"tiles", "run", path("plan"), "--job", "ground"}).out;
+  EXPECT_THAT(text, HasSubstr("16 tiles were done before"));
+
+  // The undivided cloud has the same classes.
+  const json whole =
+      run({"ground", path("whole.laz"), "--plan", path("plan"), "--out", path("whole_ground.laz")});
+  EXPECT_EQ(whole["ground"], ran["counts"]["ground"]);
+  std::vector<fs::path> tiles;
+  for (const auto& entry : fs::directory_iterator(path("plan/ground"))) {
+    if (entry.path().extension() == ".laz") tiles.push_back(entry.path());
+  }
+  EXPECT_EQ(test::classes_by_id(tiles), test::classes_by_id({path("whole_ground.laz")}));
+}
+
+TEST_F(Tiles, ShardsInAnyOrderGiveTheSameFiles) {
+  must(plan_words("plan"));
+  must({"tiles", "run", path("plan"), "--job", "ground", "--threads", "2"});
+  must({"tiles", "join", path("plan"), "--job", "ground"});
+  const auto expected = files("plan");
+  fs::remove_all(path("plan/ground"));
+  for (const char* const shard : {"3/3", "1/3", "2/3"}) {
+    must({"tiles", "run", path("plan"), "--job", "ground", "--shard", shard, "--threads", "1"});
+  }
+  must({"tiles", "join", path("plan"), "--job", "ground"});
+  EXPECT_EQ(files("plan"), expected);
+  fs::remove_all(path("plan/ground"));
+  for (int tile = 15; tile >= 0; --tile) {
+    must({"tiles", "run", path("plan"), "--job", "ground", "--tile", std::to_string(tile)});
+  }
+  must({"tiles", "join", path("plan"), "--job", "ground"});
+  EXPECT_EQ(files("plan"), expected);
+}
+
+TEST_F(Tiles, KilledAndRepeatedGivesEqualFiles) {
+  must(plan_words("plan"));
+  must({"tiles", "run", path("plan"), "--job", "ground"});
+  const auto expected = files("plan");
+  const std::vector<std::vector<std::string>> steps = {
+      plan_words("killed"), {"tiles", "run", path("killed"), "--job", "ground"}};
+  int killed = 0;
+  for (int round = 0; round < 2; ++round) {
+    fs::remove_all(path("killed"));
+    for (const std::vector<std::string>& step : steps) {
+      for (int attempt = 0;; ++attempt) {
+        ASSERT_LT(attempt, 200);
+        const int after = 15 + 11 * round + 23 * attempt;  // ms
+        const int code = run_camber(step, after, attempt % 2 == 0 ? SIGKILL : SIGTERM).exit_code;
+        if (code == 0) break;
+        EXPECT_THAT(code, testing::AnyOf(130, 128 + SIGKILL, 128 + SIGTERM));
+        ++killed;
+      }
+    }
+    // What a killed write staged has another name.
+    std::map<std::string, std::string> found;
+    for (const auto& [name, bytes] : files("killed")) {
+      if (expected.count(name) > 0 || fs::path(name).filename().string()[0] != '.') {
+        found[name] = bytes;
+      }
+    }
+    EXPECT_EQ(found, expected);
+  }
+  EXPECT_GT(killed, 6);
+}
+
+TEST_F(Tiles, RefusesInOneSentence) {
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", path("none"), "--job", "ground"}), 2,
+                      "expected a folder that camber tiles plan wrote");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"tiles", "plan", path("west.laz"), path("gone.laz"), "--out", path("plan")}), 2,
+      "gone.laz");
+  EXPECT_FALSE(fs::exists(path("plan")));
+  must(plan_words("plan"));
+  EXPECT_ONE_SENTENCE(
+      run_camber({"tiles", "plan", path("west.laz"), "--tile", "100", "--out", path("plan")}), 2,
+      "another value of 'inputs'");
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "plan", path("west.laz"), "--in-place", "--tile", "50",
+                                  "--out", path("other")}),
+                      2, "--in-place");
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", path("plan"), "--job", "ground", "--tile", "16"}),
+                      2, "0 to 15");
+  EXPECT_ONE_SENTENCE(
+      run_camber({"tiles", "run", path("plan"), "--job", "ground", "--shard", "3/2"}), 2, "i/n");
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "join", path("plan"), "--job", "ground"}), 1,
+                      "16 of 16 tiles are not done");
+  std::string index = test::read_text(path("plan/index.json"));
+  test::write_bytes(path("plan/index.json"), index.substr(0, index.size() / 2));
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", path("plan"), "--job", "ground"}), 2,
+                      "index.json");
+  const std::size_t cell = index.find("\"cell\": ");
+  index.insert(cell + 8, "-");
+  test::write_bytes(path("plan/index.json"), index);
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", path("plan"), "--job", "ground"}), 2,
+                      "ground.cell");
+}
+
+}  // namespace
+}  // namespace camber

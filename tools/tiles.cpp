@@ -1,0 +1,375 @@
+// camber tiles: clouds larger than memory, by tiles with exact borders.
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "camber/core/errors.h"
+#include "camber/core/interruption.h"
+#include "camber/core/stopwatch.h"
+#include "camber/core/version.h"
+#include "camber/tiles/plan_tiles.h"
+#include "camber/tiles/tile_job.h"
+#include "cloud_arguments.h"
+#include "command.h"
+#include "crs.h"
+
+using nlohmann::json;
+
+namespace camber::tools {
+namespace {
+
+void print(const json& value) {
+  fmt::print("{}\n", value.dump(2, ' ', false, json::error_handler_t::replace));
+}
+
+// --- plan --------------------------------------------------------------------------------------
+
+struct PlanArguments {
+  std::vector<std::string> clouds;
+  std::string out, crs;
+  TilePlanOptions options;
+  std::vector<double> origin;
+  bool as_json = false;
+};
+
+/// The units of the first file, looked up where it names its system by a code.
+void take_units(const std::string& path, const LogSink& warn, TilePlanOptions* options) {
+  ReadOptions reading;
+  reading.crs = options->crs;
+  const std::unique_ptr<PointSource> source = open_point_source(path, reading);
+  const PointStreamHeader& header = source->header();
+  if (!header.crs) return;
+  CoordinateSystem crs = *header.crs;
+  complete_crs(&crs);
+  if (crs.horizontal.angle) {
+    throw NoAnswerError(path + ": " + unit_remark(crs) + "; tiles need coordinates on a map");
+  }
+  options->metres = crs.horizontal.metres;
+  options->height_metres = crs.vertical.metres;
+  if (!crs.metric() && warn) {
+    warn(path + ": the coordinates are not in metres (" + describe(crs) +
+         "); lengths are converted, the tiles keep their coordinates");
+  }
+}
+
+json ground_json(const TilePlan& plan) {
+  if (!plan.ground) return nullptr;
+  const GroundPlan& g = *plan.ground;
+  return {{"from_air", g.from_air},   {"cell", g.cell},
+          {"slope", g.slope},         {"largest_object", g.largest_object},
+          {"tolerance", g.tolerance}, {"foot_tolerance", g.foot_tolerance},
+          {"reach", g.reach()}};
+}
+
+int run_plan(const Command& command, const PlanArguments& arguments) {
+  TilePlanOptions options = arguments.options;
+  if (!arguments.crs.empty()) options.crs = crs_from_option(arguments.crs);
+  if (!arguments.origin.empty()) options.origin = {arguments.origin[0], arguments.origin[1]};
+  if (options.in_place && (options.side > 0.0 || !arguments.origin.empty())) {
+    throw UsageError(
+        "--in-place: found --tile or --tile-origin beside it, expected neither: the "
+        "survey's files are the tiles");
+  }
+  options.num_threads = command.common.threads;
+  const LogSink warn = make_warning_sink(command.common);
+  take_units(arguments.clouds.front(), warn, &options);
+  const std::vector<std::filesystem::path> clouds(arguments.clouds.begin(), arguments.clouds.end());
+  Timings timings;
+  StageTimer compute(timings, "compute");
+  const TilePlan plan =
+      plan_tiles(clouds, arguments.out, options, make_progress(command.common), warn);
+  compute.stop();
+  std::uint64_t largest = 0;
+  for (const Tile& tile : plan.tiles) largest = std::max(largest, tile.points);
+  if (!plan.ground && warn) warn(arguments.out + ": no ground: " + plan.ground_reason);
+  if (!arguments.as_json) {
+    fmt::print("{}: {} points in {} tiles, at most {} in one", arguments.out, plan.points,
+               plan.tiles.size(), largest);
+    if (plan.ground) {
+      fmt::print("; ground {}, cells of {:g} m, {:.0f} m around a tile",
+                 plan.ground->from_air ? "seen from the air" : "seen from the street",
+                 plan.ground->cell, plan.ground->reach());
+    }
+    fmt::print("\n");
+    return 0;
+  }
+  json used;
+  add_other_options(command, &used);
+  print({{"version", kVersion},
+         {"seed", command.common.seed},
+         {"options", used},
+         {"out", arguments.out},
+         {"crs", plan.crs.empty() ? json(nullptr) : json(plan.crs)},
+         {"points", plan.points},
+         {"tiles", plan.tiles.size()},
+         {"largest_tile", largest},
+         {"ground", ground_json(plan)},
+         {"timings_ms", cloud_timings(timings)}});
+  return 0;
+}
+
+void register_plan(App& tiles) {
+  Command* command = add_command(
+      tiles, "plan",
+      "Sorts the points of LAS, LAZ and COPC files of any size into square tiles (LAZ) and decides "
+      "what all tiles must have in common. An interrupted plan goes on where it was; a plan that "
+      "is "
+      "complete stays as it is.",
+      "  camber tiles plan survey/*.laz --out plan\n"
+      "  camber tiles plan city.copc.laz --tile 500 --out plan --json\n"
+      "  camber tiles plan survey/*.laz --in-place --out plan");
+  const auto arguments = std::make_shared<PlanArguments>();
+  App& app = *command->app;
+  TilePlanOptions& options = arguments->options;
+  app.add_option("clouds", arguments->clouds, "LAS, LAZ or COPC files")->required();
+  app.add_option("--out", arguments->out, "folder of the plan and its tiles")
+      ->output_folder()
+      ->required();
+  app.add_option("--tile", options.side, "metres, side of a tile; 0: for about 1e7 points a tile")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--tile-origin", arguments->origin,
+                 "x,y of a corner of tiles, in the files' units; default: 0,0")
+      ->check(finite_number())
+      ->delimiter(',')
+      ->expected(2);
+  app.add_flag("--in-place", options.in_place,
+               "the files are the tiles and stay where they are; points that stand in two files "
+               "are answered in each");
+  app.add_option("--crs", arguments->crs,
+                 "coordinate system of the files, in place of the one that they state: EPSG:n, "
+                 "well-known text, a PROJ string, or a file with one of them");
+  app.add_option("--cell", options.ground.cell,
+                 "metres, of the ground's grid; 0: 1, or by the points' spacing from the air")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--largest-object", options.ground.largest_object,
+                 "metres, shorter side of what may stand on the ground; 0: 12, from the air 30")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--slope", options.ground.slope,
+                 "rise over run within which the ground bends; 0: 0.2, from the air 0.35")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--tolerance", options.ground.tolerance,
+                 "metres of ground points from the surface; 0: by their scatter in sample tiles")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  app.add_option("--keep-classes", options.keep_classes,
+                 "ASPRS classes whose points take no part in the search for ground and keep them: "
+                 "7 and 18 noise, 9 water, 17 bridges; so do withheld points")
+      ->check(in_range(0, 255))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_flag("--overwrite", options.overwrite,
+               "replace a plan with other inputs or options, and all its results");
+  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
+  command->run = [command, arguments] { return run_plan(*command, *arguments); };
+}
+
+// --- run, join ---------------------------------------------------------------------------------
+
+struct JobArguments {
+  std::string plan, job, shard, out;
+  std::optional<int> tile;
+  TileJob options;
+  bool as_json = false;
+};
+
+TileJob job_of(const Command& command, const JobArguments& arguments) {
+  TileJob job = arguments.options;
+  job.folder = arguments.out;
+  job.num_threads = command.common.threads;
+  for (const TileJob::Kind kind : {TileJob::Kind::kGround, TileJob::Kind::kFilter,
+                                   TileJob::Kind::kVoxels, TileJob::Kind::kNormals}) {
+    if (arguments.job == to_string(kind)) job.kind = kind;
+  }
+  return job;
+}
+
+void add_job_arguments(App& app, JobArguments& arguments) {
+  app.add_option("plan", arguments.plan, "folder that camber tiles plan wrote")->required();
+  app.add_option("--job", arguments.job,
+                 "what is done with the tiles: ground (classes 2 and 1), filter (leaves out points "
+                 "with few others near by), voxels (one point for each cube) or normals (up in z)")
+      ->check(is_member({"ground", "filter", "voxels", "normals"}))
+      ->required();
+  app.add_option("--out", arguments.out, "folder of the results; default: PLAN/JOB")
+      ->output_folder();
+}
+
+/// The tiles that are asked for.
+std::vector<std::size_t> tiles_of(const TilePlan& plan, const JobArguments& arguments) {
+  if (arguments.tile) {
+    const auto tile = static_cast<std::size_t>(*arguments.tile);
+    if (*arguments.tile < 0 || tile >= plan.tiles.size()) {
+      throw UsageError(fmt::format("--tile: found {}, expected 0 to {}, the number of a tile of {}",
+                                   *arguments.tile, plan.tiles.size() - 1, arguments.plan));
+    }
+    return {tile};
+  }
+  unsigned long long shard = 1, shards = 1;
+  if (!arguments.shard.empty()) {
+    char rest = 0;
+    const bool digits =
+        arguments.shard.find_first_not_of("0123456789/") == std::string::npos &&
+        std::sscanf(arguments.shard.c_str(), "%llu/%llu%c", &shard, &shards, &rest) == 2;
+    if (!digits || shard < 1 || shard > shards || shards > 1000000000) {
+      throw UsageError("--shard: found '" + arguments.shard +
+                       "', expected i/n: part i, from 1, of n");
+    }
+  }
+  return tiles_of_shard(plan, static_cast<std::size_t>(shard), static_cast<std::size_t>(shards));
+}
+
+int run_job(const Command& command, const JobArguments& arguments) {
+  Timings timings;
+  StageTimer load(timings, "load");
+  const TilePlan plan = read_tile_plan(arguments.plan);
+  const std::vector<std::size_t> tiles = tiles_of(plan, arguments);
+  load.stop();
+  TileJob job = job_of(command, arguments);
+  const bool near = job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals;
+  if (near && !(job.radius > 0.0)) {
+    throw UsageError(std::string("--job ") + to_string(job.kind) +
+                     ": expected --radius beside it: nearest points of any distance have no tile");
+  }
+  if (job.kind == TileJob::Kind::kVoxels && !(job.voxel > 0.0)) {
+    throw UsageError("--job voxels: expected --voxel beside it");
+  }
+  if (job.neighbors == 0) job.neighbors = job.kind == TileJob::Kind::kFilter ? 1 : 30;
+  if (job.kind == TileJob::Kind::kNormals && job.neighbors < 3) {
+    throw UsageError("--neighbors: found less than 3, expected at least 3 for a plane");
+  }
+  begin_tile_job(plan, job);
+  const Progress progress = make_progress(command.common);
+  StageTimer compute(timings, "compute");
+  std::uint64_t points = 0, read = 0, own = 0, were_there = 0;
+  std::map<std::string, std::uint64_t> counts;
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    if (progress) {
+      progress(to_string(job.kind), static_cast<double>(i) / static_cast<double>(tiles.size()));
+    }
+    throw_if_interrupted();
+    const TileDone done = run_tile_job(plan, job, tiles[i]);
+    points += done.points;
+    if (done.was_there) {
+      ++were_there;
+    } else {
+      read += done.read_points;
+      own += plan.tiles[tiles[i]].points;
+    }
+    for (const auto& [name, count] : done.counts) counts[name] += count;
+  }
+  if (progress) progress(to_string(job.kind), 1.0);
+  compute.stop();
+  if (!arguments.as_json) {
+    fmt::print("{}: {} of {} tiles, {} points", job_folder(plan, job).string(), tiles.size(),
+               plan.tiles.size(), points);
+    if (counts.count("ground") > 0) fmt::print(", {} of them ground", counts.at("ground"));
+    if (counts.count("normals") > 0) fmt::print(", {} of them with a normal", counts.at("normals"));
+    if (were_there > 0) fmt::print("; {} tiles were done before", were_there);
+    fmt::print("\n");
+    return 0;
+  }
+  json used;
+  add_other_options(command, &used);
+  print({{"version", kVersion},
+         {"seed", command.common.seed},
+         {"options", used},
+         {"out", job_folder(plan, job).string()},
+         {"tiles", tiles.size()},
+         {"done_before", were_there},
+         {"points", points},
+         {"counts", counts},
+         {"points_read", read},
+         {"points_answered", own},
+         {"timings_ms", cloud_timings(timings)}});
+  return 0;
+}
+
+void register_run(App& tiles) {
+  Command* command = add_command(
+      tiles, "run",
+      "Works on the tiles of a plan, each with as many points around it as its answers hang on: "
+      "the result is that of the whole cloud. Tiles that are done are passed over, so that a run "
+      "that was stopped is repeated; several runs may share the tiles.",
+      "  camber tiles run plan --job ground\n"
+      "  camber tiles run plan --job ground --tile 7\n"
+      "  camber tiles run plan --job ground --shard 2/8 --json\n"
+      "  camber tiles run plan --job normals --radius 1.5\n"
+      "  camber tiles run plan --job voxels --voxel 0.5");
+  const auto arguments = std::make_shared<JobArguments>();
+  App& app = *command->app;
+  add_job_arguments(app, *arguments);
+  app.add_option("--radius", arguments->options.radius,
+                 "metres, of filter and normals: what counts as near")
+      ->check(positive_number());
+  app.add_option("--voxel", arguments->options.voxel, "metres, of voxels: edge of a cube")
+      ->check(positive_number());
+  app.add_option("--neighbors", arguments->options.neighbors,
+                 "filter: others that a point needs within the radius (1); normals: points of a "
+                 "plane, the nearest within the radius (30)")
+      ->check(positive_number())
+      ->default_varies();
+  app.add_option("--tile", arguments->tile, "one tile, by its number in index.json, from 0")
+      ->excludes("--shard");
+  app.add_option("--shard", arguments->shard, "i/n: part i, from 1, of n parts of the tiles")
+      ->no_name();
+  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
+  command->run = [command, arguments] { return run_job(*command, *arguments); };
+}
+
+int run_join(const Command& command, const JobArguments& arguments) {
+  Timings timings;
+  StageTimer compute(timings, "compute");
+  const TilePlan plan = read_tile_plan(arguments.plan);
+  const JoinedTiles joined = join_tiles(plan, job_of(command, arguments));
+  compute.stop();
+  if (!arguments.as_json) {
+    fmt::print("{}: {} points in {} tiles\n", joined.index.string(), joined.points,
+               joined.tiles.size());
+    return 0;
+  }
+  json used;
+  add_other_options(command, &used);
+  print({{"version", kVersion},
+         {"seed", command.common.seed},
+         {"options", used},
+         {"out", joined.index.string()},
+         {"tiles", joined.tiles.size()},
+         {"points", joined.points},
+         {"counts", joined.counts},
+         {"timings_ms", cloud_timings(timings)}});
+  return 0;
+}
+
+void register_join(App& tiles) {
+  Command* command = add_command(
+      tiles, "join",
+      "Joins the results of all tiles of a plan: checks that each is there and writes one index.",
+      "  camber tiles join plan --job ground");
+  const auto arguments = std::make_shared<JobArguments>();
+  App& app = *command->app;
+  add_job_arguments(app, *arguments);
+  app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
+  command->run = [command, arguments] { return run_join(*command, *arguments); };
+}
+
+}  // namespace
+
+void register_tiles(App& root) {
+  App* tiles = root.add_subcommand(
+      "tiles", "Clouds larger than memory: sorted into tiles, worked on one by one, joined");
+  tiles->require_subcommand();
+  register_plan(*tiles);
+  register_run(*tiles);
+  register_join(*tiles);
+}
+
+}  // namespace camber::tools
