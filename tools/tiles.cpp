@@ -317,10 +317,10 @@ void register_run(App& tiles) {
                  "plane, the nearest within the radius (30)")
       ->check(positive_number())
       ->default_varies();
-  app.add_option("--tile", arguments->tile, "one tile, by its number in index.json, from 0")
-      ->excludes("--shard");
   app.add_option("--shard", arguments->shard, "i/n: part i, from 1, of n parts of the tiles")
       ->no_name();
+  app.add_option("--tile", arguments->tile, "one tile, by its number in index.json, from 0")
+      ->excludes("--shard");
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
   command->run = [command, arguments] { return run_job(*command, *arguments); };
 }

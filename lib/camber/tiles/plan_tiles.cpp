@@ -388,7 +388,10 @@ double choose_side(const std::vector<Input>& inputs, double metres) {
     area += std::max(width * metres, 1.0) * std::max(depth * metres, 1.0);
     points += static_cast<double>(input.points);
   }
-  const double side = points > 0.0 ? std::sqrt(area * kPointsOfTile / points) : 1000.0;
+  double side = points > 0.0 ? std::sqrt(area * kPointsOfTile / points) : 1000.0;
+  // Of small tiles more is read around them than they hold: then up to twice as many points.
+  constexpr double kWide = 1400.0;
+  side = std::clamp(kWide, side, std::sqrt(2.0) * side);
   const double step = std::pow(10.0, std::floor(std::log10(side)) - 1.0);
   return std::clamp(std::round(side / step) * step, 10.0, 10000.0);
 }

@@ -128,6 +128,15 @@ class Found {
   std::size_t place_ = 0;
 };
 
+/// But for what a killed run had staged.
+bool holds_files(const fs::path& folder) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().filename().string()[0] != '.') return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 const char* to_string(TileJob::Kind kind) {
@@ -171,7 +180,7 @@ void begin_tile_job(const TilePlan& plan, const TileJob& job) {
   fs::create_directories(folder, error);
   if (error) throw OutputError(folder.string(), error.message());
   const json options = options_json(plan, job);
-  if (!fs::exists(path, error) && !fs::is_empty(folder, error)) {
+  if (!fs::exists(path, error) && holds_files(folder)) {
     throw OutputError(folder.string(), "the folder is not empty and holds no results of tiles");
   }
   if (!fs::exists(path, error)) return write_file_atomically(path, format_json(options));
