@@ -160,7 +160,7 @@ TEST_F(PlanTiles, RefusesWhatIsNoCloudOfOneKind) {
   EXPECT_THAT(with_crs.crs, HasSubstr("UTM"));
   options_.crs.reset();
   EXPECT_THAT(failure<InputError>({with_crs.path_of(0), path("west.laz")}, "d"),
-              ::testing::AllOf(HasSubstr("EPSG:32631"), HasSubstr("no coordinate system")));
+              ::testing::AllOf(HasSubstr("EPSG:32631"), HasSubstr("expected none")));
   // Cut in the middle of its points: nothing is left of the plan.
   std::string bytes = test::files_below(folder_.path())["west.laz"];
   bytes.resize(bytes.size() / 2);
