@@ -8,9 +8,8 @@
 namespace camber {
 
 struct NormalOptions {
-  int neighbors = 20;  ///< points of a plane fit, the point itself included, >= 3
-  float radius =
-      0.0f;  ///< m; > 0: of them only those so near, equal distances by index; metric clouds
+  int neighbors = 20;   ///< points of a plane fit, the point itself included, >= 3
+  float radius = 0.0f;  ///< m; > 0: of them only those so near; needs a metric cloud
   /// Normals point to this place, m in the cloud's frame (origin included); if not finite, they
   /// point to the side of `up`.
   Eigen::Vector3d viewpoint = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
