@@ -26,7 +26,7 @@ double number(const json& value, double otherwise) {
 
 struct Case {
   std::vector<ScaleEvidence> evidence;
-  double truth = 0.0, start_spread = 0.0;
+  double truth = 0.0, alternative_spread = 0.0;
 };
 
 Case case_of(const json& of) {
@@ -42,7 +42,7 @@ Case case_of(const json& of) {
     evidence.wrong_share = number(e.at("wrong_share"), 0.0);
     evidence.shares = e.at("shares").get<std::vector<std::string>>();
     if (evidence.name == "road_layer" && e.contains("measured")) {
-      out.start_spread = number(e["measured"].value("start_spread", json()), 0.0);
+      out.alternative_spread = number(e["measured"].value("start_spread", json()), 0.0);
     }
     out.evidence.push_back(std::move(evidence));
   }
@@ -74,7 +74,7 @@ json replayed(const Case& of, const json& parameters, std::size_t i) {
   const json layers = parameters.value("other_layer", json::array());
   const double other = i < layers.size() ? layers[i].get<double>() : 0.0;
   const camber::ScaleBelief belief =
-      camber::scale_belief(evidence, camber::scale_alternatives(other, of.start_spread),
+      camber::scale_belief(evidence, camber::scale_alternatives(other, of.alternative_spread),
                            noise_of(parameters.value("noise", json::object())));
   return {belief.log_density(of.truth), belief.mode, belief.sigma, belief.second_mass};
 }

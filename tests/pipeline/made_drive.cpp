@@ -179,7 +179,7 @@ Ground exact_ground(const MadeDrive& drive) {
   ego.plane.centroid = -ego.height * drive.plane.normal;
   UncertainPlane::make_axes(drive.plane.normal, drive.travel(), &ego.plane.axis1, &ego.plane.axis2);
   ego.plane.covariance = Eigen::Vector3d(4e-6, 4e-6, 4e-6 * ego.height * ego.height).asDiagonal();
-  ego.by_shared.setZero(3, drive.motion.covariance.rows());
+  ego.shared_jacobian.setZero(3, drive.motion.covariance.rows());
   ego.line = {ego.plane.centroid, ego.plane.centroid + 10.0 * drive.travel()};
 
   out.metres_per_baseline = m;
@@ -196,7 +196,7 @@ PhotometricGround exact_photometric(const MadeDrive& drive) {
 ScaledRoad exact_scaled(const MadeDrive& drive, double log_scale_sigma) {
   const Ground ground = exact_ground(drive);
   return {RoadPosterior(ground.field, drive.motion.covariance, 4.0,
-                        {ground.ego.plane, ground.ego.by_shared}, drive.metres_per_baseline,
+                        {ground.ego.plane, ground.ego.shared_jacobian}, drive.metres_per_baseline,
                         log_scale_sigma),
           true,
           {},

@@ -518,25 +518,25 @@ TEST(ScaleStage, WhatRoadsFromOtherStartsDifferByIsInItsSigma) {
   PhotometricGround ground = exact_photometric(drive);
   const JudgedRoad before = judged_road(drive, ground);
   EXPECT_LT(before.contradiction_variance, 1e-6);
-  ground.ground.start_spread = 0.07;
+  ground.ground.alternative_spread = 0.07;
   const JudgedRoad judged = judged_road(drive, ground);
   EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.07, 1e-9);
   EXPECT_THAT(judged.warnings, IsEmpty());
   EXPECT_NEAR(judged.road.metres_per_baseline(), before.road.metres_per_baseline(), 1e-9);
 }
 
-TEST(GroundStage, SupportIsWhatIsFoundAndAgreesWithOneRoad) {
+TEST(GroundStage, AgreementIsWhatIsFoundAndAgreesWithOneRoad) {
   const MadeDrive drive = make_drive({});
   Ground ground = exact_ground(drive);
   ground.ego.points = ground.ego.compared = 100;
-  EXPECT_DOUBLE_EQ(stages::road_support(ground), 1.0);
+  EXPECT_DOUBLE_EQ(stages::road_agreement(ground), 1.0);
   ground.ego.points = 50;
-  EXPECT_DOUBLE_EQ(stages::road_support(ground), 0.5);
+  EXPECT_DOUBLE_EQ(stages::road_agreement(ground), 0.5);
   ground.seen.points.dropped[0] = 3 * static_cast<long>(ground.seen.points.size());
   EXPECT_DOUBLE_EQ(stages::found_share(ground.seen), 0.25);
-  EXPECT_DOUBLE_EQ(stages::road_support(ground), 0.125);
+  EXPECT_DOUBLE_EQ(stages::road_agreement(ground), 0.125);
   ground.ego.points = ground.ego.compared = 0;
-  EXPECT_DOUBLE_EQ(stages::road_support(ground), 0.0);
+  EXPECT_DOUBLE_EQ(stages::road_agreement(ground), 0.0);
 }
 
 TEST(ScaleStage, ARoadWithMuchElseOverItDoesNotGiveTheScaleWithoutAMask) {
@@ -765,12 +765,12 @@ TEST(JudgeStage, AnotherLayerIsTheLikelierTheLessOfTheRoadIsFoundAndAgrees) {
   layer.search = RoadLayer::Search::kInformative;
   const double sound = layer.log_odds();
   EXPECT_LT(sound, -3.0);
-  RoadLayer unfound = layer, disagreeing = layer, contested = layer, obstructed = layer;
+  RoadLayer unfound = layer, disagreeing = layer, elsewhere = layer, blocked = layer;
   unfound.found = 0.1;
   disagreeing.agreeing = 0.3;
-  contested.contested = 0.7;
-  obstructed.obstructing = 0.2;
-  for (const RoadLayer& other : {unfound, disagreeing, contested, obstructed}) {
+  elsewhere.off_road = 0.7;
+  blocked.obstacles = 0.2;
+  for (const RoadLayer& other : {unfound, disagreeing, elsewhere, blocked}) {
     EXPECT_GT(other.log_odds(), 0.0);
   }
   EXPECT_NEAR(evidence_of(layer).wrong_share, 1.0 / (1.0 + std::exp(-sound)), 1e-12);

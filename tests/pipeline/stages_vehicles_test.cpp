@@ -377,10 +377,10 @@ TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLe
 
   scaled.dash_focal_length = {0.5, 2};
   PlacedVehicles placed = stages::vehicles(drive.frames, drive.motion, scaled, plan, {});
-  EXPECT_NE(placed.focal_length.asked_log_ratio, 0.0);  // the car was asked
+  EXPECT_NE(placed.focal_length.log_ratio_of_other, 0.0);  // the car was asked
 
   // Cars with the proportions of the given focal length: it is the strokes that are longer.
-  placed.focal_length.asked_log_ratio = -2.1;
+  placed.focal_length.log_ratio_of_other = -2.1;
   const AssembledRoad vetoed = assembled(drive, scaled, plan, placed);
   EXPECT_TRUE(vetoed.run.warnings.empty());
   EXPECT_EQ(vetoed.run.scale_sigma, sound.run.scale_sigma);
@@ -392,7 +392,7 @@ TEST_F(ParkedCar, AssembleComparesBrokenLinesAndProportionsBeforeItNamesAFocalLe
   EXPECT_THAT(by_strokes->reason, HasSubstr("the known sizes may be wrong"));
 
   // Cars that say little leave them their say.
-  placed.focal_length.asked_log_ratio = -1.0;
+  placed.focal_length.log_ratio_of_other = -1.0;
   const AssembledRoad named = assembled(drive, scaled, plan, placed);
   ASSERT_EQ(named.run.warnings.size(), 1u);
   EXPECT_EQ(named.run.warnings[0].code, "focal_length_contradicted");

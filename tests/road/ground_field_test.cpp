@@ -222,8 +222,8 @@ TEST(GroundField, SupportSaysWhereItWasSeen) {
     left.sigma.push_back(observations.sigma[i]);
   }
   const GroundField field(kCamera, left, kLevel, {});
-  EXPECT_GT(field.support({160, 180}), 5.0);
-  EXPECT_EQ(field.support({500, 180}), 0.0);
+  EXPECT_GT(field.observed({160, 180}), 5.0);
+  EXPECT_EQ(field.observed({500, 180}), 0.0);
   // Yet the plane goes on there.
   EXPECT_NEAR(field.inverse_depth({500, 180}), kCamera.ray({500, 180}).y() / kHeight, 1e-4);
 }

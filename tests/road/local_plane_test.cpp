@@ -46,7 +46,7 @@ TEST(FitLocalPlane, FindsTheInclinedPlaneThatTheFieldIs) {
     EXPECT_LT(angle_between(found.plane.plane.normal, truth.normal), 1e-3);
     EXPECT_NEAR(truth.signed_distance(found.plane.centroid), 0.0, 1e-3);
     EXPECT_NEAR(found.plane.plane.signed_distance(found.plane.centroid), 0.0, 1e-9);
-    EXPECT_GT(found.support, 0.0);
+    EXPECT_GT(found.observed, 0.0);
     // The footprint lies behind the contact.
     const double depth = 1.0 / road.inverse_depth(contact);
     EXPECT_GT(found.plane.centroid.z(), depth);
@@ -63,8 +63,8 @@ TEST(FitLocalPlane, SupportIsThatOfItsPixels) {
     const LocalPlane found = fit_local_plane(road, kCamera, {320, v}, {});
     if (found.status != Status::kOk) continue;
     double sum = 0.0;
-    for (const Eigen::Vector2d& pixel : found.pixels) sum += road.support(pixel);
-    EXPECT_NEAR(found.support, sum / static_cast<double>(found.pixels.size()), 1e-12) << v;
+    for (const Eigen::Vector2d& pixel : found.pixels) sum += road.observed(pixel);
+    EXPECT_NEAR(found.observed, sum / static_cast<double>(found.pixels.size()), 1e-12) << v;
     tangents += found.pixels.size() == 12 ? 1 : 0;
   }
   EXPECT_GT(tangents, 0u);  // of a far footprint

@@ -135,7 +135,7 @@ TEST(RoadPosterior, TheMotionsErrorsMoveFieldAndEgoPlaneTogether) {
   estimate.plane.centroid = {0, kHeight, 0};
   UncertainPlane::make_axes({0, -1, 0}, {0, 0, 1}, &estimate.plane.axis1, &estimate.plane.axis2);
   const double motion = 0.05;
-  estimate.by_shared = Eigen::Vector3d(0, 0, kHeight);
+  estimate.shared_jacobian = Eigen::Vector3d(0, 0, kHeight);
   estimate.plane.covariance = Eigen::Vector3d(1e-8, 1e-8, 1e-8).asDiagonal();
   estimate.plane.covariance(2, 2) += std::pow(motion * kHeight, 2);
   const RoadPosterior road(level_field(), Eigen::MatrixXd::Constant(1, 1, motion * motion), 1.0,

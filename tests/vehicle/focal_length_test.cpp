@@ -67,10 +67,10 @@ TEST(FocalLength, ThatIsRightIsNotContradicted) {
 
 TEST(FocalLength, ThatIsAskedForIsComparedWithTheGivenOne) {
   for (const std::uint64_t seed : {1, 2, 3}) {
-    EXPECT_LT(evidence_of_street(1.0, seed, 1, 0.5).asked_log_ratio, -8.0) << seed;
-    EXPECT_GT(evidence_of_street(2.0, seed, 1, 0.5).asked_log_ratio, 8.0) << seed;
+    EXPECT_LT(evidence_of_street(1.0, seed, 1, 0.5).log_ratio_of_other, -8.0) << seed;
+    EXPECT_GT(evidence_of_street(2.0, seed, 1, 0.5).log_ratio_of_other, 8.0) << seed;
     const FocalLengthEvidence not_asked = evidence_of_street(2.0, seed);
-    EXPECT_EQ(not_asked.asked_log_ratio, 0.0);
+    EXPECT_EQ(not_asked.log_ratio_of_other, 0.0);
   }
 }
 

@@ -6,7 +6,7 @@
 
 namespace camber {
 
-/// One source's knowledge of the road or its scale: measurements, linearised around a
+/// One source's knowledge of the road or its scale: measurements, linearised at a
 /// RoadPosterior's mean, of the metric ground ahead, of the ego plane and of the scale.
 struct Constraint {
   std::string name;    ///< the source in the field's words: "camera_height", "lane_markings", ...

@@ -43,7 +43,7 @@ struct GroundField::Impl {
   NodeRows shared_right;
   std::vector<double> weights;
 
-  const Eigen::MatrixXd& by_shared() const {
+  const Eigen::MatrixXd& shared_jacobian() const {
     const std::lock_guard<std::mutex> lock(posterior_mutex);
     if (!shared) {
       shared.emplace(Eigen::MatrixXd(shared_right.rows(), shared_right.cols()));
@@ -437,11 +437,11 @@ Eigen::VectorXd GroundField::update_with_shared(const GroundObservations& observ
     reduced += own[piece];
     gradient += gradients[piece];
   }
-  reduced.noalias() -= m.shared_right.transpose() * m.by_shared();
+  reduced.noalias() -= m.shared_right.transpose() * m.shared_jacobian();
   reduced = 0.5 * (reduced + reduced.transpose()).eval();
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(reduced);
   const Eigen::VectorXd change = -ldlt.solve(gradient);
-  m.nodes += m.by_shared() * change;
+  m.nodes += m.shared_jacobian() * change;
   if (covariance) *covariance = ldlt.solve(Eigen::MatrixXd::Identity(columns, columns));
   return change;
 }
@@ -470,7 +470,7 @@ double GroundField::inverse_depth(const Eigen::Vector2d& pixel) const {
   return impl_->value(impl_->footprint(pixel), impl_->nodes);
 }
 
-double GroundField::support(const Eigen::Vector2d& pixel) const {
+double GroundField::observed(const Eigen::Vector2d& pixel) const {
   return impl_->value(impl_->footprint(pixel), impl_->node_support);
 }
 
@@ -502,7 +502,7 @@ void GroundField::interpolated_row(double row, const Eigen::VectorXd& node_value
 
 const Eigen::VectorXd& GroundField::nodes() const { return impl_->nodes; }
 
-const Eigen::MatrixXd& GroundField::shared() const { return impl_->by_shared(); }
+const Eigen::MatrixXd& GroundField::shared() const { return impl_->shared_jacobian(); }
 
 Eigen::MatrixXd GroundField::functionals(const std::vector<Eigen::Vector2d>& pixels,
                                          const Eigen::MatrixXd& coefficients) const {

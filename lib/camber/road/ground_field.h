@@ -71,7 +71,7 @@ class GroundField {
   /// Inverse depth of the ground at a pixel (clamped to the grid); <= 0: the sky.
   double inverse_depth(const Eigen::Vector2d& pixel) const;
   /// Sum of the weights of observations around a pixel, in observations; 0: interpolated.
-  double support(const Eigen::Vector2d& pixel) const;
+  double observed(const Eigen::Vector2d& pixel) const;
   /// Topmost row of the grid, px.
   double top() const;
 

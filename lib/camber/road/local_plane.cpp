@@ -74,7 +74,7 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
     if (!(rho > 0)) return;
     pixels.push_back(pixel);
     points.push_back(camera.ray(pixel) / rho);
-    out.support += road.support(pixel);
+    out.observed += road.observed(pixel);
   };
   double last_depth = 0.0;
   const double step = std::clamp((contact.y() - road.top()) / 60.0, 0.5, 4.0);
@@ -95,7 +95,7 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
     // A far footprint lies within a row or two: take the field's tangent around the contact.
     pixels.clear();
     points.clear();
-    out.support = 0.0;
+    out.observed = 0.0;
     const double half_px = std::max(2.0, options.half_width * camera.fx * rho0);
     for (const double dv : {1.5, 0.5, -0.5, -1.5}) {
       for (const double side : {-1.0, 0.0, 1.0}) {
@@ -144,7 +144,7 @@ LocalPlane fit_local_plane(const RoadPosterior& road, const PinholeCamera& camer
   out.plane.covariance.diagonal() += options.uneven_variances();
   out.by_inverse_depth = parameters * coefficients;
   out.pixels = std::move(pixels);
-  out.support /= static_cast<double>(points.size());
+  out.observed /= static_cast<double>(points.size());
   out.status = Status::kOk;
   return out;
 }

@@ -31,8 +31,8 @@ struct LocalPlaneOptions {
 struct LocalPlane {
   Status status = Status::kNotRun;  ///< kFailed: the ray to the contact does not meet the ground
   std::string reason;
-  UncertainPlane plane;  ///< m; axis1 points away from the camera
-  double support = 0.0;  ///< observations of the ground that carry the footprint
+  UncertainPlane plane;   ///< m; axis1 points away from the camera
+  double observed = 0.0;  ///< observations of the ground that carry the footprint
   /// The plane's (tilt, tilt, height) as linear functions of the metric inverse depths at pixels:
   /// 3 x N.
   std::vector<Eigen::Vector2d> pixels;

@@ -44,7 +44,7 @@ RoadPosterior::RoadPosterior(std::shared_ptr<const GroundField> field,
                                 std::to_string(shared_covariance_.rows()) + " square, expected " +
                                 std::to_string(shared));
   }
-  if (ego_.by_shared.cols() != shared) ego_.by_shared.setZero(3, shared);
+  if (ego_.shared_jacobian.cols() != shared) ego_.shared_jacobian.setZero(3, shared);
   node_change_ = Eigen::VectorXd::Zero(field_->nodes().size());
   metric_nodes_ = field_->nodes() / metres_per_baseline;
 }
@@ -142,9 +142,9 @@ Eigen::MatrixXd RoadPosterior::covariance_times(const Eigen::MatrixXd& of_state)
     const Eigen::MatrixXd of_motion =
         shared_covariance_ * (root * detail::transposed_product(field_->shared(), field));
     const Eigen::MatrixXd of_motion_by_ego =
-        shared_covariance_ * (ego_.by_shared.transpose() * ego);
+        shared_covariance_ * (ego_.shared_jacobian.transpose() * ego);
     out.topRows(nodes) += root * detail::product(field_->shared(), of_motion + of_motion_by_ego);
-    out.middleRows(nodes, 3) += ego_.by_shared * of_motion;
+    out.middleRows(nodes, 3) += ego_.shared_jacobian * of_motion;
   }
   for (const auto& update : updates_) {
     const Eigen::MatrixXd of_gain = detail::transposed_product(update->gain_side, of_state);
@@ -195,14 +195,14 @@ RoadPosterior RoadPosterior::conditioned(const Constraint& constraint) const {
 }
 
 Constraint RoadPosterior::relinearised(const Constraint& constraint,
-                                       const RoadPosterior& around) const {
+                                       const RoadPosterior& linearised_at) const {
   Constraint out = constraint;
   if (constraint.size() == 0) return out;
   const Eigen::Index nodes = node_change_.size();
   Eigen::VectorXd step(nodes + 4);
-  step.head(nodes) = around.node_change_ - node_change_;
-  step.segment<3>(nodes) = around.ego_change_ - ego_change_;
-  step[nodes + 3] = around.log_scale_ - log_scale_;
+  step.head(nodes) = linearised_at.node_change_ - node_change_;
+  step.segment<3>(nodes) = linearised_at.ego_change_ - ego_change_;
+  step[nodes + 3] = linearised_at.log_scale_ - log_scale_;
   out.residual += of_constraint(constraint).of_state.transpose() * step;
   return out;
 }

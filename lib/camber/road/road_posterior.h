@@ -15,7 +15,7 @@ namespace camber {
 struct EgoPlaneEstimate {
   UncertainPlane plane;  ///< centroid: the foot below the camera
   /// d(tilt, tilt, height) / d(shared parameters) of the ground field: errors of the motion.
-  Eigen::Matrix<double, 3, Eigen::Dynamic> by_shared;
+  Eigen::Matrix<double, 3, Eigen::Dynamic> shared_jacobian;
 };
 
 /// Linear functions of the metric road: a column each. See RoadPosterior::covariance.
@@ -41,7 +41,7 @@ class RoadPosterior {
                 double inflation, EgoPlaneEstimate ego, double metres_per_baseline,
                 double log_scale_sigma);
 
-  /// The posterior once a constraint, linearised around this one's mean, is known too.
+  /// The posterior once a constraint, linearised at this one's mean, is known too.
   RoadPosterior conditioned(const Constraint& constraint) const;
 
   /// The same road with another independent error of the logarithm of its scale.
@@ -50,8 +50,8 @@ class RoadPosterior {
   /// Squared Mahalanobis distance of a constraint's residual, from this posterior and its noise.
   double squared_innovation(const Constraint& constraint) const;
 
-  /// A constraint linearised around another posterior of the same field, around this one's mean.
-  Constraint relinearised(const Constraint& constraint, const RoadPosterior& around) const;
+  /// A constraint linearised at another posterior of the same field, at this one's mean.
+  Constraint relinearised(const Constraint& constraint, const RoadPosterior& linearised_at) const;
 
   double metres_per_baseline() const;
   double scale_sigma() const;  ///< standard deviation of the logarithm of the scale
@@ -60,8 +60,8 @@ class RoadPosterior {
   double inverse_depth(const Eigen::Vector2d& pixel) const;
   /// The same at the pixels 0 to count - 1 of a row.
   void inverse_depths(double row, int count, float* out) const;
-  /// See GroundField::support.
-  double support(const Eigen::Vector2d& pixel) const { return field_->support(pixel); }
+  /// See GroundField::observed.
+  double observed(const Eigen::Vector2d& pixel) const { return field_->observed(pixel); }
   double top() const { return field_->top(); }
   const GroundField& field() const { return *field_; }
   const Eigen::MatrixXd& shared_covariance() const { return shared_covariance_; }

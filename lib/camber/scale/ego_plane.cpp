@@ -95,9 +95,9 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
 /// camera.
 std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
                               detail::TravelFrame* frame, NearRoad* out) {
-  constexpr double kWindow = 4.0;  // of the distance to the nearest road
-  constexpr double kCrossSlope = 0.1;  // rad, standard deviation
-  constexpr double kNoise = 0.03;      // of a point's height over its distance
+  constexpr double kWindow = 4.0;           // of the distance to the nearest road
+  constexpr double kCrossSlope = 0.1;       // rad, standard deviation
+  constexpr double kNoise = 0.03;           // of a point's height over its distance
   constexpr int kRounds = 8, kFewest = 30;  // points
   std::vector<Eigen::Vector3d> abu;
   std::vector<double> ahead;
@@ -371,7 +371,7 @@ EgoPlane fit_ego_plane(const RoadPoints& road, const Eigen::Vector3d& travel,
   functional(2, foot) = 1.0 / metres_per_baseline;
   out.plane.covariance = functional * covariance * functional.transpose();
   out.plane.covariance(2, 2) += out.height * out.height * assumptions;
-  if (columns > 0) out.by_shared = functional * profile.shared;
+  if (columns > 0) out.shared_jacobian = functional * profile.shared;
   const double height_share = options.camera_height_sigma / options.camera_height;
   out.relative_sigma = std::sqrt(out.plane.covariance(2, 2) / (out.height * out.height) +
                                  height_share * height_share);

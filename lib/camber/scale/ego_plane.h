@@ -85,7 +85,7 @@ struct EgoPlane {
   int points = 0;    ///< that agree with it
   int compared = 0;  ///< points near the driven path
   /// d(plane's tilt, tilt, height) / d(shared parameters), columns as RoadPoints::shared_jacobian.
-  Eigen::Matrix<double, 3, Eigen::Dynamic> by_shared;
+  Eigen::Matrix<double, 3, Eigen::Dynamic> shared_jacobian;
 };
 
 /// Estimates the tangent plane of the road under the camera, which is not seen: the road begins 5

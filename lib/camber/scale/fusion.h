@@ -17,14 +17,14 @@ struct FusedRoad {
 /// Conditions a road on all sources at once. Each is compared with what the road and the other
 /// sources let expect; while one is beyond its gate, the one that is farthest beyond is rejected
 /// and the rest compared again.
-/// @param constraints  linearised around `road`; without measurements: reported only.
+/// @param constraints  linearised at `road`; without measurements: reported only.
 /// @param common_scale_sigma  standard deviation of an error of the logarithm of the scale that all
 ///                     constraints have in common, beside their own.
 FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints,
                double common_scale_sigma = 0.0);
 
 /// What the measurements change by with the logarithm of the scale, the road's shape held.
-/// @param constraint  linearised around `road`.
+/// @param constraint  linearised at `road`.
 Eigen::VectorXd by_whole_scale(const RoadPosterior& road, const Constraint& constraint);
 
 /// What a constraint measures of the logarithm of the scale if the road's shape is right.
@@ -33,7 +33,7 @@ struct ImpliedLogScale {
   double variance = 0.0;
 };
 
-/// @param constraint  linearised around `road`.
+/// @param constraint  linearised at `road`.
 /// @return nothing where it does not depend on the scale.
 std::optional<ImpliedLogScale> implied_log_scale(const RoadPosterior& road,
                                                  const Constraint& constraint);

@@ -278,19 +278,19 @@ void find_modes(ScaleBelief* belief) {
 
 }  // namespace
 
-std::vector<ScaleAlternative> scale_alternatives(double other_layer, double start_spread) {
-  if (!(other_layer >= 0.0) || !(other_layer <= 1.0) || !(start_spread >= 0.0)) {
+std::vector<ScaleAlternative> scale_alternatives(double other_layer, double alternative_spread) {
+  if (!(other_layer >= 0.0) || !(other_layer <= 1.0) || !(alternative_spread >= 0.0)) {
     throw std::invalid_argument(
         fmt::format("other layer {}, start spread {}: expected a probability and a spread >= 0",
-                    other_layer, start_spread));
+                    other_layer, alternative_spread));
   }
   std::vector<ScaleAlternative> out;
   if (other_layer > 0.0) out.push_back({other_layer, 0.0, false});
-  if (start_spread > 0.0) {
+  if (alternative_spread > 0.0) {
     // As well supported: as likely together.
     out.push_back({0.5 * (1.0 - other_layer), 0.0, true});
     for (const double side : {-1.0, 1.0}) {
-      out.push_back({0.25 * (1.0 - other_layer), side * start_spread, true});
+      out.push_back({0.25 * (1.0 - other_layer), side * alternative_spread, true});
     }
   } else {
     out.push_back({1.0 - other_layer, 0.0, true});

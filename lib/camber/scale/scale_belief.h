@@ -19,8 +19,8 @@ struct ScaleAlternative {
 /// The road that was found; that it is none; and, where roads from other starts are as well
 /// supported, one that far to each side.
 /// @param other_layer   probability that what was found is no road, in [0, 1].
-/// @param start_spread  of the logarithm of the scale, >= 0; 0: there are no others.
-std::vector<ScaleAlternative> scale_alternatives(double other_layer, double start_spread);
+/// @param alternative_spread  of the logarithm of the scale, >= 0; 0: there are no others.
+std::vector<ScaleAlternative> scale_alternatives(double other_layer, double alternative_spread);
 
 /// Parameters of the belief, beside those of each source (evidence_of).
 struct ScaleBeliefNoise {

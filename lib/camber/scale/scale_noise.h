@@ -42,10 +42,10 @@ struct ScaleNoise {
   /// Share of what is matched over the driven path that may stand on it or lie below it where no
   /// mask shows the road: with more it is likely another layer (steep and made scenes, even
   /// numbers: two of 160 have more, 84 and 30 % off, and one 10 % off). Then likewise.
-  double most_contested = 0.5;
+  double most_off_road = 0.5;
   /// Share of what is matched beside a mask's road that may obstruct the driven path (steep and
   /// made scenes, even numbers: at most 0.011 in 220 runs).
-  double most_obstructing = 0.05;
+  double most_obstacles = 0.05;
   /// Share of the points near the driven path that have to agree with one road (rendered scenes: in
   /// 360 sound runs 0.72 and more do, in three that were wrong by half and more a quarter).
   double least_agreeing = 0.5;

@@ -24,7 +24,7 @@ struct VehicleSizes {
 /// a Student distribution of a few degrees of freedom (ScaleNoise): one van among cars costs little
 /// at either scale, and hides nothing of what the others agree on. It is a check: the vehicles' own
 /// measurements are fused one by one.
-/// @param vehicles  constraints by single vehicles, linearised around `road`.
+/// @param vehicles  constraints by single vehicles, linearised at `road`.
 /// @return nothing where fewer than two vehicles measure the scale.
 std::optional<VehicleSizes> compare_vehicle_sizes(const RoadPosterior& road,
                                                   const std::vector<Constraint>& vehicles,

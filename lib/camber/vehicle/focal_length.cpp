@@ -33,7 +33,7 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
                                           const std::vector<SupportPlane>& supports,
                                           const std::vector<VehicleEstimate>& estimates,
                                           const VehicleFitOptions& options, int num_threads,
-                                          std::optional<double> asked) {
+                                          std::optional<double> other_factor) {
   if (supports.size() != detections.size() || estimates.size() != detections.size()) {
     throw std::invalid_argument(fmt::format("{} detections, {} supports, {} estimates",
                                             detections.size(), supports.size(), estimates.size()));
@@ -78,7 +78,7 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
     const double coarse = out.factor;
     for (const double power : {0.5, 2.0}) compare(std::pow(coarse, power));
   }
-  if (asked) out.asked_log_ratio = compare(*asked);
+  if (other_factor) out.log_ratio_of_other = compare(*other_factor);
   return out;
 }
 

@@ -15,9 +15,9 @@ struct FocalLengthEvidence {
   /// Log likelihood ratio of all vehicles, that factor over 1, >= 0; no vehicle adds more than
   /// HypothesisGates::focal_length_most.
   double gain = 0.0;
-  /// Log likelihood ratio of the factor that was asked for over 1; 0 without one, and where no
+  /// Log likelihood ratio of the other source's factor over 1; 0 without one, and where no
   /// vehicle is near enough.
-  double asked_log_ratio = 0.0;
+  double log_ratio_of_other = 0.0;
 };
 
 /// A wrong focal length stretches all that is reconstructed along the optical axis, the ground
@@ -28,13 +28,13 @@ struct FocalLengthEvidence {
 /// @param estimates  of the detections on these planes by fit_vehicle; those without a
 ///                   keypoint_cost are left out, and with a factor those that are farther than
 ///                   HypothesisGates::focal_length_farthest with both focal lengths.
-/// @param asked  a factor that another source fits, tried beside the others; > 0.
+/// @param other_factor  a factor that another source fits, tried beside the others; > 0.
 /// The same for any number of threads.
 FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
                                           const std::vector<VehicleDetection>& detections,
                                           const std::vector<SupportPlane>& supports,
                                           const std::vector<VehicleEstimate>& estimates,
                                           const VehicleFitOptions& options, int num_threads = 0,
-                                          std::optional<double> asked = {});
+                                          std::optional<double> other_factor = {});
 
 }  // namespace camber

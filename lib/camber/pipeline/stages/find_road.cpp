@@ -21,23 +21,23 @@ struct Candidate {
   Correspondences matches;
   MotionEstimate motion;
   Ground ground;
-  FrameMasks masks;      // of the reference, that belong to it
-  double support = 0.0;  // see road_support
+  FrameMasks masks;        // of the reference, that belong to it
+  double agreement = 0.0;  // see road_agreement
 };
 
-/// Support below which a masked road is also looked for elsewhere: rendered roads that are right
+/// Agreement below which a masked road is also looked for elsewhere: rendered roads that are right
 /// have 0.39 and more, nineteen of twenty 0.65 (even numbers). Without a mask it is not known how
 /// much of the road there is to be found.
-constexpr double kPlainSupport = 0.65;
+constexpr double kPlainAgreement = 0.65;
 /// Support of a road in place of the first: so much, and by so much more. From other starts the
 /// same road has up to 1.16 times as much, the right one in place of a wrong one 1.3 to 7 times.
-constexpr double kLeastSupport = 0.3, kPlainlyMore = 1.2;
-/// Share of its support from which on another road may be as right.
+constexpr double kLeastAgreement = 0.3, kPlainlyMore = 1.2;
+/// Share of its agreement from which on another road may be as right.
 constexpr double kAsMuch = 0.95;
 
 /// Whether the near road may be another one than that seen.
-bool is_doubtful(const PlaneSearchResult& search, const LoadedFrames& frames, double support) {
-  return search.ambiguous || (frames.has_masks() && support < kPlainSupport);
+bool is_doubtful(const PlaneSearchResult& search, const LoadedFrames& frames, double agreement) {
+  return search.ambiguous || (frames.has_masks() && agreement < kPlainAgreement);
 }
 
 /// What the plane search found, but for what the first ground began with.
@@ -47,22 +47,22 @@ std::vector<RoadHypothesis> other_starts(const PlaneSearchResult& search) {
   return out;
 }
 
-/// The first road, or one that has plainly more support.
+/// The first road, or one on which plainly more agrees.
 Candidate& best_of(std::vector<Candidate>& roads) {
   Candidate* best = &roads.front();
   for (Candidate& road : roads) {
-    if (road.support > std::max(kLeastSupport, kPlainlyMore * best->support)) best = &road;
+    if (road.agreement > std::max(kLeastAgreement, kPlainlyMore * best->agreement)) best = &road;
   }
   return *best;
 }
 
-/// See Ground::start_spread.
+/// See Ground::alternative_spread.
 double spread_about(const Candidate& best, const std::vector<Candidate>& roads) {
   const auto log_height = [](const Candidate& road) { return std::log(road.ground.ego.height); };
   double out = 0.0;
-  if (!(best.support > 0.0)) return out;  // of none is known how right it is
+  if (!(best.agreement > 0.0)) return out;  // of none is known how right it is
   for (const Candidate& road : roads) {
-    if (road.support < kAsMuch * best.support) continue;
+    if (road.agreement < kAsMuch * best.agreement) continue;
     out = std::max(out, std::abs(log_height(road) - log_height(best)));
   }
   return out;
@@ -131,12 +131,12 @@ FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptio
     Candidate road{matches, motion, std::move(ground), {}, 0.0};
     match_in_rounds(frames, road, o, run);
     road.masks = frames.reference_masks();
-    road.support = road_support(road.ground);
+    road.agreement = road_agreement(road.ground);
     return road;
   };
   std::vector<Candidate> roads;
   roads.push_back(see_from(std::nullopt));
-  if (is_doubtful(search, frames, roads.front().support)) {
+  if (is_doubtful(search, frames, roads.front().agreement)) {
     for (const RoadHypothesis& start : other_starts(search)) {
       try {
         roads.push_back(see_from(start));
@@ -146,7 +146,7 @@ FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptio
     }
   }
   Candidate& best = best_of(roads);
-  best.ground.start_spread = spread_about(best, roads);
+  best.ground.alternative_spread = spread_about(best, roads);
   frames.masks[frames.reference] = std::move(best.masks);
   return {std::move(frames), std::move(best.matches), std::move(best.motion),
           std::move(best.ground)};

@@ -30,7 +30,7 @@ struct FindRoadOptions {
 
 /// The road from nothing: match, motion, a first ground, and rounds of matching again with the
 /// ground known. Where another near road may be the right one, also from those that the plane
-/// search found; the one with the most support is taken (road_support).
+/// search found; the one on which the most agrees is taken (road_agreement).
 /// @throws NoAnswerError as the stages do.
 FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptions& options,
                     const StageRunner& run);

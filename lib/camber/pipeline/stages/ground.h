@@ -33,8 +33,9 @@ struct Ground {
   std::shared_ptr<const GroundField> field;
   PlaneSearchResult search;  ///< of the near road, from no start
   /// Of the logarithm of the camera's height in baselines: the most by which roads that were seen
-  /// from other starts, with as much support, differ from this one; 0 where there are none.
-  double start_spread = 0.0;
+  /// from other starts, on which as many points agree, differ from this one; 0 where there are
+  /// none.
+  double alternative_spread = 0.0;
 };
 
 /// Blocks of an image, row by row.

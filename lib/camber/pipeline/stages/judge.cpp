@@ -60,8 +60,8 @@ std::array<Rule, 17> rules(const ScaleNoise& noise) {
        nullptr},
       {"unfound_share", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
       check("unfound_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
-      {"start_spread", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
-      check("contested_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
+      {"alternative_spread", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
+      check("off_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       check("plane_search", noise.search_gate, kScale, Joining::kLargest, "plane_search"),
       check("turn", noise.turned_focal_length_gate, kFocalLength, Joining::kLargest,
             "focal_length"),
@@ -121,14 +121,14 @@ std::vector<Finding> findings_of(const RoadLayer& layer, const ScaleNoise& noise
                                 "images",
                                 100.0 * layer.found)}});
   }
-  out.push_back({"start_spread", "", "", {layer.start_spread, 1.0, ""}});
-  out.push_back({"contested_road",
+  out.push_back({"alternative_spread", "", "", {layer.alternative_spread, 1.0, ""}});
+  out.push_back({"off_road",
                  "",
                  "",
-                 {noise.unfound_scale, layer.contested / noise.most_contested,
+                 {noise.unfound_scale, layer.off_road / noise.most_off_road,
                   fmt::format("matches: {:.0f} % of those over the driven path are off the road "
                               "that is found there",
-                              100.0 * layer.contested)}});
+                              100.0 * layer.off_road)}});
   return out;
 }
 
@@ -140,12 +140,12 @@ std::string unknown_by_layer(const RoadLayer& layer, bool metric, const ScaleNoi
         "one road",
         100.0 * layer.agreeing);
   }
-  if (metric && layer.obstructing > noise.most_obstructing) {
+  if (metric && layer.obstacles > noise.most_obstacles) {
     return fmt::format(
         "the scale is not known: {:.0f} % of what is matched beside the road would obstruct the "
         "driven path; the road is likely found at another layer, as what it mirrors or a texture "
         "that repeats",
-        100.0 * layer.obstructing);
+        100.0 * layer.obstacles);
   }
   return {};
 }
@@ -179,7 +179,7 @@ std::optional<Finding> finding_of(const DashFocalLength& dashes,
                fmt::format("{} with {:.2f} times the focal length, {:.1f} standard deviations",
                            one ? "it has the known length" : "they have the known sizes",
                            dashes.factor, sigmas)}};
-  if (vehicles.asked_log_ratio <= -noise.vehicles_against_dashes) {
+  if (vehicles.log_ratio_of_other <= -noise.vehicles_against_dashes) {
     out.off.plain = false;
     out.off.text += "; vehicles' proportions contradict that, the known sizes may be wrong";
   }
@@ -237,7 +237,7 @@ void add_vehicles(const ScaledRoad& scaled, const PlacedVehicles& placed, const 
     evidence->push_back(evidence_of("focal_length",
                                     fmt::format("{} strokes of broken lines", dashes.strokes),
                                     std::log(dashes.factor), noise.dash_focal_length));
-    evidence->back().measured = {{"vehicles_log_ratio", placed.focal_length.asked_log_ratio}};
+    evidence->back().measured = {{"vehicles_log_ratio", placed.focal_length.log_ratio_of_other}};
   }
   const FocalLengthEvidence& proportions = placed.focal_length;
   if (proportions.vehicles > 0) {

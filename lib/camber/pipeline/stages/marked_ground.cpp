@@ -154,7 +154,7 @@ EgoPlane ego_plane(const MarkedRoad& road, const PinholeCamera& camera, int poin
   out.status = Status::kOk;
   Eigen::Matrix<double, 3, MarkedRoad::kShape> by_shape;
   out.plane = road.ego(&by_shape);
-  out.by_shared = by_shape;
+  out.shared_jacobian = by_shape;
   out.height = out.near_plane_height = out.plane.plane.offset;
   out.relative_sigma = std::sqrt(out.plane.covariance(2, 2)) / out.height;
   out.metres_per_baseline = 1.0;
@@ -222,7 +222,7 @@ ScaledRoad scale_by_markings(const LoadedFrames& frames, const MarkedGround& mar
   const Ground& ground = marked.ground.ground;
   const auto prior = [&](double log_scale_sigma) {
     return RoadPosterior(ground.field, marked.ground.motion.covariance, options.ground_inflation,
-                         {ground.ego.plane, ground.ego.by_shared}, 1.0, log_scale_sigma);
+                         {ground.ego.plane, ground.ego.shared_jacobian}, 1.0, log_scale_sigma);
   };
   const MarkedRoad& road = marked.road;
   LaneMarkingConstraint markings;

@@ -16,7 +16,7 @@ namespace camber {
 
 double RoadLayer::log_odds() const {
   constexpr double kNothingShowsOne = -4.0;
-  double out = kNothingShowsOne + 8.0 * (1.0 - agreeing) + 8.0 * contested + 80.0 * obstructing;
+  double out = kNothingShowsOne + 8.0 * (1.0 - agreeing) + 8.0 * off_road + 80.0 * obstacles;
   if (!masked) return out;
   out += 6.15 * (1.0 - found);
   if (search == Search::kAmbiguous) out += 1.85;
@@ -34,9 +34,9 @@ ScaleEvidence evidence_of(const RoadLayer& layer) {
   out.wrong_share = 1.0 / (1.0 + std::exp(-layer.log_odds()));
   out.measured = {{"found", layer.found},
                   {"agreeing", layer.agreeing},
-                  {"contested", layer.contested},
-                  {"obstructing", layer.obstructing},
-                  {"start_spread", layer.start_spread},
+                  {"contested", layer.off_road},
+                  {"obstructing", layer.obstacles},
+                  {"start_spread", layer.alternative_spread},
                   {"masked", layer.masked ? 1.0 : 0.0},
                   {"posed", layer.posed ? 1.0 : 0.0},
                   {"search", static_cast<double>(layer.search)}};
@@ -72,8 +72,8 @@ std::vector<PathPlace> over_path(const EgoPlane& ego, const TriangulatedPoints& 
   return out;
 }
 
-/// See RoadLayer::contested.
-double contested_share(const Ground& ground, double metres_per_baseline) {
+/// See RoadLayer::off_road.
+double off_road_share(const Ground& ground, double metres_per_baseline) {
   constexpr double kHalfWidth = 1.2;                  // m
   constexpr double kOff = 0.15, kBelowCamera = 0.95;  // camera heights
   constexpr double kPastMiddle = 1.5;  // of the distance to the middle one of the road's points
@@ -100,10 +100,10 @@ double contested_share(const Ground& ground, double metres_per_baseline) {
   return all < kFewest ? 0.0 : static_cast<double>(contesting) / static_cast<double>(all);
 }
 
-/// See RoadLayer::obstructing.
-double obstructing_share(const LoadedFrames& frames, const Correspondences& matches,
-                         const PhotometricGround& ground, double metres_per_baseline,
-                         int num_threads) {
+/// See RoadLayer::obstacles.
+double obstacle_share(const LoadedFrames& frames, const Correspondences& matches,
+                      const PhotometricGround& ground, double metres_per_baseline,
+                      int num_threads) {
   constexpr std::size_t kStride = 4, kFewest = 200;    // matches
   constexpr double kHalfWidth = 0.8, kFarthest = 6.0;  // m
   constexpr double kLowest = 0.2, kHighest = 1.2;      // camera heights over the road
@@ -122,10 +122,10 @@ double obstructing_share(const LoadedFrames& frames, const Correspondences& matc
   const EgoPlane& ego = ground.ground.ego;
   const std::vector<PathPlace> places = over_path(ego, points, kHalfWidth / metres_per_baseline);
   const double reach = kFarthest / (metres_per_baseline * ego.height);
-  const auto obstructing = std::count_if(places.begin(), places.end(), [&](const PathPlace& p) {
+  const auto obstacles = std::count_if(places.begin(), places.end(), [&](const PathPlace& p) {
     return p.ahead < reach && p.up > kLowest && p.up < kHighest;
   });
-  return static_cast<double>(obstructing) / static_cast<double>(points.size());
+  return static_cast<double>(obstacles) / static_cast<double>(points.size());
 }
 
 double agreeing_share(const EgoPlane& ego) {
@@ -145,11 +145,11 @@ RoadLayer road_layer(const LoadedFrames& frames, const Correspondences& matches,
                                          : RoadLayer::Search::kNone;
   out.found = found_share(road.seen);
   out.agreeing = std::min(agreeing_share(road.ego), ground.agreeing_before);
-  out.start_spread = road.start_spread;
+  out.alternative_spread = road.alternative_spread;
   if (out.posed) return out;
-  out.contested = contested_share(road, metres_per_baseline);
+  out.off_road = off_road_share(road, metres_per_baseline);
   if (out.masked) {
-    out.obstructing = obstructing_share(frames, matches, ground, metres_per_baseline, num_threads);
+    out.obstacles = obstacle_share(frames, matches, ground, metres_per_baseline, num_threads);
   }
   return out;
 }
@@ -161,7 +161,7 @@ double found_share(const GroundPoints& seen) {
   return found + dropped > 0.0 ? found / (found + dropped) : 0.0;
 }
 
-double road_support(const Ground& ground) {
+double road_agreement(const Ground& ground) {
   return ground.ego.compared > 0 ? found_share(ground.seen) * agreeing_share(ground.ego) : 0.0;
 }
 

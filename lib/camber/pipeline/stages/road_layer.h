@@ -24,13 +24,13 @@ struct RoadLayer {
   /// Of the matches over the driven path, up to where its road is seen well, those that stand on it
   /// lower than the camera or lie below it; where a mask shows the road, the others are not
   /// matched.
-  double contested = 0.0;
+  double off_road = 0.0;
   /// With a mask: of the matches of what stands still and is no road by it, those that would stand
   /// on the first metres of the driven path.
-  double obstructing = 0.0;
-  /// Of the logarithm of the scale: the most by which roads from other starts, as well supported,
-  /// differ from this one.
-  double start_spread = 0.0;
+  double obstacles = 0.0;
+  /// Of the logarithm of the scale: the most by which roads from other starts, on which as many
+  /// points agree, differ from this one.
+  double alternative_spread = 0.0;
 
   /// Logarithm of the odds that another layer was found. Linear in the shares; assumed: each alone
   /// gives even odds where the judge calls it contradicted (ScaleNoise).
@@ -52,7 +52,7 @@ double found_share(const GroundPoints& seen);
 
 /// That share times the share of the points near the driven path that agree with the ego plane's
 /// road: little where what is matched lies on another layer.
-double road_support(const Ground& ground);
+double road_agreement(const Ground& ground);
 
 }  // namespace stages
 }  // namespace camber

@@ -31,7 +31,7 @@ RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_base
   return {ground.field ? ground.field : ground.ground.field,
           ground.motion.covariance,
           options.ground_inflation,
-          {ego.plane, ego.by_shared},
+          {ego.plane, ego.shared_jacobian},
           metres_per_baseline,
           kOpenLogScale};
 }
@@ -148,10 +148,10 @@ LaneMarkingConstraint measure_markings(const LoadedFrames& frames, const GroundR
   return lane_marking_constraint(road, frames.camera, found, sizes, options.noise);
 }
 
-/// Markings, and the road around which their lengths are linearised.
+/// Markings, and the road at which their lengths are linearised.
 struct FoundMarkings {
   LaneMarkingConstraint markings;
-  RoadPosterior around;
+  RoadPosterior linearised_at;
 };
 
 /// The markings at other scales of the road than the given one: those of the scale at which the
@@ -168,11 +168,12 @@ FoundMarkings rescaled_markings(const LoadedFrames& frames, const GroundRaster& 
   parallel_for(kFactors.size(), options.num_threads, [&](std::size_t k) {
     const double factor = kFactors[k];
     const RoadPosterior prior = prior_road(ground, factor * given.metres_per_baseline(), options);
-    found[k].around = prior.conditioned(
+    found[k].linearised_at = prior.conditioned(
         camera_height_constraint(prior, factor * height, kBetween * factor * height));
     GroundRaster rescaled = raster;
     for (float& rho : rescaled.inverse_depth) rho *= static_cast<float>(1.0 / factor);
-    found[k].markings = measure_markings(frames, rescaled, travel, found[k].around, one_thread);
+    found[k].markings =
+        measure_markings(frames, rescaled, travel, found[k].linearised_at, one_thread);
   });
   return *std::max_element(found.begin(), found.end(),
                            [](const FoundMarkings& a, const FoundMarkings& b) {
@@ -503,10 +504,10 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     const RoadPosterior anchored = prior.conditioned(all_of(constraints));
     const GroundRaster raster =
         ground_raster(frames, matches, ground.ground, anchored, options.num_threads);
-    auto [markings, around] =
+    auto [markings, linearised_at] =
         find_markings(frames, raster, travel, ground, anchored, given, options);
     RoadWidthConstraint width = measure_width(frames, raster, travel, anchored, options);
-    constraints.push_back(prior.relinearised(markings.constraint, around));
+    constraints.push_back(prior.relinearised(markings.constraint, linearised_at));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
     if (ground.motion.metres_per_baseline && frames.known.camera_height) {
       constraints.push_back(camera_height_constraint(prior, *frames.known.camera_height,

@@ -96,7 +96,7 @@ double farthest_seen(const RoadPosterior& road, double column, double row) {
   for (double v = road.top(); v < row; v += 2.0) {
     const Eigen::Vector2d pixel(column, v);
     const double rho = road.inverse_depth(pixel);
-    if (road.support(pixel) > 0.5 && rho > 0) return 1.0 / rho;
+    if (road.observed(pixel) > 0.5 && rho > 0) return 1.0 / rho;
   }
   return 0.0;
 }
@@ -153,8 +153,8 @@ std::vector<PatchFootprint> road_ahead(const LoadedFrames& frames, const MotionE
     patch.ahead = std::clamp(beyond, 0.5, 0.5 * options.patch_length);
     // Behind a car ahead only its sides are seen: the road goes on as it was.
     patch.kind = kind_of(frames, patch.around, patch.kind);
-    patch.inliers = static_cast<int>(std::lround(fit.support));
-    patch.unobserved = fit.support < 0.5 ? "hardly any road point is seen there"
+    patch.inliers = static_cast<int>(std::lround(fit.observed));
+    patch.unobserved = fit.observed < 0.5 ? "hardly any road point is seen there"
                        : is_grazing(fit.plane, camera, options) ? kEdgeOn
                                                                 : "";
     out.push_back(patch);

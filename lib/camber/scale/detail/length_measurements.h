@@ -13,7 +13,7 @@
 
 namespace camber::detail {
 
-/// Measurements of metric inverse depths, linearised around some.
+/// Measurements of metric inverse depths, linearised at some.
 struct LinearisedLengths {
   Eigen::MatrixXd by_inverse_depth;  // a row a measurement
   Eigen::VectorXd residual;          // measured minus predicted
