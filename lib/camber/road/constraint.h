@@ -6,6 +6,12 @@
 
 namespace camber {
 
+/// An error that the measurements of all windows of one camera share, as that of its given height.
+struct CommonError {
+  std::string name;
+  Eigen::VectorXd by;  ///< what the measurements are off by one standard deviation of it
+};
+
 /// One source's knowledge of the road or its scale: measurements, linearised at a
 /// RoadPosterior's mean, of the metric ground ahead, of the ego plane and of the scale.
 struct Constraint {
@@ -20,6 +26,7 @@ struct Constraint {
   Eigen::VectorXd by_log_scale;  ///< by the logarithm of the scale; or empty
   Eigen::VectorXd residual;      ///< measured minus predicted at the mean
   Eigen::MatrixXd covariance;    ///< of the measurements
+  std::vector<CommonError> common;  ///< what of `covariance` is common to all windows; may be empty
 
   /// Standard deviations (root of the normalised squared innovation over its degrees of freedom)
   /// beyond which the source is taken to contradict the others.

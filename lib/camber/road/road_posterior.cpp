@@ -1,7 +1,9 @@
 #include "camber/road/road_posterior.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 
@@ -22,6 +24,7 @@ void Constraint::validate() const {
           "by_inverse_depth");
   require(by_ego.size() == 0 || (by_ego.rows() == size() && by_ego.cols() == 3), "by_ego");
   require(by_log_scale.size() == 0 || by_log_scale.size() == size(), "by_log_scale");
+  for (const CommonError& error : common) require(error.by.size() == size(), "common");
 }
 
 RoadPosterior::RoadPosterior(std::shared_ptr<const GroundField> field,
@@ -47,6 +50,7 @@ RoadPosterior::RoadPosterior(std::shared_ptr<const GroundField> field,
   if (ego_.shared_jacobian.cols() != shared) ego_.shared_jacobian.setZero(3, shared);
   node_change_ = Eigen::VectorXd::Zero(field_->nodes().size());
   metric_nodes_ = field_->nodes() / metres_per_baseline;
+  shared_change_ = Eigen::VectorXd::Zero(shared_covariance_.rows());
 }
 
 RoadPosterior RoadPosterior::with_wider_scale(double variance) const {
@@ -153,6 +157,44 @@ Eigen::MatrixXd RoadPosterior::covariance_times(const Eigen::MatrixXd& of_state)
   return out;
 }
 
+Eigen::MatrixXd RoadPosterior::shared_covariance_with(const Eigen::MatrixXd& of_state) const {
+  const Eigen::Index nodes = node_change_.size();
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(shared_covariance_.rows(), of_state.cols());
+  if (shared_covariance_.size() > 0 && field_->shared().size() > 0) {
+    const Eigen::MatrixXd of_field =
+        detail::transposed_product(field_->shared(), of_state.topRows(nodes));
+    out = shared_covariance_ * (std::sqrt(inflation_) * of_field +
+                                ego_.shared_jacobian.transpose() * of_state.middleRows(nodes, 3));
+  }
+  for (const auto& update : updates_) {
+    out -= update->of_shared *
+           (update->information * detail::transposed_product(update->gain_side, of_state));
+  }
+  return out;
+}
+
+SharedEstimate RoadPosterior::shared() const {
+  const Eigen::Index count = shared_covariance_.rows(), scale = node_change_.size() + 3;
+  SharedEstimate out;
+  out.change = shared_change_;
+  out.covariance = Eigen::MatrixXd::Zero(count + 1, count + 1);
+  out.covariance.topLeftCorner(count, count) = shared_covariance_;
+  for (const auto& update : updates_) {
+    out.covariance.topLeftCorner(count, count) -=
+        update->of_shared * update->information * update->of_shared.transpose();
+  }
+  const RoadFunctionals log_scale = of_log_scale();
+  out.covariance.topRightCorner(count, 1) = shared_covariance_with(log_scale.of_state);
+  out.covariance.bottomLeftCorner(1, count) = out.covariance.topRightCorner(count, 1).transpose();
+  out.covariance(count, count) = covariance(log_scale)(0, 0);
+  for (const CommonEffect& effect : common_) {
+    Eigen::VectorXd by(count + 1);
+    by << effect.of_shared, effect.of_state[scale];
+    out.common.push_back({effect.name, std::move(by)});
+  }
+  return out;
+}
+
 Eigen::MatrixXd RoadPosterior::covariance(const RoadFunctionals& rows,
                                           const RoadFunctionals& columns) const {
   return detail::transposed_product(rows.of_state, covariance_times(columns.of_state));
@@ -190,6 +232,28 @@ RoadPosterior RoadPosterior::conditioned(const Constraint& constraint) const {
   out.ego_change_ += change.segment<3>(nodes);
   out.log_scale_ += change[nodes + 3];
   out.metric_nodes_ = (field_->nodes() + out.node_change_) / out.metres_per_baseline();
+  update->of_shared = shared_covariance_with(functionals.of_state);
+  out.shared_change_ += update->of_shared * ldlt.solve(constraint.residual);
+  // An error of the measurements goes into the mean as they do; one that is there already is
+  // corrected by them.
+  const auto add = [&](const Eigen::VectorXd& off, CommonEffect* effect) {
+    const Eigen::VectorXd weighted = update->information * off;
+    effect->of_state += update->gain_side * weighted;
+    effect->of_shared += update->of_shared * weighted;
+  };
+  for (CommonEffect& effect : out.common_) {
+    add(-(functionals.of_state.transpose() * effect.of_state), &effect);
+  }
+  for (const CommonError& error : constraint.common) {
+    auto effect = std::find_if(out.common_.begin(), out.common_.end(),
+                               [&](const CommonEffect& e) { return e.name == error.name; });
+    if (effect == out.common_.end()) {
+      out.common_.push_back({error.name, Eigen::VectorXd::Zero(nodes + 4),
+                             Eigen::VectorXd::Zero(shared_covariance_.rows())});
+      effect = std::prev(out.common_.end());
+    }
+    add(error.by, &*effect);
+  }
   out.updates_.push_back(std::move(update));
   return out;
 }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "camber/geometry/plane.h"
@@ -21,6 +22,15 @@ struct EgoPlaneEstimate {
 /// Linear functions of the metric road: a column each. See RoadPosterior::covariance.
 struct RoadFunctionals {
   Eigen::MatrixXd of_state;  ///< rows as the posterior's state
+};
+
+/// The field's shared parameters (the motion) given all constraints, and the scale with them.
+struct SharedEstimate {
+  Eigen::VectorXd change;  ///< against the motion that the field was made with
+  /// Of the shared parameters and, last, of the logarithm of the scale.
+  Eigen::MatrixXd covariance;
+  /// What of it an error explains that all windows of one camera share: an outer product each.
+  std::vector<CommonError> common;
 };
 
 /// Everything that is known of where the road lies, as one Gaussian: the inverse depths of the
@@ -65,6 +75,7 @@ class RoadPosterior {
   double top() const { return field_->top(); }
   const GroundField& field() const { return *field_; }
   const Eigen::MatrixXd& shared_covariance() const { return shared_covariance_; }
+  SharedEstimate shared() const;
 
   /// The ego plane, m, with its own covariance.
   UncertainPlane ego() const;
@@ -91,6 +102,14 @@ class RoadPosterior {
   /// One update: covariance before times functions, and the inverse of the innovation's covariance.
   struct Update {
     Eigen::MatrixXd gain_side, information;
+    Eigen::MatrixXd of_shared;  // covariance of the shared parameters with the functions
+  };
+  Eigen::MatrixXd shared_covariance_with(const Eigen::MatrixXd& of_state) const;
+
+  /// What the mean is off by one standard deviation of an error that all windows share.
+  struct CommonEffect {
+    std::string name;
+    Eigen::VectorXd of_state, of_shared;
   };
 
   std::shared_ptr<const GroundField> field_;
@@ -104,7 +123,9 @@ class RoadPosterior {
   Eigen::VectorXd metric_nodes_;  // (nodes + change) / scale
   Eigen::Vector3d ego_change_ = Eigen::Vector3d::Zero();
   double log_scale_ = 0.0;
+  Eigen::VectorXd shared_change_;
   std::vector<std::shared_ptr<const Update>> updates_;
+  std::vector<CommonEffect> common_;
 };
 
 /// Functions side by side.

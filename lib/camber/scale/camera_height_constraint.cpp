@@ -18,6 +18,7 @@ Constraint camera_height_constraint(const RoadPosterior& road, double height, do
   out.by_ego = Eigen::RowVector3d(0.0, 0.0, -1.0);
   out.residual = Eigen::VectorXd::Constant(1, height - road.ego().plane.offset);
   out.covariance = Eigen::MatrixXd::Constant(1, 1, sigma * sigma);
+  out.common = {{"camera_height", Eigen::VectorXd::Constant(1, sigma)}};
   return out;
 }
 

@@ -33,6 +33,13 @@ Eigen::Vector3d CameraUncertainty::displacement(Intrinsic intrinsic,
   return sigma_.distortion * out;
 }
 
+Eigen::Matrix<double, 3, 4> CameraUncertainty::displacements(const Eigen::Vector3d& point) const {
+  static_assert(kCount == 4, "a column each");
+  Eigen::Matrix<double, 3, 4> out;
+  for (int i = 0; i < kCount; ++i) out.col(i) = displacement(static_cast<Intrinsic>(i), point);
+  return out;
+}
+
 Eigen::Matrix3d CameraUncertainty::gradient(Intrinsic intrinsic, const Eigen::Vector3d& p) const {
   Eigen::Matrix3d out;
   if (intrinsic != kDistortion) {
@@ -49,12 +56,8 @@ Eigen::Matrix3d CameraUncertainty::gradient(Intrinsic intrinsic, const Eigen::Ve
 }
 
 Eigen::Matrix3d CameraUncertainty::position_covariance(const Eigen::Vector3d& point) const {
-  Eigen::Matrix3d out = Eigen::Matrix3d::Zero();
-  for (int i = 0; i < kCount; ++i) {
-    const Eigen::Vector3d d = displacement(static_cast<Intrinsic>(i), point);
-    out += d * d.transpose();
-  }
-  return out;
+  const Eigen::Matrix<double, 3, 4> by = displacements(point);
+  return by * by.transpose();
 }
 
 double CameraUncertainty::distance_variance(const Eigen::Vector3d& point) const {

@@ -28,6 +28,10 @@ class CameraUncertainty {
 
   bool exact() const { return sigma_.exact(); }
 
+  /// What points move by, camera frame, m, with one standard deviation of the focal length, of
+  /// either coordinate of the principal point and of the distortion: a column each.
+  Eigen::Matrix<double, 3, 4> displacements(const Eigen::Vector3d& point) const;
+
   /// Covariance of a point, camera frame, m^2.
   Eigen::Matrix3d position_covariance(const Eigen::Vector3d& point) const;
 

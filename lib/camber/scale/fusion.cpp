@@ -62,6 +62,14 @@ Constraint stacked(const std::vector<const Constraint*>& parts) {
     if (part->by_log_scale.size() > 0) out.by_log_scale.segment(row, size) = part->by_log_scale;
     out.residual.segment(row, size) = part->residual;
     out.covariance.block(row, row, size, size) = part->covariance;
+    for (const CommonError& error : part->common) {
+      auto whole = std::find_if(out.common.begin(), out.common.end(),
+                                [&](const CommonError& e) { return e.name == error.name; });
+      if (whole == out.common.end()) {
+        whole = out.common.insert(whole, {error.name, Eigen::VectorXd::Zero(rows)});
+      }
+      whole->by.segment(row, size) = error.by;
+    }
     row += size;
     column += pixels;
   }
@@ -94,6 +102,7 @@ FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constra
     if (common_scale_sigma > 0.0 && out.size() > 0) {
       const Eigen::VectorXd by_scale = common_scale_sigma * by_whole_scale(road, out);
       out.covariance += by_scale * by_scale.transpose();
+      out.common.push_back({"size_population", by_scale});
     }
     return out;
   };

@@ -19,7 +19,8 @@ struct FusedRoad {
 /// and the rest compared again.
 /// @param constraints  linearised at `road`; without measurements: reported only.
 /// @param common_scale_sigma  standard deviation of an error of the logarithm of the scale that all
-///                     constraints have in common, beside their own.
+///                     constraints have in common, beside their own: as the common error
+///                     "size_population" of the road (SharedEstimate).
 FusedRoad fuse(const RoadPosterior& road, const std::vector<Constraint>& constraints,
                double common_scale_sigma = 0.0);
 
