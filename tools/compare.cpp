@@ -6,11 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
@@ -20,11 +18,12 @@
 #include "camber/core/referred_file.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
-#include "camber/evaluate/depth_truth.h"
 #include "camber/evaluate/m3c2.h"
+#include "camber/evaluate/number_files.h"
+#include "camber/evaluate/scene_truth.h"
+#include "camber/export/crg_mesh.h"
 #include "camber/export/opendrive_reader.h"
 #include "camber/image/image_io.h"
-#include "camber/import/import_synthia.h"
 #include "camber/render/comparison_pictures.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
@@ -60,58 +59,6 @@ struct Arguments {
   bool no_road_frame = false, overwrite = false, as_json = false, confine = false;
 };
 
-/// Numbers of a text file, blanks or commas between them, # to the end of a line ignored.
-std::vector<double> read_numbers(const std::string& path, std::size_t multiple,
-                                 const std::string& expected) {
-  std::ifstream in(path);
-  if (!in) throw InputError(path, "cannot be opened");
-  std::vector<double> numbers;
-  std::string line;
-  for (std::size_t row = 1; std::getline(in, line); ++row) {
-    line = line.substr(0, line.find('#'));
-    for (char& c : line) {
-      if (c == ',' || c == ';' || c == '\r') c = ' ';
-    }
-    std::istringstream words(line);
-    std::string word;
-    while (words >> word) {
-      char* end = nullptr;
-      const double value = std::strtod(word.c_str(), &end);
-      if (*end != '\0' || !std::isfinite(value)) {
-        throw InputError(path, "line " + std::to_string(row),
-                         "found '" + word.substr(0, 40) + "', expected a number");
-      }
-      numbers.push_back(value);
-      if (numbers.size() > 6000000)
-        throw InputError(path, "more numbers than expected: " + expected);
-    }
-  }
-  if (numbers.empty() || numbers.size() % multiple != 0) {
-    throw InputError(path,
-                     "found " + std::to_string(numbers.size()) + " numbers, expected " + expected);
-  }
-  return numbers;
-}
-
-Eigen::Matrix4d read_matrix(const std::string& path) {
-  const std::vector<double> n = read_numbers(path, 4, "16, or 12 for three rows");
-  if (n.size() != 16 && n.size() != 12) {
-    throw InputError(
-        path, "found " + std::to_string(n.size()) + " numbers, expected 16, or 12 for three rows");
-  }
-  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
-  for (std::size_t i = 0; i < n.size(); ++i) {
-    m(static_cast<Eigen::Index>(i / 4), static_cast<Eigen::Index>(i % 4)) = n[i];
-  }
-  if ((m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-9 ||
-      !(std::abs(m.topLeftCorner<3, 3>().determinant()) > 1e-12)) {
-    throw InputError(path,
-                     "the numbers are no transform, expected an invertible matrix whose last "
-                     "row is 0 0 0 1");
-  }
-  return m;
-}
-
 bool is_scene(const fs::path& path) {
   std::error_code error;
   if (fs::is_directory(path, error)) return fs::exists(path / "scene.json", error);
@@ -135,42 +82,15 @@ fs::path cloud_of(const std::string& path) {
   return is_result(path) ? road_folder(path) / "road.ply" : fs::path(path);
 }
 
-/// The known cells of an OpenCRG road as a mesh.
-Shape crg_mesh(const fs::path& path, const fs::path& folder, const LogSink& warn) {
+/// The known cells of an OpenCRG road.
+Shape read_crg_shape(const fs::path& path, const fs::path& folder, const LogSink& warn) {
   const CrgData data = read_crg(path, folder);
   protect_inputs(data.files);
   for (const std::string& remark : data.remarks) {
     if (warn) warn(path.string() + ": " + remark);
   }
-  const CrgRoad road(data, false);
-  const std::size_t columns = data.v.size();
-  Shape shape;
-  shape.cloud.frame = CloudFrame::kZUp;
-  shape.cloud.origin = {data.start_x, data.start_y, data.start_z};
-  std::vector<std::int64_t> index(data.heights.size(), -1);
-  for (std::size_t i = 0; i < road.sections(); ++i) {
-    for (std::size_t j = 0; j < columns; ++j) {
-      const double z = road.node(i, j);
-      if (std::isnan(z)) continue;
-      const double u = road.first_u() + static_cast<double>(i) * road.increment();
-      const Eigen::Vector2d place = road.position(u, data.v[j]);
-      index[i * columns + j] = static_cast<std::int64_t>(shape.cloud.size());
-      shape.cloud.points.push_back(
-          (Eigen::Vector3d(place.x(), place.y(), z) - shape.cloud.origin).cast<float>());
-    }
-  }
-  for (std::size_t i = 0; i + 1 < road.sections(); ++i) {
-    for (std::size_t j = 0; j + 1 < columns; ++j) {
-      const std::int64_t corners[4] = {index[i * columns + j], index[(i + 1) * columns + j],
-                                       index[(i + 1) * columns + j + 1],
-                                       index[i * columns + j + 1]};
-      if (*std::min_element(corners, corners + 4) < 0) continue;
-      const auto c = [&](int k) { return static_cast<std::uint32_t>(corners[k]); };
-      shape.triangles.push_back({c(0), c(1), c(2)});
-      shape.triangles.push_back({c(0), c(2), c(3)});
-    }
-  }
-  return shape;
+  CrgMesh mesh = crg_mesh(data);
+  return {std::move(mesh.cloud), std::move(mesh.triangles)};
 }
 
 /// The lanes of all roads of an OpenDRIVE file as a mesh.
@@ -231,7 +151,7 @@ void warn_of_other_place(const StatedPlace& estimate, const StatedPlace& truth,
 Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
                  bool own_size = true, const fs::path& folder = {}, StatedPlace* place = nullptr) {
   if (is_crg(path)) {
-    Shape shape = crg_mesh(path, folder, warn);
+    Shape shape = read_crg_shape(path, folder, warn);
     if (!shape.is_mesh()) throw NoAnswerError(path.string() + ": no cell has four known corners");
     return shape;
   }
@@ -251,57 +171,13 @@ Shape read_shape(const fs::path& path, ReadOptions options, const LogSink& warn,
   return shape;
 }
 
-int reference_frame(const std::optional<RunDocument>& run, const Scene& scene) {
-  if (run) {
-    for (const RunDocument::CameraPose& camera : run->cameras) {
-      if (camera.reference_from_camera.matrix().isIdentity(1e-9)) return camera.id;
-    }
-  }
-  std::vector<int> ids;
-  for (const SceneFrame& frame : scene.frames) ids.push_back(frame.id);
-  return choose_reference_frame(scene, ids);
-}
-
-/// The ground that a scene's true depth shows in a frame; beyond 100 m pixels are far apart.
-/// SYNTHIA's label images name road and pavement; of other depth everything is taken.
-Shape read_depth_truth(const std::string& path, const Scene& scene, int frame) {
-  constexpr double kLargest = 100.0;  // m
-  for (const TruthFrame& truth : scene.truth->frames) {
-    if (truth.id != frame || truth.depth.empty()) continue;
-    const DepthImage depth = read_depth_image(truth.depth, truth.depth_encoding, scene.camera);
-    std::optional<Image> labels;
-    if (truth.depth_encoding == "synthia" && !truth.label.empty()) {
-      labels = read_label_image(truth.label, scene.camera);
-    }
-    Shape ground =
-        ground_mesh_from_depth(depth, scene.camera, labels ? &*labels : nullptr,
-                               {kSynthiaRoad, kSynthiaSidewalk, kSynthiaRoadLines}, kLargest);
-    if (!ground.is_mesh()) {
-      throw NoAnswerError(fmt::format("{}: no ground in the depth of frame {}", path, frame));
-    }
-    return ground;
-  }
-  throw NoAnswerError(
-      fmt::format("{}: the scene has no truth cloud and no true depth of frame {}", path, frame));
-}
-
 /// The truth cloud of a scene, and the transform that takes it to the reference camera.
 Shape read_scene_truth(const std::string& path, const Scene& scene, int reference,
                        const ReadOptions& options, ScenePaths paths, const LogSink& warn,
                        Eigen::Matrix4d* reference_from_truth) {
   if (!scene.truth) throw NoAnswerError(path + ": the scene has no truth");
-  if (scene.truth->cloud.empty()) return read_depth_truth(path, scene, reference);
-  const auto pose = [&](int id) {
-    for (const TruthFrame& frame : scene.truth->frames) {
-      if (frame.id == id && frame.world_from_camera) return *frame.world_from_camera;
-    }
-    throw NoAnswerError(fmt::format("{}: no true pose of frame {}", path, id));
-  };
-  if (!(scene.truth->cloud_frame && *scene.truth->cloud_frame == reference)) {
-    SE3 world_from_cloud;
-    if (scene.truth->cloud_frame) world_from_cloud = pose(*scene.truth->cloud_frame);
-    *reference_from_truth = (pose(reference).inverse() * world_from_cloud).matrix();
-  }
+  if (scene.truth->cloud.empty()) return ground_of_true_depth(path, scene, reference);
+  *reference_from_truth = frame_from_truth_cloud(path, scene, reference);
   const fs::path& cloud = scene.truth->cloud;
   const fs::path folder = paths == ScenePaths::kConfined ? folder_of_manifest(path) : fs::path();
   return read_referred_file(
@@ -344,7 +220,7 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
   if (!is_result(args.truth) && is_scene(args.truth)) {
     const Scene scene = read_scene(args.truth, warn, scene_paths(args.confine));
     protect_inputs(files_of(scene));
-    in.truth = read_scene_truth(args.truth, scene, reference_frame(in.run, scene), reading,
+    in.truth = read_scene_truth(args.truth, scene, frame_of_result(in.run, scene), reading,
                                 scene_paths(args.confine), warn, &options->estimate_from_truth);
     if (in.camera.empty()) in.camera = args.truth;
     // Depth shows what its camera sees, and nothing of what lies behind a crest.
@@ -356,17 +232,8 @@ Inputs read_inputs(const Arguments& args, const LogSink& warn, CompareOptions* o
       warn_of_other_place(estimate, truth, warn);
     }
   }
-  if (!args.transform.empty()) options->estimate_from_truth = read_matrix(args.transform);
+  if (!args.transform.empty()) options->estimate_from_truth = read_transform(args.transform);
   return in;
-}
-
-/// Rows x y z of the estimate, x y z of the truth.
-void read_pairs(const std::string& path, CompareOptions* options) {
-  const std::vector<double> n = read_numbers(path, 6, "rows of 6");
-  for (std::size_t i = 0; i < n.size(); i += 6) {
-    options->pairs.emplace_back(Eigen::Vector3d(n[i], n[i + 1], n[i + 2]),
-                                Eigen::Vector3d(n[i + 3], n[i + 4], n[i + 5]));
-  }
 }
 
 /// The views of a scene's camera: at the poses of the run, else at the coordinates' zero.
@@ -426,7 +293,7 @@ CompareOptions checked_options(const Command& command, const Arguments& args) {
 /// Reads the shapes and completes the options with what lies in files or depends on them.
 Inputs load(const Arguments& args, const LogSink& warn, CompareOptions* options) {
   Inputs in = read_inputs(args, warn, options);
-  if (!args.pairs.empty()) read_pairs(args.pairs, options);
+  if (!args.pairs.empty()) options->pairs = read_point_pairs(args.pairs);
   if (in.camera.empty() && std::isfinite(args.options.farthest)) {
     throw UsageError(
         "--farthest: expected the camera, too: --camera SCENE, or a scene as the truth");
@@ -494,37 +361,6 @@ void warn_of_other_heights(const StatedPlace& later, const StatedPlace& earlier,
   }
 }
 
-json change_json(const Arguments& args, const CloudChange& change) {
-  const auto number = [](double value) {
-    return std::isfinite(value) ? json(value) : json(nullptr);
-  };
-  return {{"method", args.method},
-          {"later", args.estimate},
-          {"earlier", args.truth},
-          {"metric", change.metric},
-          {"core_points", change.cores.size()},
-          {"measured", change.measured},
-          {"significant", change.significant},
-          {"change_mean", number(change.mean)},
-          {"change_median", number(change.median)},
-          {"detection_limit_95", number(change.median_limit)},
-          {"gain",
-           {{"area", change.gain_area},
-            {"volume", change.gain_volume},
-            {"sigma_volume", change.gain_volume_sigma}}},
-          {"loss",
-           {{"area", change.loss_area},
-            {"volume", change.loss_volume},
-            {"sigma_volume", change.loss_volume_sigma}}},
-          {"net", {{"volume", change.net_volume}, {"sigma_volume", change.net_volume_sigma}}},
-          {"used",
-           {{"normal_scale", change.used.normal_scale},
-            {"cylinder", change.used.cylinder},
-            {"core_spacing", change.used.core_spacing},
-            {"max_depth", change.used.max_depth},
-            {"registration_sigma", change.used.registration_sigma}}}};
-}
-
 json change_options_json(const Arguments& args, const M3c2Options& options) {
   return {{"method", args.method},
           {"normal_scale", options.normal_scale},
@@ -582,7 +418,10 @@ int run_change(const Command& command, const Arguments& args) {
   const CloudChange change = measure_change(later.cloud, earlier.cloud, options);
   compute.stop();
   StageTimer write(timings, "write");
-  json result = change_json(args, change);
+  json result = to_json(change);
+  result["method"] = args.method;
+  result["later"] = args.estimate;
+  result["earlier"] = args.truth;
   if (folder) {
     const fs::path at = folder->staging();
     write_json(result, at / "change.json");

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <tuple>
 
@@ -352,6 +353,34 @@ std::string describe(const CloudChange& change) {
       change.used.vertical ? 0.0 : change.used.normal_scale, m, change.used.cylinder, m,
       change.used.max_depth, m, change.used.core_spacing, m, change.used.registration_sigma, m);
   return out;
+}
+
+nlohmann::json to_json(const CloudChange& change) {
+  const auto number = [](double value) {
+    return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+  };
+  return {{"metric", change.metric},
+          {"core_points", change.cores.size()},
+          {"measured", change.measured},
+          {"significant", change.significant},
+          {"change_mean", number(change.mean)},
+          {"change_median", number(change.median)},
+          {"detection_limit_95", number(change.median_limit)},
+          {"gain",
+           {{"area", change.gain_area},
+            {"volume", change.gain_volume},
+            {"sigma_volume", change.gain_volume_sigma}}},
+          {"loss",
+           {{"area", change.loss_area},
+            {"volume", change.loss_volume},
+            {"sigma_volume", change.loss_volume_sigma}}},
+          {"net", {{"volume", change.net_volume}, {"sigma_volume", change.net_volume_sigma}}},
+          {"used",
+           {{"normal_scale", change.used.normal_scale},
+            {"cylinder", change.used.cylinder},
+            {"core_spacing", change.used.core_spacing},
+            {"max_depth", change.used.max_depth},
+            {"registration_sigma", change.used.registration_sigma}}}};
 }
 
 }  // namespace camber

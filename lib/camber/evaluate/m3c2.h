@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <limits>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -69,5 +70,7 @@ CloudChange measure_change(const RoadCloud& later, const RoadCloud& earlier,
 
 /// A few lines for a person: the signed change and its detection limit first.
 std::string describe(const CloudChange& change);
+/// change.json, without the names of the clouds. Not finite numbers are null.
+nlohmann::json to_json(const CloudChange& change);
 
 }  // namespace camber

@@ -12,10 +12,9 @@
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
 #include "camber/core/version.h"
-#include "camber/export/detail/series.h"
 #include "camber/export/crg_strip.h"
-#include "camber/image/image_io.h"
-#include "camber/image/srgb.h"
+#include "camber/export/detail/gltf_file.h"
+#include "camber/export/detail/series.h"
 
 namespace camber {
 
@@ -228,115 +227,42 @@ std::string encode_obj(const RoadMesh& mesh) {
 
 std::string encode_glb(const RoadMesh& mesh) {
   using nlohmann::json;
-  const Vector3d origin = mesh.points.front() + Vector3d::Zero();  // -0 becomes 0
-  const auto turned = [](const Vector3d& p) { return Vector3d(-p.y(), p.z(), -p.x()); };
-  std::string data;
-  Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity());
-  Eigen::Vector3f high = -low;
-  for (const Vector3d& point : mesh.points) {
-    const Eigen::Vector3f p = turned(point - origin).cast<float>();
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-    for (int k = 0; k < 3; ++k) append(&data, p[k]);
-  }
-  const std::size_t normals_at = data.size();
-  for (const Vector3d& normal : mesh.normals) {
-    const Eigen::Vector3f n = turned(normal).cast<float>();
-    for (int k = 0; k < 3; ++k) append(&data, n[k]);
-  }
-  const std::size_t colors_at = data.size();
+  detail::GltfFile file(mesh.points.front());
+  const auto turned = [](const Vector3d& p) {
+    return Eigen::Vector3f(Vector3d(-p.y(), p.z(), -p.x()).cast<float>());
+  };
+  std::vector<Eigen::Vector3f> points, normals;
+  for (const Vector3d& point : mesh.points) points.push_back(turned(point - mesh.points.front()));
+  for (const Vector3d& normal : mesh.normals) normals.push_back(turned(normal));
+  json attributes;
+  attributes["POSITION"] = file.positions(points);
+  attributes["NORMAL"] = file.vectors(normals);
   const Image& texture = mesh.texture;
   const bool textured = !texture.data.empty();
   if (textured) {
+    std::vector<Eigen::Vector2f> places;
     for (std::size_t i = 0; i < mesh.points.size(); ++i) {
       const auto column = static_cast<double>(i % mesh.columns),
                  row = static_cast<double>(i / mesh.columns);
-      append(&data, static_cast<float>((column * mesh.texels + 0.5) / texture.width));
-      append(&data, static_cast<float>((row * mesh.texels + 0.5) / texture.height));
+      places.emplace_back(static_cast<float>((column * mesh.texels + 0.5) / texture.width),
+                          static_cast<float>((row * mesh.texels + 0.5) / texture.height));
     }
-  } else {
-    for (const auto& c : mesh.colors) {  // of files sRGB, of glTF's vertices linear
-      for (const std::uint8_t value : {c[0], c[1], c[2], std::uint8_t{255}}) {
-        append(&data, static_cast<std::uint16_t>(std::lround(65535.0 * linear_from_srgb(value))));
-      }
-    }
-  }
-  const std::size_t indices_at = data.size();
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::uint32_t corner : triangle) append(&data, corner);
-  }
-  const std::size_t n = mesh.points.size();
-  json views = json::array(), accessors = json::array(), attributes;
-  const auto add = [&](std::size_t at, std::size_t size, int target, json accessor) {
-    accessor["bufferView"] = views.size();
-    views.push_back({{"buffer", 0}, {"byteOffset", at}, {"byteLength", size}, {"target", target}});
-    accessors.push_back(std::move(accessor));
-    return accessors.size() - 1;
-  };
-  constexpr int kArray = 34962, kIndices = 34963, kFloat = 5126, kHalfWord = 5123, kWord = 5125;
-  attributes["POSITION"] = add(0, normals_at, kArray,
-                               {{"componentType", kFloat},
-                                {"count", n},
-                                {"type", "VEC3"},
-                                {"min", {low.x(), low.y(), low.z()}},
-                                {"max", {high.x(), high.y(), high.z()}}});
-  attributes["NORMAL"] = add(normals_at, colors_at - normals_at, kArray,
-                             {{"componentType", kFloat}, {"count", n}, {"type", "VEC3"}});
-  if (textured) {
-    attributes["TEXCOORD_0"] = add(colors_at, indices_at - colors_at, kArray,
-                                   {{"componentType", kFloat}, {"count", n}, {"type", "VEC2"}});
+    attributes["TEXCOORD_0"] = file.coordinates(places);
   } else if (!mesh.colors.empty()) {
-    attributes["COLOR_0"] =
-        add(colors_at, indices_at - colors_at, kArray,
-            {{"componentType", kHalfWord}, {"normalized", true}, {"count", n}, {"type", "VEC4"}});
+    attributes["COLOR_0"] = file.colors(mesh.colors);
   }
-  const std::size_t indices =
-      add(indices_at, data.size() - indices_at, kIndices,
-          {{"componentType", kWord}, {"count", 3 * mesh.triangles.size()}, {"type", "SCALAR"}});
+  std::vector<std::uint32_t> corners;
+  for (const auto& t : mesh.triangles) corners.insert(corners.end(), t.begin(), t.end());
+  const int indices = file.indices(corners);
   json surface = {{"metallicFactor", 0.0}, {"roughnessFactor", 1.0}};
-  if (textured) {
-    const std::string png = encode_png(texture);
-    surface["baseColorTexture"] = {{"index", 0}};
-    views.push_back({{"buffer", 0}, {"byteOffset", data.size()}, {"byteLength", png.size()}});
-    data += png;
-  }
-  json document = {
-      {"asset",
-       {{"version", "2.0"},
-        {"generator", std::string("Camber ") + kVersion},
-        {"extras", {{"origin", {origin.x(), origin.y(), origin.z()}}}}}},
-      {"scene", 0},
-      {"scenes", {{{"nodes", {0}}}}},
-      {"nodes", {{{"name", "road"}, {"mesh", 0}}}},
-      {"materials", {{{"name", "road"}, {"pbrMetallicRoughness", surface}}}},
-      {"meshes",
-       {{{"name", "road"},
-         {"primitives", {{{"attributes", attributes}, {"indices", indices}, {"material", 0}}}}}}},
-      {"buffers", {{{"byteLength", data.size()}}}},
-      {"bufferViews", views},
-      {"accessors", accessors}};
-  if (textured) {
-    constexpr int kLinear = 9729, kMipmaps = 9987, kClamped = 33071;
-    document["images"] = {{{"bufferView", views.size() - 1}, {"mimeType", "image/png"}}};
-    document["samplers"] = {{{"magFilter", kLinear},
-                             {"minFilter", kMipmaps},
-                             {"wrapS", kClamped},
-                             {"wrapT", kClamped}}};
-    document["textures"] = {{{"source", 0}, {"sampler", 0}}};
-  }
-  std::string text = document.dump();
-  text.append((4 - text.size() % 4) % 4, ' ');
-  data.append((4 - data.size() % 4) % 4, '\0');
-  std::string out;
-  append(&out, std::uint32_t{0x46546c67});  // "glTF"
-  append(&out, std::uint32_t{2});
-  append(&out, static_cast<std::uint32_t>(28 + text.size() + data.size()));
-  append(&out, static_cast<std::uint32_t>(text.size()));
-  append(&out, std::uint32_t{0x4e4f534a});  // "JSON"
-  out += text;
-  append(&out, static_cast<std::uint32_t>(data.size()));
-  append(&out, std::uint32_t{0x004e4942});  // "BIN"
-  return out + data;
+  if (textured) surface["baseColorTexture"] = {{"index", file.texture(texture)}};
+  const int material =
+      file.add("materials", {{"name", "road"}, {"pbrMetallicRoughness", std::move(surface)}});
+  const int node = file.mesh_node(
+      "road",
+      json::array(
+          {{{"attributes", std::move(attributes)}, {"indices", indices}, {"material", material}}}));
+  return file.finish("road", {node});
 }
 
 }  // namespace camber

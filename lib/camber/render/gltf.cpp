@@ -11,8 +11,7 @@
 #include <vector>
 
 #include "camber/core/atomic_file.h"
-#include "camber/core/version.h"
-#include "camber/image/srgb.h"
+#include "camber/export/detail/gltf_file.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/wireframe.h"
@@ -20,163 +19,17 @@
 namespace camber {
 namespace {
 
+using detail::GltfFile;
 using nlohmann::json;
-
-// Numbers of the glTF 2.0 specification.
-constexpr int kFloat = 5126, kUnsignedInt = 5125, kUnsignedShort = 5123;
-constexpr int kArrayBuffer = 34962, kElementArrayBuffer = 34963;
-constexpr int kPoints = 0, kLines = 1, kTriangles = 4;
 
 /// From the picture's right, ahead, up to glTF's x, y up, -z ahead.
 Eigen::Vector3f to_gltf(const Eigen::Vector3d& x) {
   return {static_cast<float>(x.x()), static_cast<float>(x.z()), static_cast<float>(-x.y())};
 }
 
-class Document {
- public:
-  /// @param origin  of the file, in the input's coordinates.
-  explicit Document(const Eigen::Vector3d& origin) {
-    const Eigen::Vector3d place = origin + Eigen::Vector3d::Zero();  // -0 becomes 0
-    root_["asset"] = {{"version", "2.0"},
-                      {"generator", std::string("Camber ") + kVersion},
-                      {"extras", {{"origin", {place.x(), place.y(), place.z()}}}}};
-    root_["extensionsUsed"] = json::array({"KHR_materials_unlit"});
-    root_["scene"] = 0;
-    for (const char* list : {"nodes", "meshes", "materials", "accessors", "bufferViews"}) {
-      root_[list] = json::array();
-    }
-  }
-
-  /// Colours of files and screens are sRGB, those of glTF's factors and vertices are linear.
-  int material(const Color& color, const std::string& name) {
-    json m = {{"name", name},
-              {"pbrMetallicRoughness",
-               {{"baseColorFactor",
-                 {linear_from_srgb(color.red), linear_from_srgb(color.green),
-                  linear_from_srgb(color.blue), color.alpha}},
-                {"metallicFactor", 0.0},
-                {"roughnessFactor", 1.0}}},
-              {"doubleSided", true},
-              {"extensions", {{"KHR_materials_unlit", json::object()}}}};
-    if (color.alpha < 1.0) m["alphaMode"] = "BLEND";
-    return add("materials", std::move(m));
-  }
-
-  /// Positions, glTF axes. @return accessor.
-  int positions(const std::vector<Eigen::Vector3f>& points) {
-    Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max());
-    Eigen::Vector3f high = -low;
-    std::vector<float> values;
-    values.reserve(3 * points.size());
-    for (const Eigen::Vector3f& p : points) {
-      low = low.cwiseMin(p);
-      high = high.cwiseMax(p);
-      values.insert(values.end(), {p.x(), p.y(), p.z()});
-    }
-    const int view = buffer_view(values.data(), values.size() * sizeof(float), kArrayBuffer);
-    return add("accessors", {{"bufferView", view},
-                             {"componentType", kFloat},
-                             {"count", points.size()},
-                             {"type", "VEC3"},
-                             {"min", {low.x(), low.y(), low.z()}},
-                             {"max", {high.x(), high.y(), high.z()}}});
-  }
-
-  int colors(const std::vector<std::array<std::uint8_t, 3>>& inks) {
-    std::array<std::uint16_t, 256> linear;
-    for (int i = 0; i < 256; ++i) {
-      linear[static_cast<std::size_t>(i)] = static_cast<std::uint16_t>(
-          std::lround(65535.0 * linear_from_srgb(static_cast<std::uint8_t>(i))));
-    }
-    std::vector<std::uint16_t> values;
-    values.reserve(4 * inks.size());
-    for (const auto& ink : inks) {
-      values.insert(values.end(), {linear[ink[0]], linear[ink[1]], linear[ink[2]],
-                                   static_cast<std::uint16_t>(65535)});
-    }
-    const int view =
-        buffer_view(values.data(), values.size() * sizeof(std::uint16_t), kArrayBuffer);
-    return add("accessors", {{"bufferView", view},
-                             {"componentType", kUnsignedShort},
-                             {"normalized", true},
-                             {"count", inks.size()},
-                             {"type", "VEC4"}});
-  }
-
-  int scalars(const std::vector<float>& values) {
-    const int view = buffer_view(values.data(), values.size() * sizeof(float), kArrayBuffer);
-    return add("accessors", {{"bufferView", view},
-                             {"componentType", kFloat},
-                             {"count", values.size()},
-                             {"type", "SCALAR"}});
-  }
-
-  int indices(const std::vector<std::uint32_t>& values) {
-    const int view =
-        buffer_view(values.data(), values.size() * sizeof(std::uint32_t), kElementArrayBuffer);
-    return add("accessors", {{"bufferView", view},
-                             {"componentType", kUnsignedInt},
-                             {"count", values.size()},
-                             {"type", "SCALAR"}});
-  }
-
-  int add(const char* list, json value) {
-    root_[list].push_back(std::move(value));
-    return static_cast<int>(root_[list].size()) - 1;
-  }
-
-  int mesh_node(const std::string& name, json primitives, json extras = {}) {
-    const int mesh = add("meshes", {{"name", name}, {"primitives", std::move(primitives)}});
-    json node = {{"name", name}, {"mesh", mesh}};
-    if (!extras.empty()) node["extras"] = std::move(extras);
-    return add("nodes", std::move(node));
-  }
-
-  int group(const std::string& name, const std::vector<int>& children) {
-    return add("nodes", {{"name", name}, {"children", children}});
-  }
-
-  std::string finish(const std::string& name, const std::vector<int>& nodes) {
-    root_["scenes"] = json::array({{{"name", name.empty() ? "scene" : name}, {"nodes", nodes}}});
-    root_["buffers"] = json::array({{{"byteLength", binary_.size()}}});
-    // Empty lists are not allowed.
-    for (const char* list : {"meshes", "materials", "accessors", "bufferViews"}) {
-      if (root_[list].empty()) root_.erase(list);
-    }
-    std::string text = root_.dump(-1, ' ', false, json::error_handler_t::replace);
-    text.append((4 - text.size() % 4) % 4, ' ');
-    std::string out;
-    const auto put = [&](std::uint32_t value) {
-      for (int i = 0; i < 4; ++i) out.push_back(static_cast<char>(value >> (8 * i) & 255));
-    };
-    const std::size_t length = 12 + 8 + text.size() + 8 + binary_.size();
-    if (length > std::numeric_limits<std::uint32_t>::max()) {
-      throw std::invalid_argument("a glTF file holds at most 4 GiB: thin the points");
-    }
-    out += "glTF";
-    put(2);
-    put(static_cast<std::uint32_t>(length));
-    put(static_cast<std::uint32_t>(text.size()));
-    out += "JSON";
-    out += text;
-    put(static_cast<std::uint32_t>(binary_.size()));
-    out.append("BIN\0", 4);
-    out += binary_;
-    return out;
-  }
-
- private:
-  int buffer_view(const void* data, std::size_t bytes, int target) {
-    const std::size_t offset = binary_.size();
-    binary_.append(static_cast<const char*>(data), bytes);
-    binary_.append((4 - binary_.size() % 4) % 4, '\0');
-    return add("bufferViews",
-               {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes}, {"target", target}});
-  }
-
-  json root_;
-  std::string binary_;
-};
+int material(GltfFile& document, const Color& color, const std::string& name) {
+  return document.material({color.red, color.green, color.blue}, color.alpha, name);
+}
 
 json primitive(int positions, int indices, int material, int mode) {
   return {{"attributes", {{"POSITION", positions}}},
@@ -185,7 +38,7 @@ json primitive(int positions, int indices, int material, int mode) {
           {"mode", mode}};
 }
 
-int box_lines(Document& document, const OrientedBox& box, json* primitives, int material) {
+int box_lines(GltfFile& document, const OrientedBox& box, json* primitives, int material) {
   const auto corners = box.corners();
   std::vector<Eigen::Vector3f> points;
   for (int i = 0; i < 8; ++i) points.push_back(to_gltf(corners.col(i)));
@@ -195,7 +48,7 @@ int box_lines(Document& document, const OrientedBox& box, json* primitives, int 
     lines.push_back(static_cast<std::uint32_t>(b));
   }
   const int positions = document.positions(points);
-  primitives->push_back(primitive(positions, document.indices(lines), material, kLines));
+  primitives->push_back(primitive(positions, document.indices(lines), material, GltfFile::kLines));
   return positions;
 }
 
@@ -272,7 +125,7 @@ std::vector<std::uint32_t> triangulate(const std::vector<Eigen::Vector3d>& polyg
 }
 
 /// Every so many points that at most `most` remain (0: all).
-int points_node(Document& document, const PictureContent& content, const PictureSpace& space,
+int points_node(GltfFile& document, const PictureContent& content, const PictureSpace& space,
                 const GltfOptions& options) {
   const std::size_t most = options.max_points;
   std::size_t stride = 1;
@@ -287,8 +140,8 @@ int points_node(Document& document, const PictureContent& content, const Picture
   }
   json cloud = {{"attributes",
                  {{"POSITION", document.positions(points)}, {"COLOR_0", document.colors(inks)}}},
-                {"material", document.material({255, 255, 255, 1.0}, "points")},
-                {"mode", kPoints}};
+                {"material", material(document, {255, 255, 255, 1.0}, "points")},
+                {"mode", GltfFile::kPoints}};
   if (options.point_facts && content.cloud) {
     const RoadCloud& from = *content.cloud;
     const auto add = [&](const char* name, const auto& values) {
@@ -314,7 +167,7 @@ std::vector<std::uint32_t> closed_outline(std::size_t corners) {
   return lines;
 }
 
-int patches_node(Document& document, const RoadSurface* surface, const PictureSpace& space) {
+int patches_node(GltfFile& document, const RoadSurface* surface, const PictureSpace& space) {
   std::vector<int> nodes;
   std::array<int, 3> panes{-1, -1, -1}, rims{-1, -1, -1};  // materials, made when first used
   for (const PlacedPatch& patch : space.patches) {
@@ -323,15 +176,16 @@ int patches_node(Document& document, const RoadSurface* surface, const PictureSp
     const auto k = static_cast<std::size_t>(patch.kind);
     if (panes[k] < 0) {
       const std::string name = std::string(to_string(patch.kind)) + " patch";
-      panes[k] = document.material(patch_color(patch.kind).with_alpha(0.25), name);
-      rims[k] = document.material(patch_color(patch.kind), name + " outline");
+      panes[k] = material(document, patch_color(patch.kind).with_alpha(0.25), name);
+      rims[k] = material(document, patch_color(patch.kind), name + " outline");
     }
     const int positions = document.positions(points);
     json primitives = json::array();
-    primitives.push_back(
-        primitive(positions, document.indices(triangulate(patch.boundary)), panes[k], kTriangles));
-    primitives.push_back(primitive(
-        positions, document.indices(closed_outline(patch.boundary.size())), rims[k], kLines));
+    primitives.push_back(primitive(positions, document.indices(triangulate(patch.boundary)),
+                                   panes[k], GltfFile::kTriangles));
+    primitives.push_back(primitive(positions,
+                                   document.indices(closed_outline(patch.boundary.size())), rims[k],
+                                   GltfFile::kLines));
     nodes.push_back(document.mesh_node("patch " + std::to_string(patch.id), primitives,
                                        facts(*surface->find(patch.id), *surface, space.unit)));
   }
@@ -339,7 +193,7 @@ int patches_node(Document& document, const RoadSurface* surface, const PictureSp
 }
 
 /// The body's faces and its wireframe.
-void wireframe_primitives(Document& document, const PlacedVehicle& vehicle, const Color& color,
+void wireframe_primitives(GltfFile& document, const PlacedVehicle& vehicle, const Color& color,
                           json* primitives) {
   std::vector<Eigen::Vector3f> points;
   for (const Eigen::Vector3d& x : vehicle.keypoints) points.push_back(to_gltf(x));
@@ -353,29 +207,29 @@ void wireframe_primitives(Document& document, const PlacedVehicle& vehicle, cons
   }
   const int positions = document.positions(points);
   primitives->push_back(primitive(positions, document.indices(faces),
-                                  document.material(color.with_alpha(0.6), vehicle.name + " body"),
-                                  kTriangles));
-  primitives->push_back(
-      primitive(positions, document.indices(lines),
-                document.material(darker(color, 0.5), vehicle.name + " wireframe"), kLines));
+                                  material(document, color.with_alpha(0.6), vehicle.name + " body"),
+                                  GltfFile::kTriangles));
+  primitives->push_back(primitive(
+      positions, document.indices(lines),
+      material(document, darker(color, 0.5), vehicle.name + " wireframe"), GltfFile::kLines));
 }
 
-int vehicles_node(Document& document, const PictureSpace& space) {
+int vehicles_node(GltfFile& document, const PictureSpace& space) {
   std::vector<int> nodes;
   for (const PlacedVehicle& vehicle : space.vehicles) {
     const Color color = vehicle_color(vehicle);
     json primitives = json::array();
     if (vehicle.wireframe) wireframe_primitives(document, vehicle, color, &primitives);
     box_lines(document, vehicle.box, &primitives,
-              document.material(darker(color, 0.7), vehicle.name + " box"));
+              material(document, darker(color, 0.7), vehicle.name + " box"));
     nodes.push_back(document.mesh_node(vehicle.name, primitives, facts(vehicle, space.unit)));
   }
   return document.group("vehicles", nodes);
 }
 
-int truth_node(Document& document, const PictureSpace& space) {
+int truth_node(GltfFile& document, const PictureSpace& space) {
   std::vector<int> nodes;
-  const int red = document.material(kTruthRed, "truth");
+  const int red = material(document, kTruthRed, "truth");
   for (const PlacedVehicle& vehicle : space.truth) {
     json primitives = json::array();
     box_lines(document, vehicle.box, &primitives, red);
@@ -386,19 +240,19 @@ int truth_node(Document& document, const PictureSpace& space) {
 }
 
 /// A mesh of lines alone.
-int lines_node(Document& document, const std::string& name,
+int lines_node(GltfFile& document, const std::string& name,
                const std::vector<Eigen::Vector3f>& points, const std::vector<std::uint32_t>& lines,
                int material) {
   return document.mesh_node(
       name, json::array({primitive(document.positions(points), document.indices(lines), material,
-                                   kLines)}));
+                                   GltfFile::kLines)}));
 }
 
 /// The camera's pyramid in each pose, where `camera` is known, and the path between the poses.
-std::vector<int> camera_nodes(Document& document, const PictureSpace& space,
+std::vector<int> camera_nodes(GltfFile& document, const PictureSpace& space,
                               const PinholeCamera* camera) {
   std::vector<int> nodes;
-  const int ink = document.material(kInk, "camera");
+  const int ink = material(document, kInk, "camera");
   const double depth =
       std::clamp(0.015 * std::max(space.ahead.span(), space.right.span()), 0.3, 20.0);
   std::vector<Eigen::Vector3f> path;
@@ -433,7 +287,7 @@ void GltfOptions::validate() const {
 std::string encode_glb(const PictureContent& content, const GltfOptions& options) {
   options.validate();
   const PictureSpace space = make_picture_space(content, options.show_truth, options.color);
-  Document document(space.picture_from_reference.inverse().translation());
+  GltfFile document(space.picture_from_reference.inverse().translation());
   std::vector<int> top;
   if (!space.points.empty()) top.push_back(points_node(document, content, space, options));
   if (!space.patches.empty()) top.push_back(patches_node(document, content.surface, space));
