@@ -140,7 +140,7 @@ TEST(DrivenStrip, StripFollowsATurn) {
   EXPECT_NEAR(scale_error(ego), 0.0, 0.01);
   EXPECT_GT(ego.line[10].x(), 0.3 * kCurvature * 100.0 / kMetresPerUnit * 0.5);
   EgoPlaneOptions straight = options_of_camera();
-  straight.path_curvature = 1e-6;
+  straight.path.curvature = 1e-6;
   EXPECT_GT(std::abs(scale_error(fit(road, straight))), 2.0 * std::abs(scale_error(ego)));
 }
 

@@ -17,23 +17,57 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kMostAgree = 0.5;  // share of the points from which on no other start is tried
 
-/// Robust plane through points: u = c + alpha b + beta a in a road frame.
-Eigen::Vector3d robust_plane(const std::vector<Eigen::Vector3d>& abu, double noise) {
+/// The road ahead in the travel frame: (right, ahead, up), unit of the points.
+struct RoadAhead {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<double> distances;  ///< ahead, ascending, of those that may be the near road
+  double nearest() const { return distances[distances.size() / 50]; }
+};
+
+template <typename MayBeNear>
+RoadAhead road_ahead(const RoadPoints& road, const detail::TravelFrame& frame,
+                     const MayBeNear& may_be_near) {
+  RoadAhead out;
+  out.points.reserve(road.points.size());
+  for (const Eigen::Vector3d& p : road.points) {
+    out.points.push_back(frame.of(p));
+    if (may_be_near(out.points.back())) out.distances.push_back(out.points.back().y());
+  }
+  std::sort(out.distances.begin(), out.distances.end());
+  return out;
+}
+
+/// Heights of the near road: of the foot, along the travelled line and across it.
+struct NearShape {
+  double (*along)(double ahead);   ///< by which the second coefficient grows
+  double (*spread)(double ahead);  ///< of a height, relative to other points
+  double cross_slope_information;  ///< prior of a level road, over that of one height
+  double least_information;        ///< of any coefficient, likewise
+};
+
+constexpr NearShape kPlane = {[](double ahead) { return ahead; }, [](double) { return 1.0; }, 0.0,
+                              1e-9};
+/// Leaves the foot along the direction of travel; noise of 0.03 over a cross slope of 0.1 rad.
+constexpr NearShape kParabola = {[](double ahead) { return 0.5 * ahead * ahead; },
+                                 [](double ahead) { return ahead; }, 0.3 * 0.3, 0.0};
+
+/// Coefficients of a shape through points, travel frame, by weights after Geman and McClure.
+/// @param noise  of a height over its spread, of each round; infinite: all count alike.
+Eigen::Vector3d robust_fit(const std::vector<Eigen::Vector3d>& points, const NearShape& shape,
+                           const std::vector<double>& noise) {
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
-  std::vector<double> weight(abu.size(), 1.0);
-  for (int iteration = 0; iteration < 6; ++iteration) {
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
+  for (const double n : noise) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * shape.least_information;
+    normal(2, 2) += shape.cross_slope_information;
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    for (std::size_t i = 0; i < abu.size(); ++i) {
-      const Eigen::Vector3d row(1.0, abu[i].y(), abu[i].x());
-      normal += weight[i] * row * row.transpose();
-      right += weight[i] * row * abu[i].z();
+    for (const Eigen::Vector3d& p : points) {
+      const Eigen::Vector3d row(1.0, shape.along(p.y()), p.x());
+      const double spread = shape.spread(p.y()), r = (p.z() - x.dot(row)) / spread;
+      const double weight = 1.0 / (spread * spread * std::pow(1.0 + r * r / (n * n), 2));
+      normal += weight * row * row.transpose();
+      right += weight * row * p.z();
     }
     x = normal.ldlt().solve(right);
-    for (std::size_t i = 0; i < abu.size(); ++i) {
-      const double r = abu[i].z() - x.dot(Eigen::Vector3d(1.0, abu[i].y(), abu[i].x()));
-      weight[i] = 1.0 / std::pow(1.0 + r * r / (noise * noise), 2);  // Geman and McClure
-    }
   }
   return x;
 }
@@ -44,27 +78,30 @@ struct NearRoad {
   double begins = 0.0;        ///< ahead of the camera
 };
 
+void turn_to_cross_slope(double slope, detail::TravelFrame* frame) {
+  frame->up = (frame->up - slope * frame->right).normalized();
+  frame->right = frame->forward.cross(frame->up);
+}
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr const char* kNotBelow = "the nearest points do not lie below the camera";
+
 /// Turns the frame about the direction of travel to the cross slope of the nearest road, whose
 /// height below the camera gives a first scale: near points lie about one camera height below the
 /// travelled line. @return why there is none; empty: there is one.
 std::string fit_near_plane(const RoadPoints& road, double camera_height, detail::TravelFrame* frame,
                            NearRoad* out) {
-  std::vector<Eigen::Vector3d> abu;
-  abu.reserve(road.points.size());
-  std::vector<double> ahead;
   const auto below_and_ahead = [](const Eigen::Vector3d& p) {
     return p.y() > 0 && p.z() < 0 && std::abs(p.x()) < p.y();
   };
-  for (const Eigen::Vector3d& p : road.points) {
-    abu.push_back(frame->of(p));
-    if (below_and_ahead(abu.back())) ahead.push_back(abu.back().y());
-  }
-  if (ahead.size() < 30) return "too few road points ahead of and below the camera";
-  std::sort(ahead.begin(), ahead.end());
-  const double nearest = ahead[ahead.size() / 50];
+  RoadAhead ahead = road_ahead(road, *frame, below_and_ahead);
+  if (ahead.distances.size() < 30) return "too few road points ahead of and below the camera";
+  const double nearest = ahead.nearest();
   std::vector<double> below;
-  for (const Eigen::Vector3d& p : abu) {
-    if (below_and_ahead(p) && p.y() <= ahead[ahead.size() / 4]) below.push_back(-p.z());
+  for (const Eigen::Vector3d& p : ahead.points) {
+    if (below_and_ahead(p) && p.y() <= ahead.distances[ahead.distances.size() / 4]) {
+      below.push_back(-p.z());
+    }
   }
   std::nth_element(below.begin(), below.begin() + static_cast<std::ptrdiff_t>(below.size() / 2),
                    below.end());
@@ -72,74 +109,55 @@ std::string fit_near_plane(const RoadPoints& road, double camera_height, detail:
   for (int round = 0; round < 4; ++round) {
     const double window = std::max(1.3 * nearest, nearest + 6.0 / camera_height * height);
     std::vector<Eigen::Vector3d> near;
-    for (const Eigen::Vector3d& p : abu) {
+    for (const Eigen::Vector3d& p : ahead.points) {
       if (p.y() > 0 && p.y() < window && std::abs(p.x()) < 0.6 * p.y() &&
           std::abs(p.z() + height) < 0.5 * height) {
         near.push_back(p);
       }
     }
     if (near.size() < 20) return "too few road points near the camera";
-    const Eigen::Vector3d plane = robust_plane(near, (round == 0 ? 0.1 : 0.03) * height);
-    if (!(plane.x() < 0)) return "the nearest points do not lie below the camera";
-    height = -plane.x() / std::sqrt(1.0 + plane.y() * plane.y() + plane.z() * plane.z());
-    frame->up = (frame->up - plane.z() * frame->right).normalized();
-    frame->right = frame->forward.cross(frame->up);
-    for (std::size_t i = 0; i < abu.size(); ++i) abu[i] = frame->of(road.points[i]);
+    const double noise = (round == 0 ? 0.1 : 0.03) * height;
+    const Eigen::Vector3d x =
+        robust_fit(near, kPlane, {kInfinite, noise, noise, noise, noise, noise});
+    if (!(x[0] < 0)) return kNotBelow;
+    height = -x[0] / std::sqrt(1.0 + x[1] * x[1] + x[2] * x[2]);
+    turn_to_cross_slope(x[2], frame);
+    for (std::size_t i = 0; i < ahead.points.size(); ++i) {
+      ahead.points[i] = frame->of(road.points[i]);
+    }
   }
   *out = {height, nearest};
   return "";
 }
 
-/// The same by a parabola that leaves the foot under the camera along the direction of travel, for
-/// roads that rise ahead so soon that a plane through what is seen of them does not pass below the
-/// camera.
+/// The same by a parabola, for roads that rise ahead so soon that a plane through what is seen of
+/// them does not pass below the camera.
 std::string fit_near_parabola(const RoadPoints& road, double /*camera_height*/,
                               detail::TravelFrame* frame, NearRoad* out) {
-  constexpr double kWindow = 4.0;           // of the distance to the nearest road
-  constexpr double kCrossSlope = 0.1;       // rad, standard deviation
-  constexpr double kNoise = 0.03;           // of a point's height over its distance
-  constexpr int kRounds = 8, kFewest = 30;  // points
-  std::vector<Eigen::Vector3d> abu;
-  std::vector<double> ahead;
-  for (const Eigen::Vector3d& p : road.points) {
-    abu.push_back(frame->of(p));
-    if (abu.back().y() > 0) ahead.push_back(abu.back().y());
-  }
-  if (ahead.size() < kFewest) return "too few road points ahead of the camera";
-  std::sort(ahead.begin(), ahead.end());
-  const double nearest = ahead[ahead.size() / 50];
+  constexpr double kWindow = 4.0;      // of the distance to the nearest road
+  constexpr std::size_t kFewest = 30;  // points
+  // Shares of a point's distance.
+  const std::vector<double> noise = {kInfinite, 0.1, 0.1, 0.1, 0.1, 0.03, 0.03, 0.03};
+  const RoadAhead ahead =
+      road_ahead(road, *frame, [](const Eigen::Vector3d& p) { return p.y() > 0; });
+  if (ahead.distances.size() < kFewest) return "too few road points ahead of the camera";
   std::vector<Eigen::Vector3d> near;
-  for (const Eigen::Vector3d& p : abu) {
-    if (p.y() > 0 && p.y() < kWindow * nearest && std::abs(p.x()) < 0.6 * p.y()) near.push_back(p);
+  for (const Eigen::Vector3d& p : ahead.points) {
+    const bool is_near = p.y() > 0 && p.y() < kWindow * ahead.nearest();
+    if (is_near && std::abs(p.x()) < 0.6 * p.y()) near.push_back(p);
   }
   if (near.size() < kFewest) return "too few road points near the camera";
-  Eigen::Vector3d x = Eigen::Vector3d::Zero();  // height of the foot, cross slope, curvature
-  double noise = std::numeric_limits<double>::infinity();  // of a distance, share
-  for (int round = 0; round < kRounds; ++round) {
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    normal(1, 1) = kNoise * kNoise / (kCrossSlope * kCrossSlope);
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& p : near) {
-      const Eigen::Vector3d row(1.0, p.x(), 0.5 * p.y() * p.y());
-      const double r = (p.z() - x.dot(row)) / p.y();
-      const double weight = 1.0 / (p.y() * p.y() * std::pow(1.0 + r * r / (noise * noise), 2));
-      normal += weight * row * row.transpose();
-      right += weight * row * p.z();
-    }
-    x = normal.ldlt().solve(right);
-    noise = round < kRounds / 2 ? 0.1 : kNoise;
-  }
-  if (!(x[0] < 0)) return "the nearest points do not lie below the camera";
-  frame->up = (frame->up - x[1] * frame->right).normalized();
-  frame->right = frame->forward.cross(frame->up);
-  *out = {-x[0] / std::hypot(1.0, x[1]), nearest};
+  const Eigen::Vector3d x = robust_fit(near, kParabola, noise);
+  if (!(x[0] < 0)) return kNotBelow;
+  turn_to_cross_slope(x[2], frame);
+  *out = {-x[0] / std::hypot(1.0, x[2]), ahead.nearest()};
   return "";
 }
 
-/// A position of the camera on its path, in the travel frame.
+/// A position of the camera on its path.
 struct CameraPosition {
-  Eigen::Vector3d place;
-  std::optional<double> turn;  ///< rad, to the right
+  Eigen::Vector3d place;  ///< travel frame
+  PlaceOnPath in_plan;
 };
 
 /// The camera's other positions, ahead and behind as far as roads bend evenly.
@@ -151,28 +169,11 @@ std::vector<CameraPosition> usable_path(const RoadPoints& road, const detail::Tr
     const Eigen::Vector3d q = frame.of(road.camera_path[k]);
     const double distance = metres_per_baseline * std::abs(q.y());
     if (distance > kShortest && distance < kLongest && q.norm() < 1.2 * std::abs(q.y())) {
-      out.push_back({q, std::nullopt});
-      if (!road.camera_turns.empty()) out.back().turn = road.camera_turns[k];
+      out.push_back({q, {metres_per_baseline * q.y(), metres_per_baseline * q.x(), std::nullopt}});
+      if (!road.camera_turns.empty()) out.back().in_plan.turn = road.camera_turns[k];
     }
   }
   return out;
-}
-
-/// Curvature in plan of the path, by the camera's positions and how far it has turned there,
-/// 1 / unit.
-double path_curvature(const std::vector<CameraPosition>& path, double metres_per_baseline,
-                      const EgoPlaneOptions& options) {
-  double information = 1.0 / (options.path_curvature * options.path_curvature), moment = 0.0;
-  const auto add = [&](double by_curvature, double value, double sigma) {
-    information += by_curvature * by_curvature / (sigma * sigma);
-    moment += by_curvature * value / (sigma * sigma);
-  };
-  for (const CameraPosition& p : path) {
-    const Eigen::Vector3d q = metres_per_baseline * p.place;
-    add(0.5 * q.y() * q.y(), q.x(), options.path_sigma);
-    if (p.turn) add(q.y(), *p.turn, options.heading_sigma);
-  }
-  return moment / information * metres_per_baseline;
 }
 
 /// The road along the driven path, with what it was fitted from.
@@ -197,7 +198,9 @@ DrivenRoad fit_driven_road(const RoadPoints& road, decltype(fit_near_plane) near
   if (!out.profile.failure.empty()) return out;
   const double metres_per_baseline = options.camera_height / out.near.plane_height;
   const std::vector<CameraPosition> path = usable_path(road, out.frame, metres_per_baseline);
-  out.circle.curvature = path_curvature(path, metres_per_baseline, options);
+  std::vector<PlaceOnPath> in_plan;
+  for (const CameraPosition& p : path) in_plan.push_back(p.in_plan);
+  out.circle.curvature = path_curvature(in_plan, options.path) * metres_per_baseline;
   detail::ProfileMeasurements& measured = out.measured;
   measured.road = &road;
   measured.points.reserve(road.points.size());
@@ -283,10 +286,10 @@ void EgoPlaneOptions::validate() const {
   require(half_width > 0, "half_width", half_width, "> 0");
   require(wide_half_width > half_width, "wide_half_width", wide_half_width, "> half_width");
   require(start_half_width > 0, "start_half_width", start_half_width, "> 0");
-  require(path_curvature > 0, "path_curvature", path_curvature, "> 0");
-  require(path_sigma > 0, "path_sigma", path_sigma, "> 0");
+  require(path.curvature > 0, "path.curvature", path.curvature, "> 0");
+  require(path.place > 0, "path.place", path.place, "> 0");
   require(travel_sigma > 0, "travel_sigma", travel_sigma, "> 0");
-  require(heading_sigma > 0, "heading_sigma", heading_sigma, "> 0");
+  require(path.turn > 0, "path.turn", path.turn, "> 0");
   require(cross_fall >= 0, "cross_fall", cross_fall, ">= 0");
   require(heave >= 0, "heave", heave, ">= 0");
   require(travel_reach > 0, "travel_reach", travel_reach, "> 0");

@@ -6,6 +6,7 @@
 
 #include "camber/core/status.h"
 #include "camber/geometry/plane.h"
+#include "camber/motion/path_curvature.h"
 
 namespace camber {
 
@@ -36,10 +37,8 @@ struct EgoPlaneOptions {
   /// m, > 0: of the strip that the fit starts from, which grows from there. Between the wheels
   /// there is road; of a kerb beside them a fit of all at once may make a cross slope.
   double start_half_width = 0.7;
-  int narrow_points = 150;       ///< fewer are too few
-  double path_curvature = 0.03;  ///< 1/m, standard deviation of a driven path's, in plan, > 0
-  double path_sigma = 0.02;      ///< m, of a position across the path, > 0
-  double heading_sigma = 0.005;  ///< rad, of a camera's turn against the path's, > 0
+  int narrow_points = 150;  ///< fewer are too few
+  PathNoise path;           ///< of the driven path
   /// Standard deviation of a road's fall to a side, >= 0: built to 2 to 2.5 % (AASHTO, "A Policy on
   /// Geometric Design of Highways and Streets", cross slope). A path that turns leaves one fall for
   /// another.
