@@ -436,7 +436,7 @@ TEST_F(ParkedCar, AssembleNamesARoadThatMostCarsContradict) {
   for (const ConstraintReport& report : assembled(drive, scaled, plan, nearer).run.constraints) {
     if (report.name != "vehicle") continue;
     EXPECT_FALSE(report.accepted);
-    EXPECT_LT(report.residual_sigma, ScaleNoise().vehicle_contradicts);
+    EXPECT_LT(report.residual_sigma, ScaleNoise().gate);
   }
   nearer.constraints.resize(4, nearer.constraints[0]);
   try {

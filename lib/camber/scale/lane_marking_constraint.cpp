@@ -176,7 +176,7 @@ class Association {
       : lengths_(lengths),
         dashes_(markings.dashes),
         period_(sizes.dash_length + sizes.dash_gap),
-        gate_(noise.marking_gate),
+        gate_(noise.gate),
         now_{lengths.ground().mean, lengths.ground().covariance},
         used_(markings.dashes.size(), 0) {}
 

@@ -260,7 +260,7 @@ class Widths {
       (*by_error)(k, 3 * i) += (edge == 0 ? at.sigma_left : at.sigma_right) * s *
                                by_point.dot(du - p * (ground_.by_pixel(i, 0) / x[i]));
       (*by_error)(k, 3 * i + 1) += s * noise_.road_edge * by_point.norm();
-      (*by_error)(k, 3 * i + 2) += by_depth * x[i] * noise_.uneven_edge / height_[i];
+      (*by_error)(k, 3 * i + 2) += by_depth * x[i] * noise_.road_edge / height_[i];
     }
   }
 
@@ -324,7 +324,7 @@ RoadWidthConstraint road_width_constraint(const RoadPosterior& road, const Pinho
     return out;
   }
   const Widths widths(road, camera, places, noise);
-  const Chain chain = longest_chain(widths, places.size(), noise.width_gate);
+  const Chain chain = longest_chain(widths, places.size(), noise.gate);
   const std::vector<WidthChange>& accepted = chain.changes;
   out.rejected = static_cast<int>(places.size() - 1 - accepted.size());
   if (accepted.empty() || out.rejected > static_cast<int>(accepted.size())) {

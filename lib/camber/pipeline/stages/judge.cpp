@@ -56,19 +56,17 @@ std::array<Rule, 17> rules(const ScaleNoise& noise) {
       source("lane_markings"),
       source("road_width"),
       check("travel_direction", kPlainlyOff, kScale, Joining::kLargest, nullptr),
-      {"intensities", 0.0, 0.0, noise.rejected_intensities_gate, kScale, Joining::kLargest,
-       nullptr},
+      {"intensities", 0.0, 0.0, noise.gate, kScale, Joining::kLargest, nullptr},
       {"unfound_share", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
       check("unfound_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       {"alternative_spread", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
       check("off_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
-      check("plane_search", noise.search_gate, kScale, Joining::kLargest, "plane_search"),
-      check("turn", noise.turned_focal_length_gate, kFocalLength, Joining::kLargest,
-            "focal_length"),
+      check("plane_search", noise.gate, kScale, Joining::kLargest, "plane_search"),
+      check("turn", noise.gate, kFocalLength, Joining::kLargest, "focal_length"),
       check("unmatched_markings", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       {"vehicle_sizes", noise.vehicle_sizes_start, noise.vehicle_sizes_gate,
        noise.vehicle_sizes_gate, kScale, Joining::kAdded, "vehicle_sizes"},
-      check("dashes", noise.dash_focal_length_gate, kFocalLength, Joining::kExcess, "focal_length"),
+      check("dashes", noise.gate, kFocalLength, Joining::kExcess, "focal_length"),
       check("proportions", noise.focal_length_gate, kFocalLength, Joining::kExcess, "focal_length"),
   }};
 }
@@ -116,7 +114,7 @@ std::vector<Finding> findings_of(const RoadLayer& layer, const ScaleNoise& noise
     out.push_back({"unfound_road",
                    "",
                    "",
-                   {noise.unfound_scale, layer.found < least ? kNever : 0.0,
+                   {noise.hardly_known, layer.found < least ? kNever : 0.0,
                     fmt::format("matches: only {:.0f} % of the masked road is found in the other "
                                 "images",
                                 100.0 * layer.found)}});
@@ -125,7 +123,7 @@ std::vector<Finding> findings_of(const RoadLayer& layer, const ScaleNoise& noise
   out.push_back({"off_road",
                  "",
                  "",
-                 {noise.unfound_scale, layer.off_road / noise.most_off_road,
+                 {noise.hardly_known, layer.off_road / noise.most_off_road,
                   fmt::format("matches: {:.0f} % of those over the driven path are off the road "
                               "that is found there",
                               100.0 * layer.off_road)}});
@@ -211,7 +209,7 @@ std::string contradicting_vehicles(const std::vector<ConstraintReport>& reports,
         reports.begin(), reports.end(),
         [&](const ConstraintReport& r) { return !r.accepted && r.residual_sigma > sigmas; }));
   };
-  const std::size_t rejected = beyond(0.0), contradicting = beyond(noise.vehicle_contradicts);
+  const std::size_t rejected = beyond(0.0), contradicting = beyond(noise.gate);
   // One may well be beyond what the fusion takes; that all are is the road.
   constexpr std::size_t kLeast = 3, kLeastOfAll = 4;
   const bool most = reports.size() >= kLeast && 3 * contradicting > 2 * reports.size();

@@ -388,7 +388,7 @@ Eigen::VectorXd MarkingMeasurements::sigmas(const RoadShape& road,
         const StrokeRow edges = stroke.at(m.row);
         sigma = std::hypot(
             noise_.stroke_edge_px * std::sqrt(2.0) / std::max(edges.right - edges.left, 1.0),
-            noise_.ragged_width);
+            noise_.painted_width);
         break;
       }
       case MarkingMeasurement::Kind::kSharedWidth:
