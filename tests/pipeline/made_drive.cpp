@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "camber/pipeline/stages/road_layer.h"
+
 namespace camber::test {
 namespace {
 
@@ -212,6 +214,48 @@ JudgedRoad judged_road(const LoadedFrames& frames, const Correspondences& matche
   const RoadLayer layer =
       stages::road_layer(frames, matches, ground, scaled.road.metres_per_baseline(), 0);
   return stages::judge(scaled, layer, {}, {});
+}
+
+PlaneSearchResult searched(double log_baseline, bool informative) {
+  PlaneSearchResult out;
+  out.best.log_baseline = log_baseline;
+  out.correlation = 0.8;
+  out.samples = 5000;
+  out.informative = informative;
+  return out;
+}
+
+const ConstraintReport* report_of(const std::vector<ConstraintReport>& reports,
+                                  const std::string& name) {
+  for (const ConstraintReport& report : reports) {
+    if (report.name == name) return &report;
+  }
+  return nullptr;
+}
+
+void paint_markings(MadeDrive* drive) {
+  constexpr int kSub = 4;  // samples a pixel, each way
+  GrayImage& image = drive->frames.gray[drive->frames.reference];
+  const SE3 level(rotation_from_vector({-0.05, 0.0, 0.0}), Eigen::Vector3d::Zero());
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) {
+      int painted = 0;
+      for (int s = 0; s < kSub * kSub; ++s) {
+        const Eigen::Vector2d at(u + (s % kSub + 0.5) / kSub - 0.5,
+                                 v + (s / kSub + 0.5) / kSub - 0.5);
+        const double rho = drive->inverse_depth(at);
+        if (!(rho > 1.0 / 44.0)) continue;
+        const Eigen::Vector3d p = level * Eigen::Vector3d(drive->frames.camera.ray(at) / rho);
+        const double x = p.x(), z = p.z();
+        const bool stroke = std::abs(x + 1.0) < 0.06 && z > 5.0 && std::fmod(z - 5.0, 9.0) < 3.0;
+        const bool stripe =
+            z > 11.0 && z < 15.0 && x > -0.5 && x < 3.5 && std::fmod(x + 0.5, 1.0) < 0.5;
+        painted += stroke || stripe;
+      }
+      image.pixels[static_cast<std::size_t>(v * image.width + u)] =
+          static_cast<std::uint8_t>(90 + 110 * painted / (kSub * kSub));
+    }
+  }
 }
 
 }  // namespace camber::test

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "camber/pipeline/stages/ground.h"
@@ -56,5 +57,16 @@ JudgedRoad judged_road(const LoadedFrames& frames, const Correspondences& matche
 inline JudgedRoad judged_road(const MadeDrive& drive, const PhotometricGround& ground) {
   return judged_road(drive.frames, drive.matches, ground);
 }
+
+/// A plane search that found a road with so long baselines, in camera heights.
+PlaneSearchResult searched(double log_baseline, bool informative);
+
+/// Paints a broken line (strokes of 3 m, gaps of 6 m, 12 cm wide) and a crossing (stripes and gaps
+/// of 50 cm) on the road of the reference image.
+void paint_markings(MadeDrive* drive);
+
+/// The first report of that name; null: there is none.
+const ConstraintReport* report_of(const std::vector<ConstraintReport>& reports,
+                                  const std::string& name);
 
 }  // namespace camber::test
