@@ -62,6 +62,7 @@ Drive read_drive(const std::string& log, const std::string& truth, double rate) 
 void set(const std::string& key, double value, TrajectoryNoise* noise, double* rate) {
   const std::map<std::string, double*> places = {
       {"motion_inflation", &noise->motion_inflation},
+      {"windows_as_stated", &noise->windows_as_stated},
       {"rotation_floor", &noise->rotation_floor},
       {"translation_floor", &noise->translation_floor},
       {"scale_freedom", &noise->scale_freedom},

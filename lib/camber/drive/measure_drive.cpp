@@ -241,8 +241,6 @@ class Measurer {
   FrameCache cache_;
   FlowCache flows_;
   std::vector<int> keys_, between_;
-  static constexpr double kLeastStep = 1.5;    // px, of the full image: less is noise
-  static constexpr double kEnoughMoved = 0.5;  // of the parallax that is enough near the camera
   FramePtr last_, last_key_;
   double moved_ = 0.0;  // px, since the last key frame
 };

@@ -9,6 +9,7 @@
 #include "camber/pipeline/estimate_window.h"
 #include "camber/pipeline/stages/detail/relative_sigma.h"
 #include "camber/pipeline/stages/motion.h"
+#include "camber/pipeline/stages/passing_road.h"
 
 namespace camber {
 namespace {
@@ -87,6 +88,30 @@ void put_metres(const Scene& scene, const RunDocument& run, WindowMeasurement* o
   if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
 }
 
+/// The metres by what passes on the road, where a film's pictures repeat the rest of it.
+void put_swept_metres(const Scene& scene, double log_scale, double sigma, WindowMeasurement* out) {
+  out->metric = true;
+  out->log_scale = log_scale;
+  out->scale_sigma = sigma;
+  out->common_scale_sigma = scene.height_sigma / *scene.height_above_road;
+  out->reason = "the pictures repeat the road: the scale is that of what passes on it";
+}
+
+/// Where the pictures repeat the road, matches of it are short by more than they state, and what
+/// passes on it gives the metres.
+/// @return false: it contradicts the road that was found, which then is none.
+bool put_swept_metres(const Scene& scene, const WindowEstimate& window, WindowMeasurement* out) {
+  constexpr double kContradicts = 3.0;  // standard deviations
+  if (!scene.height_above_road || !out->metric) return true;
+  for (const ScaleEvidence& e : window.judged.evidence) {
+    if (e.name != stages::kPassingRoad || std::isinf(e.against_others->sigmas)) continue;
+    const double before = *out->log_scale;
+    put_swept_metres(scene, before + e.log_scale, stages::kSweptHeight, out);
+    return !(e.against_others->sigmas > kContradicts);
+  }
+  return true;
+}
+
 void put_vehicles(const WindowEstimate& window, WindowMeasurement* out) {
   const std::vector<VehicleFrame>& frames = window.assembled.vehicles.frames;
   for (const VehicleFrame& frame : frames) {
@@ -111,8 +136,17 @@ WindowMeasurement measure_motion(
     const LoadedFrames window = stages::frame_window(scene, frames, reference);
     const Correspondences matches =
         run("correspondences", 0.0, [&] { return stages::match(window, options.match); });
-    put_motion(run("motion", 0.0, [&] { return stages::motion(window, matches, options.motion); }),
-               &out);
+    const MotionEstimate motion =
+        run("motion", 0.0, [&] { return stages::motion(window, matches, options.motion); });
+    put_motion(motion, &out);
+    if (!scene.height_above_road) return out;
+    const auto sweep = run("scale", 0.0, [&] {
+      return stages::sweep_repeated_road(window, motion, options.num_threads);
+    });
+    if (sweep && sweep->informative) {
+      put_swept_metres(scene, std::log(*scene.height_above_road) + sweep->log_baseline,
+                       stages::kSweptHeight, &out);
+    }
   } catch (const NoAnswerError& error) {
     out.reason = error.what();
   }
@@ -132,6 +166,7 @@ WindowMeasurement measure_window(
     WindowMeasurement out = of_frames(window.road.frames);
     put_motion(window.refined.motion, &out);
     put_metres(scene, document, &out);
+    if (!put_swept_metres(scene, window, &out)) return out;
     out.ego = window.assembled.surface.patches.front().plane;
     out.road = road_samples(window, *out.ego, samples);
     put_vehicles(window, &out);

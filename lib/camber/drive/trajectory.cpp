@@ -41,18 +41,49 @@ class Smoother {
   }
 
   Trajectory solve() {
-    constexpr int kIterations = 12;
-    constexpr double kSettled = 1e-7;
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      assemble(iteration > 1);
-      if (!factor_.factorise(normal_)) break;
-      if (apply(factor_.solve_vector(right_)) < kSettled) break;
-    }
+    constexpr int kIterations = 12, kAgain = 4;
+    iterate(kIterations, true);
+    assemble(true);
+    if (!factor_.factorise(normal_)) return Trajectory();
+    scale_variance_ = variance_of_unit_weight();
+    iterate(kAgain, false);
     assemble(true);
     return factor_.factorise(normal_) ? handed_out() : Trajectory();
   }
 
  private:
+  void iterate(int times, bool from_scratch) {
+    constexpr double kSettled = 1e-7;
+    for (int iteration = 0; iteration < times; ++iteration) {
+      assemble(!from_scratch || iteration > 1);
+      if (!factor_.factorise(normal_)) break;
+      if (apply(factor_.solve_vector(right_)) < kSettled) break;
+    }
+  }
+
+  double variance_of(const WindowMeasurement& w) const {
+    return scale_variance_ *
+           (w.scale_sigma * w.scale_sigma + noise_.scale_floor * noise_.scale_floor);
+  }
+
+  /// Factor on the variances of the windows' own scales by how far they are off the smoothed ones
+  /// (a posteriori variance of unit weight; Niemeier, "Ausgleichungsrechnung", 2008, chapter 4),
+  /// the stated ones counting as some windows that are off as stated.
+  double variance_of_unit_weight() const {
+    const SymmetricBand covariance = factor_.inverse_in_band();
+    SymmetricBand readable = covariance;
+    constexpr double kMost = 2.5;  // standard deviations: what is beyond took another layer
+    double found = noise_.windows_as_stated, expected = noise_.windows_as_stated;
+    for (const Measurement& m : measured_) {
+      if (!m.votes) continue;
+      const Eigen::Index at = kBlock * static_cast<Eigen::Index>(m.place()) + kPose;
+      const double residual = residuals_.at(m.place());
+      found += std::min(residual * residual, kMost * kMost);
+      expected += std::max(0.0, 1.0 - readable.at(at, at) / variance_of(*m.window));
+    }
+    return found / expected;
+  }
+
   void start() {
     for (const Measurement& m : measured_) metric_ = metric_ || (m.votes && m.window->metric);
     const std::vector<double> scale = detail::start_scales(measured_, noise_);
@@ -217,7 +248,7 @@ class Smoother {
     const WindowMeasurement& w = *m.window;
     const Eigen::Index at = kBlock * static_cast<Eigen::Index>(m.place()) + kPose;
     if (!w.log_scale) return;
-    const double variance = w.scale_sigma * w.scale_sigma + noise_.scale_floor * noise_.scale_floor;
+    const double variance = variance_of(w);
     const double off = scales_[m.place()] - *w.log_scale;
     const double weight = student_weight(off * off / variance, 1.0, noise_.scale_freedom);
     weights_[m.place()] = std::min(1.0, weight);
@@ -324,6 +355,7 @@ class Smoother {
   const TrajectoryNoise& noise_;
   const std::vector<double>& times_;  // s
   bool metric_ = false;
+  double scale_variance_ = 1.0;  // see variance_of_unit_weight
   std::vector<Measurement> measured_;
   std::vector<Bridge> bridges_;
   std::vector<SE3> poses_;  // world_from_camera

@@ -28,6 +28,9 @@ struct TrajectoryNoise {
   /// Correlation of the own errors of two windows one frame apart; n frames apart its n-th power.
   /// In [0, 1).
   double scale_correlation = 0.6;
+  /// How far the windows' scales are off each other is a measure of how good they are; their stated
+  /// standard deviations count as so many windows that are off as stated, > 0.
+  double windows_as_stated = 10.0;
   double motion_freedom = 4.0;  ///< the same of a window's motion
   /// Spectral density of the acceleration along the way, m^2 / s^3, > 0: a vehicle's speed is a
   /// random walk (Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "camber/core/errors.h"
+#include "camber/image/still_part.h"
 #include "camber/pipeline/near_parallax.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/pipeline/small_images.h"
@@ -106,6 +107,20 @@ Reference without_copies(const Scene& scene, const Reference& all, SmallImages& 
   return Reference(scene, std::move(distinct), all.at);
 }
 
+/// Of the texture near the camera, the share that stands still in the pictures about the reference.
+double still_share(const Scene& scene, const Reference& reference, SmallImages& images) {
+  constexpr std::size_t kEachSide = 3;
+  const std::size_t first = reference.at - std::min(reference.behind(), kEachSide);
+  const std::size_t last = reference.at + std::min(reference.ahead(), kEachSide);
+  std::vector<GrayImage> held;
+  for (std::size_t i = first; i <= last; ++i) held.push_back(images.read(reference.places[i]));
+  std::vector<const GrayImage*> pointers;
+  for (const GrayImage& image : held) pointers.push_back(&image);
+  const int height = held.front().height;
+  const double middle = scene.camera.cy * height / scene.camera.height;
+  return still_part(pointers, std::clamp(static_cast<int>(middle), 0, height - 1)).share;
+}
+
 ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallImages& images,
                           int each_side) {
   const std::size_t most = std::max(reference.behind(), reference.ahead());
@@ -113,14 +128,21 @@ ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallI
   const GrayImage here = images.read(reference.places[reference.at]);
   const double enough = kEnoughNearParallax * scene.camera.fx;
   double parallax_px = 0.0;
+  double most_a_frame = 0.0;  // px, where what is near the camera stands still in the picture
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other =
         spacing <= reference.ahead() ? reference.at + spacing : reference.at - spacing;
-    const auto parallax = near_parallax(scene.camera, here, images.read(reference.places[other]),
-                                        spacing == 1 ? kLeastNearMatched : 0.0);
+    const ImageParallax parallax =
+        image_parallax(scene.camera, here, images.read(reference.places[other]),
+                       spacing == 1 ? kLeastNearMatched : 0.0);
+    if (spacing == 1 && parallax.most > kLeastStep &&
+        still_share(scene, reference, images) > kRepeated) {
+      most_a_frame = parallax.most;
+    }
     // Too fast to be matched at this size is not too slow.
-    parallax_px = parallax.value_or(enough);
+    parallax_px = std::max(parallax.near.value_or(enough),
+                           most_a_frame * static_cast<double>(spacing) / kEnoughMoved);
     if (parallax_px >= enough) break;
     // Twice as far, or what the speed so far calls for; never farther than there are frames.
     const double factor = std::clamp(enough / std::max(parallax_px, 0.1), 1.5, 4.0);

@@ -14,6 +14,14 @@ inline constexpr double kEnoughNearParallax = 0.025;
 /// it is: what moves fast is lost, and what is left (cars ahead, far road, chance) moves little.
 inline constexpr double kLeastNearMatched = 0.62;
 
+/// px, of ImageParallax::most between neighbours: less is noise of a camera that stands.
+inline constexpr double kLeastStep = 1.5;
+/// Share of the parallax that is enough near the camera, which ImageParallax::most has to reach,
+/// added up from frame to frame, where what is near stands still in the picture.
+inline constexpr double kEnoughMoved = 0.5;
+/// StillPart::share from which on a film's coder repeats the road: docs/notes/film.md.
+inline constexpr double kRepeated = 0.1;
+
 /// A third of the size, at least 16 px wide and high.
 GrayImage shrunk(const GrayImage& image);
 

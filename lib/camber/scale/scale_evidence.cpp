@@ -32,7 +32,7 @@ struct Source {
 
 // Assumed until fitted (tests/benchmarks/replay_scale.py): Student's with 4 degrees of freedom,
 // 1 % for what was typed in, 5 % for what was found in images.
-constexpr std::array<Source, 12> kSources = {{
+constexpr std::array<Source, 13> kSources = {{
     {"camera_height", EvidenceCause::kHeight, 4.0, 0.01, {"height", "road_shape"}},
     {"known_poses", EvidenceCause::kPoses, 4.0, 0.01, {}},
     {"speed", EvidenceCause::kSpeed, 4.0, 0.01, {}},
@@ -40,6 +40,7 @@ constexpr std::array<Source, 12> kSources = {{
     {"unmatched_markings", EvidenceCause::kMarkings, 4.0, 0.05, {"paint"}},
     {"road_width", EvidenceCause::kMarkings, 4.0, 0.05, {"road_shape"}},
     {"plane_search", EvidenceCause::kLayer, 4.0, 0.05, {"height"}},
+    {"passing_road", EvidenceCause::kLayer, 4.0, 0.05, {"height"}},
     {"intensities", EvidenceCause::kLayer, 4.0, 0.5, {"height"}},
     {"vehicle", EvidenceCause::kVehicles, 3.0, 0.05, {"size_population", "road_shape"}},
     {"focal_length", EvidenceCause::kFocalLength, 4.0, 0.05, {}},

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "camber/pipeline/stages/detail/patch_status.h"
+#include "camber/pipeline/stages/passing_road.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/vehicle_sizes.h"
 
@@ -39,7 +40,7 @@ struct Rule {
 };
 
 /// The rules, in the order in which warnings are given.
-std::array<Rule, 17> rules(const ScaleNoise& noise) {
+std::array<Rule, 18> rules(const ScaleNoise& noise) {
   const double start = noise.contradiction_start, gate = Constraint().gate;
   const auto source = [&](const char* name) {
     return Rule{name, start, gate, gate, kScale, Joining::kLargest, nullptr};
@@ -62,6 +63,7 @@ std::array<Rule, 17> rules(const ScaleNoise& noise) {
       {"alternative_spread", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
       check("off_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       check("plane_search", noise.gate, kScale, Joining::kLargest, "plane_search"),
+      check(kPassingRoad, noise.gate, kScale, Joining::kLargest, nullptr),
       check("turn", noise.gate, kFocalLength, Joining::kLargest, "focal_length"),
       check("unmatched_markings", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       {"vehicle_sizes", noise.vehicle_sizes_start, noise.vehicle_sizes_gate,
@@ -288,7 +290,7 @@ class Ruling {
     return share_of(rule, off.sigmas) * off.log_ratio * off.log_ratio;
   }
 
-  std::array<Rule, 17> rules_;
+  std::array<Rule, 18> rules_;
 };
 
 void shift(double log_scale, std::vector<ScaleEvidence>* evidence) {

@@ -1,0 +1,72 @@
+#include "camber/pipeline/stages/passing_road.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "camber/image/still_part.h"
+#include "camber/pipeline/near_parallax.h"
+
+namespace camber::stages {
+namespace {
+
+/// What the scale of a road that the pictures repeat is known to, where nothing passes on it.
+constexpr double kUnknown = 0.3;
+
+double still_share(const LoadedFrames& frames, const MotionEstimate& motion) {
+  std::vector<GrayImage> small;
+  for (const GrayImage& image : frames.gray) small.push_back(shrunk(image));
+  std::vector<const GrayImage*> pointers;
+  for (const GrayImage& image : small) pointers.push_back(&image);
+  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
+  const PinholeCamera& camera = frames.camera;
+  const double horizon = camera.cy + camera.fy * travel.y() / std::max(0.1, travel.z());
+  const int height = small.front().height;
+  return still_part(pointers,
+                    std::clamp(static_cast<int>(horizon * height / camera.height), 0, height - 1))
+      .share;
+}
+
+}  // namespace
+
+std::optional<RoadSweepResult> sweep_repeated_road(const LoadedFrames& frames,
+                                                   const MotionEstimate& motion, int num_threads) {
+  if (!(still_share(frames, motion) > kRepeated)) return std::nullopt;
+  std::vector<const GrayImage*> images;
+  for (const GrayImage& image : frames.gray) images.push_back(&image);
+  RoadSweepOptions options;
+  options.num_threads = num_threads;
+  return sweep_road(frames.camera, images, motion, frames.reference, options);
+}
+
+std::optional<ScaleEvidence> passing_evidence(const LoadedFrames& frames,
+                                              const PhotometricGround& refined, int num_threads) {
+  const EgoPlane& ego = refined.ground.ego;
+  if (!(ego.height > 0.0)) return std::nullopt;
+  const auto sweep = sweep_repeated_road(frames, refined.motion, num_threads);
+  if (!sweep) return std::nullopt;
+  const double log_ratio = sweep->log_baseline + std::log(ego.height);
+  const double sigma = std::hypot(kSweptHeight, ego.relative_sigma);
+  ScaleEvidence out =
+      evidence_of(kPassingRoad, "what passes on a road that the pictures repeat", log_ratio, sigma);
+  out.measured = {{"correlation", sweep->correlation},
+                  {"rival", sweep->rival},
+                  {"informative", sweep->informative ? 1.0 : 0.0}};
+  if (sweep->informative) {
+    out.against_others =
+        Disagreement{log_ratio, std::abs(log_ratio) / sigma,
+                     "the pictures repeat the road, as films do: what passes on it fits if " +
+                         larger_or_smaller(log_ratio)};
+  } else {
+    out.log_scale = 0.0;
+    out.sigma = kUnknown;
+    out.against_others =
+        Disagreement{kUnknown, std::numeric_limits<double>::infinity(),
+                     "the pictures repeat the road, as films do, and nothing that passes on it "
+                     "shows how far the camera moves"};
+  }
+  return out;
+}
+
+}  // namespace camber::stages
