@@ -104,7 +104,7 @@ bool put_swept_metres(const Scene& scene, const WindowEstimate& window, WindowMe
   constexpr double kContradicts = 3.0;  // standard deviations
   if (!scene.height_above_road || !out->metric) return true;
   for (const ScaleEvidence& e : window.judged.evidence) {
-    if (e.name != stages::kPassingRoad || std::isinf(e.against_others->sigmas)) continue;
+    if (e.name != stages::kPassingRoad) continue;
     const double before = *out->log_scale;
     put_swept_metres(scene, before + e.log_scale, stages::kSweptHeight, out);
     return !(e.against_others->sigmas > kContradicts);

@@ -101,6 +101,42 @@ void add_products(const TopView& a, const TopView& b, double ahead, double aside
   sums->bb += bb;
 }
 
+struct Correlation {
+  double value = -1.0;
+  int pairs = 0;
+};
+
+/// Of all pairs of views as one.
+/// @param at      ahead and right of each view's foot, baselines.
+/// @param shrink  the views' cells are so many times as large.
+Correlation correlation_of(const std::vector<TopView>& views,
+                           const std::vector<Eigen::Vector2d>& at, double baseline, double shrink,
+                           double greatest_travel) {
+  Correlation out;
+  Sums sums;
+  for (std::size_t a = 0; a < views.size(); ++a) {
+    for (std::size_t b = a + 1; b < views.size(); ++b) {
+      const Eigen::Vector2d moved = baseline * (at[b] - at[a]);
+      if (std::abs(moved[0]) > greatest_travel) continue;
+      add_products(views[a], views[b], moved[0] / (shrink * kAhead), moved[1] / (shrink * kAside),
+                   &sums);
+      ++out.pairs;
+    }
+  }
+  const double power = std::sqrt(sums.aa * sums.bb);
+  if (power > 0.0) out.value = sums.ab / power;
+  return out;
+}
+
+TopView half(const TopView& view) {
+  TopView out;
+  const cv::Size size(view.values.cols / 2, view.values.rows / 2);
+  const cv::Rect whole(0, 0, 2 * size.width, 2 * size.height);
+  cv::resize(view.values(whole), out.values, size, 0, 0, cv::INTER_AREA);
+  cv::resize(view.visible(whole), out.visible, size, 0, 0, cv::INTER_AREA);
+  return out;
+}
+
 }  // namespace
 
 RoadSweepResult sweep_road(const PinholeCamera& camera, const std::vector<const GrayImage*>& images,
@@ -140,40 +176,47 @@ RoadSweepResult sweep_road(const PinholeCamera& camera, const std::vector<const 
   double cells = 0.0;
   for (const TopView& view : views) cells += cv::sum(view.visible)[0];
   out.texture = std::sqrt(texture.aa / std::max(1.0, cells));
+  const auto correlations = [&](const std::vector<TopView>& of, double shrink,
+                                const std::vector<double>& logs) {
+    std::vector<Correlation> found(logs.size());
+    parallel_for(logs.size(), options.num_threads, [&](std::size_t i) {
+      found[i] = correlation_of(of, at, std::exp(logs[i]), shrink, options.greatest_travel);
+    });
+    return found;
+  };
+  // Half the resolution over the whole range, then the best one's neighbours.
+  std::vector<TopView> coarse(views.size());
+  for (std::size_t k = 0; k < views.size(); ++k) coarse[k] = half(views[k]);
   std::vector<double> logs;
-  for (double l = options.least_log_baseline; l <= options.greatest_log_baseline; l += kStep) {
+  for (double l = options.least_log_baseline; l <= options.greatest_log_baseline;
+       l += 2.0 * kStep) {
     logs.push_back(l);
   }
-  std::vector<double> correlation(logs.size(), -1.0);
-  std::vector<int> pairs(logs.size(), 0);
-  parallel_for(logs.size(), options.num_threads, [&](std::size_t i) {
-    const double baseline = std::exp(logs[i]);
-    Sums sums;
-    for (std::size_t a = 0; a < images.size(); ++a) {
-      for (std::size_t b = a + 1; b < images.size(); ++b) {
-        const Eigen::Vector2d moved = baseline * (at[b] - at[a]);
-        if (std::abs(moved[0]) > options.greatest_travel) continue;
-        add_products(views[a], views[b], moved[0] / kAhead, moved[1] / kAside, &sums);
-        ++pairs[i];
-      }
-    }
-    const double power = std::sqrt(sums.aa * sums.bb);
-    if (power > 0.0) correlation[i] = sums.ab / power;
-  });
-  const auto best = static_cast<std::size_t>(
-      std::max_element(correlation.begin(), correlation.end()) - correlation.begin());
-  out.log_baseline = logs[best];
-  out.correlation = correlation[best];
-  out.pairs = pairs[best];
+  const std::vector<Correlation> swept = correlations(coarse, 2.0, logs);
+  const auto best_of = [](const std::vector<Correlation>& of) {
+    return static_cast<std::size_t>(
+        std::max_element(
+            of.begin(), of.end(),
+            [](const Correlation& a, const Correlation& b) { return a.value < b.value; }) -
+        of.begin());
+  };
+  const std::size_t peak = best_of(swept);
   for (std::size_t i = 0; i < logs.size(); ++i) {
-    if (std::abs(logs[i] - logs[best]) > kElsewhere) {
-      out.rival = std::max(out.rival, correlation[i]);
+    if (std::abs(logs[i] - logs[peak]) > kElsewhere) {
+      out.rival = std::max(out.rival, swept[i].value);
     }
   }
-  out.informative = out.correlation > options.least_correlation &&
-                    out.correlation - out.rival > options.least_lead;
-  if (best > 0 && best + 1 < logs.size()) {
-    const double before = correlation[best - 1], after = correlation[best + 1];
+  out.lead = swept[peak].value - out.rival;
+  std::vector<double> near;
+  for (int i = -3; i <= 3; ++i) near.push_back(logs[peak] + i * kStep);
+  const std::vector<Correlation> fine = correlations(views, 1.0, near);
+  const std::size_t best = best_of(fine);
+  out.log_baseline = near[best];
+  out.correlation = fine[best].value;
+  out.pairs = fine[best].pairs;
+  out.informative = out.correlation > options.least_correlation && out.lead > options.least_lead;
+  if (best > 0 && best + 1 < near.size()) {
+    const double before = fine[best - 1].value, after = fine[best + 1].value;
     const double bend = before - 2.0 * out.correlation + after;
     if (bend < 0.0) out.log_baseline += kStep * 0.5 * (before - after) / bend;
   }

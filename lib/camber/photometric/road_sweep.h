@@ -24,8 +24,10 @@ struct RoadSweepOptions {
 struct RoadSweepResult {
   double log_baseline = 0.0;  ///< logarithm of the motion's unit of length over the camera's height
   double correlation = -1.0;  ///< of all images over the road, with that
-  double rival = -1.0;   ///< the best correlation of a baseline that differs by more than a fifth
-  double texture = 0.0;  ///< rms of the compared intensities
+  /// The best correlation of a baseline that differs by more than a fifth, half the resolution.
+  double rival = -1.0;
+  double lead = 0.0;         ///< of the best over that, at the same resolution
+  double texture = 0.0;      ///< rms of the compared intensities
   double still_share = 0.0;  ///< see StillPart
   int pairs = 0;             ///< of images that were compared
   bool informative = false;  ///< what passes on the road fixes the baseline

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "camber/image/still_part.h"
@@ -10,9 +9,6 @@
 
 namespace camber::stages {
 namespace {
-
-/// What the scale of a road that the pictures repeat is known to, where nothing passes on it.
-constexpr double kUnknown = 0.3;
 
 double still_share(const LoadedFrames& frames, const MotionEstimate& motion) {
   std::vector<GrayImage> small;
@@ -45,27 +41,18 @@ std::optional<ScaleEvidence> passing_evidence(const LoadedFrames& frames,
   const EgoPlane& ego = refined.ground.ego;
   if (!(ego.height > 0.0)) return std::nullopt;
   const auto sweep = sweep_repeated_road(frames, refined.motion, num_threads);
-  if (!sweep) return std::nullopt;
+  if (!sweep || !sweep->informative) return std::nullopt;
   const double log_ratio = sweep->log_baseline + std::log(ego.height);
   const double sigma = std::hypot(kSweptHeight, ego.relative_sigma);
   ScaleEvidence out =
       evidence_of(kPassingRoad, "what passes on a road that the pictures repeat", log_ratio, sigma);
   out.measured = {{"correlation", sweep->correlation},
-                  {"rival", sweep->rival},
+                  {"lead", sweep->lead},
                   {"informative", sweep->informative ? 1.0 : 0.0}};
-  if (sweep->informative) {
-    out.against_others =
-        Disagreement{log_ratio, std::abs(log_ratio) / sigma,
-                     "the pictures repeat the road, as films do: what passes on it fits if " +
-                         larger_or_smaller(log_ratio)};
-  } else {
-    out.log_scale = 0.0;
-    out.sigma = kUnknown;
-    out.against_others =
-        Disagreement{kUnknown, std::numeric_limits<double>::infinity(),
-                     "the pictures repeat the road, as films do, and nothing that passes on it "
-                     "shows how far the camera moves"};
-  }
+  out.against_others =
+      Disagreement{log_ratio, std::abs(log_ratio) / sigma,
+                   "the pictures repeat the road, as films do: what passes on it fits if " +
+                       larger_or_smaller(log_ratio)};
   return out;
 }
 

@@ -21,6 +21,7 @@ std::optional<RoadSweepResult> sweep_repeated_road(const LoadedFrames& frames,
                                                    const MotionEstimate& motion, int num_threads);
 
 /// The height of the camera in baselines by what passes, against the ego plane's.
+/// @return none where nothing shows it.
 std::optional<ScaleEvidence> passing_evidence(const LoadedFrames& frames,
                                               const PhotometricGround& refined, int num_threads);
 
