@@ -104,7 +104,7 @@ DriveFrame frame_of(const TrajectoryPose& pose, const EgoRoads& roads, const Eig
 }
 
 /// Speeds by the steps to the frames beside, m/s.
-void put_speeds(double common, std::vector<DriveFrame>* frames) {
+void put_speeds(const Trajectory& trajectory, std::vector<DriveFrame>* frames) {
   for (std::size_t k = 0; k < frames->size(); ++k) {
     const DriveFrame& before = (*frames)[k > 0 ? k - 1 : k];
     const DriveFrame& after = (*frames)[std::min(k + 1, frames->size() - 1)];
@@ -112,10 +112,9 @@ void put_speeds(double common, std::vector<DriveFrame>* frames) {
     if (!(span > 0.0)) continue;
     DriveFrame& frame = (*frames)[k];
     const double way = after.s.value - before.s.value;
-    // Neighbouring poses differ by what the covariance grows between them.
-    const double grown = std::abs(after.covariance->bottomRightCorner<3, 3>().trace() -
-                                  before.covariance->bottomRightCorner<3, 3>().trace());
-    frame.speed = {way / span, std::hypot(std::sqrt(grown), common * way) / span};
+    frame.speed = {
+        way / span,
+        std::hypot(trajectory.poses[k].beside_sigma, trajectory.common_sigma * way) / span};
   }
 }
 
@@ -229,11 +228,11 @@ DriveDocument drive_document(const Scene& scene, const Trajectory& trajectory,
             trajectory.poses[k - 1].world_from_camera.translation())
                .norm();
     }
-    frame.s.value = s;
+    frame.s = {s, std::hypot(pose.way_sigma, trajectory.common_sigma * s)};
     frame.time_s = time_of(*scene.find_frame(pose.frame), rate);
     out.frames.push_back(std::move(frame));
   }
-  put_speeds(trajectory.common_sigma, &out.frames);
+  put_speeds(trajectory, &out.frames);
   return out;
 }
 

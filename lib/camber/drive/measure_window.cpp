@@ -88,26 +88,34 @@ void put_metres(const Scene& scene, const RunDocument& run, WindowMeasurement* o
   if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
 }
 
-/// The metres by what passes on the road, where a film's pictures repeat the rest of it.
-void put_swept_metres(const Scene& scene, double log_scale, double sigma, WindowMeasurement* out) {
+/// The metres by what passes on the road alone.
+void put_swept_metres(const Scene& scene, double log_scale, WindowMeasurement* out) {
   out->metric = true;
   out->log_scale = log_scale;
-  out->scale_sigma = sigma;
+  out->scale_sigma = stages::kSweptHeight;
   out->common_scale_sigma = scene.height_sigma / *scene.height_above_road;
-  out->reason = "the pictures repeat the road: the scale is that of what passes on it";
+  out->reason = "the scale is that of what passes on the road";
 }
 
-/// Where the pictures repeat the road, matches of it are short by more than they state, and what
-/// passes on it gives the metres.
-/// @return false: it contradicts the road that was found, which then is none.
-bool put_swept_metres(const Scene& scene, const WindowEstimate& window, WindowMeasurement* out) {
+/// The metres by the road that was found and by what passes on it, which know nothing of each
+/// other: their mean, or, where they contradict each other, the latter's, since matches that stand
+/// still in a film's pictures agree with each other.
+/// @return whether the road that was found is one.
+bool put_metres_of_both(const Scene& scene, const WindowEstimate& window, WindowMeasurement* out) {
   constexpr double kContradicts = 3.0;  // standard deviations
   if (!scene.height_above_road || !out->metric) return true;
   for (const ScaleEvidence& e : window.judged.evidence) {
     if (e.name != stages::kPassingRoad) continue;
-    const double before = *out->log_scale;
-    put_swept_metres(scene, before + e.log_scale, stages::kSweptHeight, out);
-    return !(e.against_others->sigmas > kContradicts);
+    const double own = out->scale_sigma * out->scale_sigma, other = e.sigma * e.sigma;
+    // As it was before it was widened by what it is off.
+    const double stated = std::pow(window.refined.ground.ego.relative_sigma, 2);
+    if (std::abs(e.log_scale) > kContradicts * std::sqrt(stated + other)) {
+      put_swept_metres(scene, *out->log_scale + e.log_scale, out);
+      return false;
+    }
+    *out->log_scale += e.log_scale * own / (own + other);
+    out->scale_sigma = std::sqrt(own * other / (own + other));
+    break;
   }
   return true;
 }
@@ -122,11 +130,10 @@ void put_vehicles(const WindowEstimate& window, WindowMeasurement* out) {
   }
 }
 
-}  // namespace
-
-WindowMeasurement measure_motion(
+/// @param sweep  whether the metres are looked for by what passes on the road.
+WindowMeasurement motion_alone(
     const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-    std::size_t reference, const ReconstructOptions& options, Timings* timings) {
+    std::size_t reference, const ReconstructOptions& options, bool sweep, Timings* timings) {
   const Progress silent;
   const StageRunner run(*timings, silent);
   WindowMeasurement out;
@@ -139,18 +146,24 @@ WindowMeasurement measure_motion(
     const MotionEstimate motion =
         run("motion", 0.0, [&] { return stages::motion(window, matches, options.motion); });
     put_motion(motion, &out);
-    if (!scene.height_above_road) return out;
-    const auto sweep = run("scale", 0.0, [&] {
-      return stages::sweep_repeated_road(window, motion, options.num_threads);
-    });
-    if (sweep && sweep->informative) {
-      put_swept_metres(scene, std::log(*scene.height_above_road) + sweep->log_baseline,
-                       stages::kSweptHeight, &out);
+    if (!sweep || !scene.height_above_road) return out;
+    const RoadSweepResult found =
+        run("scale", 0.0, [&] { return stages::sweep_road(window, motion, options.num_threads); });
+    if (found.informative) {
+      put_swept_metres(scene, std::log(*scene.height_above_road) + found.log_baseline, &out);
     }
   } catch (const NoAnswerError& error) {
     out.reason = error.what();
   }
   return out;
+}
+
+}  // namespace
+
+WindowMeasurement measure_motion(
+    const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
+    std::size_t reference, const ReconstructOptions& options, Timings* timings) {
+  return motion_alone(scene, frames, reference, options, false, timings);
 }
 
 WindowMeasurement measure_window(
@@ -166,13 +179,13 @@ WindowMeasurement measure_window(
     WindowMeasurement out = of_frames(window.road.frames);
     put_motion(window.refined.motion, &out);
     put_metres(scene, document, &out);
-    if (!put_swept_metres(scene, window, &out)) return out;
+    if (!put_metres_of_both(scene, window, &out)) return out;
     out.ego = window.assembled.surface.patches.front().plane;
     out.road = road_samples(window, *out.ego, samples);
     put_vehicles(window, &out);
     return out;
   } catch (const NoAnswerError& error) {
-    WindowMeasurement out = measure_motion(scene, frames, reference, options, timings);
+    WindowMeasurement out = motion_alone(scene, frames, reference, options, true, timings);
     if (out.reason.empty()) out.reason = error.what();
     return out;
   }

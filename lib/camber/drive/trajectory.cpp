@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -303,16 +304,70 @@ class Smoother {
     out.common = common;
     Eigen::VectorXd by = Eigen::VectorXd::Zero(right_.size());
     for (std::size_t k = first + 1; k <= last; ++k) {
-      const Eigen::Vector3d step = poses_[k].translation() - poses_[k - 1].translation();
-      const double length = step.norm();
-      out.length += length;
-      if (!(length > 1e-9)) continue;
+      out.length += (poses_[k].translation() - poses_[k - 1].translation()).norm();
+      Eigen::Vector3d before, after;
+      if (!step_by_poses(k, &before, &after)) continue;
       const auto at = kBlock * static_cast<Eigen::Index>(k);
-      by.segment<3>(at + 3) += poses_[k].rotation().inverse() * (step / length);
-      by.segment<3>(at - kBlock + 3) -= poses_[k - 1].rotation().inverse() * (step / length);
+      by.segment<3>(at + 3) += after;
+      by.segment<3>(at - kBlock + 3) += before;
     }
     out.own_sigma = std::sqrt(std::max(0.0, by.dot(factor_.solve_vector(by))));
     return out;
+  }
+
+  /// Derivative of the length of a step by the poses of its ends, in their own frames.
+  /// @return false: the camera stands.
+  bool step_by_poses(std::size_t k, Eigen::Vector3d* by_before, Eigen::Vector3d* by_after) const {
+    const Eigen::Vector3d step = poses_[k].translation() - poses_[k - 1].translation();
+    const double length = step.norm();
+    if (!(length > 1e-9)) return false;
+    *by_before = -(poses_[k - 1].rotation().inverse() * (step / length));
+    *by_after = poses_[k].rotation().inverse() * (step / length);
+    return true;
+  }
+
+  /// Of the way from the frame before a frame to the one after it.
+  double beside_sigma(std::size_t k, SymmetricBand* covariance) const {
+    const std::size_t first = k > 0 ? k - 1 : 0, last = std::min(k + 1, poses_.size() - 1);
+    std::array<Eigen::Vector3d, 3> by;
+    by.fill(Eigen::Vector3d::Zero());
+    for (std::size_t i = first + 1; i <= last; ++i) {
+      Eigen::Vector3d before, after;
+      if (!step_by_poses(i, &before, &after)) continue;
+      by[i - 1 - first] += before;
+      by[i - first] += after;
+    }
+    double variance = 0.0;
+    for (std::size_t a = first; a <= last; ++a) {
+      for (std::size_t b = first; b <= last; ++b) {
+        for (Eigen::Index i = 0; i < 3; ++i) {
+          for (Eigen::Index j = 0; j < 3; ++j) {
+            const Eigen::Index at = kBlock * static_cast<Eigen::Index>(a) + 3 + i;
+            const Eigen::Index other = kBlock * static_cast<Eigen::Index>(b) + 3 + j;
+            variance += by[a - first][i] * by[b - first][j] *
+                        covariance->at(std::max(at, other), std::min(at, other));
+          }
+        }
+      }
+    }
+    return std::sqrt(std::max(0.0, variance));
+  }
+
+  /// Of the way from the first frame to every other: at some 200 of them, between these variances
+  /// grow evenly.
+  void put_way_sigmas(std::vector<TrajectoryPose>* poses) const {
+    constexpr std::size_t kPlaces = 200;
+    const std::size_t stride = std::max<std::size_t>(1, poses->size() / kPlaces);
+    double before = 0.0;
+    for (std::size_t first = 0; first + 1 < poses->size(); first += stride) {
+      const std::size_t last = std::min(first + stride, poses->size() - 1);
+      const double after = std::pow(stretch(0, last, 0.0).own_sigma, 2);
+      for (std::size_t k = first + 1; k <= last; ++k) {
+        const double share = static_cast<double>(k - first) / static_cast<double>(last - first);
+        (*poses)[k].way_sigma = std::sqrt(before + share * (after - before));
+      }
+      before = after;
+    }
   }
 
   Trajectory handed_out() const {
@@ -338,8 +393,10 @@ class Smoother {
           pose.covariance(i, j) = pose.covariance(j, i) = readable.at(at + i, at + j);
         }
       }
+      pose.beside_sigma = beside_sigma(k, &readable);
       out.poses.push_back(std::move(pose));
     }
+    put_way_sigmas(&out.poses);
     for (const auto& [place, weight] : weights_) {
       out.scales.push_back({ids_[place], residuals_.at(place), weight, scales_[place]});
     }

@@ -47,6 +47,9 @@ struct TrajectoryPose {
   /// without what all windows share of the scale.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   bool measured = false;  ///< false: held or interpolated, no window shows it
+  /// m, standard deviations without what all windows share of the scale: of the way from the first
+  /// frame, and of that from the frame before to the frame after.
+  double way_sigma = 0.0, beside_sigma = 0.0;
 };
 
 struct Trajectory {

@@ -26,29 +26,30 @@ double still_share(const LoadedFrames& frames, const MotionEstimate& motion) {
 
 }  // namespace
 
-std::optional<RoadSweepResult> sweep_repeated_road(const LoadedFrames& frames,
-                                                   const MotionEstimate& motion, int num_threads) {
-  if (!(still_share(frames, motion) > kRepeated)) return std::nullopt;
+RoadSweepResult sweep_road(const LoadedFrames& frames, const MotionEstimate& motion,
+                           int num_threads) {
   std::vector<const GrayImage*> images;
   for (const GrayImage& image : frames.gray) images.push_back(&image);
   RoadSweepOptions options;
   options.num_threads = num_threads;
-  return sweep_road(frames.camera, images, motion, frames.reference, options);
+  return camber::sweep_road(frames.camera, images, motion, frames.reference, options);
 }
 
 std::optional<ScaleEvidence> passing_evidence(const LoadedFrames& frames,
-                                              const PhotometricGround& refined, int num_threads) {
+                                              const PhotometricGround& refined, bool always,
+                                              int num_threads) {
   const EgoPlane& ego = refined.ground.ego;
   if (!(ego.height > 0.0)) return std::nullopt;
-  const auto sweep = sweep_repeated_road(frames, refined.motion, num_threads);
-  if (!sweep || !sweep->informative) return std::nullopt;
-  const double log_ratio = sweep->log_baseline + std::log(ego.height);
+  const double still = still_share(frames, refined.motion);
+  const bool repeated = still > kRepeated;
+  if (!always && !repeated) return std::nullopt;
+  const RoadSweepResult sweep = sweep_road(frames, refined.motion, num_threads);
+  if (!sweep.informative) return std::nullopt;
+  const double log_ratio = sweep.log_baseline + std::log(ego.height);
+  ScaleEvidence out = evidence_of(kPassingRoad, "what passes on the road", log_ratio, kSweptHeight);
+  out.measured = {{"correlation", sweep.correlation}, {"lead", sweep.lead}, {"still", still}};
+  if (!repeated) return out;
   const double sigma = std::hypot(kSweptHeight, ego.relative_sigma);
-  ScaleEvidence out =
-      evidence_of(kPassingRoad, "what passes on a road that the pictures repeat", log_ratio, sigma);
-  out.measured = {{"correlation", sweep->correlation},
-                  {"lead", sweep->lead},
-                  {"informative", sweep->informative ? 1.0 : 0.0}};
   out.against_others =
       Disagreement{log_ratio, std::abs(log_ratio) / sigma,
                    "the pictures repeat the road, as films do: what passes on it fits if " +

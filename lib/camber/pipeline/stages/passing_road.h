@@ -14,15 +14,17 @@ inline constexpr const char* kPassingRoad = "passing_road";  ///< name of its ev
 /// against the travel.
 inline constexpr double kSweptHeight = 0.05;
 
-/// By what passes on the road, where the pictures repeat the rest of it: a coder of film hardly
-/// sends smooth asphalt, which then stands still and is matched as if it were far away.
-/// @return none where the pictures repeat no road.
-std::optional<RoadSweepResult> sweep_repeated_road(const LoadedFrames& frames,
-                                                   const MotionEstimate& motion, int num_threads);
+/// By what passes on the road.
+RoadSweepResult sweep_road(const LoadedFrames& frames, const MotionEstimate& motion,
+                           int num_threads);
 
-/// The height of the camera in baselines by what passes, against the ego plane's.
+/// The height of the camera in baselines by what passes, against the ego plane's: a coder of film
+/// hardly sends smooth asphalt, which then stands still and is matched as if it were far away.
+/// Only where the pictures repeat the road it speaks against the others.
+/// @param always  false: none where the pictures do not repeat it.
 /// @return none where nothing shows it.
 std::optional<ScaleEvidence> passing_evidence(const LoadedFrames& frames,
-                                              const PhotometricGround& refined, int num_threads);
+                                              const PhotometricGround& refined, bool always,
+                                              int num_threads);
 
 }  // namespace camber::stages

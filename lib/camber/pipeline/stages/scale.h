@@ -43,6 +43,9 @@ inline constexpr double kOpenLogScale = 1.0;
 struct ScaleOptions {
   bool use_markings = true;    ///< painted markings whose sizes the scene knows
   bool use_road_width = true;  ///< the road's nearly constant width, where a mask shows it
+  /// What passes on the road is looked at in every window, and not only where the pictures repeat
+  /// the rest of it.
+  bool always_sweep = false;
   /// Factor on the covariance of the ground field, >= 1: errors of the matches that whole stretches
   /// of road share (moving shadows, reflections). Measured by bench_main_job's heights.
   double ground_inflation = 4.0;
