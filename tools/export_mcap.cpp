@@ -153,8 +153,28 @@ void write_camera(const Scene& scene, const Moment& moment, Topics& topics) {
         {camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0}}});
 }
 
+/// Frames of films in their order, one pass a film. FrameImageReader would load OpenCV.
+class FilmFrames {
+ public:
+  /// @return empty where the film has no such frame. @throws InputError as open_video().
+  Image read(const VideoFrameName& name) {
+    if (!video_ || file_ != name.file || video_->index() > name.index) {
+      video_ = open_video(name.file);
+      file_ = name.file;
+    }
+    while (video_->index() < name.index) {
+      if (!video_->next()) return {};
+    }
+    return video_->image();
+  }
+
+ private:
+  fs::path file_;
+  std::unique_ptr<VideoReader> video_;
+};
+
 /// The file of an image as it is, or a frame of a film as JPEG; empty where it is not there.
-std::string image_content(const Scene& scene, const SceneFrame& frame, FrameImageReader& film) {
+std::string image_content(const SceneFrame& frame, FilmFrames& film) {
   std::error_code error;
   if (fs::is_regular_file(frame.image, error)) {
     std::string content = read_whole_file(frame.image);
@@ -162,19 +182,20 @@ std::string image_content(const Scene& scene, const SceneFrame& frame, FrameImag
         content.compare(0, 2, "\xff\xd8") == 0 || content.compare(0, 4, "\x89PNG") == 0;
     return known ? content : std::string();
   }
-  if (!video_frame_name(frame.image)) return {};
+  const auto name = video_frame_name(frame.image);
+  if (!name) return {};
   try {
-    return encode_jpeg(film.read(frame.image, file_camera(scene)).color);
+    const Image image = film.read(*name);
+    return image.empty() ? std::string() : encode_jpeg(image);
   } catch (const InputError&) {
     return {};
   }
 }
 
 /// @return whether there was an image.
-bool write_image(const std::optional<Scene>& scene, const Moment& moment, FrameImageReader& film,
-                 Topics& topics) {
+bool write_image(const Moment& moment, FilmFrames& film, Topics& topics) {
   if (moment.frame == nullptr) return false;
-  const std::string content = image_content(*scene, *moment.frame, film);
+  const std::string content = image_content(*moment.frame, film);
   if (content.empty()) return false;
   const bool jpeg = content.compare(0, 2, "\xff\xd8") == 0;
   topics.write("/camera/image", "foxglove.CompressedImage", moment.ns,
@@ -420,13 +441,13 @@ json export_mcap(const CommonOptions& common, const ExportArguments& args, Timin
     const bool at_once = strip.stretches.empty() && fs::exists(folder / "road.ply", error);
     if (at_once) write_cloud(folder / "road.ply", SE3(), start, topics);
     auto stretch = strip.stretches.begin();
-    FrameImageReader film;
+    FilmFrames film;
     if (surface) write_patches(*surface, start, topics);
     for (const Moment& moment : moments) {
       throw_if_interrupted();
       write_transform(kWorld, kCamera, moment.world_from_camera, moment.ns, topics);
       if (scene) write_camera(*scene, moment, topics);
-      if (!write_image(scene, moment, film, topics)) ++without_image;
+      if (!write_image(moment, film, topics)) ++without_image;
       for (; stretch != strip.stretches.end() && stretch->ns <= moment.ns; ++stretch) {
         write_cloud(stretch->file, strip.world_from_strip, moment.ns, topics);
       }
