@@ -98,8 +98,8 @@ void put_swept_metres(const Scene& scene, double log_scale, WindowMeasurement* o
 }
 
 /// The metres by the road that was found and by what passes on it, which know nothing of each
-/// other: their mean, or, where they contradict each other, the latter's, since matches that stand
-/// still in a film's pictures agree with each other.
+/// other: their mean. Where the pictures repeat the road and they contradict each other, the
+/// latter's, since matches that stand still agree with each other.
 /// @return whether the road that was found is one.
 bool put_metres_of_both(const Scene& scene, const WindowEstimate& window, WindowMeasurement* out) {
   constexpr double kContradicts = 3.0;  // standard deviations
@@ -109,13 +109,14 @@ bool put_metres_of_both(const Scene& scene, const WindowEstimate& window, Window
     const double own = out->scale_sigma * out->scale_sigma, other = e.sigma * e.sigma;
     // As it was before it was widened by what it is off.
     const double stated = std::pow(window.refined.ground.ego.relative_sigma, 2);
-    if (std::abs(e.log_scale) > kContradicts * std::sqrt(stated + other)) {
+    const bool contradicts = std::abs(e.log_scale) > kContradicts * std::sqrt(stated + other);
+    if (contradicts && e.against_others) {
       put_swept_metres(scene, *out->log_scale + e.log_scale, out);
-      return false;
+    } else {
+      *out->log_scale += e.log_scale * own / (own + other);
+      out->scale_sigma = std::sqrt(own * other / (own + other));
     }
-    *out->log_scale += e.log_scale * own / (own + other);
-    out->scale_sigma = std::sqrt(own * other / (own + other));
-    break;
+    return !contradicts;
   }
   return true;
 }
