@@ -46,7 +46,7 @@ class BadInputs : public ::testing::Test {
     auto [at, is_new] = options_.try_emplace(verb.name());
     if (!is_new) return at->second;
     std::vector<std::string> help = {verb.arguments[0], "--help"};
-    if (help[0] == "import" || help[0] == "keypoints" || help[0] == "prior") {
+    if (help[0] == "import" || help[0] == "keypoints" || help[0] == "prior" || help[0] == "tiles") {
       help.insert(help.begin() + 1, verb.arguments[1]);
     }
     std::istringstream lines(work().run(help).out);
