@@ -13,8 +13,8 @@
 #include "camber/core/threads.h"
 #include "camber/core/version.h"
 #include "camber/export/crg_strip.h"
-#include "camber/export/detail/gltf_file.h"
 #include "camber/export/detail/series.h"
+#include "camber/scene/detail/gltf_file.h"
 
 namespace camber {
 

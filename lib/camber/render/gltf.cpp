@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "camber/core/atomic_file.h"
-#include "camber/export/detail/gltf_file.h"
 #include "camber/render/color_map.h"
 #include "camber/render/picture_space.h"
 #include "camber/render/wireframe.h"
+#include "camber/scene/detail/gltf_file.h"
 
 namespace camber {
 namespace {

@@ -1,4 +1,4 @@
-#include "camber/export/detail/gltf_file.h"
+#include "camber/scene/detail/gltf_file.h"
 
 #include <cmath>
 #include <limits>
