@@ -70,7 +70,7 @@ TEST_F(OnTheMap, RoadsAreInMapCoordinates) {
       {"export", file("surface.json"), "--to", "opendrive", "--out", file("road.xodr"), "--json"});
   ASSERT_EQ(drive.exit_code, 0) << drive.error;
   EXPECT_EQ(json::parse(drive.out)["geo_reference"], "EPSG:32632");
-  EXPECT_THAT(test::read_text(file("road.xodr")), HasSubstr("EPSG:32632"));
+  EXPECT_THAT(test::read_text(file("road.xodr")), HasSubstr("+proj=utm +zone=32"));
   EXPECT_ONE_SENTENCE(run_camber({"export", file("surface.json"), "--to", "opendrive", "--crs",
                                   "EPSG:25832", "--out", file("other.xodr")}),
                       2, "the map of EPSG:32632");
