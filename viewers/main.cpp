@@ -52,7 +52,7 @@ LoadedResult load(const ViewArguments& a, const LogSink& warn) {
     warn(a.input + ": " + missing + "; --scene names it");
   }
   protect_inputs({a.input, a.scene, a.truth});
-  if (result.scene) protect_inputs(tools::files_of(*result.scene));
+  if (result.scene) protect_inputs(files_of(*result.scene));
   if (a.truth == "scene") {
     result.load_scene_truth_cloud();
   } else if (!a.truth.empty()) {
