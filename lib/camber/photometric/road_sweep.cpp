@@ -8,7 +8,6 @@
 
 #include "camber/core/threads.h"
 #include "camber/image/detail/single_threaded_opencv.h"
-#include "camber/image/still_part.h"
 #include "camber/photometric/plane_search.h"
 
 namespace camber {
@@ -158,8 +157,6 @@ RoadSweepResult sweep_road(const PinholeCamera& camera, const std::vector<const 
   const Axes axes{travel.cross(up), travel, up};
   const double horizon = camera.cy + camera.fy * travel.y() / std::max(0.1, travel.z());
   if (!(horizon < camera.height - 2)) return out;
-  const StillPart still = still_part(images, std::max(0, static_cast<int>(horizon)));
-  out.still_share = still.share;
   cv::Mat mean = cv::Mat::zeros(camera.height, camera.width, CV_32FC1);
   for (const GrayImage* image : images) mean += intensities(*image);
   mean /= static_cast<double>(images.size());

@@ -28,7 +28,6 @@ struct RoadSweepResult {
   double rival = -1.0;
   double lead = 0.0;         ///< of the best over that, at the same resolution
   double texture = 0.0;      ///< rms of the compared intensities
-  double still_share = 0.0;  ///< see StillPart
   int pairs = 0;             ///< of images that were compared
   bool informative = false;  ///< what passes on the road fixes the baseline
 };

@@ -39,7 +39,7 @@ struct MetricPoseNoise {
 
 /// The poses of a motion with the metres of its road. Road and motion share the errors of the
 /// motion, and where the road was conditioned (RoadPosterior::conditioned) the motion is, too: what
-/// gives the metres over a road also says how the camera moved along it.
+/// gives the metres over a road also measures how the camera moved along it.
 /// @param reference  image whose camera is the world.
 /// @param road       whose shared parameters are the motion's, else std::invalid_argument.
 /// @param camera     what is not known of it, see CameraUncertainty.

@@ -20,7 +20,7 @@ RoadSweepResult sweep_road(const LoadedFrames& frames, const MotionEstimate& mot
 
 /// The height of the camera in baselines by what passes, against the ego plane's: a coder of film
 /// hardly sends smooth asphalt, which then stands still and is matched as if it were far away.
-/// Only where the pictures repeat the road it speaks against the others.
+/// Only where the pictures repeat the road it can contradict the others.
 /// @param always  false: none where the pictures do not repeat it.
 /// @return none where nothing shows it.
 std::optional<ScaleEvidence> passing_evidence(const LoadedFrames& frames,
