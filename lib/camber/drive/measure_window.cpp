@@ -88,19 +88,9 @@ void put_metres(const Scene& scene, const RunDocument& run, WindowMeasurement* o
   if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
 }
 
-/// The metres by what passes on the road alone.
-void put_swept_metres(const Scene& scene, double log_scale, WindowMeasurement* out) {
-  out->metric = true;
-  out->log_scale = log_scale;
-  out->scale_sigma = stages::kSweptHeight;
-  out->common_scale_sigma = scene.height_sigma / *scene.height_above_road;
-  out->reason = "the scale is that of what passes on the road";
-}
-
 /// The metres by the road that was found and by what passes on it, which know nothing of each
-/// other: their mean. Where the pictures repeat the road and they contradict each other, the
-/// latter's, since matches that stand still agree with each other.
-/// @return whether the road that was found is one.
+/// other: their mean.
+/// @return whether the road that was found is one: what passes does not contradict it.
 bool put_metres_of_both(const Scene& scene, const WindowEstimate& window, WindowMeasurement* out) {
   constexpr double kContradicts = 3.0;  // standard deviations
   if (!scene.height_above_road || !out->metric) return true;
@@ -109,14 +99,9 @@ bool put_metres_of_both(const Scene& scene, const WindowEstimate& window, Window
     const double own = out->scale_sigma * out->scale_sigma, other = e.sigma * e.sigma;
     // As it was before it was widened by what it is off.
     const double stated = std::pow(window.refined.ground.ego.relative_sigma, 2);
-    const bool contradicts = std::abs(e.log_scale) > kContradicts * std::sqrt(stated + other);
-    if (contradicts && e.against_others) {
-      put_swept_metres(scene, *out->log_scale + e.log_scale, out);
-    } else {
-      *out->log_scale += e.log_scale * own / (own + other);
-      out->scale_sigma = std::sqrt(own * other / (own + other));
-    }
-    return !contradicts;
+    *out->log_scale += e.log_scale * own / (own + other);
+    out->scale_sigma = std::sqrt(own * other / (own + other));
+    return std::abs(e.log_scale) <= kContradicts * std::sqrt(stated + other);
   }
   return true;
 }
@@ -131,10 +116,11 @@ void put_vehicles(const WindowEstimate& window, WindowMeasurement* out) {
   }
 }
 
-/// @param sweep  whether the metres are looked for by what passes on the road.
-WindowMeasurement motion_alone(
+}  // namespace
+
+WindowMeasurement measure_motion(
     const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-    std::size_t reference, const ReconstructOptions& options, bool sweep, Timings* timings) {
+    std::size_t reference, const ReconstructOptions& options, Timings* timings) {
   const Progress silent;
   const StageRunner run(*timings, silent);
   WindowMeasurement out;
@@ -147,24 +133,10 @@ WindowMeasurement motion_alone(
     const MotionEstimate motion =
         run("motion", 0.0, [&] { return stages::motion(window, matches, options.motion); });
     put_motion(motion, &out);
-    if (!sweep || !scene.height_above_road) return out;
-    const RoadSweepResult found =
-        run("scale", 0.0, [&] { return stages::sweep_road(window, motion, options.num_threads); });
-    if (found.informative) {
-      put_swept_metres(scene, std::log(*scene.height_above_road) + found.log_baseline, &out);
-    }
   } catch (const NoAnswerError& error) {
     out.reason = error.what();
   }
   return out;
-}
-
-}  // namespace
-
-WindowMeasurement measure_motion(
-    const Scene& scene, const std::vector<std::shared_ptr<const stages::LoadedFrame>>& frames,
-    std::size_t reference, const ReconstructOptions& options, Timings* timings) {
-  return motion_alone(scene, frames, reference, options, false, timings);
 }
 
 WindowMeasurement measure_window(
@@ -186,7 +158,7 @@ WindowMeasurement measure_window(
     put_vehicles(window, &out);
     return out;
   } catch (const NoAnswerError& error) {
-    WindowMeasurement out = motion_alone(scene, frames, reference, options, true, timings);
+    WindowMeasurement out = measure_motion(scene, frames, reference, options, timings);
     if (out.reason.empty()) out.reason = error.what();
     return out;
   }

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "camber/core/errors.h"
-#include "camber/image/still_part.h"
+#include "camber/image/still_share.h"
 #include "camber/pipeline/near_parallax.h"
 #include "camber/pipeline/reconstruct.h"
 #include "camber/pipeline/small_images.h"
@@ -108,7 +108,7 @@ Reference without_copies(const Scene& scene, const Reference& all, SmallImages& 
 }
 
 /// Of the texture near the camera, the share that stands still in the pictures about the reference.
-double still_share(const Scene& scene, const Reference& reference, SmallImages& images) {
+double share_about(const Scene& scene, const Reference& reference, SmallImages& images) {
   constexpr std::size_t kEachSide = 3;
   const std::size_t first = reference.at - std::min(reference.behind(), kEachSide);
   const std::size_t last = reference.at + std::min(reference.ahead(), kEachSide);
@@ -118,7 +118,7 @@ double still_share(const Scene& scene, const Reference& reference, SmallImages& 
   for (const GrayImage& image : held) pointers.push_back(&image);
   const int height = held.front().height;
   const double middle = scene.camera.cy * height / scene.camera.height;
-  return still_part(pointers, std::clamp(static_cast<int>(middle), 0, height - 1)).share;
+  return still_share(pointers, std::clamp(static_cast<int>(middle), 0, height - 1));
 }
 
 ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallImages& images,
@@ -137,7 +137,7 @@ ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallI
         image_parallax(scene.camera, here, images.read(reference.places[other]),
                        spacing == 1 ? kLeastNearMatched : 0.0);
     if (spacing == 1 && parallax.most > kLeastStep &&
-        still_share(scene, reference, images) > kRepeated) {
+        share_about(scene, reference, images) > kRepeated) {
       most_a_frame = parallax.most;
     }
     // Too fast to be matched at this size is not too slow.

@@ -1,5 +1,6 @@
 #include "camber/pipeline/estimate_window.h"
 
+#include <optional>
 #include <utility>
 
 namespace camber {
@@ -26,9 +27,10 @@ WindowEstimate estimate_window(const Scene& scene, LoadedFrames frames,
   FoundRoad road =
       stages::find_road(scene, std::move(frames), {o.rounds, o.match, o.motion, o.ground}, run);
   PhotometricGround refined = run("ground", 0.8, [&] {
-    return o.photometric ? stages::refine_photometrically(road.frames, road.matches, road.motion,
-                                                          road.ground, o.ground)
-                         : PhotometricGround{road.ground, road.motion, nullptr, {}, {}, {}};
+    return o.photometric && !road.ground.by_what_passes
+               ? stages::refine_photometrically(road.frames, road.matches, road.motion, road.ground,
+                                                o.ground)
+               : PhotometricGround{road.ground, road.motion, nullptr, {}, {}, {}};
   });
   ScaledRoad scaled = run(
       "scale", 0.83, [&] { return stages::scale(road.frames, road.matches, refined, o.scale); });
@@ -40,8 +42,11 @@ WindowEstimate estimate_window(const Scene& scene, LoadedFrames frames,
     return stages::vehicles(road.frames, refined.motion, scaled, plan, o.vehicles);
   });
   JudgedRoad judged = run("scale", 0.97, [&] {
-    const RoadLayer layer = stages::road_layer(road.frames, road.matches, refined,
-                                               scaled.road.metres_per_baseline(), o.num_threads);
+    std::optional<RoadLayer> layer;  // of matches
+    if (!refined.ground.by_what_passes) {
+      layer = stages::road_layer(road.frames, road.matches, refined,
+                                 scaled.road.metres_per_baseline(), o.num_threads);
+    }
     return stages::judge(scaled, layer, vehicles, {o.scale.noise});
   });
   AssembledRoad assembled = run("surface", 0.98, [&] {

@@ -19,7 +19,7 @@ inline constexpr double kLeastStep = 1.5;
 /// Share of the parallax that is enough near the camera, which ImageParallax::most has to reach,
 /// added up from frame to frame, where what is near stands still in the picture.
 inline constexpr double kEnoughMoved = 0.5;
-/// StillPart::share from which on a film's coder repeats the road: docs/notes/film.md.
+/// still_share() from which on a film's coder repeats the road: docs/notes/film.md.
 inline constexpr double kRepeated = 0.05;
 
 /// A third of the size, at least 16 px wide and high.

@@ -10,6 +10,7 @@
 #include "camber/core/errors.h"
 #include "camber/pipeline/stages/fuse_masks.h"
 #include "camber/pipeline/stages/motion.h"
+#include "camber/pipeline/stages/passing_road.h"
 #include "camber/pipeline/stages/reach.h"
 #include "camber/pipeline/stages/road_layer.h"
 
@@ -95,24 +96,10 @@ void match_in_rounds(LoadedFrames& frames, Candidate& road, const FindRoadOption
   }
 }
 
-}  // namespace
-
-FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptions& o,
-                    const StageRunner& run) {
-  Correspondences matches = run("correspondences", 0.1, [&] { return match(frames, o.match); });
-  const auto keep_only = [&](const FrameRange& range) {
-    if (range.size() == frames.size()) return false;
-    matches = matches_within(range, std::move(matches));
-    frames = frames_within(range, scene, std::move(frames));
-    return true;
-  };
-  const auto find_motion = [&] {
-    return run("motion", 0.3, [&] { return stages::motion(frames, matches, o.motion); });
-  };
-  run("motion", 0.2, [&] { check_poses(matches, o.motion, &frames); });
-  keep_only(frames_that_share(frames, matches));
-  MotionEstimate motion = find_motion();
-  while (keep_only(frames_that_agree(frames, matches, motion, o.motion))) motion = find_motion();
+/// The road on which the most matches agree, from all starts that may be right.
+Candidate road_of_matches(LoadedFrames& frames, const Correspondences& matches,
+                          const MotionEstimate& motion, const FindRoadOptions& o,
+                          const StageRunner& run) {
   const GroundPoints points = run("triangulation", 0.4, [&] {
     return triangulate(frames, matches, motion, nullptr, o.ground);
   });
@@ -147,9 +134,47 @@ FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptio
   }
   Candidate& best = best_of(roads);
   best.ground.alternative_spread = spread_about(best, roads);
-  frames.masks[frames.reference] = std::move(best.masks);
-  return {std::move(frames), std::move(best.matches), std::move(best.motion),
-          std::move(best.ground)};
+  frames.masks[frames.reference] = best.masks;
+  return std::move(best);
+}
+
+}  // namespace
+
+FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptions& o,
+                    const StageRunner& run) {
+  Correspondences matches = run("correspondences", 0.1, [&] { return match(frames, o.match); });
+  const auto keep_only = [&](const FrameRange& range) {
+    if (range.size() == frames.size()) return false;
+    matches = matches_within(range, std::move(matches));
+    frames = frames_within(range, scene, std::move(frames));
+    return true;
+  };
+  const auto find_motion = [&] {
+    return run("motion", 0.3, [&] { return stages::motion(frames, matches, o.motion); });
+  };
+  run("motion", 0.2, [&] { check_poses(matches, o.motion, &frames); });
+  keep_only(frames_that_share(frames, matches));
+  MotionEstimate motion = find_motion();
+  while (keep_only(frames_that_agree(frames, matches, motion, o.motion))) motion = find_motion();
+  const auto of_what_passes = [&](const Correspondences& matched, const MotionEstimate& moved,
+                                  const Ground* found) {
+    return run("ground", 0.75,
+               [&] { return passing_ground(frames, matched, moved, found, o.ground); });
+  };
+  const FrameMasks masks = frames.reference_masks();
+  try {
+    Candidate road = road_of_matches(frames, matches, motion, o, run);
+    if (auto passing = of_what_passes(road.matches, road.motion, &road.ground)) {
+      road.ground = std::move(*passing);
+    }
+    return {std::move(frames), std::move(road.matches), std::move(road.motion),
+            std::move(road.ground)};
+  } catch (const NoAnswerError&) {
+    frames.masks[frames.reference] = masks;
+    auto passing = of_what_passes(matches, motion, nullptr);
+    if (!passing) throw;
+    return {std::move(frames), std::move(matches), std::move(motion), std::move(*passing)};
+  }
 }
 
 FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptions& options) {

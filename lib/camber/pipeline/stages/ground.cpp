@@ -213,22 +213,53 @@ EgoPlane ego_of(const LoadedFrames& frames, const MotionEstimate& motion,
   return out;
 }
 
+namespace {
+
+/// How far what was matched may be off a hypothesis' road, kerbs and banks included.
+class AboutHypothesis {
+ public:
+  AboutHypothesis(const PinholeCamera& camera, const Eigen::Vector3d& travel,
+                  const RoadHypothesis& hypothesis)
+      : camera_(camera),
+        travel_(travel),
+        hypothesis_(hypothesis),
+        per_height_(std::exp(hypothesis.log_baseline)) {}
+
+  /// 1/camera height; 0: the ray misses the road.
+  double inverse_depth(const Eigen::Vector2d& pixel) const {
+    return road_inverse_depth(camera_, travel_, hypothesis_, pixel);
+  }
+
+  /// @param expected  inverse_depth() at the pixel, > 0.
+  /// @param matched   inverse depth, 1/baseline.
+  bool holds(const Eigen::Vector2d& pixel, double expected, double matched) const {
+    // Camera heights: near the path, and more per height aside, and per height farther than 4.
+    constexpr double kOff = 0.3, kOffAside = 0.15, kOffAhead = 0.1, kNear = 4.0;
+    const Eigen::Vector3d point = camera_.ray(pixel) / expected;
+    const double allowed = kOff + kOffAside * std::abs(aside(point, travel_)) +
+                           kOffAhead * std::max(0.0, point.z() - kNear);
+    const double in_heights = matched / per_height_;
+    return std::abs(in_heights - expected) <= allowed * std::max(in_heights, 0.0);
+  }
+
+ private:
+  const PinholeCamera& camera_;
+  Eigen::Vector3d travel_;
+  RoadHypothesis hypothesis_;
+  double per_height_;
+};
+
+}  // namespace
+
 void down_weight_off(const LoadedFrames& frames, const MotionEstimate& motion,
                      const RoadHypothesis& hypothesis, GroundObservations* observed) {
-  // Camera heights that a road, its kerbs and its banks may be off the hypothesis: near the path,
-  // and more per height aside, and per height farther ahead than 4.
-  constexpr double kOff = 0.3, kOffAside = 0.15, kOffAhead = 0.1, kNear = 4.0;
-  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
-  const double per_height = std::exp(hypothesis.log_baseline);
+  const AboutHypothesis about(frames.camera, travel_direction(motion, frames.reference),
+                              hypothesis);
   for (std::size_t i = 0; i < observed->size(); ++i) {
     const Eigen::Vector2d& pixel = observed->pixels[i];
-    const double rho = road_inverse_depth(frames.camera, travel, hypothesis, pixel);
-    if (!(rho > 1.0 / kReach)) continue;
-    const Eigen::Vector3d point = frames.camera.ray(pixel) / rho;
-    const double allowed = kOff + kOffAside * std::abs(aside(point, travel)) +
-                           kOffAhead * std::max(0.0, point.z() - kNear);
-    const double matched = observed->inverse_depth[i] / per_height;
-    if (std::abs(matched - rho) > allowed * std::max(matched, 0.0)) observed->sigma[i] *= 100.0;
+    const double expected = about.inverse_depth(pixel);
+    if (!(expected > 1.0 / kReach)) continue;
+    if (!about.holds(pixel, expected, observed->inverse_depth[i])) observed->sigma[i] *= 100.0;
   }
 }
 
@@ -258,6 +289,54 @@ void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
   const auto more = static_cast<Eigen::Index>(observed->size()) - rows;
   observed->shared_jacobian.conservativeResize(rows + more, Eigen::NoChange);
   observed->shared_jacobian.bottomRows(more).setZero();
+}
+
+Ground ground_of(const LoadedFrames& frames, const Correspondences& matches,
+                 const MotionEstimate& motion, const RoadHypothesis& hypothesis,
+                 double relative_sigma, const GroundOptions& options) {
+  // rad: of the road against the travel, and of a camera that is not mounted level with its fall.
+  constexpr double kPitch = 0.005, kRoll = 0.03;
+  const Eigen::Vector3d travel = travel_direction(motion, frames.reference);
+  const FrameMasks& masks = frames.reference_masks();
+  TriangulationOptions triangulation;
+  triangulation.num_threads = options.num_threads;
+  const TriangulatedPoints all = camber::triangulate(
+      frames.camera, matches, motion, below_horizon(frames, matches, travel), triangulation);
+  const AboutHypothesis about(frames.camera, travel, hypothesis);
+  Ground out;
+  GroundPoints& seen = out.seen;
+  seen.is_ground.assign(matches.pixels.size(), 0);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const auto i = static_cast<std::size_t>(all.grid[k]);
+    const Eigen::Vector2d pixel = matches.pixels[i].cast<double>();
+    const double expected = about.inverse_depth(pixel);
+    seen.is_ground[i] = masks.ground[matches.image_index(i, frames.camera.width)] != 0 &&
+                        expected > 0.0 && about.holds(pixel, expected, all.inverse_depth[k]);
+  }
+  seen.is_roadway = seen.is_ground;
+  for (std::size_t i = 0; i < seen.is_roadway.size(); ++i) {
+    if (!masks.roadway[matches.image_index(i, frames.camera.width)]) seen.is_roadway[i] = 0;
+  }
+  seen.points = all.chosen(seen.is_ground);
+  out.by_what_passes = true;
+  out.ego = ego_of(frames, motion, hypothesis, options);
+  out.ego.reason = "by what passes on the road";
+  out.ego.relative_sigma = relative_sigma;
+  out.ego.plane.covariance =
+      Eigen::Vector3d(kRoll, kPitch, relative_sigma * out.ego.height).cwiseAbs2().asDiagonal();
+  out.ego.shared_jacobian.setZero(3, motion.covariance.cols());
+  for (int k = 0; k <= static_cast<int>(kReach); ++k) {
+    out.ego.line.emplace_back(out.ego.plane.centroid + k * out.ego.height * travel);
+  }
+  out.metres_per_baseline = motion.metres_per_baseline.value_or(out.ego.metres_per_baseline);
+  GroundObservations observed = ground_observations(matches, seen.points);
+  add_hypothesis(frames, motion, hypothesis, &observed);
+  require_found(observed);
+  GroundFieldOptions field;
+  field.metres_per_baseline = out.metres_per_baseline;
+  field.num_threads = options.num_threads;
+  out.field = std::make_shared<GroundField>(frames.camera, observed, out.ego.plane.plane, field);
+  return out;
 }
 
 GroundObservations ground_observations(const Correspondences& matches,

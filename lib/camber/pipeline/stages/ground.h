@@ -36,6 +36,8 @@ struct Ground {
   /// from other starts, on which as many points agree, differ from this one; 0 where there are
   /// none.
   double alternative_spread = 0.0;
+  /// The near road is that of a sweep (stages/passing_road.h); matches only add what lies on it.
+  bool by_what_passes = false;
 };
 
 /// Blocks of an image, row by row.

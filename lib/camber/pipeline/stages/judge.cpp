@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "camber/pipeline/stages/detail/patch_status.h"
-#include "camber/pipeline/stages/passing_road.h"
 #include "camber/scale/fusion.h"
 #include "camber/scale/vehicle_sizes.h"
 
@@ -40,7 +39,7 @@ struct Rule {
 };
 
 /// The rules, in the order in which warnings are given.
-std::array<Rule, 18> rules(const ScaleNoise& noise) {
+std::array<Rule, 17> rules(const ScaleNoise& noise) {
   const double start = noise.contradiction_start, gate = Constraint().gate;
   const auto source = [&](const char* name) {
     return Rule{name, start, gate, gate, kScale, Joining::kLargest, nullptr};
@@ -63,7 +62,6 @@ std::array<Rule, 18> rules(const ScaleNoise& noise) {
       {"alternative_spread", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
       check("off_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       check("plane_search", noise.gate, kScale, Joining::kLargest, "plane_search"),
-      check(kPassingRoad, noise.gate, kScale, Joining::kLargest, nullptr),
       check("turn", noise.gate, kFocalLength, Joining::kLargest, "focal_length"),
       check("unmatched_markings", kPlainlyOff, kScale, Joining::kLargest, nullptr),
       {"vehicle_sizes", noise.vehicle_sizes_start, noise.vehicle_sizes_gate,
@@ -290,7 +288,7 @@ class Ruling {
     return share_of(rule, off.sigmas) * off.log_ratio * off.log_ratio;
   }
 
-  std::array<Rule, 18> rules_;
+  std::array<Rule, 17> rules_;
 };
 
 void shift(double log_scale, std::vector<ScaleEvidence>* evidence) {
@@ -315,6 +313,11 @@ JudgedRoad judge(const ScaledRoad& scaled, const std::optional<RoadLayer>& layer
   FusedRoad fused = fuse(scaled.road, constraints, noise.vehicle_population);
   JudgedRoad out{std::move(fused.road),    scaled.metric,  {}, 0.0,
                  std::move(fused.reports), scaled.reports, {}, {}};
+  if (scaled.by_what_passes) {
+    out.warnings.push_back({"road_repeated",
+                            "the pictures repeat the asphalt, as films do: the road is a plane, by "
+                            "what passes on it"});
+  }
   const Ruling ruling(noise);
   if (scaled.metric) {
     std::vector<Finding> findings = findings_of(scaled.evidence);

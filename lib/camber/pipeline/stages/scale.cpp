@@ -99,7 +99,7 @@ bool accepted(const std::vector<ConstraintReport>& reports, const std::string& n
 
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options) {
-  detail::require_seen(ground.ground.ego);
+  if (!ground.ground.by_what_passes) detail::require_seen(ground.ground.ego);
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;
@@ -167,6 +167,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     ScaledRoad out{
         std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
         std::move(width),      scale_change};
+    out.by_what_passes = ground.ground.by_what_passes;
     out.scale_by_focal = metric ? by_focal : 1.0;
     if (!metric) out.without_metres = why_up_to_scale(frames, out.markings);
     detail::add_sources(prior, constraints, options.noise, &out);

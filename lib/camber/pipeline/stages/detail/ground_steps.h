@@ -40,6 +40,12 @@ void down_weight_off(const LoadedFrames& frames, const MotionEstimate& motion,
 void add_hypothesis(const LoadedFrames& frames, const MotionEstimate& motion,
                     const RoadHypothesis& hypothesis, GroundObservations* observed);
 
+/// The ground that is a hypothesis' near road, with those matches that lie on it.
+/// @param relative_sigma  of the hypothesis' camera height.
+Ground ground_of(const LoadedFrames& frames, const Correspondences& matches,
+                 const MotionEstimate& motion, const RoadHypothesis& hypothesis,
+                 double relative_sigma, const GroundOptions& options);
+
 GroundObservations ground_observations(const Correspondences& matches,
                                        const TriangulatedPoints& points);
 

@@ -1,0 +1,114 @@
+// Roads that a film's coder repeats: a drawn street with broken lines, of whose asphalt a picture
+// shows what the one before did unless it differs plainly.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "camber/pipeline/estimate_window.h"
+#include "camber/pipeline/stages/passing_road.h"
+#include "pipeline/made_drive.h"
+#include "support/drawn_road.h"
+
+namespace camber {
+namespace {
+
+constexpr double kStep = 1.2, kHeight = 1.65;  // m
+constexpr int kImages = 5;
+
+/// A level camera between houses, over asphalt with broken lines at both sides of the lane.
+LoadedFrames street() {
+  test::MadeDriveOptions options;
+  options.pitch = 0.0;
+  options.height = kHeight;
+  options.stations.clear();
+  for (int k = 0; k < kImages; ++k) options.stations.push_back(kStep * (k - kImages / 2));
+  options.reference = kImages / 2;
+  options.masks = false;
+  test::MadeDrive drive = test::make_drive(options);
+  test::DrawnRoad road;
+  for (const double side : {-1.0, 1.0}) {
+    for (int i = 0; i < 6; ++i) {
+      road.boards.push_back({9.0 + 7.0 * i, std::min(5.0 * side, 14.0 * side),
+                             std::max(5.0 * side, 14.0 * side), -4.0, kHeight, 0.0});
+    }
+  }
+  road.light = [](double x, double z, int) {
+    const double from = z - 9.0 * std::floor(z / 9.0);
+    return std::abs(std::abs(x) - 1.75) < 0.08 && from < 3.0 ? 2.4 : 1.0;
+  };
+  LoadedFrames frames = drive.frames;
+  const double baseline = drive.metres_per_baseline;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    frames.gray[k].pixels = test::draw_road(
+        road, frames.camera, metric_pose(drive.motion, k, baseline).inverse(), static_cast<int>(k));
+    for (std::size_t i = 0; i < frames.gray[k].pixels.size(); ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        frames.color[k].data[3 * i + c] = frames.gray[k].pixels[i];
+      }
+    }
+  }
+  frames.known.camera_height_sigma = 0.02;
+  return frames;
+}
+
+/// What is below the horizon stays as it was unless it changes by more than `least`.
+void code(int least, LoadedFrames* frames) {
+  const PinholeCamera& camera = frames->camera;
+  const auto first =
+      static_cast<std::size_t>(camera.cy + 4) * static_cast<std::size_t>(camera.width);
+  for (std::size_t k = 1; k < frames->size(); ++k) {
+    const std::vector<std::uint8_t>& before = frames->gray[k - 1].pixels;
+    std::vector<std::uint8_t>& now = frames->gray[k].pixels;
+    for (std::size_t i = first; i < now.size(); ++i) {
+      if (std::abs(static_cast<int>(now[i]) - before[i]) < least) now[i] = before[i];
+    }
+  }
+}
+
+WindowEstimate estimate(const LoadedFrames& frames) {
+  Timings timings;
+  const Progress silent;
+  const StageRunner run(timings, silent);
+  return estimate_window({}, frames, handed_down({}), run);
+}
+
+bool is_named(const WindowEstimate& window) {
+  const std::vector<RunDocument::Warning>& warnings = window.judged.warnings;
+  return std::any_of(warnings.begin(), warnings.end(),
+                     [](const auto& w) { return w.code == "road_repeated"; });
+}
+
+double log_error(const WindowEstimate& window) {
+  const double longest = kStep * static_cast<double>(kImages / 2);
+  return std::log(window.judged.road.metres_per_baseline() / longest);
+}
+
+TEST(RepeatedRoad, ASeenOneIsThatOfTheMatches) {
+  const WindowEstimate window = estimate(street());
+  EXPECT_FALSE(window.refined.ground.by_what_passes);
+  EXPECT_FALSE(is_named(window));
+  EXPECT_LT(std::abs(log_error(window)), 2.0 * window.judged.scale.sigma);
+}
+
+TEST(RepeatedRoad, WhatPassesGivesTheMetresOfOneThatStandsStill) {
+  LoadedFrames frames = street();
+  code(40, &frames);
+  const WindowEstimate window = estimate(frames);
+  EXPECT_TRUE(window.refined.ground.by_what_passes);
+  EXPECT_TRUE(is_named(window));
+  EXPECT_LT(std::abs(log_error(window)), 2.0 * window.judged.scale.sigma);
+  EXPECT_LT(window.judged.scale.sigma, 0.08);
+  // The road is level, at the camera's height.
+  const UncertainPlane ego = window.judged.road.ego();
+  EXPECT_LT(angle_between(ego.plane.normal, {0.0, -1.0, 0.0}),
+            3.0 * std::sqrt(ego.covariance(0, 0) + ego.covariance(1, 1)));
+  EXPECT_FALSE(window.plan.road.empty());
+}
+
+}  // namespace
+}  // namespace camber
