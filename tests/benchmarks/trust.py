@@ -15,7 +15,10 @@ line names), synth (`camber synth --random NUMBER`), folder (the scenes that --s
 numbered in order of their names).
 Faults: none; height+20, focal10 (any per cent); cx0; and in the frame after the reference frame:
 repeat (the reference frame's images again), other (another scene's), exposure (1.6 times as
-bright), black (the right half), pose (all poses are given, this one 1 degree off).
+bright), black (the right half), pose (all poses are given, this one 1 degree off). With --speed
+also speed+20, speed-20.
+--coder h264:300 or h265:300 lets all frames go through a film of so many kbit/s (ffmpeg's libx264,
+libx265).
 
 Scenes are made once. Every run is a line of OUT/runs.jsonl, under a key of all that defines it (the
 program's bytes too), and is not repeated.
@@ -39,13 +42,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import trust_report
 from benchmark_json import BadInput, write_document
-from trust_scenes import (check_fault, edited_manifest, facts_of, last_line, make_scenes,
-                          turn_deg)
+from trust_scenes import (CODER_PATTERN, check_fault, coded_images, edited_manifest, facts_of,
+                          last_line, make_scenes, turn_deg)
 
 FORMAT = 1          # of a run's line and of what a switch or fault does: part of each key
 FACTS_FORMAT = 2    # of a scene's line
 TIME_LIMIT = 900    # s, of one run
-FRAMES_PATTERN = re.compile(r"none$|\d+:\d+(:[1-9]\d*)?$|\d+(\+\d+)+$")
+FRAMES_PATTERN = re.compile(r"none(@\d+)?$|\d+:\d+(:[1-9]\d*)?$|\d+(\+\d+)+$")
 
 
 class Program:
@@ -109,11 +112,14 @@ def parse(words):
     half.add_argument("--odd", action="store_true", help="only odd numbers: those to report")
     half.add_argument("--even", action="store_true", help="only even numbers: those to decide on")
     add("--frames", default="1:3", metavar="FRAMES,...",
-        help="runs of each scene: 1:3, 0:4:2, 0+2+4, none (the command's own choice)")
+        help="runs of each scene: 1:3, 0:4:2, 0+2+4, none (the command's own choice), none@40 (that "
+             "about frame 40)")
     add("--no-masks", action="store_true")
     add("--no-detections", action="store_true")
     add("--no-markings", action="store_true", help="their known sizes are not given")
     add("--poses", action="store_true", help="the true poses are given")
+    add("--speed", action="store_true", help="the true speeds are given, with a draw of 2 %%")
+    add("--coder", default="", metavar="CODER:KBIT", help="h264:300, h265:300")
     add("--faults", default="none", metavar="FAULT,...", help="a run of each with each")
     add("--seed", type=int, default=0, help="of heights and faults")
     add("--jobs", type=int, default=1, help="runs at a time, one thread each")
@@ -129,10 +135,15 @@ def parse(words):
     arguments.faults = list(dict.fromkeys(arguments.faults.split(",")))
     for frames in arguments.frames:
         if not FRAMES_PATTERN.match(frames):
-            raise BadInput(f"--frames: found '{frames}', expected 1:3, 0:4:2, 0+2+4 or none")
+            raise BadInput(
+                f"--frames: found '{frames}', expected 1:3, 0:4:2, 0+2+4, none or none@40")
     for fault in arguments.faults:
         if not check_fault(fault):
             raise BadInput(f"--faults: there is no fault '{fault}'")
+        if fault.startswith("speed") and not arguments.speed:
+            raise BadInput(f"--faults: {fault} takes --speed")
+    if arguments.coder and not CODER_PATTERN.match(arguments.coder):
+        raise BadInput(f"--coder: found '{arguments.coder}', expected h264:300 or h265:300")
     if arguments.jobs < 1:
         raise BadInput(f"--jobs: found {arguments.jobs}, expected 1 or more")
     return arguments
@@ -177,6 +188,10 @@ class Bench:
             "poses": a.poses or fault == "pose", "seed": a.seed, "program": self.program.hash}
         if fault == "other":
             definition["other"] = self.other(number).hash
+        if a.speed:
+            definition["speed"] = True
+        if a.coder:
+            definition["coder"] = a.coder
         return definition
 
     def other(self, number):
@@ -193,6 +208,8 @@ class Bench:
         with ThreadPoolExecutor(self.arguments.jobs) as pool:
             try:
                 list(pool.map(self.find_facts, known))
+                if self.arguments.coder:  # a film serves several runs
+                    list(pool.map(self.coded, {n for n, _ in missing}))
                 for _ in pool.map(lambda job: self.run(*job), missing):
                     done += 1
                     if sys.stderr.isatty():
@@ -202,6 +219,9 @@ class Bench:
                 raise
         if total and sys.stderr.isatty():
             print(file=sys.stderr)
+
+    def coded(self, number):
+        return coded_images(self.scenes[number], self.arguments.coder, self.arguments.scenes)
 
     def is_there(self, key):
         """A run that crashed is run again."""
@@ -225,11 +245,12 @@ class Bench:
         scene = self.scenes[number]
         other = self.other(number) if definition["fault"] == "other" else None
         manifest = folder / "scene.json"
-        manifest.write_text(json.dumps(edited_manifest(scene, definition, other, folder)),
+        images = self.coded(number) if "coder" in definition else None
+        manifest.write_text(json.dumps(edited_manifest(scene, definition, other, folder, images)),
                             encoding="utf-8")
         command = [str(self.program.path), "reconstruct", str(manifest), "--out",
                    str(folder / "result"), "--threads", "1", "--quiet", *options]
-        if definition["frames"] != "none":
+        if not definition["frames"].startswith("none"):
             command += ["--frames", definition["frames"].replace("+", ",")]
         try:
             done = subprocess.run(command, capture_output=True, text=True, check=False,
@@ -317,9 +338,11 @@ def command_of(arguments):
     words += ["--numbers", f"{numbers[0]}:{numbers[-1]}" if whole else ",".join(map(str, numbers))]
     if step == 2 and whole and len(numbers) > 1:
         words.append("--odd" if numbers[0] % 2 else "--even")
-    for switch in ("no_masks", "no_detections", "no_markings", "poses"):
+    for switch in ("no_masks", "no_detections", "no_markings", "poses", "speed"):
         if getattr(arguments, switch):
             words.append("--" + switch.replace("_", "-"))
+    if arguments.coder:
+        words += ["--coder", arguments.coder]
     return " ".join(words)
 
 

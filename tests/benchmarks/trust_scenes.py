@@ -22,7 +22,9 @@ EXPOSURE_JUMP = 1.6          # of the frame that jumps
 POSE_FAULT_DEG = 1.0
 
 PLAIN_FAULTS = ("none", "cx0", "repeat", "other", "exposure", "black", "pose")
-FAULT_PATTERN = re.compile(r"(height|focal)([+-]?\d+)$")
+FAULT_PATTERN = re.compile(r"(height|focal|speed)([+-]?\d+)$")
+CODER_PATTERN = re.compile(r"h26([45]):([1-9]\d*)$")
+SPEED_SIGMA = 0.02           # relative, of given speeds
 
 
 class Scene:
@@ -116,14 +118,14 @@ def last_line(text):
 # --- edited manifests ----------------------------------------------------------------------------
 
 def check_fault(name):
-    """Whether a fault's name is one; height and focal carry their per cent."""
+    """Whether a fault's name is one; height, focal and speed carry their per cent."""
     match = FAULT_PATTERN.match(name)
     return name in PLAIN_FAULTS or bool(match and -90 <= int(match[2]) <= 900)
 
 
 def used_frames(scene, frames):
     """Ids of a run over '1:3', '0:4:2' or '0+2+4'; None for the command's own choice."""
-    if frames == "none":
+    if frames.startswith("none"):
         return None
     if "+" in frames:
         used = [int(text) for text in frames.split("+")]
@@ -140,10 +142,14 @@ def standard_normal(*key):
     return math.sqrt(-2.0 * math.log((u + 1) / 2.0**64)) * math.cos(2.0 * math.pi * v / 2.0**64)
 
 
-def edited_manifest(scene, definition, other, folder):
-    """The manifest of a run, with absolute paths; changed images go to the folder."""
+def edited_manifest(scene, definition, other, folder, coded=None):
+    """The manifest of a run, with absolute paths; changed images go to the folder.
+
+    coded: images in place of the scene's, by frame."""
     manifest = copy.deepcopy(scene.manifest)
     frames = manifest["frames"]
+    if "@" in definition["frames"]:
+        manifest["reference_frame"] = int(definition["frames"].split("@")[1])
     for frame in frames:
         for key in ("image", "segmentation", "road_mask"):
             if key in frame:
@@ -160,8 +166,12 @@ def edited_manifest(scene, definition, other, folder):
         for key in ("label", "depth"):
             if key in frame:
                 frame[key] = scene.path(frame[key])
+    for frame in frames if coded else []:
+        frame["image"] = coded[frame["id"]]
     if not definition["markings"]:
         manifest.pop("markings_m", None)
+    if definition.get("speed"):
+        give_speeds(scene, manifest, definition["seed"])
     draw_height(scene, manifest["camera"], definition["seed"])
     inject(scene, manifest, definition, other, folder)
     return manifest
@@ -181,8 +191,13 @@ def inject(scene, manifest, definition, other, folder):
     match = FAULT_PATTERN.match(fault)
     if match:
         factor = 1.0 + int(match[2]) / 100.0
-        for key in ("height_above_road",) if match[1] == "height" else ("fx", "fy"):
-            camera[key] *= factor
+        if match[1] == "speed":
+            for frame in manifest["frames"]:
+                if "speed" in frame:
+                    frame["speed"] *= factor
+        else:
+            for key in ("height_above_road",) if match[1] == "height" else ("fx", "fy"):
+                camera[key] *= factor
     elif fault == "cx0":
         camera["cx"] = 0.0
     used = used_frames(scene, definition["frames"]) or scene.ids
@@ -244,6 +259,61 @@ def give_poses(scene, manifest):
         if pose is None:
             raise BadInput(f"{scene.folder}: frame {frame['id']} has no true pose to be given")
         frame["world_from_camera"] = list(pose)
+
+
+def give_speeds(scene, manifest, seed):
+    """The speeds of the true poses, times one draw of their sigma."""
+    frames = [f for f in manifest["frames"] if "world_from_camera" in scene.truth.get(f["id"], {})]
+    places = [scene.truth[f["id"]]["world_from_camera"][3:12:4] for f in frames]
+    times = times_of(manifest)
+    factor = 1.0 + SPEED_SIGMA * standard_normal("speed", scene.name, seed)
+    for k, frame in enumerate(frames):
+        a, b = max(k - 1, 0), min(k + 1, len(frames) - 1)
+        way = math.dist(places[a], places[k]) + math.dist(places[k], places[b])
+        elapsed = times[frames[b]["id"]] - times[frames[a]["id"]]
+        if not elapsed > 0.0:
+            raise BadInput(f"{scene.folder}: no times for speeds")
+        frame["speed"] = factor * way / elapsed
+        frame["speed_sigma"] = SPEED_SIGMA * frame["speed"]
+
+
+def times_of(manifest):
+    """Times of the frames, s, by id."""
+    rate = manifest.get("frame_rate", 10.0)
+    return {f["id"]: f.get("time_s", f["id"] / rate) for f in manifest["frames"]}
+
+
+def coded_images(scene, coder, folder):
+    """The scene's images as a film shows them, by frame; each film is made once."""
+    into = folder / "coded" / f"{scene.name}-{scene.hash}-{coder.replace(':', '-')}"
+    images = {frame: str((into / f"{k + 1:06d}.png").resolve())
+              for k, frame in enumerate(scene.ids)}
+    if into.exists():
+        return images
+    kind, rate = CODER_PATTERN.match(coder).groups()
+    times = sorted(times_of(scene.manifest).values())
+    fps = (len(times) - 1) / (times[-1] - times[0]) if times[-1] > times[0] else 10.0
+    part = into.with_name(into.name + ".part")
+    (part / "in").mkdir(parents=True, exist_ok=True)
+    for k, frame in enumerate(scene.manifest["frames"]):
+        link = part / "in" / f"{k + 1:06d}{pathlib.Path(frame['image']).suffix}"
+        link.unlink(missing_ok=True)
+        link.symlink_to(scene.path(frame["image"]))
+    suffix = pathlib.Path(scene.manifest["frames"][0]["image"]).suffix
+    film, size = part / "film.mp4", f"{scene.camera['width']}:{scene.camera['height']}"
+    for words in (["-framerate", f"{fps:.6f}", "-i", str(part / "in" / f"%06d{suffix}"),
+                   "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-c:v",
+                   f"libx26{kind}", "-b:v", f"{rate}k", "-threads", "1", str(film)],
+                  ["-i", str(film), "-vf", f"crop={size}:0:0", str(part / "%06d.png")]):
+        try:
+            done = subprocess.run(["ffmpeg", "-loglevel", "error", "-y", *words],
+                                  capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise BadInput(f"ffmpeg: {error.strerror}") from error
+        if done.returncode:
+            raise BadInput(f"ffmpeg: {last_line(done.stderr)}")
+    os.replace(part, into)
+    return images
 
 
 def turn(frame, scene, seed):
