@@ -1,4 +1,4 @@
-#include "camber/image/still_part.h"
+#include "camber/image/still_share.h"
 
 #include <algorithm>
 #include <cmath>
