@@ -57,7 +57,7 @@ class Measurer {
         cache_(scene, handed_down(options.window).load) {
     window_options_.match.kept = &flows_;
     window_options_.match.smooth_start = false;
-    window_options_.scale.use_passing_road = true;
+    window_options_.sweep_road = true;
     window_options_.num_threads =
         std::max(1, resolve_num_threads(options.window.num_threads) / at_once_);
     window_options_ = handed_down(window_options_);

@@ -9,7 +9,6 @@
 #include "camber/pipeline/estimate_window.h"
 #include "camber/pipeline/stages/detail/relative_sigma.h"
 #include "camber/pipeline/stages/motion.h"
-#include "camber/pipeline/stages/passing_road.h"
 
 namespace camber {
 namespace {
@@ -88,24 +87,6 @@ void put_metres(const Scene& scene, const RunDocument& run, WindowMeasurement* o
   if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
 }
 
-/// The metres by the road that was found and by what passes on it, which know nothing of each
-/// other: their mean.
-/// @return whether the road that was found is one: what passes does not contradict it.
-bool put_metres_of_both(const Scene& scene, const WindowEstimate& window, WindowMeasurement* out) {
-  constexpr double kContradicts = 3.0;  // standard deviations
-  if (!scene.height_above_road || !out->metric) return true;
-  for (const ScaleEvidence& e : window.judged.evidence) {
-    if (e.name != stages::kPassingRoad) continue;
-    const double own = out->scale_sigma * out->scale_sigma, other = e.sigma * e.sigma;
-    // As it was before it was widened by what it is off.
-    const double stated = std::pow(window.refined.ground.ego.relative_sigma, 2);
-    *out->log_scale += e.log_scale * own / (own + other);
-    out->scale_sigma = std::sqrt(own * other / (own + other));
-    return std::abs(e.log_scale) <= kContradicts * std::sqrt(stated + other);
-  }
-  return true;
-}
-
 void put_vehicles(const WindowEstimate& window, WindowMeasurement* out) {
   const std::vector<VehicleFrame>& frames = window.assembled.vehicles.frames;
   for (const VehicleFrame& frame : frames) {
@@ -152,7 +133,6 @@ WindowMeasurement measure_window(
     WindowMeasurement out = of_frames(window.road.frames);
     put_motion(window.refined.motion, &out);
     put_metres(scene, document, &out);
-    if (!put_metres_of_both(scene, window, &out)) return out;
     out.ego = window.assembled.surface.patches.front().plane;
     out.road = road_samples(window, *out.ego, samples);
     put_vehicles(window, &out);

@@ -36,6 +36,8 @@ struct ReconstructOptions {
   int num_threads = 0;      ///< <= 0: see resolve_num_threads
   int rounds = 3;           ///< of matching again with the ground known, at most; >= 0
   bool photometric = true;  ///< refine motion and ground on the intensities of all images
+  /// What passes on the road is a source of every window, not only where its road is in doubt.
+  bool sweep_road = false;
   stages::LoadOptions load;
   stages::MatchOptions match;
   MotionOptions motion;

@@ -156,24 +156,28 @@ FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptio
   keep_only(frames_that_share(frames, matches));
   MotionEstimate motion = find_motion();
   while (keep_only(frames_that_agree(frames, matches, motion, o.motion))) motion = find_motion();
-  const auto of_what_passes = [&](const Correspondences& matched, const MotionEstimate& moved,
-                                  const Ground* found) {
-    return run("ground", 0.75,
-               [&] { return passing_ground(frames, matched, moved, found, o.ground); });
+  const auto passing = [&](const Correspondences& matched, const MotionEstimate& moved,
+                           const Ground* found) {
+    return run("ground", 0.75, [&]() -> std::optional<Ground> {
+      if (found && !repeats_road(frames, moved)) return std::nullopt;
+      const auto sweep = sweep_road(frames, moved, o.ground.num_threads);
+      if (!sweep || (found && !shows_another(*sweep, found->ego))) return std::nullopt;
+      return passing_ground(frames, matched, moved, *sweep, o.ground);
+    });
   };
   const FrameMasks masks = frames.reference_masks();
   try {
     Candidate road = road_of_matches(frames, matches, motion, o, run);
-    if (auto passing = of_what_passes(road.matches, road.motion, &road.ground)) {
-      road.ground = std::move(*passing);
+    if (auto other = passing(road.matches, road.motion, &road.ground)) {
+      road.ground = std::move(*other);
     }
     return {std::move(frames), std::move(road.matches), std::move(road.motion),
             std::move(road.ground)};
   } catch (const NoAnswerError&) {
     frames.masks[frames.reference] = masks;
-    auto passing = of_what_passes(matches, motion, nullptr);
-    if (!passing) throw;
-    return {std::move(frames), std::move(matches), std::move(motion), std::move(*passing)};
+    auto other = passing(matches, motion, nullptr);
+    if (!other) throw;
+    return {std::move(frames), std::move(matches), std::move(motion), std::move(*other)};
   }
 }
 

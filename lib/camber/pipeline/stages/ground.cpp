@@ -318,7 +318,6 @@ Ground ground_of(const LoadedFrames& frames, const Correspondences& matches,
     if (!masks.roadway[matches.image_index(i, frames.camera.width)]) seen.is_roadway[i] = 0;
   }
   seen.points = all.chosen(seen.is_ground);
-  out.by_what_passes = true;
   out.ego = ego_of(frames, motion, hypothesis, options);
   out.ego.reason = "by what passes on the road";
   out.ego.relative_sigma = relative_sigma;

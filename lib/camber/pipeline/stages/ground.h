@@ -11,6 +11,7 @@
 #include "camber/motion/triangulation.h"
 #include "camber/photometric/direct_ground.h"
 #include "camber/photometric/plane_search.h"
+#include "camber/photometric/road_sweep.h"
 #include "camber/pipeline/stages/load.h"
 #include "camber/road/ground_field.h"
 #include "camber/scale/ego_plane.h"
@@ -36,8 +37,9 @@ struct Ground {
   /// from other starts, on which as many points agree, differ from this one; 0 where there are
   /// none.
   double alternative_spread = 0.0;
-  /// The near road is that of a sweep (stages/passing_road.h); matches only add what lies on it.
-  bool by_what_passes = false;
+  /// By what passes on the road, where that was looked at.
+  std::optional<RoadSweepResult> passing = std::nullopt;
+  bool by_what_passes = false;  ///< the near road is that one; matches only add what lies on it
 };
 
 /// Blocks of an image, row by row.

@@ -11,6 +11,7 @@
 #include "camber/pipeline/stages/detail/scale_sources.h"
 #include "camber/scale/camera_height_constraint.h"
 #include "camber/scale/fusion.h"
+#include "camber/scale/passing_road_constraint.h"
 
 namespace camber::stages {
 namespace {
@@ -120,6 +121,9 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     RoadWidthConstraint width = detail::measure_width(frames, raster, travel, anchored, options);
     constraints.push_back(prior.relinearised(markings.constraint, linearised_at));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
+    if (ground.ground.passing && !ground.ground.by_what_passes) {
+      constraints.push_back(passing_road_constraint(prior, ground.ground.passing->log_baseline));
+    }
     if (ground.motion.metres_per_baseline && frames.known.camera_height) {
       constraints.push_back(camera_height_constraint(prior, *frames.known.camera_height,
                                                      frames.known.camera_height_sigma));

@@ -32,7 +32,7 @@ struct ScaledRoad {
   DashFocalLength dash_focal_length = {};
   /// Of one image: the scale is that of the camera's height, the paint's own size the least of it.
   bool by_ego_height = false;
-  bool by_what_passes = false;  ///< see Ground
+  bool by_what_passes = false;      ///< see Ground
   std::string without_metres = {};  ///< why it is not metric
 };
 
@@ -42,9 +42,8 @@ namespace stages {
 inline constexpr double kOpenLogScale = 1.0;
 
 struct ScaleOptions {
-  bool use_markings = true;       ///< painted markings whose sizes the scene knows
-  bool use_road_width = true;     ///< the road's nearly constant width, where a mask shows it
-  bool use_passing_road = false;  ///< what passes on it: passing_evidence()
+  bool use_markings = true;    ///< painted markings whose sizes the scene knows
+  bool use_road_width = true;  ///< the road's nearly constant width, where a mask shows it
   /// Factor on the covariance of the ground field, >= 1: errors of the matches that whole stretches
   /// of road share (moving shadows, reflections). Measured by bench_main_job's heights.
   double ground_inflation = 4.0;

@@ -11,7 +11,6 @@
 #include "camber/motion/path_curvature.h"
 #include "camber/motion/self_calibration.h"
 #include "camber/pipeline/stages/motion.h"
-#include "camber/pipeline/stages/passing_road.h"
 #include "camber/scale/fusion.h"
 
 namespace camber::stages::detail {
@@ -183,7 +182,6 @@ void add_checks(const LoadedFrames& frames, const Correspondences& matches,
                       scaled->road.metres_per_baseline()));
   if (ground.rejected_log_scale) add(intensity_evidence(ground, scaled->road));
   add(search_evidence(frames, ground, options));
-  if (options.use_passing_road) add(passing_evidence(frames, ground, options.num_threads));
   add(turn_evidence(frames, matches, ground.motion, options.noise));
   if (scaled->markings.contradicts) add(marking_evidence(scaled->markings, options.noise));
   scaled->dash_focal_length = find_dash_focal_length(frames, raster, travel, *scaled, options);
