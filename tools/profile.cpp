@@ -245,6 +245,7 @@ int run_on_cloud(const Command& command, const Arguments& args) {
   of_cloud.output = args.output;
   of_cloud.plot = args.plot;
   of_cloud.options.profile = args.options;
+  of_cloud.as_stored = args.as_stored;
   of_cloud.options.profile.levelling_sigma = args.levelling_sigma_deg * kDegree;
   return profile_of_cloud(command, of_cloud);
 }
@@ -273,11 +274,17 @@ int run(const Command& command, const Arguments& args) {
   if (!args.road.empty() && !is_xodr(args.surface)) {
     throw UsageError("--road: found '" + args.surface + "', expected an OpenDRIVE file (.xodr)");
   }
-  if (is_cloud(args.surface)) return run_on_cloud(command, args);
+  // Of an OpenCRG file heights at places, or cross-sections where an option asks for them.
+  const bool sections = command.app->count("--half-width") > 0 ||
+                        command.app->count("--sections") > 0 || args.of_cloud.options.crown;
+  if (is_cloud(args.surface) || (is_crg(args.surface) && sections)) {
+    return run_on_cloud(command, args);
+  }
   check_no_cloud_options(*command.app, args.of_cloud);
   if (is_crg(args.surface)) {
     check_road_file_options(*command.app, "an OpenCRG file",
-                            "whose heights are taken at places and not at stations",
+                            "whose heights are taken at places and not at stations (--half-width "
+                            "takes cross-sections)",
                             {"--step", "--length", "--reach"});
     return profile_crg(command, {args.surface, args.line, args.output, args.as_stored});
   }
@@ -337,7 +344,8 @@ void add_arguments(App& app, Arguments& a) {
       "z_m) in the result's frame: of reconstruct the reference camera's (x right, y down, z "
       "forward), of patches the cloud's, in metres; default: the driven line of the result. Of an "
       "OpenCRG file: places, columns u, v or "
-      "x, y; default: its reference line. Of a cloud or a GeoTIFF: in its coordinates and units, "
+      "x, y; default: its reference line (with --half-width, --crown or --sections as of a cloud). "
+      "Of a cloud or a GeoTIFF: in its coordinates and units, "
       "or GeoJSON, GeoPackage, Shapefile, DXF or LandXML (.xml), transformed where it states "
       "another coordinate system");
   app.add_option("--step", a.options.step, "metres between stations")
@@ -410,6 +418,7 @@ void register_profile(App& root) {
                   "  camber profile results --json > profile.json\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json\n"
                   "  camber profile road.crg --along places.csv --out heights.csv\n"
+                  "  camber profile road.crg --half-width 3 --crown --out sections.csv\n"
                   "  camber profile road.xodr --step 2 --out road.csv\n"
                   "  camber profile terrain.tif --along centreline.gpkg --out profile.csv\n"
                   "  camber profile survey.las --along centreline.csv --crown --out profile.csv "

@@ -187,9 +187,6 @@ Inputs load_cloud(const CloudProfileArguments& args, const LogSink& warn) {
   in.sigmas = PointSigmas::kOfNoise;
   in.cloud = std::move(file.cloud);
   if (in.cloud.frame == CloudFrame::kCamera) in.level = "camera";
-  for (const Eigen::Vector3f& p : in.cloud.points) {
-    if (p.allFinite()) in.extent.extend((in.cloud.origin + p.cast<double>()).head<2>());
-  }
   return in;
 }
 
@@ -223,18 +220,40 @@ Inputs load_strip(const Command& command, const CloudProfileArguments& args, con
   return in;
 }
 
+Inputs load_crg(const Command& command, const CloudProfileArguments& args, const LogSink& warn) {
+  check_no_reading_options(command, args, "an OpenCRG file", {"--crs", "--line-crs"});
+  Inputs in;
+  const CrgData data = read_crg(args.cloud);
+  refuse_own_inputs({args.output.out, args.plot, args.sections}, data.files);
+  for (const std::string& remark : data.remarks) {
+    if (warn) warn(args.cloud + ": " + remark);
+  }
+  const CrgRoad road(data, !args.as_stored), stored(data, false);
+  in.cloud = crg_points(road, stored);
+  in.level = "map";
+  in.line =
+      args.line.empty() ? crg_line(road) : read_along(args.line, args.along, std::nullopt, warn);
+  return in;
+}
+
 /// @throws UsageError, InputError; NoAnswerError where the line does not lead anywhere.
 Inputs load(const Command& command, const CloudProfileArguments& args) {
   const LogSink warn = make_warning_sink(command.common);
-  const bool strip = is_strip(args.cloud);
-  if (args.line.empty() && !strip) {
+  const bool strip = is_strip(args.cloud), crg = is_crg(args.cloud);
+  if (args.line.empty() && !strip && !crg) {
     throw UsageError(
         fmt::format("found a {} without --along FILE, expected the line along which to measure",
                     is_raster(args.cloud) ? "GeoTIFF" : "cloud"));
   }
   Inputs in = strip                   ? load_strip(command, args, warn)
+              : crg                   ? load_crg(command, args, warn)
               : is_raster(args.cloud) ? load_raster(command, args, warn)
                                       : load_cloud(args, warn);
+  if (in.extent.isEmpty()) {
+    for (const Eigen::Vector3f& p : in.cloud.points) {
+      if (p.allFinite()) in.extent.extend((in.cloud.origin + p.cast<double>()).head<2>());
+    }
+  }
   for (Eigen::Vector3d& place : in.line) {
     // The way in plan counts.
     if (std::isnan(place.z())) place.z() = 0.0;

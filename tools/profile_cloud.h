@@ -21,6 +21,7 @@ struct CloudProfileArguments {
   LineArguments along;
   CloudProfileOptions options;
   std::string ground_from = "auto";
+  bool as_stored = false;  ///< of an OpenCRG file: without its modifiers
 };
 
 /// Whether profile measures an input by cross-sections of its points: a cloud, a GeoTIFF of heights

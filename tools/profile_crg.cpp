@@ -30,11 +30,7 @@ std::string status_of(const CrgRoad& road, const CrgRoad& stored, const CrgHeigh
                       at.uv.y() >= road.right() && at.uv.y() <= road.left();
   if (!inside) return "beyond";
   if (std::isnan(at.height)) return "unknown";
-  // The same place of the grid before any modifier scaled it.
-  const double u =
-      stored.first_u() + (at.uv.x() - road.first_u()) / road.increment() * stored.increment();
-  const double width = (road.left() - road.right()) / (stored.left() - stored.right());
-  return std::isnan(stored.height(u, at.uv.y() / width)) ? "filled" : "ok";
+  return is_filled(road, stored, at.uv) ? "filled" : "ok";
 }
 
 /// The nodes of the reference line, where no places are given.
