@@ -81,7 +81,7 @@ def import_shifted(arguments, drive, shift, folder):
     held.mkdir()
     for i in range(first, last):
         (held / drive.images[i].name).symlink_to(drive.images[i].resolve())
-    words = ["import", "images", held, "--calib", drive.calibration, "--calib-camera",
+    words = ["import", "images", held, "--calib", drive.calibration, "--camera",
              drive.camera, "--rectified", "--rate", "10", "--poses", poses, "--out",
              folder / "scene"]
     if arguments.height:
