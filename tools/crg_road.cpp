@@ -51,6 +51,50 @@ bool is_xodr(const std::filesystem::path& path) {
   return lower_case(path.extension().string()) == ".xodr";
 }
 
+bool is_filled(const CrgRoad& road, const CrgRoad& stored, const Eigen::Vector2d& uv) {
+  // The same place of the grid before any modifier scaled it.
+  const double u =
+      stored.first_u() + (uv.x() - road.first_u()) / road.increment() * stored.increment();
+  const double width = (road.left() - road.right()) / (stored.left() - stored.right());
+  return std::isnan(stored.height(u, uv.y() / width));
+}
+
+RoadCloud crg_points(const CrgRoad& road, const CrgRoad& stored) {
+  constexpr double kSpacing = 0.25;  // m
+  const auto steps = [&](double length) {
+    return std::max<long>(1, std::lround(std::ceil(length / kSpacing - 1e-9)));
+  };
+  const double length = road.last_u() - road.first_u(), width = road.left() - road.right();
+  const long along = steps(length), across = steps(width);
+  RoadCloud out;
+  out.frame = CloudFrame::kZUp;
+  for (long i = 0; i <= along; ++i) {
+    const double u = road.first_u() + length * static_cast<double>(i) / static_cast<double>(along);
+    for (long k = 0; k <= across; ++k) {
+      const double v = road.right() + width * static_cast<double>(k) / static_cast<double>(across);
+      const double z = road.height(u, v);
+      if (!std::isfinite(z) || is_filled(road, stored, {u, v})) continue;
+      const Eigen::Vector2d xy = road.position(u, v);
+      const Eigen::Vector3d point(xy.x(), xy.y(), z);
+      if (out.points.empty()) out.origin = point.array().round();
+      out.points.push_back((point - out.origin).cast<float>());
+    }
+  }
+  return out;
+}
+
+std::vector<Eigen::Vector3d> crg_line(const CrgRoad& road) {
+  std::vector<Eigen::Vector3d> out;
+  const double length = road.last_u() - road.first_u();
+  const auto count = static_cast<long>(std::floor(length - 1e-6));
+  for (long i = 0; i <= count + 1; ++i) {
+    const double u = i <= count ? road.first_u() + static_cast<double>(i) : road.last_u();
+    const Eigen::Vector2d xy = road.position(u, 0.0);
+    out.emplace_back(xy.x(), xy.y(), 0.0);
+  }
+  return out;
+}
+
 CrgPlaces read_crg_places(const std::string& path) {
   FileReader file(path);
   LineReader lines(file);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "camber/cloud/road_cloud.h"
 #include "camber/export/opencrg.h"
 
 namespace camber::tools {
@@ -14,6 +15,17 @@ bool is_crg(const std::filesystem::path& path);
 
 /// Whether a name is that of an OpenDRIVE file (.xodr in any case).
 bool is_xodr(const std::filesystem::path& path);
+
+/// Whether a place has a height that the file does not hold: unknown there, it comes of modifiers.
+/// @param road, stored  with the file's modifiers, and without
+bool is_filled(const CrgRoad& road, const CrgRoad& stored, const Eigen::Vector2d& uv);
+
+/// Heights of a road every quarter of a metre or closer along and across, where its file has them,
+/// as points of ground (x, y, z of the file, m).
+RoadCloud crg_points(const CrgRoad& road, const CrgRoad& stored);
+
+/// The reference line, every metre, and its end.
+std::vector<Eigen::Vector3d> crg_line(const CrgRoad& road);
 
 /// Places on an OpenCRG road, as a file lists them.
 struct CrgPlaces {

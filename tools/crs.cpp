@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/read_file.h"
 #include "camber/export/opendrive.h"
+#include "camber/import/map_projection.h"
 #include "options.h"
 #include "plugins/crs_plugin.h"
 #include "plugins/plugin.h"
@@ -19,24 +20,10 @@
 namespace camber::tools {
 namespace {
 
-bool look_up(const std::string& definition, CoordinateSystem* found, std::string* reason) {
-  static const auto find = reinterpret_cast<FindCrs>(plugin_symbol("crs", "camber_find_crs"));
-  return find(definition.c_str(), found, reason);
-}
-
 bool project(const std::string& crs, bool inverse, std::vector<Eigen::Vector2d>* places,
              std::string* reason) {
   static const auto call = reinterpret_cast<Project>(plugin_symbol("crs", "camber_project"));
   return call(crs.c_str(), inverse, places, reason);
-}
-
-bool find_system(const std::string& text, CoordinateSystem* system, std::string* reason) {
-  *system = coordinate_system_from_wkt(text);
-  if (system->kind == CoordinateSystem::Kind::kUnknown && !look_up(text, system, reason)) {
-    return false;
-  }
-  system->given = true;
-  return true;
 }
 
 /// "US survey foot (0.30480061 m)"
@@ -44,21 +31,12 @@ std::string with_length(const CoordinateUnit& unit) {
   return fmt::format("{} ({:.8g} m)", unit.name, unit.metres);
 }
 
-/// A run keeps its metres, which those of a map such as the web's Mercator are not.
-/// @param degree  what a degree of latitude is on the map, m. @throws UsageError
-void require_true_lengths(const std::string& crs, double latitude, double degree) {
-  constexpr double kMost = 0.02;
-  // Of the meridian of WGS 84.
-  const double twice = 2.0 * latitude * M_PI / 180.0;
-  const double scale = degree / (111132.954 - 559.822 * std::cos(twice));
-  if (std::abs(scale - 1.0) <= kMost) return;
-  throw UsageError(
-      fmt::format("--crs: a metre of ground is {:.3g} m on the map of '{}', expected a system with "
-                  "true lengths there, as UTM's zone has",
-                  scale, crs.substr(0, 80)));
-}
-
 }  // namespace
+
+bool look_up_crs(const std::string& definition, CoordinateSystem* found, std::string* reason) {
+  static const auto find = reinterpret_cast<FindCrs>(plugin_symbol("crs", "camber_find_crs"));
+  return find(definition.c_str(), found, reason);
+}
 
 CoordinateSystem crs_from_option(const std::string& definition) {
   constexpr std::size_t kMost = 1 << 16;  // bytes of a file
@@ -73,7 +51,7 @@ CoordinateSystem crs_from_option(const std::string& definition) {
   }
   CoordinateSystem system;
   std::string reason;
-  if (!find_system(text, &system, &reason)) {
+  if (!system_of_definition(text, look_up_crs, &system, &reason)) {
     throw UsageError(fmt::format(
         "--crs: found '{}', expected EPSG:n, well-known text, a PROJ string or a file with one "
         "of them: {}",
@@ -85,7 +63,7 @@ CoordinateSystem crs_from_option(const std::string& definition) {
 CoordinateSystem crs_from_definition(const std::string& definition, const std::string& where) {
   CoordinateSystem system;
   std::string reason;
-  if (!find_system(definition, &system, &reason)) {
+  if (!system_of_definition(definition, look_up_crs, &system, &reason)) {
     throw UsageError(
         fmt::format("{}: found '{}', expected EPSG:n, well-known text or a PROJ string: {}", where,
                     printable(definition, 80), reason));
@@ -115,30 +93,7 @@ std::string map_crs_from_option(const std::string& definition) {
 }
 
 std::vector<MapPlace> project_to_map(const std::string& crs, const std::vector<GeoPoint>& points) {
-  constexpr double kStep = 1e-5;  // degrees; a metre
-  std::vector<Eigen::Vector2d> places;
-  for (const GeoPoint& p : points) {
-    places.emplace_back(p.longitude, p.latitude);
-    places.emplace_back(p.longitude, p.latitude + (p.latitude > 0.0 ? -kStep : kStep));
-  }
-  std::string reason;
-  if (!project(crs, false, &places, &reason)) {
-    throw UsageError(fmt::format("--crs: positions cannot be taken to '{}': {}", crs, reason));
-  }
-  if (!points.empty()) {
-    require_true_lengths(crs, points[0].latitude, (places[0] - places[1]).norm() / kStep);
-  }
-  std::vector<MapPlace> out;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    MapPlace place;
-    place.east = places[2 * i].x();
-    place.north = places[2 * i].y();
-    const Eigen::Vector2d north =
-        (places[2 * i] - places[2 * i + 1]) * (points[i].latitude > 0.0 ? 1.0 : -1.0);
-    place.convergence = std::atan2(-north.x(), north.y());
-    out.push_back(place);
-  }
-  return out;
+  return map_places(crs, points, "--crs", project);
 }
 
 std::vector<GeoPoint> places_on_earth(const std::string& crs,
@@ -157,20 +112,7 @@ std::vector<GeoPoint> places_on_earth(const std::string& crs,
   return out;
 }
 
-void complete_crs(CoordinateSystem* system) {
-  const bool complete =
-      system->horizontal.known() && system->kind != CoordinateSystem::Kind::kUnknown;
-  if (complete || system->epsg == 0) return;
-  CoordinateSystem found;
-  std::string reason;
-  if (!look_up("EPSG:" + std::to_string(system->epsg), &found, &reason)) return;
-  // Of a code alone, files also state a wrong kind.
-  if (!system->horizontal.known()) system->kind = found.kind;
-  if (!system->horizontal.known()) system->horizontal = found.horizontal;
-  if (system->kind == CoordinateSystem::Kind::kUnknown) system->kind = found.kind;
-  if (system->name.empty()) system->name = found.name;
-  if (!system->vertical_stated) system->vertical = found.vertical;
-}
+void complete_crs(CoordinateSystem* system) { complete_system(system, look_up_crs); }
 
 std::unique_ptr<PointSource> with_complete_crs(std::unique_ptr<PointSource> source,
                                                const std::string& out,
@@ -196,11 +138,11 @@ std::string wkt_of_codes(const CoordinateSystem& system) {
   const std::string code = "EPSG:" + std::to_string(system.epsg);
   const bool compound =
       system.vertical_epsg > 0 &&
-      look_up(code + "+" + std::to_string(system.vertical_epsg), &found, &reason) &&
+      look_up_crs(code + "+" + std::to_string(system.vertical_epsg), &found, &reason) &&
       same(system.horizontal, found.horizontal) && same(system.vertical, found.vertical);
   if (compound) return found.wkt;
   reason.clear();
-  const bool known = look_up(code, &found, &reason) && same(system.horizontal, found.horizontal);
+  const bool known = look_up_crs(code, &found, &reason) && same(system.horizontal, found.horizontal);
   return known ? found.wkt : std::string();
 }
 

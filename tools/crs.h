@@ -20,6 +20,9 @@ CoordinateSystem crs_from_option(const std::string& definition);
 /// The same of a definition alone, which names no file. @param where  begins the message.
 CoordinateSystem crs_from_definition(const std::string& definition, const std::string& where);
 
+/// What PROJ knows of a definition: a FindSystem.
+bool look_up_crs(const std::string& definition, CoordinateSystem* found, std::string* reason);
+
 /// Code or text that PROJ reads.
 std::string definition_of(const CoordinateSystem& system);
 

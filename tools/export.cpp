@@ -25,6 +25,7 @@
 #include "export_inputs.h"
 #include "export_mcap.h"
 #include "export_site.h"
+#include "gdal_functions.h"
 #include "own_inputs.h"
 #include "result_map.h"
 
@@ -137,7 +138,7 @@ json export_mesh(const ExportInputs& in, const SmoothLine& line, const ExportArg
 
 json export_geotiff(const ExportInputs& in, const SmoothLine& line, const ExportArguments& args,
                     Timings& timings) {
-  const GdalFunctions& writer = gdal();
+  const GdalFunctions& writer = gdal_functions();
   StageTimer compute(timings, "compute");
   auto options = strip_of<RoadRasterOptions>(args);
   options.cell = args.grid.step_u;
@@ -270,7 +271,7 @@ void check_arguments(const ExportArguments& args) {
     throw UsageError("--to " + args.target + ": found the file '" + args.input +
                      "', expected a result folder, whose run.json has the cameras");
   }
-  if (args.target == "geotiff") gdal();
+  if (args.target == "geotiff") gdal_functions();
   if (!is_site(args) &&
       (args.ground_from != "auto" || args.fill_holes > 0.0 || !args.hillshade.empty())) {
     throw UsageError(
@@ -403,9 +404,10 @@ std::vector<std::string> names_of(const Map& map) {
 }
 
 void add_arguments(App& app, ExportArguments& a) {
-  app.add_option("input", a.input,
-                 "result folder of reconstruct or patches, its surface.json, a cloud, or joined results "
-                 "of camber tiles (--to geotiff)")
+  app.add_option(
+         "input", a.input,
+         "result folder of reconstruct or patches, its surface.json, a cloud, or joined results "
+         "of camber tiles (--to geotiff)")
       ->required();
   app.add_option("--to", a.target, "what to write")
       ->required()

@@ -28,6 +28,7 @@
 #include "crs.h"
 #include "own_inputs.h"
 #include "plugins/recording_plugin.h"
+#include "strip_input.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -272,19 +273,15 @@ struct StripFiles {
 /// @param moments  of the drive's frames, by which places along it have times.
 StripFiles strip_of(const fs::path& folder, const DriveDocument& drive,
                     const std::vector<Moment>& moments) {
-  const fs::path file = folder / "strip/index.json";
-  const json document = parse_json(read_whole_file(file), file.string());
-  JsonContext context{file.string(), {}};
-  JsonObject index{JsonCursor(document, context)};
+  const StripIndex index = read_strip_index(folder / "strip");
   StripFiles out;
-  out.world_from_strip = index.require("strip_from_world", "16 numbers").pose().inverse();
+  out.world_from_strip = index.strip_from_world.inverse();
   std::map<int, double> places;  // s by frame id
   for (const DriveFrame& frame : drive.frames) places[frame.id] = frame.s.value;
-  for (const JsonCursor& item : index.require("stretches", "a list").items("stretches")) {
-    JsonObject at{item};
+  for (const StripIndex::Stretch& part : index.stretches) {
     Stretch stretch;
-    stretch.file = folder / "strip" / at.require("file", "a file name").file_path().filename();
-    stretch.from_s = at.require("from_s", "metres").number();
+    stretch.file = part.file;
+    stretch.from_s = part.from_s;
     stretch.ns = moments.back().ns;
     for (const Moment& moment : moments) {
       const auto place = places.find(moment.id);

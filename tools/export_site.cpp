@@ -25,9 +25,9 @@
 #include "camber/tiles/tile_job.h"
 #include "cloud_arguments.h"
 #include "crs.h"
+#include "gdal_functions.h"
 #include "ground_points.h"
 #include "own_inputs.h"
-#include "plugins/plugin.h"
 #include "unknown_scale.h"
 
 namespace fs = std::filesystem;
@@ -405,23 +405,13 @@ SiteGrid grid_of(const ExportArguments& args, const Site& site) {
 
 }  // namespace
 
-const GdalFunctions& gdal() {
-  if (!has_plugin("gdal")) {
-    throw MachineError(
-        "GeoTIFF is written by Debian's package libgdal-dev, which was not there when this program "
-        "was built: install it and build the program anew");
-  }
-  using Functions = const GdalFunctions* (*)();
-  return *reinterpret_cast<Functions>(plugin_symbol("gdal", "camber_gdal"))();
-}
-
 bool is_site(const ExportArguments& args) {
   return args.target == "geotiff" && args.line.empty() &&
          (!is_surface(args.input) || is_joined(args.input));
 }
 
 json export_site(const CommonOptions& common, const ExportArguments& args, Timings& timings) {
-  const GdalFunctions& writer = gdal();
+  const GdalFunctions& writer = gdal_functions();
   check_output_file(args.hillshade);
   refuse_own_inputs({args.out, args.hillshade}, {args.input});
   StageTimer load(timings, "load");

@@ -5,12 +5,8 @@
 #include "camber/core/stopwatch.h"
 #include "command.h"
 #include "export_inputs.h"
-#include "plugins/gdal_plugin.h"
 
 namespace camber::tools {
-
-/// The plugin that writes GeoTIFF. @throws MachineError where the program was built without GDAL.
-const GdalFunctions& gdal();
 
 /// Whether export is asked for the raster of a whole cloud.
 bool is_site(const ExportArguments& args);

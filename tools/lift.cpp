@@ -21,6 +21,7 @@
 #include "command.h"
 #include "crs.h"
 #include "own_inputs.h"
+#include "raster_input.h"
 #include "road_arguments.h"
 
 namespace camber::tools {
@@ -50,8 +51,23 @@ bool is_map_boxes(const std::string& labels) {
   return kind == ".json" || kind == ".csv";
 }
 
-/// The ground of a result of `patches` or of a drive on the map, or of a cloud.
-std::unique_ptr<HeightSource> ground_of(const Arguments& args, const LogSink& warn) {
+/// m around a box's middle in which cells of a GeoTIFF are read: a plane's points, of large cells
+/// too.
+constexpr double kAroundBox = 12.0;
+
+/// The ground of a result of `patches` or of a drive on the map, of a cloud or of a GeoTIFF.
+/// @param boxes  in its frame
+std::unique_ptr<HeightSource> ground_of(const Arguments& args, const std::vector<MapBox>& boxes,
+                                        const LogSink& warn) {
+  if (is_raster(args.surface)) {
+    const RasterInput raster(args.surface, "");
+    const std::string remark = remark_on_units(raster);
+    if (warn && !remark.empty()) warn(args.surface + ": " + remark);
+    PlanCorridor where;
+    where.reach = kAroundBox;
+    for (const MapBox& box : boxes) where.places.emplace_back(box.center.head<2>());
+    return raster_heights(raster, where);
+  }
   std::error_code ignored;
   const bool result =
       fs::is_directory(args.surface, ignored) || fs::path(args.surface).extension() == ".json";
@@ -85,30 +101,40 @@ int run_on_map_boxes(const Command& command, const Arguments& args) {
   const MapBoxFile file = MapBoxFile::read(args.labels);
   std::map<std::int64_t, SE3> poses;
   if (!args.poses.empty()) poses = read_stamped_poses(args.poses);
-  const std::unique_ptr<HeightSource> ground = ground_of(args, make_warning_sink(command.common));
-  load_timer.stop();
   if (file.boxes().empty()) throw NoAnswerError(args.labels + ": it holds no 3D box");
+  // Poses that take the boxes to the ground's frame; none: not known.
+  std::vector<std::optional<SE3>> ground_from_boxes;
+  std::vector<MapBox> on_ground, placed;
+  for (const MapBox& given : file.boxes()) {
+    const auto pose = poses.find(given.timestamp);
+    const bool known = args.poses.empty() || pose != poses.end();
+    const SE3 ground_from_box = args.poses.empty() || !known ? SE3() : pose->second;
+    ground_from_boxes.push_back(known ? std::optional<SE3>(ground_from_box) : std::nullopt);
+    MapBox box = given;
+    box.center = ground_from_box * given.center;
+    box.rotation = ground_from_box.rotation() * given.rotation;
+    if (known) placed.push_back(box);
+    on_ground.push_back(std::move(box));
+  }
+  const std::unique_ptr<HeightSource> ground =
+      ground_of(args, placed, make_warning_sink(command.common));
+  load_timer.stop();
   StageTimer compute(timings, "compute");
   std::vector<MapBox> boxes;
   std::vector<MapBoxNote> notes;
   nlohmann::json rows = nlohmann::json::array();
   std::size_t lifted = 0;
-  for (const MapBox& given : file.boxes()) {
-    SE3 ground_from_box;
-    const auto pose = poses.find(given.timestamp);
+  for (std::size_t i = 0; i < on_ground.size(); ++i) {
+    const MapBox& given = file.boxes()[i];
     LiftedMapBox found;
-    if (!args.poses.empty() && pose == poses.end()) {
-      found = {given, Status::kFailed, "no pose of its time"};
+    if (ground_from_boxes[i]) {
+      found = lift_map_box(on_ground[i], *ground);
     } else {
-      if (!args.poses.empty()) ground_from_box = pose->second;
-      MapBox box = given;
-      box.center = ground_from_box * given.center;
-      box.rotation = ground_from_box.rotation() * given.rotation;
-      found = lift_map_box(box, *ground);
+      found = {given, Status::kFailed, "no pose of its time"};
     }
     if (found.status != Status::kFailed) {
       ++lifted;
-      const SE3 back = ground_from_box.inverse();
+      const SE3 back = ground_from_boxes[i]->inverse();
       found.box.center = back * found.box.center;
       found.box.rotation = back.rotation() * found.box.rotation;
     } else {
@@ -306,6 +332,11 @@ int run(const Command& command, const Arguments& args) {
   if (args.calibration.empty()) {
     throw UsageError(args.labels + ": KITTI labels need --calib, none is given");
   }
+  if (is_raster(args.surface)) {
+    throw UsageError(args.surface +
+                     ": lies on a map, KITTI labels in a camera's frame; expected a result of "
+                     "reconstruct, drive or patches");
+  }
   refuse_own_inputs({args.out, tilt_file(args.out)}, {});
   Timings timings;
   StageTimer load_timer(timings, "load");
@@ -338,7 +369,7 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option(
          "--surface", a.surface,
          "result folder of reconstruct, drive or patches, or its surface.json; for boxes with z up "
-         "also a cloud")
+         "also a cloud or a GeoTIFF of heights")
       ->required();
   app.add_option("--calib", a.calibration, "KITTI calibration file(s), of KITTI labels");
   app.add_option("--poses", a.poses,

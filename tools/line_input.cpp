@@ -11,8 +11,8 @@
 #include "camber/core/lower_case.h"
 #include "camber/import/formats/landxml.h"
 #include "crs.h"
+#include "gdal_functions.h"
 #include "plugins/crs_plugin.h"
-#include "plugins/gdal_plugin.h"
 #include "plugins/plugin.h"
 #include "road_arguments.h"
 
@@ -44,14 +44,8 @@ LineFormat format_of(const std::string& path) {
 }
 
 GivenLines read_vector(const std::string& path) {
-  if (!has_plugin("gdal")) {
-    throw UsageError("--along: found '" + path +
-                     "', which GDAL would read; this program was built without it");
-  }
   if (!fs::exists(path)) throw InputError(path, "cannot be read, expected a file of lines");
-  using Functions = const GdalFunctions* (*)();
-  static const auto* gdal = reinterpret_cast<Functions>(plugin_symbol("gdal", "camber_gdal"))();
-  VectorLines found = gdal->read_lines(path);
+  VectorLines found = gdal_functions().read_lines(path);
   GivenLines out;
   out.crs = found.crs;
   for (VectorLine& line : found.lines) {

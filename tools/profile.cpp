@@ -22,6 +22,7 @@
 #include "crg_road.h"
 #include "profile_cloud.h"
 #include "profile_crg.h"
+#include "profile_output.h"
 #include "profile_xodr.h"
 #include "road_arguments.h"
 #include "unknown_scale.h"
@@ -35,10 +36,10 @@ namespace {
 constexpr double kDegree = M_PI / 180.0;
 
 struct Arguments {
-  std::string surface, out, plot, line;
+  std::string surface, plot, line;
+  ProfileOutput output;
   ProfileOptions options;
   double levelling_sigma_deg = options.levelling_sigma / kDegree;
-  bool json = false;
   bool as_stored = false;
   std::string road;                ///< id, of an OpenDRIVE file
   CloudProfileArguments of_cloud;  ///< what clouds alone have
@@ -117,17 +118,14 @@ std::string profile_csv(const std::vector<ProfilePoint>& profile, const RoadSurf
 
 /// @throws UsageError where nothing is asked for, or a form that there is not.
 void check_outputs(const Arguments& args) {
-  const std::string kind = fs::path(args.out).extension().string();
   const std::string plot_kind = fs::path(args.plot).extension().string();
-  if (args.out.empty() && args.plot.empty() && !args.json) {
+  if (args.output.out.empty() && args.plot.empty() && !args.output.json) {
     throw UsageError("found neither --out, --plot nor --json, expected one of them");
   }
   if (!args.plot.empty() && plot_kind != ".png" && plot_kind != ".svg") {
     throw UsageError("--plot: found '" + args.plot + "', expected FILE.png or FILE.svg");
   }
-  if (!args.out.empty() && kind != ".csv" && kind != ".json") {
-    throw UsageError("--out: found '" + args.out + "', expected FILE.csv or FILE.json");
-  }
+  args.output.check();
 }
 
 /// A surface and a line on it.
@@ -140,7 +138,6 @@ struct Inputs {
 Inputs load(const Arguments& args, const LogSink& warn) {
   Inputs in;
   in.surface_file = args.surface;
-  check_output_file(args.out);
   check_output_file(args.plot);
   std::error_code ignored;
   if (fs::is_directory(in.surface_file, ignored)) {
@@ -204,21 +201,16 @@ DrawnPlot draw(const Arguments& args, const std::vector<ProfilePoint>& profile, 
 
 /// @param result  profile_json(): the timings so far are added.
 void write(const Arguments& args, const std::vector<ProfilePoint>& profile,
-           const RoadSurface& surface, const DrawnPlot& plot, json result, Timings& timings) {
+           const RoadSurface& surface, const DrawnPlot& plot, const json& result,
+           Timings& timings) {
   const StageTimer timer(timings, "write");
-  const std::string kind = fs::path(args.out).extension().string();
   AtomicFiles files;
   if (!plot.svg.empty()) {
     write_file_atomically(files.stage(args.plot), plot.svg);
   } else if (!args.plot.empty()) {
     write_png(plot.picture, files.stage(args.plot));
   }
-  if (kind == ".csv") {
-    write_file_atomically(files.stage(args.out), profile_csv(profile, surface));
-  } else if (kind == ".json") {
-    result["timings_ms"] = cloud_timings(timings);
-    write_json(result, files.stage(args.out));
-  }
+  args.output.stage([&] { return profile_csv(profile, surface); }, result, timings, &files);
   files.commit();
 }
 
@@ -231,48 +223,29 @@ std::vector<ProfilePoint> profile_of(const Inputs& in, const ProfileOptions& opt
   }
 }
 
-/// Heights of an OpenCRG file are taken at places, without stations of a line or bands.
-/// @throws UsageError where an option has nothing there that it could change.
-void check_crg_options(const App& app, const Arguments& args) {
-  if (!args.plot.empty()) throw UsageError("--plot: found an OpenCRG file, which has no bands");
-  for (const char* name : {"--step", "--length", "--reach"}) {
-    if (app.count(name) == 0) continue;
-    throw UsageError(fmt::format(
-        "{}: found an OpenCRG file, whose heights are taken at places and not at stations", name));
+/// @throws UsageError where an option has nothing in a road file that it could change.
+void check_road_file_options(const App& app, const char* found, const char* reason,
+                             std::initializer_list<const char*> names) {
+  for (const char* name : names) {
+    if (app.count(name) > 0) throw UsageError(fmt::format("{}: found {}, {}", name, found, reason));
   }
-  for (const char* name : {"--levelling-sigma-deg", "--drift-sigma"}) {
+  for (const char* name : {"--plot", "--levelling-sigma-deg", "--drift-sigma"}) {
     if (app.count(name) == 0) continue;
-    throw UsageError(fmt::format("{}: found an OpenCRG file, which has no bands", name));
-  }
-}
-
-/// A road of an OpenDRIVE file is its own line, and exact.
-/// @throws UsageError where an option has nothing there that it could change.
-void check_xodr_options(const App& app, const Arguments& args) {
-  if (!args.plot.empty()) throw UsageError("--plot: found an OpenDRIVE file, which has no bands");
-  for (const char* name :
-       {"--along", "--length", "--reach", "--levelling-sigma-deg", "--drift-sigma"}) {
-    if (app.count(name) == 0) continue;
-    throw UsageError(
-        fmt::format("{}: found an OpenDRIVE file, whose road is the line and exact", name));
+    throw UsageError(fmt::format("{}: found {}, which has no bands", name, found));
   }
 }
 
 int run_on_cloud(const Command& command, const Arguments& args) {
-  if (args.line.empty()) {
-    throw UsageError(
-        "found a cloud without --along FILE, expected the line along which to measure");
-  }
   if (command.app->count("--reach") > 0) {
-    throw UsageError("--reach: found a cloud, which has no patches; see --half-width");
+    throw UsageError("--reach: found points, which have no patches; see --half-width");
   }
   CloudProfileArguments of_cloud = args.of_cloud;
   of_cloud.cloud = args.surface;
   of_cloud.line = args.line;
-  of_cloud.out = args.out;
+  of_cloud.output = args.output;
   of_cloud.plot = args.plot;
-  of_cloud.json = args.json;
   of_cloud.options.profile = args.options;
+  of_cloud.as_stored = args.as_stored;
   of_cloud.options.profile.levelling_sigma = args.levelling_sigma_deg * kDegree;
   return profile_of_cloud(command, of_cloud);
 }
@@ -280,7 +253,7 @@ int run_on_cloud(const Command& command, const Arguments& args) {
 /// @throws UsageError where an option is given that clouds alone have.
 void check_no_cloud_options(const App& app, const CloudProfileArguments& cloud) {
   const auto refuse = [](const std::string& name) {
-    throw UsageError(name + ": expected a cloud, found none");
+    throw UsageError(name + ": found a surface, expected a cloud, a GeoTIFF or a strip");
   };
   for (const char* name :
        {"--half-width", "--ground-from", "--sections", "--up", "--line-crs", "--alignment",
@@ -294,26 +267,31 @@ void check_no_cloud_options(const App& app, const CloudProfileArguments& cloud) 
 }
 
 int run(const Command& command, const Arguments& args) {
-  if (args.as_stored && is_cloud(args.surface)) {
+  if (args.as_stored && !is_crg(args.surface)) {
     throw UsageError("--as-stored: found '" + args.surface +
                      "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
   }
-  if (is_cloud(args.surface)) return run_on_cloud(command, args);
+  if (!args.road.empty() && !is_xodr(args.surface)) {
+    throw UsageError("--road: found '" + args.surface + "', expected an OpenDRIVE file (.xodr)");
+  }
+  // Of an OpenCRG file heights at places, or cross-sections where an option asks for them.
+  const bool sections = command.app->count("--half-width") > 0 ||
+                        command.app->count("--sections") > 0 || args.of_cloud.options.crown;
+  if (is_cloud(args.surface) || (is_crg(args.surface) && sections)) {
+    return run_on_cloud(command, args);
+  }
   check_no_cloud_options(*command.app, args.of_cloud);
   if (is_crg(args.surface)) {
-    check_crg_options(*command.app, args);
-    return profile_crg(command, {args.surface, args.line, args.out, args.json, args.as_stored});
-  }
-  if (args.as_stored) {
-    throw UsageError("--as-stored: found '" + args.surface +
-                     "', expected an OpenCRG file (.crg), whose modifiers it leaves out");
+    check_road_file_options(*command.app, "an OpenCRG file",
+                            "whose heights are taken at places and not at stations (--half-width "
+                            "takes cross-sections)",
+                            {"--step", "--length", "--reach"});
+    return profile_crg(command, {args.surface, args.line, args.output, args.as_stored});
   }
   if (is_xodr(args.surface)) {
-    check_xodr_options(*command.app, args);
-    return profile_xodr(command, {args.surface, args.road, args.out, args.options.step, args.json});
-  }
-  if (!args.road.empty()) {
-    throw UsageError("--road: found '" + args.surface + "', expected an OpenDRIVE file (.xodr)");
+    check_road_file_options(*command.app, "an OpenDRIVE file", "whose road is the line and exact",
+                            {"--along", "--length", "--reach"});
+    return profile_xodr(command, {args.surface, args.road, args.output, args.options.step});
   }
   ProfileOptions options = args.options;
   options.levelling_sigma = args.levelling_sigma_deg * kDegree;
@@ -339,12 +317,9 @@ int run(const Command& command, const Arguments& args) {
   }
   // Drawn before the first file is written: without an answer nothing is.
   const DrawnPlot plot = draw(args, profile, in.surface.metric, timings);
-  json result = profile_json(command, in.surface, profile, options);
+  const json result = profile_json(command, in.surface, profile, options);
   write(args, profile, in.surface, plot, result, timings);
-  if (args.json) {
-    result["timings_ms"] = cloud_timings(timings);
-    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
-  }
+  args.output.print(result, timings);
   if (!command.common.quiet && covered < profile.size()) {
     make_warning_sink(command.common)(
         fmt::format("{} of {} stations are not covered", profile.size() - covered, profile.size()));
@@ -354,11 +329,11 @@ int run(const Command& command, const Arguments& args) {
 
 void add_arguments(App& app, Arguments& a) {
   app.add_option("surface", a.surface,
-                 "result folder, its surface.json, an OpenCRG or OpenDRIVE file (.crg, .xodr), or "
-                 "a cloud (PCD, PLY, "
-                 "KITTI .bin, LAS, LAZ, E57 or text) with --along")
+                 "result folder, its surface.json, the folder strip of a drive, an OpenCRG or "
+                 "OpenDRIVE file (.crg, .xodr), or, with --along, a cloud (PCD, PLY, KITTI .bin, "
+                 "LAS, LAZ, E57 or text) or a GeoTIFF of heights")
       ->required();
-  app.add_option("--out", a.out, "FILE.csv or FILE.json")->output_file();
+  app.add_option("--out", a.output.out, "FILE.csv or FILE.json")->output_file();
   app.add_option(
          "--plot", a.plot,
          "FILE.png or FILE.svg: height, grade and cross slope (per cent) with their 95 % bands")
@@ -369,9 +344,10 @@ void add_arguments(App& app, Arguments& a) {
       "z_m) in the result's frame: of reconstruct the reference camera's (x right, y down, z "
       "forward), of patches the cloud's, in metres; default: the driven line of the result. Of an "
       "OpenCRG file: places, columns u, v or "
-      "x, y; default: its reference line. Of a cloud: in its coordinates and units, or GeoJSON, "
-      "GeoPackage, Shapefile, DXF or LandXML (.xml), transformed where it states another "
-      "coordinate system");
+      "x, y; default: its reference line (with --half-width, --crown or --sections as of a cloud). "
+      "Of a cloud or a GeoTIFF: in its coordinates and units, "
+      "or GeoJSON, GeoPackage, Shapefile, DXF or LandXML (.xml), transformed where it states "
+      "another coordinate system");
   app.add_option("--step", a.options.step, "metres between stations")
       ->check(positive_number())
       ->capture_default_str()
@@ -429,7 +405,7 @@ void add_arguments(App& app, Arguments& a) {
       ->no_name();
   app.add_flag("--as-stored", a.as_stored,
                "of an OpenCRG file: without its modifiers, unknown cells left unknown");
-  app.add_flag("--json", a.json, "print the stations as JSON to stdout");
+  app.add_flag("--json", a.output.json, "print the stations as JSON to stdout");
 }
 
 }  // namespace
@@ -442,7 +418,9 @@ void register_profile(App& root) {
                   "  camber profile results --json > profile.json\n"
                   "  camber profile surface --along centreline.csv --step 5 --out profile.json\n"
                   "  camber profile road.crg --along places.csv --out heights.csv\n"
+                  "  camber profile road.crg --half-width 3 --crown --out sections.csv\n"
                   "  camber profile road.xodr --step 2 --out road.csv\n"
+                  "  camber profile terrain.tif --along centreline.gpkg --out profile.csv\n"
                   "  camber profile survey.las --along centreline.csv --crown --out profile.csv "
                   "--plot profile.png --sections sections.png");
   const auto arguments = std::make_shared<Arguments>();

@@ -3,20 +3,16 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <utility>
 
-#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/export/opencrg.h"
-#include "camber/scene/results.h"
-#include "cloud_arguments.h"
 #include "crg_road.h"
 #include "own_inputs.h"
 
-namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace camber::tools {
@@ -34,11 +30,7 @@ std::string status_of(const CrgRoad& road, const CrgRoad& stored, const CrgHeigh
                       at.uv.y() >= road.right() && at.uv.y() <= road.left();
   if (!inside) return "beyond";
   if (std::isnan(at.height)) return "unknown";
-  // The same place of the grid before any modifier scaled it.
-  const double u =
-      stored.first_u() + (at.uv.x() - road.first_u()) / road.increment() * stored.increment();
-  const double width = (road.left() - road.right()) / (stored.left() - stored.right());
-  return std::isnan(stored.height(u, at.uv.y() / width)) ? "filled" : "ok";
+  return is_filled(road, stored, at.uv) ? "filled" : "ok";
 }
 
 /// The nodes of the reference line, where no places are given.
@@ -65,17 +57,11 @@ std::string csv(const std::vector<CrgHeight>& heights) {
 }  // namespace
 
 int profile_crg(const Command& command, const CrgProfileArguments& args) {
-  const std::string kind = fs::path(args.out).extension().string();
-  if (args.out.empty() && !args.json) {
-    throw UsageError("found neither --out nor --json, expected one of them");
-  }
-  if (!args.out.empty() && kind != ".csv" && kind != ".json") {
-    throw UsageError("--out: found '" + args.out + "', expected FILE.csv or FILE.json");
-  }
+  args.output.require();
   Timings timings;
   StageTimer load(timings, "load");
   const CrgData data = read_crg(args.file);
-  refuse_own_inputs({args.out}, data.files);
+  refuse_own_inputs({args.output.out}, data.files);
   const LogSink warn = make_warning_sink(command.common);
   for (const std::string& remark : data.remarks) {
     if (warn) warn(args.file + ": " + remark);
@@ -117,17 +103,7 @@ int profile_crg(const Command& command, const CrgProfileArguments& args) {
                     {"status", h.status}});
   }
   result["places"] = std::move(rows);
-  StageTimer write(timings, "write");
-  if (kind == ".csv") write_file_atomically(args.out, csv(heights));
-  if (kind == ".json") {
-    result["timings_ms"] = cloud_timings(timings);
-    write_json(result, args.out);
-  }
-  write.stop();
-  if (args.json) {
-    result["timings_ms"] = cloud_timings(timings);
-    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
-  }
+  args.output.write([&] { return csv(heights); }, std::move(result), timings);
   if (known < heights.size() && warn) {
     warn(fmt::format("{} of {} places have no height", heights.size() - known, heights.size()));
   }

@@ -3,13 +3,14 @@
 #include <string>
 
 #include "command.h"
+#include "profile_output.h"
 
 namespace camber::tools {
 
 /// `camber profile FILE.crg`: heights of an OpenCRG road at given places.
 struct CrgProfileArguments {
-  std::string file, line, out;
-  bool json = false;
+  std::string file, line;
+  ProfileOutput output;
   bool as_stored = false;  ///< without the modifiers of the file
 };
 

@@ -4,17 +4,14 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
-#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/export/opendrive_reader.h"
-#include "camber/scene/results.h"
-#include "cloud_arguments.h"
 
-namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace camber::tools {
@@ -72,14 +69,7 @@ const XodrRoad& road_of(const XodrFile& file, const XodrProfileArguments& args) 
 }  // namespace
 
 int profile_xodr(const Command& command, const XodrProfileArguments& args) {
-  const std::string kind = fs::path(args.out).extension().string();
-  if (args.out.empty() && !args.json) {
-    throw UsageError("found neither --out nor --json, expected one of them");
-  }
-  if (!args.out.empty() && kind != ".csv" && kind != ".json") {
-    throw UsageError("--out: found '" + args.out + "', expected FILE.csv or FILE.json");
-  }
-  check_output_file(args.out);
+  args.output.require();
   Timings timings;
   StageTimer load(timings, "load");
   const XodrFile file = read_xodr(args.file);
@@ -117,17 +107,7 @@ int profile_xodr(const Command& command, const XodrProfileArguments& args) {
                     {"width_right", p.right}});
   }
   result["stations"] = std::move(rows);
-  StageTimer write(timings, "write");
-  if (kind == ".csv") write_file_atomically(args.out, csv(stations));
-  if (kind == ".json") {
-    result["timings_ms"] = cloud_timings(timings);
-    write_json(result, args.out);
-  }
-  write.stop();
-  if (args.json) {
-    result["timings_ms"] = cloud_timings(timings);
-    fmt::print("{}\n", result.dump(2, ' ', false, json::error_handler_t::replace));
-  }
+  args.output.write([&] { return csv(stations); }, std::move(result), timings);
   return 0;
 }
 

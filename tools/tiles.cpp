@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "camber/core/errors.h"
-#include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/tiles/plan_tiles.h"
@@ -37,26 +36,6 @@ struct PlanArguments {
   bool as_json = false;
 };
 
-/// The units of the first file, looked up where it names its system by a code.
-void take_units(const std::string& path, const LogSink& warn, TilePlanOptions* options) {
-  ReadOptions reading;
-  reading.crs = options->crs;
-  const std::unique_ptr<PointSource> source = open_point_source(path, reading);
-  const PointStreamHeader& header = source->header();
-  if (!header.crs) return;
-  CoordinateSystem crs = *header.crs;
-  complete_crs(&crs);
-  if (crs.horizontal.angle) {
-    throw NoAnswerError(path + ": " + unit_remark(crs) + "; tiles need coordinates on a map");
-  }
-  options->metres = crs.horizontal.metres;
-  options->height_metres = crs.vertical.metres;
-  if (!crs.metric() && warn) {
-    warn(path + ": the coordinates are not in metres (" + describe(crs) +
-         "); lengths are converted, the tiles keep their coordinates");
-  }
-}
-
 json ground_json(const TilePlan& plan) {
   if (!plan.ground) return nullptr;
   const GroundPlan& g = *plan.ground;
@@ -77,7 +56,7 @@ int run_plan(const Command& command, const PlanArguments& arguments) {
   }
   options.num_threads = command.common.threads;
   const LogSink warn = make_warning_sink(command.common);
-  take_units(arguments.clouds.front(), warn, &options);
+  take_units_of(arguments.clouds.front(), look_up_crs, warn, &options);
   const std::vector<std::filesystem::path> clouds(arguments.clouds.begin(), arguments.clouds.end());
   Timings timings;
   StageTimer compute(timings, "compute");
@@ -185,10 +164,7 @@ TileJob job_of(const Command& command, const JobArguments& arguments) {
   TileJob job = arguments.options;
   job.folder = arguments.out;
   job.num_threads = command.common.threads;
-  for (const TileJob::Kind kind : {TileJob::Kind::kGround, TileJob::Kind::kFilter,
-                                   TileJob::Kind::kVoxels, TileJob::Kind::kNormals}) {
-    if (arguments.job == to_string(kind)) job.kind = kind;
-  }
+  job.kind = tile_job_from_string(arguments.job);
   return job;
 }
 
@@ -242,38 +218,22 @@ int run_job(const Command& command, const JobArguments& arguments) {
   if (job.kind == TileJob::Kind::kVoxels && !(job.voxel > 0.0)) {
     throw UsageError("--job voxels: expected --voxel beside it");
   }
-  if (job.neighbors == 0) job.neighbors = job.kind == TileJob::Kind::kFilter ? 1 : 30;
+  if (job.neighbors == 0) job.neighbors = default_neighbors(job.kind);
   if (job.kind == TileJob::Kind::kNormals && job.neighbors < 3) {
     throw UsageError("--neighbors: found less than 3, expected at least 3 for a plane");
   }
-  begin_tile_job(plan, job);
-  const Progress progress = make_progress(command.common);
   StageTimer compute(timings, "compute");
-  std::uint64_t points = 0, read = 0, own = 0, were_there = 0;
-  std::map<std::string, std::uint64_t> counts;
-  for (std::size_t i = 0; i < tiles.size(); ++i) {
-    if (progress) {
-      progress(to_string(job.kind), static_cast<double>(i) / static_cast<double>(tiles.size()));
-    }
-    throw_if_interrupted();
-    const TileDone done = run_tile_job(plan, job, tiles[i]);
-    points += done.points;
-    if (done.was_there) {
-      ++were_there;
-    } else {
-      read += done.read_points;
-      own += plan.tiles[tiles[i]].points;
-    }
-    for (const auto& [name, count] : done.counts) counts[name] += count;
-  }
-  if (progress) progress(to_string(job.kind), 1.0);
+  const TilesRun done = run_tile_job(plan, job, tiles, make_progress(command.common));
   compute.stop();
   if (!arguments.as_json) {
     fmt::print("{}: {} of {} tiles, {} points", job_folder(plan, job).string(), tiles.size(),
-               plan.tiles.size(), points);
-    if (counts.count("ground") > 0) fmt::print(", {} of them ground", counts.at("ground"));
-    if (counts.count("normals") > 0) fmt::print(", {} of them with a normal", counts.at("normals"));
-    if (were_there > 0) fmt::print("; {} tiles were done before", were_there);
+               plan.tiles.size(), done.points);
+    for (const auto& [name, words] :
+         {std::pair("ground", "ground"), std::pair("normals", "with a normal")}) {
+      const auto count = done.counts.find(name);
+      if (count != done.counts.end()) fmt::print(", {} of them {}", count->second, words);
+    }
+    if (done.done_before > 0) fmt::print("; {} tiles were done before", done.done_before);
     fmt::print("\n");
     return 0;
   }
@@ -284,11 +244,11 @@ int run_job(const Command& command, const JobArguments& arguments) {
          {"options", used},
          {"out", job_folder(plan, job).string()},
          {"tiles", tiles.size()},
-         {"done_before", were_there},
-         {"points", points},
-         {"counts", counts},
-         {"points_read", read},
-         {"points_answered", own},
+         {"done_before", done.done_before},
+         {"points", done.points},
+         {"counts", done.counts},
+         {"points_read", done.points_read},
+         {"points_answered", done.points_answered},
          {"timings_ms", cloud_timings(timings)}});
   return 0;
 }

@@ -93,7 +93,10 @@ def write_wheel(target, package, module):
         if path.suffix in (".py", ".pyi", ".typed") or path.name == "py.typed":
             files[f"camber/{path.name}"] = path.read_bytes()
     with tempfile.TemporaryDirectory() as folder:
-        files[f"camber/{module.name}"] = stripped(module, folder)
+        # What needs GDAL is a module of its own, where GDAL is.
+        for part in (module, package / module.name.replace("_core", "_gdal")):
+            if part.exists():
+                files[f"camber/{part.name}"] = stripped(part, folder)
     info = f"camber-{version()}.dist-info"
     files[f"{info}/METADATA"] = metadata().encode()
     files[f"{info}/WHEEL"] = ("Wheel-Version: 1.0\nGenerator: camber_wheel\n"

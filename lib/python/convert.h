@@ -95,5 +95,6 @@ void bind_importing(py::module_& module);
 void bind_results(py::module_& module);
 void bind_cloud_work(py::module_& module);
 void bind_drives(py::module_& module);
+void bind_tiles(py::module_& module);
 
 }  // namespace camber::python

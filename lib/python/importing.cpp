@@ -7,6 +7,7 @@
 #include "camber/import/import_own.h"
 #include "camber/pipeline/write_detected_scene.h"
 #include "convert.h"
+#include "maps.h"
 #include "networks.h"
 #include "running.h"
 #include "scene.h"
@@ -19,18 +20,21 @@ namespace {
 using Number = std::optional<double>;
 
 // What both imports take, as OwnDataOptions has it.
-#define CAMBER_OWN_PARAMETERS                                                               \
-  const fs::path &calibration, const std::string &camera_name, bool rectified, Number fx,   \
-      Number fy, Number cx, Number cy, Number fov_deg, Number fov_sigma_deg, Number height, \
-      Number height_sigma, const fs::path &detections, const fs::path &class_names,         \
-      const fs::path &masks, const std::string &class_map, const fs::path &poses,           \
-      double pose_scale, const fs::path &speed, const std::string &speed_offset,            \
-      const fs::path &up, double up_sigma, const std::string &frames,                       \
-      std::optional<int> reference_frame, const std::string &name, bool guess
+#define CAMBER_OWN_PARAMETERS                                                                    \
+  const fs::path &calibration, const std::string &camera_name, bool rectified, Number fx,        \
+      Number fy, Number cx, Number cy, Number fov_deg, Number fov_sigma_deg, Number height,      \
+      Number height_sigma, const fs::path &detections, const fs::path &class_names,              \
+      const fs::path &masks, const std::string &class_map, const fs::path &poses,                \
+      double pose_scale, const fs::path &speed, const std::string &speed_offset,                 \
+      const fs::path &up, double up_sigma, const fs::path &gnss, const std::string &gnss_offset, \
+      double gnss_sigma, const std::optional<Eigen::Vector3d>&antenna, const std::string &crs,   \
+      const std::string &frames, std::optional<int> reference_frame, const std::string &name,    \
+      bool guess
 #define CAMBER_OWN_NAMES                                                                 \
   calibration, camera_name, rectified, fx, fy, cx, cy, fov_deg, fov_sigma_deg, height,   \
       height_sigma, detections, class_names, masks, class_map, poses, pose_scale, speed, \
-      speed_offset, up, up_sigma, frames, reference_frame, name, guess
+      speed_offset, up, up_sigma, gnss, gnss_offset, gnss_sigma, antenna, crs, frames,   \
+      reference_frame, name, guess
 #define CAMBER_OWN_ARGUMENTS                                                                     \
   py::arg("calibration") = "", py::arg("camera_name") = "", py::arg("rectified") = false,        \
   py::arg("fx") = py::none(), py::arg("fy") = py::none(), py::arg("cx") = py::none(),            \
@@ -39,7 +43,9 @@ using Number = std::optional<double>;
   py::arg("height_sigma") = py::none(), py::arg("detections") = "", py::arg("class_names") = "", \
   py::arg("masks") = "", py::arg("class_map") = "", py::arg("poses") = "",                       \
   py::arg("pose_scale") = 1.0, py::arg("speed") = "", py::arg("speed_offset") = "",              \
-  py::arg("up") = "", py::arg("up_sigma") = OwnDataOptions().up_sigma, py::arg("frames") = "",   \
+  py::arg("up") = "", py::arg("up_sigma") = OwnDataOptions().up_sigma, py::arg("gnss") = "",     \
+  py::arg("gnss_offset") = "", py::arg("gnss_sigma") = GnssOptions().sigma,                      \
+  py::arg("antenna") = py::none(), py::arg("crs") = "", py::arg("frames") = "",                  \
   py::arg("reference_frame") = py::none(), py::arg("name") = "", py::arg("guess") = false
 
 fs::path manifest_of(const fs::path& out) {
@@ -70,6 +76,16 @@ OwnDataOptions own_options(CAMBER_OWN_PARAMETERS) {
   out.speed_offset = speed_offset;
   out.up = up;
   out.up_sigma = up_sigma;
+  out.gnss.file = gnss;
+  out.gnss.offset = gnss_offset;
+  out.gnss.sigma = gnss_sigma;
+  if (antenna) out.gnss.antenna = *antenna;
+  if (gnss.empty() && (antenna || !crs.empty() || !gnss_offset.empty())) {
+    throw std::invalid_argument("gnss: expected it beside gnss_offset, antenna and crs");
+  }
+  if (!crs.empty()) out.gnss.crs = map_definition(crs, "crs");
+  out.gnss.heading_sigma = up_sigma;
+  out.gnss.projection = map_projection("crs");
   out.frames = frames;
   out.reference_frame = reference_frame;
   out.name = name;
@@ -95,7 +111,12 @@ const std::vector<std::pair<const char*, const char*>>& own_words() {
       {"speed", "speeds: CSV, GPX, NMEA, RTKLIB, or a folder of KITTI's oxts"},
       {"speed_offset", CAMBER_DOC(OwnDataOptions, speed_offset)},
       {"up", "roll and pitch of the vehicle: CSV, or a folder of KITTI's oxts"},
-      {"up_sigma", "rad, of up"},
+      {"up_sigma", "rad, of up, and of headings in gnss"},
+      {"gnss", "positions on the earth: GPX, NMEA, RTKLIB, CSV, or a folder of KITTI's oxts"},
+      {"gnss_offset", CAMBER_DOC(GnssOptions, offset)},
+      {"gnss_sigma", CAMBER_DOC(GnssOptions, sigma)},
+      {"antenna", CAMBER_DOC(GnssOptions, antenna)},
+      {"crs", "the map of gnss: EPSG:n or a definition; '': the UTM zone of the first position"},
       {"frames", "ids to keep: '48,49', '48:52', '0:100:5'; '': all"},
       {"guess", "a camera of which nothing is given is guessed, as reconstruct of a film does"}};
   return kWords;

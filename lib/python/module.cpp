@@ -22,5 +22,6 @@ PYBIND11_MODULE(_core, module) {
   python::bind_results(module);
   python::bind_cloud_work(module);
   python::bind_drives(module);
+  python::bind_tiles(module);
   module.attr("__name__") = name;
 }

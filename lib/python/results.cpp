@@ -10,13 +10,16 @@
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
+#include "camber/core/version.h"
 #include "camber/export/crg_strip.h"
 #include "camber/export/opencrg.h"
 #include "camber/export/opendrive.h"
 #include "camber/export/result_vehicles.h"
 #include "camber/export/road_mesh.h"
+#include "camber/export/road_raster.h"
 #include "camber/export/road_to_export.h"
 #include "camber/image/image_io.h"
+#include "camber/import/maps/proj_systems.h"
 #include "camber/render/frame_overlay.h"
 #include "camber/render/loaded_result.h"
 #include "camber/render/picture_switches.h"
@@ -25,6 +28,7 @@
 #include "camber/road/surface_lookup.h"
 #include "camber/scene/results.h"
 #include "convert.h"
+#include "maps.h"
 #include "reconstruction.h"
 #include "running.h"
 
@@ -225,7 +229,7 @@ void bind_render(py::module_& module) {
 }
 
 struct ExportKeywords {
-  std::string to, encoding, crg;
+  std::string to, encoding, crg, crs;
   double step, step_across, left, right, widest, smoothing, ahead, reach;
   std::optional<double> tolerance;
   bool vehicles;
@@ -261,7 +265,9 @@ py::dict written_opendrive(const RoadToExport& road, const SmoothLine& line,
   options.left = k.left;
   options.right = k.right;
   options.widest = k.widest;
-  options.geo_reference = proj_string_of(road.geo_reference);
+  if (!find_proj_string(road.geo_reference, &options.geo_reference)) {
+    options.geo_reference = proj_string_of(road.geo_reference);
+  }
   options.crg_file = k.crg;
   options.num_threads = k.threads;
   if (k.vehicles) options.vehicles = result_vehicles(folder, road.frame).vehicles;
@@ -298,6 +304,61 @@ py::dict written_mesh(const RoadToExport& road, const SmoothLine& line, const Ex
   return done;
 }
 
+/// GDAL, which brings a hundred libraries, is in a module of its own, which is loaded here.
+py::dict written_geotiff(const RoadToExport& road, const SmoothLine& line, const ExportKeywords& k,
+                         const fs::path& out, const RoadCloud* colored, const PlanCorridor& where) {
+  py::object encode;
+  try {
+    encode = py::module_::import("camber._gdal").attr("encode_geotiff");
+  } catch (const py::error_already_set& error) {
+    if (!error.matches(PyExc_ImportError)) throw;
+    throw MachineError("the module was built without GDAL (Debian's libgdal-dev): " +
+                       std::string(error.what()));
+  }
+  RoadRasterOptions options;
+  options.cell = k.step;
+  options.left = k.left;
+  options.right = k.right;
+  options.widest = k.widest;
+  options.num_threads = k.threads;
+  options.validate();
+  std::optional<ColorSource> colors;
+  if (colored && !colored->colors.empty()) colors.emplace(*colored, road.frame, &where);
+  RoadRaster raster = compute(
+      [&] { return make_road_raster(*road.ground, line, colors ? &*colors : nullptr, options); });
+  const std::vector<py::ssize_t> shape = {static_cast<py::ssize_t>(raster.rows),
+                                          static_cast<py::ssize_t>(raster.columns)};
+  const auto band = [&](const std::vector<float>& values) {
+    return py::array_t<float>(shape, values.data());
+  };
+  py::object colors_array = py::none();
+  if (!raster.colors.empty()) {
+    // Red, green, blue, and whether they are known.
+    py::array_t<std::uint8_t> made({shape[0], shape[1], py::ssize_t{4}});
+    std::uint8_t* at = made.mutable_data();
+    for (const auto& color : raster.colors) {
+      for (std::size_t i = 0; i < 3; ++i) *at++ = color ? (*color)[i] : std::uint8_t{0};
+      *at++ = color ? 255 : 0;
+    }
+    colors_array = std::move(made);
+  }
+  py::dict metadata;
+  metadata["TIFFTAG_SOFTWARE"] = std::string("Camber ") + kVersion;
+  metadata["TIFFTAG_IMAGEDESCRIPTION"] = road.described;
+  metadata["CAMBER_LEVEL"] = road.level;
+  const py::bytes bytes =
+      encode(band(raster.heights), band(raster.sigmas), band(raster.slopes), colors_array,
+             raster.west, raster.north, raster.cell, road.geo_reference, metadata);
+  write_file_atomically(out, std::string(bytes));
+  py::dict done;
+  done["columns"] = raster.columns;
+  done["rows"] = raster.rows;
+  done["cell"] = raster.cell;
+  done["west"] = raster.west;
+  done["north"] = raster.north;
+  return done;
+}
+
 /// N x 3 numbers, or the points of a file.
 std::vector<Eigen::Vector3d> line_of(const py::object& along) {
   if (!is_path(along)) return to_points(along, "along");
@@ -309,9 +370,9 @@ std::vector<Eigen::Vector3d> line_of(const py::object& along) {
 
 py::dict exported(const py::object& source, const fs::path& out, const py::object& along,
                   const ExportKeywords& k) {
-  if (k.to != "opencrg" && k.to != "opendrive" && k.to != "mesh") {
+  if (k.to != "opencrg" && k.to != "opendrive" && k.to != "mesh" && k.to != "geotiff") {
     throw std::invalid_argument("to: found '" + k.to +
-                                "', expected 'opencrg', 'opendrive' or 'mesh'");
+                                "', expected 'opencrg', 'opendrive', 'mesh' or 'geotiff'");
   }
   if (k.encoding != "text" && k.encoding != "binary") {
     throw std::invalid_argument("encoding: found '" + k.encoding +
@@ -353,15 +414,22 @@ py::dict exported(const py::object& source, const fs::path& out, const py::objec
     if (!cloud->metric) throw NoAnswerError("the cloud is not in metres");
     road = compute([&] { return road_of_cloud(*cloud, cloud->default_up(), line, true, extent); });
   }
+  if (!k.crs.empty()) {
+    if (!road.geo_reference.empty()) {
+      throw std::invalid_argument("crs: found a source that states its coordinate system");
+    }
+    road.geo_reference = map_definition(k.crs, "crs");
+  }
   const double tolerance = k.tolerance ? *k.tolerance : line_tolerance(road.line, extent.tolerance);
   extent.tolerance = tolerance;
   const SmoothLine smooth = compute(
       [&] { return line_over_ground(*road.ground, road.line, tolerance, k.ahead, k.threads); });
-  py::dict done = k.to == "opencrg" ? written_crg(road, smooth, k, out)
-                  : k.to == "opendrive"
-                      ? written_opendrive(road, smooth, k, out, folder)
-                      : written_mesh(road, smooth, k, out, cloud ? &*cloud : nullptr,
-                                     corridor_of(road.line, extent));
+  const RoadCloud* const colored = cloud ? &*cloud : nullptr;
+  const PlanCorridor where = corridor_of(road.line, extent);
+  py::dict done = k.to == "opencrg"     ? written_crg(road, smooth, k, out)
+                  : k.to == "opendrive" ? written_opendrive(road, smooth, k, out, folder)
+                  : k.to == "geotiff"   ? written_geotiff(road, smooth, k, out, colored, where)
+                                        : written_mesh(road, smooth, k, out, colored, where);
   done["length"] = smooth.length();
   done["geo_reference"] = road.geo_reference;
   return done;
@@ -378,10 +446,10 @@ void bind_results(py::module_& module) {
       [](const py::object& source, const std::string& to, const fs::path& out,
          const py::object& along, const std::string& encoding, double step, double step_across,
          double left, double right, double widest, double smoothing, double ahead,
-         std::optional<double> tolerance, double reach, const std::string& crg, bool vehicles,
-         int threads) {
+         std::optional<double> tolerance, double reach, const std::string& crg,
+         const std::string& crs, bool vehicles, int threads) {
         return exported(source, out, along,
-                        {to, encoding, crg, step, step_across, left, right, widest, smoothing,
+                        {to, encoding, crg, crs, step, step_across, left, right, widest, smoothing,
                          ahead, reach, tolerance, vehicles, threads});
       },
       py::arg("source"), py::arg("to"), py::arg("out"), py::kw_only(),
@@ -390,14 +458,14 @@ void bind_results(py::module_& module) {
       py::arg("right") = grid.right, py::arg("widest") = grid.widest,
       py::arg("smoothing") = grid.smoothing, py::arg("ahead") = extent.ahead,
       py::arg("tolerance") = py::none(), py::arg("reach") = 0.5, py::arg("crg") = "",
-      py::arg("vehicles") = false, py::arg("threads") = 0,
+      py::arg("crs") = "", py::arg("vehicles") = false, py::arg("threads") = 0,
       with_keywords(
           "Writes a road for other programs, the same as camber export.",
           {{"source", "result folder, its surface.json, or a cloud in metres (N x 3, or a file)"},
-           {"to", "'opencrg', 'opendrive' or 'mesh' (.glb, .obj, .ply)"},
+           {"to", "'opencrg', 'opendrive', 'mesh' (.glb, .obj, .ply) or 'geotiff'"},
            {"along", "N x 3, m, in the source's frame; None: the driven line of a result"},
            {"encoding", "numbers of OpenCRG: 'text' or 'binary'"},
-           {"step", "m along the line; 0: from the data"},
+           {"step", "m along the line, or of a cell; 0: from the data"},
            {"step_across", "m across; 0: from the data"},
            {"left", "m to the left; 0: as far as is seen"},
            {"right", "m to the right"},
@@ -407,6 +475,7 @@ void bind_results(py::module_& module) {
            {"tolerance", "m that the smooth line may pass a point by; None: by their scatter"},
            {"reach", "m that a place may lie beyond a patch's boundary"},
            {"crg", CAMBER_DOC(OpenDriveOptions, crg_file)},
+           {"crs", "of a source that states none: EPSG:n or a definition"},
            {"vehicles", "of a result: its vehicles as objects of the OpenDRIVE road"}})
           .c_str());
 }

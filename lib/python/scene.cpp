@@ -227,6 +227,13 @@ void bind_detections(py::module_& module) {
         return fmt::format("<camber.VehicleDetection {} {}: {:.1f}, {:.1f} to {:.1f}, {:.1f} px>",
                            v.vehicle_class, v.id, v.box.x1, v.box.y1, v.box.x2, v.box.y2);
       });
+  py::class_<MapPosition>(module, "MapPosition",
+                          "Where a receiver's antenna was, on the map of Scene.map_crs.")
+      .CAMBER_FIELD(MapPosition, position)
+      .CAMBER_FIELD(MapPosition, sigma)
+      .CAMBER_FIELD(MapPosition, height_sigma)
+      .CAMBER_FIELD(MapPosition, heading)
+      .CAMBER_FIELD(MapPosition, heading_sigma);
   py::class_<SceneFrame>(module, "SceneFrame", "One image of a scene with what is known about it.")
       .CAMBER_FIELD(SceneFrame, id)
       .CAMBER_FIELD(SceneFrame, time_s)
@@ -245,6 +252,7 @@ void bind_detections(py::module_& module) {
       .CAMBER_FIELD(SceneFrame, up_sigma)
       .CAMBER_FIELD(SceneFrame, speed)
       .CAMBER_FIELD(SceneFrame, speed_sigma)
+      .CAMBER_FIELD(SceneFrame, map_position)
       .CAMBER_FIELD(SceneFrame, vehicles)
       .def("__repr__", [](const SceneFrame& f) {
         return fmt::format("<camber.SceneFrame {} with {} vehicles{}{}>", f.id, f.vehicles.size(),
@@ -322,6 +330,9 @@ void bind_scenes(py::module_& module) {
       .def_property_readonly(
           "frame_rate", [](const PythonScene& s) { return s.scene.frame_rate; },
           CAMBER_DOC(Scene, frame_rate))
+      .def_property_readonly(
+          "map_crs", [](const PythonScene& s) { return s.scene.map_crs; },
+          CAMBER_DOC(Scene, map_crs))
       .def_property_readonly(
           "segmentation_classes", [](const PythonScene& s) { return s.scene.segmentation_classes; },
           CAMBER_DOC(Scene, segmentation_classes))

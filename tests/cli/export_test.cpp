@@ -91,6 +91,30 @@ TEST_F(ExportProgram, ProfileGivesHeightsAtPlaces) {
   EXPECT_EQ(run_camber({"profile", file("road.crg"), "--config", file("c.toml")}).exit_code, 0);
 }
 
+TEST_F(ExportProgram, ProfileTakesCrossSectionsOfAnOpenCrgRoad) {
+  ASSERT_EQ(
+      run_camber({"export", file("surface.json"), "--to", "opencrg", "--out", file("road.crg")})
+          .exit_code,
+      0);
+  const auto run = run_camber({"profile", file("road.crg"), "--half-width", "2.5", "--crown",
+                               "--sections", file("s.svg"), "--plot", file("p.svg"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const json stations = json::parse(run.out)["stations"];
+  const CrgRoad road(read_crg(file("road.crg")));
+  ASSERT_NEAR(static_cast<double>(stations.size()), road.last_u() - road.first_u() + 1.0, 1.0);
+  for (std::size_t k = 2; k + 2 < stations.size(); ++k) {
+    const double u = road.first_u() + stations[k]["station"].get<double>();
+    EXPECT_NEAR(stations[k]["height"], road.height(u, 0.0), 0.01) << u;
+    const double slope = 100.0 * (road.height(u, 2.0) - road.height(u, -2.0)) / 4.0;
+    EXPECT_NEAR(stations[k]["cross_slope_percent"], slope, 0.3) << u;
+  }
+  // The surface climbs by 5 %, then 10 %.
+  EXPECT_NEAR(stations[6]["grade_percent"], 5.0, 0.2);
+  EXPECT_ONE_SENTENCE(
+      run_camber({"profile", file("road.crg"), "--crown", "--json", "--bounds", "0,0,1,1"}), 2,
+      "--bounds: found an OpenCRG file, expected a cloud");
+}
+
 TEST_F(ExportProgram, InfoAndCompareTakeRoads) {
   ASSERT_EQ(
       run_camber({"export", file("surface.json"), "--to", "opencrg", "--out", file("road.crg")})

@@ -87,7 +87,7 @@ TEST(Pages, Survey) {
   scan.frame = CloudFrame::kUnknown;
   write_cloud(scan, folder.path() / "scan.ply");
   write_cloud(scan, folder.path() / "truth.ply");
-  run_page("survey.md", folder.path(), 11);
+  run_page("survey.md", folder.path(), 12);
 }
 
 TEST(Pages, Paper) {

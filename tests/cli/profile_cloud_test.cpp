@@ -156,6 +156,60 @@ TEST_F(CloudProfiles, AlongALineOfAnotherSystem) {
   EXPECT_THAT(grid.error, HasSubstr("25832"));
 }
 
+TEST_F(CloudProfiles, AlongTheStripOfADrive) {
+  // Two stretches of cells of half a metre, with 1 cm of noise and 2 cm that they share.
+  fs::create_directories(path("strip"));
+  const CounterRandom random(8);
+  std::uint64_t next = 0;
+  for (int part = 0; part < 2; ++part) {
+    RoadCloud cells;
+    cells.frame = CloudFrame::kZUp;
+    cells.origin = {30.0 * part, 0.0, 0.0};
+    for (int i = 0; i < 60; ++i) {
+      for (int j = -10; j <= 10; ++j) {
+        const double s = 30.0 * part + 0.5 * i, v = 0.5 * j;
+        const Vector3d p(s, v, 0.04 * s + 0.02 * v + 0.01 * random.normal(next++));
+        cells.points.push_back((p - cells.origin).cast<float>());
+        cells.sigmas.push_back(0.02f);
+        cells.labels["label"].push_back(1);
+      }
+    }
+    write_cloud(cells, path(fmt::format("strip/00000{}.ply", part)));
+  }
+  json index = {
+      {"format", "camber-strip"},
+      {"version", 1},
+      {"metric", true},
+      {"level", "camera"},
+      {"strip_from_world", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}},
+      {"driven_line_s_xyz", {{0, 0, 0, 0}, {50, 50, 0, 2}}},
+      {"stretches",
+       {{{"file", "000000.ply"}, {"from_s", 0}}, {{"file", "000001.ply"}, {"from_s", 30}}}}};
+  std::ofstream(path("strip/index.json")) << index;
+  const auto run = run_camber(
+      {"profile", path("strip"), "--drift-sigma", "0", "--levelling-sigma-deg", "0", "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const json profile = json::parse(run.out);
+  EXPECT_EQ(profile["level"], "camera");
+  EXPECT_EQ(profile["stations"].size(), 51u);
+  for (const json& at : profile["stations"]) {
+    EXPECT_NEAR(at.at("height"), 0.04 * at.at("station").get<double>(), 0.012);
+    EXPECT_NEAR(at.at("cross_slope_percent"), 2.0, 0.4);
+    EXPECT_NEAR(at.at("sigma_height"), 0.02, 0.003);
+  }
+  EXPECT_EQ(run_camber({"profile", path("strip"), "--along", path("line.csv"), "--json"}).exit_code,
+            1);  // a line elsewhere
+  EXPECT_ONE_SENTENCE(run_camber({"profile", path("strip"), "--line-crs", "EPSG:25832", "--json"}),
+                      2, "--line-crs: found the strip of a drive, expected a cloud");
+  index["stretches"][1]["file"] = "gone.ply";
+  std::ofstream(path("strip/index.json")) << index;
+  EXPECT_ONE_SENTENCE(run_camber({"profile", path("strip"), "--json"}), 2, "gone.ply");
+  index["format"] = "other";
+  std::ofstream(path("strip/index.json")) << index;
+  EXPECT_ONE_SENTENCE(run_camber({"profile", path("strip"), "--json"}), 2,
+                      "format: found \"other\", expected \"camber-strip\"");
+}
+
 TEST_F(CloudProfiles, MistakesAreOneSentence) {
   const auto before = test::snapshot(folder_.path());
   EXPECT_ONE_SENTENCE(profile({"--json"}), 2, "--along FILE");
@@ -170,7 +224,7 @@ TEST_F(CloudProfiles, MistakesAreOneSentence) {
   EXPECT_EQ(test::snapshot(folder_.path()), before);
   std::ofstream(path("far.csv")) << "x,y\n0,0\n50,0\n";
   EXPECT_ONE_SENTENCE(profile({"--along", path("far.csv"), "--json"}), 1,
-                      "expected a line in the cloud's coordinates");
+                      "expected a line in its coordinates");
 }
 
 TEST_F(CloudProfiles, ChangeBetweenEpochs) {

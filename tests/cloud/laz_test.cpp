@@ -405,6 +405,46 @@ TEST(LazFile, CopcNodesAreChosenByLevelAndBounds) {
   EXPECT_GT(inside, 0u);
   EXPECT_EQ(some.size(), 30 * inside);
   EXPECT_LE(inside + source->report().outside, 11u + 13u);  // of the root and one node
+  EXPECT_TRUE(source->report().dropped.empty());            // what was not asked for is not missing
+}
+
+TEST(LazFile, ATruncatedCopcSaysWhatIsMissingWithBoundsToo) {
+  test::MadeLaz what;
+  what.point_format = 6;
+  what.minor = 4;
+  what.compressor = 3;
+  what.copc = true;
+  what.chunks = {11, 12, 13, 14};
+  std::string records;
+  const std::string bytes = test::make_laz(what, &records);
+  const std::vector<laz::LazChunk> chunks =
+      open_point_source(bytes.data(), bytes.size(), "a.laz")->header().las->laz->chunks;
+  // Without the index alone, and within the last chunk but one.
+  const std::size_t in_chunk = chunks[2].start + chunks[2].size / 2;
+  for (const auto& [size, whole] : {std::pair<std::size_t, std::size_t>{bytes.size() - 40, 50},
+                                    std::pair<std::size_t, std::size_t>{in_chunk, 23}}) {
+    const std::string cut = bytes.substr(0, size);
+    ReadOptions options;
+    options.bounds = PlanBounds{0.0, 0.0, 100.0, 45.0};
+    EXPECT_THAT(error_of(cut, options), HasSubstr("a.laz: "));
+    options.lenient = true;
+    const auto source = open_point_source(cut.data(), cut.size(), "a.laz", options);
+    const std::string some = records_of(*source);
+    std::size_t inside = 0;
+    for (std::size_t i = 0; i < whole; ++i) {
+      inside += options.bounds->contains(0.001 * laz_number(records, 30 * i),
+                                         0.001 * laz_number(records, 30 * i + 4));
+    }
+    EXPECT_EQ(some.size(), 30 * inside);
+    EXPECT_EQ(inside + source->report().outside, whole);
+    std::uint64_t dropped = 0;
+    for (const auto& [reason, count] : source->report().dropped) dropped += count;
+    EXPECT_EQ(dropped, 50u - whole);
+    EXPECT_THAT(source->report().notes,
+                ::testing::Contains(HasSubstr("the COPC index is damaged: all chunks are read")));
+    options.resolution = 10.0;
+    EXPECT_THAT(error_of(cut, options), HasSubstr("COPC"));
+  }
 }
 
 TEST(LazFile, AnotherFileOfCopcPointsHasNoIndex) {

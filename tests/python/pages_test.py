@@ -86,7 +86,8 @@ class Examples(unittest.TestCase):
                          pathlib.Path("again.png").read_bytes())
         for to, name, options in (("opencrg", "hill.crg", ["--encoding", "binary"]),
                                   ("opendrive", "hill.xodr", ["--vehicles"]),
-                                  ("mesh", "hill.glb", [])):
+                                  ("mesh", "hill.glb", []),
+                                  ("geotiff", "hill.tif", ["--step", "0.5"])):
             run_program("export", folder, "--to", to, "--out", name, *options)
             self.assertEqual(pathlib.Path(name).read_bytes(),
                              (scratch / "out" / name).read_bytes(), name)
@@ -115,6 +116,45 @@ class Examples(unittest.TestCase):
         self.assertEqual(len(camber.filter(given, classes=[])), len(given))
         with self.assertRaisesRegex(ValueError, "returns: found 'odd'"):
             camber.filter(given, returns="odd")
+
+    def test_positions_are_those_of_the_program(self):
+        run_program("import", "images", source / "samples/steep_hill/image", "--fov", "80",
+                    "--height", "1.65", "--gnss", "out/fixes.csv", "--out", "mapped")
+        found, expected = self.names["mapped"], camber.read_scene("mapped")
+        self.assertEqual(found.map_crs, "EPSG:32632")
+        for a, b in zip(found.frames, expected.frames, strict=True):
+            numpy.testing.assert_array_equal(a.map_position.position, b.map_position.position)
+            self.assertEqual(a.map_position.sigma, b.map_position.sigma)
+        # PROJ's own programs give 500000 and 5427455.7812 for 49 N, 9 E.
+        numpy.testing.assert_allclose(found.frames[0].map_position.position,
+                                      [500000.0, 5427455.7812, 100.0], atol=1e-3)
+        images = ["samples/steep_hill/image"]
+        with self.assertRaisesRegex(ValueError, "gnss: expected it beside"):
+            camber.import_images(images, "no", fov_deg=80, crs="EPSG:25832")
+        for wrong, why in (("EPSG:4326", "expected a projected system"), ("EPSG:1", "EPSG:n")):
+            with self.assertRaisesRegex(ValueError, f"crs: found '{wrong}'.*{why}"):
+                camber.import_images(images, "no", fov_deg=80, gnss="out/fixes.csv", crs=wrong)
+        with self.assertRaisesRegex(camber.UsageError, "crs: a metre of ground is 1.5"):
+            camber.import_images(images, "no", fov_deg=80, gnss="out/fixes.csv", crs="EPSG:3857")
+        self.assertFalse(pathlib.Path("no").exists())
+
+    def test_tiles_are_those_of_the_program(self):
+        run_program("tiles", "plan", "out/survey.laz", "--tile", "30", "--out", "plan")
+        run_program("tiles", "run", "plan", "--job", "ground")
+        run_program("tiles", "join", "plan", "--job", "ground")
+        expected = json.loads(pathlib.Path("plan/ground/index.json").read_text())
+        found = json.loads(self.names["joined"]["index"].read_text())
+        self.assertEqual([t["hash"] for t in found["tiles"]], [t["hash"] for t in expected["tiles"]])
+        again = camber.run_tiles("out/plan", "ground")
+        self.assertEqual(again["done_before"], again["tiles"])
+        for keywords, why in (({"job": "odd"}, "job: found 'odd'"),
+                              ({"job": "voxels"}, "voxel = 0"),
+                              ({"job": "ground", "tile": 99}, "tile: found 99"),
+                              ({"job": "ground", "shard": (3, 2)}, "shard: found")):
+            with self.assertRaisesRegex(ValueError, why):
+                camber.run_tiles("out/plan", **keywords)
+        with self.assertRaises(camber.NoAnswerError):
+            camber.join_tiles("out/plan", "filter", out="nowhere")
 
     def test_a_drive_is_that_of_the_program(self):
         run_program("drive", source / "samples/steep_hill", "--no-pictures", "--out", "drive")

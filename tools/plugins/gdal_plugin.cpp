@@ -161,7 +161,66 @@ VectorLines read_apart(const std::string& path) {
   return out;
 }
 
-const GdalFunctions kFunctions{encode_apart, read_apart, write_cog_apart};
+RasterHeader raster_header_apart(const std::string& path) {
+  const auto task = [&] {
+    const RasterHeader header = read_raster_header(path);
+    const std::vector<std::uint8_t> bytes =
+        nlohmann::json::to_cbor({{"crs", header.crs},
+                                 {"unit", header.unit},
+                                 {"band", header.band},
+                                 {"height_band", header.height_band},
+                                 {"sigma_band", header.sigma_band},
+                                 {"columns", header.columns},
+                                 {"rows", header.rows},
+                                 {"place", header.place}});
+    return std::string(bytes.begin(), bytes.end());
+  };
+  const nlohmann::json found = nlohmann::json::from_cbor(answer_apart("the GeoTIFF", task));
+  RasterHeader out;
+  found.at("crs").get_to(out.crs);
+  found.at("unit").get_to(out.unit);
+  found.at("band").get_to(out.band);
+  found.at("height_band").get_to(out.height_band);
+  found.at("sigma_band").get_to(out.sigma_band);
+  found.at("columns").get_to(out.columns);
+  found.at("rows").get_to(out.rows);
+  found.at("place").get_to(out.place);
+  return out;
+}
+
+/// The numbers of all windows one behind the other: the reader knows how many there are.
+void read_raster_windows_apart(const std::string& path, const RasterHeader& header,
+                               std::vector<RasterWindow>* windows) {
+  const auto append = [](const auto& values, std::string* bytes) {
+    bytes->append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0]));
+  };
+  const std::string bytes = answer_apart("the GeoTIFF", [&] {
+    read_raster(path, header, windows);
+    std::string out;
+    for (const RasterWindow& window : *windows) {
+      append(window.values, &out);
+      append(window.sigmas, &out);
+    }
+    return out;
+  });
+  std::size_t at = 0;
+  const auto take = [&](std::size_t count, auto* values) {
+    values->resize(count);
+    const std::size_t size = count * sizeof((*values)[0]);
+    if (bytes.size() - at < size) throw MachineError("GDAL broke down over the GeoTIFF");
+    std::memcpy(values->data(), bytes.data() + at, size);
+    at += size;
+  };
+  for (RasterWindow& window : *windows) {
+    const auto cells =
+        static_cast<std::size_t>(window.columns) * static_cast<std::size_t>(window.rows);
+    take(cells, &window.values);
+    if (header.sigma_band != 0) take(cells, &window.sigmas);
+  }
+}
+
+const GdalFunctions kFunctions{encode_apart, read_apart, write_cog_apart, raster_header_apart,
+                               read_raster_windows_apart};
 
 }  // namespace
 }  // namespace camber::tools

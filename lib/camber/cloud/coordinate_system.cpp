@@ -508,6 +508,31 @@ std::string geotiff_key_name(int key) {
   return found == kNames.end() ? std::to_string(key) : found->second;
 }
 
+void complete_system(CoordinateSystem* system, const FindSystem& find) {
+  const bool complete =
+      system->horizontal.known() && system->kind != CoordinateSystem::Kind::kUnknown;
+  if (complete || system->epsg == 0) return;
+  CoordinateSystem found;
+  std::string reason;
+  if (!find("EPSG:" + std::to_string(system->epsg), &found, &reason)) return;
+  // Of a code alone, files also state a wrong kind.
+  if (!system->horizontal.known()) system->kind = found.kind;
+  if (!system->horizontal.known()) system->horizontal = found.horizontal;
+  if (system->kind == CoordinateSystem::Kind::kUnknown) system->kind = found.kind;
+  if (system->name.empty()) system->name = found.name;
+  if (!system->vertical_stated) system->vertical = found.vertical;
+}
+
+bool system_of_definition(const std::string& definition, const FindSystem& find,
+                          CoordinateSystem* system, std::string* reason) {
+  *system = coordinate_system_from_wkt(definition);
+  if (system->kind == CoordinateSystem::Kind::kUnknown && !find(definition, system, reason)) {
+    return false;
+  }
+  system->given = true;
+  return true;
+}
+
 std::string describe(const CoordinateSystem& system) {
   std::string out = system.name.empty() ? std::string(to_string(system.kind)) : system.name;
   for (char& c : out) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <map>
 #include <string>
@@ -78,6 +79,19 @@ std::map<int, GeoKeyValue> read_geotiff_keys(std::string_view directory, std::st
 
 /// Short name of a key, "ProjectedCSType" (3072); its number for those that have none here.
 std::string geotiff_key_name(int key);
+
+/// What knows systems by their definitions, as find_coordinate_system() does by PROJ.
+using FindSystem = std::function<bool(const std::string& definition, CoordinateSystem* found,
+                                      std::string* reason)>;
+
+/// Looks a system up whose file names its code but no unit; others stay as they are. One that is
+/// not found stays, too.
+void complete_system(CoordinateSystem* system, const FindSystem& find);
+
+/// A system out of well-known text alone, else by `find`.
+/// @return false and a reason where there is none.
+bool system_of_definition(const std::string& definition, const FindSystem& find,
+                          CoordinateSystem* system, std::string* reason);
 
 /// One line for people: name, code and units.
 std::string describe(const CoordinateSystem& system);

@@ -306,6 +306,7 @@ class LasSource : public FormatSource {
  private:
   void read_header(const std::vector<std::size_t>* chunks);
   void choose_chunks(LasFile* las, const std::vector<std::size_t>& chunks) const;
+  void choose_nodes(LasFile* las);
   void read_comments(const LasRecord& record);
   bool next_of_laz(PointBatch& batch);
 
@@ -334,6 +335,19 @@ void LasSource::choose_chunks(LasFile* las, const std::vector<std::size_t>& chun
   las->laz = std::make_shared<const laz::LazLayout>(std::move(layout));
 }
 
+/// Nodes by bounds and resolution. Without an index all that is there can be read, not its levels.
+void LasSource::choose_nodes(LasFile* las) {
+  laz::CopcQuery query;
+  query.resolution = options_.resolution;
+  query.bounds = options_.bounds;
+  try {
+    laz::select_nodes(las, query);
+  } catch (const InputError&) {
+    if (!options_.lenient || options_.resolution > 0.0) throw;
+    report_.notes.emplace_back("the COPC index is damaged: all chunks are read");
+  }
+}
+
 void LasSource::read_header(const std::vector<std::size_t>* chunks) {
   const auto las =
       std::make_shared<LasFile>(read_las_file(file_->bytes(), options_.lenient, &report_.notes));
@@ -341,18 +355,14 @@ void LasSource::read_header(const std::vector<std::size_t>* chunks) {
   if (options_.resolution > 0.0 && !copc) {
     throw InputError(file_->name(), "found a file without levels of detail, expected COPC");
   }
-  if (copc && (options_.resolution > 0.0 || options_.bounds)) {
-    laz::CopcQuery query;
-    query.resolution = options_.resolution;
-    query.bounds = options_.bounds;
-    laz::select_nodes(las.get(), query);
-  }
+  // Before some are chosen: what is not asked for is not missing.
+  report_.drop("truncated", las->declared_count - las->points);
+  if (copc && (options_.resolution > 0.0 || options_.bounds)) choose_nodes(las.get());
   if (chunks) choose_chunks(las.get(), *chunks);
   left_ = las->points;
   report_.encoding = "version 1." + std::to_string(las->minor) + ", point format " +
                      std::to_string(las->point_format);
   report_.declared = las->declared_count;
-  report_.drop("truncated", las->declared_count - left_);
   header_.las = las;
   header_.records = !options_.attributes;
   for (const LasRecord& record : las->records) {

@@ -110,6 +110,8 @@ class Profiler {
                      StripFunctional* second) const;
   Vector3d at(double s, double height) const;
   bool near_ground(double s) const;
+  double shared_sigma(double s) const;
+  void judge(CrossSection* out) const;
   void name_gaps(std::vector<CrossSection>* stations) const;
 
   const RoadCloud& cloud_;
@@ -120,8 +122,9 @@ class Profiler {
   double margin_;  ///< m before and behind a stretch that are fitted with it
   LineFrame frame_;
   double drift_ = 0.0;
-  double reach_along_ = 1.0;        ///< m in which a station's ground lies
-  std::vector<StripPoint> points_;  ///< by station
+  double reach_along_ = 1.0;                      ///< m in which a station's ground lies
+  std::vector<StripPoint> points_;                ///< by station
+  std::vector<std::pair<double, float>> sigmas_;  ///< of points on the section, by station
   double density_ = 0.0;
   Edges edges_;
   StripRoughness roughness_;
@@ -174,6 +177,8 @@ void Profiler::collect() {
   constexpr std::size_t kBlock = 1 << 14;
   const std::size_t blocks = (ground_.size() + kBlock - 1) / kBlock;
   std::vector<std::vector<StripPoint>> parts(blocks);
+  std::vector<std::vector<std::pair<double, float>>> sigmas(blocks);
+  const bool shared = options_.sigmas != PointSigmas::kOfNoise && !cloud_.sigmas.empty();
   parallel_for(blocks, options_.num_threads, [&](std::size_t block) {
     std::vector<LinePlace> places;
     const std::size_t end = std::min(ground_.size(), (block + 1) * kBlock);
@@ -188,12 +193,17 @@ void Profiler::collect() {
         out.v = place.v;
         out.z = point.dot(up_);
         parts[block].push_back(out);
+        if (shared && std::abs(place.v) <= options_.half_width && cloud_.sigmas[i] >= 0.0f) {
+          sigmas[block].emplace_back(place.s, cloud_.sigmas[i]);
+        }
       }
     }
   });
   for (const std::vector<StripPoint>& part : parts) {
     points_.insert(points_.end(), part.begin(), part.end());
   }
+  for (const auto& part : sigmas) sigmas_.insert(sigmas_.end(), part.begin(), part.end());
+  std::sort(sigmas_.begin(), sigmas_.end());
   std::stable_sort(points_.begin(), points_.end(),
                    [](const StripPoint& a, const StripPoint& b) { return a.s < b.s; });
   // Of the squares of a metre that have points.
@@ -324,6 +334,17 @@ bool Profiler::near_ground(double s) const {
     if (std::abs(point->v) <= options_.half_width) return true;
   }
   return false;
+}
+
+/// Of the points beside a station, by PointSigmas: the median; NaN where none has one.
+double Profiler::shared_sigma(double s) const {
+  std::vector<double> here;
+  for (auto at = std::lower_bound(sigmas_.begin(), sigmas_.end(), s - reach_along_,
+                                  [](const auto&entry, double from) { return entry.first < from; });
+       at != sigmas_.end() && at->first <= s + reach_along_; ++at) {
+    here.push_back(double{at->second});
+  }
+  return here.empty() ? kNaN : upper_median(&here);
 }
 
 CloudProfile Profiler::run() {
@@ -552,13 +573,27 @@ void Profiler::measure(std::size_t begin, std::size_t end, std::vector<CrossSect
       out.sigma_cross_slope_left = std::hypot(sigma(4), levelling);
       out.sigma_cross_slope_right = std::hypot(sigma(5), levelling);
     }
-    if (out.sigma_height > kWeakHeight || out.sigma_cross_slope > kWeakSlope) {
-      out.status = Status::kWeak;
-      out.reason =
-          out.sigma_height > kWeakHeight
-              ? fmt::format("the height is known to {:.2f} m", out.sigma_height)
-              : fmt::format("the cross slope is known to {:.1f} %", 100.0 * out.sigma_cross_slope);
-    }
+    judge(&out);
+  }
+}
+
+/// The points' own sigmas, and whether a section is known well.
+void Profiler::judge(CrossSection* section) const {
+  CrossSection& out = *section;
+  const double shared = options_.sigmas == PointSigmas::kOfNoise ? kNaN : shared_sigma(out.station);
+  if (options_.sigmas == PointSigmas::kInterpolated) {
+    out.sigma_height = std::hypot(out.sigma_height, shared);
+    out.sigma_grade = out.sigma_cross_slope = out.sigma_vertical_curvature = kNaN;
+    out.sigma_cross_slope_left = out.sigma_cross_slope_right = kNaN;
+  } else if (std::isfinite(shared)) {
+    out.sigma_height = std::hypot(out.sigma_height, shared);
+  }
+  if (out.sigma_height > kWeakHeight || out.sigma_cross_slope > kWeakSlope) {
+    out.status = Status::kWeak;
+    out.reason =
+        out.sigma_height > kWeakHeight
+            ? fmt::format("the height is known to {:.2f} m", out.sigma_height)
+            : fmt::format("the cross slope is known to {:.1f} %", 100.0 * out.sigma_cross_slope);
   }
 }
 

@@ -12,12 +12,21 @@
 
 namespace camber {
 
+/// What the points' own standard deviations (RoadCloud::sigmas) are.
+enum class PointSigmas {
+  kOfNoise,       ///< of noise, which is estimated from the points in any case
+  kShared,        ///< of an error that neighbours share: a part of the heights' sigmas
+  kInterpolated,  ///< the same, of heights between measured ones, whose noise is not seen: of
+                  ///< slopes and curvature no sigma is known, nor of heights without one
+};
+
 struct CloudProfileOptions {
   ProfileOptions profile;   ///< `reach` is not used
   double half_width = 3.5;  ///< m to either side over which cross slopes are measured, > 0
   bool crown = false;       ///< cross slopes left and right of the crest, too
-  int num_threads = 0;      ///< <= 0: see resolve_num_threads
-  void validate() const;    ///< throws std::invalid_argument naming field, value and bound
+  PointSigmas sigmas = PointSigmas::kOfNoise;
+  int num_threads = 0;    ///< <= 0: see resolve_num_threads
+  void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
 /// A cross-section of the ground at a station; NaN where it is not known.
@@ -85,7 +94,7 @@ GroundBesideLine ground_beside_line(const RoadCloud& cloud, const Eigen::Vector3
 /// known to no better than 5 cm or 1 % kWeak.
 ///
 /// Standard deviations hold noise and what the smoothing leaves out, drift and levelling as
-/// road_profile() has them.
+/// road_profile() has them, and the points' own by PointSigmas.
 /// @param ground  indices of the points that are ground, ascending
 /// @param up      in the cloud's frame, need not be unit
 /// @throws std::invalid_argument for a line of fewer than two places, one of more than a million

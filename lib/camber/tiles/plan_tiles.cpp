@@ -687,6 +687,26 @@ void TilePlanOptions::validate() const {
   ground.validate();
 }
 
+void take_units_of(const fs::path& file, const FindSystem& find, const LogSink& warn,
+                   TilePlanOptions* options) {
+  ReadOptions reading;
+  reading.crs = options->crs;
+  const std::unique_ptr<PointSource> source = open_point_source(file, reading);
+  if (!source->header().crs) return;
+  CoordinateSystem crs = *source->header().crs;
+  complete_system(&crs, find);
+  if (crs.horizontal.angle) {
+    throw NoAnswerError(file.string() + ": the coordinates are longitude and latitude (" +
+                        describe(crs) + "); tiles need coordinates on a map");
+  }
+  options->metres = crs.horizontal.metres;
+  options->height_metres = crs.vertical.metres;
+  if (!crs.metric() && warn) {
+    warn(file.string() + ": the coordinates are not in metres (" + describe(crs) +
+         "); lengths are converted, the tiles keep their coordinates");
+  }
+}
+
 TilePlan plan_tiles(const std::vector<fs::path>& inputs, const fs::path& folder,
                     const TilePlanOptions& options, const Progress& progress, const LogSink& warn) {
   options.validate();

@@ -29,6 +29,11 @@ struct TilePlanOptions {
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
+/// The units of a file's coordinates, looked up where it names its system by a code.
+/// @throws NoAnswerError for longitudes and latitudes
+void take_units_of(const std::filesystem::path& file, const FindSystem& find, const LogSink& warn,
+                   TilePlanOptions* options);
+
 /// Sorts the points of LAS and LAZ files into tiles (or, in place, takes the files for tiles) and
 /// decides what all tiles must have in common. Reads the points once; memory is that of `memory`
 /// and of one tile, the disk holds all points uncompressed in between. A plan that was interrupted

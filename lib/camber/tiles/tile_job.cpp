@@ -10,6 +10,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
+#include "camber/core/interruption.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/json_reader.h"
 #include "camber/tiles/ground_tile.h"
@@ -220,6 +221,40 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
   write_file_atomically(done_path(plan, job, tile), format_json(document));
   return done;
 }
+
+TilesRun run_tile_job(const TilePlan& plan, const TileJob& job,
+                      const std::vector<std::size_t>& tiles, const Progress& progress) {
+  begin_tile_job(plan, job);
+  TilesRun out;
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    if (progress) {
+      progress(to_string(job.kind), static_cast<double>(i) / static_cast<double>(tiles.size()));
+    }
+    throw_if_interrupted();
+    const TileDone done = run_tile_job(plan, job, tiles[i]);
+    out.points += done.points;
+    if (done.was_there) {
+      ++out.done_before;
+    } else {
+      out.points_read += done.read_points;
+      out.points_answered += plan.tiles[tiles[i]].points;
+    }
+    for (const auto& [name, count] : done.counts) out.counts[name] += count;
+  }
+  if (progress) progress(to_string(job.kind), 1.0);
+  return out;
+}
+
+TileJob::Kind tile_job_from_string(const std::string& name) {
+  for (const TileJob::Kind kind : {TileJob::Kind::kGround, TileJob::Kind::kFilter,
+                                   TileJob::Kind::kVoxels, TileJob::Kind::kNormals}) {
+    if (name == to_string(kind)) return kind;
+  }
+  throw std::invalid_argument("job: found '" + name +
+                              "', expected 'ground', 'filter', 'voxels' or 'normals'");
+}
+
+int default_neighbors(TileJob::Kind kind) { return kind == TileJob::Kind::kFilter ? 1 : 30; }
 
 std::vector<std::size_t> tiles_of_shard(const TilePlan& plan, std::size_t shard,
                                         std::size_t shards) {

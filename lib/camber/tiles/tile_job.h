@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "camber/core/progress.h"
 #include "camber/tiles/tile_plan.h"
 
 namespace camber {
@@ -56,6 +57,24 @@ void begin_tile_job(const TilePlan& plan, const TileJob& job);
 /// several processes at once, each any number of times: the files are the same, bit for bit.
 /// @throws InputError, NoAnswerError, OutputError
 TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile);
+
+/// What was done with some tiles.
+struct TilesRun {
+  std::uint64_t points = 0;                            ///< of the results
+  std::uint64_t done_before = 0;                       ///< tiles that were passed over
+  std::uint64_t points_read = 0, points_answered = 0;  ///< of the others
+  std::map<std::string, std::uint64_t> counts;         ///< as of TileDone
+};
+
+/// begin_tile_job(), then run_tile_job() on each; an interruption is looked for between them.
+TilesRun run_tile_job(const TilePlan& plan, const TileJob& job,
+                      const std::vector<std::size_t>& tiles, const Progress& progress = {});
+
+/// The job of a name as to_string() has it. @throws std::invalid_argument
+TileJob::Kind tile_job_from_string(const std::string& name);
+
+/// Neighbours where none are given: 1 of kFilter, 30 of kNormals.
+int default_neighbors(TileJob::Kind kind);
 
 /// The tiles of shard `shard` of `shards`, which have no tile in common and together all.
 /// @param shard  1 to `shards`

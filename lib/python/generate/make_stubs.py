@@ -42,6 +42,8 @@ RETURNS = {"to_dict": "Dict[str, Any]", "road_mask": "Optional[NDArray[numpy.uin
            "images": "List[NDArray[numpy.uint8]]", "labels": "Dict[str, NDArray[numpy.int32]]",
            "scalars": "Dict[str, NDArray[numpy.float32]]", "timings": "Dict[str, float]",
            "export": "Dict[str, Any]", "calibrate": "Dict[str, Any]", "drive": "Dict[str, Any]",
+           "plan_tiles": "Dict[str, Any]", "run_tiles": "Dict[str, Any]",
+           "join_tiles": "Dict[str, Any]",
            "offsets": "NDArray[numpy.float64]", "heights": "NDArray[numpy.float64]"}
 
 

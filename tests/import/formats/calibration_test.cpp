@@ -188,6 +188,15 @@ TEST_F(Calibration, CoefficientsThatAreNotFoundAreNotTakenForNone) {
                        "distortion_parameter:\n   k1: -0.3\nprojection_parameters:\n"
                        "   fx: 500\n   fy: 510\n   cx: 320\n   cy: 240\n"),
               HasSubstr("found 'distortion_parameter'"));
+  // ... or have a name that says nothing, and numbers like theirs.
+  EXPECT_THAT(error_of("c.json", R"({"mtx": [[500, 0, 320], [0, 510, 240], [0, 0, 1]],
+                                    "dst": [[-0.3, 0.1, 0, 0, 0.02]]})"),
+              HasSubstr("found 'dst'"));
+  for (const char* const lines :
+       {"q_cam: [0.5, -0.5, 0.5, -0.5]\n", "errors: [0.2, 0.3, 0.25, 0.4, 0.31]\n",
+        "roi: [0, 0, 639, 479]\n", "camera_position: [1, -2, 3, 0.5]\n"}) {
+    EXPECT_EQ(only("c.yaml", matrix + lines).lens, LensModel::kNone) << lines;
+  }
   // What states that there is none.
   for (const char* const lines :
        {"distortion_model: plumb_bob\nD: []\n", "distortion_model: none\n",
@@ -195,6 +204,33 @@ TEST_F(Calibration, CoefficientsThatAreNotFoundAreNotTakenForNone) {
         "distortion_model: plumb_bob\nD: [0, 0, 0, 0, 0]\n", "RadialDistortion: [0, 0]\n"}) {
     EXPECT_EQ(only("c.yaml", matrix + lines).lens, LensModel::kNone) << lines;
   }
+}
+
+TEST_F(Calibration, OfAutoware) {
+  const CameraCalibration camera = only("a.yaml", R"(%YAML:1.0
+---
+CameraExtrinsicMat: !!opencv-matrix
+   rows: 4
+   cols: 4
+   dt: d
+   data: [ 1., 0., 0., 1.5, 0., 1., 0., 0., 0., 0., 1., -0.2, 0., 0., 0., 1. ]
+CameraMat: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 910., 0., 582., 0., 911., 357., 0., 0., 1. ]
+DistCoeff: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -0.2, 0.1, 0.001, -0.002, 0.01 ]
+ImageSize: [ 1280, 720 ]
+ReprojectionError: 0.3
+)");
+  EXPECT_EQ(camera.fx, 910.0);
+  EXPECT_EQ(camera.cy, 357.0);
+  EXPECT_EQ(camera.width, 1280);
+  EXPECT_EQ(camera.lens_coefficients, (std::vector<double>{-0.2, 0.1, 0.001, -0.002, 0.01}));
 }
 
 TEST_F(Calibration, OfMetashape) {

@@ -427,6 +427,35 @@ TEST_F(Tracks, TablesOfDatesAndDecimalCommas) {
   EXPECT_EQ(log.segments.at(0).at(1).time_s, 1714607999.0);
 }
 
+TEST_F(Tracks, NamesOfColumnsMayHaveTheirUnits) {
+  const GeoLog log =
+      read_geo_log(file("u.csv",
+                        "Timestamp,Latitude (deg),Longitude [°],Altitude (ft),Speed (km/h)\n"
+                        "0,49,9,100,36\n1,49.5,9.25,200,72\n"));
+  ASSERT_EQ(log.segments.size(), 1u);
+  ASSERT_EQ(log.segments[0].size(), 2u);
+  EXPECT_EQ(log.segments[0][1].latitude, 49.5);
+  EXPECT_EQ(log.segments[0][1].longitude, 9.25);
+  EXPECT_DOUBLE_EQ(log.segments[0][1].altitude, 60.96);
+  EXPECT_DOUBLE_EQ(log.segments[0][1].speed, 20.0);
+  for (const auto& [unit, metres] :
+       {std::pair("m/s", 1.0), std::pair("km/h", 1.0 / 3.6), std::pair("mph", 0.44704),
+        std::pair("knots", 1852.0 / 3600.0)}) {
+    for (const std::string& name :
+         {"Speed (" + std::string(unit) + ")", "v [" + std::string(unit) + "]",
+          "GPS speed(" + std::string(unit) + ")"}) {
+      const SpeedLog speeds = read_speeds(file("v.csv", "t;" + name + "\n0,0;36\n0,5;18\n"));
+      ASSERT_EQ(speeds.samples.size(), 2u) << name;
+      EXPECT_DOUBLE_EQ(speeds.samples[1].time_s, 0.5) << name;
+      EXPECT_NEAR(speeds.samples[1].speed, 18.0 * metres, 1e-12) << name;
+    }
+  }
+  EXPECT_THAT(error_of([&] { read_speeds(file("w.csv", "time,speed (furlongs)\n0,1\n")); }),
+              HasSubstr("found no columns of a time and a speed"));
+  EXPECT_THAT(error_of([&] { read_geo_log(file("r.csv", "time,lat (rad),lon (rad)\n0,1,1\n")); }),
+              HasSubstr("found no columns latitude and longitude"));
+}
+
 TEST_F(Tracks, PosesInNanosecondsWithDecimals) {
   for (const char* const row :
        {"1317043079287203072.000000 0.0 0.0 0.9 0 0 0 1\n", "1317043079287203072 0 0 0.9 0 0 0 1\n",

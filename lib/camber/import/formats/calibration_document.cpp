@@ -26,7 +26,10 @@ const Names kMatrixNames = {"cameramatrix",
                             "matrix",
                             "cammatrix",
                             "kmatrix",
-                            "intrinsicparameters"};
+                            "intrinsicparameters",
+                            "cameramat",
+                            "intrinsicmat",
+                            "intrinsicsmatrix"};
 const Names kDistortionNames = {"distortioncoefficients",
                                 "distortioncoeffs",
                                 "distcoeffs",
@@ -241,10 +244,43 @@ class DocumentReader {
     return false;
   }
 
-  /// A key that is not known, holds numbers and is called as coefficients of a lens are; "" if
-  /// none.
+  static void collect(const YAML::Node& node, std::vector<double>* numbers) {
+    if (node.IsScalar()) {
+      try {
+        numbers->push_back(node.as<double>());
+      } catch (const YAML::Exception&) {
+        numbers->push_back(std::numeric_limits<double>::quiet_NaN());
+      }
+    } else if (node.IsSequence()) {
+      for (const auto& entry : node) collect(entry, numbers);
+    }
+  }
+
+  /// Whether a list is like OpenCV's coefficients: as many, small, of both signs. Neither rotations
+  /// (quaternions have norm 1) nor errors (positive) are.
+  static bool like_coefficients(const YAML::Node& node) {
+    if (!node.IsSequence()) return false;
+    std::vector<double> numbers;
+    collect(node, &numbers);
+    const std::size_t n = numbers.size();
+    if (n != 4 && n != 5 && n != 8 && n != 14) return false;
+    double squares = 0.0;
+    bool above = false, below = false;
+    for (const double value : numbers) {
+      if (!(std::abs(value) < 10.0)) return false;
+      squares += value * value;
+      above = above || value > 0.0;
+      below = below || value < 0.0;
+    }
+    return above && below && !(n == 4 && std::abs(squares - 1.0) < 1e-3);
+  }
+
+  /// A key that is not known, holds numbers and is called as coefficients of a lens are, or has a
+  /// name that says nothing and numbers like theirs; "" if none.
   static std::string unknown_coefficients(const YAML::Node& map) {
     if (!map.IsMap()) return "";
+    static const Names kOthers = {"pos", "rot",     "quat", "trans", "extrinsic", "euler",
+                                  "imu", "gravity", "box",  "roi",   "bounds",    "noise"};
     for (const auto& entry : map) {
       const std::string name = plain_name(text_of(entry.first));
       if (name.find("sigma") != std::string::npos) continue;  // how well they are known
@@ -253,6 +289,16 @@ class DocumentReader {
           name.find("tangential") != std::string::npos || name.find("coef") != std::string::npos ||
           (name.rfind("dist", 0) == 0 && name.find("distance") == std::string::npos);
       if (alike && holds_coefficients(entry.second)) return text_of(entry.first);
+      const bool other = std::any_of(kOthers.begin(), kOthers.end(), [&](const std::string& word) {
+        return name.find(word) != std::string::npos;
+      });
+      const auto known = [&](const Names& names) {
+        return std::find(names.begin(), names.end(), name) != names.end();
+      };
+      if (!other && !known(kMatrixNames) && !known(kProjectionNames) && !known(kSizeNames) &&
+          like_coefficients(entry.second)) {
+        return text_of(entry.first);
+      }
     }
     return "";
   }

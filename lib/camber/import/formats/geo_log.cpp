@@ -334,12 +334,52 @@ GeoLog read_rtklib(const std::string& text, const fs::path& path) {
 
 // ---- CSV ----------------------------------------------------------------------------------------
 
+/// Units that may stand behind a name, in brackets, and what one is.
+using Units = std::map<std::string, double>;
+const Units kDegrees = {{"deg", 1.0},    {"degree", 1.0},         {"degrees", 1.0},
+                        {"\u00b0", 1.0}, {"decimaldegrees", 1.0}, {"dd", 1.0},
+                        {"wgs84", 1.0}};
+const Units kLengths = {{"m", 1.0},      {"meter", 1.0}, {"meters", 1.0}, {"metre", 1.0},
+                        {"metres", 1.0}, {"ft", 0.3048}, {"feet", 0.3048}};
+const Units kSpeeds = {{"m/s", 1.0},       {"mps", 1.0},        {"ms", 1.0},
+                       {"ms1", 1.0},       {"km/h", 1.0 / 3.6}, {"kmh", 1.0 / 3.6},
+                       {"kph", 1.0 / 3.6}, {"kmph", 1.0 / 3.6}, {"mph", 0.44704},
+                       {"mi/h", 0.44704},  {"kn", kKnot},       {"kt", kKnot},
+                       {"kts", kKnot},     {"knots", kKnot}};
+
+/// A column and what one of its units is.
+struct UnitColumn {
+  std::size_t at = 0;
+  double unit = 1.0;
+};
+
 /// Columns of a table by their plain names.
 struct Columns {
   std::map<std::string, std::size_t> at;
+  std::map<std::string, std::pair<std::string, std::size_t>> with_unit;  ///< name: unit, column
   explicit Columns(const DelimitedLine& header) {
-    for (std::size_t i = 0; i < header.fields.size(); ++i)
-      at.emplace(plain_name(std::string(header.fields[i])), i);
+    for (std::size_t i = 0; i < header.fields.size(); ++i) {
+      const std::string name = plain_name(std::string(header.fields[i]));
+      at.emplace(name, i);
+      const std::size_t open = name.find_first_of("([");
+      if (open == std::string::npos || open == 0 || (name.back() != ')' && name.back() != ']')) {
+        continue;
+      }
+      with_unit.emplace(name.substr(0, open),
+                        std::pair(name.substr(open + 1, name.size() - open - 2), i));
+    }
+  }
+  /// One of the names alone, in the first of the units, or with a unit behind it.
+  std::optional<UnitColumn> find(std::initializer_list<const char*> names,
+                                 const Units& units) const {
+    if (const auto plain = find(names)) return UnitColumn{*plain, 1.0};
+    for (const char* name : names) {
+      const auto found = with_unit.find(name);
+      if (found == with_unit.end()) continue;
+      const auto unit = units.find(found->second.first);
+      if (unit != units.end()) return UnitColumn{found->second.second, unit->second};
+    }
+    return std::nullopt;
   }
   std::optional<std::size_t> find(std::initializer_list<const char*> names) const {
     for (const char* name : names) {
@@ -391,7 +431,7 @@ class TimeColumns {
     if (whole && text.size() >= 13) {
       if (const auto time = time_from_name(text)) return *time;
     }
-    if (parse_number(text, &value) && std::isfinite(value)) return value;
+    if (parse_number(lines.decimal(text), &value) && std::isfinite(value)) return value;
     if (date_ && *date_ < line.fields.size()) text = std::string(line.fields[*date_]) + " " + text;
     const auto time = parse_date_time(text);
     if (!time)
@@ -413,32 +453,32 @@ GeoLog read_csv(const fs::path& path, char separator) {
   const DelimitedLine& header = lines.lines().front();
   const Columns columns(header);
   for (const std::string_view field : header.fields) out.columns.emplace_back(field);
-  const auto latitude = columns.find({"latitude", "lat"}),
-             longitude = columns.find({"longitude", "lon", "lng", "long"});
+  const auto latitude = columns.find({"latitude", "lat"}, kDegrees),
+             longitude = columns.find({"longitude", "lon", "lng", "long"}, kDegrees);
   if (!latitude || !longitude)
     lines.fail(header, "found no columns latitude and longitude, expected both");
-  const auto altitude = columns.find({"altitude", "alt", "elevation", "ele", "height"});
-  const auto speed = columns.find({"speed", "speedms", "speedmps", "velocity"});
+  const auto altitude = columns.find({"altitude", "alt", "elevation", "ele", "height"}, kLengths);
+  const auto speed = columns.find({"speed", "speedms", "speedmps", "velocity"}, kSpeeds);
   const auto frame = columns.find({"frame", "frameid"});
-  const auto sigma = columns.find({"sigma", "sigmam", "accuracy", "horizontalaccuracy"});
+  const auto sigma = columns.find({"sigma", "sigmam", "accuracy", "horizontalaccuracy"}, kLengths);
   const TimeColumns times(columns);
   out.segments.emplace_back();
   for (std::size_t i = 1; i < lines.lines().size(); ++i) {
     const DelimitedLine& line = lines.lines()[i];
     GeoPoint point;
-    point.latitude = lines.number(line, *latitude, "a latitude in degrees");
-    point.longitude = lines.number(line, *longitude, "a longitude in degrees");
+    point.latitude = lines.number(line, latitude->at, "a latitude in degrees");
+    point.longitude = lines.number(line, longitude->at, "a longitude in degrees");
     if (!is_place(point.latitude, point.longitude))
-      lines.fail(line, *latitude, "found no latitude and longitude, expected degrees");
-    const auto optional = [&](const std::optional<std::size_t>& column, double* value) {
-      if (column && *column < line.fields.size() && !line.fields[*column].empty())
-        *value = lines.number(line, *column, "a number");
+      lines.fail(line, latitude->at, "found no latitude and longitude, expected degrees");
+    const auto optional = [&](const std::optional<UnitColumn>& column, double* value) {
+      if (column && column->at < line.fields.size() && !line.fields[column->at].empty())
+        *value = column->unit * lines.number(line, column->at, "a number");
     };
     optional(altitude, &point.altitude);
     optional(speed, &point.speed);
     optional(sigma, &point.sigma);
     if (point.sigma <= 0.0) {
-      lines.fail(line, *sigma, "found no positive standard deviation, expected one");
+      lines.fail(line, sigma->at, "found no positive standard deviation, expected one");
     }
     if (frame) point.frame = lines.integer(line, *frame, 0, 2000000000, "a frame id");
     if (times.any()) point.time_s = times.read(lines, line);
@@ -528,17 +568,22 @@ SpeedLog speeds_of_table(const fs::path& path, char separator) {
     const Columns columns(first);
     times.emplace(columns);
     auto at = columns.find({"speed", "speedms", "speedmps", "speedm/s", "velocity", "v", "vf",
-                            "mps", "m/s", "forwardspeed", "speed[m/s]", "speed(m/s)"});
-    if (!at && (at = columns.find(
-                    {"speedkmh", "kmh", "km/h", "speedkm/h", "kph", "speed[km/h]", "speed(km/h)"})))
-      unit = 1.0 / 3.6;
-    if (!at && (at = columns.find({"speedmph", "mph"}))) unit = 0.44704;
-    if (!at && (at = columns.find({"speedknots", "knots", "speedkn"}))) unit = kKnot;
+                            "mps", "m/s", "forwardspeed", "groundspeed", "gpsspeed"},
+                           kSpeeds);
+    const auto take = [&](std::initializer_list<const char*> names, double of_unit) {
+      if (const auto found = at ? std::nullopt : columns.find(names)) {
+        at = UnitColumn{*found, of_unit};
+      }
+    };
+    take({"speedkmh", "kmh", "km/h", "speedkm/h", "kph", "speedkph"}, 1.0 / 3.6);
+    take({"speedmph", "mph"}, 0.44704);
+    take({"speedknots", "knots", "speedkn"}, kKnot);
     if (!times->any() || !at)
       lines.fail(first,
                  "found no columns of a time and a speed, expected time and speed (m/s), speed_kmh "
                  "or speed_mph");
-    speed = *at;
+    speed = at->at;
+    unit = at->unit;
     sigma = columns.find({"sigma", "speedsigma", "speedstd", "std", "stddev"});
   }
   for (std::size_t i = bare ? 0 : 1; i < lines.lines().size(); ++i) {

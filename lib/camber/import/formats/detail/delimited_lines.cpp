@@ -74,6 +74,15 @@ void DelimitedLines::fail(const DelimitedLine& line, const std::string& reason) 
   throw InputError(file_, fmt::format("line {}", line.line), reason);
 }
 
+std::string DelimitedLines::decimal(std::string text) const {
+  const std::size_t comma = separator_ == ';' ? text.find(',') : std::string::npos;
+  if (comma != std::string::npos && text.find_first_of(",.", comma + 1) == std::string::npos &&
+      text.find('.') == std::string::npos) {
+    text[comma] = '.';
+  }
+  return text;
+}
+
 double DelimitedLines::number(const DelimitedLine& line, std::size_t field,
                               const std::string& expectation) const {
   if (field >= line.fields.size()) {
@@ -81,12 +90,7 @@ double DelimitedLines::number(const DelimitedLine& line, std::size_t field,
                            expectation, field + 1));
   }
   double value = 0.0;
-  std::string text(line.fields[field]);
-  const std::size_t comma = separator_ == ';' ? text.find(',') : std::string::npos;
-  if (comma != std::string::npos && text.find_first_of(",.", comma + 1) == std::string::npos &&
-      text.find('.') == std::string::npos) {
-    text[comma] = '.';
-  }
+  const std::string text = decimal(std::string(line.fields[field]));
   if (!parse_number(text, &value) || !std::isfinite(value)) {
     fail(line, field,
          fmt::format("found '{}', expected {}", printable(line.fields[field]), expectation));

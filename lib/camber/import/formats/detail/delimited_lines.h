@@ -32,7 +32,9 @@ class DelimitedLines {
                          const std::string& reason) const;
   [[noreturn]] void fail(const DelimitedLine& line, const std::string& reason) const;
 
-  /// Where ';' separates, a comma may be the decimal sign. A finite number, or an InputError "found
+  /// A field's text with the decimal sign as a point: where ';' separates, it may be a comma.
+  std::string decimal(std::string text) const;
+  /// decimal() of a field. A finite number, or an InputError "found
   /// 'word', expected (expectation)".
   double number(const DelimitedLine& line, std::size_t field, const std::string& expectation) const;
   int integer(const DelimitedLine& line, std::size_t field, int low, int high,
