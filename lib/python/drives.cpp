@@ -25,10 +25,11 @@ void bind_drive(py::module_& module) {
   module.def(
       "drive",
       [](const PythonScene& scene, const fs::path& out, const std::string& frames, bool masks,
-         bool pictures, const std::optional<fs::path>& film, bool overwrite, bool resume,
-         const fs::path& detector, const fs::path& detector_config, const fs::path& keypoints,
-         const fs::path& keypoints_config, const std::optional<fs::path>& cache, std::uint64_t seed,
-         int threads, const py::object& progress) {
+         bool calibrate, bool pictures, const std::optional<fs::path>& film, bool overwrite,
+         bool resume, const fs::path& detector, const fs::path& detector_config,
+         const fs::path& keypoints, const fs::path& keypoints_config,
+         const std::optional<fs::path>& cache, std::uint64_t seed, int threads,
+         const py::object& progress) {
         DriveSceneOptions options;
         options.networks =
             network_choice(detector, detector_config, "", "", keypoints, keypoints_config, cache);
@@ -38,6 +39,7 @@ void bind_drive(py::module_& module) {
         options.drive.window.load.use_masks = masks;
         options.drive.window.load.pixels = scene.source();
         options.frames = frames;
+        options.calibrates = calibrate;
         options.pictures = pictures;
         if (film) options.film = *film;
         options.overwrite = overwrite;
@@ -59,17 +61,18 @@ void bind_drive(py::module_& module) {
         return to_python(*outcome.run);
       },
       py::arg("scene"), py::arg("out"), py::kw_only(), py::arg("frames") = "",
-      py::arg("masks") = true, py::arg("pictures") = true, py::arg("film") = py::none(),
-      py::arg("overwrite") = false, py::arg("resume") = false, py::arg("detector") = "",
-      py::arg("detector_config") = "", py::arg("keypoints") = "", py::arg("keypoints_config") = "",
-      py::arg("cache") = py::none(), py::arg("seed") = 0, py::arg("threads") = 0,
-      py::arg("progress") = py::none(),
+      py::arg("masks") = true, py::arg("calibrate") = true, py::arg("pictures") = true,
+      py::arg("film") = py::none(), py::arg("overwrite") = false, py::arg("resume") = false,
+      py::arg("detector") = "", py::arg("detector_config") = "", py::arg("keypoints") = "",
+      py::arg("keypoints_config") = "", py::arg("cache") = py::none(), py::arg("seed") = 0,
+      py::arg("threads") = 0, py::arg("progress") = py::none(),
       with_keywords(
           "A whole drive into a folder, as camber drive writes it (but trajectory.gpx). Gives the "
           "folder's run.json.",
           {{"out", "folder of the result"},
            {"frames", "ids: '48:200', '0:400:2'; '': all"},
            {"masks", "False: segmentations and road masks are not read"},
+           {"calibrate", "False: a camera that is guessed stays so"},
            {"pictures", "False: no film, plots and report"},
            {"film", "FILE.mp4 or FILE.avi; None: film.mp4 in the folder"},
            {"overwrite", "replaces a folder that is no result, too"},
@@ -125,17 +128,14 @@ void bind_calibrate(py::module_& module) {
       [](const PythonScene& scene, const std::optional<fs::path>& out,
          const std::optional<fs::path>& scene_out, const std::string& frames, std::uint64_t seed,
          int threads, const py::object& progress) {
-        if (!scene.pixels.empty()) {
-          throw std::invalid_argument("scene: found images in memory, expected files or a film");
-        }
         CalibrateOptions options;
         options.seed = seed;
         options.num_threads = threads;
         options.validate();
         const Progress report = to_progress(progress);
         const DriveCalibration found = compute([&] {
-          DriveCalibration result =
-              calibrate_drive(scene.scene, select_frames(scene.scene, frames), options, report);
+          DriveCalibration result = calibrate_drive(scene.scene, select_frames(scene.scene, frames),
+                                                    options, scene.source(), report);
           if (scene_out) write_scene(calibrated_scene(scene.scene, result), *scene_out);
           if (out) write_file_atomically(*out, calibration_yaml(result, scene.path));
           return result;

@@ -142,11 +142,34 @@ double turn_of(const CalibrationWindow& window) {
       .norm();
 }
 
-void describe(DriveCalibration* out) {
+/// What the windows alone say of the focal length, which the estimate has joined with the prior,
+/// against that prior: two normal distributions.
+void compare_with_prior(double floor, DriveCalibration* out) {
+  DriveLens::Matrix& covariance = out->lens.covariance;
+  const double before = std::pow(out->prior.sigma(0), 2);
+  const double joined = covariance(0, 0) - floor * floor;
+  if (!(joined < 0.99 * before)) return;  // the windows say nothing
+  const double moved = std::log(out->lens.lens.f / out->prior.mean.f);
+  const double windows = joined * before / (before - joined) + floor * floor;
+  out->focal_surprise = std::pow(moved * before / (before - joined), 2) / (windows + before);
+  constexpr double kChance = 6.63;  // chi-square of one freedom, 1 %
+  if (out->focal_surprise < kChance) return;
+  const double wider = std::sqrt(out->focal_surprise);
+  covariance.row(0) *= wider;
+  covariance.col(0) *= wider;
+  out->notes.push_back(
+      fmt::format("the drive shows another focal length than the one that was given, {:.1f} "
+                  "standard deviations "
+                  "off: its own is stated that much less well known",
+                  wider));
+}
+
+void describe(bool given_prior, DriveCalibration* out) {
   const double known = out->lens.sigma(0), prior = out->prior.sigma(0);
   const double turn_deg = out->turn * 57.29577951308232;
   if (known > 0.7 * prior) {
-    out->focal_decided_by = "the prior for cars and dash cameras";
+    out->focal_decided_by =
+        given_prior ? "what was given of it" : "the prior for cars and dash cameras";
   } else {
     out->focal_decided_by =
         fmt::format("epipolar geometry of {} windows, which turn by {:.0f} degrees together",
@@ -179,10 +202,12 @@ void CalibrateOptions::validate() const {
 }
 
 TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
-                         const FeatureTrackOptions& options, const Progress& progress) {
-  FeatureTracker tracker(options);
+                         const CalibrateOptions& options, const FramePixelSource& pixels,
+                         const Progress& progress) {
+  FeatureTracker tracker(options.tracks);
   FrameImageReader reader;
   const PinholeCamera& files = file_camera(scene);
+  const Undistortion as_it_is(files);
   TrackedDrive out;
   out.width = files.width;
   out.height = files.height;
@@ -191,9 +216,16 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
     if (progress) {
       progress("tracks", 0.7 * static_cast<double>(i) / static_cast<double>(ids.size()));
     }
-    if (tracker.add(reader.read(scene.find_frame(ids[i])->image, files).gray)) {
-      out.key_ids.push_back(ids[i]);
+    Image held = pixels ? pixels(ids[i]).image : Image();
+    FrameImage read;
+    try {
+      read = held.empty() ? reader.read(scene.find_frame(ids[i])->image, files)
+                          : make_frame_image(std::move(held), as_it_is, ids[i]);
+    } catch (const InputError&) {
+      if (!options.skip_unreadable) throw;
+      continue;
     }
+    if (tracker.add(read.gray)) out.key_ids.push_back(ids[i]);
   }
   out.tracks = tracker.take();
   return out;
@@ -206,7 +238,8 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
   options.start.seed = given.seed;
   options.lens.num_threads = given.num_threads;
   DriveCalibration out;
-  out.prior = lens_prior_of_cars(drive.width, drive.height);
+  const LensPrior cars = lens_prior_of_cars(drive.width, drive.height);
+  out.prior = options.prior.value_or(cars);
   out.key_frames = drive.key_ids.size();
   const std::vector<WindowPlace> places =
       chosen_places(places_of(drive, options), static_cast<std::size_t>(options.most_windows));
@@ -237,26 +270,28 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
   }
   if (windows.empty()) throw NoAnswerError(kNoMotion);
   constexpr double kMostContradiction = 11.0;
-  if (out.lens.contradiction > kMostContradiction) {
+  if (prior_error(cars, out.lens.lens).squaredNorm() > kMostContradiction) {
     throw NoAnswerError(fmt::format(
         "what {} windows show fits no camera of a car: a focal length of {:.0f} px, the "
         "principal point at {:.0f}, {:.0f} px",
         windows.size(), lens.f, lens.cx, lens.cy));
   }
   out.windows = windows.size();
+  if (options.prior) compare_with_prior(options.lens.focal_floor, &out);
   for (const WindowBundle& window : windows) out.turn += turn_of(window.window());
   out.mounting = estimate_mounting(windows, out.lens.lens, out.lens.covariance);
-  describe(&out);
+  describe(options.prior.has_value(), &out);
   timer.stop();
   return out;
 }
 
 DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
-                                 const CalibrateOptions& options, const Progress& progress) {
+                                 const CalibrateOptions& options, const FramePixelSource& pixels,
+                                 const Progress& progress) {
   options.validate();
   Timings timings;
   StageTimer tracking(timings, "correspondences");
-  const TrackedDrive drive = track_drive(scene, frame_ids, options.tracks, progress);
+  const TrackedDrive drive = track_drive(scene, frame_ids, options, pixels, progress);
   tracking.stop();
   if (progress) progress("lens", 0.7);
   DriveCalibration out = calibrate_tracks(drive, options, progress);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "camber/calibrate/calibrate_drive.h"
@@ -14,6 +14,9 @@ namespace camber {
 /// decided. read_calibration() reads it.
 /// @param source  what it was made of, for a comment.
 std::string calibration_yaml(const DriveCalibration& calibration, const std::string& source);
+
+/// What was found as JSON, numbers with their sigma: px, degrees, relative.
+nlohmann::json to_json(const DriveCalibration& calibration);
 
 /// The scene with that camera, its lens taken out on reading; boxes and keypoints, which stand in
 /// the pixels of the camera that the scene had, are carried over. A height that the scene has

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "camber/calibrate/guessed_camera.h"
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/core/stopwatch.h"
@@ -44,7 +46,7 @@ class Attempt {
       for (const auto& [stage, ms] : time_.stages()) result.run.timings.add(stage, ms);
     }
     report();
-    return {std::move(result), std::move(scene_)};
+    return {std::move(result), std::move(scene_), std::nullopt};
   }
 
  private:
@@ -102,11 +104,35 @@ class Attempt {
   Timings time_;
 };
 
-}  // namespace
+/// As many frames of a scene, those nearest to one of them.
+std::vector<int> frames_about(const Scene& scene, int reference, std::size_t most) {
+  std::vector<int> out;
+  std::size_t at = 0;
+  for (const SceneFrame& frame : scene.frames) {
+    if (frame.id == reference) at = out.size();
+    out.push_back(frame.id);
+  }
+  if (out.size() <= most) return out;
+  const std::size_t first = std::min(at - std::min(at, most / 2), out.size() - most);
+  const auto begin = out.begin() + static_cast<std::ptrdiff_t>(first);
+  return {begin, begin + static_cast<std::ptrdiff_t>(most)};
+}
 
-SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructSceneOptions& options,
-                                      const Progress& progress) {
-  keep_freed_memory();
+CameraByDrive calibrate(const Scene& scene, const ReconstructSceneOptions& options,
+                        const Progress& progress) {
+  const std::vector<int> chosen =
+      options.frames.empty() ? select_frames(scene, "") : options.frames;
+  CalibrateOptions calibration;
+  calibration.seed = options.run.seed;
+  calibration.num_threads = options.run.num_threads;
+  return calibrate_guessed(
+      scene, frames_about(scene, choose_reference_frame(scene, chosen), kMostCalibrationFrames),
+      calibration, options.run.load.pixels, progress);
+}
+
+/// The frames that are asked for, or chosen, and fewer where they give no answer.
+SceneReconstruction run_chosen(const Scene& scene, const ReconstructSceneOptions& options,
+                               const Progress& progress) {
   const auto with = [&](const std::vector<int>& frames) {
     return Attempt(scene, frames, options, progress).run();
   };
@@ -136,6 +162,21 @@ SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructScene
     }
   }
   return with(ids);
+}
+
+}  // namespace
+
+SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructSceneOptions& options,
+                                      const Progress& progress) {
+  keep_freed_memory();
+  if (!options.calibrates || !camera_is_guessed(scene)) return run_chosen(scene, options, progress);
+  CameraByDrive camera = calibrate(scene, options, progress);
+  if (options.notice) options.notice(camera.text);
+  SceneReconstruction out = run_chosen(camera.scene ? *camera.scene : scene, options, progress);
+  out.result.run.extra["camera_by_drive"] = to_json(camera);
+  out.result.run.timings.add("calibrate", camera.milliseconds);
+  out.calibrated = std::move(camera.scene);
+  return out;
 }
 
 }  // namespace camber
