@@ -97,11 +97,11 @@ py::dict number_of(double value, double sigma) {
   return out;
 }
 
-py::object angle_of(const std::optional<MountingNumber>& angle) {
-  return angle ? py::object(number_of(angle->value, angle->sigma)) : py::object(py::none());
+py::object known_or_none(const std::optional<MountingNumber>& number) {
+  return number ? py::object(number_of(number->value, number->sigma)) : py::object(py::none());
 }
 
-/// Of what is known, value and sigma; angles in rad.
+/// Of what is known, value and sigma; angles in rad, the height in m.
 py::dict to_dict(const DriveCalibration& c) {
   const DriveLens& lens = c.lens.lens;
   py::dict out;
@@ -113,9 +113,10 @@ py::dict to_dict(const DriveCalibration& c) {
   out["k1"] = number_of(lens.k1, c.lens.sigma(3));
   out["k2"] = number_of(lens.k2, c.lens.sigma(4));
   out["focal_decided_by"] = c.focal_decided_by;
-  out["pitch"] = angle_of(c.mounting.pitch);
-  out["yaw"] = angle_of(c.mounting.yaw);
-  out["roll"] = angle_of(c.mounting.roll);
+  out["pitch"] = known_or_none(c.mounting.pitch);
+  out["yaw"] = known_or_none(c.mounting.yaw);
+  out["roll"] = known_or_none(c.mounting.roll);
+  out["height"] = known_or_none(c.mounting.height);
   out["frames"] = c.frames;
   out["windows"] = c.windows;
   out["notes"] = c.notes;

@@ -164,6 +164,20 @@ void compare_with_prior(double floor, DriveCalibration* out) {
                   wider));
 }
 
+/// The height that the scene states against the one by its speeds.
+void compare_heights(const Scene& scene, DriveCalibration* out) {
+  const auto& seen = out->mounting.height;
+  if (!seen || !scene.height_above_road) return;
+  const double off = *scene.height_above_road - seen->value;
+  const double sigma = std::hypot(scene.height_sigma, seen->sigma);
+  constexpr double kChance = 6.63;  // chi-square of one freedom, 1 %
+  if (off * off < kChance * sigma * sigma) return;
+  out->notes.push_back(fmt::format(
+      "the scene's height, {:.2f} +- {:.2f} m, and the one by its speeds contradict each other, "
+      "{:.1f} standard deviations",
+      *scene.height_above_road, scene.height_sigma, std::abs(off) / sigma));
+}
+
 void describe(bool given_prior, DriveCalibration* out) {
   const double known = out->lens.sigma(0), prior = out->prior.sigma(0);
   const double turn_deg = out->turn * 57.29577951308232;
@@ -228,6 +242,7 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
     if (tracker.add(read.gray)) out.key_ids.push_back(ids[i]);
   }
   out.tracks = tracker.take();
+  out.metres = metres_by_speed(scene, out.key_ids);
   return out;
 }
 
@@ -280,6 +295,9 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
   if (options.prior) compare_with_prior(options.lens.focal_floor, &out);
   for (const WindowBundle& window : windows) out.turn += turn_of(window.window());
   out.mounting = estimate_mounting(windows, out.lens.lens, out.lens.covariance);
+  if (drive.metres) {
+    out.mounting.height = estimate_height(windows, *drive.metres, out.lens.sigma(0));
+  }
   describe(options.prior.has_value(), &out);
   timer.stop();
   return out;
@@ -295,6 +313,7 @@ DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& fra
   tracking.stop();
   if (progress) progress("lens", 0.7);
   DriveCalibration out = calibrate_tracks(drive, options, progress);
+  compare_heights(scene, &out);
   out.frames = frame_ids.size();
   for (const auto& [stage, ms] : out.timings.stages()) timings.add(stage, ms);
   out.timings = std::move(timings);

@@ -79,6 +79,12 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
   out += angle_yaml("pitch", c.mounting.pitch);
   out += angle_yaml("yaw", c.mounting.yaw);
   out += angle_yaml("roll", c.mounting.roll);
+  if (const auto& height = c.mounting.height) {
+    out += fmt::format(
+        "# above the road, by the speeds of the frames\nheight_m: {:.4f}\n"
+        "height_m_sigma: {:.4f}\n",
+        height->value, height->sigma);
+  }
   for (const std::string& note : c.notes) out += fmt::format("# {}\n", note);
   return out;
 }
@@ -86,6 +92,7 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
 nlohmann::json to_json(const DriveCalibration& c) {
   const DriveLens& lens = c.lens.lens;
   nlohmann::json focal = number_json(lens.f, lens.f * c.lens.sigma(0));
+  const auto& height = c.mounting.height;
   focal["relative_sigma"] = c.lens.sigma(0);
   focal["decided_by"] = c.focal_decided_by;
   return {{"frames", c.frames},
@@ -106,7 +113,8 @@ nlohmann::json to_json(const DriveCalibration& c) {
           {"mounting",
            {{"pitch_deg", angle_json(c.mounting.pitch)},
             {"yaw_deg", angle_json(c.mounting.yaw)},
-            {"roll_deg", angle_json(c.mounting.roll)}}},
+            {"roll_deg", angle_json(c.mounting.roll)},
+            {"height_m", height ? number_json(height->value, height->sigma) : nullptr}}},
           {"prior",
            {{"focal", c.prior.mean.f},
             {"focal_sigma", c.prior.sigma(0)},

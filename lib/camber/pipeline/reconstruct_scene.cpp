@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -104,17 +105,22 @@ class Attempt {
   Timings time_;
 };
 
-/// As many frames of a scene, those nearest to one of them.
+/// As many frames of a scene about one of them, some ten a second: more show the same.
 std::vector<int> frames_about(const Scene& scene, int reference, std::size_t most) {
-  std::vector<int> out;
-  std::size_t at = 0;
-  for (const SceneFrame& frame : scene.frames) {
-    if (frame.id == reference) at = out.size();
-    out.push_back(frame.id);
+  constexpr double kRate = 10.0;  // Hz
+  const auto apart =
+      static_cast<std::size_t>(std::max(1L, std::lround(scene.frame_rate.value_or(kRate) / kRate)));
+  const auto found = std::find_if(scene.frames.begin(), scene.frames.end(),
+                                  [&](const SceneFrame& frame) { return frame.id == reference; });
+  const auto at = static_cast<std::size_t>(found - scene.frames.begin());
+  std::vector<int> all;
+  for (std::size_t i = at % apart; i < scene.frames.size(); i += apart) {
+    all.push_back(scene.frames[i].id);
   }
-  if (out.size() <= most) return out;
-  const std::size_t first = std::min(at - std::min(at, most / 2), out.size() - most);
-  const auto begin = out.begin() + static_cast<std::ptrdiff_t>(first);
+  if (all.size() <= most) return all;
+  const std::size_t middle = at / apart;
+  const std::size_t first = std::min(middle - std::min(middle, most / 2), all.size() - most);
+  const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first);
   return {begin, begin + static_cast<std::ptrdiff_t>(most)};
 }
 

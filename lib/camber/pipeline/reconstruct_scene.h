@@ -27,7 +27,7 @@ struct ReconstructSceneOptions {
   LogSink warn;    ///< what is wrong with networks' descriptions; may be empty
 };
 
-/// Frames about the reference, a few seconds of a film, that calibrate a guessed camera.
+/// Frames about the reference, some ten a second, that calibrate a guessed camera.
 inline constexpr std::size_t kMostCalibrationFrames = 150;
 
 /// A result and the scene that it is of: with the boxes and keypoints of the networks.
