@@ -52,7 +52,8 @@ json run_json(const Scene& scene, const Options& o, bool complete) {
           {"scene", o.manifest.string()},
           {"options",
            {{"frames", o.frames.empty() ? "all" : o.frames},
-            {"use_masks", o.drive.window.load.use_masks}}},
+            {"use_masks", o.drive.window.load.use_masks},
+            {"calibrate", o.calibrates}}},
           {"frames_given", scene.frames.size()}};
 }
 

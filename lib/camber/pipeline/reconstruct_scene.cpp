@@ -175,13 +175,19 @@ SceneReconstruction run_chosen(const Scene& scene, const ReconstructSceneOptions
 SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructSceneOptions& options,
                                       const Progress& progress) {
   keep_freed_memory();
-  if (!options.calibrates || !camera_is_guessed(scene)) return run_chosen(scene, options, progress);
-  CameraByDrive camera = calibrate(scene, options, progress);
-  if (options.notice) options.notice(camera.text);
-  SceneReconstruction out = run_chosen(camera.scene ? *camera.scene : scene, options, progress);
-  out.result.run.extra["camera_by_drive"] = to_json(camera);
-  out.result.run.timings.add("calibrate", camera.milliseconds);
-  out.calibrated = std::move(camera.scene);
+  std::optional<CameraByDrive> camera;
+  if (options.calibrates && camera_is_guessed(scene)) {
+    camera = calibrate(scene, options, progress);
+    if (options.notice) options.notice(camera->text);
+  }
+  SceneReconstruction out =
+      run_chosen(camera && camera->scene ? *camera->scene : scene, options, progress);
+  out.result.run.options["calibrate"] = options.calibrates;
+  if (camera) {
+    out.result.run.extra["camera_by_drive"] = to_json(*camera);
+    out.result.run.timings.add("calibrate", camera->milliseconds);
+    out.calibrated = std::move(camera->scene);
+  }
   return out;
 }
 
