@@ -43,12 +43,20 @@ KeySteps steps_of(const TrackedDrive& drive) {
   return out;
 }
 
+/// Key frames of a window: fewer than asked for where that gives three windows, whose spread says
+/// how well they know the lens.
+std::size_t window_length(std::size_t key_frames, const CalibrateOptions& options) {
+  constexpr std::size_t kWindows = 3, kLeast = 3;
+  const std::size_t enough = (key_frames - 1) / kWindows + 1;
+  return std::clamp(enough, kLeast, static_cast<std::size_t>(options.window_frames));
+}
+
 /// Windows that follow each other, none over a break of the tracks.
 std::vector<WindowPlace> places_of(const TrackedDrive& drive, const CalibrateOptions& options) {
   std::vector<WindowPlace> out;
   if (drive.key_ids.size() < 3) return out;
   const KeySteps steps = steps_of(drive);
-  const auto whole = static_cast<std::size_t>(options.window_frames);
+  const std::size_t whole = window_length(drive.key_ids.size(), options);
   const int least = options.start.least_points;
   std::size_t begin = 0;
   while (begin + 2 < drive.key_ids.size()) {

@@ -20,7 +20,9 @@ struct CalibrateOptions {
   FeatureTrackOptions tracks;
   WindowStartOptions start;
   LensEstimateOptions lens;
-  int window_frames = 8;  ///< key frames of a window, 3 to 16; the last is the next one's first
+  /// Key frames of a window, 3 to 16; the last is the next one's first. A short drive has shorter
+  /// windows, three of them.
+  int window_frames = 8;
   int most_windows = 80;  ///< those with the widest turns and others spread evenly, >= 4
   std::uint64_t seed = 0;
   int num_threads = 0;  ///< <= 0: see resolve_num_threads
