@@ -129,9 +129,12 @@ std::optional<DriveLens> coarse_lens(const TrackedDrive& drive, std::vector<Wind
   rough.rounds = 0;
   std::optional<DriveLens> best;
   std::size_t most = 0;
-  for (const double factor : {1.0, 0.6, 1.65}) {
+  constexpr double kNear = 0.2;  // relative: a start that far off leads to the same lens
+  std::vector<double> starts = {0.0};
+  if (prior.sigma(0) > kNear) starts.insert(starts.end(), {-prior.sigma(0), prior.sigma(0)});
+  for (const double off : starts) {
     DriveLens start = prior.mean;
-    start.f *= factor;
+    start.f *= std::exp(off);
     std::vector<WindowBundle> windows = start_windows(start, drive, places, options);
     if (windows.empty()) continue;
     const LensEstimate estimate = estimate_lens(start, prior, rough, &windows);
