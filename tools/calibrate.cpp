@@ -33,51 +33,14 @@ struct Arguments {
   bool json = false, confine = false, overwrite = false;
 };
 
-json number_json(double value, double sigma) { return {{"value", value}, {"sigma", sigma}}; }
-
-json angle_json(const std::optional<MountingNumber>& angle) {
-  constexpr double kDegrees = 57.29577951308232;
-  if (!angle) return nullptr;
-  return number_json(kDegrees * angle->value, kDegrees * angle->sigma);
-}
-
 json result_json(const Command& command, const Arguments& a, const DriveCalibration& c) {
-  const DriveLens& lens = c.lens.lens;
-  json focal = number_json(lens.f, lens.f * c.lens.sigma(0));
-  focal["relative_sigma"] = c.lens.sigma(0);
-  focal["decided_by"] = c.focal_decided_by;
-  json options = {{"scene", a.scene},
-                  {"frames", a.frames.empty() ? "all" : a.frames},
-                  {"rate", a.rate > 0.0 ? json(a.rate) : json()}};
-  json out = {{"version", kVersion},
-              {"seed", command.common.seed},
-              {"options", std::move(options)},
-              {"frames", c.frames},
-              {"key_frames", c.key_frames},
-              {"windows", c.windows},
-              {"turn_deg", 57.29577951308232 * c.turn},
-              {"pixel_sigma_px", c.lens.pixel_sigma},
-              {"inflation", c.lens.inflation},
-              {"points", c.lens.points},
-              {"camera",
-               {{"width", lens.width},
-                {"height", lens.height},
-                {"focal", std::move(focal)},
-                {"cx", number_json(lens.cx, c.lens.sigma(1))},
-                {"cy", number_json(lens.cy, c.lens.sigma(2))},
-                {"k1", number_json(lens.k1, c.lens.sigma(3))},
-                {"k2", number_json(lens.k2, c.lens.sigma(4))}}},
-              {"mounting",
-               {{"pitch_deg", angle_json(c.mounting.pitch)},
-                {"yaw_deg", angle_json(c.mounting.yaw)},
-                {"roll_deg", angle_json(c.mounting.roll)}}},
-              {"prior",
-               {{"focal", c.prior.mean.f},
-                {"focal_sigma", c.prior.sigma(0)},
-                {"principal_sigma", c.prior.sigma(1)},
-                {"k1_sigma", c.prior.sigma(3)}}},
-              {"notes", c.notes},
-              {"timings_ms", json::object()}};
+  json out = to_json(c);
+  out["version"] = kVersion;
+  out["seed"] = command.common.seed;
+  out["options"] = {{"scene", a.scene},
+                    {"frames", a.frames.empty() ? "all" : a.frames},
+                    {"rate", a.rate > 0.0 ? json(a.rate) : json()}};
+  out["timings_ms"] = json::object();
   for (const auto& [stage, ms] : c.timings.stages()) out["timings_ms"][stage] = ms;
   return out;
 }
@@ -99,6 +62,10 @@ void print_text(const Arguments& a, const DriveCalibration& c) {
   angle("pitch", c.mounting.pitch);
   angle("yaw", c.mounting.yaw);
   angle("roll", c.mounting.roll);
+  if (const auto& height = c.mounting.height) {
+    fmt::print("  {:.3f} +- {:.3f} m above the road, by the speeds of the frames\n", height->value,
+               height->sigma);
+  }
   for (const std::string& note : c.notes) fmt::print("  {}\n", note);
 }
 
@@ -149,7 +116,7 @@ int run(const Command& command, const Arguments& a) {
   options.seed = command.common.seed;
   options.num_threads = command.common.threads;
   const DriveCalibration result =
-      calibrate_drive(opened.scene, select_frames(opened.scene, a.frames), options, progress);
+      calibrate_drive(opened.scene, select_frames(opened.scene, a.frames), options, {}, progress);
   const std::string yaml = calibration_yaml(result, a.scene);
   if (scene_folder) {
     write_scene(calibrated_scene(opened.scene, result), scene_folder->staging() / "scene.json");
@@ -170,7 +137,8 @@ void register_calibrate(App& root) {
   Command* command = add_command(
       root, "calibrate",
       "The camera from its own drive: focal length, principal point, radial distortion and "
-      "mounting by the pictures alone, each with its standard deviation. A calibration that the "
+      "mounting by the pictures alone, and the height above the road where frames have speeds, "
+      "each with its standard deviation. A calibration that the "
       "scene has is not used. What is known before is that of vehicles and dash cameras: a "
       "horizontal field of view of 35 to 130 degrees, square pixels, no skew, the principal point "
       "near the middle. Turns show the focal length; on a straight drive it stays open, which the "

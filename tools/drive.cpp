@@ -67,6 +67,7 @@ void register_drive(App& root) {
       ->no_name();
   app.add_flag("--no-masks", a.drive.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
+  add_calibrate_option(app, a.drive.no_calibrate);
   app.add_option("--out", a.drive.out, "result folder; an earlier result there is replaced")
       ->output_folder()
       ->required();

@@ -53,6 +53,7 @@ DriveOutcome run_drive_job(const Command& command, const DriveArguments& a) {
   options.drive.window.num_threads = command.common.threads;
   options.drive.window.load.use_masks = !a.no_masks;
   options.frames = a.frames;
+  options.calibrates = !a.no_calibrate;
   options.pictures = !a.no_pictures;
   options.film = a.film;
   options.overwrite = a.overwrite;
@@ -69,13 +70,13 @@ DriveOutcome run_drive_job(const Command& command, const DriveArguments& a) {
       std::fprintf(stderr, "camber: %s\n", text.c_str());
     };
   }
-  if (input.opened().kind != InputKind::kScene) {
-    options.add_files = [&](const fs::path& folder) {
-      std::error_code error;
-      fs::remove_all(folder / "scene", error);  // an earlier run's
-      input.keep_in(folder);
-    };
-  }
+  options.add_files = [&](const fs::path& folder, const Scene* calibrated) {
+    if (calibrated) input.recalibrate(*calibrated);
+    if (!input.is_kept()) return;
+    std::error_code error;
+    fs::remove_all(folder / "scene", error);  // an earlier run's
+    input.keep_in(folder);
+  };
   const std::size_t frames = select_frames(scene, a.frames).size();
   return drive_scene(scene, a.out, options, drive_progress(command.common, frames));
 }

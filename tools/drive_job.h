@@ -15,7 +15,8 @@ struct DriveArguments {
   SceneInputArguments input;
   NetworkArguments networks;
   std::string out, frames, film;
-  bool no_masks = false, no_pictures = false, overwrite = false, resume = false;
+  bool no_masks = false, no_calibrate = false, no_pictures = false, overwrite = false,
+       resume = false;
 };
 
 /// Runs a drive and writes its result. With `resume` a complete result of equal inputs stays as it

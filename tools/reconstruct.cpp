@@ -36,6 +36,7 @@ struct Arguments {
   bool places_vehicles = false;  // found by the shipped detector where a scene has no boxes
   bool no_pictures = false;
   bool no_masks = false;
+  bool no_calibrate = false;
   bool confine = false;
   bool overwrite = false;
   bool json = false;
@@ -51,6 +52,7 @@ void add_frame_options(App& app, Arguments& a) {
       ->no_name();
   app.add_flag("--no-masks", a.no_masks,
                "do not read segmentations and road masks: find the road by geometry");
+  add_calibrate_option(app, a.no_calibrate);
 }
 
 /// What a warning is about, before its text; the text of other codes stands alone.
@@ -89,6 +91,7 @@ SceneReconstruction run(const Command& command, const Arguments& a, const Scene&
   options.run.load.use_masks = !a.no_masks;
   options.networks = choice_of(a.networks);
   options.places_vehicles = a.places_vehicles;
+  options.calibrates = !a.no_calibrate;
   options.warn = make_warning_sink(command.common);
   if (!command.common.quiet) {
     options.notice = [](const std::string& text) {
@@ -198,8 +201,11 @@ void register_reconstruct(App& root) {
       check_output_folder(args.out, args.overwrite);
       if (!args.evidence.empty()) check_output_file(args.evidence);
     };
-    auto [result, scene] = with_evidence(
+    SceneReconstruction found = with_evidence(
         args.evidence, [&] { return run(*command, args, input.opened().scene, check_outputs); });
+    if (found.calibrated) input.recalibrate(std::move(*found.calibrated));
+    Reconstruction& result = found.result;
+    const Scene& scene = found.scene;
     result.run.scene = input.manifest().string();
     for (auto& [path, hash] : result.run.input_hashes) path = input.kept_name(path);
     WriteReconstructionOptions options;

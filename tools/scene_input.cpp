@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <utility>
 
 #include "camber/core/errors.h"
 #include "own_inputs.h"
@@ -62,11 +63,21 @@ void add_scene_inputs(App& app, SceneInputArguments& a, std::vector<std::string>
   add_how_to_read(app, a);
 }
 
+void add_calibrate_option(App& app, bool& no_calibrate) {
+  app.add_flag("--no-calibrate", no_calibrate,
+               "keep a camera that is guessed (--fov, or nothing given) as it is; by default the "
+               "drive shows it, as far as it does");
+}
+
 SceneInput::SceneInput(const Command& command, const SceneInputArguments& arguments,
                        const fs::path& out) {
   OpenSceneOptions options;
   options.paths = scene_paths(arguments.confine);
   const InputKind kind = kind_of_input(arguments.path);
+  // As deep as the folder that it becomes, so that the manifest's relative paths hold in both.
+  fs::path folder = fs::weakly_canonical(fs::absolute(out));
+  if (!folder.has_filename()) folder = folder.parent_path();
+  kept_ = folder / "scene";
   if (kind == InputKind::kScene) {
     const std::string option = camera_option(*command.app);
     if (!option.empty()) {
@@ -86,15 +97,11 @@ SceneInput::SceneInput(const Command& command, const SceneInputArguments& argume
   options.open_bag = [](const fs::path& bag) {
     return std::shared_ptr<BagReader>(open_any_bag(bag));
   };
-  // As deep as the folder that it becomes, so that the manifest's relative paths hold in both.
-  fs::path folder = fs::weakly_canonical(fs::absolute(out));
-  if (!folder.has_filename()) folder = folder.parent_path();
   parent_ = std::make_unique<MadeFolder>(folder.parent_path());
   work_ = std::make_unique<MadeFolder>(
       folder.parent_path() / fmt::format(".{}.import-{}", folder.filename().string(), ::getpid()));
   imported_ = folder.parent_path() /
               fmt::format(".{}.import-{}", folder.filename().string(), ::getpid()) / "scene";
-  kept_ = folder / "scene";
   manifest_ = kept_ / "scene.json";
   options.import_to = imported_;
   opened_ = open_scene(arguments.path, options, make_warning_sink(command.common));
@@ -106,8 +113,18 @@ std::string SceneInput::kept_name(const std::string& file) const {
   return kept_.string() + file.substr(imported_.string().size());
 }
 
+void SceneInput::recalibrate(Scene scene) {
+  calibrated_ = std::move(scene);
+  manifest_ = kept_ / "scene.json";
+}
+
 void SceneInput::keep_in(const fs::path& staging) {
+  if (imported_.empty() && calibrated_) {
+    fs::create_directories(staging / "scene");
+    write_scene(*calibrated_, staging / "scene" / "scene.json");
+  }
   if (imported_.empty()) return;
+  if (calibrated_) write_scene(*calibrated_, imported_ / "scene.json");
   std::error_code error;
   fs::rename(imported_, staging / "scene", error);
   if (error) throw OutputError((kept_).string(), error.message());

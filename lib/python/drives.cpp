@@ -25,10 +25,11 @@ void bind_drive(py::module_& module) {
   module.def(
       "drive",
       [](const PythonScene& scene, const fs::path& out, const std::string& frames, bool masks,
-         bool pictures, const std::optional<fs::path>& film, bool overwrite, bool resume,
-         const fs::path& detector, const fs::path& detector_config, const fs::path& keypoints,
-         const fs::path& keypoints_config, const std::optional<fs::path>& cache, std::uint64_t seed,
-         int threads, const py::object& progress) {
+         bool calibrate, bool pictures, const std::optional<fs::path>& film, bool overwrite,
+         bool resume, const fs::path& detector, const fs::path& detector_config,
+         const fs::path& keypoints, const fs::path& keypoints_config,
+         const std::optional<fs::path>& cache, std::uint64_t seed, int threads,
+         const py::object& progress) {
         DriveSceneOptions options;
         options.networks =
             network_choice(detector, detector_config, "", "", keypoints, keypoints_config, cache);
@@ -38,6 +39,7 @@ void bind_drive(py::module_& module) {
         options.drive.window.load.use_masks = masks;
         options.drive.window.load.pixels = scene.source();
         options.frames = frames;
+        options.calibrates = calibrate;
         options.pictures = pictures;
         if (film) options.film = *film;
         options.overwrite = overwrite;
@@ -59,17 +61,18 @@ void bind_drive(py::module_& module) {
         return to_python(*outcome.run);
       },
       py::arg("scene"), py::arg("out"), py::kw_only(), py::arg("frames") = "",
-      py::arg("masks") = true, py::arg("pictures") = true, py::arg("film") = py::none(),
-      py::arg("overwrite") = false, py::arg("resume") = false, py::arg("detector") = "",
-      py::arg("detector_config") = "", py::arg("keypoints") = "", py::arg("keypoints_config") = "",
-      py::arg("cache") = py::none(), py::arg("seed") = 0, py::arg("threads") = 0,
-      py::arg("progress") = py::none(),
+      py::arg("masks") = true, py::arg("calibrate") = true, py::arg("pictures") = true,
+      py::arg("film") = py::none(), py::arg("overwrite") = false, py::arg("resume") = false,
+      py::arg("detector") = "", py::arg("detector_config") = "", py::arg("keypoints") = "",
+      py::arg("keypoints_config") = "", py::arg("cache") = py::none(), py::arg("seed") = 0,
+      py::arg("threads") = 0, py::arg("progress") = py::none(),
       with_keywords(
           "A whole drive into a folder, as camber drive writes it (but trajectory.gpx). Gives the "
           "folder's run.json.",
           {{"out", "folder of the result"},
            {"frames", "ids: '48:200', '0:400:2'; '': all"},
            {"masks", "False: segmentations and road masks are not read"},
+           {"calibrate", "False: a camera that is guessed stays so"},
            {"pictures", "False: no film, plots and report"},
            {"film", "FILE.mp4 or FILE.avi; None: film.mp4 in the folder"},
            {"overwrite", "replaces a folder that is no result, too"},
@@ -94,11 +97,11 @@ py::dict number_of(double value, double sigma) {
   return out;
 }
 
-py::object angle_of(const std::optional<MountingNumber>& angle) {
-  return angle ? py::object(number_of(angle->value, angle->sigma)) : py::object(py::none());
+py::object known_or_none(const std::optional<MountingNumber>& number) {
+  return number ? py::object(number_of(number->value, number->sigma)) : py::object(py::none());
 }
 
-/// Of what is known, value and sigma; angles in rad.
+/// Of what is known, value and sigma; angles in rad, the height in m.
 py::dict to_dict(const DriveCalibration& c) {
   const DriveLens& lens = c.lens.lens;
   py::dict out;
@@ -110,9 +113,10 @@ py::dict to_dict(const DriveCalibration& c) {
   out["k1"] = number_of(lens.k1, c.lens.sigma(3));
   out["k2"] = number_of(lens.k2, c.lens.sigma(4));
   out["focal_decided_by"] = c.focal_decided_by;
-  out["pitch"] = angle_of(c.mounting.pitch);
-  out["yaw"] = angle_of(c.mounting.yaw);
-  out["roll"] = angle_of(c.mounting.roll);
+  out["pitch"] = known_or_none(c.mounting.pitch);
+  out["yaw"] = known_or_none(c.mounting.yaw);
+  out["roll"] = known_or_none(c.mounting.roll);
+  out["height"] = known_or_none(c.mounting.height);
   out["frames"] = c.frames;
   out["windows"] = c.windows;
   out["notes"] = c.notes;
@@ -125,17 +129,14 @@ void bind_calibrate(py::module_& module) {
       [](const PythonScene& scene, const std::optional<fs::path>& out,
          const std::optional<fs::path>& scene_out, const std::string& frames, std::uint64_t seed,
          int threads, const py::object& progress) {
-        if (!scene.pixels.empty()) {
-          throw std::invalid_argument("scene: found images in memory, expected files or a film");
-        }
         CalibrateOptions options;
         options.seed = seed;
         options.num_threads = threads;
         options.validate();
         const Progress report = to_progress(progress);
         const DriveCalibration found = compute([&] {
-          DriveCalibration result =
-              calibrate_drive(scene.scene, select_frames(scene.scene, frames), options, report);
+          DriveCalibration result = calibrate_drive(scene.scene, select_frames(scene.scene, frames),
+                                                    options, scene.source(), report);
           if (scene_out) write_scene(calibrated_scene(scene.scene, result), *scene_out);
           if (out) write_file_atomically(*out, calibration_yaml(result, scene.path));
           return result;

@@ -10,13 +10,15 @@
 #include "running.h"
 #include "scene.h"
 
+namespace fs = std::filesystem;
+
 namespace camber::python {
 namespace {
 
 struct Keywords {
   std::string method, preset, paper_terms, paper_scale;
   int keypoint_set, rounds;
-  bool photometric, masks, markings, road_width, vehicles, tracks;
+  bool photometric, masks, markings, road_width, vehicles, tracks, calibrate;
   std::uint64_t seed;
   int threads;
 };
@@ -58,12 +60,14 @@ PythonReconstruction run(const PythonScene& scene, const std::optional<std::vect
   options.networks = networks;
   options.networks.validate();
   options.places_vehicles = keywords.vehicles;
+  options.calibrates = keywords.calibrate;
   options.notice = python_log();
   options.warn = python_warnings();
   const Progress report = to_progress(progress);
   SceneReconstruction found =
       compute([&] { return reconstruct_scene(scene.scene, options, report); });
-  PythonReconstruction out{std::move(found.result), std::move(found.scene)};
+  PythonReconstruction out{std::move(found.result), std::move(found.scene),
+                           std::move(found.calibrated)};
   out.run.scene = scene.path;
   return out;
 }
@@ -100,6 +104,13 @@ void bind_result(py::module_& module) {
             WriteReconstructionOptions options;
             options.pictures = pictures;
             options.overwrite = overwrite;
+            if (self.calibrated) {
+              self.run.scene = (fs::absolute(folder) / "scene" / "scene.json").lexically_normal();
+              options.add_files = [&](const fs::path& staging) {
+                fs::create_directories(staging / "scene");
+                write_scene(*self.calibrated, staging / "scene" / "scene.json");
+              };
+            }
             const Progress report = to_progress(progress);
             return compute(
                 [&] { return write_reconstruction(self.of, self, folder, options, report); });
@@ -143,7 +154,7 @@ void bind_reconstruction(py::module_& module) {
       [](const PythonScene& scene, const std::optional<std::vector<int>>& frames,
          const std::string& method, const std::string& preset, const std::string& paper_terms,
          const std::string& paper_scale, int keypoint_set, int rounds, bool photometric, bool masks,
-         bool markings, bool road_width, bool vehicles, bool tracks,
+         bool markings, bool road_width, bool vehicles, bool tracks, bool calibrate,
          const std::filesystem::path& detector, const std::filesystem::path& detector_config,
          const std::filesystem::path& segmenter, const std::filesystem::path& segmenter_config,
          const std::filesystem::path& keypoints, const std::filesystem::path& keypoints_config,
@@ -151,7 +162,7 @@ void bind_reconstruction(py::module_& module) {
          const py::object& progress) {
         return run(scene, frames,
                    {method, preset, paper_terms, paper_scale, keypoint_set, rounds, photometric,
-                    masks, markings, road_width, vehicles, tracks, seed, threads},
+                    masks, markings, road_width, vehicles, tracks, calibrate, seed, threads},
                    network_choice(detector, detector_config, segmenter, segmenter_config, keypoints,
                                   keypoints_config, cache),
                    progress);
@@ -163,7 +174,7 @@ void bind_reconstruction(py::module_& module) {
       py::arg("masks") = defaults.load.use_masks, py::arg("markings") = defaults.scale.use_markings,
       py::arg("road_width") = defaults.scale.use_road_width,
       py::arg("vehicles") = defaults.vehicles.enabled, py::arg("tracks") = defaults.vehicles.tracks,
-      CAMBER_NETWORK_ARGUMENTS, py::arg("seed") = defaults.seed,
+      py::arg("calibrate") = true, CAMBER_NETWORK_ARGUMENTS, py::arg("seed") = defaults.seed,
       py::arg("threads") = defaults.num_threads, py::arg("progress") = py::none(),
       with_keywords(
           (std::string(kDoc_reconstruct) +
@@ -186,6 +197,7 @@ void bind_reconstruction(py::module_& module) {
            {"road_width", CAMBER_DOC(ScaleOptions, use_road_width)},
            {"vehicles", "False: the road alone"},
            {"tracks", CAMBER_DOC(VehicleOptions, tracks)},
+           {"calibrate", "False: a camera that is guessed stays so"},
            {"detector",
             "finds vehicles: 'shipped', an ONNX file or 'none'; '': the one that ships, where the "
             "scene has no boxes"},

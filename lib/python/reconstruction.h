@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "camber/pipeline/reconstruct.h"
 #include "camber/scene/scene.h"
 
@@ -8,6 +10,7 @@ namespace camber::python {
 /// A result with the scene that it is of, for the pictures that are drawn of both.
 struct PythonReconstruction : Reconstruction {
   Scene of;
+  std::optional<Scene> calibrated;  ///< SceneReconstruction's
 };
 
 }  // namespace camber::python

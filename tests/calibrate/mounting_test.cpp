@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "calibrate/simulated_drive.h"
 
 namespace camber {
@@ -53,6 +55,48 @@ TEST(Mounting, HeightIsSeenInStepsOfTheWindow) {
     EXPECT_NEAR(road->height * 4.0 * options.step, options.height, 0.05);
   }
   EXPECT_GE(roads, 6);
+}
+
+TEST(Mounting, HeightIsThatOfTheSpeeds) {
+  const auto options = mounted_camera();
+  const std::vector<WindowBundle> windows = windows_of(options);
+  Scene scene;
+  std::vector<int> ids;
+  for (int k = 0; k < options.key_frames; ++k) {
+    SceneFrame frame;  // every second one is a key frame
+    for (const int id : {2 * k, 2 * k + 1}) {
+      frame.id = id;
+      frame.time_s = 0.1 * id;
+      frame.speed = options.step / 0.2;
+      frame.speed_sigma = 0.03 * *frame.speed;
+      scene.frames.push_back(frame);
+    }
+    ids.push_back(2 * k);
+  }
+  const auto metres = metres_by_speed(scene, ids);
+  ASSERT_TRUE(metres);
+  ASSERT_EQ(metres->steps.size(), ids.size() - 1);
+  EXPECT_NEAR(metres->steps[3], options.step, 1e-9);
+  EXPECT_LE(metres->sigma, 0.0301);
+  EXPECT_GT(metres->sigma, 0.003);
+  const auto height = estimate_height(windows, *metres, 0.02);
+  ASSERT_TRUE(height);
+  EXPECT_NEAR(height->value, options.height, 0.03);  // 0.05 of one window
+  EXPECT_GT(height->sigma, options.height * std::hypot(metres->sigma, 0.02) - 1e-3);
+  EXPECT_LT(height->sigma, 0.08);
+
+  // A step without a speed leaves its window out; without any there are no metres.
+  for (SceneFrame& frame : scene.frames) {
+    if (frame.id < 2 * 14) frame.speed.reset();
+  }
+  const auto part = metres_by_speed(scene, ids);
+  ASSERT_TRUE(part);
+  EXPECT_TRUE(std::isnan(part->steps[0]));
+  const auto of_part = estimate_height(windows, *part, 0.02);
+  ASSERT_TRUE(of_part);
+  EXPECT_EQ(of_part->windows, height->windows - 2);
+  for (SceneFrame& frame : scene.frames) frame.speed.reset();
+  EXPECT_FALSE(metres_by_speed(scene, ids));
 }
 
 TEST(Mounting, TravelStepsKnowTheTurn) {

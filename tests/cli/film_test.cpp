@@ -34,8 +34,8 @@ TEST(Film, IsReconstructedInOneCommand) {
   fs::copy(film(), folder.path() / "own drive" / "drive.mp4");
   const std::string name = (folder.path() / "own drive" / "drive.mp4").string();
   const fs::path out = folder.path() / "new" / "out";
-  const auto made = run_camber({"reconstruct", name, "--height", "1.4", "--fov", "81", "--out",
-                                out.string(), "--no-pictures"});
+  const auto made = run_camber({"reconstruct", name, "--height", "1.4", "--fov", "81",
+                                "--no-calibrate", "--out", out.string(), "--no-pictures"});
   ASSERT_EQ(made.exit_code, 0) << made.error;
   EXPECT_THAT(made.error, AllOf(HasSubstr("video of 20 whole frames"), HasSubstr("out/scene"),
                                 HasSubstr("shipped detector"),
@@ -80,6 +80,65 @@ TEST(Film, IsReconstructedInOneCommand) {
   fs::rename(folder.path() / "moved", folder.path() / "deep" / "moved");
   EXPECT_EQ(run_camber({"info", (folder.path() / "deep" / "moved" / "scene").string()}).exit_code,
             0);
+}
+
+/// samples/own_drive/camera.yaml: 560 px, k1 -0.3.
+TEST(Film, ShowsACameraOfWhichNothingIsGiven) {
+  const test::TemporaryFolder folder;
+  const fs::path out = folder.path() / "out", again = folder.path() / "again";
+  const auto made = run_camber(
+      {"reconstruct", film().string(), "--height", "1.4", "--out", out.string(), "--no-pictures"});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_THAT(made.error, HasSubstr("the camera is calibrated by the drive: a field of view of "));
+  const json run = json::parse(test::read_text(out / "run.json"));
+  const json& shown = run.at("camera_by_drive");
+  EXPECT_EQ(shown.at("used"), true);
+  EXPECT_THAT(made.error, HasSubstr(shown.at("text").get<std::string>()));
+  const double sigma = shown.at("camera").at("focal").at("relative_sigma");
+  const double focal = shown.at("camera").at("focal").at("value");
+  EXPECT_LT(std::abs(std::log(focal / 560.0)), 3.0 * sigma);
+  EXPECT_LT(sigma, 0.1);
+  EXPECT_NEAR(run.at("calibration").at("focal_sigma").get<double>(), sigma, 1e-6);
+  // The result is of the scene with that camera, lens and all, wherever it goes.
+  fs::rename(out, folder.path() / "moved");
+  const Scene scene = read_scene(folder.path() / "moved" / "scene");
+  EXPECT_EQ(scene.distortion.model, LensModel::kBrown);
+  EXPECT_NEAR(scene.distortion.raw.fx, focal, 1e-3);
+  EXPECT_NEAR(scene.camera_sigma.focal, sigma, 1e-6);
+  EXPECT_EQ(scene.height_above_road, 1.4);
+  // It is calibrated now: another run takes it as it is.
+  const auto taken = run_camber({"reconstruct", (folder.path() / "moved" / "scene").string(),
+                                 "--out", again.string(), "--no-pictures", "--detector", "none"});
+  ASSERT_EQ(taken.exit_code, 0) << taken.error;
+  EXPECT_THAT(taken.error, Not(HasSubstr("calibrated")));
+  EXPECT_FALSE(json::parse(test::read_text(again / "run.json")).contains("camera_by_drive"));
+}
+
+/// A scene is left as it is; that with the other camera is the result's.
+TEST(Film, OfASceneWithAGuessedCameraTheResultKeepsItsOwn) {
+  const test::TemporaryFolder folder;
+  const fs::path given = folder.path() / "given", out = folder.path() / "out";
+  ASSERT_EQ(run_camber({"import", film().string(), "--fov", "75", "--height", "1.4", "--out",
+                        given.string()})
+                .exit_code,
+            0);
+  const std::string before = test::read_text(given / "scene.json");
+  const auto made = run_camber(
+      {"drive", given.string(), "--out", out.string(), "--no-pictures", "--detector", "none"});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_THAT(made.error, HasSubstr("the camera is calibrated by the drive"));
+  EXPECT_EQ(test::read_text(given / "scene.json"), before);
+  const json run = json::parse(test::read_text(out / "run.json"));
+  EXPECT_TRUE(fs::equivalent(run.at("scene").get<std::string>(), out / "scene" / "scene.json"));
+  const Scene scene = read_scene(out / "scene");
+  EXPECT_NEAR(scene.distortion.raw.fx,
+              run.at("camera_by_drive").at("camera").at("focal").at("value").get<double>(), 1e-3);
+  EXPECT_TRUE(fs::equivalent(image_file_of(scene.frames[0].image), film()));
+  // The same with the guess alone.
+  const auto kept = run_camber({"drive", given.string(), "--out", out.string(), "--no-pictures",
+                                "--detector", "none", "--no-calibrate"});
+  ASSERT_EQ(kept.exit_code, 0) << kept.error;
+  EXPECT_FALSE(json::parse(test::read_text(out / "run.json")).contains("camera_by_drive"));
 }
 
 TEST(Film, ThatGivesNoAnswerLeavesNothing) {

@@ -43,12 +43,20 @@ KeySteps steps_of(const TrackedDrive& drive) {
   return out;
 }
 
+/// Key frames of a window: fewer than asked for where that gives three windows, whose spread says
+/// how well they know the lens.
+std::size_t window_length(std::size_t key_frames, const CalibrateOptions& options) {
+  constexpr std::size_t kWindows = 3, kLeast = 3;
+  const std::size_t enough = (key_frames - 1) / kWindows + 1;
+  return std::clamp(enough, kLeast, static_cast<std::size_t>(options.window_frames));
+}
+
 /// Windows that follow each other, none over a break of the tracks.
 std::vector<WindowPlace> places_of(const TrackedDrive& drive, const CalibrateOptions& options) {
   std::vector<WindowPlace> out;
   if (drive.key_ids.size() < 3) return out;
   const KeySteps steps = steps_of(drive);
-  const auto whole = static_cast<std::size_t>(options.window_frames);
+  const std::size_t whole = window_length(drive.key_ids.size(), options);
   const int least = options.start.least_points;
   std::size_t begin = 0;
   while (begin + 2 < drive.key_ids.size()) {
@@ -121,9 +129,12 @@ std::optional<DriveLens> coarse_lens(const TrackedDrive& drive, std::vector<Wind
   rough.rounds = 0;
   std::optional<DriveLens> best;
   std::size_t most = 0;
-  for (const double factor : {1.0, 0.6, 1.65}) {
+  constexpr double kNear = 0.2;  // relative: a start that far off leads to the same lens
+  std::vector<double> starts = {0.0};
+  if (prior.sigma(0) > kNear) starts.insert(starts.end(), {-prior.sigma(0), prior.sigma(0)});
+  for (const double off : starts) {
     DriveLens start = prior.mean;
-    start.f *= factor;
+    start.f *= std::exp(off);
     std::vector<WindowBundle> windows = start_windows(start, drive, places, options);
     if (windows.empty()) continue;
     const LensEstimate estimate = estimate_lens(start, prior, rough, &windows);
@@ -142,11 +153,48 @@ double turn_of(const CalibrationWindow& window) {
       .norm();
 }
 
-void describe(DriveCalibration* out) {
+/// What the windows alone say of the focal length, which the estimate has joined with the prior,
+/// against that prior: two normal distributions.
+void compare_with_prior(double floor, DriveCalibration* out) {
+  DriveLens::Matrix& covariance = out->lens.covariance;
+  const double before = std::pow(out->prior.sigma(0), 2);
+  const double joined = covariance(0, 0) - floor * floor;
+  if (!(joined < 0.99 * before)) return;  // the windows say nothing
+  const double moved = std::log(out->lens.lens.f / out->prior.mean.f);
+  const double windows = joined * before / (before - joined) + floor * floor;
+  out->focal_surprise = std::pow(moved * before / (before - joined), 2) / (windows + before);
+  constexpr double kChance = 6.63;  // chi-square of one freedom, 1 %
+  if (out->focal_surprise < kChance) return;
+  const double wider = std::sqrt(out->focal_surprise);
+  covariance.row(0) *= wider;
+  covariance.col(0) *= wider;
+  out->notes.push_back(
+      fmt::format("the drive shows another focal length than the one that was given, {:.1f} "
+                  "standard deviations "
+                  "off: its own is stated that much less well known",
+                  wider));
+}
+
+/// The height that the scene states against the one by its speeds.
+void compare_heights(const Scene& scene, DriveCalibration* out) {
+  const auto& seen = out->mounting.height;
+  if (!seen || !scene.height_above_road) return;
+  const double off = *scene.height_above_road - seen->value;
+  const double sigma = std::hypot(scene.height_sigma, seen->sigma);
+  constexpr double kChance = 6.63;  // chi-square of one freedom, 1 %
+  if (off * off < kChance * sigma * sigma) return;
+  out->notes.push_back(fmt::format(
+      "the scene's height, {:.2f} +- {:.2f} m, and the one by its speeds contradict each other, "
+      "{:.1f} standard deviations",
+      *scene.height_above_road, scene.height_sigma, std::abs(off) / sigma));
+}
+
+void describe(bool given_prior, DriveCalibration* out) {
   const double known = out->lens.sigma(0), prior = out->prior.sigma(0);
   const double turn_deg = out->turn * 57.29577951308232;
   if (known > 0.7 * prior) {
-    out->focal_decided_by = "the prior for cars and dash cameras";
+    out->focal_decided_by =
+        given_prior ? "what was given of it" : "the prior for cars and dash cameras";
   } else {
     out->focal_decided_by =
         fmt::format("epipolar geometry of {} windows, which turn by {:.0f} degrees together",
@@ -179,10 +227,12 @@ void CalibrateOptions::validate() const {
 }
 
 TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
-                         const FeatureTrackOptions& options, const Progress& progress) {
-  FeatureTracker tracker(options);
+                         const CalibrateOptions& options, const FramePixelSource& pixels,
+                         const Progress& progress) {
+  FeatureTracker tracker(options.tracks);
   FrameImageReader reader;
   const PinholeCamera& files = file_camera(scene);
+  const Undistortion as_it_is(files);
   TrackedDrive out;
   out.width = files.width;
   out.height = files.height;
@@ -191,11 +241,19 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
     if (progress) {
       progress("tracks", 0.7 * static_cast<double>(i) / static_cast<double>(ids.size()));
     }
-    if (tracker.add(reader.read(scene.find_frame(ids[i])->image, files).gray)) {
-      out.key_ids.push_back(ids[i]);
+    Image held = pixels ? pixels(ids[i]).image : Image();
+    FrameImage read;
+    try {
+      read = held.empty() ? reader.read(scene.find_frame(ids[i])->image, files)
+                          : make_frame_image(std::move(held), as_it_is, ids[i]);
+    } catch (const InputError&) {
+      if (!options.skip_unreadable) throw;
+      continue;
     }
+    if (tracker.add(read.gray)) out.key_ids.push_back(ids[i]);
   }
   out.tracks = tracker.take();
+  out.metres = metres_by_speed(scene, out.key_ids);
   return out;
 }
 
@@ -206,7 +264,8 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
   options.start.seed = given.seed;
   options.lens.num_threads = given.num_threads;
   DriveCalibration out;
-  out.prior = lens_prior_of_cars(drive.width, drive.height);
+  const LensPrior cars = lens_prior_of_cars(drive.width, drive.height);
+  out.prior = options.prior.value_or(cars);
   out.key_frames = drive.key_ids.size();
   const std::vector<WindowPlace> places =
       chosen_places(places_of(drive, options), static_cast<std::size_t>(options.most_windows));
@@ -237,29 +296,35 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
   }
   if (windows.empty()) throw NoAnswerError(kNoMotion);
   constexpr double kMostContradiction = 11.0;
-  if (out.lens.contradiction > kMostContradiction) {
+  if (prior_error(cars, out.lens.lens).squaredNorm() > kMostContradiction) {
     throw NoAnswerError(fmt::format(
         "what {} windows show fits no camera of a car: a focal length of {:.0f} px, the "
         "principal point at {:.0f}, {:.0f} px",
         windows.size(), lens.f, lens.cx, lens.cy));
   }
   out.windows = windows.size();
+  if (options.prior) compare_with_prior(options.lens.focal_floor, &out);
   for (const WindowBundle& window : windows) out.turn += turn_of(window.window());
   out.mounting = estimate_mounting(windows, out.lens.lens, out.lens.covariance);
-  describe(&out);
+  if (drive.metres) {
+    out.mounting.height = estimate_height(windows, *drive.metres, out.lens.sigma(0));
+  }
+  describe(options.prior.has_value(), &out);
   timer.stop();
   return out;
 }
 
 DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
-                                 const CalibrateOptions& options, const Progress& progress) {
+                                 const CalibrateOptions& options, const FramePixelSource& pixels,
+                                 const Progress& progress) {
   options.validate();
   Timings timings;
   StageTimer tracking(timings, "correspondences");
-  const TrackedDrive drive = track_drive(scene, frame_ids, options.tracks, progress);
+  const TrackedDrive drive = track_drive(scene, frame_ids, options, pixels, progress);
   tracking.stop();
   if (progress) progress("lens", 0.7);
   DriveCalibration out = calibrate_tracks(drive, options, progress);
+  compare_heights(scene, &out);
   out.frames = frame_ids.size();
   for (const auto& [stage, ms] : out.timings.stages()) timings.add(stage, ms);
   out.timings = std::move(timings);

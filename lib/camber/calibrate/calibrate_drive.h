@@ -11,6 +11,7 @@
 #include "camber/calibrate/window_start.h"
 #include "camber/core/progress.h"
 #include "camber/core/stopwatch.h"
+#include "camber/image/frame_pixels.h"
 #include "camber/scene/scene.h"
 
 namespace camber {
@@ -19,11 +20,17 @@ struct CalibrateOptions {
   FeatureTrackOptions tracks;
   WindowStartOptions start;
   LensEstimateOptions lens;
-  int window_frames = 8;  ///< key frames of a window, 3 to 16; the last is the next one's first
+  /// Key frames of a window, 3 to 16; the last is the next one's first. A short drive has shorter
+  /// windows, three of them.
+  int window_frames = 8;
   int most_windows = 80;  ///< those with the widest turns and others spread evenly, >= 4
   std::uint64_t seed = 0;
-  int num_threads = 0;    ///< <= 0: see resolve_num_threads
-  void validate() const;  ///< throws std::invalid_argument
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
+  /// What is known before; none: lens_prior_of_cars(). The drive is joined with it once, in one
+  /// estimate, which is widened where the two contradict each other.
+  std::optional<LensPrior> prior;
+  bool skip_unreadable = false;  ///< frames whose image cannot be read; false: InputError
+  void validate() const;         ///< throws std::invalid_argument
 };
 
 /// A camera from its own drive.
@@ -34,6 +41,9 @@ struct DriveCalibration {
   std::size_t frames = 0, key_frames = 0, windows = 0;
   double turn = 0.0;  ///< rad, of all windows together
   std::string focal_decided_by;
+  /// Squared standard deviations between the focal length of the drive and that of
+  /// CalibrateOptions::prior; 0 without one.
+  double focal_surprise = 0.0;
   std::vector<std::string> notes;  ///< what cannot be seen, a sentence each
   Timings timings;
 };
@@ -42,13 +52,17 @@ struct DriveCalibration {
 struct TrackedDrive {
   int width = 0, height = 0;  ///< of the images, px
   std::vector<FeatureTrack> tracks;
-  std::vector<int> key_ids;  ///< frame ids of the key frames, ascending
+  std::vector<int> key_ids;           ///< frame ids of the key frames, ascending
+  std::optional<MetresAlong> metres;  ///< of the key frames, where the scene has speeds
 };
 
 /// Reads the frames one after the other, as the files have them.
-/// @param frame_ids  ascending ids of the scene. @throws InputError.
+/// @param frame_ids  ascending ids of the scene.
+/// @param pixels     images in memory in place of files; empty: all are files.
+/// @throws InputError, unless such frames are skipped.
 TrackedDrive track_drive(const Scene& scene, const std::vector<int>& frame_ids,
-                         const FeatureTrackOptions& options, const Progress& progress = {});
+                         const CalibrateOptions& options, const FramePixelSource& pixels = {},
+                         const Progress& progress = {});
 
 /// The lens and the mounting of a camera by the tracks of its drive alone.
 /// @throws NoAnswerError where the camera stands or nothing can be tracked.
@@ -57,6 +71,8 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
 
 /// Both. No calibration of the scene is used.
 DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
-                                 const CalibrateOptions& options, const Progress& progress = {});
+                                 const CalibrateOptions& options,
+                                 const FramePixelSource& pixels = {},
+                                 const Progress& progress = {});
 
 }  // namespace camber

@@ -119,16 +119,14 @@ class JointBundle {
   double correlation() const { return loss_.correlation; }
   void widen(double factor) { loss_.correlation *= std::max(1.0, factor); }
 
-  Vector prior_error(const DriveLens& lens) const {
-    return (lens.parameters() - prior_.mean.parameters()).cwiseQuotient(prior_.sigma);
-  }
-
  private:
-  double prior_cost(const DriveLens& lens) const { return 0.5 * prior_error(lens).squaredNorm(); }
+  double prior_cost(const DriveLens& lens) const {
+    return 0.5 * prior_error(prior_, lens).squaredNorm();
+  }
 
   Vector lens_step(const DriveLens& lens, double damping) {
     Matrix information = prior_.sigma.array().square().inverse().matrix().asDiagonal();
-    Vector gradient = prior_error(lens).cwiseQuotient(prior_.sigma);
+    Vector gradient = prior_error(prior_, lens).cwiseQuotient(prior_.sigma);
     for (const LensInformation& part : reduce(lens, damping)) {
       information += part.information;
       gradient += part.gradient;
@@ -184,6 +182,10 @@ Matrix covariance_of(const LensPrior& prior, const std::vector<LensInformation>&
 
 }  // namespace
 
+DriveLens::Vector prior_error(const LensPrior& prior, const DriveLens& lens) {
+  return (lens.parameters() - prior.mean.parameters()).cwiseQuotient(prior.sigma);
+}
+
 LensPrior lens_prior_of_cars(int width, int height) {
   if (width <= 0 || height <= 0) throw std::invalid_argument("the image has no size");
   constexpr double kFocal = 0.56, kFocalSigma = 0.49;  // widths; of the logarithm
@@ -224,7 +226,7 @@ LensEstimate estimate_lens(const DriveLens& start, const LensPrior& prior,
     // What contradicts the prior is less well known than it seems.
     constexpr double kPlausible = 9.0;  // squared standard deviations, of all parameters
     for (int round = 0; round < 3; ++round) {
-      const double contradiction = joint.prior_error(out.lens).squaredNorm() / kPlausible;
+      const double contradiction = prior_error(prior, out.lens).squaredNorm() / kPlausible;
       if (contradiction < 1.0) break;
       joint.widen(contradiction);
       out.cost = joint.minimise(&out.lens, kFine);
@@ -236,7 +238,6 @@ LensEstimate estimate_lens(const DriveLens& start, const LensPrior& prior,
   }
   out.inflation = joint.correlation();
   out.covariance = covariance_of(prior, joint.reduce(out.lens, 0.0));
-  out.contradiction = joint.prior_error(out.lens).squaredNorm();
   out.covariance(0, 0) += std::pow(options.focal_floor, 2);
   const double principal = std::pow(options.principal_floor * out.lens.width, 2);
   const double by_angle = 1.0 / (out.lens.f * out.lens.f);

@@ -14,6 +14,9 @@ struct LensPrior {
   DriveLens::Vector sigma;  ///< of DriveLens::parameters(), > 0
 };
 
+/// How far a lens is off a prior, in its standard deviations.
+DriveLens::Vector prior_error(const LensPrior& prior, const DriveLens& lens);
+
 /// Cars and dash cameras: a horizontal field of view of 35 to 130 degrees within two standard
 /// deviations of the focal length's logarithm, the principal point 2.5 % of the width about the
 /// middle, k1 = 0 +- 0.2, k2 = 0 +- 0.03, the optical axis straight on within 5 degrees.
@@ -44,8 +47,7 @@ struct LensEstimate {
   double pixel_sigma = 0.0;                                  ///< px, of a coordinate
   double inflation = 1.0;  ///< of the covariance over that of independent errors
   std::size_t points = 0, observations = 0;
-  double cost = 0.0;           ///< of the loss with the prior's
-  double contradiction = 0.0;  ///< squared standard deviations of the prior that it is off it
+  double cost = 0.0;  ///< of the loss with the prior's
   double sigma(int parameter) const;
 };
 

@@ -3,9 +3,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "camber/core/median.h"
 #include "camber/core/random.h"
+#include "camber/scene/travelled.h"
 
 namespace camber {
 namespace {
@@ -158,6 +160,45 @@ Mounting estimate_mounting(const std::vector<WindowBundle>& windows, const Drive
     out.roll = robust_mean(roll, 2.0);
     out.roll->sigma = std::hypot(out.roll->sigma, kCrossFall);
   }
+  return out;
+}
+
+std::optional<MetresAlong> metres_by_speed(const Scene& scene, const std::vector<int>& key_ids) {
+  constexpr double kFrameRate = 10.0;  // Hz, of frames without times, as everywhere
+  const double rate = scene.frame_rate.value_or(kFrameRate);
+  MetresAlong out;
+  SpeedWeights weights;
+  double metres = 0.0;
+  for (std::size_t k = 1; k < key_ids.size(); ++k) {
+    const auto step = travelled_between(scene, key_ids[k - 1], key_ids[k], rate, &weights);
+    out.steps.push_back(step.value_or(std::numeric_limits<double>::quiet_NaN()));
+    metres += step.value_or(0.0);
+  }
+  if (!(metres > 0.0)) return std::nullopt;
+  out.sigma = travelled_sigma(scene, rate, weights) / metres;
+  return out;
+}
+
+std::optional<MountingNumber> estimate_height(const std::vector<WindowBundle>& windows,
+                                              const MetresAlong& metres, double focal_sigma) {
+  std::vector<double> heights;
+  for (const WindowBundle& bundle : windows) {
+    const CalibrationWindow& window = bundle.window();
+    const auto road = road_of_window(window);
+    if (!road) continue;
+    double units = 0.0, known = 0.0;
+    for (std::size_t k = 0; k + 1 < window.frame_from_reference.size(); ++k) {
+      units += (window.frame_from_reference[k + 1].inverse().translation() -
+                window.frame_from_reference[k].inverse().translation())
+                   .norm();
+      known += metres.steps.at(window.first + k);  // NaN: so is the sum
+    }
+    if (known > 0.0 && units > 0.0) heights.push_back(road->height * known / units);
+  }
+  constexpr std::size_t kLeastWindows = 5;
+  if (heights.size() < kLeastWindows) return std::nullopt;
+  MountingNumber out = robust_mean(heights, 2.0);
+  out.sigma = std::hypot(out.sigma, out.value * std::hypot(metres.sigma, focal_sigma));
   return out;
 }
 

@@ -5,6 +5,7 @@
 
 #include "camber/calibrate/drive_lens.h"
 #include "camber/calibrate/window_bundle.h"
+#include "camber/scene/scene.h"
 
 namespace camber {
 
@@ -19,6 +20,7 @@ struct MountingNumber {
 /// image's right side is down against the road.
 struct Mounting {
   std::optional<MountingNumber> pitch, yaw, roll;
+  std::optional<MountingNumber> height;  ///< m, above the road; by what is known of metres
 };
 
 /// The road under one window by its points: inverse depth is affine in the ray over a plane,
@@ -45,5 +47,21 @@ std::vector<TravelStep> travel_steps(const CalibrationWindow& window);
 /// @param covariance  of the lens: errors of cx and cy are errors of yaw and pitch.
 Mounting estimate_mounting(const std::vector<WindowBundle>& windows, const DriveLens& lens,
                            const DriveLens::Matrix& covariance);
+
+/// Metres from each key frame to the next.
+struct MetresAlong {
+  std::vector<double> steps;  ///< m; NaN: not known
+  double sigma = 0.0;         ///< relative, of all of them together
+};
+
+/// Of the speeds that the scene's frames have; nothing where no step is known.
+/// @param key_ids  frame ids, ascending.
+std::optional<MetresAlong> metres_by_speed(const Scene& scene, const std::vector<int>& key_ids);
+
+/// How high the camera is above the road: its height in the window's unit, times the metres per
+/// unit of the path through its key frames.
+/// @param focal_sigma  relative: a wrong focal length stretches the path and not the height.
+std::optional<MountingNumber> estimate_height(const std::vector<WindowBundle>& windows,
+                                              const MetresAlong& metres, double focal_sigma);
 
 }  // namespace camber

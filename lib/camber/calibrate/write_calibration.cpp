@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "camber/geometry/lens_map.h"
 #include "camber/import/import_own.h"
@@ -22,6 +23,15 @@ std::string angle_yaml(const char* name, const std::optional<MountingNumber>& an
   if (!angle) return "";
   return fmt::format("{0}_deg: {1:.4f}\n{0}_deg_sigma: {2:.4f}\n", name, kDegrees * angle->value,
                      kDegrees * angle->sigma);
+}
+
+nlohmann::json number_json(double value, double sigma) {
+  return {{"value", value}, {"sigma", sigma}};
+}
+
+nlohmann::json angle_json(const std::optional<MountingNumber>& angle) {
+  if (!angle) return nullptr;
+  return number_json(kDegrees * angle->value, kDegrees * angle->sigma);
 }
 
 /// Boxes and keypoints from the pixels of the scene's camera to those of its image files.
@@ -69,8 +79,48 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
   out += angle_yaml("pitch", c.mounting.pitch);
   out += angle_yaml("yaw", c.mounting.yaw);
   out += angle_yaml("roll", c.mounting.roll);
+  if (const auto& height = c.mounting.height) {
+    out += fmt::format(
+        "# above the road, by the speeds of the frames\nheight_m: {:.4f}\n"
+        "height_m_sigma: {:.4f}\n",
+        height->value, height->sigma);
+  }
   for (const std::string& note : c.notes) out += fmt::format("# {}\n", note);
   return out;
+}
+
+nlohmann::json to_json(const DriveCalibration& c) {
+  const DriveLens& lens = c.lens.lens;
+  nlohmann::json focal = number_json(lens.f, lens.f * c.lens.sigma(0));
+  const auto& height = c.mounting.height;
+  focal["relative_sigma"] = c.lens.sigma(0);
+  focal["decided_by"] = c.focal_decided_by;
+  return {{"frames", c.frames},
+          {"key_frames", c.key_frames},
+          {"windows", c.windows},
+          {"turn_deg", kDegrees * c.turn},
+          {"pixel_sigma_px", c.lens.pixel_sigma},
+          {"inflation", c.lens.inflation},
+          {"points", c.lens.points},
+          {"camera",
+           {{"width", lens.width},
+            {"height", lens.height},
+            {"focal", std::move(focal)},
+            {"cx", number_json(lens.cx, c.lens.sigma(1))},
+            {"cy", number_json(lens.cy, c.lens.sigma(2))},
+            {"k1", number_json(lens.k1, c.lens.sigma(3))},
+            {"k2", number_json(lens.k2, c.lens.sigma(4))}}},
+          {"mounting",
+           {{"pitch_deg", angle_json(c.mounting.pitch)},
+            {"yaw_deg", angle_json(c.mounting.yaw)},
+            {"roll_deg", angle_json(c.mounting.roll)},
+            {"height_m", height ? number_json(height->value, height->sigma) : nullptr}}},
+          {"prior",
+           {{"focal", c.prior.mean.f},
+            {"focal_sigma", c.prior.sigma(0)},
+            {"principal_sigma", c.prior.sigma(1)},
+            {"k1_sigma", c.prior.sigma(3)}}},
+          {"notes", c.notes}};
 }
 
 Scene calibrated_scene(const Scene& scene, const DriveCalibration& c) {

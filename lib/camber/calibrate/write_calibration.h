@@ -1,6 +1,6 @@
 #pragma once
 
-#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "camber/calibrate/calibrate_drive.h"
@@ -15,9 +15,12 @@ namespace camber {
 /// @param source  what it was made of, for a comment.
 std::string calibration_yaml(const DriveCalibration& calibration, const std::string& source);
 
+/// What was found as JSON, numbers with their sigma: px, degrees, relative.
+nlohmann::json to_json(const DriveCalibration& calibration);
+
 /// The scene with that camera, its lens taken out on reading; boxes and keypoints, which stand in
 /// the pixels of the camera that the scene had, are carried over. A height that the scene has
-/// stays.
+/// stays; one by its own speeds is not put into it, since the speeds are there already.
 Scene calibrated_scene(const Scene& scene, const DriveCalibration& calibration);
 
 }  // namespace camber

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "camber/calibrate/guessed_camera.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
@@ -36,6 +37,7 @@ json header_of(const std::vector<int>& ids, const Options& o) {
           {"scene", o.manifest_hash},
           {"frames", ids},
           {"no_masks", !o.drive.window.load.use_masks},
+          {"no_calibrate", !o.calibrates},
           {"networks",
            {networks.detector, networks.detector_config, networks.keypoints,
             networks.keypoints_config}},
@@ -50,7 +52,8 @@ json run_json(const Scene& scene, const Options& o, bool complete) {
           {"scene", o.manifest.string()},
           {"options",
            {{"frames", o.frames.empty() ? "all" : o.frames},
-            {"use_masks", o.drive.window.load.use_masks}}},
+            {"use_masks", o.drive.window.load.use_masks},
+            {"calibrate", o.calibrates}}},
           {"frames_given", scene.frames.size()}};
 }
 
@@ -79,6 +82,30 @@ void write_pictures(const Scene& scene, const DriveResult& result, const DriveSu
   for (const auto& [stage, ms] : timings.stages()) (*document)["timings_ms"][stage] = ms;
   write_drive_report(content, *document, std::move(pictures), o.film.empty() ? "film.mp4" : "",
                      folder);
+}
+
+/// A camera that is guessed by the whole drive. @return nothing where it is known.
+std::optional<CameraByDrive> camera_of(const Scene& scene, const std::vector<int>& ids,
+                                       const Options& o, const Progress& progress) {
+  if (!o.calibrates || !camera_is_guessed(scene)) return std::nullopt;
+  CalibrateOptions options;
+  options.seed = o.drive.window.seed;
+  options.num_threads = o.drive.window.num_threads;
+  CameraByDrive out = calibrate_guessed(scene, ids, options, o.drive.window.load.pixels, progress);
+  if (o.notice) o.notice(out.text);
+  return out;
+}
+
+/// Where the scene of a result is kept that is not the one given.
+fs::path kept_manifest(const fs::path& folder) { return folder / "scene" / "scene.json"; }
+
+void add_files(const fs::path& folder, const Options& o, const Scene* calibrated) {
+  if (o.add_files) {
+    o.add_files(folder, calibrated);
+  } else if (calibrated) {
+    fs::create_directories(kept_manifest(folder).parent_path());
+    write_scene(*calibrated, kept_manifest(folder));
+  }
 }
 
 /// What networks find in the frames of a drive, before its windows are measured.
@@ -203,9 +230,10 @@ json summary_of(const DriveResult& result) {
 
 }  // namespace
 
-DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Options& o,
+DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Options& asked,
                          const Progress& progress) {
-  check_film(o);
+  check_film(asked);
+  Options o = asked;
   Scene scene = given;
   Detection detection(o);
   const std::vector<int> ids = select_frames(scene, o.frames);
@@ -222,6 +250,12 @@ DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Optio
   if (error) throw OutputError(folder.string(), error.message());
   if (!goes_on) remove_earlier(folder);
   write_json(run_json(scene, o, false), folder / "run.json");
+  const std::optional<CameraByDrive> camera = camera_of(scene, ids, o, progress);
+  const Scene* const calibrated = camera && camera->scene ? &*camera->scene : nullptr;
+  if (calibrated) {
+    scene = *calibrated;
+    o.manifest = fs::absolute(kept_manifest(folder)).lexically_normal();
+  }
   detection.run(ids, progress, &scene);
   DriveResult result;
   {
@@ -232,6 +266,10 @@ DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Optio
   document["resumed"] = goes_on;
   document["inputs"] = header;
   detection.report(&document, &result.timings);
+  if (camera) {
+    document["camera_by_drive"] = to_json(*camera);
+    result.timings.add("calibrate", camera->milliseconds);
+  }
   for (const auto& [stage, ms] : result.timings.stages()) document["timings_ms"][stage] = ms;
   document["metric"] = result.trajectory.metric;
   document["windows"] = window_scales(result.trajectory);
@@ -241,7 +279,7 @@ DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Optio
   write_drive(result, road, o.drive.strip, folder);
   if (o.gpx) o.gpx(result, road, folder / "trajectory.gpx");
   if (o.pictures) write_pictures(scene, result, road, folder, o, &document, progress);
-  if (o.add_files) o.add_files(folder);
+  add_files(folder, o, calibrated);
   write_json(document, folder / "run.json");
   fs::remove_all(folder / "film.pieces", error);
   fs::remove(folder / "windows.log", error);

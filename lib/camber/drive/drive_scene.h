@@ -19,6 +19,7 @@ struct DriveSceneOptions {
   DriveOptions drive;
   NetworkChoice networks;          ///< without a segmenter: UsageError
   std::string frames;              ///< as select_frames(); empty: all
+  bool calibrates = true;          ///< a guessed camera (camera_is_guessed()) by all its frames
   bool pictures = true;            ///< film, plots and report
   std::filesystem::path film;      ///< .mp4 or .avi; empty: film.mp4 in the folder
   bool overwrite = false;          ///< also replace a foreign folder that is not empty
@@ -28,8 +29,9 @@ struct DriveSceneOptions {
   std::string manifest_hash;       ///< of its content: part of what must be equal to resume
   std::vector<std::filesystem::path>
       inputs;  ///< what was read: no folder that holds it is replaced
-  /// Adds files of the caller's to the folder before the run is marked as complete; may be empty.
-  std::function<void(const std::filesystem::path& folder)> add_files;
+  /// Adds files of the caller's to the folder before the run is marked as complete, and the scene
+  /// as `scene/scene.json`, where its camera was calibrated (else null). Empty: that scene alone.
+  std::function<void(const std::filesystem::path& folder, const Scene* calibrated)> add_files;
   /// Writes the drive's place on the map into a file, where it has one; may be empty.
   std::function<void(const DriveResult&, const DriveSurface&, const std::filesystem::path&)> gpx;
   LogSink notice;  ///< a sentence for whatever was decided on the way; may be empty

@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "camber/calibrate/guessed_camera.h"
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/core/stopwatch.h"
@@ -44,7 +47,7 @@ class Attempt {
       for (const auto& [stage, ms] : time_.stages()) result.run.timings.add(stage, ms);
     }
     report();
-    return {std::move(result), std::move(scene_)};
+    return {std::move(result), std::move(scene_), std::nullopt};
   }
 
  private:
@@ -102,11 +105,40 @@ class Attempt {
   Timings time_;
 };
 
-}  // namespace
+/// As many frames of a scene about one of them, some ten a second: more show the same.
+std::vector<int> frames_about(const Scene& scene, int reference, std::size_t most) {
+  constexpr double kRate = 10.0;  // Hz
+  const auto apart =
+      static_cast<std::size_t>(std::max(1L, std::lround(scene.frame_rate.value_or(kRate) / kRate)));
+  const auto found = std::find_if(scene.frames.begin(), scene.frames.end(),
+                                  [&](const SceneFrame& frame) { return frame.id == reference; });
+  const auto at = static_cast<std::size_t>(found - scene.frames.begin());
+  std::vector<int> all;
+  for (std::size_t i = at % apart; i < scene.frames.size(); i += apart) {
+    all.push_back(scene.frames[i].id);
+  }
+  if (all.size() <= most) return all;
+  const std::size_t middle = at / apart;
+  const std::size_t first = std::min(middle - std::min(middle, most / 2), all.size() - most);
+  const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first);
+  return {begin, begin + static_cast<std::ptrdiff_t>(most)};
+}
 
-SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructSceneOptions& options,
-                                      const Progress& progress) {
-  keep_freed_memory();
+CameraByDrive calibrate(const Scene& scene, const ReconstructSceneOptions& options,
+                        const Progress& progress) {
+  const std::vector<int> chosen =
+      options.frames.empty() ? select_frames(scene, "") : options.frames;
+  CalibrateOptions calibration;
+  calibration.seed = options.run.seed;
+  calibration.num_threads = options.run.num_threads;
+  return calibrate_guessed(
+      scene, frames_about(scene, choose_reference_frame(scene, chosen), kMostCalibrationFrames),
+      calibration, options.run.load.pixels, progress);
+}
+
+/// The frames that are asked for, or chosen, and fewer where they give no answer.
+SceneReconstruction run_chosen(const Scene& scene, const ReconstructSceneOptions& options,
+                               const Progress& progress) {
   const auto with = [&](const std::vector<int>& frames) {
     return Attempt(scene, frames, options, progress).run();
   };
@@ -136,6 +168,27 @@ SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructScene
     }
   }
   return with(ids);
+}
+
+}  // namespace
+
+SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructSceneOptions& options,
+                                      const Progress& progress) {
+  keep_freed_memory();
+  std::optional<CameraByDrive> camera;
+  if (options.calibrates && camera_is_guessed(scene)) {
+    camera = calibrate(scene, options, progress);
+    if (options.notice) options.notice(camera->text);
+  }
+  SceneReconstruction out =
+      run_chosen(camera && camera->scene ? *camera->scene : scene, options, progress);
+  out.result.run.options["calibrate"] = options.calibrates;
+  if (camera) {
+    out.result.run.extra["camera_by_drive"] = to_json(*camera);
+    out.result.run.timings.add("calibrate", camera->milliseconds);
+    out.calibrated = std::move(camera->scene);
+  }
+  return out;
 }
 
 }  // namespace camber
