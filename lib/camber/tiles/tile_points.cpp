@@ -15,6 +15,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
 #include "camber/core/interruption.h"
+#include "camber/core/radix_sort.h"
 
 namespace fs = std::filesystem;
 
@@ -237,24 +238,11 @@ std::vector<std::uint32_t> Reader::order() const {
   for (std::size_t a = 0; a < 3 && !items_.empty(); ++a) {
     while (((std::int64_t{high[a]} - low[a]) >> bits[a]) != 0) ++bits[a];
   }
-  std::vector<Item> items(items_.size()), sorted(items_.size());
+  std::vector<Item> items(items_.size());
   for (std::size_t i = 0; i < items.size(); ++i) items[i].index = static_cast<std::uint32_t>(i);
-  constexpr int kBits = 11;
-  constexpr std::size_t kBuckets = std::size_t{1} << kBits;
   const auto sort_by = [&](int all, const auto& code_of) {
     for (Item& item : items) item.code = code_of(items_[item.index]);
-    for (int shift = 0; shift < all; shift += kBits) {
-      std::array<std::size_t, kBuckets> starts{};
-      for (const Item& item : items) ++starts[item.code >> shift & (kBuckets - 1)];
-      std::size_t sum = 0;
-      for (std::size_t& count : starts) {
-        const std::size_t here = count;
-        count = sum;
-        sum += here;
-      }
-      for (const Item& item : items) sorted[starts[item.code >> shift & (kBuckets - 1)]++] = item;
-      items.swap(sorted);
-    }
+    radix_sort(&items, all);
   };
   const auto above = [](std::int32_t v, std::int32_t least) {
     return static_cast<std::uint64_t>(std::int64_t{v} - least);
