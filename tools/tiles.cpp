@@ -180,7 +180,7 @@ void register_plan(App& tiles) {
 // --- run, join ---------------------------------------------------------------------------------
 
 struct JobArguments {
-  std::string plan, job, shard, out, patches;
+  std::string plan, job, shard, out, patches, truth;
   std::optional<int> tile;
   TileJob options;
   SurfaceArguments surface;
@@ -192,10 +192,12 @@ TileJob job_of(const Command& command, const JobArguments& arguments) {
   job.folder = arguments.out;
   job.num_threads = command.common.threads;
   job.patches = arguments.patches;
+  job.truth = arguments.truth;
   job.surface = arguments.surface.in_force(command.common);
   for (const TileJob::Kind kind :
        {TileJob::Kind::kGround, TileJob::Kind::kFilter, TileJob::Kind::kVoxels,
-        TileJob::Kind::kNormals, TileJob::Kind::kPatches, TileJob::Kind::kLabels}) {
+        TileJob::Kind::kNormals, TileJob::Kind::kPatches, TileJob::Kind::kCompare,
+        TileJob::Kind::kLabels}) {
     if (arguments.job == to_string(kind)) job.kind = kind;
   }
   return job;
@@ -203,12 +205,14 @@ TileJob job_of(const Command& command, const JobArguments& arguments) {
 
 void add_job_arguments(App& app, JobArguments& arguments) {
   app.add_option("plan", arguments.plan, "folder that camber tiles plan wrote")->required();
-  app.add_option("--job", arguments.job,
-                 "what is done with the tiles: ground (classes 2 and 1), filter (leaves out points "
-                 "with few others near by), voxels (one point for each cube), normals (up in z), "
-                 "patches (pieces of planar patches, which join makes one surface of) or labels "
-                 "(adds each point's patch, after the join of patches)")
-      ->check(is_member({"ground", "filter", "voxels", "normals", "patches", "labels"}))
+  app.add_option(
+         "--job", arguments.job,
+         "what is done with the tiles: ground (classes 2 and 1), filter (leaves out points "
+         "with few others near by), voxels (one point for each cube), normals (up in z), "
+         "patches (pieces of planar patches, which join makes one surface of), labels (adds "
+         "each point's patch, after the join of patches) or compare (adds the distance to "
+         "the nearest point of another plan)")
+      ->check(is_member({"ground", "filter", "voxels", "normals", "patches", "labels", "compare"}))
       ->required();
   app.add_option("--out", arguments.out, "folder of the results; default: PLAN/JOB")
       ->output_folder();
@@ -245,10 +249,15 @@ int run_job(const Command& command, const JobArguments& arguments) {
   const std::vector<std::size_t> tiles = tiles_of(plan, arguments);
   load.stop();
   TileJob job = job_of(command, arguments);
-  const bool near = job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals;
+  const bool compare = job.kind == TileJob::Kind::kCompare;
+  const bool near =
+      compare || job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals;
   if (near && !(job.radius > 0.0)) {
     throw UsageError(std::string("--job ") + to_string(job.kind) +
                      ": expected --radius beside it: nearest points of any distance have no tile");
+  }
+  if (compare && job.truth.empty()) {
+    throw UsageError("--job compare: expected --truth beside it: the plan of another survey");
   }
   if (job.kind == TileJob::Kind::kVoxels && !(job.voxel > 0.0)) {
     throw UsageError("--job voxels: expected --voxel beside it");
@@ -290,6 +299,12 @@ int run_job(const Command& command, const JobArguments& arguments) {
     if (counts.count("on_patches") > 0) {
       fmt::print(", {} of them on patches", counts.at("on_patches"));
     }
+    if (compare) {
+      fmt::print(", {} of them within {:g} m of the truth", counts["compared"], job.radius);
+      for (const double t : job.thresholds) {
+        fmt::print(", {} within {:g}", counts[fmt::format("within_{:g}", t)], t);
+      }
+    }
     if (counts.count("normals") > 0) fmt::print(", {} of them with a normal", counts.at("normals"));
     if (were_there > 0) fmt::print("; {} tiles were done before", were_there);
     fmt::print("\n");
@@ -316,12 +331,13 @@ void register_run(App& tiles) {
       "  camber tiles run plan --job ground --shard 2/8 --json\n"
       "  camber tiles run plan --job normals --radius 1.5\n"
       "  camber tiles run plan --job voxels --voxel 0.5\n"
-      "  camber tiles run plan --job patches");
+      "  camber tiles run plan --job patches\n"
+      "  camber tiles run plan --job compare --truth plan_of_2024 --radius 1");
   const auto arguments = std::make_shared<JobArguments>();
   App& app = *command->app;
   add_job_arguments(app, *arguments);
   app.add_option("--radius", arguments->options.radius,
-                 "metres, of filter and normals: what counts as near")
+                 "metres, of filter, normals and compare: what counts as near")
       ->check(positive_number());
   app.add_option("--voxel", arguments->options.voxel, "metres, of voxels: edge of a cube")
       ->check(positive_number());
@@ -335,6 +351,11 @@ void register_run(App& tiles) {
       ->check(non_negative_number())
       ->capture_default_str();
   add_segment_arguments(app, arguments->surface);
+  app.add_option("--truth", arguments->truth, "folder of the plan that compare measures against");
+  app.add_option("--thresholds", arguments->options.thresholds,
+                 "metres, of compare: points within each are counted")
+      ->delimiter(',')
+      ->capture_default_str();
   app.add_option("--patches", arguments->patches,
                  "folder of the joined patches, of labels; default: PLAN/patches");
   app.add_option("--shard", arguments->shard, "i/n: part i, from 1, of n parts of the tiles")

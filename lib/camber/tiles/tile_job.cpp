@@ -99,6 +99,11 @@ json options_json(const TilePlan& plan, const TileJob& job) {
   if (job.kind == TileJob::Kind::kLabels) {
     out["patches"] = hash_file(ids_path(plan, job));
   }
+  if (job.kind == TileJob::Kind::kCompare) {
+    out["truth"] = read_tile_plan(job.truth).hash;
+    out["radius"] = job.radius;
+    out["thresholds"] = job.thresholds;
+  }
   if (job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals) {
     out["radius"] = job.radius;
     out["neighbors"] = job.neighbors;
@@ -167,6 +172,21 @@ class Found {
         source = add_label(open(), "patch", labels_);
         break;
       }
+      case TileJob::Kind::kCompare: {
+        const TileDistances found =
+            tile_distances(plan, tile, read_tile_plan(job.truth), job.radius, job.num_threads);
+        distances_ = found.distances;
+        read_points = found.read_points;
+        const auto count = [&](double most) {
+          return static_cast<std::uint64_t>(
+              std::count_if(distances_.begin(), distances_.end(),
+                            [&](float d) { return static_cast<double>(d) <= most; }));
+        };
+        counts = {{"compared", count(job.radius)}};
+        for (const double t : job.thresholds) counts[fmt::format("within_{:g}", t)] = count(t);
+        source = add_numbers(open(), "distance", distances_);
+        break;
+      }
       case TileJob::Kind::kPatches:  // no points: run_tile_job()
         break;
     }
@@ -184,6 +204,7 @@ class Found {
   std::unique_ptr<TileVoxels> voxels_;
   TileNormals normals_;
   std::vector<int> labels_;
+  std::vector<float> distances_;
   std::size_t place_ = 0;
 };
 
@@ -208,6 +229,8 @@ const char* to_string(TileJob::Kind kind) {
       return "normals";
     case TileJob::Kind::kPatches:
       return "patches";
+    case TileJob::Kind::kCompare:
+      return "compare";
     case TileJob::Kind::kLabels:
       return "labels";
     case TileJob::Kind::kGround:
@@ -225,7 +248,13 @@ void TileJob::validate() const {
     throw std::invalid_argument(fmt::format("{} = {}, expected more than 0 and at most 10000 m",
                                             cubes ? "voxel" : "radius", length));
   }
-  if (cubes) return;
+  for (const double t : thresholds) {
+    if (!(t > 0.0 && t <= radius) && kind == Kind::kCompare) {
+      throw std::invalid_argument(fmt::format(
+          "thresholds: found {}, expected more than 0 and at most the radius, {}", t, radius));
+    }
+  }
+  if (cubes || kind == Kind::kCompare) return;
   const int least = kind == Kind::kFilter ? 1 : 3;
   if (neighbors < least) {
     throw std::invalid_argument(

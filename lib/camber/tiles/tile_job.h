@@ -20,11 +20,12 @@ struct TileJob {
     kVoxels,   ///< one point for each cube, as VoxelGrid has them
     kNormals,  ///< adds normals, as estimate_normals() has them, up in z
     kPatches,  ///< pieces of patches, which join_patches() makes a surface of
+    kCompare,  ///< adds `distance`, m, to the nearest point of another plan; NaN beyond the radius
     kLabels,   ///< adds `patch`, the patch of each point, once patches are joined
   };
   Kind kind = Kind::kGround;
   std::filesystem::path folder;  ///< of the results; empty: PLAN/KIND
-  double radius = 0.0;           ///< m, of kFilter and kNormals
+  double radius = 0.0;           ///< m, of kFilter, kNormals and kCompare
   double voxel = 0.0;            ///< m, of kVoxels: edge of a cube
   /// kFilter: other points within the radius that a point needs, at least 1; kNormals: points of a
   /// plane, the nearest within the radius, at least 3.
@@ -32,13 +33,15 @@ struct TileJob {
   /// kPatches: all but what the consistency graph and the driven line say, which is
   /// join_patches()'s.
   RoadSurfaceOptions surface;
+  std::filesystem::path truth;                     ///< kCompare: folder of the other plan
+  std::vector<double> thresholds{0.05, 0.1, 0.2};  ///< m, kCompare: counted are points within them
   std::filesystem::path patches;  ///< kLabels: folder of the joined patches; empty: PLAN/patches
   int num_threads = 0;            ///< <= 0: see resolve_num_threads
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
-/// "ground", "filter", "voxels", "normals", "patches", "labels"
+/// "ground", "filter", "voxels", "normals", "patches", "compare", "labels"
 const char* to_string(TileJob::Kind kind);
 
 /// What is written of a tile that is done, beside its file.

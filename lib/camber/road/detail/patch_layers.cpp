@@ -89,14 +89,16 @@ void sum_part(const GroundTree& tree, const std::vector<std::uint32_t>& rows, co
   points.take(tree.points(), own);
   points.weigh(c.noise, c.plane);
   constexpr double kLimit = kBiweight * kBiweight;
-  sums->fit = sum_moments(points, c.plane, c.window, kLimit, kernels::Loss::kReweighted, false);
-  sums->influence = sum_moments(points, c.plane, c.window, kLimit, kernels::Loss::kNewton, true);
+  PlaneWindow window = c.window;
+  align(c.plane, &window);
+  sums->fit = sum_moments(points, c.plane, window, kLimit, kernels::Loss::kReweighted, false);
+  sums->influence = sum_moments(points, c.plane, window, kLimit, kernels::Loss::kNewton, true);
   count_places_once(repetition.copies, &sums->influence);
   sums->errors.places = sums->influence.count / repetition.copies;
   const Eigen::Matrix3d back = tree.frame().level_from_cloud.transpose();
-  sums->center = tree.frame().to_cloud(c.window.center);
-  sums->a = back * c.window.a;
-  sums->b = back * c.window.b;
+  sums->center = tree.frame().to_cloud(window.center);
+  sums->a = back * window.a;
+  sums->b = back * window.b;
   sums->normal = back * c.plane.n;
 }
 
