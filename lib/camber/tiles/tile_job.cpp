@@ -269,10 +269,10 @@ fs::path job_folder(const TilePlan& plan, const TileJob& job) {
 void begin_tile_job(const TilePlan& plan, const TileJob& job) {
   job.validate();
   const fs::path folder = job_folder(plan, job), path = folder / "job.json";
+  const json options = options_json(plan, job);
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw OutputError(folder.string(), error.message());
-  const json options = options_json(plan, job);
   if (!fs::exists(path, error) && holds_files(folder)) {
     throw OutputError(folder.string(), "the folder is not empty and holds no results of tiles");
   }
