@@ -234,16 +234,17 @@ Matrix3d symmetric(double one, double u, double v, double uu, double uv, double 
   return out;
 }
 
-/// A piece among all, relative to one corner.
+/// A piece among all, or what several have together, relative to one corner.
 struct Member {
   PlaneFrame frame;
   Matrix3d normal;  // normal equations in (1, u, v), of the block's own points
   Vector3d right;
   double weight = 0.0;
   double allowed = 0.0;  // cost of the tolerance
+  // Of a piece:
   const PatchSums* sums = nullptr;
   const PlanePatch* piece = nullptr;
-  Vector3d offset;  // of the block's corner
+  Vector3d offset = Vector3d::Zero();  // of the block's corner
 
   /// How much more the points cost on another plane than on their own.
   double cost(const PlaneFrame& plane) const {
@@ -290,56 +291,69 @@ PlaneFrame fit_members(const std::vector<Member>& members, const std::vector<int
   return out;
 }
 
+/// Two members as one on their common plane.
+Member sum_of(const Member& a, const Member& b, const PlaneFrame& plane) {
+  Member out;
+  out.frame = plane;
+  out.normal.setZero();
+  out.right.setZero();
+  for (const Member* m : {&a, &b}) {
+    const Matrix3d places = plane.places_of(m->frame);
+    out.normal += places * m->normal * places.transpose();
+    out.right += places * (m->right + m->normal * plane.height_of(m->frame));
+    out.weight += m->weight;
+    out.allowed += m->allowed;
+  }
+  return out;
+}
+
 /// Groups of pieces that lie on one plane.
 class Groups {
  public:
-  explicit Groups(const std::vector<Member>& members) : members_(members) {
-    for (std::size_t k = 0; k < members.size(); ++k) {
+  explicit Groups(const std::vector<Member>& pieces) : pieces_(pieces), sums_(pieces) {
+    for (std::size_t k = 0; k < pieces.size(); ++k) {
       group_.push_back(static_cast<int>(k));
       lists_.push_back({static_cast<int>(k)});
-      planes_.push_back(members[k].frame);
     }
   }
 
   void join(int i, int j) {
-    int a = group_[static_cast<std::size_t>(i)], b = group_[static_cast<std::size_t>(j)];
+    auto a = static_cast<std::size_t>(group_[static_cast<std::size_t>(i)]),
+         b = static_cast<std::size_t>(group_[static_cast<std::size_t>(j)]);
     if (a == b) return;
     if (b < a) std::swap(a, b);
-    std::vector<int> both = list(a);
-    both.insert(both.end(), list(b).begin(), list(b).end());
-    std::sort(both.begin(), both.end());
-    const PlaneFrame plane = fit_members(members_, both);
+    const PlaneFrame plane = fit_members({sums_[a], sums_[b]}, {0, 1});
     if (!fits(a, plane) || !fits(b, plane)) return;
-    for (const int k : list(b)) group_[static_cast<std::size_t>(k)] = a;
-    lists_[static_cast<std::size_t>(a)] = std::move(both);
-    lists_[static_cast<std::size_t>(b)].clear();
-    planes_[static_cast<std::size_t>(a)] = plane;
+    sums_[a] = sum_of(sums_[a], sums_[b], plane);
+    for (const int k : lists_[b]) group_[static_cast<std::size_t>(k)] = static_cast<int>(a);
+    std::vector<int>& list = lists_[a];
+    const auto middle = static_cast<std::ptrdiff_t>(list.size());
+    list.insert(list.end(), lists_[b].begin(), lists_[b].end());
+    std::inplace_merge(list.begin(), list.begin() + middle, list.end());
+    lists_[b] = {};
   }
 
+  /// Its pieces, ascending; the first has the group's number.
   const std::vector<int>& list(int group) const { return lists_[static_cast<std::size_t>(group)]; }
-  const PlaneFrame& plane(int group) const { return planes_[static_cast<std::size_t>(group)]; }
   int group(std::size_t piece) const { return group_[piece]; }
 
  private:
   /// As RegionPartition joins regions: a plane of its own must save so much, and a third of the
   /// tolerance is allowed over a side, all of it over a piece.
-  bool fits(int group, const PlaneFrame& plane) const {
+  bool fits(std::size_t group, const PlaneFrame& plane) const {
     constexpr double kNewPlane = 10.0, kShare = 1.0 / 9.0;
-    double more = 0.0, allowed = kNewPlane;
-    for (const int k : list(group)) {
-      const Member& member = members_[static_cast<std::size_t>(k)];
-      const double cost = member.cost(plane);
-      if (cost > kNewPlane + member.allowed) return false;
-      more += cost - member.cost(this->plane(group));
-      allowed += kShare * member.allowed;
-    }
-    return more <= allowed;
+    const Member& side = sums_[group];
+    if (side.cost(plane) > kNewPlane + kShare * side.allowed) return false;
+    return std::all_of(lists_[group].begin(), lists_[group].end(), [&](int k) {
+      const Member& piece = pieces_[static_cast<std::size_t>(k)];
+      return piece.cost(plane) <= kNewPlane + piece.allowed;
+    });
   }
 
-  const std::vector<Member>& members_;
+  const std::vector<Member>& pieces_;
+  std::vector<Member> sums_;  // of each group
   std::vector<int> group_;
   std::vector<std::vector<int>> lists_;
-  std::vector<PlaneFrame> planes_;
 };
 
 /// Two pieces that hold the same points beside a border.
@@ -564,7 +578,8 @@ JoinedPieces join_patch_blocks(const std::vector<PatchBlock>& blocks,
     const int group = groups.group(k);
     if (group != static_cast<int>(k)) continue;
     const std::vector<int>& list = groups.list(group);
-    PlanePatch patch = patch_of(members, list, groups.plane(group), corner_of(blocks.front()));
+    PlanePatch patch =
+        patch_of(members, list, fit_members(members, list), corner_of(blocks.front()));
     if (patch.inliers < options.min_patch_points || patch.boundary.empty() ||
         patch.status == Status::kFailed) {
       continue;
