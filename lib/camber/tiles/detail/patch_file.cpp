@@ -16,7 +16,6 @@ constexpr std::size_t kMagic = 16;
 /// Every struct's fields are named once, for both ways.
 class Writer {
  public:
-  static constexpr bool kReads = false;
   template <class T>
   void number(T& value) {
     static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
@@ -37,7 +36,6 @@ class Writer {
 
 class Reader {
  public:
-  static constexpr bool kReads = true;
   Reader(const std::string& bytes, const std::string& name, const char* magic)
       : bytes_(bytes), name_(name), at_(kMagic) {
     if (bytes.compare(0, kMagic, magic) != 0) {
